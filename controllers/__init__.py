@@ -1,0 +1,1 @@
+"""One control law a file: virtual wall, recorded command, none, relay, excitation."""

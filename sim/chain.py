@@ -1,0 +1,100 @@
+"""The mechanism: masses in a row, each link a spring and a damper, force and encoder at m1.
+
+    F, x -> [m1] --k12,b12-- [m2] --k23,b23-- [m3] ...     each mass with a damper to ground,
+                                                           m1 with a spring k0 to ground
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+MAX_MASSES = 4
+
+
+class Chain(NamedTuple):
+    """A chain of n = 1..4 masses; make it with `make_chain`, which validates.
+
+    masses [kg m2 | kg] (n,), ground_dampers [N m s/rad | N s/m] (n,), ground_spring k0 at m1
+    [N m/rad | N/m], link_springs (n-1,), link_dampers (n-1,).
+    """
+
+    masses: Floats
+    ground_dampers: Floats
+    ground_spring: float
+    link_springs: Floats
+    link_dampers: Floats
+
+
+class Matrices(NamedTuple):
+    """M q'' + C q' + K q = f, each (n, n)."""
+
+    mass: Floats
+    damping: Floats
+    stiffness: Floats
+
+
+def make_chain(
+    masses: Sequence[float] | Floats,
+    ground_dampers: Sequence[float] | Floats,
+    ground_spring: float = 0.0,
+    link_springs: Sequence[float] | Floats = (),
+    link_dampers: Sequence[float] | Floats = (),
+) -> Chain:
+    """Build a chain, or raise ValueError with a sentence that names field, value and what is allowed.
+
+    Dampers may be negative (a fitted model may ask for it; see `negative_dampers`), masses and
+    springs may not.
+    """
+    chain = Chain(
+        np.array(masses, dtype=np.float64),
+        np.array(ground_dampers, dtype=np.float64),
+        float(ground_spring),
+        np.array(link_springs, dtype=np.float64),
+        np.array(link_dampers, dtype=np.float64),
+    )
+    n = chain.masses.size
+    if not 1 <= n <= MAX_MASSES:
+        raise ValueError(f"masses has {n} entries; a chain has 1 to {MAX_MASSES}")
+    for field, expected in (("ground_dampers", n), ("link_springs", n - 1), ("link_dampers", n - 1)):
+        if getattr(chain, field).size != expected:
+            raise ValueError(
+                f"{field} has {getattr(chain, field).size} entries; {n} masses need {expected}"
+            )
+    for field, values in chain._asdict().items():
+        for value in np.atleast_1d(values):
+            if not np.isfinite(value):
+                raise ValueError(f"{field} contains {value}; only finite numbers are allowed")
+    for field in ("masses", "link_springs"):
+        for value in getattr(chain, field):
+            if value <= 0.0:
+                raise ValueError(f"{field} contains {value:g}; only values > 0 are allowed")
+    if chain.ground_spring < 0.0:
+        raise ValueError(f"ground_spring is {chain.ground_spring:g}; it must be >= 0")
+    return chain
+
+
+def negative_dampers(chain: Chain) -> dict[str, float]:
+    """Return the dampers below zero by name (b1, b12, ...): no passive chain has any."""
+    named = {f"b{i + 1}": b for i, b in enumerate(chain.ground_dampers)}
+    named |= {f"b{i + 1}{i + 2}": b for i, b in enumerate(chain.link_dampers)}
+    return {name: float(value) for name, value in named.items() if value < 0.0}
+
+
+def matrices(chain: Chain) -> Matrices:
+    """Assemble M, C, K of the chain (n = number of masses)."""
+    stiffness = np.zeros((chain.masses.size,) * 2)
+    damping = np.diag(chain.ground_dampers)
+    stiffness[0, 0] = chain.ground_spring
+    link = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    for i, (k, b) in enumerate(zip(chain.link_springs, chain.link_dampers, strict=True)):
+        stiffness[i : i + 2, i : i + 2] += k * link
+        damping[i : i + 2, i : i + 2] += b * link
+    return Matrices(np.diag(chain.masses), damping, stiffness)
+
+
+def rigid_body(chain: Chain) -> Chain:
+    """Collapse all masses into one, keeping total inertia, ground damping and k0 (Fig. 7)."""
+    return make_chain([chain.masses.sum()], [chain.ground_dampers.sum()], chain.ground_spring)

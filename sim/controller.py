@@ -1,0 +1,92 @@
+"""A control law as one compiled function, the same type for ours and for a user's.
+
+    command = step(k, t, y, v, p, m)
+
+k tick, t time [s], y measured position, v estimated velocity, p parameters, m memory (both arrays;
+the law may write m, which starts at zero). m[0] is logged as ``contact``. The function reaches the
+kernel as a first-class value of one fixed signature, so the kernel is compiled once for all laws.
+"""
+
+import hashlib
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+import numba
+import numpy as np
+from numba import types
+from numpy.typing import NDArray
+
+from sim.jit import OPTIONS
+
+Floats = NDArray[np.float64]
+Step = Callable[[int, float, float, float, Floats, Floats], float]
+
+_ARRAY = types.Array(types.float64, 1, "C")
+SIGNATURE = types.float64(
+    types.int64, types.float64, types.float64, types.float64, _ARRAY, _ARRAY
+)
+
+
+def compile_step(step: Step) -> Any:
+    """Compile a control law; raises ValueError with the reason where numba cannot."""
+    if numba.config.DISABLE_JIT:  # pyright: ignore[reportAttributeAccessIssue]
+        return step
+    source = getattr(step, "py_func", step)
+    try:
+        return numba.cfunc(SIGNATURE, error_model=OPTIONS["error_model"], cache=True)(source)
+    except RuntimeError:  # numba cannot cache a function without a file (a shell, exec)
+        return _uncached(source)
+    except numba.errors.NumbaError as error:
+        raise _refusal(source, error) from error
+
+
+def _uncached(source: Step) -> Any:
+    try:
+        return numba.cfunc(SIGNATURE, error_model=OPTIONS["error_model"])(source)
+    except numba.errors.NumbaError as error:
+        raise _refusal(source, error) from error
+
+
+def _refusal(source: Step, error: Exception) -> ValueError:
+    reason = next((line for line in str(error).splitlines() if line.strip()), "no reason given")
+    return ValueError(
+        f"controller {getattr(source, '__name__', source)!r} does not compile as"
+        f" float64 step(k, t, y, v, p, m): {reason}"
+    )
+
+
+@dataclass(frozen=True)
+class Controller:
+    """A named law with its parameters.
+
+    kind: the name under which a scenario finds it again ("wall", "recorded", "none", or a user's).
+    step: compiled with `compile_step`. parameters: the values `step` reads. memory: how many values
+    it keeps from tick to tick (at least 1). facts: the parameters in words, for the log.
+    """
+
+    kind: str
+    step: Any
+    parameters: Floats
+    memory: int = 1
+    facts: Mapping[str, object] = field(default_factory=lambda: MappingProxyType({}))
+
+    def __post_init__(self) -> None:
+        if self.memory < 1:
+            raise ValueError(f"controller.memory is {self.memory}; it needs at least 1 value")
+        if not np.all(np.isfinite(self.parameters)):
+            raise ValueError(f"controller {self.kind!r} has a parameter that is not finite")
+
+
+def user_controller(step: Step, parameters: Floats | None = None, memory: int = 1) -> Controller:
+    """Make a controller of a user's own function; its name and source hash go into the log."""
+    source = getattr(step, "py_func", step)
+    text = inspect.getsource(source)
+    facts = {
+        "function": f"{source.__module__}:{source.__qualname__}",
+        "source_sha256": hashlib.sha256(text.encode()).hexdigest(),
+    }
+    values = np.zeros(0) if parameters is None else np.ascontiguousarray(parameters, np.float64)
+    return Controller("user", compile_step(step), values, memory, MappingProxyType(facts))

@@ -1,0 +1,232 @@
+"""A device turned into the arrays that the kernel reads: propagators, effect tables, ledger forms.
+
+One tick has two segments, because a delay of d T + r changes the held command inside the tick:
+segment 0 is [kT, kT + r) under the command of tick k - d - 1, segment 1 is [kT + r, (k + 1) T)
+under that of tick k - d. Each segment is cut into equal substeps with a propagator of its own, and
+where there is dry friction, with one propagator for every set of masses that may be locked.
+
+With w = [x; held command; f_1..f_n], a substep is x' = P w. An energy entry integral of
+(a.w)(b.w) dt over the substep is the quadratic form w' S w with S from Van Loan (IEEE T. Automatic
+Control 23, 1978): exp([[-W', a b'], [0, W]] h) holds S, with W the generator of w.
+"""
+
+import itertools
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from sim.device import Device
+from sim.physics.effect import Physics
+from sim.plant import Plant, hold, locked
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+LANES = 8  # width of a block of rows in a propagator: one vector register of doubles
+
+
+class EffectTable(NamedTuple):
+    """Effects of one hook: code, first and second place (-1: ground), parameters (rows)."""
+
+    codes: Ints
+    first: Ints
+    second: Ints
+    parameters: Floats
+
+
+class Equations(NamedTuple):
+    """Everything the kernel knows of a device; arrays and numbers only.
+
+    propagators (2 segments, locked sets, row blocks, columns, 8); quadratics (2, locked sets,
+    entries, columns, columns), no entries without a ledger; reaction (n, columns): the force on a
+    mass as a row on w; springs (m, 2) places and spring_stiffness (m,) for the stored energy.
+    """
+
+    dof: int
+    states: int
+    columns: int
+    lagging: bool
+    substeps: Ints
+    durations: Floats
+    propagators: Floats
+    quadratics: Floats
+    reaction: Floats
+    masses: Floats
+    springs: Ints
+    spring_stiffness: Floats
+    forces: EffectTable
+    frictions: EffectTable
+    sensors: EffectTable
+    amplifiers: EffectTable
+    clocks: EffectTable
+    whole_delay: int
+    period: float
+    rate: float
+    smoothing: float
+    encoder_step: float
+    encoder_floor: bool
+    command_step: float
+    command_limit: float
+
+
+def equations(device: Device, substeps: int = 1, ledger: bool = False) -> Equations:
+    """Prepare a device for the kernel with at least `substeps` substeps a tick.
+
+    Raises ValueError for substeps < 1. With only linear physics one substep is exact.
+    """
+    if substeps < 1:
+        raise ValueError(f"substeps is {substeps}; at least 1 substep a tick is needed")
+    plant = device.plant()
+    interface = device.interface
+    whole, remainder = interface.delay_ticks
+    lengths = np.array([remainder, interface.period - remainder])
+    counts = np.maximum(np.round(substeps * lengths / interface.period), lengths > 0.0)
+    counts = counts.astype(np.int64)
+    durations = np.divide(lengths, counts, out=np.zeros(2), where=counts > 0)
+    table = {
+        hook: _table([p for p in device.physics if p.effect.hook == hook])
+        for hook in ("force", "friction", "sensor", "command", "clock")
+    }
+    sets = locked_sets(plant.dof) if table["friction"].codes.size else [()]
+    stiffness = plant.matrices.stiffness
+    springs = [
+        (i, j) for i, j in itertools.combinations(range(plant.dof), 2) if stiffness[i, j] != 0.0
+    ]
+    grounded = stiffness.sum(axis=1)
+    grounds = [i for i in range(plant.dof) if abs(grounded[i]) > 1e-14 * stiffness[i, i]]
+    return Equations(
+        dof=plant.dof,
+        states=plant.size,
+        columns=plant.size + 1 + plant.dof,
+        lagging=plant.lag > 0.0,
+        substeps=counts,
+        durations=durations,
+        propagators=np.stack(
+            [np.stack([propagator(locked(plant, s), h) for s in sets]) for h in durations]
+        ),
+        quadratics=np.stack(
+            [
+                np.stack([ledger_forms(locked(plant, s), h, ledger) for s in sets])
+                for h in durations
+            ]
+        ),
+        reaction=_reaction(plant),
+        masses=np.diag(plant.matrices.mass).copy(),
+        springs=np.array([*springs, *((i, -1) for i in grounds)], dtype=np.int64).reshape(-1, 2),
+        spring_stiffness=np.array(
+            [*(-stiffness[i, j] for i, j in springs), *(grounded[i] for i in grounds)]
+        ),
+        forces=table["force"],
+        frictions=table["friction"],
+        sensors=table["sensor"],
+        amplifiers=table["command"],
+        clocks=table["clock"],
+        whole_delay=whole,
+        period=interface.period,
+        rate=1.0 / interface.period,
+        smoothing=interface.velocity_smoothing,
+        encoder_step=interface.encoder_step,
+        encoder_floor=interface.encoder_rounding == "floor",
+        command_step=interface.command_step,
+        command_limit=interface.command_limit,
+    )
+
+
+def locked_sets(dof: int) -> list[tuple[int, ...]]:
+    """Return the sets of locked masses in the order of their bit masks."""
+    return [tuple(i for i in range(dof) if mask >> i & 1) for mask in range(2**dof)]
+
+
+def propagator(plant: Plant, duration: float) -> Floats:
+    """Return P in blocks of eight rows, shape (blocks, columns, 8), zero-padded."""
+    blocks = -(-plant.size // LANES)
+    packed = np.zeros((blocks * LANES, plant.size + 1 + plant.dof))
+    packed[: plant.size] = np.hstack(hold(plant, duration))
+    return np.ascontiguousarray(packed.reshape(blocks, LANES, -1).transpose(0, 2, 1))
+
+
+def ledger_names(device: Device, plant: Plant) -> list[str]:
+    """Return the energy entries in the order of the kernel's totals."""
+    dampers = [name for name, _, _ in _dampers(plant)]
+    effects = [f"{p.effect.name}_{p.at}" for h in ("force", "friction") for p in _of(device, h)]
+    return ["motor", "wall", "disturbance", "actuator_lag", *dampers, *effects]
+
+
+def _of(device: Device, hook: str) -> list[Physics]:
+    return [p for p in device.physics if p.effect.hook == hook]
+
+
+def _dampers(plant: Plant) -> list[tuple[str, float, Floats]]:
+    """Name, coefficient and row on x of the velocity across each damper, from the matrix C."""
+    n, c = plant.dof, plant.matrices.damping
+    found: list[tuple[str, float, Floats]] = []
+    for i in range(n):
+        row = np.zeros(plant.size)
+        row[n + i] = 1.0
+        found.append((f"b{i + 1}", float(c[i].sum()), row))
+    for i, j in itertools.combinations(range(n), 2):
+        if c[i, j] != 0.0:
+            row = np.zeros(plant.size)
+            row[n + i], row[n + j] = 1.0, -1.0
+            found.append((f"b{i + 1}{j + 1}", float(-c[i, j]), row))
+    return found
+
+
+def ledger_forms(plant: Plant, duration: float, wanted: bool) -> Floats:
+    """Return the forms S of: motor, amplifier's lag, each damper; shape (entries, columns, columns)."""
+    size = plant.size + 1 + plant.dof
+    if not wanted or duration == 0.0:
+        entries = 2 + len(_dampers(plant)) if wanted else 0
+        return np.zeros((entries, size, size))
+    generator = np.zeros((size, size))
+    generator[: plant.size] = np.hstack([plant.a, plant.b])
+    velocity, applied, held = np.zeros((3, size))
+    velocity[plant.dof] = 1.0
+    held[plant.size] = 1.0
+    applied[plant.size - 1 if plant.lag > 0.0 else plant.size] = 1.0
+    pairs = [(applied, velocity), (held - applied, velocity)]
+    for _, coefficient, row in _dampers(plant):
+        full = np.concatenate([row, np.zeros(size - plant.size)])
+        pairs.append((coefficient * full, full))
+    return np.stack([_van_loan(generator, a, b, duration) for a, b in pairs])
+
+
+def _van_loan(generator: Floats, a: Floats, b: Floats, duration: float) -> Floats:
+    size = generator.shape[0]
+    block = np.zeros((2 * size, 2 * size))
+    block[:size, :size] = -generator.T
+    block[:size, size:] = 0.5 * (np.outer(a, b) + np.outer(b, a))
+    block[size:, size:] = generator
+    full = expm(block * duration)
+    form = full[size:, size:].T @ full[:size, size:]
+    return 0.5 * (form + form.T)
+
+
+def _reaction(plant: Plant) -> Floats:
+    """Rows on w whose value is the force on each mass, friction aside."""
+    n = plant.dof
+    return np.diag(plant.matrices.mass)[:, None] * np.hstack([plant.a, plant.b])[n : 2 * n]
+
+
+def _table(entries: list[Physics]) -> EffectTable:
+    places = [_places(p.at) for p in entries]
+    width = max((len(p.effect.parameters) for p in entries), default=1)
+    parameters = np.zeros((len(entries), max(width, 1)))
+    for row, p in zip(parameters, entries, strict=True):
+        row[: len(p.effect.parameters)] = p.vector()
+    return EffectTable(
+        np.array([p.effect.code for p in entries], dtype=np.int64),
+        np.array([i for i, _ in places], dtype=np.int64),
+        np.array([j for _, j in places], dtype=np.int64),
+        parameters,
+    )
+
+
+def _places(at: str) -> tuple[int, int]:
+    """Masses between which an effect acts: m2 -> (1, ground), link12 -> (0, 1), ground -> (0, -)."""
+    if at.startswith("link"):
+        return int(at[4]) - 1, int(at[5]) - 1
+    if at.startswith("m"):
+        return int(at[1]) - 1, -1
+    return 0, -1

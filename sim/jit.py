@@ -1,0 +1,60 @@
+"""Every compiler option in one place.
+
+No fastmath and no fused multiply-add: the compiled loop equals the same Python source bit for bit,
+which makes the source its own oracle (run it with ``NUMBA_DISABLE_JIT=1``).
+
+Numba's on-disk cache looks at the file of a function, not at the files of the functions it calls,
+so an edit of a callee would leave a stale caller behind. The cache folder is therefore named by the
+text of every file of `sim` and `controllers`, from which all compiled functions come.
+"""
+
+import hashlib
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numba
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+COMPILED_PACKAGES = ("sim", "controllers")
+
+
+def _fingerprint() -> str:
+    digest = hashlib.sha256(f"{numba.__version__} {sys.version}".encode())
+    root = Path(__file__).parent.parent
+    for package in COMPILED_PACKAGES:
+        for file in sorted((root / package).rglob("*.py")):
+            digest.update(file.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def cache_folder() -> Path:
+    """Return the folder that holds the compiled kernels of exactly this source text."""
+    base = os.environ.get("ZWIDTH_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or "~/.cache"
+    return Path(base).expanduser() / "zwidth" / _fingerprint()
+
+
+numba.config.CACHE_DIR = str(cache_folder())  # pyright: ignore[reportAttributeAccessIssue]
+
+# _nrt off: no reference counts in kernels (they cost more than the arithmetic), hence no allocation
+# there either; callers bring every array. forceinline: a NamedTuple of arrays handed to a function
+# that is not absorbed is copied word by word at every call.
+OPTIONS: dict[str, Any] = {
+    "cache": True,
+    "error_model": "numpy",
+    "fastmath": False,
+    "nogil": True,
+    "_nrt": False,
+}
+
+
+def jit(function: Function) -> Function:
+    """Compile a kernel; divisions follow IEEE 754, the GIL is released."""
+    return cast("Function", numba.njit(**OPTIONS)(function))
+
+
+def part(function: Function) -> Function:
+    """Compile a part of a kernel, absorbed by its callers."""
+    return cast("Function", numba.njit(forceinline=True, **OPTIONS)(function))

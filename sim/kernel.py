@@ -1,0 +1,439 @@
+"""The tick.
+
+At t = kT, before anything moves:
+(1) the encoder reads m1's position (sensor effects, then its step);
+(2) the velocity is estimated, by default (y_k - y_{k-1})/T;
+(3) the controller computes the command (a one-sided wall pulls never);
+(4) amplifier effects: step, dead band, gain, limit;
+(5) the command enters the delay line and takes effect at kT + delay, held until the next one does
+    (a delay that is no multiple of T changes the held value inside the tick, exactly);
+(6) over [kT, (k+1)T) the chain moves in substeps.
+
+A substep is exact for the linear part (propagator P, see `sim/equations.py`). Smooth forces are held
+over the substep at the mean of their values at its start and at its predicted end, which is second
+order. Dry friction is held too, at the force that stops the mass or at its bound, whichever is
+less; a mass at rest whose load stays within the sticking bounds is locked, with a propagator of its
+own, and does not move at all. All forces being held, the work of each is force times displacement,
+and the ledger closes to rounding.
+
+No fastmath, no `**`, no numpy reductions: the compiled loop equals this source bit for bit.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.jit import jit, part
+from sim.physics.command_step import quantise_command
+from sim.physics.dispatch import (
+    amplified,
+    delivered,
+    friction_bounds,
+    next_internal,
+    sensed,
+    smooth_force,
+)
+from sim.physics.encoder_step import read_encoder
+from sim.physics.saturation import limit_command
+
+Floats = NDArray[np.float64]
+
+DONE, ESCAPED, NOT_FINITE = 0, 1, 2
+MOTOR, WALL, DISTURBANCE, LAG, DAMPERS = 0, 1, 2, 3, 4
+MAX_STATES, MAX_COLUMNS, MAX_MASSES = 16, 32, 8
+MAX_SWEEPS = 200
+
+
+class Memory(NamedTuple):
+    """All that survives a tick, changed in place; copy it to resume from here.
+
+    x (16,) states, the rest is working space; line (d + 2,) delay line; controller (its memory,); internal (force
+    effects,); scalars (4,): last reading, velocity estimate, last command, last applied; counters
+    (2,): tick, head of the line; totals (entries,) of the ledger.
+    """
+
+    x: Floats
+    line: Floats
+    controller: Floats
+    internal: Floats
+    scalars: Floats
+    counters: NDArray[np.int64]
+    totals: Floats
+
+
+@part
+def propagate(p, w, columns, x):
+    """x = P w, eight rows at a time; the sums run over the columns in order."""
+    for block in range(p.shape[0]):
+        a0 = a1 = a2 = a3 = a4 = a5 = a6 = a7 = 0.0
+        for j in range(columns):
+            wj = w[j]
+            a0 += p[block, j, 0] * wj
+            a1 += p[block, j, 1] * wj
+            a2 += p[block, j, 2] * wj
+            a3 += p[block, j, 3] * wj
+            a4 += p[block, j, 4] * wj
+            a5 += p[block, j, 5] * wj
+            a6 += p[block, j, 6] * wj
+            a7 += p[block, j, 7] * wj
+        o = 8 * block
+        x[o] = a0
+        x[o + 1] = a1
+        x[o + 2] = a2
+        x[o + 3] = a3
+        x[o + 4] = a4
+        x[o + 5] = a5
+        x[o + 6] = a6
+        x[o + 7] = a7
+
+
+@part
+def across(x, offset, first, second):
+    """Position (offset 0) or velocity (offset n) between two places; -1 is the ground."""
+    if second < 0:
+        return x[offset + first]
+    return x[offset + first] - x[offset + second]
+
+
+@part
+def held_forces(eq, x, internal, values):
+    """Value of each smooth force at state x."""
+    table = eq.forces
+    for e in range(table.codes.size):
+        i, j = table.first[e], table.second[e]
+        q = across(x, 0, i, j)
+        v = across(x, eq.dof, i, j)
+        values[e] = smooth_force(table.codes[e], q, v, internal[e], table.parameters[e])
+
+
+@part
+def load(eq, values, external, w):
+    """Sum smooth and external forces into the force columns of w."""
+    start = eq.states + 1
+    for i in range(eq.dof):
+        w[start + i] = external[i] if external.size > 0 else 0.0
+    table = eq.forces
+    for e in range(table.codes.size):
+        w[start + table.first[e]] += values[e]
+        if table.second[e] >= 0:
+            w[start + table.second[e]] -= values[e]
+
+
+@part
+def advance_internal(eq, x0, x1, internal, h, after):
+    """Internal states of the smooth forces after a substep from x0 to x1."""
+    table = eq.forces
+    n = eq.dof
+    for e in range(table.codes.size):
+        i, j = table.first[e], table.second[e]
+        after[e] = next_internal(
+            table.codes[e], internal[e], across(x0, 0, i, j), across(x1, 0, i, j),
+            across(x0, n, i, j), across(x1, n, i, j), h, table.parameters[e],
+        )  # fmt: skip
+
+
+@part
+def friction_limits(eq, x, limits):
+    """Sum the bounds of all dry forces at each mass: rows lower, upper, sticking lower, upper."""
+    limits[:, :] = 0.0
+    table = eq.frictions
+    for e in range(table.codes.size):
+        i = table.first[e]
+        bounds = friction_bounds(table.codes[e], x[eq.dof + i], table.parameters[e])
+        for row in range(4):
+            limits[row, i] += bounds[row]
+
+
+@part
+def locked_set(eq, w, limits):
+    """Bit mask of the masses at rest whose load stays within their sticking bounds."""
+    mask = 0
+    for i in range(eq.dof):
+        if limits[3, i] > limits[2, i] and w[eq.dof + i] == 0.0:
+            force = 0.0
+            for j in range(eq.columns):
+                force += eq.reaction[i, j] * w[j]
+            if limits[2, i] <= -force <= limits[3, i]:
+                mask |= 1 << i
+    return mask
+
+
+@part
+def slide(p, dof, states, mask, limits, friction, x):
+    """Dry forces on the masses that are not locked, and the state with them, in place.
+
+    Velocities at the end are v = v_free + W f with W the response of end velocity to held force.
+    Find f with v_i = 0 and f_i inside its bounds, or f_i at its bound and against v_i: a mixed
+    complementarity problem, solved by projected Gauss-Seidel. W is h M^-1 to first order, hence
+    dominated by its diagonal for h below the fastest link's time: the sweeps contract. One mass
+    needs a single sweep and is exact.
+    """
+    column = states + 1
+    sliding = 0
+    for i in range(dof):
+        friction[i] = 0.0
+        if limits[1, i] > limits[0, i] and not mask >> i & 1:
+            sliding += 1
+    if sliding == 0:
+        return
+    for _ in range(MAX_SWEEPS):
+        change = 0.0
+        for i in range(dof):
+            if limits[1, i] > limits[0, i] and not mask >> i & 1:
+                row = dof + i
+                v = x[row]
+                for j in range(dof):
+                    if friction[j] != 0.0 and j != i:
+                        v += p[row // 8, column + j, row % 8] * friction[j]
+                f = -v / p[row // 8, column + i, row % 8]
+                f = max(limits[0, i], min(limits[1, i], f))
+                change = max(change, abs(f - friction[i]) / (limits[1, i] - limits[0, i]))
+                friction[i] = f
+        if sliding == 1 or change < 1e-14:
+            break
+    for j in range(dof):
+        if friction[j] != 0.0:
+            for row in range(states):
+                x[row] += p[row // 8, column + j, row % 8] * friction[j]
+    for i in range(dof):
+        if limits[0, i] < friction[i] < limits[1, i]:
+            x[dof + i] = 0.0
+
+
+@part
+def add_work(eq, segment, mask, w, x0, x1, values, external, friction, totals):
+    """Add one substep to the ledger: motor, lag and dampers by their forms, the rest f dq."""
+    n = eq.columns
+    start = eq.states + 1
+    for i in range(eq.dof):
+        w[start + i] += friction[i]
+    forms = eq.quadratics[segment, mask]
+    for e in range(forms.shape[0]):
+        if e == 0 and not eq.lagging:
+            totals[MOTOR] += w[eq.states] * (x1[0] - x0[0])
+            continue
+        total = 0.0
+        for i in range(n):
+            row = 0.0
+            for j in range(n):
+                row += forms[e, i, j] * w[j]
+            total += w[i] * row
+        if e == 0:
+            totals[MOTOR] += total
+        elif e == 1:
+            totals[LAG] += total
+        else:
+            totals[DAMPERS + e - 2] += total
+    slot = DAMPERS + forms.shape[0] - 2
+    for i in range(external.size):
+        totals[DISTURBANCE] += external[i] * (x1[i] - x0[i])
+    table = eq.forces
+    for e in range(table.codes.size):
+        i, j = table.first[e], table.second[e]
+        totals[slot + e] -= values[e] * (across(x1, 0, i, j) - across(x0, 0, i, j))
+    slot += table.codes.size
+    share_friction(eq, x0, x1, friction, totals, slot)
+
+
+@part
+def share_friction(eq, x0, x1, friction, totals, slot):
+    """Dissipation of each dry force; several at one mass share it by their levels."""
+    table = eq.frictions
+    for e in range(table.codes.size):
+        i = table.first[e]
+        f = friction[i]
+        if f != 0.0:
+            side = 1 if f > 0.0 else 0
+            whole = 0.0
+            mine = 0.0
+            for other in range(table.codes.size):
+                if table.first[other] == i:
+                    bounds = friction_bounds(
+                        table.codes[other], x0[eq.dof + i], table.parameters[other]
+                    )
+                    level = bounds[1] if side == 1 else bounds[0]
+                    whole += level
+                    if other == e:
+                        mine = level
+            totals[slot + e] -= f * mine / whole * (x1[i] - x0[i])
+
+
+@part
+def substep(eq, segment, held, external, memory, scratch):
+    """Advance the chain by one substep of a segment under a held command."""
+    w, x0, values, ahead, after, friction, limits = scratch
+    x = memory.x
+    for i in range(eq.states):
+        w[i] = x[i]
+    w[eq.states] = held
+    for i in range(eq.states):
+        x0[i] = x[i]
+    held_forces(eq, x0, memory.internal, values)
+    load(eq, values, external, w)
+    mask = 0
+    if eq.frictions.codes.size > 0:
+        friction_limits(eq, x0, limits)
+        mask = locked_set(eq, w, limits)
+    p = eq.propagators[segment, mask]
+    propagate(p, w, eq.columns, x)
+    slide(p, eq.dof, eq.states, mask, limits, friction, x)
+    h = eq.durations[segment]
+    if eq.forces.codes.size > 0:
+        advance_internal(eq, x0, x, memory.internal, h, after)
+        held_forces(eq, x, after, ahead)
+        for e in range(values.size):
+            values[e] = 0.5 * (values[e] + ahead[e])
+        load(eq, values, external, w)
+        propagate(p, w, eq.columns, x)
+        slide(p, eq.dof, eq.states, mask, limits, friction, x)
+        advance_internal(eq, x0, x, memory.internal, h, after)
+        for e in range(values.size):
+            memory.internal[e] = after[e]
+    if memory.totals.size > 0:
+        add_work(eq, segment, mask, w, x0, x, values, external, friction, memory.totals)
+
+
+@part
+def stored_energy(eq, x):
+    """Kinetic energy of the masses plus energy of the springs [J]."""
+    energy = 0.0
+    for i in range(eq.dof):
+        v = x[eq.dof + i]
+        energy += 0.5 * eq.masses[i] * v * v
+    for s in range(eq.spring_stiffness.size):
+        q = across(x, 0, eq.springs[s, 0], eq.springs[s, 1])
+        energy += 0.5 * eq.spring_stiffness[s] * q * q
+    return energy
+
+
+@part
+def at_rest(eq, x):
+    """Bit mask of the masses whose velocity is exactly zero."""
+    mask = 0
+    for i in range(eq.dof):
+        if x[eq.dof + i] == 0.0:
+            mask |= 1 << i
+    return mask
+
+
+@part
+def read_sensor(eq, position):
+    """Step (1): what the encoder reports of a position."""
+    for e in range(eq.sensors.codes.size):
+        position = sensed(eq.sensors.codes[e], position, eq.sensors.parameters[e])
+    return read_encoder(position, eq.encoder_step, eq.encoder_floor)
+
+
+@part
+def amplify(eq, command):
+    """Step (4): step, further amplifier effects in the order of their declaration, limit."""
+    command = quantise_command(command, eq.command_step)
+    for e in range(eq.amplifiers.codes.size):
+        command = amplified(eq.amplifiers.codes[e], command, eq.amplifiers.parameters[e])
+    return limit_command(command, eq.command_limit)
+
+
+@part
+def arrives(eq, tick):
+    """Whether the command of this tick is delivered (clock effects)."""
+    for e in range(eq.clocks.codes.size):
+        if not delivered(eq.clocks.codes[e], tick, eq.clocks.parameters[e]):
+            return False
+    return True
+
+
+@jit
+def advance(eq, controller, parameters, memory, scratch, ticks, external, bound, record, fine, energy):
+    """Run up to `ticks` ticks from memory; return (ticks done, status).
+
+    external (ticks, n) held forces, or (0, n); bound: stop when |x_1| exceeds it. record
+    (ticks, channels) or (0, ...): states, encoder, velocity estimate, command, applied force,
+    contact, masses at rest, stored energy (with `energy`), ledger totals; each row at t = kT, after
+    steps (1) to (5). fine: states after every substep, (ticks x substeps, states) or (0, ...).
+    """
+    x = memory.x
+    line = memory.line
+    scalars = memory.scalars
+    no_force = scratch[1][:0]
+    last = line.size - 1
+    # With nothing but the linear part, P is applied where the state lies, no copy in between.
+    linear = (
+        eq.forces.codes.size == 0 and eq.frictions.codes.size == 0 and external.shape[0] == 0
+        and memory.totals.size == 0 and eq.propagators.shape[2] == 1
+    )  # fmt: skip
+    y_before, v, u = scalars[0], scalars[1], scalars[2]
+    head = memory.counters[1]
+    tick = memory.counters[0]
+    row = 0
+    status = DONE
+    done = 0
+    while done < ticks:
+        y = read_sensor(eq, x[0])
+        v += eq.smoothing * ((y - y_before) * eq.rate - v)
+        if memory.totals.size > 0:
+            memory.totals[WALL] += u * (y - y_before)
+        y_before = y
+        wanted = controller(tick, tick * eq.period, y, v, parameters, memory.controller)
+        if arrives(eq, tick):
+            u = amplify(eq, wanted)
+        line[head] = u
+        head = 0 if head == last else head + 1
+        earlier = line[head]
+        current = line[0 if head == last else head + 1]
+        if record.shape[0] > 0:
+            scalars[0], scalars[1], scalars[2] = y, v, u
+            if eq.lagging:
+                scalars[3] = x[eq.states - 1]
+            else:
+                scalars[3] = earlier if eq.substeps[0] > 0 else current
+            write(eq, memory, energy, record[done])
+        for segment in range(2):
+            held = earlier if segment == 0 else current
+            for _ in range(eq.substeps[segment]):
+                if linear:
+                    x[eq.states] = held
+                    propagate(eq.propagators[segment, 0], x, eq.states + 1, x)
+                else:
+                    force = external[done] if external.shape[0] > 0 else no_force
+                    substep(eq, segment, held, force, memory, scratch)
+                if fine.shape[0] > 0:
+                    for i in range(eq.states):
+                        fine[row, i] = x[i]
+                    row += 1
+        tick += 1
+        done += 1
+        if not abs(x[0]) <= bound:
+            status = NOT_FINITE if x[0] != x[0] else ESCAPED
+            break
+    scalars[0], scalars[1], scalars[2] = y_before, v, u
+    memory.counters[0] = tick
+    memory.counters[1] = head
+    return done, status
+
+
+@part
+def write(eq, memory, energy, row):
+    """Write one row of the record: everything known at t = kT."""
+    n = eq.states
+    for i in range(n):
+        row[i] = memory.x[i]
+    row[n] = memory.scalars[0]
+    row[n + 1] = memory.scalars[1]
+    row[n + 2] = memory.scalars[2]
+    row[n + 3] = memory.scalars[3]
+    row[n + 4] = memory.controller[0]
+    row[n + 5] = at_rest(eq, memory.x)
+    if energy:
+        row[n + 6] = stored_energy(eq, memory.x)
+        for e in range(memory.totals.size):
+            row[n + 7 + e] = memory.totals[e]
+
+
+def scratch(eq):
+    """Working space of one run."""
+    n = eq.forces.codes.size
+    return (
+        np.zeros(MAX_COLUMNS), np.zeros(MAX_STATES), np.zeros(n), np.zeros(n), np.zeros(n),
+        np.zeros(MAX_MASSES), np.zeros((4, MAX_MASSES)),
+    )  # fmt: skip

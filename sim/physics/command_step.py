@@ -1,0 +1,24 @@
+"""The digital-to-analogue converter knows only steps; its home is `Interface.command_step`."""
+
+from sim.jit import part
+from sim.physics.effect import Effect, Parameter
+from sim.physics.rounding import to_nearest
+
+command_step = Effect(
+    name="command_step",
+    summary="the command is converted in steps",
+    places=("command",),
+    parameters=(Parameter("step", "Delta_u", "N m", 0.0, 1e6, 0.0),),
+    hook="command",
+    code=0,
+    reference="uniform mid-tread quantiser",
+    in_interface="command_step",
+)
+
+
+@part
+def quantise_command(command, step):
+    """Return the command rounded to the nearest step, ties away from zero."""
+    if step == 0.0:
+        return command
+    return to_nearest(command, step)

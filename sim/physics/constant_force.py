@@ -1,0 +1,19 @@
+"""A constant force on m1: weight, an amplifier's offset, a cable's pull."""
+
+from sim.jit import part
+from sim.physics.effect import Effect, Parameter
+
+constant_force = Effect(
+    name="constant_force",
+    summary="a constant force or offset",
+    places=("m1",),
+    parameters=(Parameter("level", "f_0", "N m", -1e6, 1e6, 0.0),),
+    hook="force",
+    code=3,
+    reference="-",
+)
+
+
+@part
+def constant_level(p):
+    return p[0]

@@ -1,0 +1,19 @@
+"""A spring that hardens (coefficient > 0) or softens: f = -k3 q^3 of the relative position."""
+
+from sim.jit import part
+from sim.physics.effect import Effect, Parameter
+
+cubic_stiffness = Effect(
+    name="cubic_stiffness",
+    summary="cubic part of a spring",
+    places=("ground", "link12", "link23"),
+    parameters=(Parameter("coefficient", "k_3", "N m/rad3", -1e15, 1e15, 0.0),),
+    hook="force",
+    code=1,
+    reference="G. Duffing, Erzwungene Schwingungen, 1918",
+)
+
+
+@part
+def cubic_force(q, p):
+    return -p[0] * q * q * q

@@ -1,0 +1,28 @@
+"""The encoder counts in steps; its home is `Interface.encoder_step`."""
+
+import math
+
+from sim.jit import part
+from sim.physics.effect import Effect, Parameter
+from sim.physics.rounding import to_nearest
+
+encoder_step = Effect(
+    name="encoder_step",
+    summary="the encoder counts in steps",
+    places=("sensor",),
+    parameters=(Parameter("step", "Delta", "rad", 0.0, 1e3, 0.0),),
+    hook="sensor",
+    code=0,
+    reference="Abbott & Okamura, IEEE T. Robotics 21(5), 2005",
+    in_interface="encoder_step",
+)
+
+
+@part
+def read_encoder(position, step, floor):
+    """Return the position as counted: nearest step (ties away from zero), or the step below."""
+    if step == 0.0:
+        return position
+    if floor:
+        return step * math.floor(position / step)
+    return to_nearest(position, step)

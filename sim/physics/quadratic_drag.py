@@ -1,0 +1,19 @@
+"""Drag of a mass against its surroundings, growing with the square of speed: f = -c v |v|."""
+
+from sim.jit import part
+from sim.physics.effect import Effect, Parameter
+
+quadratic_drag = Effect(
+    name="quadratic_drag",
+    summary="drag that grows with the square of speed",
+    places=("m1", "m2", "m3"),
+    parameters=(Parameter("coefficient", "c_2", "N m s2/rad2", 0.0, 1e6, 0.0),),
+    hook="force",
+    code=2,
+    reference="turbulent drag, Rayleigh",
+)
+
+
+@part
+def drag_force(v, p):
+    return -p[0] * v * abs(v)

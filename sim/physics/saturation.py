@@ -1,0 +1,23 @@
+"""The amplifier gives no more than its limit; its home is `Interface.command_limit`."""
+
+import math
+
+from sim.jit import part
+from sim.physics.effect import Effect, Parameter
+
+saturation = Effect(
+    name="saturation",
+    summary="the amplifier's limit",
+    places=("command",),
+    parameters=(Parameter("limit", "u_max", "N m", 1e-12, math.inf, math.inf),),
+    hook="command",
+    code=0,
+    reference="ideal saturation",
+    in_interface="command_limit",
+)
+
+
+@part
+def limit_command(command, limit):
+    """Return the command held between -limit and limit."""
+    return max(-limit, min(limit, command))

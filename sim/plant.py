@@ -1,0 +1,73 @@
+"""The linear equations of a device: x' = A x + B u, and their exact solution under held inputs.
+
+State x = [q_1..q_n, v_1..v_n] and, where the amplifier lags, the actuator force a after them.
+Inputs u = [held command, f_1..f_n]: the command reaches m1 directly or through the lag
+tau a' = u - a; the forces act on the masses.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from sim.chain import Matrices
+
+Floats = NDArray[np.float64]
+
+
+class Plant(NamedTuple):
+    """a (N, N), b (N, 1 + n), matrices (n, n each), lag [s]; n = dof, N = 2n or 2n + 1."""
+
+    a: Floats
+    b: Floats
+    matrices: Matrices
+    lag: float
+
+    @property
+    def dof(self) -> int:
+        """Number of masses, extra modes included."""
+        return self.matrices.mass.shape[0]
+
+    @property
+    def size(self) -> int:
+        """Number of states."""
+        return self.a.shape[0]
+
+
+def assemble(matrices: Matrices, lag: float = 0.0) -> Plant:
+    """Write M q'' + C q' + K q = f, and the actuator's lag [s] if any, in first order."""
+    n = matrices.mass.shape[0]
+    size = 2 * n + (lag > 0.0)
+    inverse = np.linalg.inv(matrices.mass)
+    a = np.zeros((size, size))
+    b = np.zeros((size, 1 + n))
+    a[:n, n : 2 * n] = np.eye(n)
+    a[n : 2 * n, :n] = -inverse @ matrices.stiffness
+    a[n : 2 * n, n : 2 * n] = -inverse @ matrices.damping
+    b[n : 2 * n, 1:] = inverse
+    if lag > 0.0:
+        a[n : 2 * n, 2 * n] = inverse[:, 0]
+        a[2 * n, 2 * n] = -1.0 / lag
+        b[2 * n, 0] = 1.0 / lag
+    else:
+        b[:, 0] = b[:, 1]
+    return Plant(a, b, matrices, lag)
+
+
+def locked(plant: Plant, masses: tuple[int, ...]) -> Plant:
+    """Return the plant with some masses held where they are: their velocity stays zero exactly."""
+    a, b = plant.a.copy(), plant.b.copy()
+    for i in masses:
+        a[i, :] = a[plant.dof + i, :] = 0.0
+        b[plant.dof + i, :] = 0.0
+    return plant._replace(a=a, b=b)
+
+
+def hold(plant: Plant, duration: float) -> tuple[Floats, Floats]:
+    """Return (Ad, Bd) with x(t + duration) = Ad x(t) + Bd u for inputs held over duration [s]."""
+    n, m = plant.b.shape
+    block = np.zeros((n + m, n + m))
+    block[:n, :n], block[:n, n:] = plant.a, plant.b
+    full = expm(block * duration)
+    return full[:n, :n], full[:n, n:]

@@ -1,0 +1,231 @@
+"""Simulate: a device under a controller, from a start, for a time."""
+
+import enum
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.controller import Controller
+from sim.device import Device
+from sim.equations import Equations, equations, ledger_names
+from sim.kernel import DONE, ESCAPED, MAX_STATES, NOT_FINITE, Memory, advance, read_sensor, scratch
+from sim.trace import Trace
+
+Floats = NDArray[np.float64]
+BLOCK_TICKS = 1000
+
+
+class Outcome(enum.Enum):
+    """How a run ended; the value is the sentence."""
+
+    COMPLETED = "the run went on to its end"
+    ESCAPED = "the position left the bound, the run was stopped there"
+    NOT_FINITE = "the state overflowed, the run was stopped there"
+
+
+OUTCOMES = {DONE: Outcome.COMPLETED, ESCAPED: Outcome.ESCAPED, NOT_FINITE: Outcome.NOT_FINITE}
+
+
+@dataclass(frozen=True)
+class Start:
+    """Initial positions and velocities of the masses; a single number is meant for every mass.
+
+    The encoder's earlier reading is the one of a mass that came in at this velocity.
+    """
+
+    position: float | Sequence[float] = 0.0
+    velocity: float | Sequence[float] = 0.0
+
+    def state(self, dof: int) -> Floats:
+        """Return (16,) padded [q_1..q_n, v_1..v_n]; raises ValueError (field, length, value)."""
+        padded = np.zeros(MAX_STATES)
+        for offset, field in ((0, "position"), (dof, "velocity")):
+            values = np.asarray(getattr(self, field), dtype=np.float64)
+            if values.ndim > 1 or (values.ndim == 1 and values.size != dof):
+                raise ValueError(
+                    f"start.{field} has {values.size} values; give one, or one for each of {dof} masses"
+                )
+            if not np.all(np.isfinite(values)):
+                raise ValueError(f"start.{field} is {values}; only finite numbers are allowed")
+            padded[offset : offset + dof] = values
+        return padded
+
+
+@dataclass(frozen=True)
+class Run:
+    """A finished run: its trace, how it ended, the final state and the energy ledger [J].
+
+    trace has one sample a tick, taken at t = kT before the chain moves. fine has one sample a
+    substep (positions and velocities), where asked for. ledger: work done by motor and disturbance,
+    energy dissipated by each damper and effect; `wall` is the work of the command at its own,
+    sampled port (what a passivity observer sees) and no part of the balance
+    stored - stored at start = motor + disturbance - dissipated.
+    """
+
+    trace: Trace
+    outcome: Outcome
+    memory: Memory
+    ledger: Mapping[str, float]
+    fine: Trace | None = None
+
+
+def start_memory(eq: Equations, controller: Controller, start: Start, entries: int) -> Memory:
+    """Return the memory at t = 0: nothing commanded yet, the encoder consistent with the start."""
+    x = start.state(eq.dof)
+    before = read_sensor(eq, x[0] - eq.period * x[eq.dof])
+    return Memory(
+        x=x,
+        line=np.zeros(eq.whole_delay + 2),
+        controller=np.zeros(controller.memory),
+        internal=np.zeros(eq.forces.codes.size),
+        scalars=np.array([before, x[eq.dof], 0.0, 0.0]),
+        counters=np.zeros(2, dtype=np.int64),
+        totals=np.zeros(entries),
+    )
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A run about to start; `blocks` runs it piece by piece, as a log is written."""
+
+    device: Device
+    controller: Controller
+    ticks: int
+    eq: Equations
+    memory: Memory
+    external: Floats
+    bound: float
+    energy: bool
+    fine: bool
+    ledger_names: Sequence[str]
+
+    def blocks(self, ticks: int = BLOCK_TICKS) -> Iterator[tuple[Trace, Trace | None, Outcome]]:
+        """Yield (trace, fine trace or None, outcome so far) for every `ticks` ticks."""
+        for first in range(0, self.ticks, ticks):
+            count = min(ticks, self.ticks - first)
+            record = np.zeros((count, len(self.channel_units)))
+            per_tick = int(self.eq.substeps.sum())
+            fine = np.zeros((count * per_tick if self.fine else 0, self.eq.states))
+            done, status = advance(
+                self.eq, self.controller.step, self.controller.parameters, self.memory, scratch(self.eq), count,
+                self.external[first : first + count], self.bound, record, fine, self.energy,
+            )  # fmt: skip
+            t = np.arange(first, first + done) * self.eq.period
+            yield (
+                self._trace(t, record[:done], self.channel_units),
+                self._fine_trace(t, fine[: done * per_tick]) if self.fine else None,
+                OUTCOMES[status],
+            )
+            if status != DONE:
+                return
+
+    @property
+    def channel_units(self) -> dict[str, str]:
+        """Name -> unit of every recorded column, in order."""
+        force, position = ("N m", "rad") if self.device.rotary else ("N", "m")
+        names = self._state_units()
+        names |= {"encoder": position, "velocity_estimate": f"{position}/s"}
+        names |= {"command": force, "applied": force, "contact": "", "at_rest": ""}
+        if self.energy:
+            names["stored_energy"] = "J"
+            names |= {f"work_{entry}": "J" for entry in self.ledger_names}
+        return names
+
+    def _state_units(self) -> dict[str, str]:
+        force, position = ("N m", "rad") if self.device.rotary else ("N", "m")
+        names = {f"position_m{i + 1}": position for i in range(self.eq.dof)}
+        names |= {f"velocity_m{i + 1}": f"{position}/s" for i in range(self.eq.dof)}
+        return names | ({"actuator_force": force} if self.eq.lagging else {})
+
+    def _trace(self, t: Floats, rows: Floats, units: dict[str, str]) -> Trace:
+        columns = dict(zip(units, np.ascontiguousarray(rows.T), strict=True))
+        return Trace(t, columns, units, "simulated", MappingProxyType({"device": self.device.name}))
+
+    def _fine_trace(self, t: Floats, rows: Floats) -> Trace:
+        steps = np.repeat(self.eq.durations, self.eq.substeps)
+        within = np.cumsum(steps)
+        times = (t[:, None] + within[None, :]).ravel()
+        return self._trace(times, rows, self._state_units())
+
+
+def prepare(
+    device: Device,
+    controller: Controller,
+    *,
+    duration: float,
+    start: Start = Start(),
+    disturbance: Floats | None = None,
+    substeps: int = 1,
+    bound: float = 1e6,
+    energy: bool = False,
+    ledger: bool = False,
+    fine: bool = False,
+) -> Setup:
+    """Check and set up a run; see `simulate` for the arguments."""
+    eq = equations(device, substeps, ledger)
+    ticks = duration_ticks(duration, eq.period)
+    if not bound > 0.0:
+        raise ValueError(f"bound is {bound}; the position where a run is stopped must be > 0")
+    external = _external(disturbance, ticks, eq.dof)
+    names = ledger_names(device, device.plant()) if ledger else []
+    memory = start_memory(eq, controller, start, len(names))
+    return Setup(
+        device, controller, ticks, eq, memory, external, bound, energy or ledger, fine, names
+    )
+
+
+def simulate(
+    device: Device,
+    controller: Controller,
+    *,
+    duration: float,
+    start: Start = Start(),
+    disturbance: Floats | None = None,
+    substeps: int = 1,
+    bound: float = 1e6,
+    energy: bool = False,
+    ledger: bool = False,
+    fine: bool = False,
+) -> Run:
+    """Run a device under a controller for `duration` seconds.
+
+    disturbance: external forces [N m | N], shape (ticks,) on m1 or (ticks, n), each held for one
+    tick. substeps a tick: one is exact without continuous-time nonlinearity; raise it for friction
+    and smooth forces. bound: the run stops when |position of m1| exceeds it. energy: record the
+    stored energy; ledger: record also the work of motor, wall, each damper and effect. fine: keep
+    the states after every substep.
+
+    Raises ValueError with one sentence for a bad argument.
+    """
+    setup = prepare(
+        device, controller, duration=duration, start=start, disturbance=disturbance,
+        substeps=substeps, bound=bound, energy=energy, ledger=ledger, fine=fine,
+    )  # fmt: skip
+    (trace, fine_trace, outcome), *_ = setup.blocks(setup.ticks)
+    totals = dict(zip(setup.ledger_names, setup.memory.totals.tolist(), strict=True))
+    return Run(trace, outcome, setup.memory, totals, fine_trace)
+
+
+def duration_ticks(duration: float, period: float) -> int:
+    """Return the whole number of ticks in a duration [s]; raises ValueError for none."""
+    if not 0.0 < duration < np.inf:
+        raise ValueError(f"duration is {duration}; a finite time > 0 s is needed")
+    return max(1, round(duration / period))
+
+
+def _external(disturbance: Floats | None, ticks: int, dof: int) -> Floats:
+    if disturbance is None:
+        return np.zeros((0, dof))
+    values = np.asarray(disturbance, dtype=np.float64)
+    if values.ndim == 1:
+        values = np.column_stack([values, np.zeros((values.size, dof - 1))])
+    if values.shape != (ticks, dof):
+        raise ValueError(
+            f"disturbance has shape {values.shape}; the run needs ({ticks},) or ({ticks}, {dof})"
+        )
+    if not np.all(np.isfinite(values)):
+        raise ValueError("disturbance contains a value that is not finite")
+    return np.ascontiguousarray(values)
