@@ -1,0 +1,163 @@
+"""Many runs of one device at once: the same tick, runs in the lanes of the vector registers.
+
+The innermost loop runs over LANES runs that lie side by side in memory, each with its own wall,
+start and state. Every lane does the operations of `sim/kernel.py` in the same order, so it equals
+the scalar run bit for bit. It serves linear mechanisms with the interface's own nonlinearities
+(encoder step, command step, limit) under the built-in wall; anything else runs in the scalar kernel.
+
+Per window of ticks a lane keeps, instead of its trace: two energies weighted by a Hann window
+(kinetic energy, and the square of the third difference of m1's velocity, which shows fast modes a
+thousand times below slow ones), and the extremes of m1's position.
+"""
+
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.equations import Equations
+from sim.jit import jit
+from sim.physics.command_step import quantise_command
+from sim.physics.encoder_step import read_encoder
+
+Floats = NDArray[np.float64]
+LANES = 64
+SLOW_ENERGY, FAST_ENERGY, LOWEST, HIGHEST = 0, 1, 2, 3
+MEASURES = 4
+# Rows of the bank after the states, the held command and the fresh states.
+READING, ESTIMATE, COMMAND, PAST1, PAST2, PAST3 = 0, 1, 2, 3, 4, 5
+STIFFNESS, DAMPING, POSITION, SIDED, SIGNALS = 6, 7, 8, 9, 10
+
+
+class LaneMemory(NamedTuple):
+    """All that survives a tick, for a group of lanes.
+
+    bank (rows x 64,): states, held command, working space, signals and wall, a row of 64 lanes
+    each, in one array with rows at constant offsets, so that the compiler can see that they do not
+    overlap. line ((d + 2) x 64,) the delay lines.
+    """
+
+    bank: Floats
+    line: Floats
+
+
+def signal_row(states: int, signal: int) -> int:
+    """Return the bank's row of a signal."""
+    return 2 * states + 1 + signal
+
+
+def lane_memory(eq: Equations) -> LaneMemory:
+    """Return zeroed memory for 64 lanes of a device."""
+    rows = signal_row(eq.states, SIGNALS)
+    return LaneMemory(np.zeros(rows * LANES), np.zeros((eq.whole_delay + 2) * LANES))
+
+
+def dense(eq: Equations) -> Floats:
+    """Return the propagators of the two segments as rows on [x; held], flat."""
+    columns = eq.states + 1
+    unpacked = eq.propagators[:, 0].transpose(0, 1, 3, 2).reshape(2, -1, eq.columns)
+    return np.ascontiguousarray(unpacked[:, : eq.states, :columns]).ravel()
+
+
+@cache
+def lane_kernel(states: int, dof: int) -> Any:
+    """Return the kernel for a number of states; with fixed sizes the inner sums unroll."""
+    HELD = states
+    FRESH = states + 1
+    Y = 2 * states + 1 + READING
+    V = 2 * states + 1 + ESTIMATE
+    U = 2 * states + 1 + COMMAND
+    D1 = 2 * states + 1 + PAST1
+    D2 = 2 * states + 1 + PAST2
+    D3 = 2 * states + 1 + PAST3
+    K = 2 * states + 1 + STIFFNESS
+    B = 2 * states + 1 + DAMPING
+    W = 2 * states + 1 + POSITION
+    S = 2 * states + 1 + SIDED
+    COLUMNS = states + 1
+
+    def advance_lanes(eq, p, memory, head, weights, windows, measures):
+        """Run `windows` windows of weights.size ticks each; return the delay line's head.
+
+        p: from `dense`. measures (windows x 4 x 64,) is filled.
+        """
+        bank, line = memory
+        last = line.size // LANES - 1
+        stepped = eq.encoder_step != 0.0 or eq.command_step != 0.0
+        for window in range(windows):
+            slow = measures[(4 * window) * LANES : (4 * window + 1) * LANES]
+            fast = measures[(4 * window + 1) * LANES : (4 * window + 2) * LANES]
+            low = measures[(4 * window + 2) * LANES : (4 * window + 3) * LANES]
+            high = measures[(4 * window + 3) * LANES : (4 * window + 4) * LANES]
+            for lane in range(LANES):
+                slow[lane] = 0.0
+                fast[lane] = 0.0
+                low[lane] = bank[lane]
+                high[lane] = bank[lane]
+            for k in range(weights.size):
+                weight = weights[k]
+                for lane in range(LANES):
+                    q = bank[lane]
+                    low[lane] = min(low[lane], q)
+                    high[lane] = max(high[lane], q)
+                    v = bank[dof * LANES + lane]
+                    past1, past2 = bank[D1 * LANES + lane], bank[D2 * LANES + lane]
+                    third = v - 3.0 * (past1 - past2) - bank[D3 * LANES + lane]
+                    bank[D3 * LANES + lane] = past2
+                    bank[D2 * LANES + lane] = past1
+                    bank[D1 * LANES + lane] = v
+                    fast[lane] += weight * (third * third)
+                    energy = 0.0
+                    for i in range(dof):
+                        v = bank[(dof + i) * LANES + lane]
+                        energy += 0.5 * eq.masses[i] * (v * v)
+                    slow[lane] += weight * energy
+                row = head * LANES
+                if stepped:
+                    for lane in range(LANES):
+                        y = read_encoder(bank[lane], eq.encoder_step, eq.encoder_floor)
+                        v = bank[V * LANES + lane]
+                        v += eq.smoothing * ((y - bank[Y * LANES + lane]) * eq.rate - v)
+                        bank[V * LANES + lane] = v
+                        bank[Y * LANES + lane] = y
+                        depth = y - bank[W * LANES + lane]
+                        push = bank[K * LANES + lane] * depth + bank[B * LANES + lane] * v
+                        inside = 0.0 if depth <= 0.0 else max(0.0, push)
+                        u = quantise_command(
+                            -(inside if bank[S * LANES + lane] != 0.0 else push), eq.command_step
+                        )
+                        line[row + lane] = max(-eq.command_limit, min(eq.command_limit, u))
+                else:
+                    for lane in range(LANES):
+                        y = bank[lane]
+                        v = bank[V * LANES + lane]
+                        v += eq.smoothing * ((y - bank[Y * LANES + lane]) * eq.rate - v)
+                        bank[V * LANES + lane] = v
+                        bank[Y * LANES + lane] = y
+                        depth = y - bank[W * LANES + lane]
+                        push = bank[K * LANES + lane] * depth + bank[B * LANES + lane] * v
+                        inside = 0.0 if depth <= 0.0 else max(0.0, push)
+                        u = -(inside if bank[S * LANES + lane] != 0.0 else push)
+                        line[row + lane] = max(-eq.command_limit, min(eq.command_limit, u))
+                head = 0 if head == last else head + 1
+                for segment in range(2):
+                    if eq.substeps[segment] > 0:
+                        source = head if segment == 0 or head == last else head + 1
+                        if segment == 1 and head == last:
+                            source = 0
+                        row = source * LANES
+                        for lane in range(LANES):
+                            bank[HELD * LANES + lane] = line[row + lane]
+                        o = segment * states * COLUMNS
+                        for lane in range(LANES):
+                            for i in range(states):
+                                total = 0.0
+                                for j in range(COLUMNS):
+                                    total += p[o + i * COLUMNS + j] * bank[j * LANES + lane]
+                                bank[(FRESH + i) * LANES + lane] = total
+                            for i in range(states):
+                                bank[i * LANES + lane] = bank[(FRESH + i) * LANES + lane]
+        return head
+
+    return jit(advance_lanes)
