@@ -1,0 +1,240 @@
+"""Many runs of one device under its walls, prolonged as long as their verdicts need.
+
+Linear mechanisms go 64 at a time through the lane kernel, all others run one by one in the scalar
+kernel; both give the same measures a window. Groups are independent tasks without shared state, so
+the result does not depend on the number of threads.
+"""
+
+import math
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.controller import Controller
+from sim.device import Device
+from sim.equations import Equations, equations
+from sim.kernel import Memory, advance, scratch
+from sim.lanes import (
+    DAMPING,
+    ESTIMATE,
+    LANES,
+    MEASURES,
+    POSITION,
+    READING,
+    SIDED,
+    STIFFNESS,
+    LaneMemory,
+    dense,
+    lane_kernel,
+    lane_memory,
+    signal_row,
+)
+from sim.run import Start, start_memory
+
+Floats = NDArray[np.float64]
+Task = Callable[[], None]
+
+
+@dataclass(frozen=True)
+class Walls:
+    """Built-in walls of an ensemble, one value a run (runs,): K, B, position, one-sided."""
+
+    stiffness: Floats
+    damping: Floats
+    position: Floats
+    one_sided: NDArray[np.bool_]
+
+    def parameters(self) -> Floats:
+        """Return the parameters of `controllers.wall`, shape (runs, 4)."""
+        columns = [self.stiffness, self.damping, self.position, self.one_sided.astype(float)]
+        return np.ascontiguousarray(np.column_stack(columns))
+
+    def select(self, runs: NDArray[np.int64]) -> "Walls":
+        """Return the walls of some runs."""
+        return Walls(
+            self.stiffness[runs], self.damping[runs], self.position[runs], self.one_sided[runs]
+        )
+
+
+def walls(
+    stiffness: Floats,
+    damping: Floats,
+    position: float = 0.0,
+    one_sided: bool = False,
+) -> Walls:
+    """Return walls over arrays of K and B that broadcast together, all at one position."""
+    k, b = np.broadcast_arrays(np.atleast_1d(stiffness), np.atleast_1d(damping))
+    k, b = k.astype(np.float64).ravel(), b.astype(np.float64).ravel()
+    return Walls(k, b, np.full(k.size, position), np.full(k.size, one_sided))
+
+
+@dataclass(frozen=True)
+class LaneRuns:
+    """State of an ensemble in the lane kernel: bank (rows, runs), line (d + 2, runs)."""
+
+    eq: Equations
+    bank: Floats
+    line: Floats
+    head: int
+
+    @property
+    def size(self) -> int:
+        """Number of runs."""
+        return self.bank.shape[1]
+
+    def select(self, runs: NDArray[np.int64]) -> "LaneRuns":
+        """Return some of the runs, in the state they are in."""
+        return replace(self, bank=self.bank[:, runs], line=self.line[:, runs])
+
+    def tasks(self, weights: Floats, windows: int) -> "tuple[Floats, list[Task], LaneRuns]":
+        """Return (measures (windows, 4, runs), tasks that fill them, the state afterwards)."""
+        measures = np.zeros((windows, MEASURES, self.size))
+        after = replace(
+            self,
+            bank=np.empty_like(self.bank),
+            line=np.empty_like(self.line),
+            head=(self.head + windows * weights.size) % self.line.shape[0],
+        )
+        kernel = lane_kernel(self.eq.states, self.eq.dof)
+        rows = dense(self.eq)
+
+        def run(first: int) -> None:
+            lanes = np.minimum(np.arange(first, first + LANES), self.size - 1)
+            count = min(LANES, self.size - first)
+            memory = LaneMemory(self.bank[:, lanes].ravel(), self.line[:, lanes].ravel())
+            found = np.zeros(windows * MEASURES * LANES)
+            kernel(self.eq, rows, memory, self.head, weights, windows, found)
+            mine = slice(first, first + count)
+            measures[:, :, mine] = found.reshape(windows, MEASURES, LANES)[:, :, :count]
+            after.bank[:, mine] = memory.bank.reshape(-1, LANES)[:, :count]
+            after.line[:, mine] = memory.line.reshape(-1, LANES)[:, :count]
+
+        return measures, [lambda f=f: run(f) for f in range(0, self.size, LANES)], after
+
+
+@dataclass(frozen=True)
+class ScalarRuns:
+    """State of an ensemble in the scalar kernel: one memory and parameter row a run."""
+
+    eq: Equations
+    step: Any
+    parameters: Floats
+    memories: tuple[Memory, ...]
+    past: Floats
+    bound: float
+
+    @property
+    def size(self) -> int:
+        """Number of runs."""
+        return len(self.memories)
+
+    def select(self, runs: NDArray[np.int64]) -> "ScalarRuns":
+        """Return some of the runs, in the state they are in."""
+        chosen = tuple(self.memories[i] for i in runs)
+        return replace(
+            self, parameters=self.parameters[runs], memories=chosen, past=self.past[runs]
+        )
+
+    def tasks(self, weights: Floats, windows: int) -> "tuple[Floats, list[Task], ScalarRuns]":
+        """Return (measures (windows, 4, runs), tasks that fill them, the state afterwards)."""
+        measures = np.zeros((windows, MEASURES, self.size))
+        copies = tuple(Memory(*(a.copy() for a in m)) for m in self.memories)
+        after = replace(self, memories=copies, past=self.past.copy())
+
+        def run(first: int, last: int) -> None:
+            record = np.zeros((weights.size, self.eq.states + 6))
+            fine, space = np.zeros((0, self.eq.states)), scratch(self.eq)
+            external = np.zeros((0, self.eq.dof))
+            for i in range(first, last):
+                for window in range(windows):
+                    record[:] = np.inf
+                    advance(
+                        self.eq, self.step, self.parameters[i], copies[i], space, weights.size,
+                        external, self.bound, record, fine, False,
+                    )  # fmt: skip
+                    measures[window, :, i] = _measured(self.eq, record, weights, after.past[i])
+                    if not abs(record[-1, 0]) <= self.bound:
+                        measures[window:, :, i] = np.inf
+                        break
+
+        chunk = max(1, self.size // (4 * threads()))
+        spans = [(f, min(f + chunk, self.size)) for f in range(0, self.size, chunk)]
+        return measures, [lambda s=s: run(*s) for s in spans], after
+
+
+Runs = LaneRuns | ScalarRuns
+
+
+def _measured(eq: Equations, record: Floats, weights: Floats, past: Floats) -> Floats:
+    """Measures of one window from its record; past holds m1's three earlier velocities."""
+    with np.errstate(all="ignore"):  # a run that escaped fills its rest with infinities
+        speeds = record[:, eq.dof : 2 * eq.dof]
+        series = np.concatenate([past, speeds[:, 0]])
+        third = series[3:] - 3.0 * (series[2:-1] - series[1:-2]) - series[:-3]
+        past[:] = series[-3:]
+        kinetic = (0.5 * eq.masses * speeds * speeds).sum(axis=1)
+        low, high = record[:, 0].min(), record[:, 0].max()
+        return np.array([weights @ kinetic, weights @ (third * third), low, high])
+
+
+def threads() -> int:
+    """Return the number of threads for batches: ZWIDTH_THREADS, else all cores."""
+    return int(os.environ.get("ZWIDTH_THREADS", "0")) or os.cpu_count() or 1
+
+
+def fits_lanes(eq: Equations) -> bool:
+    """Whether the lane kernel serves this device: nothing but its interface is nonlinear."""
+    tables = (eq.forces, eq.frictions, eq.sensors, eq.amplifiers, eq.clocks)
+    single = bool(np.all(eq.substeps <= 1))
+    return single and all(table.codes.size == 0 for table in tables)
+
+
+def start_runs(
+    device: Device, wall_controller: Controller, ensemble: Walls, starts: Sequence[Start],
+    substeps: int = 1, bound: float = math.inf,
+) -> Runs:  # fmt: skip
+    """Return the runs of a device at t = 0, one start a run (or one for all).
+
+    wall_controller: `controllers.wall.wall(...)`, whose law the walls parametrise.
+    """
+    eq = equations(device, substeps)
+    count = ensemble.stiffness.size
+    each = list(starts) * count if len(starts) == 1 else list(starts)
+    memories = tuple(start_memory(eq, wall_controller, start, 0) for start in each)
+    if fits_lanes(eq):
+        return _in_lanes(eq, ensemble, memories)
+    past = np.array([[m.x[eq.dof]] * 3 for m in memories])
+    return ScalarRuns(
+        eq, wall_controller.step, ensemble.parameters(), memories, past, min(bound, 1e300)
+    )
+
+
+def _in_lanes(eq: Equations, ensemble: Walls, memories: tuple[Memory, ...]) -> LaneRuns:
+    empty = lane_memory(eq)
+    bank = np.zeros((empty.bank.size // LANES, len(memories)))
+    bank[: eq.states] = np.array([m.x[: eq.states] for m in memories]).T
+    n = eq.states
+    bank[signal_row(n, READING)] = [m.scalars[0] for m in memories]
+    bank[signal_row(n, ESTIMATE)] = [m.scalars[1] for m in memories]
+    bank[signal_row(n, READING) + 3 : signal_row(n, READING) + 6] = bank[eq.dof]
+    rows = (STIFFNESS, DAMPING, POSITION, SIDED)
+    for row, values in zip(rows, ensemble.parameters().T, strict=True):
+        bank[signal_row(n, row)] = values
+    return LaneRuns(eq, bank, np.zeros((empty.line.size // LANES, len(memories))), 0)
+
+
+def advance_runs(groups: Sequence[Runs], weights: Floats, windows: int) -> list[tuple[Floats, Runs]]:
+    """Run every ensemble for `windows` windows on all cores; return (measures, state) of each."""
+    prepared = [runs.tasks(weights, windows) for runs in groups]
+    tasks = [task for _, some, _ in prepared for task in some]
+    with ThreadPoolExecutor(threads()) as pool:
+        for _ in pool.map(lambda task: task(), tasks):
+            pass
+    return [(measures, after) for measures, _, after in prepared]
+
+

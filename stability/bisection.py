@@ -1,0 +1,315 @@
+"""The stability boundary in the time domain: bisection of K for every B, many B at once.
+
+Going up from a K near zero in steps of a constant ratio, the first K that is not stable closes the
+bracket; then its geometric mean is tried until the bracket is narrow enough. All dampings of all
+devices take a trial in the same round, so a round is one batch. A run is prolonged, twice as long
+each time, until its verdict is clear or the limit is reached; a K that stays undecided is left
+between the ends of its bracket. Nothing here knows the linear theory.
+
+Limit: a band of instability narrower than the scan's ratio can be stepped over.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controllers.wall import wall
+from sim.device import Device
+from sim.ensemble import Runs, Walls, advance_runs, start_runs, walls
+from sim.run import Start
+from stability.growth import (
+    DECAYS,
+    LIMIT_CYCLE,
+    UNDECIDED,
+    VERDICTS,
+    Growth,
+    Verdict,
+    assess,
+    window_weights,
+)
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """How a single (K, B) is judged.
+
+    start: amplitude of the start, all masses displaced by it at rest [rad | m]; with friction the
+    boundary depends on it. seconds of the first run, limit_s of the longest; window_s of the energy
+    windows. threshold: amplitude of a limit cycle that counts as rest (None: one encoder step, or
+    1e-3 of the start without one). substeps a tick where the device needs them.
+
+    Raises ValueError with field, value and what is allowed.
+    """
+
+    start: float = 1e-3
+    seconds: float = 4.0
+    limit_s: float = 64.0
+    window_s: float = 0.5
+    threshold: float | None = None
+    substeps: int = 1
+
+    def __post_init__(self) -> None:
+        if not 0.0 < abs(self.start) < math.inf:
+            raise ValueError(f"start is {self.start}; an amplitude other than 0 is needed")
+        if not 0.0 < self.window_s * 6.0 <= self.seconds <= self.limit_s < math.inf:
+            raise ValueError(
+                f"seconds is {self.seconds}; allowed is six windows ({6.0 * self.window_s} s)"
+                f" to limit_s ({self.limit_s} s)"
+            )
+
+
+@dataclass(frozen=True)
+class Search:
+    """How far and how finely K is searched.
+
+    tolerance: width of a bracket over its K. lowest, highest K [N m/rad | N/m], None: 1e-6 and 1
+    times 4 m / T^2, above which no sampled wall holds the whole mass m. ratio of the scan.
+    """
+
+    tolerance: float = 5e-4
+    lowest: float | None = None
+    highest: float | None = None
+    ratio: float = 2.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.tolerance < 1.0:
+            raise ValueError(f"tolerance is {self.tolerance}; allowed is more than 0, less than 1")
+        if not self.ratio > 1.0:
+            raise ValueError(f"ratio is {self.ratio}; the scan goes up, so it must be > 1")
+
+    def limits(self, device: Device) -> tuple[float, float]:
+        """Return (lowest, highest) K for a device; raises ValueError where they are reversed."""
+        scale = 4.0 * float(device.chain.masses.sum()) / device.interface.period**2
+        lowest = 1e-6 * scale if self.lowest is None else self.lowest
+        highest = scale if self.highest is None else self.highest
+        if not 0.0 < lowest < highest < math.inf:
+            raise ValueError(f"K goes from {lowest:g} to {highest:g}; it must rise from above 0")
+        return lowest, highest
+
+
+@dataclass(frozen=True)
+class Bracket:
+    """The boundary at one damping: stable below, unstable above.
+
+    stable, unstable K [N m/rad | N/m]; stable is None where the lowest K tried is unstable already,
+    unstable is None where the highest is still stable. Each end keeps its verdict and amplitude;
+    frequency [Hz] of the run at the unstable end. undecided: (lowest, highest) K between the ends
+    that stayed undecided up to the time limit, if any.
+    """
+
+    damping: float
+    stable: float | None
+    unstable: float | None
+    stable_verdict: Verdict | None = None
+    unstable_verdict: Verdict | None = None
+    unstable_amplitude: float | None = None
+    frequency: float | None = None
+    undecided: tuple[float, float] | None = None
+
+
+def judge(
+    groups: Sequence[tuple[Device, Walls]], trial: Trial = Trial()
+) -> list[Growth]:
+    """Run every wall of every device until its verdict is clear or the time limit is reached."""
+    controller = wall(1.0, 0.0)
+    runs = [
+        start_runs(device, controller, some, [Start(trial.start)], trial.substeps, _bound(trial))
+        for device, some in groups
+    ]
+    return _prolong(groups, runs, trial)
+
+
+def _bound(trial: Trial) -> float:
+    return 1e6 * abs(trial.start)
+
+
+@dataclass
+class _Judged:
+    """Verdicts collected so far for one device, and the runs still going on."""
+
+    growth: Growth
+    pending: NDArray[np.int64]
+    runs: Runs
+    measures: Floats = field(default_factory=lambda: np.zeros((0, 4, 0)))
+
+
+def _prolong(
+    groups: Sequence[tuple[Device, Walls]], runs: Sequence[Runs], trial: Trial
+) -> list[Growth]:
+    judged = [
+        _Judged(
+            Growth(np.full(r.size, UNDECIDED), *np.full((3, r.size), np.nan)),
+            np.arange(r.size),
+            r,
+            np.zeros((0, 4, r.size)),
+        )
+        for r in runs
+    ]
+    done, target = 0.0, trial.seconds
+    while any(j.pending.size for j in judged):
+        active = [i for i, j in enumerate(judged) if j.pending.size]
+        windows = round((target - done) / trial.window_s)
+        for period in {groups[i][0].interface.period for i in active}:
+            same = [i for i in active if groups[i][0].interface.period == period]
+            weights = window_weights(max(8, round(trial.window_s / period)))
+            results = advance_runs([judged[i].runs for i in same], weights, windows)
+            for i, (measures, after) in zip(same, results, strict=True):
+                _update(groups[i][0], judged[i], measures, after, weights.size * period, trial)
+        if target >= trial.limit_s:
+            break
+        done, target = target, min(2.0 * target, trial.limit_s)
+    return [j.growth for j in judged]
+
+
+def _update(
+    device: Device, judged: _Judged, measures: Floats, after: Runs, window: float, trial: Trial
+) -> None:
+    """Enter the verdicts of the pending runs; keep those that are undecided."""
+    judged.measures = np.concatenate([judged.measures, measures])
+    size = judged.pending.size
+    start = np.full(size, abs(trial.start))
+    nonlinear = not device.interface.linear or bool(device.physics)
+    growth = assess(
+        judged.measures, window, start, np.full(size, threshold(device, trial)), nonlinear
+    )
+    for name in ("verdict", "rate", "error", "amplitude"):
+        getattr(judged.growth, name)[judged.pending] = getattr(growth, name)
+    left = np.flatnonzero(growth.verdict == UNDECIDED)
+    judged.pending = judged.pending[left]
+    judged.runs = after.select(left)
+    judged.measures = judged.measures[:, :, left]
+
+
+def threshold(device: Device, trial: Trial) -> float:
+    """Return the amplitude of a limit cycle that counts as rest."""
+    if trial.threshold is not None:
+        return trial.threshold
+    return device.interface.encoder_step or 1e-3 * abs(trial.start)
+
+
+def is_stable(growth: Growth, limit: float) -> NDArray[np.bool_]:
+    """Whether each run comes to rest, decays, or cycles below the limit."""
+    small = (growth.verdict == LIMIT_CYCLE) & (growth.amplitude <= limit)
+    return (growth.verdict == DECAYS) | small
+
+
+class _Hunt:
+    """The brackets of one device while they close; NaN stands for not known yet."""
+
+    def __init__(self, device: Device, dampings: Floats, search: Search, limit: float) -> None:
+        self.device, self.dampings, self.search, self.limit = device, dampings, search, limit
+        self.lowest, self.highest = search.limits(device)
+        shape = dampings.size
+        self.stable, self.unstable, self.doubt_low, self.doubt_high = np.full((4, shape), np.nan)
+        self.verdicts = np.full((2, shape), -1)
+        self.amplitude = np.full(shape, np.nan)
+
+    def trials(self) -> Floats:
+        """Next K for every damping, NaN where the bracket is closed."""
+        near = 1.0 + self.search.tolerance
+        with np.errstate(invalid="ignore"):
+            scan = np.where(
+                np.isnan(self.stable),
+                self.lowest,
+                np.minimum(self.stable * self.search.ratio, self.highest),
+            )
+            scan = np.where(self.stable >= self.highest, np.nan, scan)
+            scan = np.where(np.isnan(self.doubt_high), scan, self._beyond_doubt())
+            doubt = ~np.isnan(self.doubt_low)
+            below = np.sqrt(self.stable * np.where(doubt, self.doubt_low, self.unstable))
+            above = np.sqrt(self.doubt_high * self.unstable)
+            low_open = np.where(doubt, self.doubt_low, self.unstable) > self.stable * near
+            high_open = doubt & (self.unstable > self.doubt_high * near)
+            closing = np.where(low_open, below, np.where(high_open, above, np.nan))
+            return np.where(np.isnan(self.unstable), scan, closing)
+
+    def _beyond_doubt(self) -> Floats:
+        """Scan on past a K that stayed undecided."""
+        ahead = np.minimum(self.doubt_high * self.search.ratio, self.highest)
+        return np.where(self.doubt_high >= self.highest, np.nan, ahead)
+
+    def learn(self, runs: NDArray[np.int64], tried: Floats, growth: Growth) -> None:
+        """Enter the verdicts of one round."""
+        good = is_stable(growth, self.limit)
+        doubt = growth.verdict == UNDECIDED
+        bad = ~good & ~doubt
+        self.stable[runs[good]] = tried[good]
+        self.unstable[runs[bad]] = tried[bad]
+        self.verdicts[0, runs[good]] = growth.verdict[good]
+        self.verdicts[1, runs[bad]] = growth.verdict[bad]
+        self.amplitude[runs[bad]] = growth.amplitude[bad]
+        some = runs[doubt]
+        self.doubt_low[some] = np.fmin(self.doubt_low[some], tried[doubt])
+        self.doubt_high[some] = np.fmax(self.doubt_high[some], tried[doubt])
+        below = self.doubt_high <= self.stable  # a doubt that the stable end has passed is settled
+        above = self.doubt_low >= self.unstable
+        self.doubt_low[below | above] = self.doubt_high[below | above] = np.nan
+
+    def brackets(self, frequencies: Floats) -> list[Bracket]:
+        """Return the closed brackets."""
+
+        def known(value: float) -> float | None:
+            return None if math.isnan(value) else float(value)
+
+        return [
+            Bracket(
+                float(b),
+                known(self.stable[i]),
+                known(self.unstable[i]),
+                None if self.verdicts[0, i] < 0 else VERDICTS[self.verdicts[0, i]],
+                None if self.verdicts[1, i] < 0 else VERDICTS[self.verdicts[1, i]],
+                known(self.amplitude[i]),
+                known(frequencies[i]),
+                None
+                if math.isnan(self.doubt_low[i])
+                else (float(self.doubt_low[i]), float(self.doubt_high[i])),
+            )
+            for i, b in enumerate(self.dampings)
+        ]
+
+
+def find_brackets(
+    devices: Sequence[Device],
+    dampings: Sequence[Floats],
+    trial: Trial = Trial(),
+    search: Search = Search(),
+    progress: Callable[[float], None] | None = None,
+) -> list[list[Bracket]]:
+    """Return the time-domain boundary of each device over its dampings.
+
+    progress: called with the share of brackets closed, from 0 to 1. Raises ValueError for a damping
+    that is not finite.
+    """
+    for grid in dampings:
+        if not np.all(np.isfinite(grid)):
+            raise ValueError("damping contains a value that is not finite; give numbers only")
+    hunts = [
+        _Hunt(device, np.asarray(grid, dtype=np.float64), search, threshold(device, trial))
+        for device, grid in zip(devices, dampings, strict=True)
+    ]
+    total = max(1, sum(h.dampings.size for h in hunts))
+    while True:
+        tried = [h.trials() for h in hunts]
+        active = [np.flatnonzero(~np.isnan(k)) for k in tried]
+        if progress is not None:
+            progress(1.0 - sum(a.size for a in active) / total)
+        if not any(a.size for a in active):
+            break
+        chosen = [i for i, a in enumerate(active) if a.size]
+        growths = judge(
+            [
+                (hunts[i].device, walls(tried[i][active[i]], hunts[i].dampings[active[i]]))
+                for i in chosen
+            ],
+            trial,
+        )
+        for i, growth in zip(chosen, growths, strict=True):
+            hunts[i].learn(active[i], tried[i][active[i]], growth)
+    return [h.brackets(np.full(h.dampings.size, np.nan)) for h in hunts]
+
+

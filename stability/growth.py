@@ -1,0 +1,117 @@
+"""Does it decay, cycle or grow? The sign of the growth rate of a run's oscillation energy.
+
+The energy of an oscillation that grows as exp(sigma t) grows as exp(2 sigma t). Over a window with
+smooth weights (cos^4) its mean is free of the ripple at twice the oscillation's frequency down to
+1e-4 from four cycles a window on, so half the logarithm of the windows' energies is a line of slope
+sigma plus what faster decaying modes leave. The line is fitted by least squares after the first
+quarter of the run; its standard error is taken from the residuals, widened by their
+autocorrelation, so a transient that bends the line makes the run undecided, not wrong, and the run
+is prolonged.
+
+Two energies are watched, because a fast mode that has just begun to grow is invisible in the
+kinetic energy of a slow one: kinetic energy, and the third difference of m1's velocity, in which
+170 Hz stands 3e4 times above 28 Hz. A run decays only if both do, and grows if either does.
+Limit: two growing modes within one octave are seen as their sum.
+"""
+
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.lanes import FAST_ENERGY, HIGHEST, LOWEST, SLOW_ENERGY
+
+Floats = NDArray[np.float64]
+SIGNIFICANCE = 6.0  # standard errors between a growth rate and zero
+SILENCE = 1e-24  # energy over the first window's at which a run has come to rest
+STEADY = 0.02  # change of amplitude over the judged part of a run that a limit cycle may show
+
+
+class Verdict(enum.Enum):
+    """What a run does in the end; the value is the word that files and tables use."""
+
+    DECAYS = "decays"
+    LIMIT_CYCLE = "limit_cycle"
+    GROWS = "grows"
+    UNDECIDED = "undecided"
+
+
+VERDICTS = tuple(Verdict)
+DECAYS, LIMIT_CYCLE, GROWS, UNDECIDED = range(4)
+
+
+def window_weights(ticks: int) -> Floats:
+    """Return cos^4 weights over a window of ticks, with unit sum."""
+    phase = (np.arange(ticks) + 0.5) / ticks
+    weights = np.sin(np.pi * phase) ** 4
+    return weights / weights.sum()
+
+
+@dataclass(frozen=True)
+class Growth:
+    """Growth of an ensemble's runs, one value a run (runs,).
+
+    verdict: index into VERDICTS. rate [1/s] and error: of the energy that decided. amplitude: half
+    the range of m1's position in the last window.
+    """
+
+    verdict: NDArray[np.int64]
+    rate: Floats
+    error: Floats
+    amplitude: Floats
+
+
+def assess(
+    measures: Floats, window: float, start: Floats, threshold: Floats, nonlinear: bool
+) -> Growth:
+    """Judge runs from their measures.
+
+    measures (windows, 4, runs); window [s]; start (runs,): amplitude at t = 0; threshold (runs,):
+    amplitude below which an oscillation counts as rest; nonlinear: limit cycles are possible.
+    """
+    windows, _, runs = measures.shape
+    with np.errstate(all="ignore"):  # infinities and zeros are verdicts, dealt with below
+        amplitude = 0.5 * (measures[:, HIGHEST] - measures[:, LOWEST])
+        slopes = [
+            _slope(0.5 * np.log(measures[:, energy]), window)
+            for energy in (SLOW_ENERGY, FAST_ENERGY)
+        ]
+        kinetic = measures[:, SLOW_ENERGY]
+        silent = kinetic[-1] <= SILENCE * kinetic[0]
+    up = [(rate > SIGNIFICANCE * error) for rate, error in slopes]
+    down = [(rate < -SIGNIFICANCE * error) for rate, error in slopes]
+    escaped = ~np.isfinite(kinetic).all(axis=0)
+    verdict = np.full(runs, UNDECIDED)
+    verdict[down[0] & down[1]] = DECAYS
+    verdict[up[0] | up[1]] = GROWS
+    by_fast = up[1] & ~up[0]
+    rate = np.where(by_fast, slopes[1][0], slopes[0][0])
+    error = np.where(by_fast, slopes[1][1], slopes[0][1])
+    if nonlinear:
+        last = amplitude[-(windows // 2) :]
+        with np.errstate(all="ignore"):
+            change = (last.max(axis=0) - last.min(axis=0)) / last.max(axis=0)
+        resting = (last.max(axis=0) <= threshold) & (amplitude[-1] <= 0.5 * start)
+        verdict[resting] = DECAYS
+        verdict[(change < STEADY) & ~resting & ~escaped] = LIMIT_CYCLE
+    verdict[silent] = DECAYS
+    verdict[escaped] = GROWS
+    rate = np.where(escaped, np.inf, np.where(silent, -np.inf, rate))
+    return Growth(verdict, rate, np.where(escaped | silent, 0.0, error), amplitude[-1])
+
+
+def _slope(lines: Floats, window: float) -> tuple[Floats, Floats]:
+    """Least-squares slope [1/s] and its standard error over the last three quarters, per run."""
+    kept = lines[lines.shape[0] // 4 :]
+    count = kept.shape[0]
+    t = (np.arange(count) - 0.5 * (count - 1)) * window
+    spread = t @ t
+    centred = kept - kept.mean(axis=0)
+    slope = t @ centred / spread
+    residual = centred - t[:, None] * slope
+    variance = (residual * residual).sum(axis=0) / (count - 2)
+    lag = (residual[1:] * residual[:-1]).sum(axis=0) / ((residual * residual).sum(axis=0) + 1e-300)
+    correlation = np.clip(lag, 0.0, 0.95)
+    error = np.sqrt(variance / spread * (1.0 + correlation) / (1.0 - correlation))
+    return slope, error
