@@ -1,0 +1,203 @@
+"""A device as TOML text: read, checked, written back to the bit.
+
+    schema, name, source, rotary; [modal] with [[modal.mode]], or [chain]; [interface]; [[physics]]
+
+Keys carry their unit where it depends on the kind of device: m_kgm2, b_nms_per_rad on a rotary one,
+m_kg, b_ns_per_m on a linear one.
+"""
+
+import hashlib
+import os
+import tomllib
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomli_w
+
+from sim.chain import Chain, make_chain
+from sim.device import Device, DeviceError, home, place_label
+from sim.interface import Interface
+from sim.modal import ModalModel, Mode, to_chain
+from sim.nearest import nearest
+from sim.physics import EFFECTS
+from sim.physics.effect import Physics
+from sim.table import Table, TableError
+
+SCHEMA = 1
+SHIPPED = Path(__file__).parent / "devices"
+
+TOP_KEYS = ("schema", "name", "source", "rotary", "modal", "chain", "interface", "physics")
+CHAIN_KEYS = ("masses", "ground_dampers", "ground_spring", "link_springs", "link_dampers")
+MODAL_KEYS = {True: ("m_kgm2", "b_nms_per_rad"), False: ("m_kg", "b_ns_per_m")}
+MODE_KEYS = ("omega_rad_s", "c_rad_s", "v_rad_s", "d_rad_s")
+INTERFACE_KEYS = {
+    "period_s": "period",
+    "delay_s": "delay",
+    "encoder_step": "encoder_step",
+    "command_step": "command_step",
+    "command_limit": "command_limit",
+    "velocity_cutoff_hz": "velocity_cutoff_hz",
+    "encoder_rounding": "encoder_rounding",
+}
+
+
+def shipped_devices() -> list[str]:
+    """Return the names of the devices that come with the package."""
+    return sorted(file.stem for file in SHIPPED.glob("*.toml"))
+
+
+def load_device(name_or_path: str | os.PathLike[str]) -> Device:
+    """Return a shipped device by name ("phantom_1_0") or the device of a TOML file.
+
+    Raises DeviceError with one sentence: no such file, not TOML (with the line), an unknown key
+    (with the nearest known one), a wrong type, a value that is not allowed.
+    """
+    shipped = isinstance(name_or_path, str) and name_or_path in shipped_devices()
+    path = SHIPPED / f"{name_or_path}.toml" if shipped else Path(name_or_path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        hint = nearest(path.stem, shipped_devices())
+        raise DeviceError(
+            f"{str(name_or_path)!r} is neither a file nor a shipped device; {hint}"
+        ) from None
+    except IsADirectoryError:
+        raise DeviceError(f"{str(path)!r} is a folder; name a device file in it") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise DeviceError(f"{str(path)!r} cannot be read as text: {error}") from None
+    return device_from_text(text, str(name_or_path))
+
+
+def save_device(device: Device, path: str | os.PathLike[str]) -> None:
+    """Write the device file as a whole or not at all; raises DeviceError where it cannot."""
+    path = Path(path)
+    draft = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        with draft.open("w", encoding="utf-8", newline="\n") as file:
+            file.write(device_to_text(device))
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(draft, path)
+    except OSError as error:
+        raise DeviceError(f"{str(path)!r} cannot be written: {error.strerror}") from None
+    finally:
+        with suppress(OSError):
+            draft.unlink()
+
+
+def model_hash(device: Device) -> str:
+    """Return the SHA-256 of the device's text: equal for devices that are equal to the bit."""
+    return hashlib.sha256(device_to_text(device).encode()).hexdigest()
+
+
+def device_to_text(device: Device) -> str:
+    """Return the device file: every key of the interface, numbers that read back exactly."""
+    head: dict[str, object] = {
+        "schema": SCHEMA,
+        "name": device.name,
+        "source": device.source,
+        "rotary": device.rotary,
+    }
+    sections = [tomli_w.dumps(head)]
+    if device.modal is not None:
+        body = (device.modal.inertia, device.modal.damping)
+        sections.append(_section("[modal]", MODAL_KEYS[device.rotary], body))
+        sections += [_section("[[modal.mode]]", MODE_KEYS, mode) for mode in device.modal.modes]
+    else:
+        values = (np.asarray(value).tolist() for value in device.chain)
+        sections.append(_section("[chain]", CHAIN_KEYS, values))
+    interface = [getattr(device.interface, field) for field in INTERFACE_KEYS.values()]
+    sections.append(_section("[interface]", INTERFACE_KEYS, interface))
+    for physics in device.physics:
+        entry: dict[str, object] = {"effect": physics.effect.name, "at": physics.at}
+        entry |= physics.values
+        sections.append(_section("[[physics]]", entry.keys(), entry.values()))
+    return "\n".join(sections)
+
+
+def device_from_text(text: str, where: str = "device") -> Device:
+    """Return the device of a device file's text; `where` begins every complaint.
+
+    Raises DeviceError with one sentence, see `load_device`.
+    """
+    try:
+        values = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise DeviceError(f"{where}: this is not TOML: {error}") from None
+    try:
+        return _device(Table(values).only(TOP_KEYS))
+    except ValueError as error:
+        raise DeviceError(f"{where}: {error}") from None
+
+
+def _device(top: Table) -> Device:
+    if "schema" in top and top.number("schema") != SCHEMA:
+        raise TableError(f"schema is {top.number('schema'):g}; this version reads {SCHEMA}")
+    if ("modal" in top) == ("chain" in top):
+        given = "both [modal] and [chain] stand" if "modal" in top else "no mechanism stands"
+        raise TableError(f"{given} in the file; give either [modal] or [chain]")
+    rotary = top.boolean("rotary")
+    modal = _modal(top.table("modal"), rotary) if "modal" in top else None
+    entries = [_physics(table) for table in top.tables("physics")]
+    labels = [place_label(physics) for physics in entries]
+    for i, label in enumerate(labels):
+        if label in labels[:i]:
+            raise TableError(f"physics[{i}] is {label} once more; give each effect once a place")
+    return Device(
+        top.text("name"),
+        top.text("source", ""),
+        rotary,
+        _chain(top.table("chain")) if modal is None else to_chain(modal),
+        _interface(top.table("interface")),
+        tuple(physics for physics in entries if home(physics) is None),
+        modal,
+    ).with_physics(*(physics for physics in entries if home(physics) is not None))
+
+
+def _modal(table: Table, rotary: bool) -> ModalModel:
+    inertia, damping = MODAL_KEYS[rotary]
+    table.only((inertia, damping, "mode"))
+    modes = [mode.only(MODE_KEYS) for mode in table.tables("mode")]
+    return ModalModel(
+        table.number(inertia),
+        table.number(damping),
+        tuple(Mode(*(mode.number(key) for key in MODE_KEYS)) for mode in modes),
+    )
+
+
+def _chain(table: Table) -> Chain:
+    table.only(CHAIN_KEYS)
+    return make_chain(
+        table.numbers("masses"),
+        table.numbers("ground_dampers"),
+        table.number("ground_spring", 0.0),
+        table.numbers("link_springs", []),
+        table.numbers("link_dampers", []),
+    )
+
+
+def _interface(table: Table) -> Interface:
+    table.only(INTERFACE_KEYS)
+    values: dict[str, object] = {
+        field: table.text(key) if field == "encoder_rounding" else table.number(key)
+        for key, field in INTERFACE_KEYS.items()
+        if key in table
+    }
+    return Interface(**values)  # pyright: ignore[reportArgumentType]
+
+
+def _physics(table: Table) -> Physics:
+    name = table.text("effect")
+    if name not in EFFECTS:
+        raise TableError(f"{table.path}.effect is {name!r}; {nearest(name, EFFECTS)}")
+    parameters = [parameter.name for parameter in EFFECTS[name].parameters]
+    table.only(("effect", "at", *parameters))
+    return Physics(EFFECTS[name], table.text("at"), {key: table.number(key) for key in parameters})
+
+
+def _section(header: str, keys: Iterable[str], values: Iterable[Any]) -> str:
+    exact = (value if isinstance(value, str | list) else float(value) for value in values)
+    return f"{header}\n{tomli_w.dumps(dict(zip(keys, exact, strict=True)))}"

@@ -1,0 +1,96 @@
+"""Reading a TOML table key by key: every complaint names the place, the value, what is allowed."""
+
+from collections.abc import Iterable, Mapping
+from typing import TypeVar, cast
+
+from sim.nearest import nearest
+
+T = TypeVar("T")
+
+
+class TableError(ValueError):
+    """A table that is not as it must be; the message is one sentence."""
+
+
+class Table:
+    """A table of a TOML file and where it stands ("" at the top, "interface", "modal.mode[1]").
+
+    Every method raises TableError for a key that is missing (without a default) or whose value is
+    of another type.
+    """
+
+    def __init__(self, values: Mapping[str, object], path: str = "") -> None:
+        self._values = values
+        self.path = path
+
+    def __contains__(self, key: str) -> bool:
+        return key in self._values
+
+    def only(self, known: Iterable[str]) -> "Table":
+        """Return the table itself if it has no other keys than these."""
+        known = list(known)
+        for key in self._values:
+            if key not in known:
+                raise TableError(f"unknown key {self._at(key)!r}; {nearest(key, known)}")
+        return self
+
+    def keys(self) -> list[str]:
+        """Return the keys that stand in the table."""
+        return list(self._values)
+
+    def number(self, key: str, default: float | None = None) -> float:
+        """Return a float; an integer is taken as one."""
+        return _number(self._get(key, default), self._at(key))
+
+    def numbers(self, key: str, default: list[float] | None = None) -> list[float]:
+        """Return a list of floats."""
+        values = self._typed(key, default, list, "a list of numbers")
+        return [_number(v, f"{self._at(key)}[{i}]") for i, v in enumerate(values)]
+
+    def text(self, key: str, default: str | None = None) -> str:
+        """Return a string."""
+        return self._typed(key, default, str, "a text in quotes")
+
+    def boolean(self, key: str, default: bool | None = None) -> bool:
+        """Return true or false."""
+        return self._typed(key, default, bool, "true or false")
+
+    def table(self, key: str) -> "Table":
+        """Return a table within; an empty one where it does not stand."""
+        return Table(self._typed(key, {}, dict, f"a table [{self._at(key)}]"), self._at(key))
+
+    def tables(self, key: str) -> list["Table"]:
+        """Return the tables of an array of tables; none where it does not stand."""
+        allowed = f"an array of tables [[{self._at(key)}]]"
+        entries = self._typed(key, [], list, allowed)
+        for entry in entries:
+            if not isinstance(entry, dict):
+                raise TableError(f"{self._at(key)} contains {entry!r}; allowed is {allowed}")
+        return [
+            Table(cast("dict[str, object]", entry), f"{self._at(key)}[{i}]")
+            for i, entry in enumerate(entries)
+        ]
+
+    def _at(self, key: str) -> str:
+        return f"{self.path}.{key}" if self.path else key
+
+    def _get(self, key: str, default: object) -> object:
+        value = self._values.get(key, default)
+        if value is None:
+            raise TableError(f"{self._at(key)} is missing; add it")
+        return value
+
+    def _typed(self, key: str, default: T | None, kind: type[T], allowed: str) -> T:
+        value = self._get(key, default)
+        if not isinstance(value, kind):
+            raise TableError(f"{self._at(key)} is {value!r}; allowed is {allowed}")
+        return value
+
+
+def _number(value: object, at: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise TableError(f"{at} is {value!r}; allowed is a number")
+    try:
+        return float(value)
+    except OverflowError:
+        raise TableError(f"{at} is too large for a number; use inf for none") from None
