@@ -5,25 +5,26 @@ kernel; both give the same measures a window. Groups are independent tasks witho
 the result does not depend on the number of threads.
 """
 
-import math
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.controller import Controller
-from sim.device import Device
-from sim.equations import Equations, equations
+from sim.equations import Equations
 from sim.kernel import Memory, advance, scratch
 from sim.lanes import (
     DAMPING,
     ESTIMATE,
     LANES,
     MEASURES,
+    NARROW,
+    PAST1,
+    PAST3,
     POSITION,
     READING,
     SIDED,
@@ -38,6 +39,7 @@ from sim.run import Start, start_memory
 
 Floats = NDArray[np.float64]
 Task = Callable[[], None]
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -100,21 +102,30 @@ class LaneRuns:
             line=np.empty_like(self.line),
             head=(self.head + windows * weights.size) % self.line.shape[0],
         )
-        kernel = lane_kernel(self.eq.states, self.eq.dof)
         rows = dense(self.eq)
 
-        def run(first: int) -> None:
-            lanes = np.minimum(np.arange(first, first + LANES), self.size - 1)
-            count = min(LANES, self.size - first)
-            memory = LaneMemory(self.bank[:, lanes].ravel(), self.line[:, lanes].ravel())
-            found = np.zeros(windows * MEASURES * LANES)
+        def run(first: int, lanes: int) -> None:
+            count = min(lanes, self.size - first)
+            chosen = np.minimum(np.arange(first, first + lanes), self.size - 1)
+            memory = LaneMemory(self.bank[:, chosen].ravel(), self.line[:, chosen].ravel())
+            found = np.zeros(windows * MEASURES * lanes)
+            kernel = lane_kernel(self.eq.states, self.eq.dof, lanes)
             kernel(self.eq, rows, memory, self.head, weights, windows, found)
             mine = slice(first, first + count)
-            measures[:, :, mine] = found.reshape(windows, MEASURES, LANES)[:, :, :count]
-            after.bank[:, mine] = memory.bank.reshape(-1, LANES)[:, :count]
-            after.line[:, mine] = memory.line.reshape(-1, LANES)[:, :count]
+            measures[:, :, mine] = found.reshape(windows, MEASURES, lanes)[:, :, :count]
+            after.bank[:, mine] = memory.bank.reshape(-1, lanes)[:, :count]
+            after.line[:, mine] = memory.line.reshape(-1, lanes)[:, :count]
 
-        return measures, [lambda f=f: run(f) for f in range(0, self.size, LANES)], after
+        return measures, [lambda s=s: run(*s) for s in lane_groups(self.size)], after
+
+
+def lane_groups(runs: int) -> list[tuple[int, int]]:
+    """Cut runs into (first, lanes) groups: full ones, and narrow ones for the rest."""
+    full = runs // LANES * LANES
+    rest = range(full, runs, NARROW)
+    if len(rest) > 2:
+        return [(f, LANES) for f in range(0, runs, LANES)]
+    return [(f, LANES) for f in range(0, full, LANES)] + [(f, NARROW) for f in rest]
 
 
 @dataclass(frozen=True)
@@ -195,46 +206,53 @@ def fits_lanes(eq: Equations) -> bool:
 
 
 def start_runs(
-    device: Device, wall_controller: Controller, ensemble: Walls, starts: Sequence[Start],
-    substeps: int = 1, bound: float = math.inf,
+    eq: Equations, wall_controller: Controller, ensemble: Walls, starts: Sequence[Start],
+    bound: float = 1e300,
 ) -> Runs:  # fmt: skip
     """Return the runs of a device at t = 0, one start a run (or one for all).
 
-    wall_controller: `controllers.wall.wall(...)`, whose law the walls parametrise.
+    eq: from `sim.equations.equations`. wall_controller: `controllers.wall.wall(...)`, whose law the
+    walls parametrise. bound: a scalar run stops when |position of m1| exceeds it.
     """
-    eq = equations(device, substeps)
     count = ensemble.stiffness.size
-    each = list(starts) * count if len(starts) == 1 else list(starts)
-    memories = tuple(start_memory(eq, wall_controller, start, 0) for start in each)
+    memories = [start_memory(eq, wall_controller, start, 0) for start in starts]
+    each = memories * count if len(memories) == 1 else memories
     if fits_lanes(eq):
-        return _in_lanes(eq, ensemble, memories)
-    past = np.array([[m.x[eq.dof]] * 3 for m in memories])
-    return ScalarRuns(
-        eq, wall_controller.step, ensemble.parameters(), memories, past, min(bound, 1e300)
-    )
+        return _in_lanes(eq, ensemble, each)
+    past = np.array([[m.x[eq.dof]] * 3 for m in each])
+    parameters = ensemble.parameters()
+    return ScalarRuns(eq, wall_controller.step, parameters, tuple(each), past, bound)
 
 
-def _in_lanes(eq: Equations, ensemble: Walls, memories: tuple[Memory, ...]) -> LaneRuns:
-    empty = lane_memory(eq)
-    bank = np.zeros((empty.bank.size // LANES, len(memories)))
-    bank[: eq.states] = np.array([m.x[: eq.states] for m in memories]).T
+def _in_lanes(eq: Equations, ensemble: Walls, memories: Sequence[Memory]) -> LaneRuns:
     n = eq.states
+    width = lane_memory(eq, 1)
+    bank = np.zeros((width.bank.size, len(memories)))
+    bank[:n] = np.array([m.x[:n] for m in memories]).T
     bank[signal_row(n, READING)] = [m.scalars[0] for m in memories]
     bank[signal_row(n, ESTIMATE)] = [m.scalars[1] for m in memories]
-    bank[signal_row(n, READING) + 3 : signal_row(n, READING) + 6] = bank[eq.dof]
+    bank[signal_row(n, PAST1) : signal_row(n, PAST3) + 1] = bank[eq.dof]
     rows = (STIFFNESS, DAMPING, POSITION, SIDED)
     for row, values in zip(rows, ensemble.parameters().T, strict=True):
         bank[signal_row(n, row)] = values
-    return LaneRuns(eq, bank, np.zeros((empty.line.size // LANES, len(memories))), 0)
+    return LaneRuns(eq, bank, np.zeros((width.line.size, len(memories))), 0)
 
 
-def advance_runs(groups: Sequence[Runs], weights: Floats, windows: int) -> list[tuple[Floats, Runs]]:
-    """Run every ensemble for `windows` windows on all cores; return (measures, state) of each."""
-    prepared = [runs.tasks(weights, windows) for runs in groups]
-    tasks = [task for _, some, _ in prepared for task in some]
-    with ThreadPoolExecutor(threads()) as pool:
-        for _ in pool.map(lambda task: task(), tasks):
-            pass
-    return [(measures, after) for measures, _, after in prepared]
+def advance_runs(runs: Runs, weights: Floats, windows: int, workers: int) -> tuple[Floats, Runs]:
+    """Run an ensemble for `windows` windows; return (measures (windows, 4, runs), state)."""
+    measures, tasks, after = runs.tasks(weights, windows)
+    in_parallel(tasks, workers)
+    return measures, after
 
 
+def in_parallel(tasks: Sequence[Callable[[], Result]], workers: int) -> list[Result]:
+    """Run tasks on threads (kernels release the interpreter's lock); results in task order."""
+    if workers == 1 or len(tasks) == 1:
+        return [task() for task in tasks]
+    with ThreadPoolExecutor(workers) as pool:
+        futures = [pool.submit(task) for task in tasks]
+        try:
+            return [future.result() for future in futures]
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise

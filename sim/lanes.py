@@ -1,6 +1,6 @@
 """Many runs of one device at once: the same tick, runs in the lanes of the vector registers.
 
-The innermost loop runs over LANES runs that lie side by side in memory, each with its own wall,
+The innermost loop runs over 64 (or 16) runs that lie side by side in memory, each with its own wall,
 start and state. Every lane does the operations of `sim/kernel.py` in the same order, so it equals
 the scalar run bit for bit. It serves linear mechanisms with the interface's own nonlinearities
 (encoder step, command step, limit) under the built-in wall; anything else runs in the scalar kernel.
@@ -22,7 +22,7 @@ from sim.physics.command_step import quantise_command
 from sim.physics.encoder_step import read_encoder
 
 Floats = NDArray[np.float64]
-LANES = 64
+LANES, NARROW = 64, 16  # runs in a group: full, and for what is left over
 SLOW_ENERGY, FAST_ENERGY, LOWEST, HIGHEST = 0, 1, 2, 3
 MEASURES = 4
 # Rows of the bank after the states, the held command and the fresh states.
@@ -33,9 +33,8 @@ STIFFNESS, DAMPING, POSITION, SIDED, SIGNALS = 6, 7, 8, 9, 10
 class LaneMemory(NamedTuple):
     """All that survives a tick, for a group of lanes.
 
-    bank (rows x 64,): states, held command, working space, signals and wall, a row of 64 lanes
-    each, in one array with rows at constant offsets, so that the compiler can see that they do not
-    overlap. line ((d + 2) x 64,) the delay lines.
+    bank (rows x lanes,): states, held command, working space, signals and wall, a row of lanes each, in one array with rows at constant offsets, so that the compiler can see that they do not
+    overlap. line ((d + 2) x lanes,) the delay lines.
     """
 
     bank: Floats
@@ -47,10 +46,10 @@ def signal_row(states: int, signal: int) -> int:
     return 2 * states + 1 + signal
 
 
-def lane_memory(eq: Equations) -> LaneMemory:
-    """Return zeroed memory for 64 lanes of a device."""
+def lane_memory(eq: Equations, lanes: int = 64) -> LaneMemory:
+    """Return zeroed memory for a group of lanes of a device."""
     rows = signal_row(eq.states, SIGNALS)
-    return LaneMemory(np.zeros(rows * LANES), np.zeros((eq.whole_delay + 2) * LANES))
+    return LaneMemory(np.zeros(rows * lanes), np.zeros((eq.whole_delay + 2) * lanes))
 
 
 def dense(eq: Equations) -> Floats:
@@ -61,8 +60,9 @@ def dense(eq: Equations) -> Floats:
 
 
 @cache
-def lane_kernel(states: int, dof: int) -> Any:
-    """Return the kernel for a number of states; with fixed sizes the inner sums unroll."""
+def lane_kernel(states: int, dof: int, lanes: int) -> Any:
+    """Return the kernel for a number of states and lanes; with fixed sizes the sums unroll."""
+    LANES = lanes
     HELD = states
     FRESH = states + 1
     Y = 2 * states + 1 + READING
@@ -80,7 +80,7 @@ def lane_kernel(states: int, dof: int) -> Any:
     def advance_lanes(eq, p, memory, head, weights, windows, measures):
         """Run `windows` windows of weights.size ticks each; return the delay line's head.
 
-        p: from `dense`. measures (windows x 4 x 64,) is filled.
+        p: from `dense`. measures (windows x 4 x lanes,) is filled.
         """
         bank, line = memory
         last = line.size // LANES - 1

@@ -1,7 +1,8 @@
 """The stability boundary in the time domain: bisection of K for every B, many B at once.
 
 Going up from a K near zero in steps of a constant ratio, the first K that is not stable closes the
-bracket; then its geometric mean is tried until the bracket is narrow enough. All dampings of all
+bracket; then the zero of the growth rate by interpolation, or where that fails to halve the bracket
+its geometric mean, is tried until the bracket is narrow enough. All dampings of all
 devices take a trial in the same round, so a round is one batch. A run is prolonged, twice as long
 each time, until its verdict is clear or the limit is reached; a K that stays undecided is left
 between the ends of its bracket. Nothing here knows the linear theory.
@@ -11,15 +12,18 @@ Limit: a band of instability narrower than the scan's ratio can be stepped over.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from controllers.wall import wall
 from sim.device import Device
-from sim.ensemble import Runs, Walls, advance_runs, start_runs, walls
+from sim.equations import Equations, equations
+from sim.ensemble import Walls, advance_runs, in_parallel, start_runs, threads, walls
+from sim.lanes import LANES, MEASURES
 from sim.run import Start
+from stability.frequency import velocity_record, ultimate_frequency
 from stability.growth import (
     DECAYS,
     LIMIT_CYCLE,
@@ -113,76 +117,33 @@ class Bracket:
 
 
 def judge(
-    groups: Sequence[tuple[Device, Walls]], trial: Trial = Trial()
-) -> list[Growth]:
-    """Run every wall of every device until its verdict is clear or the time limit is reached."""
-    controller = wall(1.0, 0.0)
-    runs = [
-        start_runs(device, controller, some, [Start(trial.start)], trial.substeps, _bound(trial))
-        for device, some in groups
-    ]
-    return _prolong(groups, runs, trial)
+    device: Device, ensemble: Walls, trial: Trial = Trial(), workers: int | None = None
+) -> Growth:
+    """Run every wall of a device until its verdict is clear or the time limit is reached."""
+    eq = equations(device, trial.substeps)
+    return _judge(device, eq, ensemble, trial, workers or threads())
 
 
-def _bound(trial: Trial) -> float:
-    return 1e6 * abs(trial.start)
-
-
-@dataclass
-class _Judged:
-    """Verdicts collected so far for one device, and the runs still going on."""
-
-    growth: Growth
-    pending: NDArray[np.int64]
-    runs: Runs
-    measures: Floats = field(default_factory=lambda: np.zeros((0, 4, 0)))
-
-
-def _prolong(
-    groups: Sequence[tuple[Device, Walls]], runs: Sequence[Runs], trial: Trial
-) -> list[Growth]:
-    judged = [
-        _Judged(
-            Growth(np.full(r.size, UNDECIDED), *np.full((3, r.size), np.nan)),
-            np.arange(r.size),
-            r,
-            np.zeros((0, 4, r.size)),
-        )
-        for r in runs
-    ]
-    done, target = 0.0, trial.seconds
-    while any(j.pending.size for j in judged):
-        active = [i for i, j in enumerate(judged) if j.pending.size]
-        windows = round((target - done) / trial.window_s)
-        for period in {groups[i][0].interface.period for i in active}:
-            same = [i for i in active if groups[i][0].interface.period == period]
-            weights = window_weights(max(8, round(trial.window_s / period)))
-            results = advance_runs([judged[i].runs for i in same], weights, windows)
-            for i, (measures, after) in zip(same, results, strict=True):
-                _update(groups[i][0], judged[i], measures, after, weights.size * period, trial)
-        if target >= trial.limit_s:
-            break
-        done, target = target, min(2.0 * target, trial.limit_s)
-    return [j.growth for j in judged]
-
-
-def _update(
-    device: Device, judged: _Judged, measures: Floats, after: Runs, window: float, trial: Trial
-) -> None:
-    """Enter the verdicts of the pending runs; keep those that are undecided."""
-    judged.measures = np.concatenate([judged.measures, measures])
-    size = judged.pending.size
-    start = np.full(size, abs(trial.start))
+def _judge(device: Device, eq: Equations, ensemble: Walls, trial: Trial, workers: int) -> Growth:
+    runs = start_runs(eq, wall(1.0, 0.0), ensemble, [Start(trial.start)], 1e6 * abs(trial.start))
+    weights = window_weights(max(8, round(trial.window_s / eq.period)))
+    window = weights.size * eq.period
+    start, rest = abs(trial.start), threshold(device, trial)
     nonlinear = not device.interface.linear or bool(device.physics)
-    growth = assess(
-        judged.measures, window, start, np.full(size, threshold(device, trial)), nonlinear
-    )
-    for name in ("verdict", "rate", "error", "amplitude"):
-        getattr(judged.growth, name)[judged.pending] = getattr(growth, name)
-    left = np.flatnonzero(growth.verdict == UNDECIDED)
-    judged.pending = judged.pending[left]
-    judged.runs = after.select(left)
-    judged.measures = judged.measures[:, :, left]
+    judged = Growth(np.full(runs.size, UNDECIDED), *np.full((3, runs.size), np.nan))
+    pending, history = np.arange(runs.size), np.zeros((0, MEASURES, runs.size))
+    done, target = 0.0, trial.seconds
+    while True:
+        measures, runs = advance_runs(runs, weights, round((target - done) / window), workers)
+        history = np.concatenate([history, measures])
+        growth = assess(history, window, start, rest, nonlinear)
+        for name in ("verdict", "rate", "error", "amplitude"):
+            getattr(judged, name)[pending] = getattr(growth, name)
+        left = np.flatnonzero(growth.verdict == UNDECIDED)
+        if left.size == 0 or target >= trial.limit_s:
+            return judged
+        pending, runs, history = pending[left], runs.select(left), history[:, :, left]
+        done, target = target, min(2.0 * target, trial.limit_s)
 
 
 def threshold(device: Device, trial: Trial) -> float:
@@ -201,13 +162,39 @@ def is_stable(growth: Growth, limit: float) -> NDArray[np.bool_]:
 class _Hunt:
     """The brackets of one device while they close; NaN stands for not known yet."""
 
-    def __init__(self, device: Device, dampings: Floats, search: Search, limit: float) -> None:
-        self.device, self.dampings, self.search, self.limit = device, dampings, search, limit
+    def __init__(self, device: Device, dampings: Floats, trial: Trial, search: Search) -> None:
+        self.device, self.dampings, self.search = device, dampings, search
+        self.eq, self.limit = equations(device, trial.substeps), threshold(device, trial)
         self.lowest, self.highest = search.limits(device)
-        shape = dampings.size
+        shape = self.open = dampings.size
         self.stable, self.unstable, self.doubt_low, self.doubt_high = np.full((4, shape), np.nan)
         self.verdicts = np.full((2, shape), -1)
+        self.rates = np.full((2, shape), np.nan)  # growth rates at the stable and unstable ends
+        self.width = np.full((2, shape), np.inf)  # ln(unstable / stable), now and a trial before
         self.amplitude = np.full(shape, np.nan)
+
+    def run(self, trial: Trial, workers: int, closed: Callable[[], None]) -> list[Bracket]:
+        """Try until every bracket is closed."""
+        while True:
+            tried = self.trials()
+            active = np.flatnonzero(~np.isnan(tried))
+            self.open = active.size
+            closed()
+            if active.size == 0:
+                return self.brackets(self.frequencies(trial))
+            some = walls(tried[active], self.dampings[active])
+            growth = _judge(self.device, self.eq, some, trial, workers)
+            self.learn(active, tried[active], growth)
+
+    def frequencies(self, trial: Trial) -> Floats:
+        """Ultimate frequency [Hz] of the run at each unstable end."""
+        found = np.full(self.dampings.size, np.nan)
+        for i in np.flatnonzero(~np.isnan(self.unstable)):
+            law = wall(self.unstable[i], self.dampings[i])
+            start = Start(trial.start)
+            record = velocity_record(self.eq, law, start, trial.seconds, 1e6 * abs(trial.start))
+            found[i] = ultimate_frequency(record, self.eq.period)
+        return found
 
     def trials(self) -> Floats:
         """Next K for every damping, NaN where the bracket is closed."""
@@ -221,12 +208,27 @@ class _Hunt:
             scan = np.where(self.stable >= self.highest, np.nan, scan)
             scan = np.where(np.isnan(self.doubt_high), scan, self._beyond_doubt())
             doubt = ~np.isnan(self.doubt_low)
-            below = np.sqrt(self.stable * np.where(doubt, self.doubt_low, self.unstable))
+            middle = np.sqrt(self.stable * np.where(doubt, self.doubt_low, self.unstable))
+            below = np.where(doubt, middle, self._interpolated(middle))
             above = np.sqrt(self.doubt_high * self.unstable)
             low_open = np.where(doubt, self.doubt_low, self.unstable) > self.stable * near
             high_open = doubt & (self.unstable > self.doubt_high * near)
             closing = np.where(low_open, below, np.where(high_open, above, np.nan))
             return np.where(np.isnan(self.unstable), scan, closing)
+
+    def _interpolated(self, middle: Floats) -> Floats:
+        """Where the growth rate is zero by interpolation, a little towards the farther end.
+
+        The step past the zero makes the next bracket as narrow as the tolerance when interpolation
+        is right; where it is not (the bracket did not halve), the middle is taken.
+        """
+        low, high = np.log(self.stable), np.log(self.unstable)
+        share = -self.rates[0] / (self.rates[1] - self.rates[0])
+        zero = low + share * (high - low)
+        nudge = 0.4 * math.log1p(self.search.tolerance)
+        guess = np.where(share < 0.5, np.minimum(zero + nudge, high), np.maximum(zero - nudge, low))
+        inside = (guess > low) & (guess < high) & (self.width[0] <= 0.5 * self.width[1])
+        return np.where(inside, np.exp(guess), middle)
 
     def _beyond_doubt(self) -> Floats:
         """Scan on past a K that stayed undecided."""
@@ -243,6 +245,11 @@ class _Hunt:
         self.verdicts[0, runs[good]] = growth.verdict[good]
         self.verdicts[1, runs[bad]] = growth.verdict[bad]
         self.amplitude[runs[bad]] = growth.amplitude[bad]
+        self.rates[0, runs[good]] = growth.rate[good]
+        self.rates[1, runs[bad]] = growth.rate[bad]
+        self.width[1, runs] = self.width[0, runs]
+        with np.errstate(invalid="ignore"):
+            self.width[0, runs] = np.log(self.unstable[runs] / self.stable[runs])
         some = runs[doubt]
         self.doubt_low[some] = np.fmin(self.doubt_low[some], tried[doubt])
         self.doubt_high[some] = np.fmax(self.doubt_high[some], tried[doubt])
@@ -282,34 +289,26 @@ def find_brackets(
 ) -> list[list[Bracket]]:
     """Return the time-domain boundary of each device over its dampings.
 
-    progress: called with the share of brackets closed, from 0 to 1. Raises ValueError for a damping
-    that is not finite.
+    The dampings are cut into groups of up to 64 that are hunted down independently, on all cores.
+    progress: called with the share of brackets closed, from 0 to 1 (from any thread). Raises
+    ValueError for a damping that is not finite.
     """
-    for grid in dampings:
-        if not np.all(np.isfinite(grid)):
+    hunts: list[_Hunt] = []
+    for device, grid in zip(devices, dampings, strict=True):
+        values = np.asarray(grid, dtype=np.float64)
+        if not np.all(np.isfinite(values)):
             raise ValueError("damping contains a value that is not finite; give numbers only")
-    hunts = [
-        _Hunt(device, np.asarray(grid, dtype=np.float64), search, threshold(device, trial))
-        for device, grid in zip(devices, dampings, strict=True)
-    ]
+        for group in np.array_split(values, max(1, -(-values.size // LANES))):
+            hunts.append(_Hunt(device, group, trial, search))
     total = max(1, sum(h.dampings.size for h in hunts))
-    while True:
-        tried = [h.trials() for h in hunts]
-        active = [np.flatnonzero(~np.isnan(k)) for k in tried]
+    workers = threads()
+    inner = 1 if len(hunts) >= workers else workers
+
+    def closed() -> None:
         if progress is not None:
-            progress(1.0 - sum(a.size for a in active) / total)
-        if not any(a.size for a in active):
-            break
-        chosen = [i for i, a in enumerate(active) if a.size]
-        growths = judge(
-            [
-                (hunts[i].device, walls(tried[i][active[i]], hunts[i].dampings[active[i]]))
-                for i in chosen
-            ],
-            trial,
-        )
-        for i, growth in zip(chosen, growths, strict=True):
-            hunts[i].learn(active[i], tried[i][active[i]], growth)
-    return [h.brackets(np.full(h.dampings.size, np.nan)) for h in hunts]
+            progress(1.0 - sum(h.open for h in hunts) / total)
 
-
+    found = in_parallel([lambda h=h: h.run(trial, inner, closed) for h in hunts], workers)
+    each = iter(found)
+    groups = [max(1, -(-np.asarray(grid).size // LANES)) for grid in dampings]
+    return [[b for _ in range(count) for b in next(each)] for count in groups]

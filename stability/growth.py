@@ -63,12 +63,12 @@ class Growth:
 
 
 def assess(
-    measures: Floats, window: float, start: Floats, threshold: Floats, nonlinear: bool
+    measures: Floats, window: float, start: float, threshold: float, nonlinear: bool
 ) -> Growth:
     """Judge runs from their measures.
 
-    measures (windows, 4, runs); window [s]; start (runs,): amplitude at t = 0; threshold (runs,):
-    amplitude below which an oscillation counts as rest; nonlinear: limit cycles are possible.
+    measures (windows, 4, runs); window [s]; start: amplitude at t = 0; threshold: amplitude below which
+    an oscillation counts as rest; nonlinear: limit cycles are possible.
     """
     windows, _, runs = measures.shape
     with np.errstate(all="ignore"):  # infinities and zeros are verdicts, dealt with below
