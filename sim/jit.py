@@ -5,7 +5,7 @@ which makes the source its own oracle (run it with ``NUMBA_DISABLE_JIT=1``).
 
 Numba's on-disk cache looks at the file of a function, not at the files of the functions it calls,
 so an edit of a callee would leave a stale caller behind. The cache folder is therefore named by the
-text of every file of `sim` and `controllers`, from which all compiled functions come.
+text of every file of `sim` and `controllers` that holds compiled functions.
 """
 
 import hashlib
@@ -26,7 +26,9 @@ def _fingerprint() -> str:
     root = Path(__file__).parent.parent
     for package in COMPILED_PACKAGES:
         for file in sorted((root / package).rglob("*.py")):
-            digest.update(file.read_bytes())
+            text = file.read_bytes()
+            if b"sim.jit" in text or b"compile_step" in text:
+                digest.update(text)
     return digest.hexdigest()[:16]
 
 
