@@ -1,0 +1,77 @@
+"""A boundary over virtual damping, by linear theory and in the time domain, side by side."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.device import Device
+from stability.bisection import Bracket, Search, Trial, find_brackets
+from stability.linear import boundary, last_stable_damping
+from stability.types import LinearPoint
+
+Floats = NDArray[np.float64]
+GRID = 41
+MARGIN = 1.2
+
+
+@dataclass(frozen=True)
+class BoundaryPoint:
+    """The boundary at one damping B by both ways; they know nothing of each other."""
+
+    linear: LinearPoint
+    simulated: Bracket
+
+    @property
+    def damping(self) -> float:
+        """Virtual damping B [N m s/rad | N s/m]."""
+        return self.linear.damping
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """The stability boundary of a device over virtual damping."""
+
+    device: Device
+    points: tuple[BoundaryPoint, ...]
+
+    @property
+    def top(self) -> BoundaryPoint | None:
+        """The point of highest stiffness in the time domain, None where no K was stable."""
+        stable = [p for p in self.points if p.simulated.stable is not None]
+        return max(stable, key=lambda p: p.simulated.stable or 0.0, default=None)
+
+
+def default_dampings(device: Device) -> Floats:
+    """Return B from 0 to 1.2 times the last B with a stable K, in 41 steps.
+
+    Raises ValueError for a device that has no stable wall at all.
+    """
+    last = last_stable_damping(device)
+    if last is None or last <= 0.0:
+        raise ValueError(
+            f"{device.name} with a delay of {1e3 * device.interface.delay:g} ms has no stable wall"
+            " at any damping; give --damping values to look at, or a shorter delay"
+        )
+    return np.linspace(0.0, MARGIN * last, GRID)
+
+
+def find_boundaries(
+    devices: Sequence[Device],
+    dampings: Sequence[Floats],
+    trial: Trial = Trial(),
+    search: Search = Search(),
+    progress: Callable[[float], None] | None = None,
+) -> list[Boundary]:
+    """Return the boundary of each device over its dampings.
+
+    progress: called with the share of time-domain brackets closed. Raises ValueError as
+    `stability.linear` and `stability.bisection` do.
+    """
+    theory = [boundary(device, grid) for device, grid in zip(devices, dampings, strict=True)]
+    brackets = find_brackets(devices, dampings, trial, search, progress)
+    return [
+        Boundary(device, tuple(map(BoundaryPoint, linear, simulated)))
+        for device, linear, simulated in zip(devices, theory, brackets, strict=True)
+    ]
