@@ -24,7 +24,7 @@ from sim.ensemble import Walls, advance_runs, in_parallel, start_runs, threads, 
 from sim.lanes import LANES, MEASURES
 from sim.run import Start
 from stability.frequency import velocity_record, ultimate_frequency
-from stability.growth import (
+from sim.growth import (
     DECAYS,
     LIMIT_CYCLE,
     UNDECIDED,
