@@ -1,0 +1,201 @@
+"""The linear boundary: how far K may rise for a given B before the exact one-tick loop is unstable.
+
+K_CR is the end of the stable interval of K that begins at 0. The gains at which any eigenvalue is
+on the unit circle come all at once from `stability/crossings.py`; between them stability cannot
+change, so it is read from the eigenvalues at one K in each interval, and no band is missed.
+
+Near K = 0 a free device has an eigenvalue 1 - K T / (b + B): inside iff b + B > 0, which is when
+the slow eigenvalue 1 - (b + B) T / m of the loop without drift is inside. That loop decides for
+K -> 0, also where b + B is so small that rounding would hide it in the full loop (tested down to
+b T / m = 1e-9). A margin routine prints a number there whether or not K -> 0 is stable.
+
+Limits: a decay of less than `SETTLED` per tick counts as none.
+"""
+
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from sim.device import Device
+from stability.crossings import Crossings, crossings
+from stability.loop import Loop, open_loop
+from stability.types import Corner, LinearPoint
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+SETTLED = 1e-9
+SCATTER = 1e-4
+CORNER_GRID = 100
+JUMP = 1e-3
+
+
+def critical_stiffness(device: Device, damping: float) -> LinearPoint:
+    """Return K_CR and the ultimate frequency at a virtual damping B [N m s/rad | N s/m].
+
+    Raises ValueError where B is not finite.
+    """
+    return _critical(open_loop(device), damping)
+
+
+def boundary(device: Device, dampings: Iterable[float]) -> list[LinearPoint]:
+    """Return the critical stiffness at each B."""
+    loop = open_loop(device)
+    return [_critical(loop, damping) for damping in dampings]
+
+
+def stable_bands(device: Device, damping: float) -> list[tuple[float, float]]:
+    """Return all intervals (from, to) of K > 0 that are stable at B; the first may begin at 0."""
+    loop = open_loop(device)
+    found = _crossings(loop, damping)
+    stable = [_begins_stable(loop, damping, found)]
+    stable += [_radius(loop.closed(k, damping)) < 1.0 for k in _between(found.gains)[1:]]
+    return _joined(found.gains, stable)
+
+
+def stable_dampings(device: Device) -> list[tuple[float, float]]:
+    """Return all intervals (from, to) of B >= 0 [N m s/rad | N s/m] with a stable K near 0.
+
+    B is a rank-one change as K is: the same eigenproblem, at K = 0 and without the drift, gives all
+    B at which an eigenvalue is on the circle.
+    """
+    return _stable_dampings(open_loop(device))
+
+
+def last_stable_damping(device: Device) -> float | None:
+    """Return the B above which every small K is unstable; None where that is so for every B."""
+    bands = stable_dampings(device)
+    return bands[-1][1] if bands else None
+
+
+def corner(device: Device) -> Corner | None:
+    """Return the top of the boundary, B from 0 to the last stable one; None without a stable K.
+
+    The top is searched from a grid of `CORNER_GRID` dampings, then to rounding.
+    """
+    loop = open_loop(device)
+    bands = _stable_dampings(loop)
+    if not bands:
+        return None
+    grid = np.concatenate([np.linspace(low, high, CORNER_GRID) for low, high in bands])
+    top = int(np.argmax([_height(loop, damping) for damping in grid.tolist()]))
+
+    def depth(damping: float) -> float:
+        return -_height(loop, float(damping))
+
+    peak = minimize_scalar(
+        depth,
+        bounds=(grid[max(top - 1, 0)], grid[min(top + 1, grid.size - 1)]),
+        method="bounded",
+        options={"xatol": 1e-9 * grid[-1]},
+    )
+    nearby = 1e-7 * float(grid[-1])
+    return _meeting(loop, max(float(peak.x) - nearby, 0.0), float(peak.x) + nearby)
+
+
+def _critical(loop: Loop, damping: float) -> LinearPoint:
+    found = _crossings(loop, damping)
+    if not _begins_stable(loop, damping, found):
+        return LinearPoint(damping, None, None, None)
+    between = _between(found.gains)
+    for i, stiffness in enumerate(found.gains):
+        if _radius(loop.closed(between[i + 1], damping)) > 1.0:
+            frequency = found.angles[i] / (2.0 * np.pi * loop.period)
+            departure = found.departures[i] / loop.period
+            return LinearPoint(damping, float(stiffness), float(frequency), float(departure))
+    # Cannot be: with a held command some eigenvalue goes to infinity with K.
+    raise ArithmeticError(f"no crossing ends the stable stiffness at B = {damping:g}")
+
+
+def _crossings(loop: Loop, damping: float) -> Crossings:
+    """The double eigenvalue 1 of a device without damping scatters false zeros around z = 1."""
+    if not np.isfinite(damping):
+        raise ValueError(f"damping is {damping}; only finite numbers are allowed")
+    found = crossings(loop.damped(damping), loop.entry, loop.reading)
+    if loop.free and _undamped(_eigenvalues(loop.without_drift().damped(damping))):
+        apart = found.angles > SCATTER
+        return Crossings(found.gains[apart], found.angles[apart], found.departures[apart])
+    return found
+
+
+def _undamped(eigenvalues: Complexes) -> bool:
+    return bool(np.any(np.abs(eigenvalues - 1.0) < SETTLED))
+
+
+def _begins_stable(loop: Loop, damping: float, found: Crossings) -> bool:
+    """Tell whether the loop is stable for K -> 0.
+
+    A slow eigenvalue at 1 means b + B = 0, where any delayed spring pushes. Where another one
+    starts on the circle, the spring moves it in or out: look a little above K = 0.
+    """
+    start = loop.without_drift() if loop.free else loop
+    eigenvalues = _eigenvalues(start.damped(damping))
+    excess = np.abs(eigenvalues) - 1.0
+    marginal = np.abs(excess) < SETTLED
+    if np.any(excess >= SETTLED) or _undamped(eigenvalues):
+        return False
+    return not marginal.any() or _radius(loop.closed(_between(found.gains)[0], damping)) < 1.0
+
+
+def _between(gains: Floats) -> Floats:
+    """One K inside each interval that the gains cut from (0, inf)."""
+    if gains.size == 0:
+        return np.ones(1)
+    inner = 0.5 * (gains[1:] + gains[:-1])
+    return np.concatenate([[0.5 * gains[0]], inner, [2.0 * gains[-1]]])
+
+
+def _eigenvalues(matrix: Floats) -> Complexes:
+    return np.linalg.eigvals(matrix).astype(np.complex128)
+
+
+def _radius(matrix: Floats) -> float:
+    return float(np.abs(_eigenvalues(matrix)).max())
+
+
+def _height(loop: Loop, damping: float) -> float:
+    return _critical(loop, damping).stiffness or 0.0
+
+
+def _stable_dampings(loop: Loop) -> list[tuple[float, float]]:
+    start = loop.without_drift() if loop.free else loop
+    found = crossings(start.transition, start.entry, start.velocity)
+    stable = [_radius(start.damped(damping)) < 1.0 for damping in _between(found.gains)]
+    return _joined(found.gains, stable)
+
+
+def _joined(gains: Floats, stable: list[bool]) -> list[tuple[float, float]]:
+    """Join neighbouring stable intervals; stable says which of (0, g1), (g1, g2) .. are."""
+    edges = [0.0, *gains.tolist(), np.inf]
+    bands: list[tuple[float, float]] = []
+    for low, high, inside in zip(edges, edges[1:], stable, strict=False):
+        if inside and bands and bands[-1][1] == low:
+            bands[-1] = (bands[-1][0], high)
+        elif inside:
+            bands.append((low, high))
+    return bands
+
+
+def _meeting(loop: Loop, low: float, high: float) -> Corner | None:
+    """Halve [low, high] by the branch that is critical until both ends are neighbours."""
+    left, right = _critical(loop, low), _critical(loop, high)
+    while _apart(left, right) and right.damping - left.damping > 2.0 * np.spacing(high):
+        middle = _critical(loop, 0.5 * (left.damping + right.damping))
+        if _apart(left, middle):
+            right = middle
+        else:
+            left = middle
+    above = right if right.stable else left
+    top = max(left, above, key=lambda point: point.stiffness or 0.0)
+    below = left if left.stable else above
+    if top.stiffness is None or below.frequency_hz is None or above.frequency_hz is None:
+        return None
+    return Corner(top.damping, top.stiffness, below.frequency_hz, above.frequency_hz)
+
+
+def _apart(left: LinearPoint, right: LinearPoint) -> bool:
+    """Tell whether two neighbouring points of the boundary lie on different branches."""
+    if left.frequency_hz is None or right.frequency_hz is None:
+        return left.stable != right.stable
+    return abs(left.frequency_hz - right.frequency_hz) > JUMP * left.frequency_hz

@@ -1,0 +1,115 @@
+"""The exact one-tick closed loop of a device and a two-sided wall.
+
+With a delay of d T + r, the command of tick k - d - 1 acts over [kT, kT + r) and that of tick k - d
+over [kT + r, (k + 1) T), so that
+
+    x_{k+1} = Phi(T) x_k + Gamma(T - r) u_{k-d} + Phi(T - r) Gamma(r) u_{k-d-1}
+    u_k = -(K y_k + B v_k),   v_k = (1 - a) v_{k-1} + a (y_k - y_{k-1}) / T
+
+State s = [x; u_{k-1} .. u_{k-D}; y_{k-1}; v_{k-1} where filtered], D = d or, with r > 0, d + 1.
+Command, reading and velocity enter as single vectors, so K and B are both rank-one changes:
+
+    s_{k+1} = (A - b (K c_y + B c_v)) s_k
+
+Linear parts only: steps, limits, friction and other forces without slope at rest do not enter.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.device import Device
+from sim.plant import hold
+
+Floats = NDArray[np.float64]
+
+
+class Loop(NamedTuple):
+    """s' = transition s + entry u, y = reading s, v = velocity s, over one period T [s].
+
+    transition (M, M), the rest (M,). shift is the state of the device at rest at position 1, zero
+    where a spring to ground allows no such rest.
+    """
+
+    transition: Floats
+    entry: Floats
+    reading: Floats
+    velocity: Floats
+    shift: Floats
+    period: float
+
+    def damped(self, damping: float) -> Floats:
+        """Return the loop of the virtual damper alone, A0 = A - B b c_v, shape (M, M)."""
+        return self.transition - damping * np.outer(self.entry, self.velocity)
+
+    def closed(self, stiffness: float, damping: float) -> Floats:
+        """Return the loop of spring and damper, A0 - K b c_y, shape (M, M)."""
+        return self.damped(damping) - stiffness * np.outer(self.entry, self.reading)
+
+    @property
+    def free(self) -> bool:
+        """True where nothing but damping holds the device."""
+        return bool(self.shift.any())
+
+    def without_drift(self) -> "Loop":
+        """Return the loop of a free device at K = 0 without its eigenvalue 1, shape M - 1.
+
+        Measured from q_1, all positions, the stored reading included, leave q_1 out of their
+        equations: dropping it removes the eigenvalue exactly.
+        """
+        size = self.shift.size
+        relative, absolute = np.eye(size), np.eye(size)
+        relative[1:, 0], absolute[1:, 0] = -self.shift[1:], self.shift[1:]
+        return Loop(
+            (relative @ self.transition @ absolute)[1:, 1:],
+            (relative @ self.entry)[1:],
+            np.zeros(size - 1),
+            (self.velocity @ absolute)[1:],
+            np.zeros(size - 1),
+            self.period,
+        )
+
+
+def open_loop(device: Device) -> Loop:
+    """Return the one-tick equations of a device, command and readings still unconnected."""
+    plant = device.plant()
+    period = device.interface.period
+    smoothing = device.interface.velocity_smoothing
+    whole, remainder = device.interface.delay_ticks
+    n, depth = plant.size, whole + (remainder > 0.0)
+    last_reading = n + depth
+    size = last_reading + 1 + (smoothing < 1.0)
+
+    a = np.zeros((size, size))
+    b, reading, velocity, shift = np.zeros((4, size))
+    a[:n, :n] = hold(plant, period)[0]
+    for i in range(1, depth):
+        a[n + i, n + i - 1] = 1.0
+    if depth > 0:
+        b[n] = 1.0
+    late, newer = hold(plant, period - remainder)
+    if whole == 0:
+        b[:n] = newer[:, 0]
+    else:
+        a[:n, n + whole - 1] = newer[:, 0]
+    if remainder > 0.0:
+        a[:n, n + whole] = late @ hold(plant, remainder)[1][:, 0]
+    reading[0] = 1.0
+    a[last_reading] = reading
+    velocity[0], velocity[last_reading] = smoothing / period, -smoothing / period
+    if smoothing < 1.0:
+        velocity[-1] = 1.0 - smoothing
+        a[-1] = velocity
+    grounded = plant.matrices.stiffness
+    if np.all(np.abs(grounded.sum(axis=1)) <= 1e-14 * np.diag(grounded)):
+        shift[: plant.dof] = shift[last_reading] = 1.0
+    return Loop(a, b, reading, velocity, shift, period)
+
+
+def closed_loop(device: Device, stiffness: float, damping: float) -> Floats:
+    """Return the one-tick matrix of the device in a two-sided wall K, B, shape (M, M).
+
+    K [N m/rad | N/m], B [N m s/rad | N s/m]; the state is described at the top of this file.
+    """
+    return open_loop(device).closed(stiffness, damping)

@@ -1,0 +1,37 @@
+"""What the linear theory answers."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class LinearPoint:
+    """The end of the stable stiffness that begins at K = 0, for one virtual damping B.
+
+    damping B [N m s/rad | N s/m]. stiffness [N m/rad | N/m]: where the first eigenvalue leaves the
+    unit circle; None where the loop is unstable however small K is. frequency_hz: the ultimate
+    frequency. departure: how fast the growth rate [1/s] of that eigenvalue rises with K.
+    """
+
+    damping: float
+    stiffness: float | None
+    frequency_hz: float | None
+    departure: float | None
+
+    @property
+    def stable(self) -> bool:
+        """True where some K > 0 is stable."""
+        return self.stiffness is not None
+
+
+@dataclass(frozen=True)
+class Corner:
+    """The highest point of a boundary: B_t, K_max, and the frequency on either side of B_t.
+
+    Where the two frequencies differ, two branches of eigenvalues meet there; where the boundary is
+    smooth they are equal.
+    """
+
+    damping: float
+    stiffness: float
+    frequency_below_hz: float
+    frequency_above_hz: float
