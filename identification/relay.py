@@ -1,0 +1,261 @@
+"""The relay experiment of Section IV: a limit cycle whose first harmonic gives (K_CR, frequency).
+
+The describing-function argument: a square wave of force +-D and the position it drives are in
+opposite phase at the oscillation's frequency, so the loop with the gain |U|/|Y| of their first
+harmonics in place of the relay would be marginal. Read as in the paper, from the peak of the
+averaged spectra of both signals and the empirical transfer function there, over the steady part.
+Here the two spectra are one long Blackman-Harris window each: on a line spectrum the ratio at the
+peak is the ratio of the harmonics, whatever the bin.
+
+The steady state is found, not assumed: the run goes on until range and energy of the position agree
+between three stretches in a row. A run whose oscillation energy keeps growing diverges: that is a
+verdict about the loop, not a number.
+
+The period is a whole number of ticks for most cycles, hence K is off the boundary by up to 15 %;
+and there may be several cycles, hence `limit_cycles` over many starts.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import next_fast_len, rfft
+from scipy.signal.windows import blackmanharris
+
+from controllers.relay import relay
+from sim.device import Device
+from sim.ensemble import in_parallel, threads
+from sim.equations import Equations, equations
+from sim.growth import SIGNIFICANCE, growth_rate, window_weights
+from sim.kernel import Memory, advance, scratch
+from sim.run import Start, start_memory
+
+Floats = NDArray[np.float64]
+RelayVerdict = Literal["oscillates", "diverges", "undecided"]
+WINDOW_S = 0.5
+AGREEMENT = 1e-3
+SAME_CYCLE = 5e-3
+
+
+@dataclass(frozen=True)
+class RelayTest:
+    """Settings of a relay experiment.
+
+    force D of the relay [N m | N]; stretch_s between two looks at the steady state; steady_s of
+    steady state that are measured; limit_s when to give up; bound of |position| in which a run is
+    still a run; substeps a tick where the device needs them.
+
+    Raises ValueError (field, value, what is allowed).
+    """
+
+    force: float = 0.05
+    stretch_s: float = 5.0
+    steady_s: float = 25.0
+    limit_s: float = 120.0
+    bound: float = 1e3
+    substeps: int = 1
+
+    def __post_init__(self) -> None:
+        for field in ("force", "stretch_s", "steady_s", "limit_s", "bound"):
+            if not 0.0 < getattr(self, field) < np.inf:
+                raise ValueError(f"{field} is {getattr(self, field)}; it must be finite and > 0")
+        if self.stretch_s < 6.0 * WINDOW_S:
+            raise ValueError(f"stretch_s is {self.stretch_s}; at least {6.0 * WINDOW_S} s are needed")
+
+
+@dataclass(frozen=True)
+class RelayResult:
+    """What one run did. stiffness, frequency_hz and amplitude are None unless it oscillates.
+
+    rate: growth rate [1/s] of the oscillation at the end. settled_s: when the steady state began.
+    """
+
+    verdict: RelayVerdict
+    stiffness: float | None
+    frequency_hz: float | None
+    amplitude: float | None
+    rate: float
+    settled_s: float | None
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """One limit cycle and the share of the starts that ended on it."""
+
+    stiffness: float
+    frequency_hz: float
+    amplitude: float
+    share: float
+
+
+@dataclass(frozen=True)
+class RelayCondition:
+    """A condition (delay, B): the run from the reference start, and all that other starts give.
+
+    diverging: share of the starts that diverge.
+    """
+
+    delay: float
+    damping: float
+    reference: RelayResult
+    cycles: tuple[Cycle, ...]
+    diverging: float
+
+
+def reference_start(device: Device) -> Start:
+    """Return the start that the reported numbers hold for: m1 at 1e-3, all else 0, at rest."""
+    return Start(position=[1e-3] + [0.0] * (device.plant().dof - 1))
+
+
+def relay_run(
+    device: Device, damping: float, start: Start | None = None, test: RelayTest = RelayTest()
+) -> RelayResult:
+    """Run one relay experiment at the device's delay until it is steady, grows, or time is up."""
+    eq = equations(device, test.substeps)
+    return _run(eq, damping, reference_start(device) if start is None else start, test)
+
+
+def limit_cycles(
+    device: Device,
+    damping: float,
+    starts: int = 60,
+    seed: int = 0,
+    test: RelayTest = RelayTest(),
+) -> RelayCondition:
+    """Run the reference start and seeded random ones, and gather the limit cycles found.
+
+    The random starts are phases of a slow oscillation of the rigid body: positions and velocities of
+    all masses uniform within +-5e-3 and +-0.5 a second.
+    """
+    eq = equations(device, test.substeps)
+    rng = np.random.default_rng(seed)
+    drawn = [
+        Start(float(rng.uniform(-5e-3, 5e-3)), float(rng.uniform(-0.5, 0.5))) for _ in range(starts)
+    ]
+    results = in_parallel(
+        [lambda s=s: _run(eq, damping, s, test) for s in [reference_start(device), *drawn]],
+        threads(),
+    )
+    reference, others = results[0], results[1:]
+    diverging = sum(r.verdict == "diverges" for r in others) / max(1, starts)
+    cycles = _gather(others, starts)
+    return RelayCondition(device.interface.delay, damping, reference, cycles, diverging)
+
+
+def _gather(results: Sequence[RelayResult], starts: int) -> tuple[Cycle, ...]:
+    """Sort results into cycles: same frequency and stiffness within half a percent."""
+    groups: list[list[RelayResult]] = []
+    for result in results:
+        if result.verdict != "oscillates":
+            continue
+        for group in groups:
+            if _alike(group[0], result):
+                group.append(result)
+                break
+        else:
+            groups.append([result])
+    groups.sort(key=len, reverse=True)
+    return tuple(
+        Cycle(
+            float(np.mean([r.stiffness for r in g])),  # pyright: ignore[reportArgumentType, reportCallIssue]
+            float(np.mean([r.frequency_hz for r in g])),  # pyright: ignore[reportArgumentType, reportCallIssue]
+            float(np.mean([r.amplitude for r in g])),  # pyright: ignore[reportArgumentType, reportCallIssue]
+            len(g) / starts,
+        )
+        for g in groups
+    )
+
+
+def _alike(a: RelayResult, b: RelayResult) -> bool:
+    assert a.stiffness and b.stiffness and a.frequency_hz and b.frequency_hz
+    near_k = abs(a.stiffness / b.stiffness - 1.0) < SAME_CYCLE
+    return near_k and abs(a.frequency_hz / b.frequency_hz - 1.0) < SAME_CYCLE
+
+
+def _run(eq: Equations, damping: float, start: Start, test: RelayTest) -> RelayResult:
+    law = relay(test.force, damping)
+    memory = start_memory(eq, law, start, 0)
+    ticks = round(test.stretch_s / eq.period)
+    stretches: list[Floats] = []
+    looks: list[tuple[float, float]] = []
+    while len(stretches) * test.stretch_s < test.limit_s:
+        record, whole = _stretch(eq, law.step, law.parameters, memory, ticks, test.bound)
+        stretches.append(record)
+        if not whole:
+            return RelayResult("diverges", None, None, None, np.inf, None)
+        rate, error = _growth(stretches, eq)
+        grown = rate > SIGNIFICANCE * error and rate * test.stretch_s * len(stretches) > 1.0
+        looks.append((float(np.ptp(record[:, 0])), _energy(record[:, 1])))
+        steady = len(looks) >= 3 and _agree(looks[-3:])
+        if grown and len(looks) >= 3 and not steady:
+            return RelayResult("diverges", None, None, None, rate, None)
+        if steady:
+            return _measured(eq, law, memory, test, rate, len(stretches) * test.stretch_s)
+    return RelayResult("undecided", None, None, None, _growth(stretches, eq)[0], None)
+
+
+def _energy(velocity: Floats) -> float:
+    """Mean square under smooth weights, so that it does not depend on the phase at the ends."""
+    return float(window_weights(velocity.size) @ (velocity * velocity))
+
+
+def _agree(looks: Sequence[tuple[float, float]]) -> bool:
+    values = np.array(looks)
+    return bool(np.all(np.ptp(values, axis=0) <= AGREEMENT * values.max(axis=0)))
+
+
+def _measured(
+    eq: Equations, law: object, memory: Memory, test: RelayTest, rate: float, settled: float
+) -> RelayResult:
+    ticks = round(test.steady_s / eq.period)
+    step, parameters = law.step, law.parameters  # type: ignore[attr-defined]
+    record, whole = _stretch(eq, step, parameters, memory, ticks, test.bound)
+    if not whole:
+        return RelayResult("diverges", None, None, None, np.inf, None)
+    stiffness, frequency = critical_point(test.force * record[:, 2], record[:, 0], eq.period)
+    amplitude = 0.5 * float(np.ptp(record[:, 0]))
+    return RelayResult("oscillates", stiffness, frequency, amplitude, rate, settled)
+
+
+def _stretch(
+    eq: Equations, step: object, parameters: Floats, memory: Memory, ticks: int, bound: float
+) -> tuple[Floats, bool]:
+    """Return (position, velocity, relay side) of m1 over some ticks, and whether all were run."""
+    record = np.zeros((ticks, eq.states + 6))
+    done, _ = advance(
+        eq, step, parameters, memory, scratch(eq), ticks, np.zeros((0, eq.dof)), bound, record,
+        np.zeros((0, eq.states)), False,
+    )  # fmt: skip
+    return record[:done, [0, eq.dof, eq.states + 4]], done == ticks
+
+
+def _growth(stretches: Sequence[Floats], eq: Equations) -> tuple[float, float]:
+    """Growth rate of the position's oscillation over all stretches, and its error."""
+    weights = window_weights(round(WINDOW_S / eq.period))
+    position = np.concatenate([s[:, 0] for s in stretches])
+    position = position[: position.size // weights.size * weights.size].reshape(-1, weights.size)
+    centred = position - position.mean(axis=1)[:, None]
+    with np.errstate(divide="ignore"):
+        lines = 0.5 * np.log((centred * centred) @ weights)
+    rate, error = growth_rate(lines[:, None], weights.size * eq.period)
+    return float(rate[0]), float(error[0])
+
+
+def critical_point(force: Floats, position: Floats, period: float) -> tuple[float, float]:
+    """Return (K_CR, frequency [Hz]) from steady relay force and position, each (ticks,).
+
+    Raises ValueError where either signal is constant.
+    """
+    if np.ptp(force) == 0.0 or np.ptp(position) == 0.0:
+        raise ValueError("the relay never switched in the steady part; raise its force")
+    window = blackmanharris(force.size)
+    size = next_fast_len(2 * force.size, real=True)
+    u = rfft((force - force.mean()) * window, size)
+    y = rfft((position - position.mean()) * window, size)
+    power = np.abs(u) ** 2 / np.sum(np.abs(u) ** 2) + np.abs(y) ** 2 / np.sum(np.abs(y) ** 2)
+    peak = int(np.argmax(power[1:-1])) + 1
+    left, middle, right = np.log(power[peak - 1 : peak + 2])
+    offset = 0.5 * (left - right) / (left - 2.0 * middle + right)
+    return float(abs(u[peak]) / abs(y[peak])), float((peak + offset) / (size * period))
