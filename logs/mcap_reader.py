@@ -1,0 +1,169 @@
+"""Read a log, whole or damaged: `read_log`."""
+
+import os
+import stat
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from os import PathLike
+from pathlib import Path
+from typing import BinaryIO
+
+from mcap.writer import MCAP0_MAGIC
+
+from logs.errors import (
+    ForeignLog,
+    LogDamaged,
+    LogEmpty,
+    LogIsDirectory,
+    LogNotFound,
+    LogNotReadable,
+    NotMcap,
+)
+from logs.events import Event
+from logs.framing import Walk
+from logs.intactness import MOST_SENTENCES, ending, skipped
+from logs.reading import Reading
+from logs.schema import MESSAGES, SUBSTEP, TICK
+from logs.summary import Summary, read_summary
+from sim.trace import Trace
+
+
+@dataclass(frozen=True)
+class Log:
+    """What a log holds. warnings: a sentence on everything that is not intact; empty if all is.
+
+    substep is None where the log has no such topic. metadata joins all notes, later ones winning.
+    attachments: name -> bytes. library: what wrote the file. epoch_ns: log time of t = 0.
+    """
+
+    path: Path
+    tick: Trace
+    substep: Trace | None
+    events: tuple[Event, ...]
+    metadata: Mapping[str, str]
+    attachments: Mapping[str, bytes]
+    library: str
+    epoch_ns: int
+    warnings: tuple[str, ...]
+
+
+def read_log(path: str | PathLike[str]) -> Log:
+    """Read a log that `LogWriter` wrote, or another MCAP writer with the same topics and schemas.
+
+    Damage is survived: what is intact comes back, bit for bit, and Log.warnings (also under
+    "warnings" in each trace's facts) says what is not. No sample is returned from a chunk whose
+    checksum is wrong.
+
+    Raises a LogError: LogNotFound, LogIsDirectory, LogNotReadable, LogEmpty, NotMcap, ForeignLog
+    (no run in it), LogDamaged (nothing left of one).
+    """
+    with _opened(Path(path)) as file:
+        return _read(Path(path), file)
+
+
+@contextmanager
+def _opened(path: Path) -> Generator[BinaryIO]:
+    try:
+        if not path.is_dir() and not stat.S_ISREG(path.stat().st_mode):
+            raise LogNotReadable(f"{path} is no regular file; give a log such as run.mcap")
+        with path.open("rb") as file:
+            yield file
+    except FileNotFoundError:
+        raise LogNotFound(f"{path} does not exist{_unfinished(path)}") from None
+    except IsADirectoryError:
+        raise LogIsDirectory(f"{path} is a folder; name a log in it, such as run.mcap") from None
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise LogNotReadable(f"{path} cannot be read: {reason}") from None
+
+
+def _unfinished(path: Path) -> str:
+    partial = path.with_name(f"{path.stem}.partial{path.suffix}")
+    if partial.exists():
+        return f"; {partial.name}, left there by a run that was not finished, does: read that"
+    return "; check the name"
+
+
+def _read(path: Path, file: BinaryIO) -> Log:
+    size = os.fstat(file.fileno()).st_size
+    warnings = _check_magic(path, file, size)
+    summary = read_summary(file)
+    reading = Reading()
+    if summary is not None:
+        _check_ours(path, summary)
+        for described in (*summary.schemas, *summary.channels):
+            reading.add(described)
+    walk = Walk(file, size) if summary is None else Walk(file, summary.start, summary.landmarks)
+    for record in walk:
+        reading.add(record)
+    stream = reading.stream(TICK)
+    if stream is None:
+        raise _nothing_of_ours(path, reading, walk)
+    epoch_ns = stream.epoch_ns
+    statistics = None if summary is None else summary.statistics
+    tick, tick_gaps = reading.trace(stream, statistics)
+    fine = reading.stream(SUBSTEP)
+    substep, substep_gaps = (None, []) if fine is None else reading.trace(fine, statistics)
+    events, event_gaps = reading.events(statistics)
+    warnings += skipped(walk.damages, reading.inconsistent)
+    warnings += [*tick_gaps, *substep_gaps, *event_gaps]
+    warnings += ending(walk, summary, reading, tick, size)
+    return Log(
+        path=path,
+        tick=_warned(tick, warnings),
+        substep=None if substep is None else _warned(substep, warnings),
+        events=events,
+        metadata=reading.metadata,
+        attachments=reading.attachments,
+        library="" if reading.header is None else reading.header.library,
+        epoch_ns=epoch_ns,
+        warnings=tuple(warnings),
+    )
+
+
+def _warned(trace: Trace, warnings: list[str]) -> Trace:
+    if not warnings:
+        return trace
+    return replace(trace, facts={**trace.facts, "warnings": tuple(warnings)})
+
+
+def _check_magic(path: Path, file: BinaryIO, size: int) -> list[str]:
+    if size == 0:
+        raise LogEmpty(f"{path} is empty; the run that wrote it left nothing")
+    start = file.read(len(MCAP0_MAGIC))
+    if start == MCAP0_MAGIC:
+        return []
+    if MCAP0_MAGIC.startswith(start):
+        raise LogDamaged(f"{path} ends after {size} bytes, before anything was logged")
+    alike = sum(a == b for a, b in zip(start, MCAP0_MAGIC, strict=False))
+    if alike < len(MCAP0_MAGIC) - 2:
+        raise NotMcap(
+            f"{path} is no MCAP file, it starts with {start!r}; give a log, or a recording to"
+            " 'zwidth convert'"
+        )
+    return ["the first bytes of the file are damaged"]
+
+
+def _check_ours(path: Path, summary: Summary) -> None:
+    if summary.channels and not any(channel.topic in MESSAGES for channel in summary.channels):
+        raise _foreign(path, [channel.topic for channel in summary.channels], "another tool")
+
+
+def _nothing_of_ours(path: Path, reading: Reading, walk: Walk) -> Exception:
+    topics = [channel.topic for channel in reading.streams.channels.values()]
+    if topics or (walk.ended and not walk.damages):
+        library = "another tool" if reading.header is None else repr(reading.header.library)
+        return _foreign(path, topics, library)
+    return LogDamaged(
+        f"{path} is damaged or cut short before its first sample; nothing can be recovered"
+    )
+
+
+def _foreign(path: Path, topics: list[str], library: str) -> ForeignLog:
+    named = ", ".join(sorted(topics)[:MOST_SENTENCES]) or "none"
+    more = f" and {len(topics) - MOST_SENTENCES} more" if len(topics) > MOST_SENTENCES else ""
+    return ForeignLog(
+        f"{path} is an MCAP file of {library} without a run in it (topics: {named}{more}); read it"
+        " with a recording TOML, which 'zwidth convert' drafts"
+    )

@@ -1,0 +1,286 @@
+"""Write a run to an MCAP file while it happens: `LogWriter`; or a whole trace: `write_log`."""
+
+import json
+import time
+from collections.abc import Generator, Iterable, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from os import PathLike
+from pathlib import Path
+from types import TracebackType
+from typing import Literal
+
+import numpy as np
+from mcap.records import Attachment, Channel, Schema
+from numpy.typing import NDArray
+
+from logs.clock import to_log_time
+from logs.container import Container, Content, encode
+from logs.errors import LogBlockError, LogWriteError
+from logs.events import Event, encode_events, event_records
+from logs.layout import Encoder, Layout
+from logs.schema import (
+    ENDED,
+    FACTS,
+    RECORD,
+    SUBSTEP,
+    TICK,
+    FlatSchema,
+    channel_record,
+    flat_schema,
+    schema_record,
+)
+from logs.seal import seal
+from logs.sink import Sink
+from sim.trace import Trace
+
+Floats = NDArray[np.float64]
+Origin = Literal["simulated", "recorded"]
+
+CHUNK_BYTES = 256 * 1024  # uncompressed, at most; about a second of a run
+MEDIA_TYPES = {".toml": "application/toml", ".json": "application/json", ".txt": "text/plain"}
+
+
+@dataclass
+class _Topic:
+    flat: FlatSchema
+    encoder: Encoder
+    most: int
+    written: int = 0
+
+
+class LogWriter:
+    """A log being written: a context manager that appends blocks of samples.
+
+    path: the log's final name. channels and substep_channels: name -> unit of what `/tick` and
+    `/substep` carry, in order. metadata: text about the run (version, seed, model hash, K, B).
+    attachments: file name -> bytes (device.toml, scenario.toml, propagators.npy). epoch_ns: the log
+    time of t = 0 in ns since 1970, by default now. facts: the trace's facts, kept as JSON.
+
+    Every block reaches the operating system, as complete chunks, before append returns: after
+    `kill -9` all blocks appended so far can be read. Until the log is closed it is called
+    `partial` (NAME.partial.mcap); only then does it take the name `path` and replace an older file.
+    If the `with` block fails or is interrupted, the log is completed under its partial name.
+
+    Append about a second at a time: each block is compressed alone and repeats its schema, 0.7 kB.
+
+    Raises LogPathError (path), LogBlockError (what does not fit), LogWriteError (a full disk).
+    """
+
+    def __init__(
+        self,
+        path: str | PathLike[str],
+        channels: Mapping[str, str],
+        *,
+        substep_channels: Mapping[str, str] | None = None,
+        metadata: Mapping[str, str] | None = None,
+        attachments: Mapping[str, bytes] | None = None,
+        epoch_ns: int | None = None,
+        origin: Origin = "simulated",
+        facts: Mapping[str, object] | None = None,
+    ) -> None:
+        self.epoch_ns = time.time_ns() if epoch_ns is None else epoch_ns
+        if not 0 <= self.epoch_ns < 2**63:
+            raise LogBlockError(
+                f"epoch_ns is {self.epoch_ns}; it must be ns since 1970, 0 to 2^63 - 1"
+            )
+        described = {TICK: channels} | ({SUBSTEP: substep_channels} if substep_channels else {})
+        flat = [flat_schema(topic, units, self.epoch_ns) for topic, units in described.items()]
+        schemas = [schema_record(f, i) for i, f in enumerate(flat, start=1)]
+        records = [channel_record(f, i) for i, f in enumerate(flat, start=1)]
+        self._topics = {
+            f.topic: _open_topic(f, schema, channel)
+            for f, schema, channel in zip(flat, schemas, records, strict=True)
+        }
+        self._event_id = len(flat) + 1
+        self._event_records = event_records(self._event_id, self.epoch_ns)
+        self._event_count = 0
+        about = _text({"origin": origin, **(metadata or {})})
+        self._sink = Sink(Path(path))
+        self._container = Container(self._sink)
+        self._closed = False
+        with self._keeping_what_is_written():
+            event_schema, event_channel = self._event_records
+            self._container.open(_library(), [*schemas, event_schema], [*records, event_channel])
+            self.note(about)
+            if facts:
+                self._container.add_metadata(FACTS, seal({k: _json(v) for k, v in facts.items()}))
+            for name, data in (attachments or {}).items():
+                self._attach(name, data)
+
+    def _attach(self, name: str, data: bytes) -> None:
+        media_type = MEDIA_TYPES.get(Path(name).suffix, "application/octet-stream")
+        self._container.add_attachment(
+            Attachment(self.epoch_ns, self.epoch_ns, name, media_type, data)
+        )
+
+    @property
+    def path(self) -> Path:
+        """The log's final name."""
+        return self._sink.path
+
+    @property
+    def partial(self) -> Path:
+        """The log's name until it is closed."""
+        return self._sink.partial
+
+    def append(self, t: Floats, channels: Mapping[str, Floats], topic: str = TICK) -> None:
+        """Append samples at times t [s], shape (n,), with one array (n,) for each channel."""
+        out = self._topic(topic)
+        columns = _columns(out.flat, t, channels)
+        log_time, residual = to_log_time(columns[0], self.epoch_ns)
+        columns[0] = residual
+        for first in range(0, log_time.size, out.most):
+            part = slice(first, first + out.most)
+            self._chunk(out, log_time[part], [column[part] for column in columns])
+
+    def _chunk(self, out: _Topic, log_time: NDArray[np.uint64], columns: list[Floats]) -> None:
+        data, index = out.encoder.encode(out.written, log_time, columns)
+        channel_id = out.encoder.layout.channel_id
+        span = int(log_time.min()), int(log_time.max())
+        self._container.add_chunk(Content(channel_id, data, *span, log_time.size, index))
+        out.written += log_time.size
+
+    def events(self, events: Iterable[Event]) -> None:
+        """Append events, in the order of their times, to `/events`."""
+        block = list(events)
+        if not block:
+            return
+        head = encode(*self._event_records)
+        encoded = encode_events(block, self._event_id, self._event_count, self.epoch_ns, len(head))
+        pairs = np.array([encoded.log_times, encoded.offsets], dtype="<u8").T
+        span = min(encoded.log_times), max(encoded.log_times)
+        self._container.add_chunk(
+            Content(self._event_id, head + encoded.content, *span, len(block), pairs.tobytes())
+        )
+        self._event_count += len(block)
+
+    def note(self, metadata: Mapping[str, str]) -> None:
+        """Write what has become known about the run, such as its verdict; later notes win."""
+        self._container.add_metadata(RECORD, seal(_text(metadata)))
+
+    def close(self) -> None:
+        """Complete the log and give it its name."""
+        if not self._closed:
+            self._closed = True
+            with self._keeping_what_is_written():
+                self._container.finish()
+                self._sink.finish()
+
+    def abandon(self, reason: str) -> None:
+        """Complete the log under its partial name; metadata `ended` says why."""
+        if not self._closed:
+            self._closed = True
+            with self._keeping_what_is_written():
+                self.note({ENDED: reason})
+                self._container.finish()
+            self._sink.close()
+
+    def __enter__(self) -> "LogWriter":
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if kind is None:
+            self.close()
+        elif isinstance(error, LogWriteError):
+            self._sink.close()
+        else:
+            self.abandon(f"early, by {kind.__name__}")
+
+    @contextmanager
+    def _keeping_what_is_written(self) -> Generator[None]:
+        try:
+            yield
+        except BaseException:
+            self._sink.close()
+            raise
+
+    def _topic(self, topic: str) -> _Topic:
+        try:
+            return self._topics[topic]
+        except KeyError:
+            known = ", ".join(self._topics)
+            raise LogBlockError(f"topic {topic!r} is not in this log; it has {known}") from None
+
+
+def write_log(
+    path: str | PathLike[str],
+    tick: Trace,
+    *,
+    substep: Trace | None = None,
+    events: Iterable[Event] = (),
+    metadata: Mapping[str, str] | None = None,
+    attachments: Mapping[str, bytes] | None = None,
+    epoch_ns: int | None = None,
+) -> None:
+    """Write finished traces as one log; see `LogWriter` for the arguments and errors."""
+    with LogWriter(
+        path,
+        _units(tick),
+        substep_channels=None if substep is None else _units(substep),
+        metadata=metadata,
+        attachments=attachments,
+        epoch_ns=epoch_ns,
+        origin=tick.origin,
+        facts=tick.facts,
+    ) as log:
+        log.append(tick.t, tick.channels)
+        if substep is not None:
+            log.append(substep.t, substep.channels, SUBSTEP)
+        log.events(events)
+
+
+def _units(trace: Trace) -> dict[str, str]:
+    return {name: trace.units[name] for name in trace.channels}
+
+
+def _open_topic(flat: FlatSchema, schema: Schema, channel: Channel) -> _Topic:
+    layout = Layout(channel.id, flat.numbers)
+    most = max(1, CHUNK_BYTES // layout.size)
+    return _Topic(flat, Encoder(layout, encode(schema, channel), most), most)
+
+
+def _columns(flat: FlatSchema, t: Floats, channels: Mapping[str, Floats]) -> list[Floats]:
+    """Return [t, one array a channel], checked against what the topic was opened with."""
+    names = flat.names[1:]
+    wrong = sorted(set(channels) ^ set(names))
+    if wrong:
+        raise LogBlockError(
+            f"a block for {flat.topic} and its channels differ in {', '.join(wrong)}; give it"
+            f" exactly {', '.join(names) or 'none'}"
+        )
+    columns = [np.asarray(a, dtype=np.float64) for a in (t, *(channels[name] for name in names))]
+    for name, column in zip(("t", *names), columns, strict=True):
+        if column.ndim != 1 or column.size != columns[0].size:
+            raise LogBlockError(
+                f"{name} has shape {column.shape} in a block of {columns[0].size} samples for"
+                f" {flat.topic}; give every channel one value for each time"
+            )
+    return columns
+
+
+def _text(metadata: Mapping[str, object]) -> dict[str, str]:
+    for key, value in metadata.items():
+        if not isinstance(value, str):
+            raise LogBlockError(f"metadata {key!r} is {value!r}; write it as text")
+    return {key: str(value) for key, value in metadata.items()}
+
+
+def _json(value: object) -> str:
+    try:
+        return json.dumps(value)
+    except (TypeError, ValueError):
+        return json.dumps(str(value))
+
+
+def _library() -> str:
+    try:
+        return f"zwidth {version('zwidth')}"
+    except PackageNotFoundError:
+        return "zwidth"

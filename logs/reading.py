@@ -1,0 +1,140 @@
+"""What a walk over a file yields, sorted into traces, events, metadata and attachments."""
+
+import json
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from mcap.records import Attachment, Channel, Header, Metadata, Schema, Statistics
+
+from logs.clock import from_log_time
+from logs.errors import ForeignLog
+from logs.events import Event
+from logs.gaps import gaps
+from logs.layout import Samples
+from logs.records import Parsed, RecordDamaged, Records
+from logs.schema import EVENTS, FACTS, RECORD, TIME_RESIDUAL
+from logs.streams import Stream, Streams
+from sim.trace import Trace
+
+Origin = Literal["simulated", "recorded"]
+
+
+@dataclass
+class Reading:
+    """Everything read so far."""
+
+    streams: Streams = field(default_factory=Streams)
+    header: Header | None = None
+    metadata: dict[str, str] = field(default_factory=dict[str, str])
+    facts: dict[str, object] = field(default_factory=dict[str, object])
+    attachments: dict[str, bytes] = field(default_factory=dict[str, bytes])
+    inconsistent: list[str] = field(default_factory=list[str])
+    all_checked: bool = True
+
+    def add(self, record: Parsed) -> None:
+        """Sort one record of the data section in."""
+        try:
+            match record:
+                case Records():
+                    self.all_checked &= record.checked
+                    self.streams.add_records(record.data)
+                case Schema():
+                    self.streams.add_schema(record)
+                case Channel():
+                    self.streams.add_channel(record)
+                case Metadata():
+                    self._add_metadata(record)
+                case Attachment():
+                    self.attachments[record.name] = record.data
+                case Header():
+                    self.header = self.header or record
+                case _:
+                    pass
+        except RecordDamaged as error:
+            self.inconsistent.append(str(error))
+
+    def _add_metadata(self, record: Metadata) -> None:
+        if record.name == FACTS:
+            try:
+                self.facts |= {key: json.loads(text) for key, text in record.metadata.items()}
+            except ValueError:
+                raise RecordDamaged("facts that cannot be decoded") from None
+        elif record.name == RECORD:
+            self.metadata |= record.metadata
+        else:
+            self.metadata |= {f"{record.name}/{k}": v for k, v in record.metadata.items()}
+
+    @property
+    def origin(self) -> Origin:
+        """Where the samples come from, as the log says."""
+        return "simulated" if self.metadata.get("origin") == "simulated" else "recorded"
+
+    def stream(self, topic: str) -> Stream | None:
+        """Return the one stream of a topic; raises ForeignLog where runs have been merged."""
+        found = [s for s in self.streams.ours.values() if s.channel.topic == topic]
+        filled = [s for s in found if s.count] or found[:1]
+        if len(filled) > 1:
+            raise ForeignLog(
+                f"the log was merged from {len(filled)} runs, each with a topic {topic}; split it"
+                " into one file a run"
+            )
+        return filled[0] if filled else None
+
+    def trace(self, stream: Stream, statistics: Statistics | None) -> tuple[Trace, list[str]]:
+        """Return the samples of a stream as a trace, and a sentence for each gap in them.
+
+        The stream gives its samples up, so that an hour of them is not held twice.
+        """
+        assert stream.flat is not None
+        epoch_ns = stream.epoch_ns
+        sequence, log_time, values = _joined(stream)
+        rows = dict(zip(stream.flat.fields, values, strict=True))
+        residual = rows.get(TIME_RESIDUAL, np.zeros(log_time.size))
+        t = from_log_time(log_time, residual, epoch_ns)
+        names = dict(zip(stream.flat.fields, stream.flat.names, strict=True))
+        units = dict(zip(stream.flat.names, stream.flat.units, strict=True))
+        channels = {names[f]: row for f, row in rows.items() if f != TIME_RESIDUAL}
+        trace = Trace(t, channels, {n: units[n] for n in channels}, self.origin, dict(self.facts))
+        return trace, gaps(stream.channel.topic, sequence, t, _expected(stream, statistics))
+
+    def events(self, statistics: Statistics | None) -> tuple[tuple[Event, ...], list[str]]:
+        """Return the events in file order, and a sentence for each gap in them."""
+        stream = self.stream(EVENTS)
+        if stream is None:
+            return (), []
+        messages = stream.messages
+        log_time = np.array([m.log_time for m in messages], dtype=np.uint64)
+        residual = np.array([getattr(m.body, TIME_RESIDUAL) for m in messages], dtype=np.float64)
+        t = from_log_time(log_time, residual, stream.epoch_ns)
+        found = tuple(
+            Event(when, m.body.kind, m.body.place, m.body.value)
+            for when, m in zip(t.tolist(), messages, strict=True)
+        )
+        sequence = np.array([m.sequence for m in messages], dtype=np.uint32)
+        return found, gaps(EVENTS, sequence, t, _expected(stream, statistics))
+
+
+def _joined(stream: Stream) -> Samples:
+    parts = deque(stream.samples)
+    stream.samples.clear()
+    total = sum(part.sequence.size for part in parts)
+    fields = 0 if stream.flat is None else len(stream.flat.fields)
+    joined = Samples(
+        np.empty(total, np.uint32), np.empty(total, np.uint64), np.empty((fields, total))
+    )
+    start = 0
+    while parts:
+        part = parts.popleft()
+        rows = slice(start, start + part.sequence.size)
+        joined.sequence[rows], joined.log_time[rows] = part.sequence, part.log_time
+        joined.values[:, rows] = part.values
+        start = rows.stop
+    return joined
+
+
+def _expected(stream: Stream, statistics: Statistics | None) -> int | None:
+    if statistics is None:
+        return None
+    return statistics.channel_message_counts.get(stream.channel.id, 0)

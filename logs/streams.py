@@ -1,0 +1,165 @@
+"""The messages of a file by channel: arrays where the layout is known, one by one where not."""
+
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+from google.protobuf.message import DecodeError
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, Schema
+from mcap_protobuf.decoder import DecoderFactory
+
+from logs.layout import FRAME, MESSAGE_HEADER, Layout, Samples
+from logs.records import RecordDamaged
+from logs.schema import EVENTS, MESSAGES, FlatSchema, read_epoch, read_flat
+
+MESSAGE_HEAD = struct.Struct("<BQHIQQ")
+
+
+@dataclass
+class Message:
+    """One decoded protobuf message."""
+
+    sequence: int
+    log_time: int
+    body: Any
+
+
+@dataclass
+class Stream:
+    """One channel of ours: samples of a flat topic, or messages of `/events`."""
+
+    schema: Schema
+    channel: Channel
+    flat: FlatSchema | None
+    layout: Layout | None
+    decoder: Callable[[bytes], Any]
+    samples: list[Samples] = field(default_factory=list[Samples])
+    messages: list[Message] = field(default_factory=list[Message])
+
+    @property
+    def count(self) -> int:
+        """Number of messages read so far."""
+        return sum(part.sequence.size for part in self.samples) + len(self.messages)
+
+    @property
+    def epoch_ns(self) -> int:
+        """The log time of t = 0; where the file does not say it, the first message's."""
+        known = read_epoch(self.channel)
+        if known is not None:
+            return known
+        first = [int(part.log_time[0]) for part in self.samples[:1]]
+        return (first or [message.log_time for message in self.messages[:1]] or [0])[0]
+
+
+@dataclass
+class Streams:
+    """Schemas and channels met so far, and what was read from those that are ours."""
+
+    schemas: dict[int, Schema] = field(default_factory=dict[int, Schema])
+    channels: dict[int, Channel] = field(default_factory=dict[int, Channel])
+    ours: dict[int, Stream] = field(default_factory=dict[int, Stream])
+
+    def add_schema(self, schema: Schema) -> None:
+        """Remember a schema; id 0 means none."""
+        self.schemas[schema.id] = schema
+
+    def add_channel(self, channel: Channel) -> None:
+        """Remember a channel, and open a stream for it if it is one of ours."""
+        schema = self.schemas.get(channel.schema_id)
+        known = self.ours.get(channel.id)
+        if known is not None and known.channel == channel and known.schema == schema:
+            return
+        if known is not None and known.count:
+            raise RecordDamaged(f"a second, different description of {known.channel.topic}")
+        self.channels[channel.id] = channel
+        stream = None if schema is None else _open(channel, schema)
+        if stream is None:
+            self.ours.pop(channel.id, None)
+        else:
+            self.ours[channel.id] = stream
+
+    def add_records(self, data: bytes) -> None:
+        """Read the records of a chunk, all or, raising RecordDamaged, none of them."""
+        found: list[tuple[Stream, Samples | Message]] = []
+        offset = 0
+        while offset < len(data):
+            opcode, length = _frame(data, offset)
+            following = offset + FRAME + length
+            if opcode == Opcode.MESSAGE:
+                stream = self._stream(data, offset, length)
+                run = stream.layout.run(data, offset) if stream and stream.layout else 0
+                if stream and stream.layout and run:
+                    found.append((stream, stream.layout.decode(data, offset, run)))
+                    following = offset + run * stream.layout.size
+                elif stream:
+                    found.append((stream, _decode(stream, data[offset:following])))
+            else:
+                self._describe(opcode, data[offset + FRAME : following])
+            offset = following
+        for stream, part in found:
+            if isinstance(part, Message):
+                stream.messages.append(part)
+            else:
+                stream.samples.append(part)
+
+    def _stream(self, data: bytes, offset: int, length: int) -> Stream | None:
+        if length < MESSAGE_HEADER:
+            raise RecordDamaged("a chunk with a message that is too short")
+        (channel_id,) = struct.unpack_from("<H", data, offset + FRAME)
+        if channel_id not in self.channels:
+            raise RecordDamaged("a chunk of messages whose channel is nowhere described")
+        return self.ours.get(channel_id)
+
+    def _describe(self, opcode: int, content: bytes) -> None:
+        try:
+            if opcode == Opcode.SCHEMA:
+                self.add_schema(Schema.read(ReadDataStream(BytesIO(content))))
+            elif opcode == Opcode.CHANNEL:
+                self.add_channel(Channel.read(ReadDataStream(BytesIO(content))))
+        except (McapError, struct.error, UnicodeDecodeError):
+            raise RecordDamaged("a chunk with a channel that cannot be decoded") from None
+
+
+def _frame(data: bytes, offset: int) -> tuple[int, int]:
+    if len(data) - offset >= FRAME:
+        opcode, length = struct.unpack_from("<BQ", data, offset)
+        if offset + FRAME + length <= len(data):
+            return opcode, length
+    raise RecordDamaged("a chunk whose records do not add up")
+
+
+def _open(channel: Channel, schema: Schema) -> Stream | None:
+    if MESSAGES.get(channel.topic) != schema.name:
+        return None
+    flat = None if channel.topic == EVENTS else read_flat(channel, schema)
+    if flat is None and channel.topic != EVENTS:
+        return None
+    try:
+        decoder = DecoderFactory().decoder_for(channel.message_encoding, schema)
+    except (McapError, DecodeError, TypeError, KeyError, ValueError):
+        return None
+    layout = None if flat is None else Layout(channel.id, flat.numbers)
+    return None if decoder is None else Stream(schema, channel, flat, layout, decoder)
+
+
+def _decode(stream: Stream, record: bytes) -> Samples | Message:
+    """Decode one message the slow way: an event, or a sample that leaves out its zeros."""
+    _, _, _, sequence, log_time, _ = MESSAGE_HEAD.unpack_from(record)
+    try:
+        body = stream.decoder(record[MESSAGE_HEAD.size :])
+    except DecodeError:
+        raise RecordDamaged("a chunk with a message that does not match its schema") from None
+    if stream.flat is None:
+        return Message(sequence, log_time, body)
+    values = [[getattr(body, name)] for name in stream.flat.fields]
+    return Samples(
+        np.array([sequence], dtype=np.uint32),
+        np.array([log_time], dtype=np.uint64),
+        np.array(values, dtype=np.float64).reshape(len(values), 1),
+    )
