@@ -9,8 +9,8 @@ m_kg, b_ns_per_m on a linear one.
 import hashlib
 import os
 import tomllib
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Generator, Iterable, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -50,7 +50,7 @@ def shipped_devices() -> list[str]:
 
 
 def load_device(name_or_path: str | os.PathLike[str]) -> Device:
-    """Return a shipped device by name ("phantom_1_0") or the device of a TOML file.
+    """Return a shipped device by name ("phantom_1_0"), or else the device of a TOML file.
 
     Raises DeviceError with one sentence: no such file, not TOML (with the line), an unknown key
     (with the nearest known one), a wrong type, a value that is not allowed.
@@ -161,22 +161,29 @@ def _modal(table: Table, rotary: bool) -> ModalModel:
     inertia, damping = MODAL_KEYS[rotary]
     table.only((inertia, damping, "mode"))
     modes = [mode.only(MODE_KEYS) for mode in table.tables("mode")]
-    return ModalModel(
-        table.number(inertia),
-        table.number(damping),
-        tuple(Mode(*(mode.number(key) for key in MODE_KEYS)) for mode in modes),
-    )
+    keys = {
+        "inertia": inertia,
+        "damping": damping,
+        **dict(zip(Mode._fields, MODE_KEYS, strict=True)),
+    }
+    with _in_the_words_of_the_file(keys):
+        return ModalModel(
+            table.number(inertia),
+            table.number(damping),
+            tuple(Mode(*(mode.number(key) for key in MODE_KEYS)) for mode in modes),
+        )
 
 
 def _chain(table: Table) -> Chain:
     table.only(CHAIN_KEYS)
-    return make_chain(
-        table.numbers("masses"),
-        table.numbers("ground_dampers"),
-        table.number("ground_spring", 0.0),
-        table.numbers("link_springs", []),
-        table.numbers("link_dampers", []),
-    )
+    with _in_the_words_of_the_file({}, "chain."):
+        return make_chain(
+            table.numbers("masses"),
+            table.numbers("ground_dampers"),
+            table.number("ground_spring", 0.0),
+            table.numbers("link_springs", []),
+            table.numbers("link_dampers", []),
+        )
 
 
 def _interface(table: Table) -> Interface:
@@ -186,7 +193,8 @@ def _interface(table: Table) -> Interface:
         for key, field in INTERFACE_KEYS.items()
         if key in table
     }
-    return Interface(**values)  # pyright: ignore[reportArgumentType]
+    with _in_the_words_of_the_file({field: key for key, field in INTERFACE_KEYS.items()}):
+        return Interface(**values)  # pyright: ignore[reportArgumentType]
 
 
 def _physics(table: Table) -> Physics:
@@ -195,7 +203,23 @@ def _physics(table: Table) -> Physics:
         raise TableError(f"{table.path}.effect is {name!r}; {nearest(name, EFFECTS)}")
     parameters = [parameter.name for parameter in EFFECTS[name].parameters]
     table.only(("effect", "at", *parameters))
-    return Physics(EFFECTS[name], table.text("at"), {key: table.number(key) for key in parameters})
+    with _in_the_words_of_the_file({}, f"{table.path}: "):
+        values = {key: table.number(key) for key in parameters}
+        return Physics(EFFECTS[name], table.text("at"), values)
+
+
+@contextmanager
+def _in_the_words_of_the_file(keys: Mapping[str, str], before: str = "") -> Generator[None, None, None]:
+    """Let complaints of the values name the keys of the file, and where they stand."""
+    try:
+        yield
+    except TableError:
+        raise
+    except ValueError as error:
+        sentence = str(error)
+        for field, key in keys.items():
+            sentence = sentence.replace(f".{field} is", f".{key} is")
+        raise TableError(before + sentence) from None
 
 
 def _section(header: str, keys: Iterable[str], values: Iterable[Any]) -> str:

@@ -12,6 +12,7 @@ from sim.ladder import Complexes, dynamic_stiffness, scaled
 from sim.synthesis import chains, polish
 
 AGREEMENT = 1e-8
+NO_MASS = 1e-12  # of the total: what rounding leaves of a mode that cancels itself
 
 
 class Mode(NamedTuple):
@@ -38,10 +39,10 @@ class ModalModel:
     modes: tuple[Mode, ...] = ()
 
     def __post_init__(self) -> None:
-        modes = tuple(sorted(Mode(*map(float, mode)) for mode in self.modes))
+        modes = tuple(Mode(*map(float, mode)) for mode in self.modes)
         object.__setattr__(self, "inertia", float(self.inertia))
         object.__setattr__(self, "damping", float(self.damping))
-        object.__setattr__(self, "modes", modes)
+        object.__setattr__(self, "modes", tuple(sorted(modes)))
         if len(modes) >= MAX_MASSES:
             raise ValueError(f"modal has {len(modes)} modes; allowed are 0 to {MAX_MASSES - 1}")
         if not 0.0 < self.inertia < math.inf:
@@ -98,7 +99,11 @@ def to_chain(model: ModalModel) -> Chain:
     )
     minor, stiffness = (polynomial[::-1] for polynomial in transfer_function(unit))
     found = [_polished(chain, unit) for chain in chains(stiffness / minor[-1], minor / minor[-1])]
-    fitting = [chain for chain in found if agree(chain, unit)]
+    fitting = [
+        chain
+        for chain in found
+        if agree(chain, unit) and chain.masses.min() > NO_MASS * chain.masses.sum()
+    ]
     if not fitting:
         raise ValueError(
             f"modal: {len(model.modes) + 1} positive masses and springs have no such response to"

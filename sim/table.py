@@ -1,6 +1,7 @@
 """Reading a TOML table key by key: every complaint names the place, the value, what is allowed."""
 
 from collections.abc import Iterable, Mapping
+from reprlib import repr as brief
 from typing import TypeVar, cast
 
 from sim.nearest import nearest
@@ -65,7 +66,7 @@ class Table:
         entries = self._typed(key, [], list, allowed)
         for entry in entries:
             if not isinstance(entry, dict):
-                raise TableError(f"{self._at(key)} contains {entry!r}; allowed is {allowed}")
+                raise TableError(f"{self._at(key)} contains {brief(entry)}; allowed is {allowed}")
         return [
             Table(cast("dict[str, object]", entry), f"{self._at(key)}[{i}]")
             for i, entry in enumerate(entries)
@@ -83,14 +84,14 @@ class Table:
     def _typed(self, key: str, default: T | None, kind: type[T], allowed: str) -> T:
         value = self._get(key, default)
         if not isinstance(value, kind):
-            raise TableError(f"{self._at(key)} is {value!r}; allowed is {allowed}")
+            raise TableError(f"{self._at(key)} is {brief(value)}; allowed is {allowed}")
         return value
 
 
 def _number(value: object, at: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise TableError(f"{at} is {value!r}; allowed is a number")
+        raise TableError(f"{at} is {brief(value)}; allowed is a number")
     try:
         return float(value)
     except OverflowError:
-        raise TableError(f"{at} is too large for a number; use inf for none") from None
+        raise TableError(f"{at} is too large; allowed is a number up to 1.8e308, or inf") from None
