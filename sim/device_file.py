@@ -166,7 +166,7 @@ def _modal(table: Table, rotary: bool) -> ModalModel:
         "damping": damping,
         **dict(zip(Mode._fields, MODE_KEYS, strict=True)),
     }
-    with _in_the_words_of_the_file(keys):
+    with _as_in_the_file(keys):
         return ModalModel(
             table.number(inertia),
             table.number(damping),
@@ -176,7 +176,7 @@ def _modal(table: Table, rotary: bool) -> ModalModel:
 
 def _chain(table: Table) -> Chain:
     table.only(CHAIN_KEYS)
-    with _in_the_words_of_the_file({}, "chain."):
+    with _as_in_the_file({}, "chain."):
         return make_chain(
             table.numbers("masses"),
             table.numbers("ground_dampers"),
@@ -193,7 +193,7 @@ def _interface(table: Table) -> Interface:
         for key, field in INTERFACE_KEYS.items()
         if key in table
     }
-    with _in_the_words_of_the_file({field: key for key, field in INTERFACE_KEYS.items()}):
+    with _as_in_the_file({field: key for key, field in INTERFACE_KEYS.items()}):
         return Interface(**values)  # pyright: ignore[reportArgumentType]
 
 
@@ -203,13 +203,13 @@ def _physics(table: Table) -> Physics:
         raise TableError(f"{table.path}.effect is {name!r}; {nearest(name, EFFECTS)}")
     parameters = [parameter.name for parameter in EFFECTS[name].parameters]
     table.only(("effect", "at", *parameters))
-    with _in_the_words_of_the_file({}, f"{table.path}: "):
+    with _as_in_the_file({}, f"{table.path}: "):
         values = {key: table.number(key) for key in parameters}
         return Physics(EFFECTS[name], table.text("at"), values)
 
 
 @contextmanager
-def _in_the_words_of_the_file(keys: Mapping[str, str], before: str = "") -> Generator[None, None, None]:
+def _as_in_the_file(keys: Mapping[str, str], before: str = "") -> Generator[None, None, None]:
     """Let complaints of the values name the keys of the file, and where they stand."""
     try:
         yield

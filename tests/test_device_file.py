@@ -20,10 +20,9 @@ from sim.device_file import (
     shipped_devices,
 )
 from sim.interface import Interface
-from sim.modal import ModalModel, Mode, from_chain, to_chain
-from sim.physics import EFFECTS, make_physics
-from sim.physics.effect import Effect, Parameter, Physics
-from sim.plant import hold
+from sim.modal import ModalModel, Mode
+from sim.physics import make_physics
+from sim.physics.effect import Physics
 
 PHANTOM = load_device("phantom_1_0")
 TEXT = device_to_text(PHANTOM)
@@ -36,15 +35,6 @@ ground_dampers = [0.1, 0.0]
 link_springs = [300.0]
 link_dampers = [0.2]
 """
-GROUND_SPRING = Effect(
-    name="ground_spring",
-    summary="a spring to ground",
-    places=("m1", "m3"),
-    parameters=(Parameter("stiffness", "k_0", "N m/rad", 0.0, 1e9, 0.0),),
-    hook="structure",
-    code=0,
-    reference="-",
-)
 
 
 def friction(level: float = 0.02, at: str = "m1") -> Physics:
@@ -307,101 +297,3 @@ def test_a_device_that_is_not_there(tmp_path: Path) -> None:
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe")
     with pytest.raises(DeviceError, match="cannot be read as text"):
         load_device(tmp_path / "binary.toml")
-
-
-# The device itself
-
-
-def test_with_interface_names_the_nearest_field() -> None:
-    assert PHANTOM.with_interface(delay=0.004).interface.delay == 0.004
-    with pytest.raises(DeviceError, match="interface has no field 'dely'; did you mean 'delay'"):
-        PHANTOM.with_interface(dely=0.004)
-
-
-def test_an_effect_replaces_itself_and_goes_again() -> None:
-    device = PHANTOM.with_physics(friction(0.01), friction(0.02), friction(0.03, "m3"))
-    assert device.physics == (friction(0.02), friction(0.03, "m3"))
-    assert device.without_physics("coulomb_friction@m3").physics == (friction(0.02),)
-    assert device.without_physics("coulomb_friction").physics == ()
-    assert device.without_physics().physics == ()
-    with pytest.raises(DeviceError, match="no effect 'backlash'; "):
-        device.without_physics("backlash")
-
-
-def test_a_ground_spring_at_m1_goes_to_the_chain() -> None:
-    spring = Physics(GROUND_SPRING, "m1", {"stiffness": 3.0})
-    device = PHANTOM.with_physics(spring).with_physics(spring)
-    assert device.chain.ground_spring == 6.0
-    assert device.modal is None
-    far = Physics(GROUND_SPRING, "m3", {"stiffness": 3.0})
-    assert PHANTOM.with_physics(far).physics == (far,)
-
-
-def test_a_device_is_checked() -> None:
-    delay = make_physics("loop_delay", "clock", delay=0.001)
-    with pytest.raises(DeviceError, match=r"loop_delay@clock belongs to \[interface\]"):
-        Device("a", "", True, PHANTOM.chain, physics=(delay,))
-    with pytest.raises(DeviceError, match="coulomb_friction@m1 stands twice"):
-        Device("a", "", True, PHANTOM.chain, physics=(friction(), friction(0.1)))
-    with pytest.raises(DeviceError, match="modal and chain describe different mechanisms"):
-        Device("a", "", True, PHANTOM.rigid().chain, modal=PHANTOM.modal)
-    with pytest.raises(ValueError, match="masses contains -1"):
-        Device("a", "", True, PHANTOM.chain._replace(masses=np.array([1.0, -1.0, 1.0])))
-
-
-def test_equality_is_by_value() -> None:
-    assert load_device("phantom_1_0") == PHANTOM
-    assert hash(PHANTOM) == hash(load_device("phantom_1_0"))
-    heavier = PHANTOM.with_chain(PHANTOM.chain._replace(masses=2.0 * PHANTOM.chain.masses))
-    assert heavier != PHANTOM.with_chain(PHANTOM.chain)
-    assert PHANTOM.with_physics(friction()) != PHANTOM
-    assert PHANTOM != "PHANToM"
-
-
-def test_the_rigid_body_keeps_interface_inertia_damping_and_what_acts_on_masses() -> None:
-    device = PHANTOM.with_physics(
-        friction(0.02, "m3"), make_physics("cubic_stiffness", "link12", coefficient=1e4)
-    )
-    rigid = device.rigid()
-    assert rigid.interface == device.interface
-    assert rigid.physics == (friction(0.02, "m1"),)
-    assert rigid.chain.masses == pytest.approx([1.1697025721e-3], rel=1e-9)
-    assert rigid.chain.ground_dampers == pytest.approx([0.00584], rel=1e-9)
-    assert from_chain(rigid.chain).modes == ()
-    assert rigid.rigid() == rigid
-
-
-def test_mechanism_by_chain_or_by_modes() -> None:
-    chain = to_chain(ModalModel(2.0, 0.1))
-    assert PHANTOM.with_chain(chain).modal is None
-    assert PHANTOM.with_modal(ModalModel(2.0, 0.1)).chain.masses.tolist() == chain.masses.tolist()
-
-
-def test_the_plant_lags_as_its_amplifier() -> None:
-    """Truth: at rest and under a held command, the force after one tick is 1 - exp(-T/tau)."""
-    assert PHANTOM.plant().size == 6
-    lagging = PHANTOM.with_physics(make_physics("actuator_lag", "command", time_constant=2e-3))
-    plant = lagging.plant()
-    assert plant.size == 7
-    _, held = hold(plant, 1e-3)
-    assert held[6, 0] == pytest.approx(1.0 - math.exp(-0.5), rel=1e-12)
-
-
-@pytest.mark.parametrize("name", [n for n, e in EFFECTS.items() if e.hook == "structure"])
-def test_every_structural_effect_reaches_the_plant(name: str) -> None:
-    effect = EFFECTS[name]
-    values = {p.name: 1e-3 for p in effect.parameters}
-    changed = PHANTOM.with_physics(Physics(effect, effect.places[0], values)).plant()
-    assert changed.a.tobytes() != PHANTOM.plant().a.tobytes()
-
-
-def test_effects_are_found_by_name() -> None:
-    assert all(effect.name == name for name, effect in EFFECTS.items())
-    with pytest.raises(ValueError, match="no effect 'saturaton'; did you mean 'saturation'"):
-        make_physics("saturaton", "command", limit=1.0)
-
-
-def test_every_effect_file_is_registered() -> None:
-    folder = Path(device_file.__file__).parent / "physics"
-    declaring = {f.stem for f in folder.glob("*.py") if f"{f.stem} = Effect(" in f.read_text()}
-    assert declaring == set(EFFECTS)
