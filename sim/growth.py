@@ -74,7 +74,7 @@ def assess(
     with np.errstate(all="ignore"):  # infinities and zeros are verdicts, dealt with below
         amplitude = 0.5 * (measures[:, HIGHEST] - measures[:, LOWEST])
         slopes = [
-            _slope(0.5 * np.log(measures[:, energy]), window)
+            growth_rate(0.5 * np.log(measures[:, energy]), window)
             for energy in (SLOW_ENERGY, FAST_ENERGY)
         ]
         kinetic = measures[:, SLOW_ENERGY]
@@ -101,8 +101,11 @@ def assess(
     return Growth(verdict, rate, np.where(escaped | silent, 0.0, error), amplitude[-1])
 
 
-def _slope(lines: Floats, window: float) -> tuple[Floats, Floats]:
-    """Least-squares slope [1/s] and its standard error over the last three quarters, per run."""
+def growth_rate(lines: Floats, window: float) -> tuple[Floats, Floats]:
+    """Return slope [1/s] and its standard error over the last three quarters, each (runs,).
+
+    lines (windows, runs): half the logarithm of the windows' energies, one each `window` seconds.
+    """
     kept = lines[lines.shape[0] // 4 :]
     count = kept.shape[0]
     t = (np.arange(count) - 0.5 * (count - 1)) * window
