@@ -1,0 +1,108 @@
+"""The command `zwidth`: loads the command asked for, and turns every error into one sentence."""
+
+import os
+import sys
+import warnings
+from collections.abc import Sequence
+from contextlib import suppress
+from importlib import import_module
+from typing import Any, NoReturn, TextIO
+
+import click
+
+from zwidth.errors import Status, explain
+
+# name -> what help says of it. A command is the object `command` in zwidth/commands/NAME.py and is
+# imported when it is called, so that help does not wait for numpy, numba and matplotlib.
+COMMANDS = {
+    "devices": "List the devices that come with zwidth, or describe one.",
+}
+
+
+class CommandsByName(click.Group):
+    """A group whose commands are imported when they are called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the commands in the order in which one meets them."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import the command, or return None where there is none of that name."""
+        if cmd_name not in COMMANDS:
+            return None
+        command = import_module(f"zwidth.commands.{cmd_name}").command
+        assert isinstance(command, click.Command)
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command, or name the nearest ones."""
+        try:
+            return super().resolve_command(ctx, args)
+        except click.exceptions.NoSuchCommand as error:
+            raise click.exceptions.NoSuchCommand(
+                error.command_name, possibilities=COMMANDS, ctx=ctx
+            ) from None
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+
+@click.command(
+    cls=CommandsByName,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+    epilog="Exit status: 0 done, 1 failed, 2 bad input, 130 interrupted with Ctrl-C.",
+)
+@click.version_option(package_name="zwidth", message="%(prog)s %(version)s")
+def zwidth() -> None:
+    """Find how stiff a virtual wall a haptic device can render, and why no stiffer."""
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run one command line and return its exit status; `None` reads the one of this process.
+
+    Whatever goes wrong is one line on standard error. With ZWIDTH_DEBUG=1 in the environment the
+    exception is let through instead.
+    """
+    warnings.showwarning = _one_line_warning
+    try:
+        status = zwidth.main(arguments, prog_name="zwidth", standalone_mode=False)
+        sys.stdout.flush()
+    except BrokenPipeError:  # the reader of our output has gone, as in `zwidth devices | head -1`
+        _silence(sys.stdout)
+        return Status.FAILED
+    except click.exceptions.NoArgsIsHelpError as error:
+        print(error.format_message(), file=sys.stderr)
+        return Status.BAD_INPUT
+    except (Exception, KeyboardInterrupt) as error:
+        if os.environ.get("ZWIDTH_DEBUG") == "1":
+            raise
+        status, sentence = explain(error)
+        print(f"error: {sentence}", file=sys.stderr)
+        _silence_if_broken(sys.stdout)
+    return status if isinstance(status, int) else Status.DONE
+
+
+def main() -> NoReturn:
+    """Run the command line of this process."""
+    sys.exit(run())
+
+
+def _one_line_warning(message: Warning | str, *_: Any, **__: Any) -> None:
+    print(f"warning: {' '.join(str(message).split())}", file=sys.stderr)
+
+
+def _silence_if_broken(stream: TextIO) -> None:
+    try:
+        stream.flush()
+    except OSError:
+        _silence(stream)
+
+
+def _silence(stream: TextIO) -> None:
+    """Send what is still buffered nowhere, or the interpreter fails on it again at its exit."""
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

@@ -1,0 +1,127 @@
+"""What a command says: tables to people, JSON to programs, progress while it works."""
+
+import sys
+import time
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TextIO
+
+from zwidth.files import json_text, write_text
+
+PLAIN_LINE_EVERY = 5.0  # [s], where progress is written to a file and not to a terminal
+PLAIN_WIDTH = 160  # columns, where nobody's terminal limits them
+
+Advance = Callable[..., None]
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table; numbers align right, so that their digits line up."""
+
+    heading: str
+    number: bool = True
+
+
+@dataclass(frozen=True)
+class Console:
+    """Where a command's words go.
+
+    json: None for no JSON, "-" for standard output, else a file. When JSON has standard output,
+    what is meant for people goes to standard error, so that a program can read the one and a
+    person the other.
+    """
+
+    json: str | None = None
+
+    @property
+    def stream(self) -> TextIO:
+        """The stream that people read."""
+        return sys.stderr if self.json == "-" else sys.stdout
+
+    def say(self, text: str = "") -> None:
+        """Write a line for people."""
+        print(text, file=self.stream)
+
+    def warn(self, text: str) -> None:
+        """Write one line that begins with ``warning:`` to standard error."""
+        print(f"warning: {text}", file=sys.stderr)
+
+    def table(self, title: str, columns: Sequence[Column], rows: Sequence[Sequence[str]]) -> None:
+        """Write a table: ruled on a terminal, plain columns elsewhere."""
+        from rich.box import SIMPLE_HEAD
+        from rich.console import Console as Terminal
+        from rich.table import Table
+
+        terminal = self.stream.isatty()
+        table = Table(box=SIMPLE_HEAD if terminal else None, pad_edge=False)
+        for column in columns:
+            table.add_column(column.heading, justify="right" if column.number else "left")
+        for row in rows:
+            table.add_row(*row)
+        writer = Terminal(
+            file=self.stream,
+            width=None if terminal else PLAIN_WIDTH,
+            markup=False,
+            emoji=False,
+            highlight=False,
+        )
+        self.say(title)
+        writer.print(table)
+
+    def result(self, value: Any) -> None:
+        """Write the result as JSON where it was asked for; raises OSError, ValueError for NaN."""
+        if self.json == "-":
+            sys.stdout.write(json_text(value))
+        elif self.json is not None:
+            self.say(f"wrote {write_text(Path(self.json), json_text(value))}")
+
+
+@contextmanager
+def progress(doing: str, total: int) -> Generator[Advance]:
+    """Show how far long work has come, on standard error.
+
+    Yields ``advance(steps=1, now="")``; `now` is a word on what is being done. A terminal gets a
+    bar with the time that is left, anything else a plain line every few seconds.
+    """
+    show = _bar if sys.stderr.isatty() else _lines
+    with show(doing, total) as advance:
+        yield advance
+
+
+@contextmanager
+def _bar(doing: str, total: int) -> Generator[Advance]:
+    from rich.console import Console as Terminal
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+    from rich.progress import TimeRemainingColumn as TimeLeft
+
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeLeft(),
+        TextColumn("{task.fields[now]}", markup=False),
+    )
+    with Progress(*columns, console=Terminal(stderr=True), transient=True) as bar:
+        task = bar.add_task(doing, total=total, now="")
+
+        def advance(steps: int = 1, now: str = "") -> None:
+            bar.update(task, advance=steps, now=now)
+
+        yield advance
+
+
+@contextmanager
+def _lines(doing: str, total: int) -> Generator[Advance]:
+    done = 0
+    due = time.monotonic() + PLAIN_LINE_EVERY
+
+    def advance(steps: int = 1, now: str = "") -> None:
+        nonlocal done, due
+        done += steps
+        if time.monotonic() >= due:
+            due = time.monotonic() + PLAIN_LINE_EVERY
+            print(f"{doing}: {done} of {total} {now}".rstrip(), file=sys.stderr)
+
+    yield advance

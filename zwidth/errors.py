@@ -1,0 +1,66 @@
+"""What an error means to the person who typed the command: a sentence and an exit status."""
+
+import errno
+from enum import IntEnum
+
+import click
+from click.exceptions import NoSuchCommand
+
+
+class Status(IntEnum):
+    """Exit statuses of every command."""
+
+    DONE = 0
+    FAILED = 1  # the machine, or this program
+    BAD_INPUT = 2  # what was asked for; the sentence says what to change
+    INTERRUPTED = 130  # 128 + SIGINT, as a shell reports it
+
+
+# A path that is not what it should be is the user's to change; a full disk or a refused permission
+# is the machine's.
+PATH_ERRORS = frozenset(
+    {errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ENAMETOOLONG, errno.ELOOP}
+)
+
+
+def explain(error: BaseException) -> tuple[Status, str]:
+    """Return the exit status and one line for any exception that a command lets through."""
+    match error:
+        case KeyboardInterrupt() | click.Abort():
+            return Status.INTERRUPTED, "interrupted; every result finished before is kept"
+        case click.UsageError():
+            return Status.BAD_INPUT, _usage(error)
+        case click.ClickException():
+            return Status.FAILED, _one_line(error.format_message())
+        case OSError(errno=int()):
+            status = Status.BAD_INPUT if error.errno in PATH_ERRORS else Status.FAILED
+            return status, _operating_system(error)
+        case ValueError():
+            return Status.BAD_INPUT, _one_line(str(error))
+        case MemoryError():
+            return Status.FAILED, "out of memory; ask for fewer runs at once or shorter ones"
+        case _:
+            kind = type(error).__name__
+            return Status.FAILED, (
+                f"internal error, {kind}: {_one_line(str(error))}"
+                " (set ZWIDTH_DEBUG=1 to see where, and report it)"
+            )
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split()).rstrip(".")
+
+
+def _usage(error: click.UsageError) -> str:
+    sentence = _one_line(error.format_message())
+    sentence = sentence[:1].lower() + sentence[1:]
+    if isinstance(error, click.NoSuchOption | NoSuchCommand) and error.possibilities:
+        return sentence.replace(". (", "; (").replace(". Did", "; did")
+    if error.ctx is None or isinstance(error, click.BadParameter):
+        return sentence
+    return f"{sentence}; see '{error.ctx.command_path} --help'"
+
+
+def _operating_system(error: OSError) -> str:
+    reason = _one_line(error.strerror or str(error))
+    return reason if error.filename is None else f"{error.filename}: {reason}"

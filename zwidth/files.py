@@ -1,0 +1,55 @@
+"""Write a result whole or not at all: a reader never sees half a file, a full disk no lost one."""
+
+import json
+import os
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+
+@contextmanager
+def replacing(path: Path) -> Generator[IO[bytes]]:
+    """Open a binary file that takes the place of `path` when the block ends without an error.
+
+    What stood at `path` stays until then, and after an error. Folders are made. A path that is no
+    plain file (a terminal, a pipe, /dev/null) is written to directly. Raises OSError.
+    """
+    target = path.resolve()
+    target.parent.mkdir(parents=True, exist_ok=True)
+    if target.is_dir():
+        raise IsADirectoryError(21, "is a folder; name a file", str(path))
+    if target.exists() and not target.is_file():
+        with target.open("wb") as stream:
+            yield stream
+        return
+    draft = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        with draft.open("wb") as stream:
+            yield stream
+            stream.flush()
+            os.fsync(stream.fileno())
+        draft.replace(target)
+    except OSError as error:
+        draft.unlink(missing_ok=True)
+        raise OSError(error.errno, error.strerror or str(error), str(path)) from error
+    except BaseException:
+        draft.unlink(missing_ok=True)
+        raise
+
+
+def write_with(path: Path, write: Callable[[IO[bytes]], object]) -> Path:
+    """Let `write` fill the file at `path`, whole or not at all; returns the path."""
+    with replacing(path) as stream:
+        write(stream)
+    return path
+
+
+def write_text(path: Path, text: str) -> Path:
+    """Write UTF-8 text, whole or not at all; returns the path."""
+    return write_with(path, lambda stream: stream.write(text.encode()))
+
+
+def json_text(value: Any) -> str:
+    """Return readable JSON; raises ValueError for NaN and infinities, which JSON does not have."""
+    return json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False) + "\n"

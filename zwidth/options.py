@@ -1,0 +1,114 @@
+"""Options that several commands share: physical quantities, lists of them, where results go."""
+
+import math
+import re
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import click
+
+# What begins like a number is meant as one: `--delay-ms 2 4x` is a wrong delay, not a device "4x".
+LIKE_A_NUMBER = re.compile(r"[+-]?(\d|\.\d|nan\b|inf)", re.IGNORECASE)
+
+
+class Quantity(click.ParamType[float]):
+    """A finite number with a unit, at least `minimum`, or above it where `above` is true."""
+
+    name = "number"
+
+    def __init__(self, unit: str, minimum: float = 0.0, *, above: bool = False) -> None:
+        self.unit = unit
+        self.minimum = minimum
+        self.above = above
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """Return the number, or fail with what is allowed."""
+        try:
+            number = float(value)
+        except ValueError:
+            number = math.nan
+        enough = number > self.minimum if self.above else number >= self.minimum
+        if not (enough and math.isfinite(number)):
+            least = (
+                f"a number above {self.minimum:g}" if self.above else f"{self.minimum:g} or more"
+            )
+            self.fail(f"{value} is not allowed, give {least} [{self.unit}].", param, ctx)
+        return number
+
+
+class Quantities(click.Option):
+    """An option that takes one or more numbers, ``--delay-ms 2 4 8``, as a tuple.
+
+    rising: the numbers are a grid, so each must be above the one before it; otherwise they may
+    stand in any order, but none twice.
+    """
+
+    def __init__(self, *args: Any, rising: bool = False, **kwargs: Any) -> None:
+        super().__init__(*args, multiple=True, callback=self.check, **kwargs)
+        self.rising = rising
+
+    def check(
+        self, ctx: click.Context, param: click.Parameter, value: tuple[float, ...]
+    ) -> tuple[float, ...]:
+        """Refuse a grid that does not rise, and a number given twice."""
+        for earlier, later in pairwise(value):
+            if self.rising and not later > earlier:
+                message = f"{later:g} follows {earlier:g}, give the numbers in rising order."
+                raise click.BadParameter(message, ctx, param)
+        for number in value:
+            if value.count(number) > 1:
+                message = f"{number:g} stands there twice, give each number once."
+                raise click.BadParameter(message, ctx, param)
+        return value
+
+
+class ManyNumbers(click.Command):
+    """A command whose `Quantities` take all the numbers that follow, wherever they stand."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Repeat the option before each of its numbers, which is what click understands."""
+        flags = {
+            flag for option in self.params if isinstance(option, Quantities) for flag in option.opts
+        }
+        return super().parse_args(ctx, spread(args, flags))
+
+
+def spread(args: list[str], flags: set[str]) -> list[str]:
+    """Return ``--x 1 --x 2`` for ``--x 1 2`` where ``--x`` is one of the flags."""
+    result: list[str] = []
+    flag, fresh = None, False  # the list being read; whether click itself gives it the next word
+    for position, word in enumerate(args):
+        if word == "--":
+            return result + args[position:]
+        if flag and not fresh and LIKE_A_NUMBER.match(word):
+            result.append(flag)
+        elif not fresh:
+            name, equals, _ = word.partition("=")
+            flag = name if name in flags else None
+            fresh = flag is not None and not equals
+            result.append(word)
+            continue
+        fresh = False
+        result.append(word)
+    return result
+
+
+json_option = click.option(
+    "--json", "json_file", metavar="FILE", help="Write the result as JSON; - for standard output."
+)
+
+
+def out_option(default: str) -> Callable[[Any], Any]:
+    """Return ``--out DIR`` with the default folder of the command."""
+    return click.option(
+        "--out",
+        metavar="DIR",
+        type=click.Path(file_okay=False, path_type=Path),
+        default=default,
+        show_default=True,
+        help="Folder for the files that the command writes; it is made.",
+    )
