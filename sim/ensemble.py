@@ -94,7 +94,7 @@ class LaneRuns:
         return replace(self, bank=self.bank[:, runs], line=self.line[:, runs])
 
     def tasks(self, weights: Floats, windows: int) -> "tuple[Floats, list[Task], LaneRuns]":
-        """Return (measures (windows, 4, runs), tasks that fill them, the state afterwards)."""
+        """Return (measures (windows, 7, runs), tasks that fill them, the state afterwards)."""
         measures = np.zeros((windows, MEASURES, self.size))
         after = replace(
             self,
@@ -152,7 +152,7 @@ class ScalarRuns:
         )
 
     def tasks(self, weights: Floats, windows: int) -> "tuple[Floats, list[Task], ScalarRuns]":
-        """Return (measures (windows, 4, runs), tasks that fill them, the state afterwards)."""
+        """Return (measures (windows, 7, runs), tasks that fill them, the state afterwards)."""
         measures = np.zeros((windows, MEASURES, self.size))
         copies = tuple(Memory(*(a.copy() for a in m)) for m in self.memories)
         after = replace(self, memories=copies, past=self.past.copy())
@@ -190,7 +190,14 @@ def _measured(eq: Equations, record: Floats, weights: Floats, past: Floats) -> F
         past[:] = series[-3:]
         kinetic = (0.5 * eq.masses * speeds * speeds).sum(axis=1)
         low, high = record[:, 0].min(), record[:, 0].max()
-        return np.array([weights @ kinetic, weights @ (third * third), low, high])
+        command = record[:, eq.states + 2]
+        reversals = np.count_nonzero(series[3:] * series[2:-1] < 0.0)
+        return np.array(
+            [
+                weights @ kinetic, weights @ (third * third), low, high,
+                command.min(), command.max(), reversals,
+            ]
+        )  # fmt: skip
 
 
 def threads() -> int:
@@ -239,7 +246,7 @@ def _in_lanes(eq: Equations, ensemble: Walls, memories: Sequence[Memory]) -> Lan
 
 
 def advance_runs(runs: Runs, weights: Floats, windows: int, workers: int) -> tuple[Floats, Runs]:
-    """Run an ensemble for `windows` windows; return (measures (windows, 4, runs), state)."""
+    """Run an ensemble for `windows` windows; return (measures (windows, 7, runs), state)."""
     measures, tasks, after = runs.tasks(weights, windows)
     in_parallel(tasks, workers)
     return measures, after

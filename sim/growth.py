@@ -20,7 +20,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.lanes import FAST_ENERGY, HIGHEST, LOWEST, SLOW_ENERGY
+from sim.lanes import (
+    FAST_ENERGY,
+    HIGHEST,
+    HIGHEST_COMMAND,
+    LOWEST,
+    LOWEST_COMMAND,
+    REVERSALS,
+    SLOW_ENERGY,
+)
 
 Floats = NDArray[np.float64]
 SIGNIFICANCE = 6.0  # standard errors between a growth rate and zero
@@ -53,13 +61,16 @@ class Growth:
     """Growth of an ensemble's runs, one value a run (runs,).
 
     verdict: index into VERDICTS. rate [1/s] and error: of the energy that decided. amplitude: half
-    the range of m1's position in the last window.
+    the range of m1's position in the last window; force: half the range of the command there.
+    frequency [Hz]: half the reversals of m1's velocity a second over the last half of the run.
     """
 
     verdict: NDArray[np.int64]
     rate: Floats
     error: Floats
     amplitude: Floats
+    force: Floats
+    frequency: Floats
 
 
 def assess(
@@ -67,7 +78,7 @@ def assess(
 ) -> Growth:
     """Judge runs from their measures.
 
-    measures (windows, 4, runs); window [s]; start: amplitude at t = 0; threshold: amplitude below which
+    measures (windows, 7, runs); window [s]; start: amplitude at t = 0; threshold: amplitude below which
     an oscillation counts as rest; nonlinear: limit cycles are possible.
     """
     windows, _, runs = measures.shape
@@ -98,7 +109,11 @@ def assess(
     verdict[silent] = DECAYS
     verdict[escaped] = GROWS
     rate = np.where(escaped, np.inf, np.where(silent, -np.inf, rate))
-    return Growth(verdict, rate, np.where(escaped | silent, 0.0, error), amplitude[-1])
+    with np.errstate(invalid="ignore"):
+        force = 0.5 * (measures[-1, HIGHEST_COMMAND] - measures[-1, LOWEST_COMMAND])
+    frequency = measures[-(windows // 2) :, REVERSALS].mean(axis=0) / (2.0 * window)
+    error = np.where(escaped | silent, 0.0, error)
+    return Growth(verdict, rate, error, amplitude[-1], force, frequency)
 
 
 def growth_rate(lines: Floats, window: float) -> tuple[Floats, Floats]:

@@ -7,7 +7,8 @@ the scalar run bit for bit. It serves linear mechanisms with the interface's own
 
 Per window of ticks a lane keeps, instead of its trace: two energies weighted by a Hann window
 (kinetic energy, and the square of the third difference of m1's velocity, which shows fast modes a
-thousand times below slow ones), and the extremes of m1's position.
+thousand times below slow ones), the extremes of m1's position and of the command, and how often m1's
+velocity changed its sign.
 """
 
 from functools import cache
@@ -24,7 +25,8 @@ from sim.physics.encoder_step import read_encoder
 Floats = NDArray[np.float64]
 LANES, NARROW = 64, 16  # runs in a group: full, and for what is left over
 SLOW_ENERGY, FAST_ENERGY, LOWEST, HIGHEST = 0, 1, 2, 3
-MEASURES = 4
+LOWEST_COMMAND, HIGHEST_COMMAND, REVERSALS = 4, 5, 6
+MEASURES = 7
 # Rows of the bank after the states, the held command and the fresh states.
 READING, ESTIMATE, COMMAND, PAST1, PAST2, PAST3 = 0, 1, 2, 3, 4, 5
 STIFFNESS, DAMPING, POSITION, SIDED, SIGNALS = 6, 7, 8, 9, 10
@@ -80,39 +82,40 @@ def lane_kernel(states: int, dof: int, lanes: int) -> Any:
     def advance_lanes(eq, p, memory, head, weights, windows, measures):
         """Run `windows` windows of weights.size ticks each; return the delay line's head.
 
-        p: from `dense`. measures (windows x 4 x lanes,) is filled.
+        p: from `dense`. measures (windows x 7 x lanes,) is filled.
         """
         bank, line = memory
         last = line.size // LANES - 1
         stepped = eq.encoder_step != 0.0 or eq.command_step != 0.0
         for window in range(windows):
-            slow = measures[(4 * window) * LANES : (4 * window + 1) * LANES]
-            fast = measures[(4 * window + 1) * LANES : (4 * window + 2) * LANES]
-            low = measures[(4 * window + 2) * LANES : (4 * window + 3) * LANES]
-            high = measures[(4 * window + 3) * LANES : (4 * window + 4) * LANES]
+            m = measures[MEASURES * LANES * window : MEASURES * LANES * (window + 1)]
             for lane in range(LANES):
-                slow[lane] = 0.0
-                fast[lane] = 0.0
-                low[lane] = bank[lane]
-                high[lane] = bank[lane]
+                m[SLOW_ENERGY * LANES + lane] = 0.0
+                m[FAST_ENERGY * LANES + lane] = 0.0
+                m[LOWEST * LANES + lane] = bank[lane]
+                m[HIGHEST * LANES + lane] = bank[lane]
+                m[LOWEST_COMMAND * LANES + lane] = np.inf
+                m[HIGHEST_COMMAND * LANES + lane] = -np.inf
+                m[REVERSALS * LANES + lane] = 0.0
             for k in range(weights.size):
                 weight = weights[k]
                 for lane in range(LANES):
                     q = bank[lane]
-                    low[lane] = min(low[lane], q)
-                    high[lane] = max(high[lane], q)
+                    m[LOWEST * LANES + lane] = min(m[LOWEST * LANES + lane], q)
+                    m[HIGHEST * LANES + lane] = max(m[HIGHEST * LANES + lane], q)
                     v = bank[dof * LANES + lane]
                     past1, past2 = bank[D1 * LANES + lane], bank[D2 * LANES + lane]
                     third = v - 3.0 * (past1 - past2) - bank[D3 * LANES + lane]
                     bank[D3 * LANES + lane] = past2
                     bank[D2 * LANES + lane] = past1
                     bank[D1 * LANES + lane] = v
-                    fast[lane] += weight * (third * third)
+                    m[FAST_ENERGY * LANES + lane] += weight * (third * third)
+                    m[REVERSALS * LANES + lane] += 1.0 if v * past1 < 0.0 else 0.0
                     energy = 0.0
                     for i in range(dof):
                         v = bank[(dof + i) * LANES + lane]
                         energy += 0.5 * eq.masses[i] * (v * v)
-                    slow[lane] += weight * energy
+                    m[SLOW_ENERGY * LANES + lane] += weight * energy
                 row = head * LANES
                 if stepped:
                     for lane in range(LANES):
@@ -127,7 +130,10 @@ def lane_kernel(states: int, dof: int, lanes: int) -> Any:
                         u = quantise_command(
                             -(inside if bank[S * LANES + lane] != 0.0 else push), eq.command_step
                         )
-                        line[row + lane] = max(-eq.command_limit, min(eq.command_limit, u))
+                        u = max(-eq.command_limit, min(eq.command_limit, u))
+                        line[row + lane] = u
+                        m[LOWEST_COMMAND * LANES + lane] = min(m[LOWEST_COMMAND * LANES + lane], u)
+                        m[HIGHEST_COMMAND * LANES + lane] = max(m[HIGHEST_COMMAND * LANES + lane], u)
                 else:
                     for lane in range(LANES):
                         y = bank[lane]
@@ -139,7 +145,10 @@ def lane_kernel(states: int, dof: int, lanes: int) -> Any:
                         push = bank[K * LANES + lane] * depth + bank[B * LANES + lane] * v
                         inside = 0.0 if depth <= 0.0 else max(0.0, push)
                         u = -(inside if bank[S * LANES + lane] != 0.0 else push)
-                        line[row + lane] = max(-eq.command_limit, min(eq.command_limit, u))
+                        u = max(-eq.command_limit, min(eq.command_limit, u))
+                        line[row + lane] = u
+                        m[LOWEST_COMMAND * LANES + lane] = min(m[LOWEST_COMMAND * LANES + lane], u)
+                        m[HIGHEST_COMMAND * LANES + lane] = max(m[HIGHEST_COMMAND * LANES + lane], u)
                 head = 0 if head == last else head + 1
                 for segment in range(2):
                     if eq.substeps[segment] > 0:

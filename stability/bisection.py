@@ -12,7 +12,7 @@ Limit: a band of instability narrower than the scan's ratio can be stepped over.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -130,15 +130,15 @@ def _judge(device: Device, eq: Equations, ensemble: Walls, trial: Trial, workers
     window = weights.size * eq.period
     start, rest = abs(trial.start), threshold(device, trial)
     nonlinear = not device.interface.linear or bool(device.physics)
-    judged = Growth(np.full(runs.size, UNDECIDED), *np.full((3, runs.size), np.nan))
+    judged = Growth(np.full(runs.size, UNDECIDED), *np.full((5, runs.size), np.nan))
     pending, history = np.arange(runs.size), np.zeros((0, MEASURES, runs.size))
     done, target = 0.0, trial.seconds
     while True:
         measures, runs = advance_runs(runs, weights, round((target - done) / window), workers)
         history = np.concatenate([history, measures])
         growth = assess(history, window, start, rest, nonlinear)
-        for name in ("verdict", "rate", "error", "amplitude"):
-            getattr(judged, name)[pending] = getattr(growth, name)
+        for field in fields(Growth):
+            getattr(judged, field.name)[pending] = getattr(growth, field.name)
         left = np.flatnonzero(growth.verdict == UNDECIDED)
         if left.size == 0 or target >= trial.limit_s:
             return judged
