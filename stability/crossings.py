@@ -30,7 +30,6 @@ Complexes = NDArray[np.complex128]
 NEAR_CIRCLE = 1e-2
 NEAR_POLE = 1e-9
 NEAR_ONE = 1e-6
-POLISHING_STEPS = 2
 LARGEST_STEP = 1e-4
 
 
@@ -54,9 +53,8 @@ def crossings(a: Floats, b: Floats, c: Floats) -> Crossings:
     poles = np.linalg.eigvals(a).astype(np.complex128)
     angles = _candidates(a, b, c)
     angles = angles[_distance(angles, poles) > np.where(angles < NEAR_ONE, NEAR_ONE, NEAR_POLE)]
-    for _ in range(POLISHING_STEPS):
-        bound = np.minimum(LARGEST_STEP, 0.5 * _distance(angles, poles))
-        angles = _polished(angles, bound, *_response(a, b, c, np.exp(1j * angles)))
+    bound = np.minimum(LARGEST_STEP, 0.5 * _distance(angles, poles))
+    angles = _polished(angles, bound, *_response(a, b, c, np.exp(1j * angles)))
     response, slope = _response(a, b, c, np.exp(1j * angles))
     with np.errstate(divide="ignore"):
         gains = -1.0 / response.real
@@ -71,7 +69,7 @@ def crossings(a: Floats, b: Floats, c: Floats) -> Crossings:
 def _balanced(a: Floats, b: Floats, c: Floats) -> tuple[Floats, Floats, Floats]:
     """Scale the states so that rows and columns of A have equal norms; g stays what it is."""
     scaled, (scale, _) = matrix_balance(a, permute=False, separate=True)
-    return scaled, b / scale, c * scale
+    return scaled.astype(np.float64), b / scale, c * scale
 
 
 def _candidates(a: Floats, b: Floats, c: Floats) -> Floats:

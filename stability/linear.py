@@ -2,12 +2,13 @@
 
 K_CR is the end of the stable interval of K that begins at 0. The gains at which any eigenvalue is
 on the unit circle come all at once from `stability/crossings.py`; between them stability cannot
-change, so it is read from the eigenvalues at one K in each interval, and no band is missed.
+change, so it is read from the eigenvalues at one K in each interval, and no band is missed. Above
+the last of them every K is unstable: a held command that grows with K pushes an eigenvalue to
+infinity. The same holds for B.
 
 Near K = 0 a free device has an eigenvalue 1 - K T / (b + B): inside iff b + B > 0, which is when
-the slow eigenvalue 1 - (b + B) T / m of the loop without drift is inside. That loop decides for
-K -> 0, also where b + B is so small that rounding would hide it in the full loop (tested down to
-b T / m = 1e-9). A margin routine prints a number there whether or not K -> 0 is stable.
+the slow eigenvalue 1 - (b + B) T / m of the loop without drift is inside. So that loop decides for
+K -> 0. A margin routine prints a number whether or not K -> 0 is stable.
 
 Limits: a decay of less than `SETTLED` per tick counts as none.
 """
@@ -26,7 +27,6 @@ from stability.types import Corner, LinearPoint
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 SETTLED = 1e-9
-SCATTER = 1e-4
 CORNER_GRID = 100
 JUMP = 1e-3
 
@@ -98,52 +98,44 @@ def _critical(loop: Loop, damping: float) -> LinearPoint:
     found = _crossings(loop, damping)
     if not _begins_stable(loop, damping, found):
         return LinearPoint(damping, None, None, None)
-    between = _between(found.gains)
-    for i, stiffness in enumerate(found.gains):
-        if _radius(loop.closed(between[i + 1], damping)) > 1.0:
-            frequency = found.angles[i] / (2.0 * np.pi * loop.period)
-            departure = found.departures[i] / loop.period
-            return LinearPoint(damping, float(stiffness), float(frequency), float(departure))
-    # Cannot be: with a held command some eigenvalue goes to infinity with K.
-    raise ArithmeticError(f"no crossing ends the stable stiffness at B = {damping:g}")
+    later = _between(found.gains)[1:]
+    kept = (_radius(loop.closed(stiffness, damping)) < 1.0 for stiffness in later)
+    i = next((i for i, stable in enumerate(kept) if not stable), found.gains.size - 1)
+    return LinearPoint(
+        damping,
+        stiffness=float(found.gains[i]),
+        frequency_hz=float(found.angles[i]) / (2.0 * np.pi * loop.period),
+        departure=float(found.departures[i]) / loop.period,
+    )
 
 
 def _crossings(loop: Loop, damping: float) -> Crossings:
-    """The double eigenvalue 1 of a device without damping scatters false zeros around z = 1."""
     if not np.isfinite(damping):
         raise ValueError(f"damping is {damping}; only finite numbers are allowed")
-    found = crossings(loop.damped(damping), loop.entry, loop.reading)
-    if loop.free and _undamped(_eigenvalues(loop.without_drift().damped(damping))):
-        apart = found.angles > SCATTER
-        return Crossings(found.gains[apart], found.angles[apart], found.departures[apart])
-    return found
-
-
-def _undamped(eigenvalues: Complexes) -> bool:
-    return bool(np.any(np.abs(eigenvalues - 1.0) < SETTLED))
+    return crossings(loop.damped(damping), loop.entry, loop.reading)
 
 
 def _begins_stable(loop: Loop, damping: float, found: Crossings) -> bool:
     """Tell whether the loop is stable for K -> 0.
 
     A slow eigenvalue at 1 means b + B = 0, where any delayed spring pushes. Where another one
-    starts on the circle, the spring moves it in or out: look a little above K = 0.
+    starts on the circle, the spring moves it in or out: look a little above K = 0. Without any
+    crossing the loop is as unstable there as for large K.
     """
+    if found.gains.size == 0:
+        return False
     start = loop.without_drift() if loop.free else loop
     eigenvalues = _eigenvalues(start.damped(damping))
     excess = np.abs(eigenvalues) - 1.0
     marginal = np.abs(excess) < SETTLED
-    if np.any(excess >= SETTLED) or _undamped(eigenvalues):
+    if np.any(excess >= SETTLED) or np.any(np.abs(eigenvalues - 1.0) < SETTLED):
         return False
     return not marginal.any() or _radius(loop.closed(_between(found.gains)[0], damping)) < 1.0
 
 
 def _between(gains: Floats) -> Floats:
-    """One K inside each interval that the gains cut from (0, inf)."""
-    if gains.size == 0:
-        return np.ones(1)
-    inner = 0.5 * (gains[1:] + gains[:-1])
-    return np.concatenate([[0.5 * gains[0]], inner, [2.0 * gains[-1]]])
+    """One gain inside each interval that the gains cut from (0, their last)."""
+    return 0.5 * (gains + np.concatenate([[0.0], gains[:-1]]))
 
 
 def _eigenvalues(matrix: Floats) -> Complexes:
@@ -167,8 +159,8 @@ def _stable_dampings(loop: Loop) -> list[tuple[float, float]]:
 
 def _joined(gains: Floats, stable: list[bool]) -> list[tuple[float, float]]:
     """Join neighbouring stable intervals; stable says which of (0, g1), (g1, g2) .. are."""
-    edges = [0.0, *gains.tolist(), np.inf]
     bands: list[tuple[float, float]] = []
+    edges = [0.0, *gains.tolist()]
     for low, high, inside in zip(edges, edges[1:], stable, strict=False):
         if inside and bands and bands[-1][1] == low:
             bands[-1] = (bands[-1][0], high)

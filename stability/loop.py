@@ -23,6 +23,7 @@ from sim.device import Device
 from sim.plant import hold
 
 Floats = NDArray[np.float64]
+MOST_TICKS = 400  # of delay; the eigenproblem of the boundary takes 20 s there
 
 
 class Loop(NamedTuple):
@@ -72,11 +73,19 @@ class Loop(NamedTuple):
 
 
 def open_loop(device: Device) -> Loop:
-    """Return the one-tick equations of a device, command and readings still unconnected."""
+    """Return the one-tick equations of a device, command and readings still unconnected.
+
+    Raises ValueError for a delay of more than `MOST_TICKS` periods.
+    """
     plant = device.plant()
     period = device.interface.period
     smoothing = device.interface.velocity_smoothing
     whole, remainder = device.interface.delay_ticks
+    if whole > MOST_TICKS:
+        raise ValueError(
+            f"interface.delay is {whole} periods; the linear theory takes up to {MOST_TICKS}:"
+            " shorten delay_s or lengthen period_s"
+        )
     n, depth = plant.size, whole + (remainder > 0.0)
     last_reading = n + depth
     size = last_reading + 1 + (smoothing < 1.0)
