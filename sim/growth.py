@@ -33,6 +33,7 @@ from sim.lanes import (
 Floats = NDArray[np.float64]
 SIGNIFICANCE = 6.0  # standard errors between a growth rate and zero
 SILENCE = 1e-24  # energy over the first window's at which a run has come to rest
+ESCAPE = 1e6  # amplitude over the start's at which a run counts as lost
 STEADY = 0.02  # change of amplitude over the judged part of a run that a limit cycle may show
 
 
@@ -92,7 +93,7 @@ def assess(
         silent = kinetic[-1] <= SILENCE * kinetic[0]
     up = [(rate > SIGNIFICANCE * error) for rate, error in slopes]
     down = [(rate < -SIGNIFICANCE * error) for rate, error in slopes]
-    escaped = ~np.isfinite(kinetic).all(axis=0)
+    escaped = ~(np.isfinite(kinetic) & (amplitude < ESCAPE * start)).all(axis=0)
     verdict = np.full(runs, UNDECIDED)
     verdict[down[0] & down[1]] = DECAYS
     verdict[up[0] | up[1]] = GROWS

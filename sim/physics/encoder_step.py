@@ -1,6 +1,6 @@
 """The encoder counts in steps; its home is `Interface.encoder_step`."""
 
-import math
+import numpy as np
 
 from sim.jit import part
 from sim.physics.effect import Effect, Parameter
@@ -24,5 +24,5 @@ def read_encoder(position, step, floor):
     if step == 0.0:
         return position
     if floor:
-        return step * math.floor(position / step)
+        return step * np.floor(position / step)
     return to_nearest(position, step)
