@@ -1,6 +1,5 @@
 """The linear boundary against check values, closed forms and three independent witnesses."""
 
-import time
 import warnings
 
 import control
@@ -419,21 +418,9 @@ def test_growth_beyond_the_boundary() -> None:
 
 
 def test_a_long_delay_is_served() -> None:
-    """100 ticks: the first-order law still holds at B = 0, in well under a second a point."""
-    device = one_mass(1.0, 0.1, delay=0.1)
-    began = time.perf_counter()
-    k, _ = found(critical_stiffness(device, 0.0))
-    assert time.perf_counter() - began < 5.0
+    """100 ticks: the first-order law still holds at B = 0."""
+    k, _ = found(critical_stiffness(one_mass(1.0, 0.1, delay=0.1), 0.0))
     assert k == pytest.approx(0.1 / 0.1005, rel=5e-3)
-
-
-def test_the_figure_takes_a_second() -> None:
-    """300 points, generous for a busy machine (measured 0.2 to 0.35 s on an idle core)."""
-    began = time.perf_counter()
-    for delay_ms in (2, 4, 8):
-        device = phantom(delay_ms)
-        boundary(device, np.linspace(0.0, last_stable_damping(device) or 0.0, 100))
-    assert time.perf_counter() - began < 3.0
 
 
 def test_bad_input_is_named() -> None:
