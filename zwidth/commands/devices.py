@@ -1,0 +1,172 @@
+"""`zwidth devices`: the devices that come with zwidth, and what is known about any one."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from sim.device import Device, place_label, warnings_of
+from sim.device_file import device_to_text, load_device, shipped_devices
+from sim.modal import ModalModel, from_chain
+from sim.passive import nearest_passive
+from zwidth.console import Column, Console
+from zwidth.files import write_text
+from zwidth.options import json_option
+
+TURN = 2.0 * math.pi
+
+
+@click.command("devices")
+@click.argument("device", metavar="[DEVICE]", required=False)
+@click.option(
+    "--passive", is_flag=True, help="Describe the nearest chain without negative dampers."
+)
+@click.option(
+    "--save",
+    metavar="FILE",
+    type=click.Path(path_type=Path),
+    help="Write what is described as a device file, to be edited or used in other commands.",
+)
+@json_option
+def command(device: str | None, passive: bool, save: Path | None, json_file: str | None) -> None:
+    """List the devices that come with zwidth, or describe one.
+
+    DEVICE is the name of one of them or a device file.
+    """
+    console = Console(json_file)
+    if device is not None:
+        _describe(console, device, passive, save)
+    elif passive or save:
+        raise click.UsageError("--passive and --save need a DEVICE, give its name or file")
+    else:
+        _list(console)
+
+
+def _list(console: Console) -> None:
+    found = {name: load_device(name) for name in shipped_devices()}
+    columns = [Column("device", False), Column("masses"), Column("what it is", False)]
+    rows = [[name, str(d.chain.masses.size), d.name] for name, d in found.items()]
+    console.table(
+        f"{len(rows)} shipped device(s); a device file of your own works too", columns, rows
+    )
+    console.result({"devices": [{"device": name, "name": d.name} for name, d in found.items()]})
+
+
+def _describe(console: Console, name: str, passive: bool, save: Path | None) -> None:
+    device = load_device(name)
+    result: dict[str, Any] = {}
+    if passive:
+        fit = nearest_passive(device.chain)
+        device = replace(
+            device.with_chain(fit.chain),
+            name=f"{device.name}, nearest passive chain",
+            source=f"{device.source}; relative rms distance {fit.distance:.3g} over 1-300 Hz",
+        )
+        result["distance"] = fit.distance
+    for warning in warnings_of(device):
+        console.warn(warning)
+    console.say(f"{device.name} ({device.source})\n")
+    _chain_table(console, device)
+    modes = _modes(device)
+    _mode_table(console, modes)
+    _settings(console, device)
+    if save:
+        console.say(f"wrote {write_text(save, device_to_text(device))}")
+    console.result(_as_json(device, modes) | result)
+
+
+def _chain_table(console: Console, device: Device) -> None:
+    force, length, mass = ("N m", "rad", "kg m2") if device.rotary else ("N", "m", "kg")
+    chain = device.chain
+    columns = [
+        Column("", False),
+        Column(f"mass [{mass}]"),
+        Column(f"damper to ground [{force} s/{length}]"),
+        Column(f"spring to next [{force}/{length}]"),
+        Column(f"damper to next [{force} s/{length}]"),
+    ]
+    links = [*zip(chain.link_springs, chain.link_dampers, strict=True), ("", "")]
+    rows = [
+        [f"m{i + 1}", *(f"{value:.6g}" if value != "" else "" for value in (mass, damper, *link))]
+        for i, (mass, damper, link) in enumerate(
+            zip(chain.masses, chain.ground_dampers, links, strict=True)
+        )
+    ]
+    console.table("The chain, force and encoder at m1", columns, rows)
+    if chain.ground_spring:
+        console.say(f"spring from m1 to ground: {chain.ground_spring:.6g} {force}/{length}")
+
+
+def _modes(device: Device) -> ModalModel | None:
+    """Return the modal form, None where the mechanism has none (a ground spring, a real pole)."""
+    try:
+        return device.modal or from_chain(device.chain)
+    except ValueError:
+        return None
+
+
+def _mode_table(console: Console, modal: ModalModel | None) -> None:
+    if modal is None or not modal.modes:
+        return
+    columns = [
+        Column("", False),
+        Column("resonance [Hz]"),
+        Column("damping ratio"),
+        Column("antiresonance [Hz]"),
+        Column("damping ratio"),
+    ]
+    rows = [
+        [f"mode {i + 1}", *(f"{value:.5g}" for value in _mode(mode).values())]
+        for i, mode in enumerate(modal.modes)
+    ]
+    console.say()
+    console.table("Its modes", columns, rows)
+
+
+def _mode(mode: Any) -> dict[str, float]:
+    return {
+        "resonance_hz": mode.omega / TURN,
+        "resonance_damping": mode.c / (2.0 * mode.omega),
+        "antiresonance_hz": mode.v / TURN,
+        "antiresonance_damping": mode.d / (2.0 * mode.v),
+    }
+
+
+def _settings(console: Console, device: Device) -> None:
+    interface = device.interface
+    console.say(
+        f"\nsampled every {1e3 * interface.period:g} ms, delay {1e3 * interface.delay:g} ms"
+    )
+    for what, value, none in (
+        ("encoder step", interface.encoder_step, 0.0),
+        ("command step", interface.command_step, 0.0),
+        ("command limit", interface.command_limit, math.inf),
+        ("velocity cutoff [Hz]", interface.velocity_cutoff_hz, math.inf),
+    ):
+        if value != none:
+            console.say(f"{what} {value:g}")
+    for physics in device.physics:
+        values = ", ".join(f"{key} {value:g}" for key, value in physics.values.items())
+        console.say(f"{place_label(physics)}: {values}")
+
+
+def _as_json(device: Device, modal: ModalModel | None) -> dict[str, Any]:
+    return {
+        "name": device.name,
+        "source": device.source,
+        "rotary": device.rotary,
+        "chain": {key: np.asarray(value).tolist() for key, value in device.chain._asdict().items()},
+        "modes": [_mode(mode) for mode in modal.modes] if modal else None,
+        "interface": {
+            key: None if value == math.inf else value
+            for key, value in vars(device.interface).items()
+        },
+        "physics": [
+            {"effect": p.effect.name, "at": p.at, "parameters": dict(p.values)}
+            for p in device.physics
+        ],
+        "warnings": warnings_of(device),
+    }
