@@ -1,0 +1,161 @@
+"""Run a scenario into a log from which it can be replayed bit for bit."""
+
+from collections.abc import Callable, Iterator, Mapping
+from importlib.metadata import PackageNotFoundError, version
+from itertools import takewhile
+from os import PathLike
+from typing import NamedTuple
+
+import numpy as np
+
+from logs.mcap_writer import LogWriter
+from logs.schema import SUBSTEP
+from scenarios.controller_kinds import takes_array
+from scenarios.exact import array_bytes, computed_bytes
+from scenarios.run_events import EventFinder, ending
+from scenarios.run_verdict import run_verdict
+from scenarios.scenario import Scenario
+from scenarios.scenario_file import scenario_to_text
+from sim.device_file import device_to_text, model_hash
+from sim.run import BLOCK_TICKS, Outcome, Run, Setup
+from sim.trace import Trace
+
+# Attachments. The first three, saved as files in one folder, are a scenario that runs again.
+SCENARIO, DEVICE, COMMANDS = "scenario.toml", "device.toml", "commands.npy"
+COMPUTED = "computed.npz"
+
+
+class Block(NamedTuple):
+    """A piece of a run: a sample a tick, a sample a substep where asked for, outcome so far."""
+
+    tick: Trace
+    fine: Trace | None
+    outcome: Outcome
+
+
+def logged_run(
+    scenario: Scenario,
+    path: str | PathLike[str],
+    *,
+    metadata: Mapping[str, str] | None = None,
+    epoch_ns: int | None = None,
+    on_block: Callable[[int], object] | None = None,
+) -> Run:
+    """Run a scenario and write its log to `path` while it runs; return the run.
+
+    metadata: what the caller knows besides, which wins over what is found here (a "verdict").
+    epoch_ns: log time of t = 0 [ns since 1970], by default now. on_block is told the number of
+    ticks after every block. Substeps go into the log only, Run.fine is None.
+
+    Until the run is done the log is called NAME.partial.mcap, and keeps that name if the run is
+    interrupted or killed: every finished block of 1000 ticks can be read and replayed from it.
+
+    Raises ValueError with a sentence, LogError where the log cannot be written.
+    """
+    setup, given = scenario.prepare(), dict(metadata or {})
+    units, finder = channel_units(scenario, setup), EventFinder(scenario.device)
+    done = list[Block]()
+    with LogWriter(
+        path,
+        units,
+        substep_channels=_state_units(units) if scenario.fine else None,
+        metadata=_description(scenario) | given,
+        attachments=_attachments(scenario, setup),
+        epoch_ns=epoch_ns,
+        facts={"device": scenario.device.name},
+    ) as log:
+        for block in run_blocks(scenario, setup):
+            log.append(block.tick.t, block.tick.channels)
+            if block.fine is not None:
+                log.append(block.fine.t, block.fine.channels, SUBSTEP)
+            log.events(finder.block(block.tick))
+            done.append(block._replace(fine=None))
+            if on_block is not None:
+                on_block(len(block.tick))
+        trace, outcome = _joined([block.tick for block in done]), done[-1].outcome
+        log.events(ending(outcome, trace))
+        log.note(_conclusion(scenario, trace, outcome) | given)
+    totals = dict(zip(setup.ledger_names, setup.memory.totals.tolist(), strict=True))
+    return Run(trace, outcome, setup.memory, totals)
+
+
+def run_blocks(scenario: Scenario, setup: Setup) -> Iterator[Block]:
+    """Run block by block, each with the disturbances beside what the engine records."""
+    units, first = channel_units(scenario, setup), 0
+    for tick, fine, outcome in setup.blocks(BLOCK_TICKS):
+        forces = {
+            name: setup.external[first : first + len(tick), mass]
+            for name, mass in _disturbed(scenario).items()
+        }
+        joined = Trace(tick.t, {**tick.channels, **forces}, units, tick.origin, tick.facts)
+        yield Block(joined, fine, outcome)
+        first += len(tick)
+
+
+def channel_units(scenario: Scenario, setup: Setup) -> dict[str, str]:
+    """Return name -> unit of every channel of `/tick`, in order."""
+    force = "N m" if scenario.device.rotary else "N"
+    return setup.channel_units | dict.fromkeys(_disturbed(scenario), force)
+
+
+def _state_units(units: Mapping[str, str]) -> dict[str, str]:
+    """Units of the states, which stand before everything measured."""
+    return {name: units[name] for name in takewhile(lambda name: name != "encoder", units)}
+
+
+def _disturbed(scenario: Scenario) -> dict[str, int]:
+    """Channel -> mass, for every mass on which a disturbance acts."""
+    places = sorted({d.mass(scenario.masses) for d in scenario.disturbances})
+    return {f"disturbance_m{i + 1}": i for i in places}
+
+
+def _joined(pieces: list[Trace]) -> Trace:
+    first = pieces[0]
+    channels = {name: np.concatenate([p[name] for p in pieces]) for name in first.channels}
+    return first.with_channels(channels, np.concatenate([p.t for p in pieces]))
+
+
+def _attachments(scenario: Scenario, setup: Setup) -> dict[str, bytes]:
+    array = COMMANDS if takes_array(scenario.controller.kind) else None
+    files = {
+        SCENARIO: scenario_to_text(scenario, device=DEVICE, array=array).encode(),
+        DEVICE: device_to_text(scenario.device).encode(),
+        COMPUTED: computed_bytes(setup),
+    }
+    return files if array is None else files | {array: array_bytes(scenario.controller.parameters)}
+
+
+def _description(scenario: Scenario) -> dict[str, str]:
+    """What is known before the run, as text."""
+    law, interface = scenario.controller, scenario.device.interface
+    known = {
+        "version": zwidth_version(),
+        "seed": str(scenario.seed),
+        "model_hash": model_hash(scenario.device),
+        "period_s": repr(interface.period),
+        "delay_s": repr(interface.delay),
+        "ticks": str(scenario.ticks),
+        "controller": law.kind,
+    }
+    for letter, fact in (("K", "stiffness"), ("B", "damping")):
+        if fact in law.facts:
+            known[letter] = repr(law.facts[fact])
+    for fact in ("function", "source_sha256"):
+        if fact in law.facts:
+            known[f"controller_{fact}"] = str(law.facts[fact])
+    return known
+
+
+def _conclusion(scenario: Scenario, trace: Trace, outcome: Outcome) -> dict[str, str]:
+    """What is known after the run."""
+    verdict = run_verdict(scenario, trace, outcome)
+    judged = {} if verdict is None else {"verdict": verdict.value}
+    return {"outcome": outcome.name.lower(), "ticks_done": str(len(trace))} | judged
+
+
+def zwidth_version() -> str:
+    """Return the installed version."""
+    try:
+        return version("zwidth")
+    except PackageNotFoundError:
+        return "unknown"

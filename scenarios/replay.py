@@ -1,0 +1,119 @@
+"""Replay a log: from the file alone, simulate the run again and compare it bit for bit."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from os import PathLike
+
+from logs.mcap_reader import Log, read_log
+from logs.schema import SUBSTEP, TICK
+from scenarios.comparison import Comparison, Difference
+from scenarios.exact import with_computed
+from scenarios.logged_run import COMPUTED, SCENARIO, run_blocks, zwidth_version
+from scenarios.scenario import Scenario
+from scenarios.scenario_file import scenario_from_text
+from sim.controller import Step
+from sim.run import Setup
+
+
+class ReplayError(ValueError):
+    """A log that cannot be replayed; the message is one sentence."""
+
+
+@dataclass(frozen=True)
+class ReplayResult:
+    """Whether a log and its replay are equal bit for bit.
+
+    ticks: how many the log holds, all of which were compared up to the first difference (None
+    where they are identical). notes: a sentence on everything that limits what this shows (a log
+    cut short, another source of the user's controller, another version).
+    """
+
+    identical: bool
+    ticks: int
+    first_difference: Difference | None
+    notes: tuple[str, ...] = ()
+
+
+def replay(path: str | PathLike[str], controller: Step | None = None) -> ReplayResult:
+    """Rebuild a run from its log alone, simulate it again, compare every channel bit for bit.
+
+    controller: the user's own control law, where the run had one. A log cut short is compared as
+    far as it goes. NaN equals NaN, whatever its payload.
+
+    Raises LogError for a file that is no log, ScenarioError, NotTheSame or ReplayError for one
+    whose run cannot be rebuilt: a recording, attachments missing or changed, a controller not
+    supplied.
+    """
+    log = read_log(path)
+    if len(log.tick) == 0:
+        raise ReplayError(f"{log.path} holds no sample; there is nothing to compare")
+    scenario = _scenario(log, controller)
+    try:
+        setup, notes = with_computed(scenario.prepare(), _attachment(log, COMPUTED))
+    except ValueError as error:
+        raise ReplayError(f"{log.path}: {error}") from None
+    notes = [*log.warnings, *_doubts(log, scenario), *notes]
+    found = _first_difference(log, scenario, setup)
+    return ReplayResult(found is None, len(log.tick), found, tuple(notes))
+
+
+def _attachment(log: Log, name: str) -> bytes:
+    try:
+        return log.attachments[name]
+    except KeyError:
+        lost = "; it is lost with the damaged part" if log.warnings else ""
+        raise ReplayError(
+            f"{log.path} has no attachment {name!r}{lost}: only a log that zwidth simulated can be"
+            " replayed, not a recording"
+        ) from None
+
+
+def _scenario(log: Log, controller: Step | None) -> Scenario:
+    try:
+        text = _attachment(log, SCENARIO).decode()
+    except UnicodeDecodeError:
+        raise ReplayError(f"{log.path}: its {SCENARIO} is no text; the log was changed") from None
+    return scenario_from_text(
+        text, f"{log.path}, {SCENARIO}", files=lambda name: _attachment(log, name), step=controller
+    )
+
+
+def _doubts(log: Log, scenario: Scenario) -> Iterator[str]:
+    written, own = log.metadata.get("version", "unknown"), zwidth_version()
+    if written != own:
+        yield f"the log was written by zwidth {written} and replayed by {own}"
+    source = log.metadata.get("controller_source_sha256")
+    if source is not None and source != scenario.controller.facts.get("source_sha256"):
+        function = log.metadata.get("controller_function", "the controller")
+        yield (
+            f"the source of {scenario.controller.facts.get('function')} is not the one that ran"
+            f" as {function} when the log was written"
+        )
+
+
+def _first_difference(log: Log, scenario: Scenario, setup: Setup) -> Difference | None:
+    whole, period, fine = not log.warnings, setup.eq.period, log.substep
+    ticks = Comparison(TICK, log.tick, period, 1, whole)
+    substeps = None
+    if scenario.fine and fine is not None:
+        substeps = Comparison(SUBSTEP, fine, period, int(setup.eq.substeps.sum()), whole)
+    comparisons = [c for c in (ticks, substeps) if c is not None]
+    for block in run_blocks(scenario, setup):
+        _check_channels(log, set(block.tick.channels) - set(log.tick.channels), TICK)
+        found = [ticks.block(block.tick)]
+        if substeps is not None and fine is not None and block.fine is not None:
+            _check_channels(log, set(block.fine.channels) - set(fine.channels), SUBSTEP)
+            found.append(substeps.block(block.fine))
+        first = min((d for d in found if d is not None), key=lambda d: d.tick, default=None)
+        if first is not None or (not whole and all(c.exhausted for c in comparisons)):
+            return first
+    left = [c.rest() for c in comparisons]
+    return next((d for d in left if d is not None), None)
+
+
+def _check_channels(log: Log, lost: set[str], topic: str) -> None:
+    if lost:
+        raise ReplayError(
+            f"{log.path}: {topic} has no {', '.join(sorted(lost))}, which its scenario records;"
+            " the log was changed"
+        )

@@ -1,0 +1,82 @@
+"""What a run does once nothing disturbs it any more: decay, cycle or grow."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scenarios.scenario import Scenario
+from sim.growth import VERDICTS, Verdict, assess, window_weights
+from sim.lanes import (
+    FAST_ENERGY,
+    HIGHEST,
+    HIGHEST_COMMAND,
+    LOWEST,
+    LOWEST_COMMAND,
+    MEASURES,
+    REVERSALS,
+    SLOW_ENERGY,
+)
+from sim.run import Outcome
+from sim.trace import Trace
+
+Floats = NDArray[np.float64]
+DRIVEN = "recorded"  # its command does not come to rest with the device
+WINDOW_S = 0.5
+FEWEST_WINDOWS = 8
+FEWEST_TICKS = 16
+
+
+def run_verdict(scenario: Scenario, trace: Trace, outcome: Outcome) -> Verdict | None:
+    """Return the verdict on one finished run, None where it says nothing of stability.
+
+    Judged is the part in which no disturbance acts, in windows of 0.5 s or shorter ones where the
+    run is short; a run that escaped grows. None for a driven device and for too short a run.
+    """
+    if scenario.controller.kind == DRIVEN or len(trace) == 0 or trace.t[-1] < scenario.free_from:
+        return None
+    if outcome is not Outcome.COMPLETED:
+        return Verdict.GROWS
+    free = trace.between(scenario.free_from, math.inf)
+    period = scenario.device.interface.period
+    ticks = min(round(WINDOW_S / period), len(free) // FEWEST_WINDOWS)
+    if ticks < FEWEST_TICKS:
+        return None
+    masses = np.diag(scenario.device.plant().matrices.mass)
+    measures = _measures(free, masses, ticks)
+    start = float(np.abs(free["position_m1"][:ticks]).max())
+    if start == 0.0:
+        return Verdict.DECAYS
+    rest = scenario.device.interface.encoder_step or 1e-3 * start
+    growth = assess(measures, ticks * period, start, rest, not is_linear(scenario))
+    return VERDICTS[int(growth.verdict[0])]
+
+
+def is_linear(scenario: Scenario) -> bool:
+    """Whether nothing in the loop is nonlinear, so that it has no limit cycles."""
+    law, device = scenario.controller, scenario.device
+    linear_law = law.kind == "none" or (law.kind == "wall" and not law.facts["one_sided"])
+    return linear_law and device.interface.linear and not device.physics
+
+
+def _measures(trace: Trace, masses: Floats, ticks: int) -> Floats:
+    """Measures of each window, as `sim.growth.assess` takes them, shape (windows, MEASURES, 1)."""
+    windows = len(trace) // ticks
+    speeds = np.array([trace[f"velocity_m{i + 1}"] for i in range(masses.size)])
+    padded = np.concatenate([np.full(3, speeds[0, 0]), speeds[0]])
+    reversed_ = padded[3:] * padded[2:-1] < 0.0
+    weights, found = window_weights(ticks), np.zeros((windows, MEASURES, 1))
+
+    def by_window(series: Floats) -> Floats:
+        return series[len(trace) - windows * ticks :].reshape(windows, ticks)
+
+    found[:, SLOW_ENERGY, 0] = by_window(0.5 * masses @ (speeds * speeds)) @ weights
+    found[:, FAST_ENERGY, 0] = by_window(np.diff(padded, 3) ** 2) @ weights
+    found[:, REVERSALS, 0] = by_window(reversed_.astype(np.float64)).sum(axis=1)
+    for name, lowest, highest in (
+        ("position_m1", LOWEST, HIGHEST),
+        ("command", LOWEST_COMMAND, HIGHEST_COMMAND),
+    ):
+        found[:, lowest, 0] = by_window(trace[name]).min(axis=1)
+        found[:, highest, 0] = by_window(trace[name]).max(axis=1)
+    return found
