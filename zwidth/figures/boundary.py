@@ -1,0 +1,176 @@
+"""Fig. 6 of the paper with Fig. 10 over it: critical stiffness and ultimate frequency over B."""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, NullLocator
+from msgspec import UNSET
+
+from zwidth.results import BoundaryResult, DelayBoundary, Point
+
+# Colours that differ in lightness, so that they survive grey print and every kind of colour
+# blindness (P. Tol, "high contrast", "medium contrast"); dashes and shapes say the same once more.
+COLOURS = ("#004488", "#BB5566", "#DDAA33", "#000000", "#6699CC", "#997700")
+DASHES = (
+    "-",
+    (0, (7, 2)),
+    (0, (2.5, 1.2)),
+    (0, (6, 2, 1.5, 2)),
+    (0, (9, 3)),
+    (0, (4, 1, 1, 1, 1, 1)),
+)
+SHAPES = ("o", "s", "^", "D", "v", "P")
+STYLE: dict[Any, Any] = {
+    "font.size": 10,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "0.9",
+    "grid.linewidth": 0.6,
+    "lines.linewidth": 1.6,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "zwidth",
+}
+JUMP = 4.0  # ratio of neighbouring frequencies that is a change of branch and no slope
+DOTS = 60  # time-domain brackets shown a delay at the most; each is narrower than its dot
+
+
+class Look(NamedTuple):
+    """How one delay is drawn."""
+
+    colour: str
+    dashes: str | tuple[float, tuple[float, ...]]
+    shape: str
+
+
+Value = Callable[[Point], float | None]
+
+
+def boundary_figure(result: BoundaryResult, measured_source: str = "measured") -> Figure:
+    """Return the figure; lines are theory, dots brackets of simulations, open shapes measured.
+
+    A line ends where no K is stable. A misprinted point stands where it belongs, dotted by a cross.
+    """
+    with rc_context(STYLE):
+        figure = Figure(figsize=(7.2, 7.6), layout="constrained")
+        stiffness, frequency = figure.subplots(
+            2, 1, sharex=True, gridspec_kw={"height_ratios": (3, 2)}
+        )
+        for i, boundary in enumerate(result.boundaries):
+            look = Look(COLOURS[i % 6], DASHES[i % 6], SHAPES[i % 6])
+            _draw(stiffness, frequency, boundary, look)
+        _label(stiffness, frequency, result)
+        stiffness.set_title(f"Stability boundary of {result.device}", loc="left", fontsize=12)
+        _legend(figure, result, measured_source)
+    return figure
+
+
+def _draw(stiffness: Axes, frequency: Axes, boundary: DelayBoundary, look: Look) -> None:
+    points = sorted(boundary.points, key=lambda point: point.damping)
+    _line(stiffness, points, lambda p: p.linear and p.linear.stiffness, look, joined=True)
+    _line(frequency, points, lambda p: p.linear and p.linear.frequency_hz, look, joined=False)
+    shown = points[:: math.ceil(len(points) / DOTS)]
+    dots: dict[str, Any] = {
+        "linestyle": "none",
+        "marker": ".",
+        "color": look.colour,
+        "markersize": 5,
+    }
+    for axes, value in ((stiffness, _middle), (frequency, _simulated_frequency)):
+        axes.plot([p.damping for p in shown], [_number(value(p)) for p in shown], **dots)
+    for point in points:
+        if point.measured is not UNSET:
+            _shape(stiffness, point, point.measured.stiffness, look)
+            _shape(frequency, point, point.measured.frequency_hz, look)
+
+
+def _line(axes: Axes, points: Sequence[Point], value: Value, look: Look, *, joined: bool) -> None:
+    """Draw a curve, broken where it has no value and, unless joined, where the branch changes."""
+    x: list[float] = []
+    y: list[float] = []
+    for point in points:
+        now = _number(value(point))
+        jumped = bool(y) and not 1 / JUMP < now / y[-1] < JUMP
+        if jumped and not joined:
+            axes.plot([x[-1], point.damping], [y[-1], now], color=look.colour, linewidth=0.6)
+            x.append(point.damping)
+            y.append(math.nan)
+        x.append(point.damping)
+        y.append(now)
+    axes.plot(x, y, color=look.colour, linestyle=look.dashes)
+
+
+def _shape(axes: Axes, point: Point, value: float, look: Look) -> None:
+    axes.plot(
+        point.damping,
+        value,
+        marker=look.shape,
+        markersize=7.5,
+        markerfacecolor="white",
+        markeredgecolor=look.colour,
+        markeredgewidth=1.5,
+        zorder=4,
+    )
+    if point.measured and point.measured.damping_printed is not UNSET:
+        axes.plot(point.damping, value, marker="x", markersize=4, color=look.colour, zorder=5)
+
+
+def _middle(point: Point) -> float | None:
+    if point.simulated is None or point.simulated.unstable is None:
+        return None
+    return 0.5 * (point.simulated.stable + point.simulated.unstable)
+
+
+def _simulated_frequency(point: Point) -> float | None:
+    return point.simulated.frequency_hz if point.simulated else None
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else value
+
+
+def _label(stiffness: Axes, frequency: Axes, result: BoundaryResult) -> None:
+    force, length = ("N m", "rad") if result.rotary else ("N", "m")
+    stiffness.set_ylabel(f"critical stiffness $K_\\mathrm{{CR}}$ [{force}/{length}]")
+    stiffness.set_ylim(bottom=0.0)
+    frequency.set_ylabel("ultimate frequency [Hz]")
+    frequency.set_yscale("log")
+    frequency.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    frequency.yaxis.set_major_formatter("{x:g}")
+    frequency.yaxis.set_minor_locator(NullLocator())
+    frequency.set_xlabel(f"virtual damping $B$ [{force} s/{length}]")
+    frequency.set_xlim(left=min(0.0, *frequency.get_xlim()))
+
+
+def _legend(figure: Figure, result: BoundaryResult, measured_source: str) -> None:
+    """Name delays, then kinds, in rows above the panels, where they cover nothing."""
+    delays = [
+        Line2D([], [], color=COLOURS[i % 6], linestyle=DASHES[i % 6], marker=SHAPES[i % 6],
+               markerfacecolor="white", label=f"delay {1e3 * boundary.delay_s:g} ms")
+        for i, boundary in enumerate(result.boundaries)
+    ]  # fmt: skip
+    kinds = [Line2D([], [], color="0.35", label="linear theory"), _kind("time domain", ".")]
+    measured = [p.measured for b in result.boundaries for p in b.points if p.measured]
+    if measured:
+        kinds.append(_kind(measured_source, "o", "white"))
+    if any(point.damping_printed is not UNSET for point in measured):
+        kinds.append(_kind("its $B$ misprinted", "x"))
+    cells = _rows_of(4, delays) + _rows_of(4, kinds)
+    by_column = [cell for column in range(4) for cell in cells[column::4]]
+    figure.legend(handles=by_column, loc="outside upper left", ncols=4, frameon=False, fontsize=9)
+
+
+def _kind(label: str, marker: str, face: str = "0.35") -> Line2D:
+    return Line2D(
+        [], [], color="0.35", linestyle="none", marker=marker, markerfacecolor=face, label=label
+    )
+
+
+def _rows_of(width: int, handles: list[Line2D]) -> list[Line2D]:
+    return handles + [Line2D([], [], linestyle="none", label="")] * (-len(handles) % width)
