@@ -10,7 +10,7 @@ from sim.interface import INTERFACE_FIELDS, Interface
 from sim.modal import ModalModel, agree, to_chain
 from sim.nearest import nearest
 from sim.physics.effect import Physics
-from sim.plant import Plant, assemble
+from sim.plant import Plant, assemble, with_extra_mass, with_ground_spring
 
 
 class DeviceError(ValueError):
@@ -58,6 +58,8 @@ class Device:
             if label in seen:
                 raise DeviceError(f"{label} stands twice in physics; give it once")
             seen.add(label)
+            if physics.effect.rotary_only and not self.rotary:
+                raise DeviceError(f"{label} needs an angle; a device with rotary = false has none")
             if masses_needed(physics.at) > self.chain.masses.size:
                 raise DeviceError(
                     f"{label} has no place in a chain of {self.chain.masses.size} mass(es);"
@@ -78,8 +80,19 @@ class Device:
         return self.name, self.source, self.rotary, self.interface, self.physics, self.modal
 
     def plant(self) -> Plant:
-        """Return the linear equations, the amplifier's lag included, delay and steps left out."""
-        return assemble(matrices(self.chain), self._value("actuator_lag", "time_constant"))
+        """Return the linear equations, delay and steps left out.
+
+        The amplifier's lag is in them, and springs to ground and extra masses, which come after
+        those of the chain in the order of physics.
+        """
+        structure = matrices(self.chain)
+        for physics in self.physics:
+            place = masses_needed(physics.at) - 1
+            if physics.effect.name == "ground_spring":
+                structure = with_ground_spring(structure, place, *physics.vector())
+            elif physics.effect.name == "extra_mode" and physics.values["mass"] > 0.0:
+                structure = with_extra_mass(structure, place, *physics.vector())
+        return assemble(structure, self._value("actuator_lag", "time_constant"))
 
     def with_interface(self, **changes: Any) -> "Device":
         """Return the device with other interface fields: `with_interface(delay=0.004)`."""
@@ -140,8 +153,10 @@ class Device:
         What acts inside a link has no part in a rigid body; what acts on m2 or m3 acts on m1.
         """
         kept = (p for p in self.physics if not p.at.startswith("link"))
-        moved = (replace(p, at="m1") if masses_needed(p.at) > 1 else p for p in kept)
-        return replace(self, chain=rigid_body(self.chain), modal=None, physics=tuple(moved))
+        moved = [replace(p, at="m1") if masses_needed(p.at) > 1 else p for p in kept]
+        stay = tuple(p for p in moved if home(p) is None)
+        body = replace(self, chain=rigid_body(self.chain), modal=None, physics=stay)
+        return body.with_physics(*(p for p in moved if home(p) is not None))
 
     def _value(self, effect: str, parameter: str) -> float:
         values = (p.values[parameter] for p in self.physics if p.effect.name == effect)

@@ -57,6 +57,7 @@ class Equations(NamedTuple):
     spring_stiffness: Floats
     forces: EffectTable
     frictions: EffectTable
+    bounds_vary: bool
     sensors: EffectTable
     amplifiers: EffectTable
     clocks: EffectTable
@@ -70,13 +71,18 @@ class Equations(NamedTuple):
     command_limit: float
 
 
-def equations(device: Device, substeps: int = 1, ledger: bool = False) -> Equations:
+def equations(
+    device: Device, substeps: int = 1, ledger: bool = False, seed: int = 0
+) -> Equations:
     """Prepare a device for the kernel with at least `substeps` substeps a tick.
 
-    Raises ValueError for substeps < 1. With only linear physics one substep is exact.
+    seed: of what happens at random (0 to 2^64 - 1). With only linear physics one substep is exact.
+    Raises ValueError for substeps < 1, too few of them for dry friction, or a seed out of range.
     """
     if substeps < 1:
         raise ValueError(f"substeps is {substeps}; at least 1 substep a tick is needed")
+    if not 0 <= seed < 2**64:
+        raise ValueError(f"seed is {seed}; allowed is 0 to 2^64 - 1")
     plant = device.plant()
     interface = device.interface
     whole, remainder = interface.delay_ticks
@@ -85,10 +91,13 @@ def equations(device: Device, substeps: int = 1, ledger: bool = False) -> Equati
     counts = counts.astype(np.int64)
     durations = np.divide(lengths, counts, out=np.zeros(2), where=counts > 0)
     table = {
-        hook: _table([p for p in device.physics if p.effect.hook == hook])
+        hook: _table(device, [p for p in device.physics if p.effect.hook == hook], seed)
         for hook in ("force", "friction", "sensor", "command", "clock")
     }
-    sets = locked_sets(plant.dof) if table["friction"].codes.size else [()]
+    dry = table["friction"].first
+    sets = locked_sets(1 + int(dry.max())) if dry.size else [()]
+    if dry.size:
+        _check_substeps(plant, np.unique(dry), interface.period, counts, durations)
     stiffness = plant.matrices.stiffness
     springs = [
         (i, j) for i, j in itertools.combinations(range(plant.dof), 2) if stiffness[i, j] != 0.0
@@ -119,6 +128,7 @@ def equations(device: Device, substeps: int = 1, ledger: bool = False) -> Equati
         ),
         forces=table["force"],
         frictions=table["friction"],
+        bounds_vary=any(p.effect.varies_with_speed for p in device.physics),
         sensors=table["sensor"],
         amplifiers=table["command"],
         clocks=table["clock"],
@@ -133,9 +143,30 @@ def equations(device: Device, substeps: int = 1, ledger: bool = False) -> Equati
     )
 
 
-def locked_sets(dof: int) -> list[tuple[int, ...]]:
-    """Return the sets of locked masses in the order of their bit masks."""
-    return [tuple(i for i in range(dof) if mask >> i & 1) for mask in range(2**dof)]
+def locked_sets(masses: int) -> list[tuple[int, ...]]:
+    """Return the sets of locked masses among the first ones, in the order of their bit masks."""
+    return [tuple(i for i in range(masses) if mask >> i & 1) for mask in range(2**masses)]
+
+
+def _check_substeps(
+    plant: Plant, dry: Ints, period: float, counts: Ints, durations: Floats
+) -> None:
+    """Refuse substeps so long that a held force may come out as its contrary.
+
+    A mode answers a force held for h with a velocity of the sign of sin(omega h) / omega: for
+    omega h < pi all of W (`sim/kernel.py`, slide) is positive definite, with masses locked too,
+    since locking separates frequencies but does not raise the highest.
+    """
+    for h in durations[counts > 0]:
+        _, b = hold(plant, h)
+        w = b[np.ix_(plant.dof + dry, 1 + dry)]
+        if np.linalg.eigvalsh(0.5 * (w + w.T))[0] <= 0.0:
+            fastest = float(np.abs(np.linalg.eigvals(plant.a).imag).max())
+            needed = int(period * fastest / np.pi) + 1
+            raise ValueError(
+                f"substeps is {round(period / h)}; dry friction on a device whose fastest mode has"
+                f" {fastest / (2.0 * np.pi):.4g} Hz needs at least {needed} substeps a tick"
+            )
 
 
 def propagator(plant: Plant, duration: float) -> Floats:
@@ -209,18 +240,32 @@ def _reaction(plant: Plant) -> Floats:
     return np.diag(plant.matrices.mass)[:, None] * np.hstack([plant.a, plant.b])[n : 2 * n]
 
 
-def _table(entries: list[Physics]) -> EffectTable:
+def _table(device: Device, entries: list[Physics], seed: int) -> EffectTable:
     places = [_places(p.at) for p in entries]
-    width = max((len(p.effect.parameters) for p in entries), default=1)
-    parameters = np.zeros((len(entries), max(width, 1)))
-    for row, p in zip(parameters, entries, strict=True):
-        row[: len(p.effect.parameters)] = p.vector()
+    rows = [[*p.vector(), *_borrowed(device, p, seed)] for p in entries]
+    parameters = np.zeros((len(rows), max((len(row) for row in rows), default=0) or 1))
+    for padded, row in zip(parameters, rows, strict=True):
+        padded[: len(row)] = row
     return EffectTable(
         np.array([p.effect.code for p in entries], dtype=np.int64),
         np.array([i for i, _ in places], dtype=np.int64),
         np.array([j for _, j in places], dtype=np.int64),
         parameters,
     )
+
+
+def _borrowed(device: Device, physics: Physics, seed: int) -> list[float]:
+    """Return what the effect reads of its link, or the run's seed as its two 32-bit words."""
+    first, _ = _places(physics.at)
+    values: list[float] = []
+    for name in physics.effect.borrows:
+        if name == "link_spring":
+            values.append(float(device.chain.link_springs[first]))
+        elif name == "link_damper":
+            values.append(float(device.chain.link_dampers[first]))
+        else:
+            values += [float(seed & 0xFFFFFFFF), float(seed >> 32)]
+    return values
 
 
 def _places(at: str) -> tuple[int, int]:

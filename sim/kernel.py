@@ -134,8 +134,11 @@ def advance_internal(eq, x0, x1, internal, h, after):
 
 
 @part
-def friction_limits(eq, x, limits):
-    """Sum the bounds of all dry forces at each mass: rows lower, upper, sticking lower, upper."""
+def friction_limits(eq, x, limits, shares):
+    """Sum the bounds of all dry forces at each mass: rows lower, upper, sticking lower, upper.
+
+    shares (dry forces, 2): what each adds to lower and upper.
+    """
     limits[:, :] = 0.0
     table = eq.frictions
     for e in range(table.codes.size):
@@ -143,6 +146,21 @@ def friction_limits(eq, x, limits):
         bounds = friction_bounds(table.codes[e], x[eq.dof + i], table.parameters[e])
         for row in range(4):
             limits[row, i] += bounds[row]
+        shares[e, 0] = bounds[0]
+        shares[e, 1] = bounds[1]
+
+
+@part
+def mean_friction_limits(eq, x, limits, shares):
+    """Replace the sliding bounds by the mean of those of `friction_limits` and those at state x."""
+    limits[:2, :] = 0.0
+    table = eq.frictions
+    for e in range(table.codes.size):
+        i = table.first[e]
+        bounds = friction_bounds(table.codes[e], x[eq.dof + i], table.parameters[e])
+        for row in range(2):
+            shares[e, row] = 0.5 * (shares[e, row] + bounds[row])
+            limits[row, i] += shares[e, row]
 
 
 @part
@@ -165,9 +183,11 @@ def slide(p, dof, states, mask, limits, friction, x):
 
     Velocities at the end are v = v_free + W f with W the response of end velocity to held force.
     Find f with v_i = 0 and f_i inside its bounds, or f_i at its bound and against v_i: a mixed
-    complementarity problem, solved by projected Gauss-Seidel. W is h M^-1 to first order, hence
-    dominated by its diagonal for h below the fastest link's time: the sweeps contract. One mass
-    needs a single sweep and is exact.
+    complementarity problem, solved by projected Gauss-Seidel. W is symmetric (reciprocity) and, for
+    h below half the period of the fastest mode, positive definite (`sim/equations.py` sees to it):
+    f is the only minimum of f'Wf/2 + f'v_free over the bounds, and every step of a sweep is the
+    exact minimum in one force, so the sweeps converge from anywhere. One mass needs a single sweep
+    and is exact.
     """
     column = states + 1
     sliding = 0
@@ -202,7 +222,7 @@ def slide(p, dof, states, mask, limits, friction, x):
 
 
 @part
-def add_work(eq, segment, mask, w, x0, x1, values, external, friction, totals):
+def add_work(eq, segment, mask, w, x0, x1, values, external, friction, limits, shares, totals):
     """Add one substep to the ledger: motor, lag and dampers by their forms, the rest f dq."""
     n = eq.columns
     start = eq.states + 1
@@ -233,36 +253,25 @@ def add_work(eq, segment, mask, w, x0, x1, values, external, friction, totals):
         i, j = table.first[e], table.second[e]
         totals[slot + e] -= values[e] * (across(x1, 0, i, j) - across(x0, 0, i, j))
     slot += table.codes.size
-    share_friction(eq, x0, x1, friction, totals, slot)
+    share_friction(eq, x0, x1, friction, limits, shares, totals, slot)
 
 
 @part
-def share_friction(eq, x0, x1, friction, totals, slot):
-    """Dissipation of each dry force; several at one mass share it by their levels."""
+def share_friction(eq, x0, x1, friction, limits, shares, totals, slot):
+    """Dissipation of each dry force; several at one mass share it by their bounds."""
     table = eq.frictions
     for e in range(table.codes.size):
         i = table.first[e]
         f = friction[i]
         if f != 0.0:
             side = 1 if f > 0.0 else 0
-            whole = 0.0
-            mine = 0.0
-            for other in range(table.codes.size):
-                if table.first[other] == i:
-                    bounds = friction_bounds(
-                        table.codes[other], x0[eq.dof + i], table.parameters[other]
-                    )
-                    level = bounds[1] if side == 1 else bounds[0]
-                    whole += level
-                    if other == e:
-                        mine = level
-            totals[slot + e] -= f * mine / whole * (x1[i] - x0[i])
+            totals[slot + e] -= f * shares[e, side] / limits[side, i] * (x1[i] - x0[i])
 
 
 @part
 def substep(eq, segment, held, external, memory, scratch):
     """Advance the chain by one substep of a segment under a held command."""
-    w, x0, values, ahead, after, friction, limits = scratch
+    w, x0, values, ahead, after, friction, limits, shares = scratch
     x = memory.x
     for i in range(eq.states):
         w[i] = x[i]
@@ -273,15 +282,17 @@ def substep(eq, segment, held, external, memory, scratch):
     load(eq, values, external, w)
     mask = 0
     if eq.frictions.codes.size > 0:
-        friction_limits(eq, x0, limits)
+        friction_limits(eq, x0, limits, shares)
         mask = locked_set(eq, w, limits)
     p = eq.propagators[segment, mask]
     propagate(p, w, eq.columns, x)
     slide(p, eq.dof, eq.states, mask, limits, friction, x)
     h = eq.durations[segment]
-    if eq.forces.codes.size > 0:
+    if eq.forces.codes.size > 0 or eq.bounds_vary:
         advance_internal(eq, x0, x, memory.internal, h, after)
         held_forces(eq, x, after, ahead)
+        if eq.bounds_vary:
+            mean_friction_limits(eq, x, limits, shares)
         for e in range(values.size):
             values[e] = 0.5 * (values[e] + ahead[e])
         load(eq, values, external, w)
@@ -291,7 +302,9 @@ def substep(eq, segment, held, external, memory, scratch):
         for e in range(values.size):
             memory.internal[e] = after[e]
     if memory.totals.size > 0:
-        add_work(eq, segment, mask, w, x0, x, values, external, friction, memory.totals)
+        add_work(
+            eq, segment, mask, w, x0, x, values, external, friction, limits, shares, memory.totals
+        )
 
 
 @part
@@ -435,5 +448,5 @@ def scratch(eq):
     n = eq.forces.codes.size
     return (
         np.zeros(MAX_COLUMNS), np.zeros(MAX_STATES), np.zeros(n), np.zeros(n), np.zeros(n),
-        np.zeros(MAX_MASSES), np.zeros((4, MAX_MASSES)),
+        np.zeros(MAX_MASSES), np.zeros((4, MAX_MASSES)), np.zeros((eq.frictions.codes.size, 2)),
     )  # fmt: skip

@@ -55,6 +55,26 @@ def assemble(matrices: Matrices, lag: float = 0.0) -> Plant:
     return Plant(a, b, matrices, lag)
 
 
+def with_ground_spring(matrices: Matrices, mass: int, stiffness: float) -> Matrices:
+    """Return M, C, K with a spring from one mass to ground."""
+    tied = matrices.stiffness.copy()
+    tied[mass, mass] += stiffness
+    return matrices._replace(stiffness=tied)
+
+
+def with_extra_mass(
+    matrices: Matrices, host: int, mass: float, stiffness: float, damping: float
+) -> Matrices:
+    """Return M, C, K with one more mass, the last, on a spring and damper to `host`."""
+    grown = Matrices(*(np.pad(matrix, (0, 1)) for matrix in matrices))
+    grown.mass[-1, -1] = mass
+    link = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    ends = np.ix_([host, -1], [host, -1])
+    grown.damping[ends] += damping * link
+    grown.stiffness[ends] += stiffness * link
+    return grown
+
+
 def locked(plant: Plant, masses: tuple[int, ...]) -> Plant:
     """Return the plant with some masses held where they are: their velocity stays zero exactly."""
     a, b = plant.a.copy(), plant.b.copy()

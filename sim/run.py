@@ -11,7 +11,18 @@ from numpy.typing import NDArray
 from sim.controller import Controller
 from sim.device import Device
 from sim.equations import Equations, equations, ledger_names
-from sim.kernel import DONE, ESCAPED, MAX_STATES, NOT_FINITE, Memory, advance, read_sensor, scratch
+from sim.kernel import (
+    DONE,
+    ESCAPED,
+    MAX_STATES,
+    NOT_FINITE,
+    Memory,
+    across,
+    advance,
+    read_sensor,
+    scratch,
+)
+from sim.physics.dispatch import first_internal
 from sim.trace import Trace
 
 Floats = NDArray[np.float64]
@@ -76,11 +87,13 @@ def start_memory(eq: Equations, controller: Controller, start: Start, entries: i
     """Return the memory at t = 0: nothing commanded yet, the encoder consistent with the start."""
     x = start.state(eq.dof)
     before = read_sensor(eq, x[0] - eq.period * x[eq.dof])
+    forces = zip(*eq.forces, strict=True)
+    internal = [first_internal(code, across(x, 0, i, j), p) for code, i, j, p in forces]
     return Memory(
         x=x,
         line=np.zeros(eq.whole_delay + 2),
         controller=np.zeros(controller.memory),
-        internal=np.zeros(eq.forces.codes.size),
+        internal=np.array(internal, dtype=np.float64),
         scalars=np.array([before, x[eq.dof], 0.0, 0.0]),
         counters=np.zeros(2, dtype=np.int64),
         totals=np.zeros(entries),
@@ -159,13 +172,14 @@ def prepare(
     start: Start = Start(),
     disturbance: Floats | None = None,
     substeps: int = 1,
+    seed: int = 0,
     bound: float = 1e6,
     energy: bool = False,
     ledger: bool = False,
     fine: bool = False,
 ) -> Setup:
     """Check and set up a run; see `simulate` for the arguments."""
-    eq = equations(device, substeps, ledger)
+    eq = equations(device, substeps, ledger, seed)
     ticks = duration_ticks(duration, eq.period)
     if not bound > 0.0:
         raise ValueError(f"bound is {bound}; the position where a run is stopped must be > 0")
@@ -185,6 +199,7 @@ def simulate(
     start: Start = Start(),
     disturbance: Floats | None = None,
     substeps: int = 1,
+    seed: int = 0,
     bound: float = 1e6,
     energy: bool = False,
     ledger: bool = False,
@@ -194,15 +209,15 @@ def simulate(
 
     disturbance: external forces [N m | N], shape (ticks,) on m1 or (ticks, n), each held for one
     tick. substeps a tick: one is exact without continuous-time nonlinearity; raise it for friction
-    and smooth forces. bound: the run stops when |position of m1| exceeds it. energy: record the
-    stored energy; ledger: record also the work of motor, wall, each damper and effect. fine: keep
-    the states after every substep.
+    and smooth forces. seed: of what happens at random (lost samples). bound: the run stops when
+    |position of m1| exceeds it. energy: record the stored energy; ledger: record also the work of
+    motor, wall, each damper and effect. fine: keep the states after every substep.
 
     Raises ValueError with one sentence for a bad argument.
     """
     setup = prepare(
         device, controller, duration=duration, start=start, disturbance=disturbance,
-        substeps=substeps, bound=bound, energy=energy, ledger=ledger, fine=fine,
+        substeps=substeps, seed=seed, bound=bound, energy=energy, ledger=ledger, fine=fine,
     )  # fmt: skip
     (trace, fine_trace, outcome), *_ = setup.blocks(setup.ticks)
     totals = dict(zip(setup.ledger_names, setup.memory.totals.tolist(), strict=True))

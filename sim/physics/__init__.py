@@ -9,14 +9,28 @@ from sim.physics.effect import Effect, Physics
 
 NAMES = (
     "coulomb_friction",
+    "stribeck_friction",
+    "presliding_friction",
+    "directional_friction",
     "quadratic_drag",
     "constant_force",
+    "ground_spring",
+    "gravity_pendulum",
+    "force_ripple",
+    "backlash",
     "cubic_stiffness",
+    "hysteresis",
+    "extra_mode",
     "saturation",
+    "dead_band",
     "command_step",
     "actuator_lag",
+    "gain_asymmetry",
     "loop_delay",
+    "dropped_samples",
     "encoder_step",
+    "encoder_eccentricity",
+    "rectified_sensor",
 )
 
 EFFECTS: Mapping[str, Effect] = MappingProxyType(

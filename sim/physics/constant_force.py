@@ -16,4 +16,5 @@ constant_force = Effect(
 
 @part
 def constant_level(p):
+    """Return the force."""
     return p[0]

@@ -16,4 +16,5 @@ coulomb_friction = Effect(
 
 @part
 def coulomb_bounds(p):
+    """Bounds: (lower, upper) sliding, (lower, upper) sticking."""
     return -p[0], p[0], -p[0], p[0]

@@ -16,4 +16,5 @@ cubic_stiffness = Effect(
 
 @part
 def cubic_force(q, p):
+    """Force at relative position q."""
     return -p[0] * q * q * q

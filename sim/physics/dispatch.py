@@ -1,14 +1,27 @@
 """The kernel's way into every effect: one line an effect, under the hook at which it enters.
 
 A new effect adds its file, its line here, and its line in the registry (`sim/physics/__init__.py`).
-Codes are the `Effect.code` of its declaration; parameters arrive in the declaration's order.
+Codes are the `Effect.code` of its declaration; parameters arrive in the declaration's order, what
+the effect borrows after them.
 """
 
 from sim.jit import part
-from sim.physics.coulomb_friction import coulomb_bounds
+from sim.physics.backlash import backlash_force, next_pin, within_gap
 from sim.physics.constant_force import constant_level
+from sim.physics.coulomb_friction import coulomb_bounds
 from sim.physics.cubic_stiffness import cubic_force
+from sim.physics.dead_band import beyond_band
+from sim.physics.directional_friction import directional_bounds
+from sim.physics.dropped_samples import is_delivered
+from sim.physics.encoder_eccentricity import off_centre
+from sim.physics.force_ripple import ripple_force
+from sim.physics.gain_asymmetry import two_gains
+from sim.physics.gravity_pendulum import pendulum_force
+from sim.physics.hysteresis import bouc_wen_force, next_yield
+from sim.physics.presliding_friction import dahl_force, next_bristle
 from sim.physics.quadratic_drag import drag_force
+from sim.physics.rectified_sensor import magnitude
+from sim.physics.stribeck_friction import stribeck_bounds
 
 
 @part
@@ -20,12 +33,36 @@ def smooth_force(code, q, v, z, p):
         return drag_force(v, p)
     if code == 3:
         return constant_level(p)
+    if code == 4:
+        return dahl_force(z, p)
+    if code == 5:
+        return bouc_wen_force(z, p)
+    if code == 6:
+        return pendulum_force(q, p)
+    if code == 7:
+        return ripple_force(q, p)
+    if code == 8:
+        return backlash_force(q, v, z, p)
+    return 0.0
+
+
+@part
+def first_internal(code, q, p):
+    """Internal state at the start, of a force that has been at rest at relative position q."""
+    if code == 8:
+        return within_gap(q, p)
     return 0.0
 
 
 @part
 def next_internal(code, z, q0, q1, v0, v1, h, p):
     """Internal state after a substep of length h that went from (q0, v0) to (q1, v1)."""
+    if code == 4:
+        return next_bristle(z, q0, q1, v0, v1, h, p)
+    if code == 5:
+        return next_yield(z, q0, q1, v0, v1, h, p)
+    if code == 8:
+        return next_pin(z, q0, q1, h, p)
     return z
 
 
@@ -34,22 +71,36 @@ def friction_bounds(code, v, p):
     """Bounds of a dry force at velocity v: (lower, upper) sliding, (lower, upper) sticking."""
     if code == 1:
         return coulomb_bounds(p)
+    if code == 2:
+        return stribeck_bounds(v, p)
+    if code == 3:
+        return directional_bounds(v, p)
     return 0.0, 0.0, 0.0, 0.0
 
 
 @part
 def sensed(code, position, p):
     """Position as the sensor reports it, before its step."""
+    if code == 1:
+        return off_centre(position, p)
+    if code == 2:
+        return magnitude(position)
     return position
 
 
 @part
 def amplified(code, command, p):
     """Command as the amplifier passes it on, between its step and its limit."""
+    if code == 1:
+        return beyond_band(command, p)
+    if code == 2:
+        return two_gains(command, p)
     return command
 
 
 @part
 def delivered(code, tick, p):
     """Whether the command of this tick is delivered at all."""
+    if code == 1:
+        return is_delivered(tick, p)
     return True

@@ -18,6 +18,7 @@ from typing import Literal
 import numpy as np
 
 Hook = Literal["sensor", "command", "clock", "structure", "force", "friction"]
+Borrowed = Literal["link_spring", "link_damper", "seed"]
 
 
 @dataclass(frozen=True)
@@ -25,8 +26,9 @@ class Parameter:
     """One parameter of an effect.
 
     unit is written for a rotary device ("N m", "rad", "N m/rad", "s", ""); `unit_for` gives the
-    linear one. neutral is the value at which the effect changes nothing, None where no single
-    value of this parameter does.
+    linear one, which is linear_unit where it is no mere matter of N for N m and m for rad. neutral
+    is the value at which the effect changes nothing, None where no single value of this parameter
+    does.
     """
 
     name: str
@@ -35,10 +37,15 @@ class Parameter:
     lower: float
     upper: float
     neutral: float | None
+    linear_unit: str | None = None
 
     def unit_for(self, rotary: bool) -> str:
         """Return the unit on a rotary or a linear device."""
-        return self.unit if rotary else self.unit.replace("N m", "N").replace("rad", "m")
+        if rotary:
+            return self.unit
+        if self.linear_unit is not None:
+            return self.linear_unit
+        return self.unit.replace("N m", "N").replace("rad", "m")
 
 
 @dataclass(frozen=True)
@@ -47,7 +54,10 @@ class Effect:
 
     places: where it may enter. code: its number in the kernel's dispatch of that hook (unused for
     effects whose hook needs none). in_interface: the `Interface` field that is its home, if any.
-    reference: where the law comes from.
+    reference: where the law comes from. borrows: values of the device or the run that the law reads
+    after its own parameters (`sim/equations.py`). rotary_only: the law needs an angle.
+    varies_with_speed: a dry force whose bounds do, and are therefore taken at both ends of a
+    substep.
     """
 
     name: str
@@ -58,6 +68,9 @@ class Effect:
     code: int
     reference: str
     in_interface: str | None = None
+    borrows: tuple[Borrowed, ...] = ()
+    rotary_only: bool = False
+    varies_with_speed: bool = False
 
     def parameter(self, name: str) -> Parameter:
         """Return the parameter of that name; raises KeyError."""

@@ -16,4 +16,5 @@ quadratic_drag = Effect(
 
 @part
 def drag_force(v, p):
+    """Force at velocity v."""
     return -p[0] * v * abs(v)

@@ -1,0 +1,52 @@
+"""Some ticks' commands are not delivered; the one before is held.
+
+Tick k is dropped where hash(seed, k) < rate: a counter-based generator, so a tick's fate depends on
+nothing but the run's seed and k, and a run resumed anywhere goes on the same. The hash is a double
+pass of MurmurHash3's 32-bit finaliser (Appleby), keyed anew between the passes, in products below
+2^64, which no integer type rounds or wraps; it repeats after 2^32 ticks (49 days at 1 kHz).
+"""
+
+import numpy as np
+
+from sim.jit import part
+from sim.physics.effect import Effect, Parameter
+
+dropped_samples = Effect(
+    name="dropped_samples",
+    summary="commands that are lost, seldom and at random",
+    places=("clock",),
+    parameters=(Parameter("rate", "p_d", "", 0.0, 1.0, 0.0),),
+    hook="clock",
+    code=1,
+    reference="counter-based: Salmon et al., Proc. SC11, 2011",
+    borrows=("seed",),
+)
+
+_WORD = np.uint64(0xFFFFFFFF)
+_FIRST = np.uint64(0x85EBCA6B)
+_SECOND = np.uint64(0xC2B2AE35)
+_KEY = np.uint64(0x9E3779B9)
+_13, _16 = np.uint64(13), np.uint64(16)
+
+
+@part
+def scrambled(word):
+    """Return a bijection of 32-bit words whose every output bit depends on every input bit."""
+    word = ((word ^ (word >> _16)) * _FIRST) & _WORD
+    word = ((word ^ (word >> _13)) * _SECOND) & _WORD
+    return word ^ (word >> _16)
+
+
+@part
+def uniform(seed_low, seed_high, tick):
+    """Return a number in [0, 1) for a tick of a run; the seed as two words of 32 bits."""
+    first = scrambled(np.uint64(seed_low) ^ _KEY)
+    second = scrambled(first ^ np.uint64(seed_high))
+    third = scrambled(second ^ (np.uint64(tick) & _WORD))
+    return scrambled((third + first) & _WORD) * 2.3283064365386963e-10
+
+
+@part
+def is_delivered(tick, p):
+    """Whether the command of this tick is delivered; p: rate, the two words of the seed."""
+    return not uniform(p[1], p[2], tick) < p[0]

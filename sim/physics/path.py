@@ -1,0 +1,15 @@
+"""The path of a substep, for forces that remember where they have been and not when."""
+
+from sim.jit import part
+
+
+@part
+def out_and_back(q0, q1, v0, v1, h):
+    """Return the way to the turning point and the way after it (0 where the motion does not turn).
+
+    With the velocity straight from v0 to v1 it turns at t = h v0 / (v0 - v1), after v0 t / 2.
+    """
+    if v0 * v1 < 0.0:
+        out = 0.5 * h * v0 * v0 / (v0 - v1)
+        return out, (q1 - q0) - out
+    return q1 - q0, 0.0

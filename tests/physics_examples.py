@@ -1,0 +1,61 @@
+"""One example of every effect at every place, sized for the PHANToM of Table I."""
+
+from functools import cache
+
+from sim.device import Device
+from sim.device_file import load_device
+from sim.physics import EFFECTS, make_physics
+from sim.physics.effect import Effect, Physics
+
+EXAMPLES: dict[str, dict[str, float]] = {
+    "coulomb_friction": {"level": 2e-3},
+    "stribeck_friction": {"level": 1.5e-3, "static_level": 2.5e-3, "velocity": 0.05},
+    "presliding_friction": {"level": 2e-3, "stiffness": 20.0},
+    "directional_friction": {
+        "level_plus": 1e-3,
+        "level_minus": 2e-3,
+        "viscous_plus": 2e-3,
+        "viscous_minus": 1e-3,
+    },
+    "quadratic_drag": {"coefficient": 1e-3},
+    "constant_force": {"level": 5e-3},
+    "ground_spring": {"stiffness": 0.5},
+    "gravity_pendulum": {"level": 0.02, "angle": 0.3},
+    "force_ripple": {"amplitude": 3e-3, "period": 0.02, "phase": 0.4},
+    "backlash": {"gap": 2e-5},
+    "cubic_stiffness": {"coefficient": 1e4},
+    "hysteresis": {"stiffness": 5.0, "level": 3e-3, "shape": 1.5},
+    "extra_mode": {"mass": 1e-4, "stiffness": 5.0, "damping": 2e-3},
+    "saturation": {"limit": 0.02},
+    "dead_band": {"width": 2e-3},
+    "command_step": {"step": 1e-3},
+    "actuator_lag": {"time_constant": 5e-4},
+    "gain_asymmetry": {"ratio": 1.2},
+    "loop_delay": {"delay": 5e-4},
+    "dropped_samples": {"rate": 0.05},
+    "encoder_step": {"step": 1e-5},
+    "encoder_eccentricity": {"amplitude": 1e-4, "period": 0.05, "phase": 1.0},
+    "rectified_sensor": {},
+}
+
+EVERYWHERE = [(name, place) for name, effect in EFFECTS.items() for place in effect.places]
+
+
+@cache
+def phantom() -> Device:
+    """Return the device of Table I."""
+    return load_device("phantom_1_0")
+
+
+def example(name: str, at: str | None = None) -> Physics:
+    """Return the example of an effect, at its first place by default."""
+    return make_physics(name, at or EFFECTS[name].places[0], **EXAMPLES[name])
+
+
+def neutral(effect: Effect, at: str) -> Physics:
+    """Return the effect with every parameter that has a neutral value at it."""
+    values = {
+        p.name: EXAMPLES[effect.name][p.name] if p.neutral is None else p.neutral
+        for p in effect.parameters
+    }
+    return Physics(effect, at, values)

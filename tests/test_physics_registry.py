@@ -1,0 +1,153 @@
+"""Every effect by its declaration: names, places, parameters, neutral values, device files."""
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from physics_examples import EVERYWHERE, EXAMPLES, example, neutral, phantom
+
+from controllers.wall import wall
+from sim.chain import make_chain
+from sim.device import Device, DeviceError
+from sim.device_file import device_from_text, device_to_text
+from sim.physics import EFFECTS
+from sim.physics.effect import Physics
+from sim.run import Run, Start, simulate
+
+FRICTION_PLACES = ("m1", "m2", "m3")
+TABLE = {
+    "coulomb_friction": (FRICTION_PLACES, "level"),
+    "stribeck_friction": (FRICTION_PLACES, "level static_level velocity"),
+    "presliding_friction": (FRICTION_PLACES, "level stiffness"),
+    "directional_friction": (("m1",), "level_plus level_minus viscous_plus viscous_minus"),
+    "quadratic_drag": (FRICTION_PLACES, "coefficient"),
+    "constant_force": (("m1",), "level"),
+    "ground_spring": (("m1", "m3"), "stiffness"),
+    "gravity_pendulum": (("m1",), "level angle"),
+    "force_ripple": (("m1",), "amplitude period phase"),
+    "backlash": (("link12", "link23"), "gap"),
+    "cubic_stiffness": (("ground", "link12", "link23"), "coefficient"),
+    "hysteresis": (("ground", "link12"), "stiffness level shape"),
+    "extra_mode": (("m1", "m3"), "mass stiffness damping"),
+    "saturation": (("command",), "limit"),
+    "dead_band": (("command",), "width"),
+    "command_step": (("command",), "step"),
+    "actuator_lag": (("command",), "time_constant"),
+    "gain_asymmetry": (("command",), "ratio"),
+    "loop_delay": (("clock",), "delay"),
+    "dropped_samples": (("clock",), "rate"),
+    "encoder_step": (("sensor",), "step"),
+    "encoder_eccentricity": (("sensor",), "amplitude period phase"),
+    "rectified_sensor": (("sensor",), ""),
+}
+SEVERAL = ("coulomb_friction", "cubic_stiffness", "backlash", "actuator_lag", "dead_band")
+
+
+def test_the_registry_is_the_table_of_the_design() -> None:
+    found = {
+        name: (effect.places, " ".join(p.name for p in effect.parameters))
+        for name, effect in EFFECTS.items()
+    }
+    assert found == TABLE
+    assert all(name == effect.name for name, effect in EFFECTS.items())
+
+
+def test_codes_are_unique_under_each_hook() -> None:
+    dispatched = [(e.hook, e.code) for e in EFFECTS.values() if e.code != 0]
+    assert len(set(dispatched)) == len(dispatched)
+
+
+def test_linear_units_have_no_angles_but_phases() -> None:
+    for effect in EFFECTS.values():
+        for p in effect.parameters:
+            unit = p.unit_for(rotary=False)
+            phase = p.name == "phase"
+            assert phase or effect.rotary_only or not ("rad" in unit or "N m" in unit), effect.name
+            assert "kg m2" not in unit
+            assert p.unit_for(rotary=True) == p.unit
+
+
+def _run(device: Device) -> Run:
+    return simulate(
+        device, wall(12.0, 0.02, one_sided=True), duration=0.06, start=Start(-2e-4, 0.3), substeps=2,
+        disturbance=0.02 * np.sin(np.arange(60) * 0.4), fine=True, seed=3,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("several", [False, True])
+def test_neutral_parameters_change_nothing_bit_for_bit(several: bool) -> None:
+    """Mutation: `backlash_force` without its return at gap 0 (damper pulls), or gain 1 + r."""
+    device = phantom()
+    if several:
+        device = device.with_physics(*(example(name) for name in SEVERAL))
+    without = _run(device)
+    assert without.fine is not None
+    for name, place in EVERYWHERE:
+        if not EFFECTS[name].parameters or (several and name in SEVERAL):
+            continue
+        run = _run(device.with_physics(neutral(EFFECTS[name], place)))
+        assert run.fine is not None
+        for channel, values in without.trace.channels.items():
+            assert np.array_equal(run.trace.channels[channel], values), (name, place, channel)
+        for channel, values in without.fine.channels.items():
+            assert np.array_equal(run.fine.channels[channel], values), (name, place, channel)
+
+
+@pytest.mark.parametrize(("name", "place"), EVERYWHERE)
+def test_every_example_changes_something(name: str, place: str) -> None:
+    changed = _run(phantom().with_physics(example(name, place)))
+    assert not np.array_equal(
+        changed.trace.channels["position_m1"], _run(phantom()).trace.channels["position_m1"]
+    )
+
+
+@pytest.mark.parametrize(("name", "place"), EVERYWHERE)
+def test_every_effect_goes_through_a_device_file(name: str, place: str) -> None:
+    device = phantom().with_physics(example(name, place))
+    assert device_from_text(device_to_text(device)) == device
+    plain = device_to_text(phantom())
+    entry = [f'effect = "{name}"', f'at = "{place}"']
+    entry += [f"{key} = {value!r}" for key, value in EXAMPLES[name].items()]
+    written = device_from_text("\n".join([plain, "[[physics]]", *entry]))
+    assert written == device
+
+
+@pytest.mark.parametrize(("name", "place"), EVERYWHERE)
+def test_values_outside_their_bounds_are_refused_by_name(name: str, place: str) -> None:
+    for p in EFFECTS[name].parameters:
+        for value in (np.nan, p.lower - 1.0, np.nextafter(p.upper, np.inf)):
+            if value == p.upper:
+                continue
+            with pytest.raises(ValueError, match=rf"{name}\.{p.name} is .*allowed is"):
+                Physics(EFFECTS[name], place, EXAMPLES[name] | {p.name: value})
+
+
+def test_all_effects_at_once_in_one_device_file() -> None:
+    device = phantom().with_physics(*itertools.starmap(example, EVERYWHERE))
+    assert device_from_text(device_to_text(device)) == device
+    assert device.plant().dof == 5
+
+
+def test_a_pendulum_needs_an_angle() -> None:
+    linear = replace(phantom(), rotary=False)
+    with pytest.raises(DeviceError, match="gravity_pendulum@m1 needs an angle"):
+        linear.with_physics(example("gravity_pendulum"))
+
+
+def test_a_seed_out_of_range_is_refused() -> None:
+    for seed in (-1, 2**64):
+        with pytest.raises(ValueError, match=f"seed is {seed}"):
+            simulate(phantom(), wall(1.0, 0.0), duration=0.01, seed=seed)
+
+
+def test_too_few_substeps_for_friction_are_refused() -> None:
+    """Mutation: `_check_substeps` skipped: the fast chain then runs with forces of wrong sign."""
+    links = ([2e5, 1.5e4], [0.06, 1e-3])
+    chain = make_chain([2e-4, 9e-4, 7e-5], [0.0, 0.01, 0.004], 0.0, *links)
+    device = replace(phantom(), chain=chain, modal=None)
+    simulate(device, wall(1.0, 0.0), duration=0.01)
+    dry = device.with_physics(example("coulomb_friction", "m1"), example("coulomb_friction", "m2"))
+    with pytest.raises(ValueError, match=r"substeps is 1; .* needs at least 12 substeps a tick"):
+        simulate(dry, wall(1.0, 0.0), duration=0.01)
+    simulate(dry, wall(1.0, 0.0), duration=0.01, substeps=12)
