@@ -7,12 +7,12 @@ import click
 import numpy as np
 
 from sim.device_file import load_device
-from sim.jit import cache_folder
 from stability.bisection import Trial
 from stability.linear import last_stable_damping
 from stability.map_store import FateMap, make_map, save_map
 from stability.plane import QUANTITIES, Axis, Fate, Plane
-from zwidth.console import Column, Console
+from zwidth.compiling import announce
+from zwidth.console import Column, Console, progress
 from zwidth.files import write_with
 from zwidth.options import Quantity, json_option, out_option
 
@@ -57,10 +57,7 @@ def command(device: str, out: Path, json_file: str | None, **options: Any) -> No
     """
     console = Console(json_file)
     plane = _plane(device, options)
-    if not cache_folder().exists():
-        console.say("compiling the kernels, once for this version (about 20 s)")
-    from zwidth.console import progress
-
+    announce(console)
     with progress("mapping", 0) as advance:
         state = {"done": 0}
 

@@ -1,0 +1,246 @@
+"""`zwidth boundary`: how stiff a wall is stable, by theory and by simulation, beside measurements."""
+
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import IO, Any
+
+import click
+import numpy as np
+
+from controllers.wall import wall
+from scenarios.logged_run import logged_run
+from scenarios.scenario import Scenario, one_is_exact
+from scenarios.table_2 import DEVICE, MeasuredPoint, measured_at
+from sim.device import Device, warnings_of
+from sim.device_file import load_device
+from sim.run import Start
+from stability.bisection import Bracket, Search, Trial
+from stability.boundary import Boundary, BoundaryPoint, default_dampings, find_boundaries
+from zwidth.compiling import announce
+from zwidth.console import Column, Console, progress
+from zwidth.files import write_with
+from zwidth.options import ManyNumbers, Quantities, Quantity, json_option, out_option
+from zwidth.results import (
+    UNSET,
+    Bracketed,
+    BoundaryResult,
+    Critical,
+    DelayBoundary,
+    Measured,
+    Point,
+    as_json,
+)
+
+LOGGED_S = 4.0
+SAME_DAMPING = 1e-9
+
+
+@click.command("boundary", cls=ManyNumbers)
+@click.argument("name", metavar="DEVICE")
+@click.option("--delay-ms", cls=Quantities, type=Quantity("ms"), metavar="MS ...",
+              help="Loop delays, one boundary each; the device's own where none is given.")  # fmt: skip
+@click.option("--damping", cls=Quantities, type=Quantity("N m s/rad | N s/m"), rising=True,
+              metavar="B ...", help="Virtual dampings in rising order; else from 0 to 1.2 times the"
+              " last one with a stable wall, in 41 steps, and those measured.")  # fmt: skip
+@click.option("--start", type=Quantity("rad | m", above=True), default=1e-3, show_default=True,
+              help="Start amplitude; with friction the boundary depends on it.")  # fmt: skip
+@click.option("--tolerance", type=Quantity("of K", above=True), default=5e-4, show_default=True,
+              help="Width of a bracket over its K.")  # fmt: skip
+@click.option("--substeps", type=click.IntRange(1, 1000), default=None,
+              help="Substeps a tick; default 1 where that is exact, else 10.")  # fmt: skip
+@click.option("--limit-s", type=Quantity("s", above=True), default=64.0, show_default=True,
+              help="Longest run for a verdict.")  # fmt: skip
+@out_option("runs/boundary")
+@json_option
+def command(name: str, out: Path, json_file: str | None, **options: Any) -> None:
+    """Find the stability boundary of a device under a sampled virtual wall.
+
+    DEVICE is a shipped device or a device file. Prints a table per delay, draws the boundaries, and
+    logs the two runs on either side of each boundary's top.
+    """
+    console = Console(json_file)
+    device = load_device(name)
+    for warning in warnings_of(device):
+        console.warn(warning)
+    announce(console)
+    delays = [1e-3 * ms for ms in options["delay_ms"]] or [device.interface.delay]
+    trial = Trial(
+        start=options["start"],
+        limit_s=max(options["limit_s"], 4.0),
+        substeps=options["substeps"] or (1 if one_is_exact(device) else 10),
+    )
+    search = Search(tolerance=options["tolerance"])
+    measured = device.name == load_device(DEVICE).name
+    plans = [_plan(device.with_interface(delay=d), options["damping"], measured) for d in delays]
+    found: list[Boundary] = []
+    try:
+        with progress("bracketing", sum(grid.size for _, grid in plans)) as advance:
+            for variant, grid in plans:
+                counted = _Counted(grid.size, partial(advance, now=_ms(variant)))
+                found += find_boundaries([variant], [grid], trial, search, counted)
+    finally:  # after Ctrl-C too: what is finished is kept
+        if found:
+            _write(console, device, found, trial, out, measured)
+
+
+class _Counted:
+    """Turn a share of a total into steps of a progress bar."""
+
+    def __init__(self, total: int, advance: Any) -> None:
+        self.total, self.advance, self.done = total, advance, 0
+
+    def __call__(self, share: float) -> None:
+        now = round(share * self.total)
+        if now > self.done:
+            self.advance(now - self.done)
+            self.done = now
+
+
+def _plan(device: Device, given: Sequence[float], measured: bool) -> tuple[Device, Any]:
+    if given:
+        return device, np.array(given, dtype=np.float64)
+    places = [p.place for p in measured_at(device.interface.delay)] if measured else []
+    return device, np.unique(np.concatenate([default_dampings(device), places]))
+
+
+def _write(
+    console: Console, device: Device, found: list[Boundary], trial: Trial, out: Path, measured: bool
+) -> None:
+    result = BoundaryResult(
+        device.name,
+        [DelayBoundary(b.device.interface.delay, _points(b, measured)) for b in found],
+        device.rotary,
+    )
+    for boundary, values in zip(found, result.boundaries, strict=True):
+        _table(console, boundary, values)
+    console.result(as_json(result))
+    from zwidth.figures.boundary import boundary_figure
+
+    figure = boundary_figure(result, "measured (Table II)")
+    for kind in ("png", "svg"):
+
+        def save(stream: IO[bytes], kind: str = kind) -> None:
+            figure.savefig(stream, format=kind, dpi=150)
+
+        console.say(f"wrote {write_with(out / f'boundary.{kind}', save)}")
+    for boundary in found:
+        for path in _log_top(boundary, trial, out):
+            console.say(f"wrote {path}")
+
+
+def _points(boundary: Boundary, measured: bool) -> list[Point]:
+    rows = measured_at(boundary.device.interface.delay) if measured else []
+    return [_point(p, _measured(rows, p.damping)) for p in boundary.points]
+
+
+def _measured(rows: Sequence[MeasuredPoint], damping: float) -> MeasuredPoint | None:
+    return next((row for row in rows if abs(row.place - damping) < SAME_DAMPING), None)
+
+
+def _point(point: BoundaryPoint, row: MeasuredPoint | None) -> Point:
+    linear, bracket = point.linear, point.simulated
+    critical = None
+    if linear.stiffness is not None and linear.frequency_hz is not None:
+        critical = Critical(linear.stiffness, linear.frequency_hz)
+    return Point(
+        float(point.damping),
+        critical,
+        _bracketed(bracket),
+        UNSET
+        if row is None
+        else Measured(
+            row.stiffness,
+            row.frequency,
+            UNSET if row.damping_meant is None else row.damping,
+        ),
+    )
+
+
+def _bracketed(bracket: Bracket) -> Bracketed | None:
+    if bracket.stable is None:
+        return None
+    return Bracketed(bracket.stable, bracket.unstable, bracket.frequency)
+
+
+def _table(console: Console, boundary: Boundary, values: DelayBoundary) -> None:
+    force, length = ("N m", "rad") if boundary.device.rotary else ("N", "m")
+    stiffness = f"[{force}/{length}]"
+    columns = [
+        Column(f"B [{force} s/{length}]"),
+        Column(f"K linear {stiffness}"),
+        Column("f [Hz]"),
+        Column("K stable"),
+        Column("K unstable"),
+        Column("f [Hz]"),
+        Column("K measured"),
+        Column("f [Hz]"),
+        Column("note", False),
+    ]
+    rows = [
+        _row(p, b.simulated) for p, b in zip(values.points, boundary.points, strict=True)
+    ]
+    title = f"\n{boundary.device.name}, delay {_ms(boundary.device)}"
+    console.table(title, columns, rows)
+
+
+def _row(point: Point, bracket: Bracket) -> list[str]:
+    linear = point.linear
+    cells = [f"{point.damping:.5g}"]
+    cells += [f"{linear.stiffness:.5g}", f"{linear.frequency_hz:.2f}"] if linear else ["none", ""]
+    cells += [_number(bracket.stable), _number(bracket.unstable), _frequency(bracket.frequency)]
+    note = _note(bracket)
+    if point.measured is UNSET:
+        return [*cells, "", "", note]
+    measured = point.measured
+    if measured.damping_printed is not UNSET:
+        note = f"printed as B = {measured.damping_printed:g}"
+    return [*cells, f"{measured.stiffness:.4g}", f"{measured.frequency_hz:.2f}", note]
+
+
+def _note(bracket: Bracket) -> str:
+    if bracket.undecided is not None:
+        low, high = bracket.undecided
+        return f"undecided from {low:.5g} to {high:.5g}"
+    if bracket.unstable_verdict is not None and bracket.unstable_verdict.value == "limit_cycle":
+        return f"limit cycle of {bracket.unstable_amplitude:.3g}"
+    return ""
+
+
+def _number(value: float | None) -> str:
+    return "none" if value is None else f"{value:.5g}"
+
+
+def _frequency(value: float | None) -> str:
+    return "" if value is None else f"{value:.2f}"
+
+
+def _ms(device: Device) -> str:
+    return f"{1e3 * device.interface.delay:g} ms"
+
+
+def _log_top(boundary: Boundary, trial: Trial, out: Path) -> list[Path]:
+    """Log the runs on either side of the highest point of the boundary."""
+    top = boundary.top
+    if top is None or top.simulated.stable is None:
+        return []
+    bracket = top.simulated
+    ends = [("stable", bracket.stable, bracket.stable_verdict)]
+    ends.append(("unstable", bracket.unstable, bracket.unstable_verdict))
+    written: list[Path] = []
+    for side, stiffness, verdict in ends:
+        if stiffness is None:
+            continue
+        scenario = Scenario(
+            boundary.device,
+            wall(stiffness, bracket.damping),
+            max(LOGGED_S, trial.seconds),
+            Start(trial.start),
+            substeps=trial.substeps,
+        )
+        path = out / f"top_{1e3 * boundary.device.interface.delay:g}ms_{side}.mcap"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        known = {} if verdict is None else {"verdict": verdict.value}
+        logged_run(scenario, path, metadata=known)
+        written.append(path)
+    return written
