@@ -1,0 +1,102 @@
+"""Raw numbers of a signal to the SI values of a channel, and the sentence that says how."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from logs.recording_file import Entry
+from logs.source import Floats, RecordingError, Signal
+from logs.units import SI, TURN, Unit, find_unit, known_unit
+
+LARGEST_EXACT = 2**53  # integers beyond it are rounded in a double
+
+
+@dataclass(frozen=True)
+class Converted:
+    """values (samples,) in SI. rotary: what the unit shows, None where it does not."""
+
+    values: Floats
+    rotary: bool | None
+    formula: str
+    warnings: tuple[str, ...]
+
+
+def convert(entry: Entry, signal: Signal) -> Converted:
+    """Return the channel of a signal; raises RecordingError where its unit does not suit."""
+    unit, warnings = _unit(entry, signal)
+    raw = signal.floats()
+    if signal.values.dtype.kind in "iu" and np.abs(raw).max() > LARGEST_EXACT:
+        warnings.append(f"{signal.name} has integers beyond 2^53, which are rounded")
+    scale = 1.0 if entry.scale is None else entry.scale
+    values = raw
+    with np.errstate(over="ignore", invalid="ignore"):
+        for factor in (unit.factor, scale):
+            values = values if factor == 1.0 else values * factor
+        values = values if entry.offset == 0.0 else values + entry.offset
+    rotary = unit.si == SI[entry.quantity][0] if unit.si and entry.scale is None else None
+    formula = _formula(entry, signal, unit, scale)
+    return Converted(values, rotary, formula, (*warnings, *_remarks(entry, values)))
+
+
+def _unit(entry: Entry, signal: Signal) -> tuple[Unit, list[str]]:
+    """Return the unit of the raw numbers, in which si is "" where nobody says what it is."""
+    spelled = find_unit(signal.unit) if signal.unit else None
+    if entry.unit is None:
+        if spelled is None or entry.scale is not None:
+            return Unit("", 1.0), []
+        if spelled.si in SI[entry.quantity] and spelled.factor == 1.0:
+            return spelled, []
+        raise RecordingError(
+            f"{signal.name!r} is in {signal.unit!r} by its own header, and {entry.channel} must be"
+            f' in SI; add unit = "{signal.unit}" to convert it, or a scale'
+        )
+    unit = known_unit(entry.unit, f"the unit of {signal.name!r}")
+    warnings: list[str] = []
+    if spelled is not None and spelled != unit:
+        warnings.append(
+            f"{signal.name} is in {signal.unit!r} by its own header, and was read in {entry.unit!r}"
+            " as the TOML says"
+        )
+    if unit.si.startswith("counts"):
+        unit = _counts(entry, unit)
+    if entry.scale is None and unit.si not in SI[entry.quantity]:
+        allowed = " or ".join(SI[entry.quantity])
+        raise RecordingError(
+            f"{signal.name!r} is in {entry.unit}, and {entry.channel} must be in {allowed}; give"
+            f" scale, in {allowed} per {unit.si}"
+        )
+    return unit, warnings
+
+
+def _counts(entry: Entry, unit: Unit) -> Unit:
+    """Return counts, counts/s or counts/s2 as angle or length; as they are where scale says it."""
+    if entry.counts_per_rev is not None:
+        return Unit(unit.si.replace("counts", "rad"), TURN / entry.counts_per_rev)
+    if entry.counts_per_m is not None:
+        return Unit(unit.si.replace("counts", "m"), 1.0 / entry.counts_per_m)
+    return unit
+
+
+def _formula(entry: Entry, signal: Signal, unit: Unit, scale: float) -> str:
+    raw = (
+        f"{signal.name} [{entry.unit or signal.unit}]" if entry.unit or signal.unit else signal.name
+    )
+    factors = [f"{factor!r} x " for factor in (scale, unit.factor) if factor != 1.0]
+    offset = (
+        "" if entry.offset == 0.0 else f" {'+' if entry.offset > 0 else '-'} {abs(entry.offset)!r}"
+    )
+    return f"{entry.channel} = {''.join(factors)}{raw}{offset}"
+
+
+def _remarks(entry: Entry, values: Floats) -> list[str]:
+    """Return sentences on values that no sensor of a moving device gives."""
+    finite = np.isfinite(values)
+    missing = int(values.size - finite.sum())
+    if missing == values.size:
+        raise RecordingError(f"{entry.channel} ({entry.signal!r}) has no finite number at all")
+    if missing:
+        first = int(np.argmin(finite))
+        return [f"{entry.channel} is not finite in {missing} samples, first in sample {first}"]
+    if values.size > 1 and values.min() == values.max():
+        return [f"{entry.channel} is constant at {values[0]:g}"]
+    return []

@@ -1,0 +1,260 @@
+"""MCAP files of other tools: ROS 2 messages, flat JSON, flat protobuf.
+
+A signal is called topic.field: "/command.data", "/wrench.wrench.force.z". Of a
+sensor_msgs/msg/JointState it is topic.joint.quantity: "/joint_states.elbow.effort". Each signal has
+the clocks of its messages: log_time, publish_time and, where the messages carry it, header.stamp,
+stamp or timestamp.
+
+The walk over the file is that of our own logs: a chunk with a wrong checksum is left out and named.
+"""
+
+import json
+import os
+from array import array
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from mcap.exceptions import McapError
+from mcap.records import Channel, Chunk, Message, Schema
+from mcap.stream_reader import breakup_chunk
+from numpy.typing import NDArray
+
+from logs.framing import Walk
+from logs.records import Records
+from logs.source import RecordingError, Signal, Source
+from logs.summary import read_summary
+
+DEEPEST = 8  # messages within messages
+MOST_ELEMENTS = 64  # of an array within a message
+MOST_NOTES = 5
+NANOSECONDS = 1_000_000_000
+JOINT_STATE = ("position", "velocity", "effort")
+STAMPS = (("header", "stamp"), ("stamp",), ("timestamp",))
+CLOCKS = ("log_time", "publish_time", *(".".join(place) for place in STAMPS))
+
+Leaves = dict[str, float | int]
+Decoder = Callable[[bytes], Any]
+
+
+@dataclass
+class Series:
+    """What has been read of one field: values and the index of the message of each."""
+
+    values: list[float | int] = field(default_factory=list[float | int])
+    rows: list[int] = field(default_factory=list[int])
+
+
+@dataclass
+class Topic:
+    """The messages of one channel: their clocks, and their fields as they turn up."""
+
+    name: str
+    decode: Decoder
+    clocks: dict[str, list[int | None]] = field(default_factory=dict[str, list[int | None]])
+    series: dict[str, Series] = field(default_factory=dict[str, Series])
+    count: int = 0
+    undecoded: int = 0
+
+    def take(self, message: Message) -> None:
+        """Decode one message; one that does not match its schema is counted and left out."""
+        try:
+            body = self.decode(message.data)
+            leaves = _leaves(body)
+            stamps = [_stamp(body, place) for place in STAMPS]
+        except MemoryError:
+            raise
+        except Exception:  # three decoders, each with errors of its own and of struct and protobuf
+            self.undecoded += 1
+            return
+        clocks = (message.log_time, message.publish_time, *stamps)
+        for clock, ns in zip(CLOCKS, clocks, strict=True):
+            self.clocks.setdefault(clock, []).append(ns)
+        for name, value in leaves.items():
+            series = self.series.setdefault(name, Series())
+            series.values.append(value)
+            series.rows.append(self.count)
+        self.count += 1
+
+    def signals(self) -> Iterator[Signal]:
+        """Yield a signal for each field."""
+        clocks = {
+            clock: np.array(times, dtype=np.int64)
+            for clock, times in self.clocks.items()
+            if None not in times and _fits(times)
+        }
+        for name, series in self.series.items():
+            rows = np.array(series.rows)
+            stamps = {clock: times[rows] for clock, times in clocks.items()}
+            full = f"{self.name}.{name}"
+            yield Signal(full, _numbers(series.values), stamps=stamps)
+
+
+def read_foreign_mcap(path: Path, file: BinaryIO) -> Source:
+    """Return every number of every message that can be decoded; raises RecordingError."""
+    summary = read_summary(file)
+    size = os.fstat(file.fileno()).st_size
+    walk = Walk(file, size) if summary is None else Walk(file, summary.start, summary.landmarks)
+    schemas = {} if summary is None else {schema.id: schema for schema in summary.schemas}
+    topics: dict[int, Topic | str] = {}
+    for channel in () if summary is None else summary.channels:
+        topics[channel.id] = _open(channel, schemas.get(channel.schema_id))
+    inconsistent = 0
+    for record in walk:
+        try:
+            for part in _parts(record):
+                if isinstance(part, Schema):
+                    schemas[part.id] = part
+                elif isinstance(part, Channel):
+                    if part.id not in topics:
+                        topics[part.id] = _open(part, schemas.get(part.schema_id))
+                elif isinstance(topic := topics.get(part.channel_id), Topic):
+                    topic.take(part)
+        except (McapError, UnicodeDecodeError, ValueError, OverflowError):
+            inconsistent += 1
+    return _source(path, walk, inconsistent, topics)
+
+
+def _parts(record: object) -> Iterator[Schema | Channel | Message]:
+    if isinstance(record, Records):
+        chunk = Chunk("", record.data, 0, 0, 0, len(record.data))
+        for part in breakup_chunk(chunk):
+            if isinstance(part, Schema | Channel | Message):
+                yield part
+    elif isinstance(record, Schema | Channel):
+        yield record
+
+
+def _open(channel: Channel, schema: Schema | None) -> Topic | str:
+    """Return a topic that can be decoded, or why it cannot."""
+    encoding = channel.message_encoding
+    if encoding == "json":
+        return Topic(channel.topic, json.loads)
+    try:
+        from mcap_protobuf.decoder import DecoderFactory as Protobuf
+        from mcap_ros2.decoder import DecoderFactory as Ros2
+
+        for factory in (Ros2(), Protobuf()):
+            decode = factory.decoder_for(encoding, schema)
+            if decode is not None:
+                return Topic(channel.topic, decode)
+    except MemoryError:
+        raise
+    except Exception as error:  # a schema that its own parser cannot read
+        reason = " ".join(str(error).split())[:80]
+        return f"{channel.topic} has a schema that cannot be read ({reason})"
+    described = "no schema" if schema is None else f"schema encoding {schema.encoding!r}"
+    return f"{channel.topic} is encoded as {encoding!r} with {described}, which is not read here"
+
+
+def _leaves(body: Any) -> Leaves:
+    """Return field -> number for all numbers in a message."""
+    leaves: Leaves = {}
+    if _is_joint_state(body):
+        for quantity in JOINT_STATE:
+            for joint, value in zip(body.name, getattr(body, quantity), strict=False):
+                leaves[f"{joint}.{quantity}"] = value
+        return leaves
+    _collect(leaves, "", body, 0)
+    return leaves
+
+
+def _is_joint_state(body: Any) -> bool:
+    named = isinstance(getattr(body, "name", None), list)
+    return named and all(hasattr(body, part) for part in JOINT_STATE)
+
+
+def _collect(leaves: Leaves, name: str, value: Any, depth: int) -> None:
+    if isinstance(value, bool | int | float):
+        if name:
+            leaves[name] = value
+    elif depth >= DEEPEST or isinstance(value, str | bytes | bytearray) or value is None:
+        return
+    elif isinstance(value, list | tuple | array):
+        for k, part in enumerate(value[:MOST_ELEMENTS]):
+            _collect(leaves, f"{name}[{k}]", part, depth + 1)
+    else:
+        for part, inner in _fields(value):
+            _collect(leaves, f"{name}.{part}" if name else part, inner, depth + 1)
+
+
+def _fields(message: Any) -> Iterator[tuple[str, Any]]:
+    if isinstance(message, Mapping):
+        yield from ((str(key), value) for key, value in message.items())
+    elif hasattr(message, "DESCRIPTOR"):
+        for described in message.DESCRIPTOR.fields:
+            value = getattr(message, described.name)
+            if hasattr(value, "extend"):
+                yield described.name, list(value)
+            elif hasattr(value, "keys"):
+                continue  # a map
+            elif described.message_type is None or message.HasField(described.name):
+                yield described.name, value
+    else:
+        yield from ((part, getattr(message, part)) for part in getattr(message, "__slots__", ()))
+
+
+def _stamp(body: Any, place: tuple[str, ...]) -> int | None:
+    """Return the time that stands at a place of a message [ns], or None."""
+    for part in place:
+        body = _part(body, part)
+    for seconds, fraction in (("sec", "nanosec"), ("sec", "nsec"), ("seconds", "nanos")):
+        whole, rest = _part(body, seconds), _part(body, fraction)
+        if isinstance(whole, int) and isinstance(rest, int):
+            return whole * NANOSECONDS + rest
+    return None
+
+
+def _part(body: Any, name: str) -> Any:
+    return body.get(name) if isinstance(body, Mapping) else getattr(body, name, None)
+
+
+def _fits(times: list[int | None]) -> bool:
+    return all(ns is not None and -(2**63) <= ns < 2**63 for ns in times)
+
+
+def _numbers(values: list[float | int]) -> NDArray[Any]:
+    whole = all(isinstance(v, int) and -(2**63) <= v < 2**63 for v in values)
+    if whole:
+        return np.array(values, dtype=np.int64)
+    return np.array([_float(v) for v in values], dtype=np.float64)
+
+
+def _float(value: float | int) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        return np.inf if value > 0 else -np.inf
+
+
+def _source(path: Path, walk: Walk, inconsistent: int, topics: dict[int, Topic | str]) -> Source:
+    signals: dict[str, Signal] = {}
+    notes = [f"bytes {d.start} to {d.stop - 1} were skipped: {d.reason}" for d in walk.damages]
+    if len(notes) > MOST_NOTES:
+        notes[MOST_NOTES:] = [f"{len(notes) - MOST_NOTES} more such places follow"]
+    if inconsistent:
+        notes.append(f"{inconsistent} chunks with records that cannot be decoded were skipped")
+    if not walk.ended:
+        notes.append("the file was not closed or is cut short; it is read up to there")
+    for topic in topics.values():
+        if isinstance(topic, str):
+            notes.append(topic)
+            continue
+        if topic.undecoded:
+            notes.append(f"{topic.undecoded} messages of {topic.name} do not match their schema")
+        for signal in topic.signals():
+            signals[_free(signal.name, signals)] = signal
+    if not topics:
+        raise RecordingError(f"{path.name} is an MCAP file in which no topic is left to read")
+    return Source(path, "MCAP", signals, notes=tuple(notes))
+
+
+def _free(name: str, taken: Mapping[str, Signal]) -> str:
+    """Return the name, or with a number where two channels share a topic."""
+    free, copy = name, 1
+    while free in taken:
+        copy += 1
+        free = f"{name}#{copy}"
+    return free

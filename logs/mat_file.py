@@ -1,0 +1,153 @@
+"""MATLAB files: v4 to v7 by scipy, v7.3 (and any other HDF5) by h5py.
+
+A field of a structure is `s.f`, the k-th signal of a matrix `X(:,k)` (time runs along its longer
+side), a cell `c{k}`, an element of an array of structures `s(k)`; k counts from 1 as in MATLAB.
+"""
+
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.io
+
+from logs.source import Collector, RecordingError, Source
+
+DEEPEST = 16  # structures within structures
+MOST_PARTS = 10_000  # cells, elements, fields of one file
+MOST_BYTES = 1 << 33  # of one data set of an HDF5 file, whatever its header claims
+COLUMN, CELL, ELEMENT = "{name}(:,{k})", "{name}{{{k}}}", "{name}({k})"
+
+
+class _Parts(Collector):
+    """A collector that gives up on a file of endlessly many parts."""
+
+    def take(self, name: str, values: Any) -> None:
+        if len(self.signals) + len(self.unreadable) >= MOST_PARTS:
+            raise RecordingError(f"it has more than {MOST_PARTS} parts")
+        self.add(name, values)
+
+
+def read_mat(path: Path, data: bytes) -> Source:
+    """Return the variables of a file before v7.3; raises RecordingError."""
+    found = _Parts(COLUMN, 1)
+    try:
+        variables = scipy.io.loadmat(
+            io.BytesIO(data),  # pyright: ignore[reportArgumentType]  # a stream is allowed
+            simplify_cells=True,
+        )
+        for name, value in variables.items():
+            if not name.startswith("__"):
+                _walk(found, name, value, 0)
+    except MemoryError:
+        raise
+    except Exception as error:  # scipy raises what it meets: ValueError, TypeError, zlib.error ...
+        raise _damaged(path, "MAT", error) from None
+    return Source(path, "MAT v7 or older", found.signals, found.unreadable)
+
+
+def _walk(found: _Parts, name: str, value: Any, depth: int) -> None:
+    if depth > DEEPEST:
+        found.unreadable[name] = f"lies more than {DEEPEST} structures deep"
+    elif isinstance(value, dict):
+        for field, part in value.items():
+            _walk(found, f"{name}.{field}", part, depth + 1)
+    elif isinstance(value, np.ndarray) and value.dtype == object:
+        pattern = ELEMENT if all(isinstance(v, dict) for v in value.flat) else CELL
+        for k, part in enumerate(value.flat, start=1):
+            _walk(found, pattern.format(name=name, k=k), part, depth + 1)
+    elif isinstance(value, list):
+        _walk(found, name, np.array(value, dtype=object), depth)
+    elif isinstance(value, np.ndarray | np.generic | int | float | str | bytes):
+        found.take(name, value)
+    else:
+        found.unreadable[name] = f"is a {type(value).__name__}; a signal is a row of numbers"
+
+
+def read_hdf5(path: Path, data: bytes) -> Source:
+    """Return the data sets of an HDF5 file, which MAT v7.3 is; raises RecordingError.
+
+    Links to other files, and data sets that keep their values there, are not followed.
+    """
+    import h5py
+
+    found = _Parts(COLUMN, 1)
+    try:
+        with h5py.File(io.BytesIO(data), "r") as file:
+            matlab = any("MATLAB_class" in item.attrs for item in _members(file).values())
+            for name, item in _members(file).items():
+                if not name.startswith("#"):
+                    _hdf5(found, name, item, (), file)
+    except MemoryError:
+        raise
+    except Exception as error:  # h5py raises what the library says, as any of a dozen classes
+        raise _damaged(path, "HDF5", error) from None
+    return Source(path, "MAT v7.3" if matlab else "HDF5", found.signals, found.unreadable)
+
+
+def _members(group: Any) -> dict[str, Any]:
+    """Return what a group holds itself, without links out of the file."""
+    import h5py
+
+    return {
+        name: group[name]
+        for name in group
+        if isinstance(group.get(name, getlink=True), h5py.HardLink)
+    }
+
+
+def _hdf5(found: _Parts, name: str, item: Any, above: tuple[int, ...], file: Any) -> None:
+    """Take a group or data set; above: addresses of the groups around it, against cycles."""
+    import h5py
+
+    if isinstance(item, h5py.Group):
+        address = _address(item)
+        if address in above or len(above) > DEEPEST:
+            found.unreadable[name] = "contains itself, or lies too deep"
+            return
+        for field, part in _members(item).items():
+            _hdf5(found, f"{name}.{field}", part, (*above, address), file)
+        return
+    if not isinstance(item, h5py.Dataset):
+        found.unreadable[name] = "is a named type; a signal is a row of numbers"
+    elif item.external or item.is_virtual:
+        found.unreadable[name] = "keeps its values in another file"
+    elif item.shape is None or item.size == 0 or "MATLAB_empty" in item.attrs:
+        found.unreadable[name] = "is empty"
+    elif item.attrs.get("MATLAB_class") in (b"char", "char"):
+        found.unreadable[name] = "is text; a signal is numbers"
+    elif item.size * item.dtype.itemsize > MOST_BYTES:
+        found.unreadable[name] = f"claims {item.size} values, more than are read"
+    elif item.dtype == h5py.ref_dtype:
+        _references(found, name, item, above, file)
+    elif item.dtype.kind in "biuf" or item.dtype.names is not None:
+        found.take(name, np.asarray(item[()]).T)
+    else:
+        found.unreadable[name] = f"holds {item.dtype}; a signal is numbers"
+
+
+def _address(item: Any) -> int:
+    """Return where an object of an HDF5 file starts."""
+    from h5py import h5o  # pyright: ignore[reportAttributeAccessIssue]  # a compiled module
+
+    return int(h5o.get_info(item.id).addr)
+
+
+def _references(found: _Parts, name: str, item: Any, above: tuple[int, ...], file: Any) -> None:
+    """Take the cells of a cell array, which are references to data sets elsewhere in the file."""
+    address = _address(item)
+    if address in above or len(above) > DEEPEST or item.size > MOST_PARTS:
+        found.unreadable[name] = "contains itself, or lies too deep"
+        return
+    pattern = CELL if item.attrs.get("MATLAB_class") in (b"cell", "cell") else ELEMENT
+    for k, reference in enumerate(np.asarray(item[()]).T.flat, start=1):
+        part = pattern.format(name=name, k=k)
+        if reference:
+            _hdf5(found, part, file[reference], (*above, address), file)
+        else:
+            found.unreadable[part] = "is empty"
+
+
+def _damaged(path: Path, kind: str, error: Exception) -> RecordingError:
+    reason = " ".join(str(error).split())[:160] or type(error).__name__
+    return RecordingError(f"{path.name} cannot be read as {kind}, it is damaged: {reason}")

@@ -1,0 +1,62 @@
+"""A recorded file of any known format, told by its first bytes rather than by its name."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import BinaryIO
+
+from mcap.writer import MCAP0_MAGIC
+
+from logs.csv_file import NOTHING_SAID, CsvOptions, read_csv
+from logs.foreign_mcap import read_foreign_mcap
+from logs.mat_file import read_hdf5, read_mat
+from logs.npz_file import read_npy, read_npz
+from logs.opening import opened
+from logs.parquet_file import read_parquet
+from logs.source import RecordingError, Source
+
+Reader = Callable[[Path, bytes], Source]
+
+HDF5 = b"\x89HDF\r\n\x1a\n"
+AFTER_USER_BLOCK = 512  # where HDF5 starts in a MAT v7.3
+STARTS: tuple[tuple[bytes, Reader], ...] = (
+    (b"\x93NUMPY", read_npy),
+    (b"PK\x03\x04", read_npz),
+    (b"PK\x05\x06", read_npz),
+    (b"PAR1", read_parquet),
+    (HDF5, read_hdf5),
+    (b"MATLAB 5.0", read_mat),
+)
+
+
+def open_source(path: Path, csv: CsvOptions = NOTHING_SAID) -> Source:
+    """Return the signals of a file; csv: what is known about it if it is a text table.
+
+    Raises RecordingError, or the LogError of a file that cannot be opened.
+    """
+    with opened(path) as file:
+        if is_mcap(file):
+            return read_foreign_mcap(path, file)
+        data = file.read()
+    reader = _reader(path, data)
+    try:
+        return read_csv(path, data, csv) if reader is None else reader(path, data)
+    except MemoryError:
+        raise RecordingError(
+            f"{path.name} needs more memory than there is; it may be damaged, or cut it in parts"
+        ) from None
+
+
+def is_mcap(file: BinaryIO) -> bool:
+    """Return True where a file starts as MCAP does; the file is left at its start."""
+    start = file.read(len(MCAP0_MAGIC))
+    file.seek(0)
+    return start == MCAP0_MAGIC
+
+
+def _reader(path: Path, data: bytes) -> Reader | None:
+    if data[AFTER_USER_BLOCK : AFTER_USER_BLOCK + len(HDF5)] == HDF5:
+        return read_hdf5
+    for start, reader in STARTS:
+        if data.startswith(start):
+            return reader
+    return read_mat if path.suffix.lower() == ".mat" else None  # v4 starts with nothing of its own

@@ -1,0 +1,32 @@
+"""Opening a file to read: every way in which that can fail, in a sentence."""
+
+import stat
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+
+from logs.errors import LogEmpty, LogIsDirectory, LogNotFound, LogNotReadable
+
+
+@contextmanager
+def opened(path: Path) -> Generator[BinaryIO]:
+    """Open a regular file that is not empty.
+
+    Raises LogNotFound, LogIsDirectory, LogNotReadable or LogEmpty, also for what fails within.
+    """
+    try:
+        if not path.is_dir() and not stat.S_ISREG(path.stat().st_mode):
+            raise LogNotReadable(f"{path} is no regular file; give a recording or a log")
+        with path.open("rb") as file:
+            if not file.read(1):
+                raise LogEmpty(f"{path} is empty; record it again")
+            file.seek(0)
+            yield file
+    except FileNotFoundError:
+        raise LogNotFound(f"{path} does not exist; check the name") from None
+    except IsADirectoryError:
+        raise LogIsDirectory(f"{path} is a folder; name a file in it") from None
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise LogNotReadable(f"{path} cannot be read: {reason}") from None

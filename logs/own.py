@@ -1,0 +1,37 @@
+"""Files that zwidth wrote, whichever their format: `read_own`."""
+
+from pathlib import Path
+
+from logs.errors import ForeignLog
+from logs.mcap_reader import Log, read_log
+from logs.open_source import is_mcap, open_source
+from logs.opening import opened
+from logs.source import RecordingError, Source
+from logs.table_log import log_of
+
+
+def read_own(path: Path) -> Log:
+    """Return the log in an MCAP, CSV, Parquet or NPZ file that zwidth wrote.
+
+    Raises RecordingError for everyone else's files, or another LogError.
+    """
+    log = own_log(path)
+    if isinstance(log, Log):
+        return log
+    raise RecordingError(
+        f"{path.name} was not written by zwidth, so describe it in a recording TOML;"
+        f" 'zwidth convert {path}' drafts one"
+    )
+
+
+def own_log(path: Path) -> Log | Source:
+    """Return the log in a file of ours, or the signals in another; raises LogError."""
+    with opened(path) as file:
+        mcap = is_mcap(file)
+    if mcap:
+        try:
+            return read_log(path)
+        except ForeignLog:
+            pass
+    source = open_source(path)
+    return log_of(source) if source.about else source

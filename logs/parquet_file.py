@@ -1,0 +1,67 @@
+"""Parquet files: every column of numbers, fields of structures as `s.f`."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from logs.source import Collector, RecordingError, Source
+
+ABOUT = b"zwidth"  # the key in the file's own metadata
+
+
+def read_parquet(path: Path, data: bytes) -> Source:
+    """Return the columns of a Parquet file, NaN for null; raises RecordingError."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    found = Collector()
+    try:
+        table = parquet.ParquetFile(pa.BufferReader(data)).read(use_threads=False)
+        table.validate(full=True)
+        about = _about(path, table.schema.metadata or {})
+        for _ in range(16):  # structures within structures
+            if not any(pa.types.is_struct(column.type) for column in table.columns):
+                break
+            table = table.flatten()
+        for name, column in zip(table.column_names, table.columns, strict=True):
+            _take(found, name, column)
+    except (RecordingError, MemoryError):
+        raise
+    except Exception as error:  # Arrow raises OSError, ArrowInvalid, NotImplementedError, KeyError
+        reason = " ".join(str(error).split())[:160] or type(error).__name__
+        raise RecordingError(f"{path.name} is a damaged Parquet file: {reason}") from None
+    return Source(path, "Parquet", found.signals, found.unreadable, about=about)
+
+
+def _take(found: Collector, name: str, column: Any) -> None:
+    import pyarrow as pa
+
+    kind = column.type
+    if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
+        column = column.cast(
+            pa.timestamp("ns", kind.tz) if hasattr(kind, "tz") else pa.duration("ns")
+        )
+        if column.null_count:
+            found.unreadable[name] = "holds dates that are missing; a signal is numbers"
+        else:
+            found.add(name, column.cast(pa.int64()).to_numpy(), "ns")
+    elif pa.types.is_decimal(kind):
+        found.add(name, column.cast(pa.float64()).to_numpy())
+    elif pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind):
+        values = column.to_numpy()
+        found.add(name, values if values.dtype != object else values.astype(np.float64))
+    else:
+        found.unreadable[name] = f"holds {kind}; a signal is numbers"
+
+
+def _about(path: Path, metadata: dict[bytes, bytes]) -> dict[str, Any]:
+    try:
+        about = json.loads(metadata.get(ABOUT, b"{}"))
+    except (ValueError, RecursionError):
+        raise RecordingError(
+            f"{path.name}: what zwidth wrote into its metadata is damaged; describe the columns in"
+            " a TOML"
+        ) from None
+    return about if isinstance(about, dict) else {}

@@ -1,0 +1,212 @@
+"""A recording as a trace: `read_recording`; and with all that belongs to it: `load_log`."""
+
+import hashlib
+import math
+from collections.abc import Sequence
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from logs.conversion import Converted, convert
+from logs.mcap_reader import Log
+from logs.one_axis import Stream, group, one_axis
+from logs.open_source import open_source
+from logs.opening import opened
+from logs.own import read_own
+from logs.recording_file import Clock, Description, Entry, load_description
+from logs.source import RecordingError, Signal, Source
+from logs.timing import Stamps, common_origin
+from logs.units import SI, find_unit
+from sim.nearest import nearest
+from sim.trace import Trace
+
+FilePath = str | PathLike[str]
+NANOSECONDS = 1_000_000_000
+
+
+def load_log(path: FilePath, folder: FilePath | None = None) -> Log:
+    """Return a recording as a log, with the TOML that describes it as an attachment.
+
+    Arguments and errors as of `read_recording`. A file of ours comes with all that it holds.
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".toml":
+        return read_own(path)
+    trace = read_recording(path, folder)
+    with opened(path) as file:
+        attachments = {path.name: file.read()}
+    return Log(path, trace, None, (), {}, attachments, "", _epoch_ns(trace), ())
+
+
+def _epoch_ns(trace: Trace) -> int:
+    """Return the log time of t = 0: what the stamps count from, else as little as t >= 0 needs."""
+    counted_from = trace.facts.get("counted_from_s")
+    if isinstance(counted_from, str):
+        seconds, _, fraction = counted_from.partition(".")
+        return max(int(seconds) * NANOSECONDS + int(fraction), 0)
+    return max(0, math.ceil(-float(trace.t.min()))) * NANOSECONDS
+
+
+def read_recording(path: FilePath, folder: FilePath | None = None) -> Trace:
+    """Return the recording that a TOML describes, or that zwidth itself wrote.
+
+    path: a recording TOML (see `logs.recording_file`), or an MCAP log, CSV, Parquet or NPZ of
+    zwidth. folder: where the TOML's file is looked for, by default the folder of the TOML.
+
+    Channels are `command` and `position_m1`, `velocity_m1` ... in SI. Stamps are kept as they are,
+    irregular or not, and examined; only `resample` changes them. facts: file, sha256, format,
+    signals (how each channel was converted), timing (of each stream), resampling, use, warnings.
+
+    Raises RecordingError or another LogError, a ValueError with one sentence.
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".toml":
+        return read_own(path).tick
+    description = load_description(path)
+    file = (path.parent if folder is None else Path(folder)) / description.file
+    try:
+        return _read(description, open_source(file, description.csv))
+    except RecordingError as error:
+        raise RecordingError(f"{path.name}: {error}") from None
+    except MemoryError:
+        raise RecordingError(
+            f"{path.name} needs more memory than there is; cut it in parts"
+        ) from None
+
+
+def _read(description: Description, source: Source) -> Trace:
+    entries = description.entries
+    signals = {entry.channel: source[entry.signal] for entry in entries}
+    stamps = {e.channel: _stamps(source, e.clock, signals[e.channel]) for e in entries}
+    origin = common_origin(stamps)
+    converted = {e.channel: convert(e, signals[e.channel]) for e in entries}
+    rotary = _rotary(description.rotary, entries, converted)
+    streams = group(entries, {name: s.seconds(origin) for name, s in stamps.items()})
+    values = {name: c.values for name, c in converted.items()}
+    t, values, resampling = one_axis(description.resample, streams, values)
+    facts: dict[str, Any] = {
+        "recording": description.path.name,
+        "source": description.source,
+        "file": source.path.name,
+        "sha256": _sha256(source.path),
+        "format": source.kind,
+        "signals": {e.channel: _signal_facts(e, converted[e.channel], signals) for e in entries},
+        "timing": {s.name: {"counted": s.counted, **s.timing.facts()} for s in streams},
+        "warnings": _warnings(source, streams, converted, rotary),
+    }
+    if origin:
+        facts["counted_from_s"] = _decimal_seconds(origin)
+    if resampling:
+        facts["resampling"] = resampling
+    units = {
+        e.channel: SI[e.quantity][0 if rotary else 1] if rotary is not None else "" for e in entries
+    }
+    trace = Trace(t, values, units, "recorded", facts)
+    return _used(description, trace)
+
+
+def _stamps(source: Source, clock: Clock, signal: Signal) -> Stamps:
+    """Return the stamps of a signal: counted, from a signal of the file, or from its messages."""
+    if clock.signal is None:
+        assert clock.period is not None
+        return Stamps(np.arange(signal.values.size), clock.period, clock.shift)
+    if clock.signal in signal.stamps:
+        return Stamps(signal.stamps[clock.signal], 1e-9, clock.shift)
+    if signal.stamps and clock.signal not in source.signals:
+        raise RecordingError(
+            f"{signal.name!r} has no clock {clock.signal!r}; {nearest(clock.signal, signal.stamps)}"
+        )
+    times = source[clock.signal]
+    raw = times.values.astype(np.uint8) if times.values.dtype.kind == "b" else times.values
+    if raw.size != signal.values.size:
+        raise RecordingError(
+            f"{signal.name!r} has {signal.values.size} samples and its time {times.name!r} has"
+            f" {raw.size}; they must have equally many"
+        )
+    finite = np.isfinite(raw)
+    if not finite.all():
+        raise RecordingError(
+            f"time {times.name!r} is not finite in {int((~finite).sum())} of {raw.size} samples,"
+            f" first in sample {int(np.argmin(finite))}; name another, or period_s"
+        )
+    return Stamps(raw, _time_unit(times, clock), clock.shift)
+
+
+def _time_unit(times: Signal, clock: Clock) -> float:
+    """Return what one stamp counts [s]; refuse one that its own header contradicts."""
+    spelled = find_unit(times.unit) if times.unit else None
+    if clock.unit == 1.0 and spelled is not None and spelled.si == "s" and spelled.factor != 1.0:
+        raise RecordingError(
+            f"time {times.name!r} is in {times.unit!r} by its own header; add time_unit ="
+            f' "{times.unit}"'
+        )
+    return clock.unit
+
+
+def _rotary(
+    stated: bool | None, entries: Sequence[Entry], converted: dict[str, Converted]
+) -> bool | None:
+    """Return whether the device is rotary, from the TOML or from units that show it."""
+    rotary = stated
+    for entry in entries:
+        shown = converted[entry.channel].rotary
+        if shown is not None and rotary is not None and shown != rotary:
+            kind = "rotary" if rotary else "linear"
+            raise RecordingError(
+                f"{entry.channel} is in {entry.unit} on a {kind} device; correct the unit or"
+                " rotary, or give scale"
+            )
+        rotary = shown if rotary is None else rotary
+    return rotary
+
+
+def _used(description: Description, trace: Trace) -> Trace:
+    """Return the part that [use] names."""
+    if description.from_s == -np.inf and description.to_s == np.inf:
+        return trace
+    used = trace.between(description.from_s, description.to_s)
+    if len(used) == 0:
+        raise RecordingError(
+            f"[use] from {description.from_s:g} to {description.to_s:g} s leaves no sample of"
+            f" {trace.t.min():.6g} to {trace.t.max():.6g} s; correct from_s and to_s"
+        )
+    facts = {**trace.facts, "use": {"from_s": float(used.t[0]), "to_s": float(used.t[-1])}}
+    return Trace(used.t, used.channels, used.units, used.origin, facts)
+
+
+def _signal_facts(entry: Entry, converted: Converted, signals: dict[str, Signal]) -> dict[str, Any]:
+    return {
+        "signal": entry.signal,
+        "unit": entry.unit or signals[entry.channel].unit,
+        "scale": 1.0 if entry.scale is None else entry.scale,
+        "offset": entry.offset,
+        "counts_per_rev": entry.counts_per_rev,
+        "counts_per_m": entry.counts_per_m,
+        "shift_s": entry.clock.shift,
+        "formula": converted.formula,
+    }
+
+
+def _warnings(
+    source: Source, streams: list[Stream], converted: dict[str, Converted], rotary: bool | None
+) -> list[str]:
+    found = list(source.notes)
+    for stream in streams:
+        found += [f"{stream.name}: {fault}" for fault in stream.timing.faults()]
+    for channel in converted.values():
+        found += channel.warnings
+    if rotary is None:
+        found.append("no unit shows whether the device is rotary or linear; say rotary in the TOML")
+    return found
+
+
+def _decimal_seconds(origin: Any) -> str:
+    whole, nanoseconds = divmod(round(origin * 1_000_000_000), 1_000_000_000)
+    return f"{whole}.{nanoseconds:09d}"
+
+
+def _sha256(path: Path) -> str:
+    with opened(path) as file:
+        return hashlib.sha256(file.read()).hexdigest()

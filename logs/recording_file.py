@@ -1,0 +1,264 @@
+"""The recording TOML: which signal of a file is which channel, and in what units.
+
+    schema = 1                  # optional
+    file = "DATA_EMPS.mat"      # relative to this TOML
+    source = "..."              # optional, free text: where the recording comes from
+    rotary = false              # optional where a unit shows it: N m and rad, or N and m
+    period_s = 0.001            # the samples are counted; or
+    time = "t"                  # their stamps stand in a signal, or are a clock of MCAP messages:
+                                # log_time, publish_time, header.stamp, stamp, timestamp
+    time_unit = "ms"            # optional, s by default; MCAP clocks know theirs
+    resample = true             # optional: onto one axis with the longest period of the streams,
+                                # or resample = 0.001, onto one with that period [s]
+    [input]                     # channel `command`
+    signal = "vir"              # variable, column, or topic.field
+    unit = "V"                  # optional: the unit of the raw numbers, SI if not said
+    scale = 35.150652           # optional
+    offset = 0.0                # optional
+    [[output]]                  # channel QUANTITY_AT, such as `position_m1`
+    signal = "qm"
+    quantity = "position"       # position | velocity | acceleration
+    at = "m1"                   # m1 | m2 | m3 | m4
+    [use]                       # optional
+    from_s = 0.0
+    to_s = 20.0
+    [csv]                       # optional, what cannot be found out of a text table
+    delimiter = ";"
+    decimal = ","
+    header_line = 3             # 0: no line names the columns
+
+value = scale * raw + offset, in SI. Where `unit` is given, raw is first taken to the SI unit of its
+kind (degrees to rad, mV to V), so scale is in SI per SI, "N per V". `unit = "counts"` needs
+counts_per_rev (edges, that is lines times four in quadrature) or counts_per_m.
+
+[input] and [[output]] may have period_s, time and time_unit of their own, where streams have clocks
+of their own, and shift_s, which is added to their stamps (with period_s: the time of the first).
+"""
+
+import math
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+
+from logs.csv_file import CsvOptions
+from logs.opening import opened
+from logs.source import RecordingError
+from logs.units import SI, UNITS, known_unit
+from sim.nearest import nearest
+from sim.table import Table, TableError
+
+SCHEMA = 1
+CLOCK_KEYS = ("period_s", "time", "time_unit")
+TOP_KEYS = (
+    *("schema", "file", "source", "rotary", *CLOCK_KEYS, "resample"),
+    *("input", "output", "use", "csv"),
+)
+INPUT_KEYS = (
+    *("signal", "unit", "scale", "offset", "counts_per_rev", "counts_per_m"),
+    *(*CLOCK_KEYS, "shift_s"),
+)
+OUTPUT_KEYS = (*INPUT_KEYS, "quantity", "at")
+QUANTITIES = tuple(quantity for quantity in SI if quantity != "command")
+PLACES = ("m1", "m2", "m3", "m4")
+
+
+@dataclass(frozen=True)
+class Clock:
+    """When a signal was sampled: every period [s], or as a signal or MCAP clock says, in unit [s].
+
+    shift [s] is added.
+    """
+
+    period: float | None
+    signal: str | None
+    unit: float
+    shift: float
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One channel. scale is None where the TOML gives none (then it is 1)."""
+
+    quantity: str
+    channel: str
+    signal: str
+    unit: str | None
+    scale: float | None
+    offset: float
+    counts_per_rev: float | None
+    counts_per_m: float | None
+    clock: Clock
+
+
+@dataclass(frozen=True)
+class Description:
+    """A recording TOML, checked. resample: None, 0 for the streams' longest period, or [s]."""
+
+    path: Path
+    file: str
+    source: str
+    rotary: bool | None
+    entries: tuple[Entry, ...]
+    resample: float | None
+    from_s: float
+    to_s: float
+    csv: CsvOptions
+
+
+def load_description(path: Path) -> Description:
+    """Read a recording TOML.
+
+    Raises RecordingError with one sentence: not TOML (with the line), an unknown key (with the
+    nearest known one), a wrong type, a value that is not allowed.
+    """
+    with opened(path) as file:
+        data = file.read()
+    try:
+        values = tomllib.loads(data.decode("utf-8-sig"))
+        return _description(path, Table(values).only(TOP_KEYS))
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+        raise RecordingError(f"{path.name}: this is not TOML: {error}") from None
+    except RecordingError:
+        raise
+    except ValueError as error:
+        raise RecordingError(f"{path.name}: {error}") from None
+
+
+def _description(path: Path, top: Table) -> Description:
+    if "schema" in top and top.number("schema") != SCHEMA:
+        raise TableError(f"schema is {top.number('schema'):g}; this version reads {SCHEMA}")
+    tables = [top.table("input").only(INPUT_KEYS)] if "input" in top else []
+    entries = [_entry(table, "command", "command", top) for table in tables]
+    for table in top.tables("output"):
+        table.only(OUTPUT_KEYS)
+        quantity = _one_of(table, "quantity", QUANTITIES)
+        entries.append(_entry(table, quantity, f"{quantity}_{_one_of(table, 'at', PLACES)}", top))
+    if not entries:
+        raise TableError("the file describes no signal; add [input] or [[output]]")
+    channels = [entry.channel for entry in entries]
+    for channel in channels:
+        if channels.count(channel) > 1:
+            raise TableError(f"{channel} is described twice; keep one [[output]] of it")
+    use = top.table("use").only(("from_s", "to_s"))
+    from_s, to_s = use.number("from_s", -math.inf), use.number("to_s", math.inf)
+    if not from_s < to_s:
+        raise TableError(f"use.from_s is {from_s:g} and use.to_s {to_s:g}; from_s must be the less")
+    return Description(
+        path,
+        top.text("file"),
+        top.text("source", ""),
+        top.boolean("rotary") if "rotary" in top else None,
+        tuple(entries),
+        _resample(top),
+        from_s,
+        to_s,
+        _csv(top.table("csv")),
+    )
+
+
+def _entry(table: Table, quantity: str, channel: str, top: Table) -> Entry:
+    unit = table.text("unit") if "unit" in table else None
+    entry = Entry(
+        quantity,
+        channel,
+        table.text("signal"),
+        unit,
+        _finite(table, "scale") if "scale" in table else None,
+        _finite(table, "offset", 0.0),
+        _positive(table, "counts_per_rev") if "counts_per_rev" in table else None,
+        _positive(table, "counts_per_m") if "counts_per_m" in table else None,
+        _clock(table, top),
+    )
+    if entry.scale == 0.0:
+        raise TableError(f"{table.path}.scale is 0; allowed is any other number")
+    counted = unit is not None and known_unit(unit, f"{table.path}.unit").si.startswith("counts")
+    known = sum(count is not None for count in (entry.counts_per_rev, entry.counts_per_m))
+    if counted and known != 1 and entry.scale is None:
+        raise TableError(
+            f"{table.path}.unit is {unit!r}; give counts_per_rev, counts_per_m or scale"
+        )
+    if known and not counted:
+        raise TableError(f'{table.path} has counts_per_...; that needs unit = "counts"')
+    if known > 1:
+        raise TableError(f"{table.path} has counts_per_rev and counts_per_m; keep one of them")
+    return entry
+
+
+def _clock(table: Table, top: Table) -> Clock:
+    own = any(key in table for key in ("period_s", "time"))
+    home = table if own else top
+    if ("period_s" in home) == ("time" in home):
+        given = (
+            "both period_s and time stand" if "time" in home else "neither period_s nor time stands"
+        )
+        place = f" in {home.path}" if own else ""
+        raise TableError(
+            f"{given}{place}; give one, the sampling period or the signal of time stamps"
+        )
+    place = table if "time_unit" in table else top
+    unit = 1.0
+    if "time_unit" in place:
+        named = known_unit(place.text("time_unit"), "time_unit")
+        if named.si != "s":
+            raise TableError(
+                f"time_unit is {place.text('time_unit')!r}; allowed is {_time_units()}"
+            )
+        unit = named.factor
+    return Clock(
+        _positive(home, "period_s") if "period_s" in home else None,
+        home.text("time") if "time" in home else None,
+        unit,
+        _finite(table, "shift_s", 0.0),
+    )
+
+
+def _time_units() -> str:
+    return ", ".join(name for name, unit in UNITS.items() if unit.si == "s")
+
+
+def _resample(top: Table) -> float | None:
+    if "resample" not in top:
+        return None
+    try:
+        return 0.0 if top.boolean("resample") else None
+    except TableError:
+        pass
+    try:
+        return _positive(top, "resample")
+    except TableError as error:
+        allowed = "allowed is true, false or a period above 0 [s]"
+        raise TableError(f"{str(error).split(';')[0]}; {allowed}") from None
+
+
+def _csv(table: Table) -> CsvOptions:
+    table.only(("delimiter", "decimal", "header_line"))
+    delimiter = table.text("delimiter") if "delimiter" in table else None
+    if delimiter is not None and (len(delimiter) != 1 or delimiter in '"\n\r' or delimiter > "~"):
+        raise TableError(f"csv.delimiter is {delimiter!r}; allowed is one character, such as ';'")
+    decimal = _one_of(table, "decimal", (".", ",")) if "decimal" in table else None
+    line = table.number("header_line") if "header_line" in table else None
+    if line is not None and (line < 0 or line != int(min(line, 1e9))):
+        raise TableError(f"csv.header_line is {line:g}; allowed is 0, 1, 2 ...")
+    return CsvOptions(delimiter, decimal, None if line is None else int(line))
+
+
+def _one_of(table: Table, key: str, allowed: tuple[str, ...]) -> str:
+    value = table.text(key)
+    if value not in allowed:
+        raise TableError(f"{table.path}.{key} is {value!r}; {nearest(value, allowed)}")
+    return value
+
+
+def _finite(table: Table, key: str, default: float | None = None) -> float:
+    value = table.number(key, default)
+    if not math.isfinite(value):
+        raise TableError(f"{table.path}.{key} is {value}; allowed is a finite number")
+    return value
+
+
+def _positive(table: Table, key: str) -> float:
+    value = table.number(key)
+    if not 0.0 < value < math.inf:
+        where = f"{table.path}.{key}" if table.path else key
+        raise TableError(f"{where} is {value:g}; allowed is a number above 0")
+    return value

@@ -1,0 +1,120 @@
+"""What a recorded file holds before anyone says what it means: named signals, as they stand."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from logs.errors import LogError
+from sim.nearest import nearest
+
+Floats = NDArray[np.float64]
+
+
+class RecordingError(LogError):
+    """A recording or its description is not as it must be; one sentence says what to change."""
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A column, variable or field of a file.
+
+    values: real numbers of the file's own type, shape (samples,); NaN for a blank cell. unit: as
+    the file spells it, "" where it does not. stamps: of messages, clock -> (samples,) times [ns].
+    """
+
+    name: str
+    values: NDArray[Any]
+    unit: str = ""
+    stamps: Mapping[str, NDArray[np.int64]] = field(default_factory=lambda: MappingProxyType({}))
+
+    def floats(self) -> Floats:
+        """Return the values as float64, shape (samples,)."""
+        return np.asarray(self.values, dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Source:
+    """The signals of one file.
+
+    kind: the format, in words. unreadable: signal -> why it is no row of numbers. notes: sentences
+    on what the reader met (lines above the header, a lost chunk). about: what zwidth wrote into a
+    file of its own; empty in everyone else's.
+    """
+
+    path: Path
+    kind: str
+    signals: Mapping[str, Signal]
+    unreadable: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    notes: tuple[str, ...] = ()
+    about: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+
+    def __getitem__(self, name: str) -> Signal:
+        """Return a signal by its name, or by its name and unit as in the file, "angle [deg]"."""
+        if name in self.signals:
+            return self.signals[name]
+        for signal in self.signals.values():
+            if name in (f"{signal.name} [{signal.unit}]", f"{signal.name} ({signal.unit})"):
+                return signal
+        if name in self.unreadable:
+            raise RecordingError(f"{self.path.name}: {name!r} {self.unreadable[name]}")
+        if not self.signals:
+            raise RecordingError(f"{self.path.name} holds no signal of numbers at all")
+        raise RecordingError(
+            f"{self.path.name} has no signal {name!r}; {nearest(name, self.signals)}"
+        )
+
+
+@dataclass
+class Collector:
+    """Signals as a reader meets them: arrays of any shape in, named rows of numbers out."""
+
+    index: str = "{name}[{k}]"  # how the k-th signal of a matrix is called, k from first
+    first: int = 0
+    signals: dict[str, Signal] = field(default_factory=dict[str, Signal])
+    unreadable: dict[str, str] = field(default_factory=dict[str, str])
+
+    def add(self, name: str, values: Any, unit: str = "") -> None:
+        """Take an array under a name: a vector is a signal, a matrix one for each column.
+
+        Time runs along the longer side of a matrix.
+        """
+        array = _plain(np.asarray(values))
+        if array.dtype.names is not None:
+            for part in array.dtype.names:
+                self.add(f"{name}.{part}" if name else part, array[part], unit)
+        elif (reason := _no_numbers(array)) is not None:
+            self.unreadable[name] = reason
+        elif max(array.shape, default=1) == array.size:
+            self.signals[name] = Signal(name, array.reshape(-1), unit)
+        elif array.ndim > 2:
+            self.unreadable[name] = f"has {array.ndim} dimensions; a signal has one"
+        else:
+            columns = array if array.shape[0] >= array.shape[1] else array.T
+            for k in range(columns.shape[1]):
+                part = self.index.format(name=name, k=k + self.first)
+                self.signals[part] = Signal(part, columns[:, k], unit)
+
+
+def _plain(array: NDArray[Any]) -> NDArray[Any]:
+    """Return dates and durations as int64 nanoseconds, other arrays as they are."""
+    if array.dtype.kind in "mM" and not np.isnat(array).any():
+        return array.astype(f"{array.dtype.kind}8[ns]").astype(np.int64)
+    return array
+
+
+def _no_numbers(array: NDArray[Any]) -> str | None:
+    """Say why an array is no row of real numbers, or return None."""
+    if array.dtype.kind in "US":
+        return "is text; a signal is numbers"
+    if array.dtype.kind == "c":
+        return "is complex; a signal is real numbers"
+    if array.dtype.kind in "mM":
+        return "holds dates that are missing; a signal is numbers"
+    if array.dtype.kind not in "biuf":
+        return f"holds {array.dtype}; a signal is numbers"
+    return "is empty" if array.size == 0 else None

@@ -1,0 +1,168 @@
+"""A log as a table and back: what a CSV, Parquet or NPZ file of zwidth says about its own columns.
+
+`about` is JSON: schema, origin, time (the column of t), columns (column -> [channel, unit]), facts,
+metadata, epoch_ns, and where the format has room events, attachments and the columns of the substep
+trace. Columns are named as the fields of our MCAP logs are, quantity_place_unit.
+"""
+
+import base64
+import json
+from collections.abc import Mapping
+from typing import Any, Literal
+
+import numpy as np
+
+from logs.events import Event
+from logs.mcap_reader import Log
+from logs.schema import field_names
+from logs.source import Floats, RecordingError, Source
+from sim.trace import Trace
+
+SCHEMA = 1
+SUBSTEP = "substep/"  # begins the columns of the substep trace
+ATTACHMENT = "attachment/"  # begins the names of attachments that are entries of an archive
+
+Columns = dict[str, Floats]
+
+
+def columns_of(trace: Trace, prefix: str = "") -> tuple[Columns, dict[str, Any]]:
+    """Return column -> values with the time first, and what `about` says of them."""
+    units = {name: trace.units[name] for name in trace.channels}
+    fields = field_names(units)
+    time = "t_s"
+    while time in fields.values():
+        time = f"_{time}"
+    columns = {f"{prefix}{fields[name]}": values for name, values in trace.channels.items()}
+    described = {f"{prefix}{fields[name]}": [name, unit] for name, unit in units.items()}
+    return {f"{prefix}{time}": trace.t, **columns}, {
+        "time": f"{prefix}{time}",
+        "columns": described,
+    }
+
+
+def about_of(log: Log) -> dict[str, Any]:
+    """Return what every format keeps about a log."""
+    return {
+        "schema": SCHEMA,
+        "origin": log.tick.origin,
+        **columns_of(log.tick)[1],
+        "facts": dict(log.tick.facts),
+        "metadata": dict(log.metadata),
+        "epoch_ns": log.epoch_ns,
+    }
+
+
+def as_json(about: Mapping[str, Any]) -> str:
+    """Return about as one line of ASCII."""
+    return json.dumps(about, default=str)
+
+
+def events_of(log: Log) -> list[list[Any]]:
+    """Return the events as JSON knows them."""
+    return [list(event) for event in log.events]
+
+
+def encoded(attachments: Mapping[str, bytes]) -> dict[str, str]:
+    """Return attachments as text."""
+    return {name: base64.b64encode(data).decode() for name, data in attachments.items()}
+
+
+def trace_of(source: Source) -> Trace:
+    """Return the trace in a file of ours; raises RecordingError."""
+    return log_of(source).tick
+
+
+def log_of(source: Source) -> Log:
+    """Return the log in a CSV, Parquet or NPZ file of ours; raises RecordingError."""
+    try:
+        return _log(source, source.about)
+    except RecordingError:
+        raise
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
+        raise RecordingError(
+            f"{source.path.name}: what zwidth wrote about its columns is damaged"
+            f" ({type(error).__name__}: {error}); describe them in a recording TOML"
+        ) from None
+
+
+def _log(source: Source, about: Mapping[str, Any]) -> Log:
+    if about["schema"] != SCHEMA:
+        raise RecordingError(
+            f"{source.path.name} has schema {about['schema']}; this version reads {SCHEMA}"
+        )
+    origin = about["origin"]
+    if origin not in ("simulated", "recorded"):
+        raise ValueError(f"origin is {origin!r}")
+    tick = _trace(source, about, origin, about["facts"])
+    substep = about.get("substep")
+    warnings = (*source.notes, *_strangers(source, about))
+    return Log(
+        path=source.path,
+        tick=tick,
+        substep=None if substep is None else _trace(source, substep, origin, about["facts"]),
+        events=tuple(_event(*event) for event in about.get("events", [])),
+        metadata={str(key): str(value) for key, value in about["metadata"].items()},
+        attachments=_attachments(source, about.get("attachments", {})),
+        library="zwidth",
+        epoch_ns=int(about["epoch_ns"]),
+        warnings=warnings,
+    )
+
+
+def _trace(
+    source: Source,
+    about: Mapping[str, Any],
+    origin: Literal["simulated", "recorded"],
+    facts: Mapping[str, object],
+) -> Trace:
+    channels: dict[str, Floats] = {}
+    units: dict[str, str] = {}
+    for column, (name, unit) in about["columns"].items():
+        channels[str(name)] = _values(source, column)
+        units[str(name)] = str(unit)
+    t = _values(source, about["time"])
+    if not np.isfinite(t).all():
+        raise RecordingError(
+            f"{source.path.name}: column {about['time']!r} is not finite in sample"
+            f" {int(np.argmin(np.isfinite(t)))}; every sample needs a time"
+        )
+    return Trace(t, channels, units, origin, dict(facts))
+
+
+def _values(source: Source, column: str) -> Floats:
+    if column in source.unreadable and source.unreadable[column] == "is empty":
+        return np.empty(0)
+    return source[column].floats()
+
+
+def _event(t: float, kind: str, place: str, value: float) -> Event:
+    return Event(float(t), str(kind), str(place), float(value))
+
+
+def _attachments(source: Source, described: Mapping[str, Any]) -> dict[str, bytes]:
+    """Return attachments from text, or from entries of their own, whose size alone is told."""
+    return {
+        name: base64.b64decode(held, validate=True)
+        if isinstance(held, str)
+        else _entry(source, name, int(held))
+        for name, held in described.items()
+    }
+
+
+def _entry(source: Source, name: str, size: int) -> bytes:
+    data = b"" if size == 0 else source[f"{ATTACHMENT}{name}"].values.tobytes()
+    if len(data) != size:
+        raise RecordingError(f"{source.path.name}: attachment {name!r} has lost bytes")
+    return data
+
+
+def _strangers(source: Source, about: Mapping[str, Any]) -> list[str]:
+    """Name columns that zwidth did not write."""
+    known = {f"{ATTACHMENT}{name}" for name in about.get("attachments", {})}
+    for described in (about, about.get("substep")):
+        if described is not None:
+            known |= {described["time"], *described["columns"]}
+    strange = [name for name in source.signals if name not in known]
+    return (
+        [f"columns that zwidth did not write are left out: {', '.join(strange)}"] if strange else []
+    )

@@ -1,0 +1,194 @@
+"""Time stamps, examined: their period, jitter, gaps, repeats, and a clock that goes back.
+
+The period is the mean of the intervals within half a median of the median, so that it comes out
+right where stamps are rounded (0.0016, 0.0017, 0.0016 ... at 610.35 Hz), and gaps do not enter.
+Jitter is the spread of these intervals; rounding to a multiple of q alone makes up to q/2 of it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from logs.steps import step_seen
+
+Floats = NDArray[np.float64]
+
+EPOCH = 1e6  # seconds; stamps beyond count from an epoch, and are counted from the first instead
+GAP = 1.5  # an interval of that many periods lacks a sample
+NOTABLE_JITTER = 0.01  # of the period
+MOST_GAPS = 16
+
+
+@dataclass(frozen=True)
+class Gap:
+    """An interval longer than 1.5 periods: after t [s], so long [s], lacking so many samples."""
+
+    t: float
+    seconds: float
+    samples: int
+
+
+@dataclass(frozen=True)
+class Timing:
+    """What the stamps of one stream show.
+
+    period [s]: 0 where fewer than two stamps differ. jitter [s]: standard deviation of the
+    intervals that are no gaps. resolution [s]: the step of which all intervals are multiples, 0
+    where none is seen. gap_count and missing count all gaps and the samples that lack; gaps holds
+    the first 16. repeats and backwards count stamps equal to, and earlier than, the one before; the
+    *_at are the times of the first.
+    """
+
+    samples: int
+    start: float
+    stop: float
+    period: float
+    jitter: float
+    resolution: float
+    gap_count: int
+    missing: int
+    gaps: tuple[Gap, ...]
+    repeats: int
+    repeats_at: float | None
+    backwards: int
+    backwards_at: float | None
+
+    @property
+    def rate(self) -> float:
+        """Samples per second, 0 where there is no period."""
+        return 1.0 / self.period if self.period > 0.0 else 0.0
+
+    def facts(self) -> dict[str, Any]:
+        """Return the examination as JSON knows it, with units in the names."""
+        seconds = {"start", "stop", "period", "jitter", "resolution", "repeats_at", "backwards_at"}
+        values = {
+            f"{k}_s" if k in seconds else k: v for k, v in asdict(self).items() if k != "gaps"
+        }
+        values["gaps"] = [
+            {"t_s": g.t, "length_s": g.seconds, "samples": g.samples} for g in self.gaps
+        ]
+        return values
+
+    def faults(self) -> list[str]:
+        """Return a sentence for everything that a clock should not show."""
+        found: list[str] = []
+        if self.backwards:
+            found.append(
+                f"the clock goes back {times(self.backwards)}, first at {self.backwards_at:.9g} s"
+            )
+        if self.repeats:
+            found.append(
+                f"a stamp repeats the one before {times(self.repeats)}, first at"
+                f" {self.repeats_at:.9g} s"
+            )
+        if self.gap_count:
+            found.append(
+                f"{self.missing} samples are missing in {self.gap_count} gaps, the first"
+                f" of {self.gaps[0].seconds:.4g} s after {self.gaps[0].t:.9g} s"
+            )
+        if self.jitter > max(NOTABLE_JITTER * self.period, 0.5 * self.resolution):
+            found.append(
+                f"intervals scatter by {self.jitter:.3g} s about the period of {self.period:.6g} s"
+            )
+        return found
+
+
+def times(count: int) -> str:
+    """Return "once", "twice" or "n times"."""
+    return {1: "once", 2: "twice"}.get(count, f"{count} times")
+
+
+def examine(t: Floats) -> Timing:
+    """Examine stamps t [s], finite, shape (samples,) with at least one sample."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _examine(t, np.diff(t))
+
+
+def _examine(t: Floats, intervals: Floats) -> Timing:
+    forward = intervals[intervals > 0.0]
+    if forward.size == 0:
+        usual, period = forward, 0.0
+    else:
+        median = float(np.median(forward))
+        usual = forward[np.abs(forward - median) <= 0.5 * median]
+        period = float(f"{usual.mean():.12g}")
+    gap_at = np.flatnonzero(intervals > GAP * period) if period else np.array([], dtype=np.int64)
+    lacking = np.maximum(np.rint(intervals[gap_at] / period) - 1.0, 1.0) if period else gap_at
+    repeat_at, back_at = np.flatnonzero(intervals == 0.0), np.flatnonzero(intervals < 0.0)
+    rounding = 4.0 * float(np.spacing(np.abs(t).max()))
+    jitter = float(usual.std()) if usual.size else 0.0
+    return Timing(
+        samples=t.size,
+        start=float(t[0]),
+        stop=float(t[-1]),
+        period=period,
+        jitter=jitter if jitter > rounding else 0.0,
+        resolution=_resolution(forward, period, rounding),
+        gap_count=gap_at.size,
+        missing=int(min(lacking.sum(), 2.0**62)),
+        gaps=tuple(
+            Gap(float(t[i]), float(intervals[i]), int(min(n, 2.0**62)))
+            for i, n in zip(gap_at[:MOST_GAPS], lacking[:MOST_GAPS], strict=True)
+        ),
+        repeats=repeat_at.size,
+        repeats_at=float(t[repeat_at[0] + 1]) if repeat_at.size else None,
+        backwards=back_at.size,
+        backwards_at=float(t[back_at[0] + 1]) if back_at.size else None,
+    )
+
+
+def _resolution(forward: Floats, period: float, rounding: float) -> float:
+    """Return the step of the intervals between rounding and the period, 0 where there is none."""
+    step = step_seen(forward)
+    return step if step is not None and rounding < step < 0.999 * period else 0.0
+
+
+@dataclass(frozen=True)
+class Stamps:
+    """The stamps of one stream as the file has them; one counts `unit` seconds.
+
+    shift [s] is added to all of them.
+    """
+
+    raw: NDArray[Any]
+    unit: float
+    shift: float = 0.0
+
+    @property
+    def first(self) -> Fraction:
+        """The earliest stamp [s], exactly."""
+        earliest = self.raw.min() if self.raw.size else 0
+        return _exact(earliest) * _decimal(self.unit) + Fraction(self.shift)
+
+    def seconds(self, origin: Fraction) -> Floats:
+        """Return the stamps [s] since the origin, shape (samples,).
+
+        A clock that counts from an epoch is counted from its own first stamp before it becomes a
+        double: 1.7e18 ns has steps of 256 ns in one.
+        """
+        if origin == 0 and self.shift == 0.0:
+            return np.asarray(self.raw, dtype=np.float64) * self.unit
+        earliest = self.raw.min()
+        whole = self.raw.dtype.kind in "iu" and int(self.raw.max()) - int(earliest) < 2**63
+        raw = self.raw if whole else np.asarray(self.raw, dtype=np.float64)
+        since = np.asarray(raw - earliest, dtype=np.float64) * self.unit
+        return since + float(self.first - origin)
+
+
+def _exact(value: Any) -> Fraction:
+    return Fraction(value.item() if hasattr(value, "item") else value)
+
+
+def _decimal(unit: float) -> Fraction:
+    """Return the unit as it is meant: 1e-9 is a thousand-millionth, not the double next to it."""
+    return Fraction(repr(unit))
+
+
+def common_origin(streams: Mapping[str, Stamps]) -> Fraction:
+    """Return what to count from: 0, or the earliest stamp of all where it counts from an epoch."""
+    earliest = min(stamps.first for stamps in streams.values())
+    return earliest if abs(earliest) > EPOCH else Fraction(0)
