@@ -52,13 +52,14 @@ def _one_line(text: str) -> str:
 
 
 def _usage(error: click.UsageError) -> str:
+    hint = ""
     sentence = _one_line(error.format_message())
-    sentence = sentence[:1].lower() + sentence[1:]
     if isinstance(error, click.NoSuchOption | NoSuchCommand) and error.possibilities:
-        return sentence.replace(". (", "; (").replace(". Did", "; did")
-    if error.ctx is None or isinstance(error, click.BadParameter):
-        return sentence
-    return f"{sentence}; see '{error.ctx.command_path} --help'"
+        sentence = _one_line(error.message)
+        hint = f"; did you mean {error.possibilities[0]!r}?"
+    elif error.ctx is not None and not isinstance(error, click.BadParameter):
+        hint = f"; see '{error.ctx.command_path} --help'"
+    return f"{sentence[:1].lower()}{sentence[1:]}{hint}"
 
 
 def _operating_system(error: OSError) -> str:

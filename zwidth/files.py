@@ -3,7 +3,7 @@
 import json
 import os
 from collections.abc import Callable, Generator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
@@ -16,26 +16,23 @@ def replacing(path: Path) -> Generator[IO[bytes]]:
     plain file (a terminal, a pipe, /dev/null) is written to directly. Raises OSError.
     """
     target = path.resolve()
-    target.parent.mkdir(parents=True, exist_ok=True)
-    if target.is_dir():
-        raise IsADirectoryError(21, "is a folder; name a file", str(path))
-    if target.exists() and not target.is_file():
-        with target.open("wb") as stream:
-            yield stream
-        return
-    draft = target.with_name(f".{target.name}.{os.getpid()}.part")
+    plain = target.is_file() or not target.exists()
+    draft = target.with_name(f".{target.name}.{os.getpid()}.part") if plain else target
     try:
+        target.parent.mkdir(parents=True, exist_ok=True)
         with draft.open("wb") as stream:
             yield stream
             stream.flush()
-            os.fsync(stream.fileno())
-        draft.replace(target)
-    except OSError as error:
-        draft.unlink(missing_ok=True)
+            if plain:
+                os.fsync(stream.fileno())
+        if plain:
+            draft.replace(target)
+    except OSError as error:  # in the words of the caller: the draft's name says nothing to him
         raise OSError(error.errno, error.strerror or str(error), str(path)) from error
-    except BaseException:
-        draft.unlink(missing_ok=True)
-        raise
+    finally:
+        if plain:
+            with suppress(OSError):
+                draft.unlink()
 
 
 def write_with(path: Path, write: Callable[[IO[bytes]], object]) -> Path:
