@@ -87,8 +87,7 @@ def equations(
     interface = device.interface
     whole, remainder = interface.delay_ticks
     lengths = np.array([remainder, interface.period - remainder])
-    counts = np.maximum(np.round(substeps * lengths / interface.period), lengths > 0.0)
-    counts = counts.astype(np.int64)
+    counts = np.ceil(substeps * lengths / interface.period - 1e-9).astype(np.int64)
     durations = np.divide(lengths, counts, out=np.zeros(2), where=counts > 0)
     table = {
         hook: _table(device, [p for p in device.physics if p.effect.hook == hook], seed)
