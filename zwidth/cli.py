@@ -15,10 +15,13 @@ from zwidth.errors import Status, explain
 # name -> what help says of it. A command is the object `command` in zwidth/commands/NAME.py and is
 # imported when it is called, so that help does not wait for numpy, numba and matplotlib.
 COMMANDS = {
+    "convert": "Show what a recorded file holds, draft its description, or convert it.",
     "boundary": "Find the stability boundary of a device under a sampled virtual wall.",
     "map": "Map what becomes of a run over two quantities, with the linear boundary over it.",
     "simulate": "Run the experiment that a TOML file describes.",
-    "replay": "Simulate a logged run again, from the log alone, and compare every value bit for bit.",
+    "replay": (
+        "Simulate a logged run again, from the log alone, and compare every value bit for bit."
+    ),
     "devices": "List the devices that come with zwidth, or describe one.",
 }
 
