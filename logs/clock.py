@@ -2,8 +2,8 @@
 
 log_time = epoch + n with n = round(t 1e9) [ns]; the residual r = t - n/1e9 is stored beside it.
 |r| <= 0.5 ns, so n/1e9 lies within a factor of two of t (or is zero): by Sterbenz's lemma the
-difference is exact, and n/1e9 + r returns every bit of t. On a clock of whole microseconds r is
-zero or one unit in the last place, which compresses to a third of what t itself would need.
+difference is exact, and n/1e9 + r returns every bit of t (-0.0 as 0.0). On a clock of whole
+microseconds r is zero or one unit in the last place, and compresses far better than t itself.
 """
 
 import numpy as np

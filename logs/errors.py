@@ -49,7 +49,7 @@ class LogWriteError(LogError, OSError):
     """
 
     def __init__(self, errno: int, sentence: str, filename: str) -> None:
-        super().__init__(errno, sentence, filename)
+        OSError.__init__(self, errno, sentence, filename)
 
     def __str__(self) -> str:
         return f"{self.filename}: {self.strerror}"

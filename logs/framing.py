@@ -13,15 +13,20 @@ from dataclasses import dataclass, field
 from typing import BinaryIO, NamedTuple
 
 from mcap.opcode import Opcode
-from mcap.records import DataEnd
+from mcap.records import Attachment, DataEnd
 
 from logs.layout import FRAME
-from logs.records import CHUNK_HEADER, MEBIBYTE, Parsed, RecordDamaged, parse, plausible
+from logs.records import CHUNK_HEADER, MEBIBYTE, Parsed, RecordDamaged, Records, parse, plausible
 
 MAGIC_SIZE = 8
 SIGNATURE = struct.pack("<I4s", 4, b"zstd")  # the name of the compression, in a chunk's header
 BEFORE_SIGNATURE = FRAME + CHUNK_HEADER.size - 4
 CHUNK_OVERHEAD = CHUNK_HEADER.size + 4 + 8
+
+# A file made to look like endless damage is given up after this many times its own size; what
+# looking at one place costs is counted in bytes as well.
+MOST_WASTED = 8
+LOOK = 512
 
 
 class Damage(NamedTuple):
@@ -47,15 +52,20 @@ class Walk:
     cut_at: int | None = None
     ended: bool = False
     checksum_holds: bool = True
+    wasted: int = 0
 
     def __iter__(self) -> Iterator[Parsed]:
         self.file.seek(0)
         crc = zlib.crc32(self.file.read(MAGIC_SIZE))
-        offset = MAGIC_SIZE
+        offset = previous = MAGIC_SIZE
         while offset < self.stop and not self.ended:
+            if self._exhausted:
+                self.damages.append(Damage(offset, self.stop, "too much damage before"))
+                break
             frame = self._frame(offset)
             if frame is None:
-                offset = self._resume(offset, "no record that can be read")
+                # The record before it may have lied about its length.
+                offset = previous = self._resume(previous, offset, "no record that can be read")
                 continue
             head, opcode, length = frame
             content = self.file.read(length)
@@ -63,15 +73,24 @@ class Walk:
             try:
                 record = parse(opcode, content)
             except RecordDamaged as error:
+                self.wasted += length
                 whole = following == self.stop or self._frame(following) is not None
-                offset = self._resume(offset, str(error), following if whole else None)
+                offset = previous = self._resume(
+                    offset, offset, str(error), following if whole else None
+                )
                 continue
             if isinstance(record, DataEnd):
                 self.ended = True
                 self.checksum_holds = record.data_section_crc in (0, crc)
             crc = zlib.crc32(content, zlib.crc32(head, crc))
+            # A chunk or attachment has been confirmed by its checksum, and its length with it.
+            previous = following if isinstance(record, Records | Attachment) else offset
             offset = following
             yield record
+
+    @property
+    def _exhausted(self) -> bool:
+        return self.wasted > MOST_WASTED * self.stop + MEBIBYTE
 
     def _frame(self, offset: int) -> tuple[bytes, int, int] | None:
         """Return (its bytes, opcode, length) where a record can start at offset and fits."""
@@ -83,13 +102,19 @@ class Walk:
         fits = offset + FRAME + length <= self.stop
         return (head, opcode, length) if fits and plausible(opcode, length) else None
 
-    def _resume(self, offset: int, reason: str, following: int | None = None) -> int:
-        """Note the damage from offset on; return where to go on: following, or the next record."""
-        resumed = self._next_record(offset + 1) if following is None else following
+    def _resume(self, since: int, offset: int, reason: str, following: int | None = None) -> int:
+        """Note the damage met at offset; return where to go on.
+
+        That is where the record at offset would end, following, if it is whole: unless another one
+        starts before, after since, because a length may be what is damaged.
+        """
+        resumed = self._next_record(since + 1, self.stop if following is None else following)
+        resumed = following if resumed is None else resumed
         if resumed is None and self._cut_off(offset):
             self.cut_at = offset
         else:
-            self.damages.append(Damage(offset, resumed or self.stop, reason))
+            start = offset if resumed is None or resumed > offset else since
+            self.damages.append(Damage(start, resumed or self.stop, reason))
         return resumed or self.stop
 
     def _cut_off(self, offset: int) -> bool:
@@ -100,21 +125,16 @@ class Walk:
         known = Opcode.HEADER <= opcode <= Opcode.DATA_END
         return known and (len(head) < FRAME or plausible(opcode, length))
 
-    def _next_record(self, offset: int) -> int | None:
-        """Return the first place from offset on where a record starts, as far as can be known."""
-        landmark = self._next_landmark(offset)
-        chunk = self._next_chunk(offset, self.stop if landmark is None else landmark)
-        return landmark if chunk is None else chunk
-
-    def _next_landmark(self, offset: int) -> int | None:
-        for known in self.landmarks[bisect_left(self.landmarks, offset) :]:
-            if self._frame(known) is not None:
-                return known
-        return None
+    def _next_record(self, offset: int, stop: int) -> int | None:
+        """Return the first place, offset to stop - 1, where a record is known to start."""
+        nearby = self.landmarks[bisect_left(self.landmarks, offset) :]
+        landmark = next((known for known in nearby if known >= stop or self._frame(known)), stop)
+        chunk = self._next_chunk(offset, min(landmark, stop))
+        return chunk if chunk is not None else landmark if landmark < stop else None
 
     def _next_chunk(self, offset: int, stop: int) -> int | None:
         position, tail = offset, b""
-        while position < stop:
+        while position < stop and not self._exhausted:
             self.file.seek(position)
             block = tail + self.file.read(min(MEBIBYTE, stop - position))
             first = position - len(tail)
@@ -123,6 +143,7 @@ class Walk:
                 start = first + hit - BEFORE_SIGNATURE
                 if start >= offset and self._is_chunk(start):
                     return start
+                self.wasted += LOOK
                 hit = block.find(SIGNATURE, hit + 1)
             position = first + len(block)
             tail = block[-len(SIGNATURE) + 1 :]

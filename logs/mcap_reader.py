@@ -125,7 +125,7 @@ def _read(path: Path, file: BinaryIO) -> Log:
 def _warned(trace: Trace, warnings: list[str]) -> Trace:
     if not warnings:
         return trace
-    return replace(trace, facts={**trace.facts, "warnings": tuple(warnings)})
+    return replace(trace, facts={**trace.facts, "warnings": list(warnings)})
 
 
 def _check_magic(path: Path, file: BinaryIO, size: int) -> list[str]:
@@ -152,7 +152,7 @@ def _check_ours(path: Path, summary: Summary) -> None:
 
 def _nothing_of_ours(path: Path, reading: Reading, walk: Walk) -> Exception:
     topics = [channel.topic for channel in reading.streams.channels.values()]
-    if topics or (walk.ended and not walk.damages):
+    if not reading.by_us and (topics or (walk.ended and not walk.damages)):
         library = "another tool" if reading.header is None else repr(reading.header.library)
         return _foreign(path, topics, library)
     return LogDamaged(

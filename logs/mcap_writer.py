@@ -4,50 +4,36 @@ import json
 import time
 from collections.abc import Generator, Iterable, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
-from typing import Literal
 
 import numpy as np
-from mcap.records import Attachment, Channel, Schema
-from numpy.typing import NDArray
+from mcap.records import Attachment
 
-from logs.clock import to_log_time
 from logs.container import Container, Content, encode
 from logs.errors import LogBlockError, LogWriteError
 from logs.events import Event, encode_events, event_records
-from logs.layout import Encoder, Layout
+from logs.layout import Floats
 from logs.schema import (
     ENDED,
     FACTS,
+    LIBRARY,
     RECORD,
     SUBSTEP,
     TICK,
-    FlatSchema,
+    Origin,
     channel_record,
     flat_schema,
     schema_record,
 )
 from logs.seal import seal
 from logs.sink import Sink
+from logs.topic import Topic
 from sim.trace import Trace
 
-Floats = NDArray[np.float64]
-Origin = Literal["simulated", "recorded"]
-
-CHUNK_BYTES = 256 * 1024  # uncompressed, at most; about a second of a run
 MEDIA_TYPES = {".toml": "application/toml", ".json": "application/json", ".txt": "text/plain"}
-
-
-@dataclass
-class _Topic:
-    flat: FlatSchema
-    encoder: Encoder
-    most: int
-    written: int = 0
 
 
 class LogWriter:
@@ -86,17 +72,17 @@ class LogWriter:
                 f"epoch_ns is {self.epoch_ns}; it must be ns since 1970, 0 to 2^63 - 1"
             )
         described = {TICK: channels} | ({SUBSTEP: substep_channels} if substep_channels else {})
-        flat = [flat_schema(topic, units, self.epoch_ns) for topic, units in described.items()]
+        flat = [flat_schema(topic, u, self.epoch_ns, origin) for topic, u in described.items()]
         schemas = [schema_record(f, i) for i, f in enumerate(flat, start=1)]
         records = [channel_record(f, i) for i, f in enumerate(flat, start=1)]
         self._topics = {
-            f.topic: _open_topic(f, schema, channel)
+            f.topic: Topic(f, self.epoch_ns, schema, channel)
             for f, schema, channel in zip(flat, schemas, records, strict=True)
         }
         self._event_id = len(flat) + 1
         self._event_records = event_records(self._event_id, self.epoch_ns)
         self._event_count = 0
-        about = _text({"origin": origin, **(metadata or {})})
+        about = _text(metadata or {})
         self._sink = Sink(Path(path))
         self._container = Container(self._sink)
         self._closed = False
@@ -104,10 +90,14 @@ class LogWriter:
             event_schema, event_channel = self._event_records
             self._container.open(_library(), [*schemas, event_schema], [*records, event_channel])
             self.note(about)
-            if facts:
-                self._container.add_metadata(FACTS, seal({k: _json(v) for k, v in facts.items()}))
+            self._add_facts(facts or {})
             for name, data in (attachments or {}).items():
                 self._attach(name, data)
+
+    def _add_facts(self, facts: Mapping[str, object]) -> None:
+        if facts:
+            texts = {key: _json(value) for key, value in facts.items()}
+            self._container.add_metadata(FACTS, seal(FACTS, texts))
 
     def _attach(self, name: str, data: bytes) -> None:
         media_type = MEDIA_TYPES.get(Path(name).suffix, "application/octet-stream")
@@ -127,23 +117,13 @@ class LogWriter:
 
     def append(self, t: Floats, channels: Mapping[str, Floats], topic: str = TICK) -> None:
         """Append samples at times t [s], shape (n,), with one array (n,) for each channel."""
-        out = self._topic(topic)
-        columns = _columns(out.flat, t, channels)
-        log_time, residual = to_log_time(columns[0], self.epoch_ns)
-        columns[0] = residual
-        for first in range(0, log_time.size, out.most):
-            part = slice(first, first + out.most)
-            self._chunk(out, log_time[part], [column[part] for column in columns])
-
-    def _chunk(self, out: _Topic, log_time: NDArray[np.uint64], columns: list[Floats]) -> None:
-        data, index = out.encoder.encode(out.written, log_time, columns)
-        channel_id = out.encoder.layout.channel_id
-        span = int(log_time.min()), int(log_time.max())
-        self._container.add_chunk(Content(channel_id, data, *span, log_time.size, index))
-        out.written += log_time.size
+        self._check_open()
+        for content in self._topic(topic).chunks(t, channels):
+            self._container.add_chunk(content)
 
     def events(self, events: Iterable[Event]) -> None:
         """Append events, in the order of their times, to `/events`."""
+        self._check_open()
         block = list(events)
         if not block:
             return
@@ -158,7 +138,8 @@ class LogWriter:
 
     def note(self, metadata: Mapping[str, str]) -> None:
         """Write what has become known about the run, such as its verdict; later notes win."""
-        self._container.add_metadata(RECORD, seal(_text(metadata)))
+        self._check_open()
+        self._container.add_metadata(RECORD, seal(RECORD, _text(metadata)))
 
     def close(self) -> None:
         """Complete the log and give it its name."""
@@ -171,10 +152,10 @@ class LogWriter:
     def abandon(self, reason: str) -> None:
         """Complete the log under its partial name; metadata `ended` says why."""
         if not self._closed:
-            self._closed = True
             with self._keeping_what_is_written():
                 self.note({ENDED: reason})
                 self._container.finish()
+            self._closed = True
             self._sink.close()
 
     def __enter__(self) -> "LogWriter":
@@ -198,10 +179,15 @@ class LogWriter:
         try:
             yield
         except BaseException:
+            self._closed = True
             self._sink.close()
             raise
 
-    def _topic(self, topic: str) -> _Topic:
+    def _check_open(self) -> None:
+        if self._closed:
+            raise LogBlockError(f"{self.path} is closed already; open another log to go on")
+
+    def _topic(self, topic: str) -> Topic:
         try:
             return self._topics[topic]
         except KeyError:
@@ -240,31 +226,6 @@ def _units(trace: Trace) -> dict[str, str]:
     return {name: trace.units[name] for name in trace.channels}
 
 
-def _open_topic(flat: FlatSchema, schema: Schema, channel: Channel) -> _Topic:
-    layout = Layout(channel.id, flat.numbers)
-    most = max(1, CHUNK_BYTES // layout.size)
-    return _Topic(flat, Encoder(layout, encode(schema, channel), most), most)
-
-
-def _columns(flat: FlatSchema, t: Floats, channels: Mapping[str, Floats]) -> list[Floats]:
-    """Return [t, one array a channel], checked against what the topic was opened with."""
-    names = flat.names[1:]
-    wrong = sorted(set(channels) ^ set(names))
-    if wrong:
-        raise LogBlockError(
-            f"a block for {flat.topic} and its channels differ in {', '.join(wrong)}; give it"
-            f" exactly {', '.join(names) or 'none'}"
-        )
-    columns = [np.asarray(a, dtype=np.float64) for a in (t, *(channels[name] for name in names))]
-    for name, column in zip(("t", *names), columns, strict=True):
-        if column.ndim != 1 or column.size != columns[0].size:
-            raise LogBlockError(
-                f"{name} has shape {column.shape} in a block of {columns[0].size} samples for"
-                f" {flat.topic}; give every channel one value for each time"
-            )
-    return columns
-
-
 def _text(metadata: Mapping[str, object]) -> dict[str, str]:
     for key, value in metadata.items():
         if not isinstance(value, str):
@@ -274,13 +235,19 @@ def _text(metadata: Mapping[str, object]) -> dict[str, str]:
 
 def _json(value: object) -> str:
     try:
-        return json.dumps(value)
+        return json.dumps(value, default=_plain)
     except (TypeError, ValueError):
         return json.dumps(str(value))
 
 
+def _plain(value: object) -> object:
+    if isinstance(value, Mapping):
+        return {str(key): item for key, item in value.items()}
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else str(value)
+
+
 def _library() -> str:
     try:
-        return f"zwidth {version('zwidth')}"
+        return f"{LIBRARY} {version('zwidth')}"
     except PackageNotFoundError:
-        return "zwidth"
+        return LIBRARY

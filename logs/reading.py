@@ -3,7 +3,6 @@
 import json
 from collections import deque
 from dataclasses import dataclass, field
-from typing import Literal
 
 import numpy as np
 from mcap.records import Attachment, Channel, Header, Metadata, Schema, Statistics
@@ -14,11 +13,10 @@ from logs.events import Event
 from logs.gaps import gaps
 from logs.layout import Samples
 from logs.records import Parsed, RecordDamaged, Records
-from logs.schema import EVENTS, FACTS, RECORD, TIME_RESIDUAL
+from logs.schema import EVENTS, FACTS, LIBRARY, RECORD, TIME_RESIDUAL
+from logs.seal import unseal
 from logs.streams import Stream, Streams
 from sim.trace import Trace
-
-Origin = Literal["simulated", "recorded"]
 
 
 @dataclass
@@ -38,8 +36,7 @@ class Reading:
         try:
             match record:
                 case Records():
-                    self.all_checked &= record.checked
-                    self.streams.add_records(record.data)
+                    self._add_records(record)
                 case Schema():
                     self.streams.add_schema(record)
                 case Channel():
@@ -55,21 +52,30 @@ class Reading:
         except RecordDamaged as error:
             self.inconsistent.append(str(error))
 
+    @property
+    def by_us(self) -> bool:
+        """True where our writer wrote the file, which leaves no sample or note unchecked."""
+        return self.header is not None and self.header.library.startswith(LIBRARY)
+
+    def _add_records(self, records: Records) -> None:
+        if self.by_us and not records.checked:
+            raise RecordDamaged("samples without a checksum, of which this log has none")
+        self.all_checked &= records.checked
+        self.streams.add_records(records.data)
+
     def _add_metadata(self, record: Metadata) -> None:
+        entries = unseal(record.name, record.metadata, required=self.by_us)
+        if entries is None:
+            raise RecordDamaged(f"the metadata {record.name!r}, whose checksum is wrong")
         if record.name == FACTS:
             try:
-                self.facts |= {key: json.loads(text) for key, text in record.metadata.items()}
-            except ValueError:
+                self.facts |= {key: json.loads(text) for key, text in entries.items()}
+            except (ValueError, RecursionError):
                 raise RecordDamaged("facts that cannot be decoded") from None
         elif record.name == RECORD:
-            self.metadata |= record.metadata
+            self.metadata |= entries
         else:
-            self.metadata |= {f"{record.name}/{k}": v for k, v in record.metadata.items()}
-
-    @property
-    def origin(self) -> Origin:
-        """Where the samples come from, as the log says."""
-        return "simulated" if self.metadata.get("origin") == "simulated" else "recorded"
+            self.metadata |= {f"{record.name}/{key}": text for key, text in entries.items()}
 
     def stream(self, topic: str) -> Stream | None:
         """Return the one stream of a topic; raises ForeignLog where runs have been merged."""
@@ -96,7 +102,8 @@ class Reading:
         names = dict(zip(stream.flat.fields, stream.flat.names, strict=True))
         units = dict(zip(stream.flat.names, stream.flat.units, strict=True))
         channels = {names[f]: row for f, row in rows.items() if f != TIME_RESIDUAL}
-        trace = Trace(t, channels, {n: units[n] for n in channels}, self.origin, dict(self.facts))
+        used = {name: units[name] for name in channels}
+        trace = Trace(t, channels, used, stream.flat.origin, dict(self.facts))
         return trace, gaps(stream.channel.topic, sequence, t, _expected(stream, statistics))
 
     def events(self, statistics: Statistics | None) -> tuple[tuple[Event, ...], list[str]]:
@@ -106,10 +113,10 @@ class Reading:
             return (), []
         messages = stream.messages
         log_time = np.array([m.log_time for m in messages], dtype=np.uint64)
-        residual = np.array([getattr(m.body, TIME_RESIDUAL) for m in messages], dtype=np.float64)
+        residual = np.array([m.residual for m in messages], dtype=np.float64)
         t = from_log_time(log_time, residual, stream.epoch_ns)
         found = tuple(
-            Event(when, m.body.kind, m.body.place, m.body.value)
+            Event(when, m.kind, m.place, m.value)
             for when, m in zip(t.tolist(), messages, strict=True)
         )
         sequence = np.array([m.sequence for m in messages], dtype=np.uint32)

@@ -16,10 +16,8 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, DataEnd, Header, Metadata, Schema
 
-from logs.seal import unseal
-
 MEBIBYTE = 1 << 20
-LARGEST_CHUNK = 256 * MEBIBYTE  # uncompressed; other tools write 1 to 10 MiB, this one 256 KiB
+LARGEST_CHUNK = 64 * MEBIBYTE  # uncompressed; other tools write 1 to 10 MiB, this one 256 KiB
 LARGEST: dict[int, int] = {Opcode.CHUNK: 2 * LARGEST_CHUNK, Opcode.ATTACHMENT: 1024 * MEBIBYTE}
 LARGEST_OTHER = 64 * MEBIBYTE
 CHUNK_HEADER = struct.Struct("<QQQII")  # start, end, size, crc, length of the compression's name
@@ -96,11 +94,6 @@ def _checked(record: Parsed, content: bytes) -> Parsed:
         stored = int.from_bytes(content[-4:], "little")
         if stored not in (0, zlib.crc32(content[:-4])):
             raise RecordDamaged(f"the attachment {record.name!r}, whose checksum is wrong")
-    if isinstance(record, Metadata):
-        entries = unseal(record.metadata)
-        if entries is None:
-            raise RecordDamaged(f"the metadata {record.name!r}, whose checksum is wrong")
-        return Metadata(record.name, entries)
     return record
 
 

@@ -9,6 +9,7 @@ import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 from google.protobuf.descriptor_pb2 import (
     DescriptorProto,
@@ -24,18 +25,22 @@ from logs.errors import LogBlockError
 TICK, SUBSTEP, EVENTS = "/tick", "/substep", "/events"
 MESSAGES = {TICK: "zwidth.Tick", SUBSTEP: "zwidth.Substep", EVENTS: "zwidth.Event"}
 
+LIBRARY = "zwidth"  # what the header of our files starts with
+
 # Metadata records: about the run, and the facts of its traces; under ENDED, why a run ended early.
 RECORD, FACTS, ENDED = "zwidth", "zwidth.facts", "ended"
 
 # log_time counts whole nanoseconds; this field carries what they leave out of t (see logs.clock).
 TIME_RESIDUAL = "time_residual_s"
-EPOCH_KEY = "log.epoch_ns"
+EPOCH_KEY, ORIGIN_KEY = "log.epoch_ns", "log.origin"
 
 # Field numbers start at 2^18, where a protobuf tag takes four bytes. Between two noisy mantissas
 # the compressor then meets the high byte of one value and four constant bytes of the next tag, long
 # enough to match the sample before. With one-byte tags it finds nothing, and files are 13 % larger.
 FIRST_FIELD = 1 << 18
+LAST_FIELD = (1 << 29) - 1  # of protobuf
 
+Origin = Literal["simulated", "recorded"]
 DOUBLE, STRING = FieldDescriptorProto.TYPE_DOUBLE, FieldDescriptorProto.TYPE_STRING
 
 
@@ -52,6 +57,7 @@ class FlatSchema:
     names: tuple[str, ...]
     units: tuple[str, ...]
     epoch_ns: int | None
+    origin: Origin
 
 
 def unit_suffix(unit: str) -> str:
@@ -84,7 +90,9 @@ def _camel(field: str) -> str:
     return field.replace("_", "").lower()
 
 
-def flat_schema(topic: str, units: Mapping[str, str], epoch_ns: int) -> FlatSchema:
+def flat_schema(
+    topic: str, units: Mapping[str, str], epoch_ns: int, origin: Origin = "simulated"
+) -> FlatSchema:
     """Lay out the fields of a topic; channels keep their order. Raises LogBlockError (a name)."""
     for text in (*units, *units.values()):
         if not text.isprintable():
@@ -97,6 +105,7 @@ def flat_schema(topic: str, units: Mapping[str, str], epoch_ns: int) -> FlatSche
         names=("", *units),
         units=("s", *units.values()),
         epoch_ns=epoch_ns,
+        origin=origin,
     )
 
 
@@ -127,8 +136,8 @@ def schema_record(flat: FlatSchema, schema_id: int) -> Schema:
 
 
 def channel_record(flat: FlatSchema, channel_id: int) -> Channel:
-    """Return the MCAP channel record: epoch, and field -> [channel name, unit]."""
-    metadata = {EPOCH_KEY: str(flat.epoch_ns)}
+    """Return the MCAP channel record: epoch, origin, and field -> [channel name, unit]."""
+    metadata = {EPOCH_KEY: str(flat.epoch_ns), ORIGIN_KEY: flat.origin}
     for field, name, unit in zip(flat.fields, flat.names, flat.units, strict=True):
         if field != TIME_RESIDUAL:
             metadata[field] = json.dumps([name, unit], ensure_ascii=False)
@@ -144,6 +153,9 @@ def read_flat(channel: Channel, schema: Schema) -> FlatSchema | None:
     if any(f.type != DOUBLE or f.label == FieldDescriptorProto.LABEL_REPEATED for f in fields):
         return None
     known = [_name_and_unit(channel, field.name) for field in fields]
+    numbers = {field.number for field in fields if 0 < field.number <= LAST_FIELD}
+    if not len(numbers) == len({name for name, _ in known}) == len(fields):
+        return None
     return FlatSchema(
         topic=channel.topic,
         fields=tuple(field.name for field in fields),
@@ -151,13 +163,15 @@ def read_flat(channel: Channel, schema: Schema) -> FlatSchema | None:
         names=tuple(name for name, _ in known),
         units=tuple(unit for _, unit in known),
         epoch_ns=read_epoch(channel),
+        origin="simulated" if channel.metadata.get(ORIGIN_KEY) == "simulated" else "recorded",
     )
 
 
 def read_epoch(channel: Channel) -> int | None:
     """Return the log time of t = 0 [ns], or None where the channel record does not say it."""
     text = channel.metadata.get(EPOCH_KEY, "")
-    return int(text) if re.fullmatch("[0-9]{1,19}", text) else None
+    epoch = int(text) if re.fullmatch("[0-9]{1,19}", text) else -1
+    return epoch if 0 <= epoch < 2**63 else None
 
 
 def _message(schema: Schema) -> DescriptorProto | None:
@@ -174,6 +188,6 @@ def _message(schema: Schema) -> DescriptorProto | None:
 def _name_and_unit(channel: Channel, field: str) -> tuple[str, str]:
     try:
         name, unit = json.loads(channel.metadata[field])
-    except (KeyError, ValueError, TypeError):
+    except (KeyError, ValueError, TypeError, RecursionError):
         return field, ""
     return str(name), str(unit)

@@ -7,21 +7,21 @@ from collections.abc import Mapping
 SEAL = "log.crc32"
 
 
-def seal(entries: Mapping[str, str]) -> dict[str, str]:
-    """Return the entries and their checksum under the key `log.crc32`."""
-    return dict(entries) | {SEAL: _checksum(entries)}
+def seal(name: str, entries: Mapping[str, str]) -> dict[str, str]:
+    """Return the entries of the record `name`, and their checksum under the key `log.crc32`."""
+    return dict(entries) | {SEAL: _checksum(name, entries)}
 
 
-def unseal(entries: Mapping[str, str]) -> dict[str, str] | None:
+def unseal(name: str, entries: Mapping[str, str], *, required: bool) -> dict[str, str] | None:
     """Return the entries without the checksum, or None if they do not match it.
 
-    Entries without a checksum come from another tool and are returned as they are.
+    Entries without one are returned as they are unless a checksum is required.
     """
     plain = {key: value for key, value in entries.items() if key != SEAL}
-    intact = SEAL not in entries or entries[SEAL] == _checksum(plain)
+    intact = entries[SEAL] == _checksum(name, plain) if SEAL in entries else not required
     return plain if intact else None
 
 
-def _checksum(entries: Mapping[str, str]) -> str:
-    text = json.dumps(entries, sort_keys=True)
+def _checksum(name: str, entries: Mapping[str, str]) -> str:
+    text = json.dumps([name, dict(entries)], sort_keys=True)
     return f"{zlib.crc32(text.encode()):08x}"

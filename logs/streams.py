@@ -3,8 +3,9 @@
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from io import BytesIO
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from google.protobuf.message import DecodeError
@@ -16,18 +17,20 @@ from mcap_protobuf.decoder import DecoderFactory
 
 from logs.layout import FRAME, MESSAGE_HEADER, Layout, Samples
 from logs.records import RecordDamaged
-from logs.schema import EVENTS, MESSAGES, FlatSchema, read_epoch, read_flat
+from logs.schema import EVENTS, MESSAGES, TIME_RESIDUAL, FlatSchema, read_epoch, read_flat
 
 MESSAGE_HEAD = struct.Struct("<BQHIQQ")
 
 
-@dataclass
-class Message:
-    """One decoded protobuf message."""
+class EventMessage(NamedTuple):
+    """One decoded message of `/events`; residual [s] is what log_time [ns] leaves out."""
 
     sequence: int
     log_time: int
-    body: Any
+    residual: float
+    kind: str
+    place: str
+    value: float
 
 
 @dataclass
@@ -38,9 +41,13 @@ class Stream:
     channel: Channel
     flat: FlatSchema | None
     layout: Layout | None
-    decoder: Callable[[bytes], Any]
     samples: list[Samples] = field(default_factory=list[Samples])
-    messages: list[Message] = field(default_factory=list[Message])
+    messages: list[EventMessage] = field(default_factory=list[EventMessage])
+
+    @cached_property
+    def decoder(self) -> Callable[[bytes], Any] | None:
+        """The mcap package's own decoder of this channel's messages."""
+        return DecoderFactory().decoder_for(self.channel.message_encoding, self.schema)
 
     @property
     def count(self) -> int:
@@ -86,7 +93,7 @@ class Streams:
 
     def add_records(self, data: bytes) -> None:
         """Read the records of a chunk, all or, raising RecordDamaged, none of them."""
-        found: list[tuple[Stream, Samples | Message]] = []
+        found: list[tuple[Stream, Samples | EventMessage]] = []
         offset = 0
         while offset < len(data):
             opcode, length = _frame(data, offset)
@@ -103,7 +110,7 @@ class Streams:
                 self._describe(opcode, data[offset + FRAME : following])
             offset = following
         for stream, part in found:
-            if isinstance(part, Message):
+            if isinstance(part, EventMessage):
                 stream.messages.append(part)
             else:
                 stream.samples.append(part)
@@ -140,24 +147,24 @@ def _open(channel: Channel, schema: Schema) -> Stream | None:
     flat = None if channel.topic == EVENTS else read_flat(channel, schema)
     if flat is None and channel.topic != EVENTS:
         return None
-    try:
-        decoder = DecoderFactory().decoder_for(channel.message_encoding, schema)
-    except (McapError, DecodeError, TypeError, KeyError, ValueError):
-        return None
     layout = None if flat is None else Layout(channel.id, flat.numbers)
-    return None if decoder is None else Stream(schema, channel, flat, layout, decoder)
+    return Stream(schema, channel, flat, layout)
 
 
-def _decode(stream: Stream, record: bytes) -> Samples | Message:
+def _decode(stream: Stream, record: bytes) -> Samples | EventMessage:
     """Decode one message the slow way: an event, or a sample that leaves out its zeros."""
     _, _, _, sequence, log_time, _ = MESSAGE_HEAD.unpack_from(record)
     try:
+        if stream.decoder is None:
+            raise RecordDamaged(f"a message of {stream.channel.topic} that is no protobuf")
         body = stream.decoder(record[MESSAGE_HEAD.size :])
-    except DecodeError:
-        raise RecordDamaged("a chunk with a message that does not match its schema") from None
-    if stream.flat is None:
-        return Message(sequence, log_time, body)
-    values = [[getattr(body, name)] for name in stream.flat.fields]
+        if stream.flat is None:
+            residual = getattr(body, TIME_RESIDUAL)
+            return EventMessage(sequence, log_time, residual, body.kind, body.place, body.value)
+        values = [[getattr(body, name)] for name in stream.flat.fields]
+    except (DecodeError, McapError, AttributeError, TypeError, KeyError, ValueError):
+        reason = f"a message of {stream.channel.topic} that does not match its schema"
+        raise RecordDamaged(reason) from None
     return Samples(
         np.array([sequence], dtype=np.uint32),
         np.array([log_time], dtype=np.uint64),
