@@ -10,7 +10,8 @@ Near K = 0 a free device has an eigenvalue 1 - K T / (b + B): inside iff b + B >
 the slow eigenvalue 1 - (b + B) T / m of the loop without drift is inside. So that loop decides for
 K -> 0. A margin routine prints a number whether or not K -> 0 is stable.
 
-Limits: a decay of less than `SETTLED` per tick counts as none.
+Limits: a decay of less than `SETTLED` per tick counts as none at K -> 0, a growth of less than
+`ROUNDING` per tick counts as none anywhere.
 """
 
 from collections.abc import Iterable
@@ -27,6 +28,7 @@ from stability.types import Corner, LinearPoint
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 SETTLED = 1e-9
+ROUNDING = 1e-12
 CORNER_GRID = 100
 JUMP = 1e-3
 
@@ -50,7 +52,7 @@ def stable_bands(device: Device, damping: float) -> list[tuple[float, float]]:
     loop = open_loop(device)
     found = _crossings(loop, damping)
     stable = [_begins_stable(loop, damping, found)]
-    stable += [_radius(loop.closed(k, damping)) < 1.0 for k in _between(found.gains)[1:]]
+    stable += [_stable(loop.closed(k, damping)) for k in _between(found.gains)[1:]]
     return _joined(found.gains, stable)
 
 
@@ -99,7 +101,7 @@ def _critical(loop: Loop, damping: float) -> LinearPoint:
     if not _begins_stable(loop, damping, found):
         return LinearPoint(damping, None, None, None)
     later = _between(found.gains)[1:]
-    kept = (_radius(loop.closed(stiffness, damping)) < 1.0 for stiffness in later)
+    kept = (_stable(loop.closed(stiffness, damping)) for stiffness in later)
     i = next((i for i, stable in enumerate(kept) if not stable), found.gains.size - 1)
     return LinearPoint(
         damping,
@@ -118,9 +120,9 @@ def _crossings(loop: Loop, damping: float) -> Crossings:
 def _begins_stable(loop: Loop, damping: float, found: Crossings) -> bool:
     """Tell whether the loop is stable for K -> 0.
 
-    A slow eigenvalue at 1 means b + B = 0, where any delayed spring pushes. Where another one
-    starts on the circle, the spring moves it in or out: look a little above K = 0. Without any
-    crossing the loop is as unstable there as for large K.
+    In a free device a slow eigenvalue at 1 means b + B = 0, where any delayed spring pushes. Where
+    another one starts on the circle, the spring moves it in or out: look a little above K = 0.
+    Without any crossing the loop is as unstable there as for large K.
     """
     if found.gains.size == 0:
         return False
@@ -128,9 +130,10 @@ def _begins_stable(loop: Loop, damping: float, found: Crossings) -> bool:
     eigenvalues = _eigenvalues(start.damped(damping))
     excess = np.abs(eigenvalues) - 1.0
     marginal = np.abs(excess) < SETTLED
-    if np.any(excess >= SETTLED) or np.any(np.abs(eigenvalues - 1.0) < SETTLED):
+    undamped = loop.free and np.any(np.abs(eigenvalues - 1.0) < SETTLED)
+    if undamped or np.any(excess >= SETTLED):
         return False
-    return not marginal.any() or _radius(loop.closed(_between(found.gains)[0], damping)) < 1.0
+    return not marginal.any() or _stable(loop.closed(_between(found.gains)[0], damping))
 
 
 def _between(gains: Floats) -> Floats:
@@ -142,8 +145,9 @@ def _eigenvalues(matrix: Floats) -> Complexes:
     return np.linalg.eigvals(matrix).astype(np.complex128)
 
 
-def _radius(matrix: Floats) -> float:
-    return float(np.abs(_eigenvalues(matrix)).max())
+def _stable(matrix: Floats) -> bool:
+    """Tell whether no eigenvalue is outside the circle by more than rounding."""
+    return bool(np.abs(_eigenvalues(matrix)).max() < 1.0 + ROUNDING)
 
 
 def _height(loop: Loop, damping: float) -> float:
@@ -153,7 +157,7 @@ def _height(loop: Loop, damping: float) -> float:
 def _stable_dampings(loop: Loop) -> list[tuple[float, float]]:
     start = loop.without_drift() if loop.free else loop
     found = crossings(start.transition, start.entry, start.velocity)
-    stable = [_radius(start.damped(damping)) < 1.0 for damping in _between(found.gains)]
+    stable = [_stable(start.damped(damping)) for damping in _between(found.gains)]
     return _joined(found.gains, stable)
 
 

@@ -35,3 +35,15 @@ class Corner:
     stiffness: float
     frequency_below_hz: float
     frequency_above_hz: float
+
+
+@dataclass(frozen=True)
+class PassivePoint:
+    """The largest passive stiffness at a virtual damping B, None where no K > 0 is passive.
+
+    frequency_hz: where the criterion is met first; 0 for the limit of low frequency.
+    """
+
+    damping: float
+    stiffness: float | None
+    frequency_hz: float | None
