@@ -83,7 +83,7 @@ class Disturbance:
                 f" {0.5 / period:g}, half the sampling rate"
             )
         first, last = (_first_tick(s, ticks, period) for s in (self.from_s, self.to_s))
-        tau = (np.arange(last - first) + 0.5) * period
+        tau = (np.arange(last - first, dtype=np.float64) + 0.5) * period
         force = np.zeros(ticks)
         force[first:last] = self.amplitude * self._shape(tau, seed)
         return force

@@ -1,13 +1,16 @@
 """Run a scenario into a log from which it can be replayed bit for bit."""
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from itertools import takewhile
 from os import PathLike
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from logs.events import Event
 from logs.mcap_writer import LogWriter
 from logs.schema import SUBSTEP
 from scenarios.controller_kinds import takes_array
@@ -33,6 +36,16 @@ class Block(NamedTuple):
     outcome: Outcome
 
 
+@dataclass(frozen=True)
+class LoggedRun:
+    """A finished run and its log: the file, the events and metadata in it."""
+
+    run: Run
+    path: Path
+    events: tuple[Event, ...]
+    metadata: Mapping[str, str]
+
+
 def logged_run(
     scenario: Scenario,
     path: str | PathLike[str],
@@ -40,8 +53,8 @@ def logged_run(
     metadata: Mapping[str, str] | None = None,
     epoch_ns: int | None = None,
     on_block: Callable[[int], object] | None = None,
-) -> Run:
-    """Run a scenario and write its log to `path` while it runs; return the run.
+) -> LoggedRun:
+    """Run a scenario and write its log to `path` while it runs.
 
     metadata: what the caller knows besides, which wins over what is found here (a "verdict").
     epoch_ns: log time of t = 0 [ns since 1970], by default now. on_block is told the number of
@@ -52,9 +65,10 @@ def logged_run(
 
     Raises ValueError with a sentence, LogError where the log cannot be written.
     """
-    setup, given = scenario.prepare(), dict(metadata or {})
+    setup = scenario.prepare()
+    given = dict(metadata or {})
     units, finder = channel_units(scenario, setup), EventFinder(scenario.device)
-    done = list[Block]()
+    done, events = list[Block](), list[Event]()
     with LogWriter(
         path,
         units,
@@ -68,15 +82,20 @@ def logged_run(
             log.append(block.tick.t, block.tick.channels)
             if block.fine is not None:
                 log.append(block.fine.t, block.fine.channels, SUBSTEP)
-            log.events(finder.block(block.tick))
+            found = finder.block(block.tick)
+            log.events(found)
+            events += found
             done.append(block._replace(fine=None))
             if on_block is not None:
                 on_block(len(block.tick))
         trace, outcome = _joined([block.tick for block in done]), done[-1].outcome
-        log.events(ending(outcome, trace))
-        log.note(_conclusion(scenario, trace, outcome) | given)
+        found = ending(outcome, trace)
+        log.events(found)
+        about = _description(scenario) | _conclusion(scenario, trace, outcome) | given
+        log.note(about)
     totals = dict(zip(setup.ledger_names, setup.memory.totals.tolist(), strict=True))
-    return Run(trace, outcome, setup.memory, totals)
+    run = Run(trace, outcome, setup.memory, totals)
+    return LoggedRun(run, Path(path), (*events, *found), about)
 
 
 def run_blocks(scenario: Scenario, setup: Setup) -> Iterator[Block]:

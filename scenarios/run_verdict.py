@@ -1,4 +1,4 @@
-"""What a run does once nothing disturbs it any more: decay, cycle or grow."""
+"""What a run does once left alone: decay, cycle or grow."""
 
 import math
 
@@ -30,8 +30,8 @@ FEWEST_TICKS = 16
 def run_verdict(scenario: Scenario, trace: Trace, outcome: Outcome) -> Verdict | None:
     """Return the verdict on one finished run, None where it says nothing of stability.
 
-    Judged is the part in which no disturbance acts, in windows of 0.5 s or shorter ones where the
-    run is short; a run that escaped grows. None for a driven device and for too short a run.
+    Judged is the part in which no disturbance changes, in windows of 0.5 s, or shorter ones where
+    the run is short; a run that escaped grows. None for a driven device and for too short a run.
     """
     if scenario.controller.kind == DRIVEN or len(trace) == 0 or trace.t[-1] < scenario.free_from:
         return None

@@ -107,6 +107,7 @@ class Scenario:
             start=self.start,
             disturbance=self.forces(),
             substeps=self.substeps,
+            seed=self.seed,
             bound=self.bound,
             energy=self.energy != "none",
             ledger=self.energy == "ledger",
@@ -115,8 +116,11 @@ class Scenario:
 
     @property
     def free_from(self) -> float:
-        """Time [s] from which no disturbance acts any more: inf where one acts to the end."""
-        return max((d.to_s for d in self.disturbances), default=0.0)
+        """Time [s] from which no disturbance changes any more; inf where one does to the end."""
+        return max(
+            (d.from_s if d.kind == "constant" and d.to_s >= self.duration else d.to_s)
+            for d in (*self.disturbances, Disturbance("constant", 0.0))
+        )
 
 
 def one_is_exact(device: Device) -> bool:

@@ -1,0 +1,63 @@
+"""`zwidth replay`: prove that a log can be simulated again bit for bit, or say where it differs."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from scenarios.comparison import Difference
+from scenarios.replay import ReplayResult, replay
+from sim.controller import Step
+from zwidth.console import Console
+from zwidth.errors import Status
+from zwidth.json_number import json_number
+from zwidth.options import json_option
+from zwidth.user_law import controller_option
+
+
+@click.command("replay")
+@click.argument("log", metavar="LOG", type=click.Path(path_type=Path))
+@controller_option
+@json_option
+def command(log: Path, controller: Step | None, json_file: str | None) -> int:
+    """Simulate a logged run again, from the log alone, and compare every value bit for bit.
+
+    A log cut short is compared as far as it goes. Exit status: 0 identical, 1 different (the first
+    tick and channel are named), 2 a log that cannot be replayed.
+    """
+    console = Console(json_file)
+    result = replay(log, controller)
+    for note in result.notes:
+        console.warn(note)
+    console.say(sentence(result))
+    console.result(as_json(result))
+    return Status.DONE if result.identical else Status.FAILED
+
+
+def sentence(result: ReplayResult) -> str:
+    """Return what the replay showed."""
+    if result.first_difference is None:
+        return f"identical: {result.ticks} ticks, every channel bit for bit"
+    return f"different: first at {result.first_difference}"
+
+
+def as_json(result: ReplayResult) -> dict[str, Any]:
+    """Return the result in plain types."""
+    first = result.first_difference
+    return {
+        "identical": result.identical,
+        "ticks": result.ticks,
+        "first_difference": None if first is None else _difference(first),
+        "warnings": list(result.notes),
+    }
+
+
+def _difference(first: Difference) -> dict[str, Any]:
+    return {
+        "tick": first.tick,
+        "time_s": json_number(first.time),
+        "topic": first.topic,
+        "channel": first.channel,
+        "logged": json_number(first.logged),
+        "replayed": json_number(first.replayed),
+    }

@@ -1,0 +1,140 @@
+"""`zwidth simulate`: run a scenario, log it, draw it, and say what happened."""
+
+from collections import Counter
+from pathlib import Path
+
+import click
+import numpy as np
+
+from scenarios.logged_run import LoggedRun, logged_run
+from scenarios.scenario import Scenario
+from scenarios.scenario_file import load_scenario
+from sim.controller import Step
+from sim.device import warnings_of
+from sim.jit import cache_folder
+from sim.run import Run
+from zwidth.console import Column, Console, progress
+from zwidth.figures.run import run_figure
+from zwidth.files import replacing
+from zwidth.json_number import json_number
+from zwidth.options import json_option, out_option
+from zwidth.user_law import controller_option
+
+# No part of the mechanism's balance: the work of the command as the controller sees it, and how
+# much of it the amplifier's lag keeps from the mechanism.
+OUTSIDE = ("work_wall", "work_actuator_lag")
+SOURCES = ("work_motor", "work_disturbance")
+WORDS = {
+    "decays": "decays",
+    "grows": "grows",
+    "limit_cycle": "settles on a limit cycle",
+    "undecided": "has not shown yet whether it decays or grows",
+}
+
+
+@click.command("simulate")
+@click.argument("scenario", metavar="SCENARIO.toml", type=click.Path(path_type=Path))
+@controller_option
+@out_option("runs")
+@json_option
+def command(scenario: Path, controller: Step | None, out: Path, json_file: str | None) -> None:
+    """Run the experiment that a TOML file describes.
+
+    Writes NAME.mcap, which 'zwidth replay' repeats bit for bit, and NAME.png. Interrupted, it
+    leaves every finished second in NAME.partial.mcap.
+    """
+    console = Console(json_file)
+    described = load_scenario(scenario, controller)
+    for warning in warnings_of(described.device):
+        console.warn(warning)
+    if not cache_folder().exists():
+        console.say("compiling the kernels, once for this version (about 20 s)")
+    out.mkdir(parents=True, exist_ok=True)
+    log = out / f"{scenario.stem}.mcap"
+    with progress("simulating", described.ticks) as advance:
+        logged = logged_run(described, log, on_block=advance)
+    _say(console, described, logged)
+    console.say(f"wrote {log}")
+    picture = out / f"{scenario.stem}.png"
+    figure = run_figure(logged.run.trace, _title(described, logged))
+    with replacing(picture) as file:
+        figure.savefig(file, format="png", dpi=150)
+    console.say(f"wrote {picture}")
+    console.result(
+        {
+            "device": described.device.name,
+            "log": str(log),
+            "picture": str(picture),
+            "ticks": len(logged.run.trace),
+            "duration_s": len(logged.run.trace) * described.device.interface.period,
+            "outcome": logged.run.outcome.name.lower(),
+            "verdict": logged.metadata.get("verdict"),
+            "events": dict(Counter(event.kind for event in logged.events)),
+            "peaks": {name: json_number(value) for name, value in _peaks(logged.run).items()},
+            "energy": {name: json_number(value) for name, value in _energy(logged.run).items()},
+        }
+    )
+
+
+def _title(scenario: Scenario, logged: LoggedRun) -> str:
+    facts = scenario.controller.facts
+    parts = [scenario.controller.kind, *(f"{k} {v:g}" for k, v in facts.items() if _shown(v))]
+    parts.append(f"delay {1e3 * scenario.device.interface.delay:g} ms")
+    return f"{scenario.device.name}: {', '.join(parts)}"
+
+
+def _shown(value: object) -> bool:
+    return isinstance(value, float) and value != 0.0
+
+
+def _say(console: Console, scenario: Scenario, logged: LoggedRun) -> None:
+    run, period = logged.run, scenario.device.interface.period
+    console.say(_title(scenario, logged))
+    verdict = logged.metadata.get("verdict")
+    judged = f"; left alone, it {WORDS[verdict]}" if verdict is not None else ""
+    console.say(f"{len(run.trace)} ticks of {1e3 * period:g} ms: {run.outcome.value}{judged}")
+    counts = Counter(event.kind.replace("_", " ") for event in logged.events)
+    if counts:
+        console.say(", ".join(f"{kind} {count}" for kind, count in counts.items()))
+    rows = [
+        [name.replace("_", " "), f"{peak:.6g}", f"{run.trace[name][-1]:.6g}", run.trace.units[name]]
+        for name, peak in _peaks(run).items()
+    ]
+    columns = [Column("", False), Column("peak"), Column("at the end"), Column("unit", False)]
+    console.table("", columns, rows)
+    energy = _energy(run)
+    if energy:
+        rows = [
+            [name.replace("_", " "), f"{value:.6g}"]
+            for name, value in energy.items()
+            if name not in ("imbalance", "turned_over")
+        ]
+        console.table("\nEnergy [J]", [Column("", False), Column("")], rows)
+    if energy.get("turned_over"):
+        share = abs(energy["imbalance"]) / energy["turned_over"]
+        console.say(f"the balance closes to {share:.1e} of the energy turned over")
+
+
+def _peaks(run: Run) -> dict[str, float]:
+    """Largest absolute value of what moves and what is commanded."""
+    names = [n for n in run.trace.channels if n.startswith(("position_", "command", "applied"))]
+    return {name: float(np.abs(run.trace[name]).max()) for name in names}
+
+
+def _energy(run: Run) -> dict[str, float]:
+    """What of the ledger was recorded, up to the last sample, and how far it is from closing."""
+    trace = run.trace
+    if "stored_energy" not in trace.channels:
+        return {}
+    stored = trace["stored_energy"]
+    found = {"stored_at_start": float(stored[0]), "stored_at_end": float(stored[-1])}
+    work = {n: float(v[-1]) for n, v in trace.channels.items() if n.startswith("work_")}
+    if not work:
+        return found
+    inside = {name: value for name, value in work.items() if name not in OUTSIDE}
+    brought = sum(inside[name] for name in SOURCES)
+    spent = sum(value for name, value in inside.items() if name not in SOURCES)
+    change = found["stored_at_end"] - found["stored_at_start"]
+    imbalance = change - (brought - spent)
+    turned = sum(abs(value) for value in inside.values())
+    return found | work | {"imbalance": imbalance, "turned_over": turned}

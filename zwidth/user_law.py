@@ -1,0 +1,41 @@
+"""``--controller module:function``: a control law of the user's own."""
+
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import Any, cast
+
+import click
+
+from sim.controller import Step
+
+
+class ControlLaw(click.ParamType[Step]):
+    """A function ``step(k, t, y, v, p, m)``, named module:function and sought from here on."""
+
+    name = "MODULE:FUNCTION"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Step:
+        """Import the function, or fail with what is wrong."""
+        module_name, colon, function = str(value).partition(":")
+        if not (module_name and colon and function):
+            self.fail(f"{value} is not allowed, give module:function, such as my_wall:step.")
+        folder = str(Path.cwd())
+        sys.path.insert(0, folder)
+        try:
+            module = import_module(module_name)
+        except Exception as error:  # whatever the user's own code raises while it is imported
+            self.fail(f"module {module_name} cannot be imported: {type(error).__name__}: {error}.")
+        finally:
+            sys.path.remove(folder)
+        found = getattr(module, function, None)
+        if not callable(found):
+            self.fail(f"module {module_name} has no function {function}.")
+        return cast("Step", found)
+
+
+controller_option = click.option(
+    "--controller",
+    type=ControlLaw(),
+    help="Your own control law, where the scenario has kind = 'user'.",
+)
