@@ -1,0 +1,1 @@
+"""The engine: a device under a sampled controller, tick by tick; imports nothing of ours."""
