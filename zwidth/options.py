@@ -23,6 +23,10 @@ class Quantity(click.ParamType[float]):
         self.minimum = minimum
         self.above = above
 
+    def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
+        """Return what help shows for the number: its unit."""
+        return f"<{self.unit}>"
+
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
