@@ -1,0 +1,1 @@
+"""Why a recording differs from the simulation: where, what physics is missing, and how sure."""

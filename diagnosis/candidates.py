@@ -1,0 +1,214 @@
+"""Every effect at every place it may enter, with starts over the magnitudes the data could show.
+
+Magnitudes come from the recording: F the rms of the command, V and Q the rms speed and position of
+m1 over the recording, T the period. Each start has the scale by which its parameters are of order
+one; a scale of 0 holds a parameter fixed.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from diagnosis.experiment import Experiment
+from sim.device import Device, home, masses_needed, place_label
+from sim.physics import EFFECTS, make_physics
+from sim.physics.effect import Effect, Physics
+
+SHARES = (0.001, 0.004, 0.015, 0.06, 0.2)
+NOT_BY_FIT = ("dropped_samples", "rectified_sensor")
+
+
+@dataclass(frozen=True)
+class Start:
+    """One effect at one place with starting values, and the scales of its free parameters."""
+
+    physics: Physics
+    scales: dict[str, float]
+
+    @property
+    def label(self) -> str:
+        """effect@place."""
+        return place_label(self.physics)
+
+
+@dataclass(frozen=True)
+class Magnitudes:
+    """What the recording moves by: force, speed, position rms; largest command; span; period."""
+
+    force: float
+    speed: float
+    position: float
+    peak: float
+    span: float
+    period: float
+    mass: float
+
+
+def magnitudes(device: Device, experiments: Sequence[Experiment]) -> Magnitudes:
+    """Return the magnitudes over all experiments."""
+    command = np.concatenate([e.command for e in experiments])
+    positions, speeds = [], []
+    for e in experiments:
+        for o, output in enumerate(e.outputs):
+            y = e.measured[:, o]
+            if output.quantity == "position":
+                smooth = np.convolve(y, np.full(5, 0.2), "valid")
+                positions.append(y)
+                speeds.append(np.gradient(smooth) / e.period)
+            else:
+                speeds.append(y)
+                positions.append(np.cumsum(y) * e.period)
+    q, v = np.concatenate(positions), np.concatenate(speeds)
+    return Magnitudes(
+        float(np.sqrt(np.mean(command**2))),
+        float(np.std(v)),
+        float(np.std(q)),
+        float(np.abs(command).max()),
+        float(np.ptp(q)),
+        experiments[0].period,
+        float(device.chain.masses.sum()),
+    )
+
+
+def candidates(device: Device, experiments: Sequence[Experiment]) -> list[Start]:
+    """Return all starts for a device and its recordings."""
+    size = magnitudes(device, experiments)
+    present = {place_label(p) for p in device.physics}
+    found: list[Start] = []
+    for effect in EFFECTS.values():
+        if effect.name in NOT_BY_FIT:
+            continue
+        for at in effect.places:
+            if masses_needed(at) > device.chain.masses.size or f"{effect.name}@{at}" in present:
+                continue
+            for values, scales in _starts(effect, at, size, device):
+                if home_taken(effect, at, device):
+                    continue
+                physics = make_physics(effect.name, at, **values)
+                found.append(Start(physics, scales))
+    return found
+
+
+def home_taken(effect: Effect, at: str, device: Device) -> bool:
+    """Whether the device already has the quantity that this effect would set."""
+    interface = device.interface
+    if effect.name == "saturation":
+        return math.isfinite(interface.command_limit)
+    if effect.name in ("encoder_step", "command_step"):
+        return getattr(interface, effect.name) > 0.0
+    return effect.name == "ground_spring" and at == "m1" and device.chain.ground_spring > 0.0
+
+
+Values = tuple[dict[str, float], dict[str, float]]
+
+
+def _starts(effect: Effect, at: str, z: Magnitudes, device: Device) -> Iterator[Values]:
+    f, v, q = z.force, z.speed, z.position
+    name = effect.name
+    if name == "coulomb_friction":
+        for s in SHARES:
+            yield {"level": s * f}, {"level": s * f}
+    elif name == "stribeck_friction":
+        for s in (0.01, 0.06, 0.2):
+            for part in (0.03, 0.3):
+                level = {"level": s * f, "static_level": 1.6 * s * f}
+                yield level | {"velocity": part * v}, {k: 0.5 * x for k, x in level.items()} | {
+                    "velocity": 0.5 * part * v
+                }
+    elif name == "presliding_friction":
+        for s in (0.01, 0.06, 0.2):
+            for reach in (0.01, 0.1):
+                yield (
+                    {"level": s * f, "stiffness": s * f / (reach * q)},
+                    {"level": 0.5 * s * f, "stiffness": 0.5 * s * f / (reach * q)},
+                )
+    elif name == "directional_friction":
+        for s in (0.01, 0.06, 0.2):
+            drag = 0.3 * s * f / v
+            yield (
+                {"level_plus": s * f, "level_minus": s * f, "viscous_plus": drag,
+                 "viscous_minus": 0.5 * drag},
+                {"level_plus": s * f, "level_minus": s * f, "viscous_plus": drag,
+                 "viscous_minus": drag},
+            )  # fmt: skip
+    elif name == "quadratic_drag":
+        for s in SHARES:
+            yield {"coefficient": s * f / v**2}, {"coefficient": s * f / v**2}
+    elif name == "constant_force":
+        for s in (0.003, -0.003, 0.05, -0.05):
+            yield {"level": s * f}, {"level": abs(s) * f}
+    elif name == "ground_spring":
+        for s in (0.003, 0.03, 0.3):
+            yield {"stiffness": s * f / q}, {"stiffness": s * f / q}
+    elif name == "gravity_pendulum":
+        for s in (0.01, 0.1, 0.5):
+            for angle in (0.0, 1.5, -1.5, 3.0):
+                yield {"level": s * f, "angle": angle}, {"level": s * f, "angle": 0.5}
+    elif name == "force_ripple":
+        for period in np.geomspace(z.span / 60.0, z.span, 14):
+            for phase in (0.0, 1.5707963):
+                yield (
+                    {"amplitude": 0.02 * f, "period": float(period), "phase": phase},
+                    {"amplitude": 0.02 * f, "period": 0.02 * float(period), "phase": 0.5},
+                )
+    elif name == "backlash":
+        stiffness = float(device.chain.link_springs[int(at[4]) - 1])
+        for s in (0.003, 0.03, 0.1, 0.3):
+            yield {"gap": s * f / stiffness}, {"gap": s * f / stiffness}
+    elif name == "cubic_stiffness":
+        if at == "ground":
+            reach, size = q, f
+        else:
+            stiffness = float(device.chain.link_springs[int(at[4]) - 1])
+            reach, size = f / stiffness, f
+        for s in (0.01, -0.01, 0.2, -0.2):
+            yield {"coefficient": s * size / reach**3}, {"coefficient": abs(s) * size / reach**3}
+    elif name == "hysteresis":
+        reach = q if at == "ground" else f / float(device.chain.link_springs[int(at[4]) - 1])
+        for s in (0.03, 0.15):
+            for part in (0.1, 0.5):
+                k = s * f / (part * reach)
+                yield (
+                    {"stiffness": k, "level": s * f, "shape": 1.5},
+                    {"stiffness": 0.5 * k, "level": 0.5 * s * f, "shape": 0.5},
+                )
+    elif name == "extra_mode":
+        for share in (0.02, 0.15):
+            mass = share * z.mass
+            for hertz in np.geomspace(6.0, 0.4 / z.period, 6):
+                k = mass * (2.0 * math.pi * float(hertz)) ** 2
+                b = 0.1 * math.sqrt(k * mass)
+                yield (
+                    {"mass": mass, "stiffness": k, "damping": b},
+                    {"mass": 0.5 * mass, "stiffness": 0.5 * k, "damping": b},
+                )
+    elif name == "saturation":
+        for s in (0.97, 0.85, 0.7, 0.5, 0.3):
+            yield {"limit": s * z.peak}, {"limit": 0.05 * z.peak}
+    elif name == "dead_band":
+        for s in SHARES:
+            yield {"width": s * f}, {"width": s * f}
+    elif name == "command_step":
+        for s in (0.003, 0.01, 0.03, 0.1):
+            yield {"step": s * f}, {"step": 0.1 * s * f}
+    elif name == "actuator_lag":
+        for s in (0.05, 0.3, 1.5):
+            yield {"time_constant": s * z.period}, {"time_constant": s * z.period}
+    elif name == "gain_asymmetry":
+        for s in (-0.1, -0.01, 0.01, 0.1):
+            yield {"ratio": 1.0 + s}, {"ratio": abs(s)}
+    elif name == "loop_delay":
+        for s in (0.05, 0.3, 1.0, 3.0):
+            yield {"delay": s * z.period}, {"delay": min(s, 0.3) * z.period}
+    elif name == "encoder_step":
+        for s in (1e-5, 1e-4, 1e-3):
+            yield {"step": s * z.span}, {"step": 0.1 * s * z.span}
+    elif name == "encoder_eccentricity":
+        for period in (z.span, 0.4 * z.span, 0.1 * z.span, 2.0 * math.pi):
+            for phase in (0.0, 1.5707963):
+                yield (
+                    {"amplitude": 1e-3 * z.span, "period": period, "phase": phase},
+                    {"amplitude": 1e-3 * z.span, "period": 0.1 * period, "phase": 0.5},
+                )

@@ -1,0 +1,103 @@
+"""Fit a model to experiments by simulation: weighted innovations and priors, by a trust region.
+
+chi2(x) = sum ((e_k(x) / s)^2) + sum of prior x^2, gain of the observer and deviations s fixed.
+Differences use absolute steps in x, which is of order one, so a parameter that starts at zero moves.
+All perturbed runs of a Jacobian are independent and go over all cores.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from diagnosis.experiment import Experiment
+from diagnosis.parameters import Model
+from diagnosis.predictor import SETTLING, Observer, innovations, substeps_for
+from sim.ensemble import in_parallel, threads
+from sim.equations import equations
+
+Floats = NDArray[np.float64]
+STEP = 1e-4
+WORST = 1e6  # weighted innovation that stands for an overflow
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A model at its best x. residual: weighted innovations and priors; jacobian of it by x."""
+
+    model: Model
+    x: Floats
+    chi2: float
+    residual: Floats
+    jacobian: Floats
+    samples: int
+
+    @property
+    def white(self) -> Floats:
+        """The weighted innovations alone."""
+        return self.residual[: self.samples]
+
+
+class Problem:
+    """Experiments under one observer."""
+
+    def __init__(self, experiments: Sequence[Experiment], observer: Observer) -> None:
+        self.experiments, self.observer = list(experiments), observer
+
+    def weighted(self, model: Model, x: Floats) -> Floats:
+        """Return the weighted innovations of all experiments, one after the other."""
+        device, gain = model.build(x)
+        eq = equations(device, substeps_for(device))
+        parts: list[Floats] = []
+        for e in self.experiments:
+            scaled = Experiment(e.period, gain * e.command, e.measured, e.outputs, e.name)
+            out = innovations(device, scaled, self.observer.gain, eq=eq)
+            parts.append((out[SETTLING:] / self.observer.deviation).ravel())
+        joined = np.concatenate(parts)
+        return np.clip(np.nan_to_num(joined, nan=WORST, posinf=WORST, neginf=-WORST), -WORST, WORST)
+
+    def residual(self, model: Model, x: Floats) -> Floats:
+        """Return weighted innovations, then the priors."""
+        prior = np.array([xi for p, xi in zip(model.parameters, x, strict=True) if p.prior])
+        return np.concatenate([self.weighted(model, x), prior])
+
+    def jacobian(self, model: Model, x: Floats, at: Floats | None = None) -> Floats:
+        """Return differences of the residual by x, inwards at a bound."""
+        base = self.residual(model, x) if at is None else at
+        steps = [STEP if xi + STEP <= p.upper else -STEP for p, xi in zip(model.parameters, x, strict=True)]
+
+        def column(i: int) -> Floats:
+            moved = x.copy()
+            moved[i] += steps[i]
+            return (self.residual(model, moved) - base) / steps[i]
+
+        columns = in_parallel([lambda i=i: column(i) for i in range(x.size)], threads())
+        return np.column_stack(columns)
+
+    def fit(self, model: Model, x: Floats | None = None, rounds: int = 12) -> Fitted:
+        """Return the best fit from a start (None: where all x are zero)."""
+        parameters = model.parameters
+        start = np.zeros(len(parameters)) if x is None else x
+        lower = np.array([p.lower for p in parameters])
+        upper = np.array([p.upper for p in parameters])
+        margin = 1e-9 * np.maximum(1.0, np.abs(start))
+        start = np.clip(start, np.where(np.isfinite(lower), lower + margin, lower),
+                        np.where(np.isfinite(upper), upper - margin, upper))  # fmt: skip
+        last: dict[bytes, Floats] = {}
+
+        def value(x: Floats) -> Floats:
+            last.clear()
+            last[x.tobytes()] = self.residual(model, x)
+            return last[x.tobytes()]
+
+        def slope(x: Floats) -> Floats:
+            return self.jacobian(model, x, last.get(x.tobytes()))
+
+        found = least_squares(
+            value, start, slope, bounds=(lower, upper), method="trf", x_scale=1.0,
+            ftol=1e-7, xtol=1e-6, gtol=1e-10, max_nfev=rounds,
+        )  # fmt: skip
+        samples = found.fun.size - sum(p.prior for p in parameters)
+        return Fitted(model, found.x, float(found.fun @ found.fun), found.fun, found.jac, samples)

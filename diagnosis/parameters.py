@@ -1,0 +1,169 @@
+"""The numbers that a fit may change: the device's linear parameters, gain, and those of effects.
+
+Every parameter is value = nominal + scale x (dampers, effects) or nominal exp(scale x) (masses,
+springs, gain), so that x is of order one. The linear ones carry a Gaussian prior of one scale: what
+the recording does not tell (gain against all masses at once) stays near the nominal device instead
+of running away, and a mass cannot triple to mimic friction.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.chain import make_chain
+from sim.device import Device, place_label
+from sim.physics.effect import Physics
+
+Floats = NDArray[np.float64]
+MASS_SCALE, SPRING_SCALE, DAMPER_SCALE, GAIN_SCALE = 0.2, 0.2, 0.5, 0.05
+DAMPER_FLOOR = 0.1  # of the mean damper: what a damper of nearly zero may change by
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number. kind: "mass", "spring", "damper", "k0", "gain" or "effect"; index in its array.
+
+    scale: of x. lower, upper: bounds of x. prior: whether x has a unit Gaussian prior.
+    """
+
+    name: str
+    kind: str
+    index: int
+    scale: float
+    lower: float = -np.inf
+    upper: float = np.inf
+    prior: bool = True
+    key: str = ""
+
+
+@dataclass(frozen=True)
+class Model:
+    """A device with its free parameters; `build(x)` is the device and gain at x.
+
+    effects: the physics under trial, at the values where x of their parameters is zero.
+    """
+
+    nominal: Device
+    effects: tuple[Physics, ...] = ()
+    scales: tuple[dict[str, float], ...] = ()
+
+    @property
+    def parameters(self) -> list[Parameter]:
+        """All free parameters, linear ones first."""
+        return [*linear_parameters(self.nominal), *self._effect_parameters()]
+
+    @property
+    def linear_count(self) -> int:
+        """How many of the parameters are linear ones."""
+        return len(linear_parameters(self.nominal))
+
+    def _effect_parameters(self) -> list[Parameter]:
+        found: list[Parameter] = []
+        for i, (physics, scales) in enumerate(zip(self.effects, self.scales, strict=True)):
+            for p in physics.effect.parameters:
+                if p.name not in scales or scales[p.name] == 0.0:
+                    continue
+                value, scale = physics.values[p.name], scales[p.name]
+                found.append(
+                    Parameter(
+                        f"{place_label(physics)}.{p.name}", "effect", i, scale,
+                        (p.lower - value) / scale, (p.upper - value) / scale, False, p.name,
+                    )
+                )  # fmt: skip
+        return found
+
+    def build(self, x: Floats) -> tuple[Device, float]:
+        """Return (device, gain) at x."""
+        chain = self.nominal.chain
+        masses, dampers = chain.masses.copy(), chain.ground_dampers.copy()
+        springs, links = chain.link_springs.copy(), chain.link_dampers.copy()
+        k0, gain = chain.ground_spring, 1.0
+        values = [dict(p.values) for p in self.effects]
+        for p, xi in zip(self.parameters, x, strict=True):
+            if p.kind == "mass":
+                masses[p.index] *= np.exp(p.scale * xi)
+            elif p.kind == "spring":
+                springs[p.index] *= np.exp(p.scale * xi)
+            elif p.kind == "damper":
+                dampers[p.index] += p.scale * xi
+            elif p.kind == "link":
+                links[p.index] += p.scale * xi
+            elif p.kind == "k0":
+                k0 *= float(np.exp(p.scale * xi))
+            elif p.kind == "gain":
+                gain = float(np.exp(p.scale * xi))
+            else:
+                values[p.index][p.key] += p.scale * float(xi)
+        device = self.nominal.with_chain(make_chain(masses, dampers, k0, springs, links))
+        for physics, changed in zip(self.effects, values, strict=True):
+            device = device.with_physics(replace(physics, values=_inside(physics, changed)))
+        return device, gain
+
+    def with_effect(self, physics: Physics, scales: dict[str, float]) -> "Model":
+        """Return the model with one more effect."""
+        return replace(self, effects=(*self.effects, physics), scales=(*self.scales, scales))
+
+    def without_effect(self, index: int) -> "Model":
+        """Return the model without one of its effects."""
+        keep = [i for i in range(len(self.effects)) if i != index]
+        return replace(
+            self,
+            effects=tuple(self.effects[i] for i in keep),
+            scales=tuple(self.scales[i] for i in keep),
+        )
+
+    @property
+    def label(self) -> str:
+        """The effects by name, or "linear"."""
+        return " + ".join(place_label(p) for p in self.effects) or "linear"
+
+
+def _inside(physics: Physics, values: dict[str, float]) -> dict[str, float]:
+    """Rounding may leave a value a hair outside its bounds."""
+    bounds = {p.name: (p.lower, p.upper) for p in physics.effect.parameters}
+    return {k: min(max(v, bounds[k][0]), bounds[k][1]) for k, v in values.items()}
+
+
+def linear_parameters(device: Device) -> list[Parameter]:
+    """Return the refit's own parameters of a device."""
+    chain = device.chain
+    n = chain.masses.size
+    every = np.concatenate([np.abs(chain.ground_dampers), np.abs(chain.link_dampers)])
+    floor = DAMPER_FLOOR * float(every.mean()) or 1e-3 * float(chain.masses.sum())
+
+    def damper(name: str, kind: str, i: int, value: float) -> Parameter:
+        return Parameter(name, kind, i, DAMPER_SCALE * max(abs(value), floor))
+
+    found = [Parameter(f"m{i + 1}", "mass", i, MASS_SCALE) for i in range(n)]
+    found += [damper(f"b{i + 1}", "damper", i, chain.ground_dampers[i]) for i in range(n)]
+    found += [Parameter(f"k{i + 1}{i + 2}", "spring", i, SPRING_SCALE) for i in range(n - 1)]
+    found += [
+        damper(f"b{i + 1}{i + 2}", "link", i, chain.link_dampers[i]) for i in range(n - 1)
+    ]
+    if chain.ground_spring > 0.0:
+        found.append(Parameter("k0", "k0", 0, SPRING_SCALE))
+    return [*found, Parameter("gain", "gain", 0, GAIN_SCALE)]
+
+
+def values_of(model: Model, x: Floats) -> dict[str, float]:
+    """Return the physical value of each linear parameter by name."""
+    device, gain = model.build(x)
+    chain = device.chain
+    values: dict[str, float] = {}
+    arrays = {"mass": chain.masses, "damper": chain.ground_dampers, "spring": chain.link_springs,
+              "link": chain.link_dampers}  # fmt: skip
+    for p in linear_parameters(model.nominal):
+        if p.kind == "gain":
+            values[p.name] = gain
+        elif p.kind == "k0":
+            values[p.name] = chain.ground_spring
+        else:
+            values[p.name] = float(arrays[p.kind][p.index])
+    return values
+
+
+def effect_labels(effects: Sequence[Physics]) -> list[str]:
+    """Return effect@place of each."""
+    return [place_label(p) for p in effects]

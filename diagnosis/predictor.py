@@ -1,0 +1,174 @@
+"""Innovations of a device on an experiment, under a fixed observer gain; and its free run.
+
+The gain comes from a noise model of two numbers, process force at m1 per tick and measurement noise,
+by the discrete algebraic Riccati equation on the linear part of the device. Only their ratio matters
+for the gain; it is chosen by likelihood (`choose_gain`), and then stays fixed inside a fit: a fit
+that may change its own noise cheats with it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_are
+
+from diagnosis.experiment import Experiment
+from sim.device import Device
+from sim.equations import Equations, equations
+from sim.kernel import MAX_STATES, Memory, scratch
+from sim.plant import hold
+from sim.predict import predict
+
+Floats = NDArray[np.float64]
+SETTLING = 100  # ticks left out at the start, until the observer has found the state
+RATIOS = np.geomspace(1e-3, 1e9, 25)
+
+
+@dataclass(frozen=True)
+class Observer:
+    """Gain (states, o), and the innovations' standard deviations (o,) it goes with.
+
+    ratio: process force variance a tick, over measurement variance, in units of (noise unit per
+    force step of the rigid body), as `observer_for` takes it.
+    """
+
+    gain: Floats
+    deviation: Floats
+    ratio: float
+
+
+def substeps_for(device: Device) -> int:
+    """Return substeps a tick for prediction: the observer corrects every tick, so few will do."""
+    return 2 if any(p.effect.hook in ("friction", "force") for p in device.physics) else 1
+
+
+def start_memory(eq: Equations, experiment: Experiment) -> Memory:
+    """Return the memory at the first sample: masses at the first position, velocity by difference."""
+    x = np.zeros(MAX_STATES)
+    for o, output in enumerate(experiment.outputs):
+        y = experiment.measured[:, o]
+        if output.quantity == "position":
+            x[: eq.dof] = y[0]
+            x[eq.dof : 2 * eq.dof] = np.polyfit(np.arange(10) * eq.period, y[:10], 1)[0]
+            break
+        x[eq.dof : 2 * eq.dof] = y[:5].mean()
+    return Memory(
+        x, np.zeros(eq.whole_delay + 2), np.zeros(1), np.zeros(eq.forces.codes.size),
+        np.zeros(4), np.zeros(2, dtype=np.int64), np.zeros(0),
+    )  # fmt: skip
+
+
+def innovations(
+    device: Device,
+    experiment: Experiment,
+    gain: Floats,
+    external: Floats | None = None,
+    eq: Equations | None = None,
+) -> Floats:
+    """Return innovations (ticks, o); infinite from where the prediction overflowed.
+
+    external: forces (ticks, n) added to the device's own.
+    """
+    ready = equations(device, substeps_for(device)) if eq is None else eq
+    memory = start_memory(ready, experiment)
+    forces = np.zeros((0, ready.dof)) if external is None else external
+    out = np.full(experiment.measured.shape, np.inf)
+    predict(
+        ready, experiment.places(ready.dof), experiment.command, experiment.measured,
+        _padded(gain, ready.states), forces, memory, scratch(ready), out,
+    )  # fmt: skip
+    return out
+
+
+def _padded(gain: Floats, states: int) -> Floats:
+    """Gain for a device with more states than the one it was made for (a lag, a further mass)."""
+    full = np.zeros((states, gain.shape[1]))
+    rows = min(states, gain.shape[0])
+    full[:rows] = gain[:rows]
+    return full
+
+
+def free_run_errors(
+    device: Device, experiment: Experiment, gain: Floats, window: int
+) -> tuple[Floats, Floats]:
+    """Return (errors, measured about its mean in each window), each (windows x window, o).
+
+    Each window starts from the state that the observer has at its beginning, then runs free.
+    """
+    eq = equations(device, max(4, substeps_for(device)) if device.physics else 1)
+    places, work = experiment.places(eq.dof), scratch(eq)
+    memory = start_memory(eq, experiment)
+    none, full = np.zeros((0, eq.dof)), _padded(gain, eq.states)
+    errors: list[Floats] = []
+    signal: list[Floats] = []
+    for first in range(0, experiment.ticks - window + 1, window):
+        u = experiment.command[first : first + window]
+        y = experiment.measured[first : first + window]
+        if first >= SETTLING:
+            free = Memory(*(a.copy() for a in memory))
+            e = np.full(y.shape, np.inf)
+            predict(eq, places, u, y, np.zeros_like(full), none, free, work, e)
+            errors.append(e)
+            signal.append(y - y.mean(axis=0))
+        predict(eq, places, u, y, full, none, memory, work, np.zeros(y.shape))
+    empty = np.zeros((0, experiment.measured.shape[1]))
+    return np.concatenate(errors or [empty]), np.concatenate(signal or [empty])
+
+
+def observer_for(device: Device, experiment: Experiment, ratio: float) -> Floats:
+    """Return the steady gain (states, o) for a ratio of process to measurement variance.
+
+    The process noise is a force at m1 held for a tick, in units of the force that moves the whole
+    mass by one noise unit within a tick: that keeps the ratio free of the device's units.
+    """
+    plant = device.plant()
+    a, b = hold(plant, experiment.period)
+    places = experiment.places(plant.dof).state
+    c = np.zeros((places.size, plant.size))
+    c[np.arange(places.size), places] = 1.0
+    scale = float(plant.matrices.mass.trace()) / experiment.period**2
+    source = b[:, 1] * scale
+    process = ratio * np.outer(source, source) + 1e-18 * np.eye(plant.size)
+    noise = np.diag(_noise_scale(experiment) ** 2)
+    solution = solve_discrete_are(a.T, c.T, process, noise)
+    innovation = c @ solution @ c.T + noise
+    return np.linalg.solve(innovation, c @ solution).T
+
+
+def _noise_scale(experiment: Experiment) -> Floats:
+    """Relative noise of the outputs: velocities are noisier than positions by 1/T."""
+    return np.array(
+        [1.0 if o.quantity == "position" else 1.0 / experiment.period for o in experiment.outputs]
+    )
+
+
+def choose_observer(device: Device, experiments: Sequence[Experiment]) -> Observer:
+    """Choose the ratio by the likelihood of the innovations, the deviations concentrated out."""
+    best: tuple[float, float] | None = None
+    eq = equations(device, substeps_for(device))
+    for ratio in RATIOS:
+        try:
+            gain = observer_for(device, experiments[0], float(ratio))
+        except (np.linalg.LinAlgError, ValueError):
+            continue
+        with np.errstate(all="ignore"):
+            kept = [innovations(device, e, gain, eq=eq)[SETTLING:] for e in experiments]
+            score = float(sum(k.shape[0] * np.log(np.mean(k**2, axis=0)).sum() for k in kept))
+        if np.isfinite(score) and (best is None or score < best[0]):
+            best = (score, float(ratio))
+    if best is None:
+        raise ValueError(
+            "no observer follows this recording with this device; check sign, scale and units of"
+            " command and outputs"
+        )
+    gain = observer_for(device, experiments[0], best[1])
+    return Observer(gain, deviation(device, experiments, gain), best[1])
+
+
+def deviation(device: Device, experiments: Sequence[Experiment], gain: Floats) -> Floats:
+    """Return the rms of the innovations, (o,)."""
+    kept = np.concatenate([innovations(device, e, gain)[SETTLING:] for e in experiments])
+    return np.sqrt(np.mean(kept**2, axis=0))
+
+

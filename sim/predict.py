@@ -1,0 +1,73 @@
+"""The tick of `sim/kernel.py` as a predictor: recorded command in, innovations out.
+
+At every tick, before step (1), the state is corrected by what was measured,
+
+    e_k = y_k - h(x_k),    x_k <- x_k + L e_k   (innovation form, fixed gain L),
+
+then the recorded command goes through amplifier and delay line and the chain moves, by the same
+parts as in a simulation. An output is a position or a velocity of one mass; m1's position is seen
+through the sensor. A sample that is not a number corrects nothing. With L = 0 it is a free run.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.jit import jit
+from sim.kernel import amplify, arrives, read_sensor, substep
+
+Floats = NDArray[np.float64]
+
+
+class Outputs(NamedTuple):
+    """What was measured: state (o,) index of each output in x, sensed (o,) through m1's sensor."""
+
+    state: NDArray[np.int64]
+    sensed: NDArray[np.bool_]
+
+
+@jit
+def predict(eq, outputs, commands, measured, gain, external, memory, scratch, innovations):
+    """Fill innovations (ticks, o) from commands (ticks,) and measured (ticks, o).
+
+    gain (states, o). external (ticks, n) forces to add, or (0, n). memory goes on from where it is,
+    so that a recording may be taken in pieces. Returns the ticks done: fewer than given where the
+    state overflowed.
+    """
+    x = memory.x
+    line = memory.line
+    last = line.size - 1
+    none = scratch[1][:0]
+    head = memory.counters[1]
+    tick = memory.counters[0]
+    u = memory.scalars[2]
+    for k in range(commands.size):
+        for o in range(outputs.state.size):
+            seen = x[outputs.state[o]]
+            if outputs.sensed[o]:
+                seen = read_sensor(eq, seen)
+            innovations[k, o] = measured[k, o] - seen
+        for o in range(outputs.state.size):
+            e = innovations[k, o]
+            if e == e:
+                for i in range(eq.states):
+                    x[i] += gain[i, o] * e
+        if arrives(eq, tick):
+            u = amplify(eq, commands[k])
+        line[head] = u
+        head = 0 if head == last else head + 1
+        earlier = line[head]
+        current = line[0 if head == last else head + 1]
+        force = external[k] if external.shape[0] > 0 else none
+        for segment in range(2):
+            held = earlier if segment == 0 else current
+            for _ in range(eq.substeps[segment]):
+                substep(eq, segment, held, force, memory, scratch)
+        tick += 1
+        if not abs(x[0]) < 1e12:
+            return k + 1
+    memory.scalars[2] = u
+    memory.counters[0] = tick
+    memory.counters[1] = head
+    return commands.size
