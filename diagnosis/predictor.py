@@ -13,12 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
+from controllers.none import none
 from diagnosis.experiment import Experiment
 from sim.device import Device
 from sim.equations import Equations, equations
-from sim.kernel import MAX_STATES, Memory, scratch
+from sim.kernel import Memory, scratch
 from sim.plant import hold
 from sim.predict import predict
+from sim.run import Start, start_memory
 
 Floats = NDArray[np.float64]
 SETTLING = 100  # ticks left out at the start, until the observer has found the state
@@ -39,24 +41,26 @@ class Observer:
 
 
 def substeps_for(device: Device) -> int:
-    """Return substeps a tick for prediction: the observer corrects every tick, so few will do."""
-    return 2 if any(p.effect.hook in ("friction", "force") for p in device.physics) else 1
+    """Return substeps a tick for prediction.
+
+    A reversal inside a substep puts friction wrong for its rest: with one or two substeps that
+    biases a friction level by a tenth, with four it is lost in the noise.
+    """
+    hooks = {p.effect.hook for p in device.physics}
+    return 4 if "friction" in hooks else 2 if "force" in hooks else 1
 
 
-def start_memory(eq: Equations, experiment: Experiment) -> Memory:
+def observer_memory(eq: Equations, experiment: Experiment) -> Memory:
     """Return the memory at the first sample: masses at the first position, velocity by difference."""
-    x = np.zeros(MAX_STATES)
+    position = velocity = 0.0
     for o, output in enumerate(experiment.outputs):
         y = experiment.measured[:, o]
         if output.quantity == "position":
-            x[: eq.dof] = y[0]
-            x[eq.dof : 2 * eq.dof] = np.polyfit(np.arange(10) * eq.period, y[:10], 1)[0]
+            position = float(y[0])
+            velocity = float(np.polyfit(np.arange(10) * eq.period, y[:10], 1)[0])
             break
-        x[eq.dof : 2 * eq.dof] = y[:5].mean()
-    return Memory(
-        x, np.zeros(eq.whole_delay + 2), np.zeros(1), np.zeros(eq.forces.codes.size),
-        np.zeros(4), np.zeros(2, dtype=np.int64), np.zeros(0),
-    )  # fmt: skip
+        velocity = float(y[:5].mean())
+    return start_memory(eq, none(), Start(position, velocity), 0)
 
 
 def innovations(
@@ -71,7 +75,7 @@ def innovations(
     external: forces (ticks, n) added to the device's own.
     """
     ready = equations(device, substeps_for(device)) if eq is None else eq
-    memory = start_memory(ready, experiment)
+    memory = observer_memory(ready, experiment)
     forces = np.zeros((0, ready.dof)) if external is None else external
     out = np.full(experiment.measured.shape, np.inf)
     predict(
@@ -98,8 +102,8 @@ def free_run_errors(
     """
     eq = equations(device, max(4, substeps_for(device)) if device.physics else 1)
     places, work = experiment.places(eq.dof), scratch(eq)
-    memory = start_memory(eq, experiment)
-    none, full = np.zeros((0, eq.dof)), _padded(gain, eq.states)
+    memory = observer_memory(eq, experiment)
+    no_force, full = np.zeros((0, eq.dof)), _padded(gain, eq.states)
     errors: list[Floats] = []
     signal: list[Floats] = []
     for first in range(0, experiment.ticks - window + 1, window):
@@ -108,10 +112,10 @@ def free_run_errors(
         if first >= SETTLING:
             free = Memory(*(a.copy() for a in memory))
             e = np.full(y.shape, np.inf)
-            predict(eq, places, u, y, np.zeros_like(full), none, free, work, e)
+            predict(eq, places, u, y, np.zeros_like(full), no_force, free, work, e)
             errors.append(e)
             signal.append(y - y.mean(axis=0))
-        predict(eq, places, u, y, full, none, memory, work, np.zeros(y.shape))
+        predict(eq, places, u, y, full, no_force, memory, work, np.zeros(y.shape))
     empty = np.zeros((0, experiment.measured.shape[1]))
     return np.concatenate(errors or [empty]), np.concatenate(signal or [empty])
 

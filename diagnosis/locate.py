@@ -1,0 +1,221 @@
+"""Where simulation and recording part: in time, frequency, state, and at which entry point.
+
+Shares are of the residual's excess energy, the part that the noise model does not expect: energy
+above one per whitened sample, so that a clean recording has nothing to locate.
+
+The entry point: forces of unknown shape at a place (m1, m2, m3, each link, or through the command)
+are let in as a constant in each of `BINS` bins of position, of velocity and of command. Each such
+force has a signature in the innovations; regressing the residual on the signatures, off the span of
+the refit, gives the map of the missing force and the chi-square that any force there could gain.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import welch
+
+from diagnosis.experiment import Experiment
+from diagnosis.fit import Fitted, Problem
+from diagnosis.predictor import SETTLING, innovations, substeps_for
+from diagnosis.screen import Complement
+from sim.ensemble import in_parallel, threads
+from sim.equations import equations
+
+Floats = NDArray[np.float64]
+BINS = 8
+SLICES = 20
+BANDS = (0.5, 2.0, 5.0, 10.0, 20.0, 40.0, 80.0, 160.0, 320.0)
+NEAR_REVERSAL_S = 0.012
+STATES = ("position", "velocity", "command")
+
+
+@dataclass(frozen=True)
+class ForceMap:
+    """The missing force at a place against one state: bin edges, force in each bin, its error."""
+
+    place: str
+    against: str
+    edges: Floats
+    force: Floats
+    error: Floats
+    gained: float
+
+
+@dataclass(frozen=True)
+class Located:
+    """Shares of the excess residual energy, a list each of {"from", "to" or "name", "share"}."""
+
+    sentence: str
+    time: list[dict[str, float]]
+    frequency_hz: list[dict[str, float]]
+    state: list[dict[str, object]]
+    entry: list[dict[str, object]]
+    maps: tuple[ForceMap, ...]
+
+
+def locate(problem: Problem, fitted: Fitted) -> Located:
+    """Locate what a fitted model leaves unexplained."""
+    first = problem.experiments[0]
+    white = fitted.white.reshape(-1, first.measured.shape[1])
+    time = _time(white, first.period)
+    frequency = _frequency(white, first.period)
+    state = _state(problem, white)
+    maps = force_maps(problem, fitted)
+    entry = _entry(maps)
+    return Located(_sentence(state, entry, maps), time, frequency, state, entry, maps)
+
+
+def _shares(values: Floats) -> Floats:
+    positive = np.maximum(values, 0.0)
+    total = float(positive.sum())
+    return positive / total if total > 0.0 else np.full(values.size, 1.0 / values.size)
+
+
+def _time(white: Floats, period: float) -> list[dict[str, float]]:
+    pieces = np.array_split((white**2).mean(axis=1) - 1.0, SLICES)
+    shares = _shares(np.array([p.sum() for p in pieces]))
+    edges = SETTLING * period + np.cumsum([0, *(p.size for p in pieces)]) * period
+    return [
+        {"from": float(a), "to": float(b), "share": float(s)}
+        for a, b, s in zip(edges, edges[1:], shares, strict=False)
+    ]
+
+
+def _frequency(white: Floats, period: float) -> list[dict[str, float]]:
+    f, power = welch(white, 1.0 / period, nperseg=min(2048, white.shape[0]), axis=0)
+    excess = power.mean(axis=1) - 2.0 * period
+    edges = [*(b for b in BANDS if b < 0.5 / period), 0.5 / period]
+    sums = [float(excess[(f >= a) & (f < b)].sum()) for a, b in zip(edges, edges[1:], strict=False)]
+    shares = _shares(np.array(sums))
+    return [
+        {"from": float(a), "to": float(b), "share": float(s)}
+        for a, b, s in zip(edges, edges[1:], shares, strict=False)
+    ]
+
+
+def _motion(e: Experiment) -> tuple[Floats, Floats]:
+    """Position and velocity of the first output's mass, smoothed over five samples."""
+    y = e.measured[:, 0]
+    smooth = np.convolve(np.pad(y, 2, mode="edge"), np.full(5, 0.2), "valid")
+    if e.outputs[0].quantity == "position":
+        return y, np.gradient(smooth) / e.period
+    return np.cumsum(y - y.mean()) * e.period, smooth
+
+
+def _state(problem: Problem, white: Floats) -> list[dict[str, object]]:
+    """Excess energy near reversals of velocity, at high speed, at large command, elsewhere."""
+    energy = (white**2).mean(axis=1) - 1.0
+    near, fast, strong = [], [], []
+    for e in problem.experiments:
+        _, v = _motion(e)
+        turn = np.zeros(e.ticks)
+        turn[1:] = np.diff(np.sign(v)) != 0
+        width = max(1, round(NEAR_REVERSAL_S / e.period))
+        near.append((np.convolve(turn, np.ones(2 * width + 1), "same") > 0)[SETTLING:])
+        fast.append((np.abs(v) > np.quantile(np.abs(v), 0.8))[SETTLING:])
+        u = np.abs(e.command)
+        strong.append((u > np.quantile(u, 0.8))[SETTLING:])
+    reversal, quick, large = (np.concatenate(x) for x in (near, fast, strong))
+    groups = {
+        f"within {1e3 * NEAR_REVERSAL_S:.0f} ms of a velocity reversal": reversal,
+        "fastest fifth": quick & ~reversal,
+        "largest fifth of the command": large & ~quick & ~reversal,
+    }
+    rest = ~np.any(list(groups.values()), axis=0)
+    groups["elsewhere"] = rest
+    shares = _shares(np.array([energy[g].sum() for g in groups.values()]))
+    return [
+        {"name": name, "share": float(s), "time_share": float(np.mean(g))}
+        for (name, g), s in zip(groups.items(), shares, strict=True)
+    ]
+
+
+def force_maps(problem: Problem, fitted: Fitted) -> tuple[ForceMap, ...]:
+    """Return the missing force at every place against every state."""
+    device, gain = fitted.model.build(fitted.x)
+    eq = equations(device, substeps_for(device))
+    off = Complement(fitted.jacobian)
+    left = off(fitted.residual)
+    prior = fitted.residual[fitted.samples :] * 0.0
+    places = [(f"m{i + 1}", (i, -1)) for i in range(device.chain.masses.size)]
+    places += [
+        (f"link{i + 1}{i + 2}", (i, i + 1)) for i in range(device.chain.masses.size - 1)
+    ]
+    size = float(np.sqrt(np.mean(problem.experiments[0].command ** 2))) * 1e-3
+
+    def signature(place: tuple[int, int], masks: Sequence[NDArray[np.bool_]]) -> Floats:
+        parts: list[Floats] = []
+        for e, mask in zip(problem.experiments, masks, strict=True):
+            force = np.zeros((e.ticks, eq.dof))
+            force[mask, place[0]] = size
+            if place[1] >= 0:
+                force[mask, place[1]] = -size
+            scaled = Experiment(e.period, gain * e.command, e.measured, e.outputs, e.name)
+            out = innovations(device, scaled, problem.observer.gain, force, eq)
+            parts.append((out[SETTLING:] / problem.observer.deviation).ravel())
+        moved = np.concatenate([*parts, prior])
+        moved[: fitted.samples] -= fitted.white
+        return off(moved) / size
+
+    found: list[ForceMap] = []
+    for name, place in places:
+        for against in STATES:
+            values = [_against(e, against) for e in problem.experiments]
+            edges = np.quantile(np.concatenate(values), np.linspace(0.0, 1.0, BINS + 1))
+            edges = np.unique(edges)
+            edges[-1] += 1e-12 + 1e-9 * abs(edges[-1])
+            bins = [
+                [(v >= a) & (v < b) for v in values] for a, b in zip(edges, edges[1:], strict=False)
+            ]
+            columns = in_parallel([lambda m=m: signature(place, m) for m in bins], threads())
+            matrix = np.column_stack(columns)
+            solved, *_ = np.linalg.lstsq(matrix, -left, rcond=1e-8)
+            gained = float(left @ left - np.sum((left + matrix @ solved) ** 2))
+            error = np.sqrt(np.diag(np.linalg.pinv(matrix.T @ matrix, rcond=1e-10)))
+            found.append(ForceMap(name, against, edges, solved, error, gained))
+    return tuple(found)
+
+
+def _against(e: Experiment, state: str) -> Floats:
+    position, velocity = _motion(e)
+    return {"position": position, "velocity": velocity, "command": e.command}[state]
+
+
+def _entry(maps: Sequence[ForceMap]) -> list[dict[str, object]]:
+    """Share of the explicable chi-square by place: the best map of each place."""
+    places = list(dict.fromkeys(m.place for m in maps))
+    best = np.array([max(m.gained for m in maps if m.place == p) for p in places])
+    shares = _shares(best - BINS)
+    return [{"name": p, "share": float(s)} for p, s in zip(places, shares, strict=True)]
+
+
+def _sentence(
+    state: Sequence[dict[str, object]], entry: Sequence[dict[str, object]], maps: Sequence[ForceMap]
+) -> str:
+    top = max(maps, key=lambda m: m.gained)
+    if top.gained < 4.0 * BINS:
+        return "no force of any shape at any place would explain more than noise does"
+    where = max(state, key=lambda s: float(s["share"]) / max(float(s["time_share"]), 1e-3))  # type: ignore[arg-type]
+    share, time = float(where["share"]), float(where["time_share"])  # type: ignore[arg-type]
+    first = (
+        f"{100.0 * share:.0f} % of the residual's excess lies {_place(str(where['name']))}"
+        f" ({100.0 * time:.0f} % of the time)"
+    )
+    return f"{first}; a force at {top.place} that follows {top.against} explains most of it" + _shape(top)
+
+
+def _place(name: str) -> str:
+    return name if name.startswith("within") or name == "elsewhere" else f"in the {name}"
+
+
+def _shape(top: ForceMap) -> str:
+    """Say the sign of a force that follows velocity."""
+    middle = 0.5 * (top.edges[1:] + top.edges[:-1])
+    if top.against != "velocity" or top.force.size < 4:
+        return ""
+    low, high = top.force[middle < 0.0], top.force[middle > 0.0]
+    if low.size and high.size and low.mean() > 0.0 > high.mean():
+        return "; it has the sign of -v"
+    return ""
