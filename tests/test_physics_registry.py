@@ -70,8 +70,8 @@ def test_linear_units_have_no_angles_but_phases() -> None:
 
 def _run(device: Device) -> Run:
     return simulate(
-        device, wall(12.0, 0.02, one_sided=True), duration=0.06, start=Start(-2e-4, 0.3), substeps=2,
-        disturbance=0.02 * np.sin(np.arange(60) * 0.4), fine=True, seed=3,
+        device, wall(12.0, 0.02, one_sided=True), duration=0.06, start=Start(-2e-4, 0.3),
+        disturbance=0.02 * np.sin(np.arange(60) * 0.4), substeps=2, fine=True, seed=3,
     )  # fmt: skip
 
 

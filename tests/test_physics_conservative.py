@@ -1,0 +1,69 @@
+"""Forces with a potential: pendulum and ripple, by frequency, period and energy."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.special import ellipk
+
+from controllers.none import none
+from sim.chain import make_chain
+from sim.device import Device
+from sim.physics import make_physics
+from sim.run import Start, simulate
+
+MASS = 1e-3
+FREE = Device("free mass", "", True, make_chain([MASS], [0.0]))
+
+
+def _period(t: np.ndarray, q: np.ndarray) -> float:
+    """Mean time between upward zero crossings."""
+    up = np.flatnonzero((q[:-1] < 0.0) & (q[1:] >= 0.0))
+    crossings = t[up] - q[up] / (q[up + 1] - q[up]) * (t[1] - t[0])
+    return float(np.diff(crossings).mean())
+
+
+@pytest.mark.parametrize(("swing", "substeps"), [(1e-3, 10), (1.0, 10), (3.0, 10)])
+def test_a_pendulum_swings_with_the_period_of_the_elliptic_integral(
+    swing: float, substeps: int
+) -> None:
+    """T = 4 sqrt(m / level) K(sin^2(swing / 2)), 1e-5. Mutation: the force without its sine."""
+    level, angle = 0.05, 0.7
+    device = FREE.with_physics(make_physics("gravity_pendulum", "m1", level=level, angle=angle))
+    start = Start(swing - angle)
+    run = simulate(device, none(), duration=6.0, start=start, substeps=substeps)
+    expected = 4.0 * math.sqrt(MASS / level) * ellipk(math.sin(0.5 * swing) ** 2)
+    q = run.trace["position_m1"] + angle
+    assert _period(run.trace.t, q) == pytest.approx(expected, rel=1e-5 if swing < 3.0 else 1e-4)
+    energy = 0.5 * MASS * run.trace["velocity_m1"] ** 2 - level * np.cos(q)
+    assert np.ptp(energy) < 1e-5 * level
+
+
+def test_ripple_takes_and_gives_by_its_potential() -> None:
+    """V = a p / (2 pi) cos(2 pi q / p + phi), 1e-5 of its range; the ledger books the same.
+
+    Mutation: 2 pi left out, or the phase.
+    """
+    a, period, phase = 3e-3, 0.02, 0.4
+    values = {"amplitude": a, "period": period, "phase": phase}
+    device = FREE.with_physics(make_physics("force_ripple", "m1", **values))
+    run = simulate(device, none(), duration=0.3, start=Start(0.0, 0.5), substeps=40, ledger=True)
+    q, v = run.trace["position_m1"], run.trace["velocity_m1"]
+    assert q[-1] > 5.0 * period
+    potential = a * period / (2.0 * math.pi) * np.cos(2.0 * math.pi * q / period + phase)
+    energy = 0.5 * MASS * v * v + potential
+    assert np.ptp(energy) < 1e-5 * np.ptp(potential)
+    booked = run.trace["work_force_ripple_m1"]
+    assert np.ptp(booked - potential) < 1e-5 * np.ptp(potential)
+
+
+def test_ripple_traps_with_the_frequency_of_its_valley() -> None:
+    """sqrt(2 pi a / (p m)) at the minimum of V, 2 pi q / p + phi = pi; 1e-5."""
+    a, period, phase = 3e-3, 0.02, 0.4
+    valley = (math.pi - phase) * period / (2.0 * math.pi)
+    values = {"amplitude": a, "period": period, "phase": phase}
+    device = FREE.with_physics(make_physics("force_ripple", "m1", **values))
+    run = simulate(device, none(), duration=3.0, start=Start(valley + 1e-5), substeps=10)
+    expected = 2.0 * math.pi / math.sqrt(2.0 * math.pi * a / (period * MASS))
+    q = run.trace["position_m1"] - valley
+    assert _period(run.trace.t, q) == pytest.approx(expected, rel=1e-5)

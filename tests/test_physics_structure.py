@@ -1,0 +1,98 @@
+"""Effects that change the linear equations: exact against chains and matrices made apart."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from physics_examples import example, phantom
+from scipy.linalg import expm
+
+from controllers.wall import wall
+from sim.chain import make_chain
+from sim.device import Device
+from sim.physics import make_physics
+from sim.run import Start, simulate
+from stability.linear import critical_stiffness
+
+MASSES, DAMPERS = [2e-4, 9e-4, 7e-5], [1e-3, 1e-2, 4e-3]
+SPRINGS, LINKS = [217.0, 14.5], [0.06, 1.3e-3]
+EXTRA = {"mass": 3e-4, "stiffness": 40.0, "damping": 5e-3}
+
+
+def _device(n: int, **physics: dict[str, float]) -> Device:
+    chain = make_chain(MASSES[:n], DAMPERS[:n], 0.0, SPRINGS[: n - 1], LINKS[: n - 1])
+    return Device("chain", "", True, chain)
+
+
+@pytest.mark.parametrize("n", [1, 3])
+def test_an_extra_mode_at_the_end_is_a_chain_of_one_more(n: int) -> None:
+    """To rounding, run and boundary. Mutation: the damper of `with_extra_mass` left out."""
+    extended = _device(n).with_physics(make_physics("extra_mode", f"m{n}", **EXTRA))
+    chain = make_chain(
+        [*MASSES[:n], EXTRA["mass"]], [*DAMPERS[:n], 0.0], 0.0,
+        [*SPRINGS[: n - 1], EXTRA["stiffness"]], [*LINKS[: n - 1], EXTRA["damping"]],
+    )  # fmt: skip
+    longer = replace(_device(n), chain=chain)
+    runs = [
+        simulate(d, wall(10.0, 0.01), duration=0.2, start=Start(1e-3, 0.1), ledger=True)
+        for d in (extended, longer)
+    ]
+    for channel in runs[1].trace.channels:
+        if not channel.startswith("work"):
+            mine, theirs = (run.trace[channel] for run in runs)
+            np.testing.assert_allclose(mine, theirs, rtol=0.0, atol=1e-12 * np.abs(theirs).max())
+    assert runs[0].ledger.keys() == runs[1].ledger.keys()
+    linear = [critical_stiffness(d, 0.01).stiffness for d in (extended, longer)]
+    assert linear[0] == pytest.approx(linear[1], rel=1e-9)
+
+
+def test_two_extra_modes_and_a_ground_spring_equal_their_matrices() -> None:
+    """expm of matrices written out here, 1e-12 over 100 ticks. Mutation: host m1 for m3."""
+    device = _device(3).with_physics(
+        make_physics("extra_mode", "m1", mass=3e-4, stiffness=40.0, damping=5e-3),
+        make_physics("extra_mode", "m3", mass=1e-4, stiffness=6.0, damping=1e-3),
+        make_physics("ground_spring", "m3", stiffness=2.5),
+        make_physics("ground_spring", "m1", stiffness=1.5),
+    )
+    assert device.chain.ground_spring == 1.5
+    k, c = np.zeros((5, 5)), np.diag([*DAMPERS, 0.0, 0.0])
+    links = [(0, 1, 217.0, 0.06), (1, 2, 14.5, 1.3e-3), (0, 3, 40.0, 5e-3), (2, 4, 6.0, 1e-3)]
+    for i, j, stiffness, damping in links:
+        e = np.eye(5)[i] - np.eye(5)[j]
+        k += stiffness * np.outer(e, e)
+        c += damping * np.outer(e, e)
+    k += np.diag([1.5, 0.0, 2.5, 0.0, 0.0])
+    inverse = np.diag(1.0 / np.array([*MASSES, 3e-4, 1e-4]))
+    step = expm(1e-3 * np.block([[np.zeros((5, 5)), np.eye(5)], [-inverse @ k, -inverse @ c]]))
+    x = np.concatenate([np.linspace(1e-3, -1e-3, 5), np.linspace(-0.1, 0.2, 5)])
+    run = simulate(device, wall(0.0, 0.0), duration=0.1, start=Start(list(x[:5]), list(x[5:])))
+    names = [f"{q}_m{i + 1}" for q in ("position", "velocity") for i in range(5)]
+    found = np.array([run.trace[name] for name in names]).T
+    truth = np.array([np.linalg.matrix_power(step, i) @ x for i in range(100)])
+    np.testing.assert_allclose(found, truth, rtol=0.0, atol=1e-12 * np.abs(truth).max())
+
+
+def test_an_extra_mode_stores_and_dissipates_under_its_own_name() -> None:
+    device = _device(3).with_physics(make_physics("extra_mode", "m1", **EXTRA))
+    run = simulate(device, wall(10.0, 0.01), duration=0.1, start=Start(0.0, 0.1), ledger=True)
+    assert run.ledger["b14"] > 0.0
+
+
+def test_friction_and_extra_modes_live_together() -> None:
+    """Three dry masses and two extra ones: five masses, eight locked sets, and all three stop."""
+    levels = {"m1": 2e-3, "m2": 3e-3, "m3": 2e-3}
+    dry = (make_physics("coulomb_friction", at, level=f) for at, f in levels.items())
+    device = phantom().with_physics(*dry, example("extra_mode", "m1"), example("extra_mode", "m3"))
+    run = simulate(device, wall(0.0, 0.0), duration=1.0, start=Start(0.0, 0.2), substeps=4)
+    assert int(run.trace["at_rest"][-1]) & 0b111 == 0b111
+
+
+def test_a_rigid_body_takes_what_hangs_on_it_and_ties_it_down() -> None:
+    """A spring from m3 to ground holds the rigid body as its k0; an extra mode moves to m1."""
+    device = phantom().with_physics(
+        make_physics("ground_spring", "m3", stiffness=2.0), example("extra_mode", "m3")
+    )
+    body = device.rigid()
+    assert body.chain.ground_spring == 2.0
+    assert [p.at for p in body.physics] == ["m1"]
+    assert body.plant().dof == 2
