@@ -36,26 +36,22 @@ def compile_step(step: Step) -> Any:
         return step
     source = getattr(step, "py_func", step)
     try:
-        return numba.cfunc(SIGNATURE, error_model=OPTIONS["error_model"], cache=True)(source)
-    except RuntimeError:  # numba cannot cache a function without a file (a shell, exec)
-        return _uncached(source)
-    except numba.errors.NumbaError as error:
-        raise _refusal(source, error) from error
+        try:
+            return numba.cfunc(SIGNATURE, error_model=OPTIONS["error_model"], cache=True)(source)
+        except RuntimeError:  # numba cannot cache a function without a file (a shell, exec)
+            return numba.cfunc(SIGNATURE, error_model=OPTIONS["error_model"])(source)
+    except Exception as error:  # numba's errors have no common type
+        raise ValueError(
+            f"controller {getattr(source, '__name__', source)!r} does not compile as"
+            f" float64 step(k, t, y, v, p, m): {_reason(error)}"
+        ) from error
 
 
-def _uncached(source: Step) -> Any:
-    try:
-        return numba.cfunc(SIGNATURE, error_model=OPTIONS["error_model"])(source)
-    except numba.errors.NumbaError as error:
-        raise _refusal(source, error) from error
-
-
-def _refusal(source: Step, error: Exception) -> ValueError:
-    reason = next((line for line in str(error).splitlines() if line.strip()), "no reason given")
-    return ValueError(
-        f"controller {getattr(source, '__name__', source)!r} does not compile as"
-        f" float64 step(k, t, y, v, p, m): {reason}"
-    )
+def _reason(error: Exception) -> str:
+    """Return the line that says why, out of numba's report."""
+    lines = (line.strip() for line in str(error).splitlines())
+    said = (line for line in lines if line and not line.startswith("Failed in"))
+    return next(said, type(error).__name__).removesuffix(", defined at None")
 
 
 @dataclass(frozen=True)
@@ -81,12 +77,23 @@ class Controller:
 
 
 def user_controller(step: Step, parameters: Floats | None = None, memory: int = 1) -> Controller:
-    """Make a controller of a user's own function; its name and source hash go into the log."""
+    """Make a controller of a user's own function; its name and source hash go into the log.
+
+    parameters (any,): what the law reads as p. memory: how many values it keeps as m. Raises
+    ValueError for what is no function, does not compile, or parameters that are not one row.
+    """
     source = getattr(step, "py_func", step)
-    text = inspect.getsource(source)
+    if not inspect.isfunction(source):
+        raise ValueError(f"controller is {step!r}; a function step(k, t, y, v, p, m) is needed")
+    values = np.zeros(0) if parameters is None else np.ascontiguousarray(parameters, np.float64)
+    if values.ndim != 1:
+        raise ValueError(f"controller.parameters have shape {values.shape}; one row is allowed")
+    try:
+        text = inspect.getsource(source)
+    except OSError:  # a function without a file
+        text = f"{source.__code__.co_code!r} {source.__code__.co_consts!r}"
     facts = {
         "function": f"{source.__module__}:{source.__qualname__}",
         "source_sha256": hashlib.sha256(text.encode()).hexdigest(),
     }
-    values = np.zeros(0) if parameters is None else np.ascontiguousarray(parameters, np.float64)
     return Controller("user", compile_step(step), values, memory, MappingProxyType(facts))

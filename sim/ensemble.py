@@ -30,6 +30,7 @@ from sim.lanes import (
     SIDED,
     STIFFNESS,
     LaneMemory,
+    aligned,
     dense,
     lane_kernel,
     lane_memory,
@@ -107,8 +108,8 @@ class LaneRuns:
         def run(first: int, lanes: int) -> None:
             count = min(lanes, self.size - first)
             chosen = np.minimum(np.arange(first, first + lanes), self.size - 1)
-            memory = LaneMemory(self.bank[:, chosen].ravel(), self.line[:, chosen].ravel())
-            found = np.zeros(windows * MEASURES * lanes)
+            memory = LaneMemory(aligned(self.bank[:, chosen]), aligned(self.line[:, chosen]))
+            found = aligned(np.zeros(windows * MEASURES * lanes))
             kernel = lane_kernel(self.eq.states, self.eq.dof, lanes)
             kernel(self.eq, rows, memory, self.head, weights, windows, found)
             mine = slice(first, first + count)

@@ -204,7 +204,7 @@ def _dampers(plant: Plant) -> list[tuple[str, float, Floats]]:
 
 
 def ledger_forms(plant: Plant, duration: float, wanted: bool) -> Floats:
-    """Return the forms S of: motor, amplifier's lag, each damper; shape (entries, columns, columns)."""
+    """Return the forms S of motor, amplifier's lag, each damper: (entries, columns, columns)."""
     size = plant.size + 1 + plant.dof
     if not wanted or duration == 0.0:
         entries = 2 + len(_dampers(plant)) if wanted else 0
@@ -268,7 +268,7 @@ def _borrowed(device: Device, physics: Physics, seed: int) -> list[float]:
 
 
 def _places(at: str) -> tuple[int, int]:
-    """Masses between which an effect acts: m2 -> (1, ground), link12 -> (0, 1), ground -> (0, -)."""
+    """Masses between which an effect acts: m2 -> (1, -1: ground), link12 -> (0, 1)."""
     if at.startswith("link"):
         return int(at[4]) - 1, int(at[5]) - 1
     if at.startswith("m"):

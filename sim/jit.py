@@ -5,7 +5,8 @@ which makes the source its own oracle (run it with ``NUMBA_DISABLE_JIT=1``).
 
 Numba's on-disk cache looks at the file of a function, not at the files of the functions it calls,
 so an edit of a callee would leave a stale caller behind. The cache folder is therefore named by the
-text of every file of `sim` and `controllers` that holds compiled functions.
+text of every file of `sim` and `controllers` that holds compiled functions, or `Equations`, whose
+fields compiled functions know by their order.
 """
 
 import hashlib
@@ -19,6 +20,7 @@ import numba
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 COMPILED_PACKAGES = ("sim", "controllers")
+MARKS = (b"sim.jit", b"compile_step", b"class Equations")
 
 
 def _fingerprint() -> str:
@@ -27,7 +29,7 @@ def _fingerprint() -> str:
     for package in COMPILED_PACKAGES:
         for file in sorted((root / package).rglob("*.py")):
             text = file.read_bytes()
-            if b"sim.jit" in text or b"compile_step" in text:
+            if any(mark in text for mark in MARKS):
                 digest.update(text)
     return digest.hexdigest()[:16]
 

@@ -9,12 +9,12 @@ At t = kT, before anything moves:
     (a delay that is no multiple of T changes the held value inside the tick, exactly);
 (6) over [kT, (k+1)T) the chain moves in substeps.
 
-A substep is exact for the linear part (propagator P, see `sim/equations.py`). Smooth forces are held
-over the substep at the mean of their values at its start and at its predicted end, which is second
-order. Dry friction is held too, at the force that stops the mass or at its bound, whichever is
-less; a mass at rest whose load stays within the sticking bounds is locked, with a propagator of its
-own, and does not move at all. All forces being held, the work of each is force times displacement,
-and the ledger closes to rounding.
+A substep is exact for the linear part (propagator P, see `sim/equations.py`). Smooth forces are
+held over the substep at the mean of their values at its start and at its predicted end, which is
+second order. Dry friction is held too, at the force that stops the mass or at its bound, whichever
+is less; a mass at rest whose load stays within the sticking bounds is locked, with a propagator of
+its own, and does not move at all. All forces being held, the work of each is force times
+displacement, and the ledger closes to rounding.
 
 No fastmath, no `**`, no numpy reductions: the compiled loop equals this source bit for bit.
 """
@@ -41,16 +41,17 @@ Floats = NDArray[np.float64]
 
 DONE, ESCAPED, NOT_FINITE = 0, 1, 2
 MOTOR, WALL, DISTURBANCE, LAG, DAMPERS = 0, 1, 2, 3, 4
-MAX_STATES, MAX_COLUMNS, MAX_MASSES = 16, 32, 8
+MAX_COLUMNS, MAX_MASSES = 32, 8
 MAX_SWEEPS = 200
 
 
 class Memory(NamedTuple):
     """All that survives a tick, changed in place; copy it to resume from here.
 
-    x (16,) states, the rest is working space; line (d + 2,) delay line; controller (its memory,); internal (force
-    effects,); scalars (4,): last reading, velocity estimate, last command, last applied; counters
-    (2,): tick, head of the line; totals (entries,) of the ledger.
+    x (32,): states, then held command and forces on the masses, which every substep writes anew;
+    line (d + 2,) delay line; controller (its memory,); internal (force effects,); scalars (4,):
+    last reading, velocity estimate, last command, last applied; counters (2,): tick, head of the
+    line; totals (entries,) of the ledger.
     """
 
     x: Floats
@@ -64,7 +65,10 @@ class Memory(NamedTuple):
 
 @part
 def propagate(p, w, columns, x):
-    """x = P w, eight rows at a time; the sums run over the columns in order."""
+    """Set x = P w, eight rows at a time; the sums run over the columns in order.
+
+    x may be w where P has one block of rows: all of w is read before x is written.
+    """
     for block in range(p.shape[0]):
         a0 = a1 = a2 = a3 = a4 = a5 = a6 = a7 = 0.0
         for j in range(columns):
@@ -109,7 +113,7 @@ def held_forces(eq, x, internal, values):
 
 @part
 def load(eq, values, external, w):
-    """Sum smooth and external forces into the force columns of w."""
+    """Sum smooth and external forces into the force entries of w."""
     start = eq.states + 1
     for i in range(eq.dof):
         w[start + i] = external[i] if external.size > 0 else 0.0
@@ -139,15 +143,22 @@ def friction_limits(eq, x, limits, shares):
 
     shares (dry forces, 2): what each adds to lower and upper.
     """
-    limits[:, :] = 0.0
     table = eq.frictions
-    for e in range(table.codes.size):
-        i = table.first[e]
-        bounds = friction_bounds(table.codes[e], x[eq.dof + i], table.parameters[e])
-        for row in range(4):
-            limits[row, i] += bounds[row]
-        shares[e, 0] = bounds[0]
-        shares[e, 1] = bounds[1]
+    for i in range(eq.dof):
+        lower = upper = lower_at_rest = upper_at_rest = 0.0
+        for e in range(table.codes.size):
+            if table.first[e] == i:
+                bounds = friction_bounds(table.codes[e], x[eq.dof + i], table.parameters[e])
+                lower += bounds[0]
+                upper += bounds[1]
+                lower_at_rest += bounds[2]
+                upper_at_rest += bounds[3]
+                shares[e, 0] = bounds[0]
+                shares[e, 1] = bounds[1]
+        limits[0, i] = lower
+        limits[1, i] = upper
+        limits[2, i] = lower_at_rest
+        limits[3, i] = upper_at_rest
 
 
 @part
@@ -214,16 +225,17 @@ def slide(p, dof, states, mask, limits, friction, x):
             break
     for j in range(dof):
         if friction[j] != 0.0:
-            for row in range(states):
-                x[row] += p[row // 8, column + j, row % 8] * friction[j]
+            for block in range(p.shape[0]):
+                for r in range(8):
+                    x[8 * block + r] += p[block, column + j, r] * friction[j]
     for i in range(dof):
         if limits[0, i] < friction[i] < limits[1, i]:
             x[dof + i] = 0.0
 
 
 @part
-def add_work(eq, segment, mask, w, x0, x1, values, external, friction, limits, shares, totals):
-    """Add one substep to the ledger: motor, lag and dampers by their forms, the rest f dq."""
+def add_work(eq, segment, mask, w, x1, values, external, friction, limits, shares, totals):
+    """Add one substep from w to x1: motor, lag and dampers by their forms, the rest f dq."""
     n = eq.columns
     start = eq.states + 1
     for i in range(eq.dof):
@@ -231,7 +243,7 @@ def add_work(eq, segment, mask, w, x0, x1, values, external, friction, limits, s
     forms = eq.quadratics[segment, mask]
     for e in range(forms.shape[0]):
         if e == 0 and not eq.lagging:
-            totals[MOTOR] += w[eq.states] * (x1[0] - x0[0])
+            totals[MOTOR] += w[eq.states] * (x1[0] - w[0])
             continue
         total = 0.0
         for i in range(n):
@@ -247,13 +259,13 @@ def add_work(eq, segment, mask, w, x0, x1, values, external, friction, limits, s
             totals[DAMPERS + e - 2] += total
     slot = DAMPERS + forms.shape[0] - 2
     for i in range(external.size):
-        totals[DISTURBANCE] += external[i] * (x1[i] - x0[i])
+        totals[DISTURBANCE] += external[i] * (x1[i] - w[i])
     table = eq.forces
     for e in range(table.codes.size):
         i, j = table.first[e], table.second[e]
-        totals[slot + e] -= values[e] * (across(x1, 0, i, j) - across(x0, 0, i, j))
+        totals[slot + e] -= values[e] * (across(x1, 0, i, j) - across(w, 0, i, j))
     slot += table.codes.size
-    share_friction(eq, x0, x1, friction, limits, shares, totals, slot)
+    share_friction(eq, w, x1, friction, limits, shares, totals, slot)
 
 
 @part
@@ -270,41 +282,48 @@ def share_friction(eq, x0, x1, friction, limits, shares, totals, slot):
 
 @part
 def substep(eq, segment, held, external, memory, scratch):
-    """Advance the chain by one substep of a segment under a held command."""
-    w, x0, values, ahead, after, friction, limits, shares = scratch
+    """Advance the chain by one substep of a segment under a held command.
+
+    P is applied where the state lies; the state before is kept only for those who ask for it.
+    """
+    before, values, ahead, after, friction, limits, shares = scratch
     x = memory.x
-    for i in range(eq.states):
-        w[i] = x[i]
-    w[eq.states] = held
-    for i in range(eq.states):
-        x0[i] = x[i]
-    held_forces(eq, x0, memory.internal, values)
-    load(eq, values, external, w)
+    x[eq.states] = held
+    held_forces(eq, x, memory.internal, values)
+    load(eq, values, external, x)
     mask = 0
     if eq.frictions.codes.size > 0:
-        friction_limits(eq, x0, limits, shares)
-        mask = locked_set(eq, w, limits)
+        friction_limits(eq, x, limits, shares)
+        mask = locked_set(eq, x, limits)
     p = eq.propagators[segment, mask]
-    propagate(p, w, eq.columns, x)
+    columns = eq.columns if values.size + external.size > 0 else eq.states + 1
+    again = values.size > 0 or eq.bounds_vary
+    if again or memory.totals.size > 0 or p.shape[0] > 1:
+        for j in range(eq.columns):
+            before[j] = x[j]
+        propagate(p, before, columns, x)
+    else:
+        propagate(p, x, columns, x)
     slide(p, eq.dof, eq.states, mask, limits, friction, x)
-    h = eq.durations[segment]
-    if eq.forces.codes.size > 0 or eq.bounds_vary:
-        advance_internal(eq, x0, x, memory.internal, h, after)
+    if again:
+        h = eq.durations[segment]
+        advance_internal(eq, before, x, memory.internal, h, after)
         held_forces(eq, x, after, ahead)
         if eq.bounds_vary:
             mean_friction_limits(eq, x, limits, shares)
         for e in range(values.size):
             values[e] = 0.5 * (values[e] + ahead[e])
-        load(eq, values, external, w)
-        propagate(p, w, eq.columns, x)
+        load(eq, values, external, before)
+        propagate(p, before, columns, x)
         slide(p, eq.dof, eq.states, mask, limits, friction, x)
-        advance_internal(eq, x0, x, memory.internal, h, after)
+        advance_internal(eq, before, x, memory.internal, h, after)
         for e in range(values.size):
             memory.internal[e] = after[e]
     if memory.totals.size > 0:
         add_work(
-            eq, segment, mask, w, x0, x, values, external, friction, limits, shares, memory.totals
-        )
+            eq, segment, mask, before, x, values, external, friction, limits, shares,
+            memory.totals,
+        )  # fmt: skip
 
 
 @part
@@ -357,7 +376,9 @@ def arrives(eq, tick):
 
 
 @jit
-def advance(eq, controller, parameters, memory, scratch, ticks, external, bound, record, fine, energy):
+def advance(
+    eq, controller, parameters, memory, scratch, ticks, external, bound, record, fine, energy
+):
     """Run up to `ticks` ticks from memory; return (ticks done, status).
 
     external (ticks, n) held forces, or (0, n); bound: stop when |x_1| exceeds it. record
@@ -368,9 +389,9 @@ def advance(eq, controller, parameters, memory, scratch, ticks, external, bound,
     x = memory.x
     line = memory.line
     scalars = memory.scalars
-    no_force = scratch[1][:0]
+    no_force = scratch[0][:0]
     last = line.size - 1
-    # With nothing but the linear part, P is applied where the state lies, no copy in between.
+    # With nothing but the linear part, a substep is P alone.
     linear = (
         eq.forces.codes.size == 0 and eq.frictions.codes.size == 0 and external.shape[0] == 0
         and memory.totals.size == 0 and eq.propagators.shape[2] == 1
@@ -447,6 +468,6 @@ def scratch(eq):
     """Working space of one run."""
     n = eq.forces.codes.size
     return (
-        np.zeros(MAX_COLUMNS), np.zeros(MAX_STATES), np.zeros(n), np.zeros(n), np.zeros(n),
+        np.zeros(MAX_COLUMNS), np.zeros(n), np.zeros(n), np.zeros(n),
         np.zeros(MAX_MASSES), np.zeros((4, MAX_MASSES)), np.zeros((eq.frictions.codes.size, 2)),
     )  # fmt: skip

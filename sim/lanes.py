@@ -1,14 +1,19 @@
 """Many runs of one device at once: the same tick, runs in the lanes of the vector registers.
 
-The innermost loop runs over 64 (or 16) runs that lie side by side in memory, each with its own wall,
-start and state. Every lane does the operations of `sim/kernel.py` in the same order, so it equals
-the scalar run bit for bit. It serves linear mechanisms with the interface's own nonlinearities
-(encoder step, command step, limit) under the built-in wall; anything else runs in the scalar kernel.
+The innermost loop runs over 64 (or 16) runs that lie side by side in memory, each with its own
+wall, start and state. Every lane does the operations of `sim/kernel.py` in the same order, so it
+equals the scalar run bit for bit. It serves linear mechanisms with the interface's own
+nonlinearities (encoder step, command step, limit) under the built-in wall; anything else runs in
+the scalar kernel.
 
-Per window of ticks a lane keeps, instead of its trace: two energies weighted by a Hann window
+Per window of ticks a lane keeps, instead of its trace: two energies weighted over the window
 (kinetic energy, and the square of the third difference of m1's velocity, which shows fast modes a
-thousand times below slow ones), the extremes of m1's position and of the command, and how often m1's
-velocity changed its sign.
+thousand times below slow ones), the extremes of m1's position and of the command, and how often
+m1's velocity changed its sign.
+
+What the compiler needs to put runs into vector registers: sizes that are constants, slices of a
+lane's length instead of computed indices (which may be negative, hence scattered), and memory
+that begins on a cache line.
 """
 
 from functools import cache
@@ -18,24 +23,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.equations import Equations
-from sim.jit import jit
+from sim.jit import jit, part
 from sim.physics.command_step import quantise_command
 from sim.physics.encoder_step import read_encoder
+from sim.physics.saturation import limit_command
 
 Floats = NDArray[np.float64]
 LANES, NARROW = 64, 16  # runs in a group: full, and for what is left over
 SLOW_ENERGY, FAST_ENERGY, LOWEST, HIGHEST = 0, 1, 2, 3
 LOWEST_COMMAND, HIGHEST_COMMAND, REVERSALS = 4, 5, 6
 MEASURES = 7
+CACHE_LINE = 64  # bytes
 # Rows of the bank after the states, the held command and the fresh states.
-READING, ESTIMATE, COMMAND, PAST1, PAST2, PAST3 = 0, 1, 2, 3, 4, 5
-STIFFNESS, DAMPING, POSITION, SIDED, SIGNALS = 6, 7, 8, 9, 10
+READING, ESTIMATE, PAST1, PAST2, PAST3 = 0, 1, 2, 3, 4
+STIFFNESS, DAMPING, POSITION, SIDED, SIGNALS = 5, 6, 7, 8, 9
 
 
 class LaneMemory(NamedTuple):
     """All that survives a tick, for a group of lanes.
 
-    bank (rows x lanes,): states, held command, working space, signals and wall, a row of lanes each, in one array with rows at constant offsets, so that the compiler can see that they do not
+    bank (rows x lanes,): states, held command, working space, signals and wall, a row of lanes
+    each, in one array with rows at constant offsets, so that the compiler can see that they do not
     overlap. line ((d + 2) x lanes,) the delay lines.
     """
 
@@ -61,6 +69,21 @@ def dense(eq: Equations) -> Floats:
     return np.ascontiguousarray(unpacked[:, : eq.states, :columns]).ravel()
 
 
+def aligned(values: Floats) -> Floats:
+    """Return a copy, flat, that begins on a cache line."""
+    room = np.empty(values.size + CACHE_LINE // 8)
+    first = -room.ctypes.data % CACHE_LINE // 8
+    room[first : first + values.size] = values.ravel()
+    return room[first : first + values.size]
+
+
+@part
+def pushed(depth, push, one_sided):
+    """Command of a wall (`controllers/wall.py`) at a depth, `push` being what it would push."""
+    inside = 0.0 if depth <= 0.0 else max(0.0, push)
+    return -(inside if one_sided != 0.0 else push)
+
+
 @cache
 def lane_kernel(states: int, dof: int, lanes: int) -> Any:
     """Return the kernel for a number of states and lanes; with fixed sizes the sums unroll."""
@@ -69,7 +92,6 @@ def lane_kernel(states: int, dof: int, lanes: int) -> Any:
     FRESH = states + 1
     Y = 2 * states + 1 + READING
     V = 2 * states + 1 + ESTIMATE
-    U = 2 * states + 1 + COMMAND
     D1 = 2 * states + 1 + PAST1
     D2 = 2 * states + 1 + PAST2
     D3 = 2 * states + 1 + PAST3
@@ -111,12 +133,12 @@ def lane_kernel(states: int, dof: int, lanes: int) -> Any:
                     bank[D1 * LANES + lane] = v
                     m[FAST_ENERGY * LANES + lane] += weight * (third * third)
                     m[REVERSALS * LANES + lane] += 1.0 if v * past1 < 0.0 else 0.0
-                    energy = 0.0
-                    for i in range(dof):
+                    energy = 0.5 * eq.masses[0] * (v * v)
+                    for i in range(1, dof):
                         v = bank[(dof + i) * LANES + lane]
                         energy += 0.5 * eq.masses[i] * (v * v)
                     m[SLOW_ENERGY * LANES + lane] += weight * energy
-                row = head * LANES
+                now = line[head * LANES : (head + 1) * LANES]
                 if stepped:
                     for lane in range(LANES):
                         y = read_encoder(bank[lane], eq.encoder_step, eq.encoder_floor)
@@ -126,14 +148,8 @@ def lane_kernel(states: int, dof: int, lanes: int) -> Any:
                         bank[Y * LANES + lane] = y
                         depth = y - bank[W * LANES + lane]
                         push = bank[K * LANES + lane] * depth + bank[B * LANES + lane] * v
-                        inside = 0.0 if depth <= 0.0 else max(0.0, push)
-                        u = quantise_command(
-                            -(inside if bank[S * LANES + lane] != 0.0 else push), eq.command_step
-                        )
-                        u = max(-eq.command_limit, min(eq.command_limit, u))
-                        line[row + lane] = u
-                        m[LOWEST_COMMAND * LANES + lane] = min(m[LOWEST_COMMAND * LANES + lane], u)
-                        m[HIGHEST_COMMAND * LANES + lane] = max(m[HIGHEST_COMMAND * LANES + lane], u)
+                        u = pushed(depth, push, bank[S * LANES + lane])
+                        now[lane] = quantise_command(u, eq.command_step)
                 else:
                     for lane in range(LANES):
                         y = bank[lane]
@@ -143,26 +159,24 @@ def lane_kernel(states: int, dof: int, lanes: int) -> Any:
                         bank[Y * LANES + lane] = y
                         depth = y - bank[W * LANES + lane]
                         push = bank[K * LANES + lane] * depth + bank[B * LANES + lane] * v
-                        inside = 0.0 if depth <= 0.0 else max(0.0, push)
-                        u = -(inside if bank[S * LANES + lane] != 0.0 else push)
-                        u = max(-eq.command_limit, min(eq.command_limit, u))
-                        line[row + lane] = u
-                        m[LOWEST_COMMAND * LANES + lane] = min(m[LOWEST_COMMAND * LANES + lane], u)
-                        m[HIGHEST_COMMAND * LANES + lane] = max(m[HIGHEST_COMMAND * LANES + lane], u)
+                        now[lane] = pushed(depth, push, bank[S * LANES + lane])
+                for lane in range(LANES):
+                    u = limit_command(now[lane], eq.command_limit)
+                    now[lane] = u
+                    m[LOWEST_COMMAND * LANES + lane] = min(m[LOWEST_COMMAND * LANES + lane], u)
+                    m[HIGHEST_COMMAND * LANES + lane] = max(m[HIGHEST_COMMAND * LANES + lane], u)
                 head = 0 if head == last else head + 1
                 for segment in range(2):
                     if eq.substeps[segment] > 0:
-                        source = head if segment == 0 or head == last else head + 1
-                        if segment == 1 and head == last:
-                            source = 0
-                        row = source * LANES
+                        source = head + segment if head + segment <= last else 0
+                        due = line[source * LANES : (source + 1) * LANES]
                         for lane in range(LANES):
-                            bank[HELD * LANES + lane] = line[row + lane]
+                            bank[HELD * LANES + lane] = due[lane]
                         o = segment * states * COLUMNS
                         for lane in range(LANES):
                             for i in range(states):
-                                total = 0.0
-                                for j in range(COLUMNS):
+                                total = p[o + i * COLUMNS] * bank[lane]
+                                for j in range(1, COLUMNS):
                                     total += p[o + i * COLUMNS + j] * bank[j * LANES + lane]
                                 bank[(FRESH + i) * LANES + lane] = total
                             for i in range(states):

@@ -14,7 +14,7 @@ from sim.equations import Equations, equations, ledger_names
 from sim.kernel import (
     DONE,
     ESCAPED,
-    MAX_STATES,
+    MAX_COLUMNS,
     NOT_FINITE,
     Memory,
     across,
@@ -51,13 +51,14 @@ class Start:
     velocity: float | Sequence[float] = 0.0
 
     def state(self, dof: int) -> Floats:
-        """Return (16,) padded [q_1..q_n, v_1..v_n]; raises ValueError (field, length, value)."""
-        padded = np.zeros(MAX_STATES)
+        """Return (32,) padded [q_1..q_n, v_1..v_n]; raises ValueError (field, length, value)."""
+        padded = np.zeros(MAX_COLUMNS)
         for offset, field in ((0, "position"), (dof, "velocity")):
             values = np.asarray(getattr(self, field), dtype=np.float64)
             if values.ndim > 1 or (values.ndim == 1 and values.size != dof):
                 raise ValueError(
-                    f"start.{field} has {values.size} values; give one, or one for each of {dof} masses"
+                    f"start.{field} has {values.size} values; give one, or one for each of {dof}"
+                    " masses"
                 )
             if not np.all(np.isfinite(values)):
                 raise ValueError(f"start.{field} is {values}; only finite numbers are allowed")
@@ -71,9 +72,10 @@ class Run:
 
     trace has one sample a tick, taken at t = kT before the chain moves. fine has one sample a
     substep (positions and velocities), where asked for. ledger: work done by motor and disturbance,
-    energy dissipated by each damper and effect; `wall` is the work of the command at its own,
-    sampled port (what a passivity observer sees) and no part of the balance
-    stored - stored at start = motor + disturbance - dissipated.
+    energy taken by each damper and effect. The balance is
+    stored - stored at start = motor + disturbance - taken. No part of it are `wall`, the work of
+    the command at its own, sampled port (what a passivity observer sees), and `actuator_lag`, the
+    work the command would have done beyond the motor's without the lag.
     """
 
     trace: Trace
@@ -123,8 +125,9 @@ class Setup:
             per_tick = int(self.eq.substeps.sum())
             fine = np.zeros((count * per_tick if self.fine else 0, self.eq.states))
             done, status = advance(
-                self.eq, self.controller.step, self.controller.parameters, self.memory, scratch(self.eq), count,
-                self.external[first : first + count], self.bound, record, fine, self.energy,
+                self.eq, self.controller.step, self.controller.parameters, self.memory,
+                scratch(self.eq), count, self.external[first : first + count], self.bound,
+                record, fine, self.energy,
             )  # fmt: skip
             t = np.arange(first, first + done) * self.eq.period
             yield (

@@ -19,5 +19,5 @@ saturation = Effect(
 
 @part
 def limit_command(command, limit):
-    """Return the command held between -limit and limit."""
-    return max(-limit, min(limit, command))
+    """Return the command held between -limit and limit; NaN stays NaN, so that the run stops."""
+    return min(max(command, -limit), limit)
