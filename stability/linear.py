@@ -29,7 +29,7 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 SETTLED = 1e-9
 ROUNDING = 1e-12
-CORNER_GRID = 100
+CORNER_GRID = 50
 JUMP = 1e-3
 
 
