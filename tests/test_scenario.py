@@ -104,6 +104,13 @@ def test_defaults():
     )  # fmt: skip
 
 
+def test_the_example_of_the_documentation_is_a_scenario():
+    text = (Path(__file__).parents[1] / "docs" / "scenarios.md").read_text(encoding="utf-8")
+    scenario = scenario_from_text(text.split("```toml\n")[1].split("```")[0])
+    assert scenario.disturbances == (Disturbance("pulse", 0.2, "m1", 0.5, 0.52),)
+    assert scenario.controller.facts["one_sided"] is True
+
+
 def test_interface_and_physics_change_the_device():
     text = MINIMAL + (
         "[interface]\ndelay_s = 0.0025\nencoder_rounding = 'floor'\n"
@@ -258,7 +265,7 @@ def test_a_constant_force_acts_from_tick_to_tick():
 
 
 def test_a_pulse_has_the_impulse_of_half_a_sine():
-    """2 A D / pi, to (pi T / D)^2 / 24 = 1.03e-4. Mutation: value at the tick's start (n = 20)."""
+    """2 A D / pi, to (pi T / D)^2 / 24 = 1.03e-3. Mutation: value at the tick's start (n = 20)."""
     f = forces(Disturbance("pulse", 3.0, "m1", 0.1, 0.1633))[:, 0]
     g = forces(Disturbance("pulse", 3.0, "m1", 0.1, 0.12))[:, 0]
     assert f.sum() * 1e-3 == pytest.approx(2.0 * 3.0 * 0.0633 / math.pi, rel=2e-3)

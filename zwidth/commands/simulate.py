@@ -110,7 +110,7 @@ def _say(console: Console, scenario: Scenario, logged: LoggedRun) -> None:
             if name not in ("imbalance", "turned_over")
         ]
         console.table("\nEnergy [J]", [Column("", False), Column("")], rows)
-    if energy.get("turned_over"):
+    if 0.0 < energy.get("turned_over", 0.0) < np.inf:
         share = abs(energy["imbalance"]) / energy["turned_over"]
         console.say(f"the balance closes to {share:.1e} of the energy turned over")
 

@@ -17,6 +17,8 @@ Floats = NDArray[np.float64]
 
 COLUMNS = 2000  # of the picture; a longer line is drawn as the extremes in each of them
 LOST = 1e3  # growth of |position| over its start from which the scale turns logarithmic
+EARLY = 50  # samples that say where a run started
+HIGHEST = 1e100  # values drawn
 GREY = "0.55"
 NOT_SPENT = ("work_motor", "work_disturbance", "work_wall", "work_actuator_lag")
 
@@ -27,6 +29,7 @@ def run_figure(trace: Trace, title: str = "") -> Figure:
     Shaded: contact with a one-sided wall. A run that grew a thousandfold is drawn on scales that
     are logarithmic beyond its start.
     """
+    trace = _drawable(trace)
     with_energy = "stored_energy" in trace.channels
     with rc_context(STYLE):
         figure = Figure(figsize=(7.2, 6.6 if with_energy else 4.6), layout="constrained")
@@ -42,6 +45,13 @@ def run_figure(trace: Trace, title: str = "") -> Figure:
             _shade_contact(panel, trace)
             panel.legend(loc="upper left", bbox_to_anchor=(1.0, 1.02), frameon=False, fontsize=8)
     return figure
+
+
+def _drawable(trace: Trace) -> Trace:
+    """Leave out what overflowed, or is about to: scales cannot be computed with it."""
+    return trace.with_channels(
+        {n: np.where(np.abs(v) < HIGHEST, v, np.nan) for n, v in trace.channels.items()}
+    )
 
 
 def _positions(axes: Axes, trace: Trace) -> None:
@@ -105,7 +115,8 @@ def thinned(t: Floats, values: Floats, columns: int = COLUMNS) -> tuple[Floats, 
 
 def _scale(axes: Axes, trace: Trace, names: Sequence[str]) -> None:
     values = np.concatenate([np.abs(trace[name]) for name in names])
-    early = np.concatenate([np.abs(trace[name][: max(1, len(trace) // 20)]) for name in names])
+    first = min(EARLY, len(trace) // 20 + 1)
+    early = np.concatenate([np.abs(trace[name][:first]) for name in names])
     start, most = early.max(), values[np.isfinite(values)].max(initial=0.0)
     if 0.0 < LOST * start < most:
         axes.set_yscale("symlog", linthresh=start)
@@ -115,7 +126,8 @@ def _scale(axes: Axes, trace: Trace, names: Sequence[str]) -> None:
 def _few_decades(start: float, most: float) -> list[float]:
     """Zero and, on both sides, so few powers of ten that their labels do not touch."""
     lowest, highest = math.floor(math.log10(start)) + 1, math.floor(math.log10(most))
-    powers = [10.0**k for k in range(highest, lowest, -max(1, (highest - lowest) // 3))]
+    step = max(1, (highest - lowest) // 3)
+    powers = [10.0**k for k in range(highest, lowest + step // 3, -step)]
     return [*(-p for p in powers), 0.0, *powers]
 
 
