@@ -1,6 +1,6 @@
 """Text tables: CSV, TSV and columns of blanks, by whatever tool they were written.
 
-The delimiter and the decimal mark are those with which the longest run of lines is all numbers.
+The delimiter and the decimal mark are those with which most cells of a run of lines are numbers.
 The line before the first number names the columns, with units in brackets behind the names or on a
 line of their own; lines that begin with #, % or // are comments. A blank cell is NaN. A text cell
 does not spoil the other columns: its own is reported as unreadable, with line and column.
@@ -33,6 +33,7 @@ DIALECTS = [
 ]
 SNIFFED = 200  # lines from which the dialect is found out
 MOST_COLUMNS = 10_000
+BEGINS_A_NUMBER = re.compile(r"[+-]?[.,]?\d")
 NAME_AND_UNIT = re.compile(r"(?P<name>.*\S)\s*[\[(](?P<unit>[^\[\]()]*)[\])]$")
 
 
@@ -58,10 +59,13 @@ class Lines:
 
 
 class Run(NamedTuple):
-    """Lines of numbers with `width` cells each; named: the line above them has as many cells."""
+    """Lines that follow each other, of `width` cells each, with a number in every one of them.
 
-    lines: int
-    named: bool
+    weight: cells that are numbers, times their share; times three where the line above names them,
+    which outweighs that a comma taken for a delimiter makes two numbers of one.
+    """
+
+    weight: float
     width: int
 
 
@@ -81,7 +85,11 @@ def read_csv(path: Path, data: bytes, options: CsvOptions = NOTHING_SAID) -> Sou
     text = _decode(path, data)
     notes: list[str] = []
     lines = _lines(text)
-    form = _form(path, lines, options)
+    about = _about(path, lines.comments)
+    if about and len(lines.text) == 1:  # a log of ours without a sample
+        empty = dict.fromkeys(lines.text[0].split(","), "is empty")
+        return Source(path, "text table (commas)", {}, empty, about=about)
+    form = _form(path, lines, CsvOptions(",", ".", options.header_line) if about else options)
     rows, numbers = lines.text[form.first :], lines.numbers[form.first :]
     if rows and len(_cells(rows[-1], form.delimiter)) < len(form.names):
         notes.append(f"the last line, {numbers[-1]}, is cut short and left out")
@@ -90,6 +98,8 @@ def read_csv(path: Path, data: bytes, options: CsvOptions = NOTHING_SAID) -> Sou
         notes.append("the last line has no end; if the file was cut off, its last number may be")
     if not rows:
         raise RecordingError(f"{path.name} has column names but no line of numbers")
+    if form.decimal == "," and len(form.names) == 1 and any("," in row for row in rows[:SNIFFED]):
+        notes.append('one column with decimal commas is read; if it is two, say delimiter = ","')
     columns = _columns(path, rows, numbers, form)
     signals: dict[str, Signal] = {}
     unreadable: dict[str, str] = {}
@@ -98,9 +108,7 @@ def read_csv(path: Path, data: bytes, options: CsvOptions = NOTHING_SAID) -> Sou
             unreadable[name] = column
         elif name or not np.isnan(column).all():  # a delimiter at the end of every line names none
             signals[name or f"column{len(signals) + 1}"] = Signal(name, column, unit)
-    return Source(
-        path, _kind(form), signals, unreadable, tuple(notes), _about(path, lines.comments)
-    )
+    return Source(path, _kind(form), signals, unreadable, tuple(notes), about)
 
 
 def _decode(path: Path, data: bytes) -> str:
@@ -144,9 +152,9 @@ def _form(path: Path, lines: Lines, options: CsvOptions) -> Form:
         if options.delimiter in (None, delimiter) and options.decimal in (None, decimal)
     ] or [(options.delimiter or ",", options.decimal or ".")]
     sample = lines.text[:SNIFFED]
-    runs = [_longest_run(sample, *dialect) for dialect in dialects]
+    runs = [_best_run(sample, *dialect) for dialect in dialects]
     best = max(range(len(runs)), key=lambda i: runs[i])
-    if runs[best].lines == 0:
+    if runs[best].width == 0:
         raise RecordingError(
             f"{path.name} has no line of numbers among its first {len(sample)}; if it is a table,"
             " say delimiter, decimal and header_line in [csv]"
@@ -161,19 +169,20 @@ def _form(path: Path, lines: Lines, options: CsvOptions) -> Form:
     return Form(delimiter, decimal, names, units, first)
 
 
-def _longest_run(sample: list[str], delimiter: str, decimal: str) -> Run:
-    """Return the longest run of lines of numbers with equally many cells."""
-    best, run, width = Run(0, False, 0), 0, 0
-    for i, line in enumerate(sample):
+def _best_run(sample: list[str], delimiter: str, decimal: str) -> Run:
+    """Return the run that speaks most for a dialect."""
+    best, above = Run(0.0, 0), list[str]()
+    named, numbers, filled = False, 0, 0
+    for line in sample:
         cells = _cells(line, delimiter)
-        numeric = [_is_number(cell, decimal) for cell in cells if cell not in BLANKS]
-        if numeric and all(numeric):
-            run = run + 1 if len(cells) == width else 1
-            width = len(cells)
-            above = sample[i - run] if run <= i else ""
-            best = max(best, Run(run, len(_cells(above, delimiter)) == width, width))
-        else:
-            run = 0
+        spoken = [cell for cell in cells if cell not in BLANKS]
+        count = sum(_is_number(cell, decimal) for cell in spoken)
+        if not numbers or not count or len(cells) != len(above):
+            numbers = filled = 0
+            named = len(cells) == len(above) and not any(BEGINS_A_NUMBER.match(c) for c in above)
+        numbers, filled, above = numbers + count if count else 0, filled + len(spoken), cells
+        if numbers:
+            best = max(best, Run(numbers * numbers / filled * (3 if named else 1), len(cells)))
     return best
 
 

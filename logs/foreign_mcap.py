@@ -114,7 +114,7 @@ def read_foreign_mcap(path: Path, file: BinaryIO) -> Source:
                     topic.take(part)
         except (McapError, UnicodeDecodeError, ValueError, OverflowError):
             inconsistent += 1
-    return _source(path, walk, inconsistent, topics)
+    return _source(path, walk, summary is not None, inconsistent, topics)
 
 
 def _parts(record: object) -> Iterator[Schema | Channel | Message]:
@@ -229,7 +229,9 @@ def _float(value: float | int) -> float:
         return np.inf if value > 0 else -np.inf
 
 
-def _source(path: Path, walk: Walk, inconsistent: int, topics: dict[int, Topic | str]) -> Source:
+def _source(
+    path: Path, walk: Walk, indexed: bool, inconsistent: int, topics: dict[int, Topic | str]
+) -> Source:
     signals: dict[str, Signal] = {}
     notes = [f"bytes {d.start} to {d.stop - 1} were skipped: {d.reason}" for d in walk.damages]
     if len(notes) > MOST_NOTES:
@@ -238,6 +240,8 @@ def _source(path: Path, walk: Walk, inconsistent: int, topics: dict[int, Topic |
         notes.append(f"{inconsistent} chunks with records that cannot be decoded were skipped")
     if not walk.ended:
         notes.append("the file was not closed or is cut short; it is read up to there")
+    elif not indexed:
+        notes.append("the index at the end of the file is missing or damaged; no message is lost")
     for topic in topics.values():
         if isinstance(topic, str):
             notes.append(topic)

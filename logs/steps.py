@@ -1,8 +1,9 @@
 """The step of which all values of a signal are multiples: an encoder's, a converter's, a printer's.
 
 With distinct values u_0 < u_1 < ... all gaps u_{i+1} - u_i are multiples of the step. The smallest
-gap is a first estimate; taking the gaps in rising order and dividing their sum by the multiples
-counted so far makes the estimate sharper before larger gaps, with larger multiples, need it.
+gap is a first estimate or, where levels are skipped (16 and 17 steps apart), the smallest
+difference of gaps. Taking the gaps in rising order and dividing their sum by the multiples counted
+so far makes the estimate sharper before larger gaps, with larger multiples, need it.
 """
 
 import numpy as np
@@ -12,7 +13,7 @@ Floats = NDArray[np.float64]
 
 LEAST_LEVELS = 8
 ROUNDS = 8
-LARGEST_RESIDUAL = 0.1  # of a step; where there is no step, residuals spread evenly to 0.5
+LARGEST_RESIDUAL = 0.003  # of a step; where there is no step, residuals spread evenly to 0.5
 LARGEST_MULTIPLE = 1e12  # beyond it the rounding of a double hides the step
 
 
@@ -32,33 +33,35 @@ def _step(levels: Floats) -> float | None:
     gaps = np.diff(levels)
     rounding = 4.0 * np.spacing(np.abs(levels).max())
     gaps = np.sort(gaps[gaps > rounding])
-    span = levels[-1] - levels[0]
-    if gaps.size < LEAST_LEVELS - 1 or not np.isfinite(span) or span / gaps[0] > LARGEST_MULTIPLE:
+    span = float(levels[-1] - levels[0])
+    if gaps.size < LEAST_LEVELS - 1 or not np.isfinite(span):
         return None
-    step = _refined(gaps)
-    residual = (levels - levels[0]) / step
-    residual = np.abs(residual - np.rint(residual))
-    return _shortest(step) if residual.max() < LARGEST_RESIDUAL else None
+    differences = np.diff(gaps)
+    differences = differences[(differences > 2.0 * rounding) & (differences < gaps[0])]
+    for first in (gaps[0], *([differences.min()] if differences.size else [])):
+        if span / first < LARGEST_MULTIPLE:
+            step = _refined(gaps, float(first))
+            residual = (levels - levels[0]) / step
+            if np.abs(residual - np.rint(residual)).max() < LARGEST_RESIDUAL:
+                return _shortest(step)
+    return None
 
 
-def _refined(gaps: Floats) -> float:
-    """Return the step of gaps that rise."""
-    step, sums = float(gaps[0]), np.cumsum(gaps)
+def _refined(gaps: Floats, step: float) -> float:
+    """Return the step of gaps that rise, from a first estimate."""
+    sums = np.cumsum(gaps)
     for _ in range(ROUNDS):
-        multiples = np.rint(gaps / step)
-        # Rounding is safe while the error of the step, a fraction 1/(2 n), is under half a step.
-        counted = np.cumsum(multiples)
-        safe = int(np.searchsorted(multiples, max(1.0, 0.25 * counted[_ones(multiples)]), "right"))
+        multiples = np.maximum(np.rint(gaps / step), 1.0)
+        # The smallest gaps, n steps in all, leave the step wrong by a fraction of 1/(2 n) at most:
+        # gaps of n/4 steps are still counted right.
+        counted, least = np.cumsum(multiples), multiples[0]
+        sure = counted[np.searchsorted(multiples, least, "right") - 1]
+        safe = int(np.searchsorted(multiples, max(least, 0.25 * sure), "right"))
         better = float(sums[safe - 1] / counted[safe - 1])
         if better == step:
             break
         step = better
     return step
-
-
-def _ones(multiples: Floats) -> int:
-    """Return the index of the last gap of a single step."""
-    return max(int(np.searchsorted(multiples, 1.0, "right")) - 1, 0)
 
 
 def _shortest(step: float) -> float:

@@ -37,10 +37,10 @@ class Timing:
     """What the stamps of one stream show.
 
     period [s]: 0 where fewer than two stamps differ. jitter [s]: standard deviation of the
-    intervals that are no gaps. resolution [s]: the step of which all intervals are multiples, 0
-    where none is seen. gap_count and missing count all gaps and the samples that lack; gaps holds
-    the first 16. repeats and backwards count stamps equal to, and earlier than, the one before; the
-    *_at are the times of the first.
+    intervals that are no gaps. resolution [s]: the step of which all stamps are multiples, 0
+    where none finer than the period is seen. gap_count and missing count all gaps and the samples
+    that lack; gaps holds the first 16. repeats and backwards count stamps equal to, and earlier
+    than, the one before; the *_at are the times of the first.
     """
 
     samples: int
@@ -113,7 +113,7 @@ def _examine(t: Floats, intervals: Floats) -> Timing:
     if forward.size == 0:
         usual, period = forward, 0.0
     else:
-        median = float(np.median(forward))
+        median = float(np.quantile(forward, 0.5, method="lower"))
         usual = forward[np.abs(forward - median) <= 0.5 * median]
         period = float(f"{usual.mean():.12g}")
     gap_at = np.flatnonzero(intervals > GAP * period) if period else np.array([], dtype=np.int64)
@@ -127,7 +127,7 @@ def _examine(t: Floats, intervals: Floats) -> Timing:
         stop=float(t[-1]),
         period=period,
         jitter=jitter if jitter > rounding else 0.0,
-        resolution=_resolution(forward, period, rounding),
+        resolution=_resolution(t, period, rounding),
         gap_count=gap_at.size,
         missing=int(min(lacking.sum(), 2.0**62)),
         gaps=tuple(
@@ -141,9 +141,9 @@ def _examine(t: Floats, intervals: Floats) -> Timing:
     )
 
 
-def _resolution(forward: Floats, period: float, rounding: float) -> float:
-    """Return the step of the intervals between rounding and the period, 0 where there is none."""
-    step = step_seen(forward)
+def _resolution(t: Floats, period: float, rounding: float) -> float:
+    """Return the step of the stamps between rounding and the period, 0 where there is none."""
+    step = step_seen(t)
     return step if step is not None and rounding < step < 0.999 * period else 0.0
 
 

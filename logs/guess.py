@@ -1,0 +1,272 @@
+"""What a file seems to hold, for a person to judge: each signal at a glance, a TOML to start from.
+
+A guess is offered, never taken. It goes by units first, in brackets or at the end of a name, then
+by the words of a name; what it cannot know (a scale, counts per revolution) it leaves open, so that
+the draft is refused until someone has filled it in.
+"""
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import tomli_w
+
+from logs.foreign_mcap import CLOCKS
+from logs.source import Floats, Signal, Source
+from logs.steps import step_seen
+from logs.timing import NOTABLE_JITTER, Stamps, Timing, common_origin, examine
+from logs.units import SI, UNITS, Unit, find_unit
+
+LEAST_SAMPLES = 3
+QUANTITY_OF = {si: quantity for quantity, units in SI.items() for si in units} | {
+    "V": "command",
+    "A": "command",
+    "counts": "position",
+    "counts/s": "velocity",
+    "counts/s2": "acceleration",
+}
+WORDS = {
+    "time": ("t", "time", "times", "timestamp", "stamp", "zeit", "tout", "clock"),
+    "command": (
+        *("u", "cmd", "command", "input", "torque", "force", "effort", "tau", "current", "voltage"),
+        *("motor", "vir", "drive", "actuator"),
+    ),
+    "position": (
+        *("position", "pos", "angle", "theta", "phi", "q", "qm", "x", "y", "encoder", "enc"),
+        *("displacement", "output"),
+    ),
+    "velocity": ("velocity", "vel", "speed", "omega", "qd", "dq"),
+    "acceleration": ("acceleration", "acc", "accel", "qdd", "ddq"),
+}
+CLOCK_ORDER = ("header.stamp", "stamp", "timestamp", "log_time", "publish_time")
+assert set(CLOCK_ORDER) == set(CLOCKS)
+
+
+@dataclass(frozen=True)
+class Seen:
+    """One signal at a glance. step: see `step_seen`; rate [Hz]: 0 where no clock of its own."""
+
+    name: str
+    unit: str
+    samples: int
+    missing: int
+    least: float
+    most: float
+    step: float | None
+    rate: float
+    seems: str
+
+
+def look(source: Source) -> list[Seen]:
+    """Return what each signal of a file shows, in the order of the file."""
+    rows = _rows(source)
+    time = time_signal(source)
+    timing = None if time is None else _timing(time)
+    return [_seen(signal, rows, time, timing) for signal in source.signals.values()]
+
+
+def _seen(signal: Signal, rows: int, time: Signal | None, timing: Timing | None) -> Seen:
+    values = signal.floats()
+    finite = values[np.isfinite(values)]
+    if signal.stamps:
+        timing = _stamped(signal)
+    elif time is None or time.values.size != signal.values.size:
+        timing = None
+    return Seen(
+        name=signal.name,
+        unit=signal.unit,
+        samples=values.size,
+        missing=values.size - finite.size,
+        least=float(finite.min()) if finite.size else np.nan,
+        most=float(finite.max()) if finite.size else np.nan,
+        step=step_seen(values),
+        rate=0.0 if timing is None else timing.rate,
+        seems="time" if signal is time else _seems(signal, rows),
+    )
+
+
+def _seems(signal: Signal, rows: int) -> str:
+    """Return "command", "position" ..., "constant", or "" where nothing tells."""
+    values = signal.floats()
+    if values.size != rows and not signal.stamps:
+        return "constant" if values.size == 1 else ""
+    if values.size and values.min() == values.max():
+        return "constant"
+    unit = unit_seen(signal)
+    if unit is not None:
+        return QUANTITY_OF.get(unit.si, "")
+    words = _words(signal.name)
+    for quantity, known in WORDS.items():
+        if quantity != "time" and any(word in known for word in words):
+            return quantity
+    return ""
+
+
+def _words(name: str) -> list[str]:
+    """Return the words of a name, the last first: "jointPos_deg" -> deg, pos, joint."""
+    spaced = re.sub("([a-z0-9])([A-Z])", r"\1 \2", name)
+    return re.findall("[a-z0-9]+", spaced.lower())[::-1]
+
+
+def unit_seen(signal: Signal) -> Unit | None:
+    """Return the unit in brackets, or at the end of the name ("angle_deg", "speed_rad_s")."""
+    if signal.unit:
+        return find_unit(signal.unit)
+    spelled = unit_spelled(signal)
+    return None if spelled is None else UNITS[spelled]
+
+
+def unit_spelled(signal: Signal) -> str | None:
+    """Return the unit as a TOML would give it, or None."""
+    if signal.unit:
+        return signal.unit if find_unit(signal.unit) else None
+    last = signal.name.rsplit(".", 1)[-1]
+    tails = [match.group(1).replace("_", "/") for match in re.finditer("(?=_(.+))", last)]
+    own = [last] if last != signal.name and len(last) > 1 else []
+    return next((tail for tail in [*tails, *own] if tail in UNITS), None)
+
+
+def _rows(source: Source) -> int:
+    """Return the number of samples that most signals have."""
+    sizes = [signal.values.size for signal in source.signals.values()]
+    long = [size for size in sizes if size >= LEAST_SAMPLES]
+    return max(sorted(set(long)), key=long.count) if long else 0
+
+
+def time_signal(source: Source) -> Signal | None:
+    """Return the signal that seems to be the time stamps: it rises, by its name or evenly."""
+    rows = _rows(source)
+    rising = [s for s in source.signals.values() if s.values.size == rows and _rises(s.floats())]
+    for signal in rising:
+        unit = unit_seen(signal)
+        if (unit is not None and unit.si == "s") or any(
+            word in WORDS["time"] for word in _words(signal.name)
+        ):
+            return signal
+    even = [s for s in rising if not s.stamps and _even(_timing(s))]
+    return even[0] if len(even) == 1 else None
+
+
+def _rises(values: Floats) -> bool:
+    """Return True for a signal that rises all the time but for a few faults."""
+    if values.size < LEAST_SAMPLES or not np.isfinite(values).all():
+        return False
+    with np.errstate(over="ignore"):
+        return float((np.diff(values) > 0.0).mean()) > 0.5 and bool(values[-1] > values[0])
+
+
+def _even(timing: Timing) -> bool:
+    return timing.jitter <= NOTABLE_JITTER * timing.period and not timing.gap_count
+
+
+def _timing(time: Signal) -> Timing:
+    unit = unit_seen(time)
+    factor = unit.factor if unit is not None and unit.si == "s" else 1.0
+    return _examined(Stamps(time.values, factor))
+
+
+def _stamped(signal: Signal) -> Timing:
+    return _examined(Stamps(signal.stamps[_clock(signal)], 1e-9))
+
+
+def _examined(stamps: Stamps) -> Timing:
+    return examine(stamps.seconds(common_origin({"": stamps})))
+
+
+def _clock(signal: Signal) -> str:
+    return next(clock for clock in CLOCK_ORDER if clock in signal.stamps)
+
+
+def clock_faults(source: Source) -> list[str]:
+    """Return sentences on the faults of the clock that the draft proposes."""
+    time = time_signal(source)
+    if time is not None and not time.stamps:
+        return [f"{time.name}: {fault}" for fault in _timing(time).faults()]
+    clocks = {s.name.rsplit(".", 1)[0]: s for s in source.signals.values() if s.stamps}
+    return [f"{name}: {fault}" for name, s in clocks.items() for fault in _stamped(s).faults()]
+
+
+def draft(source: Source, seen: Sequence[Seen]) -> str:
+    """Return a recording TOML to start from: complete as far as the file tells."""
+    chosen = {quantity: _first(seen, quantity) for quantity in SI}
+    lines = [
+        "# A guess by zwidth: check every line against what you know of the device.",
+        _line("file", source.path.name),
+        *_clock_lines(source, [name for name in chosen.values() if name is not None]),
+        *_rotary_lines(source, [name for name in chosen.values() if name is not None]),
+    ]
+    command = chosen.pop("command")
+    lines += ["", "[input]", *_signal_lines(source, seen, command, "command")]
+    outputs = {q: name for q, name in chosen.items() if name is not None} or {"position": None}
+    for quantity, name in outputs.items():
+        lines += ["", "[[output]]", *_signal_lines(source, seen, name, quantity)]
+        lines += [_line("quantity", quantity), _line("at", "m1")]
+    return "\n".join(lines) + "\n"
+
+
+def _first(seen: Iterable[Seen], quantity: str) -> str | None:
+    return next((s.name for s in seen if s.seems == quantity), None)
+
+
+def _line(key: str, value: str) -> str:
+    return tomli_w.dumps({key: value}).strip()
+
+
+def _clock_lines(source: Source, chosen: list[str]) -> list[str]:
+    stamped = [source.signals[name] for name in chosen if source.signals[name].stamps]
+    if stamped or any(signal.stamps for signal in source.signals.values()):
+        signal = (stamped or [s for s in source.signals.values() if s.stamps])[0]
+        others = " ".join(clock for clock in CLOCK_ORDER if clock in signal.stamps)
+        lines = [f"{_line('time', _clock(signal))} # clocks of this topic: {others}"]
+        topics = {source.signals[name].name.split(".")[0] for name in chosen}
+        return (
+            [*lines, "resample = true # topics have clocks of their own"]
+            if len(topics) > 1
+            else lines
+        )
+    time = time_signal(source)
+    if time is None:
+        return ["# period_s = 0.001 # no signal seems to be time stamps: give the sampling period"]
+    spelled = unit_spelled(time)
+    unit = find_unit(spelled) if spelled else None
+    if spelled is None or unit is None or unit.si != "s":
+        return [_line("time", time.name) + " # in seconds, or add time_unit"]
+    named = [] if unit.factor == 1.0 else [_line("time_unit", spelled)]
+    return [_line("time", time.name), *named]
+
+
+def _rotary_lines(source: Source, chosen: list[str]) -> list[str]:
+    for name in chosen:
+        unit = unit_seen(source.signals[name])
+        if unit is not None and unit.si in QUANTITY_OF and unit.si not in ("V", "A"):
+            return []
+    return ["# rotary = true # N m and rad; false: N and m"]
+
+
+def _signal_lines(
+    source: Source, seen: Sequence[Seen], name: str | None, quantity: str
+) -> list[str]:
+    if name is None:
+        open_ones = [s.name for s in seen if s.seems not in ("time", "constant")]
+        return ['signal = "" # choose: ' + ", ".join(_plain(n) for n in open_ones[:12])]
+    others = [s.name for s in seen if s.seems == quantity and s.name != name]
+    note = f" # or: {', '.join(_plain(n) for n in others[:12])}" if others else ""
+    lines = [_line("signal", name) + note]
+    signal = source.signals[name]
+    unit, spelled = unit_seen(signal), unit_spelled(signal)
+    if unit is not None and spelled is not None:
+        lines.append(_line("unit", spelled))
+    if unit is not None and unit.si.startswith("counts"):
+        lines.append("# counts_per_rev = # edges per revolution; or counts_per_m")
+    elif unit is not None and unit.si not in SI[quantity]:
+        wanted = " or ".join(SI[quantity])
+        lines.append(f"# scale = # {wanted} per {unit.si}, and offset in {wanted}")
+    elif unit is None:
+        lines.append(f"# scale = 1.0 # SI per raw: {' or '.join(SI[quantity])} is assumed")
+    return lines
+
+
+def _plain(name: str) -> str:
+    """Return a name that can stand in a comment."""
+    return name if name.isprintable() else ascii(name)

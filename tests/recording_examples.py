@@ -1,0 +1,226 @@
+"""Small recordings in every format that is read, made here so that none need be kept."""
+
+import io
+import json
+import math
+import textwrap
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pyarrow as pa
+import scipy.io
+from google.protobuf.descriptor_pb2 import FieldDescriptorProto, FileDescriptorProto
+from google.protobuf.descriptor_pool import DescriptorPool
+from google.protobuf.message_factory import GetMessageClass
+from mcap.writer import Writer as JsonWriter
+from mcap_protobuf.writer import Writer as ProtobufWriter
+from mcap_ros2.writer import Writer as Ros2Writer
+from pyarrow import parquet
+
+from logs.recording import read_recording
+from sim.trace import Trace
+
+EPOCH = 1_700_000_000_000_000_000  # ns, a November
+PERIOD = 0.001
+
+JOINT_STATE = textwrap.dedent("""\
+    std_msgs/Header header
+    string[] name
+    float64[] position
+    float64[] velocity
+    float64[] effort
+    ================================================================================
+    MSG: std_msgs/Header
+    builtin_interfaces/Time stamp
+    string frame_id
+    ================================================================================
+    MSG: builtin_interfaces/Time
+    int32 sec
+    uint32 nanosec
+    """)
+WRENCH = textwrap.dedent("""\
+    geometry_msgs/Vector3 force
+    float64[3] offsets
+    ================================================================================
+    MSG: geometry_msgs/Vector3
+    float64 x
+    float64 y
+    float64 z
+    """)
+
+
+def wave(samples: int, period: float = PERIOD) -> tuple[Any, Any, Any]:
+    """Return (t, command, position) of a small motion, each of shape (samples,)."""
+    t = period * np.arange(samples)
+    return t, 0.2 * np.sin(40.0 * t), 0.01 * np.cos(40.0 * t)
+
+
+def recorded(folder: Path, toml: str, **files: bytes) -> Trace:
+    """Write files (with _ for .) and a recording TOML beside them, and read it."""
+    for name, data in files.items():
+        (folder / name.replace("_", ".")).write_bytes(data)
+    (folder / "recording.toml").write_text(textwrap.dedent(toml), encoding="utf-8")
+    return read_recording(folder / "recording.toml")
+
+
+def csv_bytes(samples: int = 20) -> bytes:
+    t, u, x = wave(samples)
+    rows = [
+        f"{a!r},{b!r},{c!r}" for a, b, c in zip(t.tolist(), u.tolist(), x.tolist(), strict=True)
+    ]
+    return "\n".join(["# a small motion", "t [s],torque [N m],angle [rad]", *rows, ""]).encode()
+
+
+def german_csv_bytes(samples: int = 20) -> bytes:
+    t, u, x = wave(samples)
+    rows = [
+        f"{1e3 * a:.3f};{b:.6f};{math.degrees(c):.6f}".replace(".", ",")
+        for a, b, c in zip(t.tolist(), u.tolist(), x.tolist(), strict=True)
+    ]
+    return "\r\n".join(["Zeit;Moment;Winkel", "[ms];[Nm];[°]", *rows, ""]).encode("cp1252")
+
+
+def npz_bytes(samples: int = 20) -> bytes:
+    t, u, x = wave(samples)
+    out = io.BytesIO()
+    np.savez_compressed(
+        out, t=t, u=u, both=np.stack([u, x]), gain=np.float64(3.5), note=np.array("a")
+    )
+    return out.getvalue()
+
+
+def npy_bytes(samples: int = 20) -> bytes:
+    out = io.BytesIO()
+    np.save(out, np.stack(wave(samples), axis=1))
+    return out.getvalue()
+
+
+def mat_bytes(samples: int = 20, version: str = "5") -> bytes:
+    t, u, x = wave(samples)
+    out = io.BytesIO()
+    flat = {"t": t[:, None], "u": u[:, None], "x": x[None, :], "X": np.stack([u, x], axis=1)}
+    if version == "4":
+        scipy.io.savemat(out, flat, format="4")  # pyright: ignore[reportArgumentType]
+        return out.getvalue()
+    cells = np.empty(2, dtype=object)
+    cells[:] = [u, x]
+    nested = {"axis": {"q": x, "gain": 2.0, "name": "phi"}, "c": cells, "note": "text"}
+    compressed = version == "7"
+    scipy.io.savemat(out, flat | {"s": nested}, do_compression=compressed)  # pyright: ignore[reportArgumentType]
+    return out.getvalue()
+
+
+def mat73_bytes(samples: int = 20) -> bytes:
+    """Return HDF5 as MATLAB lays it out: structures are groups, cells references, columns first."""
+    t, u, x = wave(samples)
+    out = io.BytesIO()
+    with h5py.File(out, "w", libver="earliest") as file:
+        for name, values in (("t", t[None, :]), ("X", np.stack([u, x]))):
+            file[name] = values
+            file[name].attrs["MATLAB_class"] = np.bytes_("double")
+        structure = file.create_group("s")
+        structure.attrs["MATLAB_class"] = np.bytes_("struct")
+        structure["q"] = x[None, :]
+        structure["name"] = np.frombuffer("phi".encode("utf-16-le"), dtype=np.uint16)[:, None]
+        structure["name"].attrs["MATLAB_class"] = np.bytes_("char")
+        store = file.create_group("#refs#")
+        store["a"], store["b"] = u[None, :], x[None, :]
+        cells = np.array([[store["a"].ref], [store["b"].ref]], dtype=h5py.ref_dtype)
+        file.create_dataset("c", data=cells, dtype=h5py.ref_dtype)
+        file["c"].attrs["MATLAB_class"] = np.bytes_("cell")
+    head = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM"
+    return head.ljust(512, b"\0") + out.getvalue()
+
+
+def hdf5_bytes(samples: int = 20) -> bytes:
+    t, u, x = wave(samples)
+    out = io.BytesIO()
+    with h5py.File(out, "w") as file:
+        file["time"] = t
+        file.create_dataset("run/torque", data=u, compression="gzip", chunks=True)
+        file["run/angle"] = x.astype(np.float32)
+    return out.getvalue()
+
+
+def parquet_bytes(samples: int = 20) -> bytes:
+    t, u, x = wave(samples)
+    stamps = pa.array(EPOCH + np.rint(t * 1e9).astype(np.int64), pa.timestamp("ns"))
+    inner = pa.StructArray.from_arrays([pa.array(x)], ["angle"])
+    label = pa.array(["a"] * samples)
+    out = io.BytesIO()
+    parquet.write_table(pa.table({"stamp": stamps, "u": u, "axis": inner, "label": label}), out)
+    return out.getvalue()
+
+
+def ros2_bytes(samples: int = 20, compression: bool = True) -> bytes:
+    t, u, x = wave(samples)
+    out = io.BytesIO()
+    from mcap.writer import CompressionType
+
+    kind = CompressionType.ZSTD if compression else CompressionType.NONE
+    writer = Ros2Writer(out, chunk_size=1024, compression=kind)
+    joints = writer.register_msgdef("sensor_msgs/msg/JointState", JOINT_STATE)
+    wrench = writer.register_msgdef("custom_msgs/msg/Wrench", WRENCH)
+    for k in range(samples):
+        ns = EPOCH + round(t[k] * 1e9)
+        sec, nanosec = divmod(ns, 1_000_000_000)
+        message = {
+            "header": {"stamp": {"sec": sec, "nanosec": nanosec}, "frame_id": "base"},
+            "name": ["shoulder", "elbow"],
+            "position": [float(x[k]), 2.0 * float(x[k])],
+            "velocity": [0.0, 1.0],
+            "effort": [float(u[k]), -float(u[k])],
+        }
+        writer.write_message("/joint_states", joints, message, ns + 50_000, ns + 20_000, k)
+        force = {"force": {"x": float(u[k]), "y": 0.0, "z": 0.0}, "offsets": [1.0, 2.0, 3.0]}
+        writer.write_message("/wrench", wrench, force, ns + 60_000, ns + 60_000, k)
+    writer.finish()
+    return out.getvalue()
+
+
+def json_mcap_bytes(samples: int = 20) -> bytes:
+    """Return JSON messages: commands at 1 kHz, positions at 250 Hz from 2.5 ms on."""
+    out = io.BytesIO()
+    writer = JsonWriter(out, chunk_size=512)
+    writer.start()
+    schema = writer.register_schema("Sample", "jsonschema", json.dumps({"type": "object"}).encode())
+    topics = [writer.register_channel(topic, "json", schema) for topic in ("/command", "/encoder")]
+    t, u, _ = wave(samples)
+    for k in range(samples):
+        ns = EPOCH + round(t[k] * 1e9)
+        writer.add_message(
+            topics[0], ns, json.dumps({"u": float(u[k]), "on": True}).encode(), ns, k
+        )
+        if k % 4 == 0:
+            late = ns + 2_500_000
+            x = 0.01 * math.cos(40.0 * (t[k] + 0.0025))
+            data = json.dumps({"pose": {"deg": math.degrees(x)}, "label": "a"}).encode()
+            writer.add_message(topics[1], late, data, late, k)
+    writer.finish()
+    return out.getvalue()
+
+
+def protobuf_bytes(samples: int = 20) -> bytes:
+    file = FileDescriptorProto(name="axis.proto", package="rig", syntax="proto3")
+    message = file.message_type.add(name="Axis")
+    for number, name in enumerate(("torque", "angle", "count"), start=1):
+        kind = (
+            FieldDescriptorProto.TYPE_INT32 if name == "count" else FieldDescriptorProto.TYPE_DOUBLE
+        )
+        message.field.add(
+            name=name, number=number, type=kind, label=FieldDescriptorProto.LABEL_OPTIONAL
+        )
+    pool = DescriptorPool()
+    pool.Add(file)
+    axis = GetMessageClass(pool.FindMessageTypeByName("rig.Axis"))
+    out = io.BytesIO()
+    writer = ProtobufWriter(out, chunk_size=512)
+    t, u, x = wave(samples)
+    for k in range(samples):
+        ns = EPOCH + round(t[k] * 1e9)
+        body = axis(torque=float(u[k]), angle=float(x[k]), count=k)
+        writer.write_message("/axis", body, ns, ns, k)
+    writer.finish()
+    return out.getvalue()

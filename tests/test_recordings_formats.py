@@ -1,0 +1,197 @@
+"""Binary files of other tools: every array of numbers under a name its owner knows."""
+
+import io
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+import recording_examples as examples
+import scipy.io
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as nps
+from numpy.typing import NDArray
+from pyarrow import parquet
+
+from logs.mat_file import read_hdf5, read_mat
+from logs.npz_file import read_npz
+from logs.open_source import open_source
+from logs.parquet_file import read_parquet
+from logs.source import RecordingError, Source
+
+T, U, X = examples.wave(20)
+HERE = Path("a.bin")
+
+
+def opened(folder: Path, data: bytes, name: str = "recording.bin") -> Source:
+    (folder / name).write_bytes(data)
+    return open_source(folder / name)
+
+
+@pytest.mark.parametrize(
+    ("data", "name", "kind", "signals"),
+    [
+        (examples.npz_bytes(), "a", "NPZ", {"t": T, "u": U, "both[1]": X}),
+        (examples.npy_bytes(), "a", "NPY", {"values[0]": T, "values[2]": X}),
+        (examples.mat_bytes(), "a", "MAT v7 or older", {"x": X, "X(:,1)": U, "s.axis.q": X}),
+        (examples.mat_bytes(version="7"), "a", "MAT v7 or older", {"t": T, "s.c{2}": X}),
+        (examples.mat_bytes(version="4"), "a.mat", "MAT v7 or older", {"t": T, "X(:,2)": X}),
+        (examples.mat73_bytes(), "a", "MAT v7.3", {"t": T, "X(:,1)": U, "s.q": X, "c{2}": X}),
+        (examples.hdf5_bytes(), "a", "HDF5", {"time": T, "run.torque": U}),
+        (examples.parquet_bytes(), "a", "Parquet", {"u": U, "axis.angle": X}),
+        (
+            examples.ros2_bytes(),
+            "a",
+            "MCAP",
+            {"/joint_states.shoulder.effort": U, "/wrench.force.x": U},
+        ),
+        (
+            examples.ros2_bytes(compression=False),
+            "a",
+            "MCAP",
+            {"/joint_states.shoulder.position": X},
+        ),
+        (examples.json_mcap_bytes(), "a", "MCAP", {"/command.u": U}),
+        (examples.protobuf_bytes(), "a", "MCAP", {"/axis.torque": U, "/axis.angle": X}),
+        (examples.csv_bytes(), "a", "text table (commas)", {"t": T, "torque": U, "angle": X}),
+    ],
+)
+def test_every_format_is_known_by_its_content(
+    tmp_path: Path, data: bytes, name: str, kind: str, signals: dict[str, NDArray[np.float64]]
+) -> None:
+    source = opened(tmp_path, data, name)
+    assert source.kind == kind
+    for signal, values in signals.items():
+        np.testing.assert_array_equal(source[signal].values, values)
+
+
+def test_text_and_constants_are_told_from_signals(tmp_path: Path) -> None:
+    source = opened(tmp_path, examples.mat_bytes())
+    assert source["s.axis.gain"].values.tolist() == [2.0]
+    with pytest.raises(RecordingError, match=r"'s.note' is text; a signal is numbers"):
+        source["s.note"]
+
+
+def test_dates_are_nanoseconds(tmp_path: Path) -> None:
+    stamps = opened(tmp_path, examples.parquet_bytes())["stamp"]
+    assert stamps.unit == "ns"
+    np.testing.assert_array_equal(stamps.values, examples.EPOCH + np.arange(20) * 1_000_000)
+    source = opened(
+        tmp_path, npz(t=np.arange(3).astype("datetime64[us]"), o=np.array([{}], object))
+    )
+    np.testing.assert_array_equal(source["t"].values, [0, 1000, 2000])
+    with pytest.raises(RecordingError, match="never loaded"):
+        source["o"]
+
+
+def npz(**arrays: NDArray[np.generic]) -> bytes:
+    out = io.BytesIO()
+    np.savez(out, **arrays)  # pyright: ignore[reportArgumentType]
+    return out.getvalue()
+
+
+REAL = nps.integer_dtypes(endianness="=") | nps.floating_dtypes(sizes=(32, 64), endianness="=")
+VECTORS = REAL.flatmap(lambda kind: nps.arrays(kind, st.integers(1, 8)))
+
+
+@given(VECTORS)
+def test_vectors_keep_every_bit(values: NDArray[np.generic]) -> None:
+    """Of a NaN MATLAB keeps that it is one."""
+    assert read_npz(HERE, npz(v=values))["v"].values.tobytes() == values.tobytes()
+    out = io.BytesIO()
+    parquet.write_table(pa.table({"v": values}), out)
+    assert read_parquet(HERE, out.getvalue())["v"].values.tobytes() == values.tobytes()
+    out = io.BytesIO()
+    scipy.io.savemat(out, {"v": values})  # pyright: ignore[reportArgumentType]
+    np.testing.assert_array_equal(read_mat(HERE, out.getvalue())["v"].values, values)
+
+
+def test_nulls_of_whole_numbers_are_nan() -> None:
+    out = io.BytesIO()
+    parquet.write_table(
+        pa.table({"n": pa.array([1, None, 3]), "b": pa.array([True, None, False])}), out
+    )
+    source = read_parquet(HERE, out.getvalue())
+    np.testing.assert_array_equal(source["n"].values, [1, np.nan, 3])
+    np.testing.assert_array_equal(source["b"].values, [1, np.nan, 0])
+
+
+def test_cycles_and_links_of_hdf5_are_not_followed(tmp_path: Path) -> None:
+    import h5py
+
+    secret = tmp_path / "secret.h5"
+    with h5py.File(secret, "w") as file:
+        file["key"] = np.arange(3.0)
+    out = io.BytesIO()
+    with h5py.File(out, "w") as file:
+        group = file.create_group("g")
+        group["self"] = group
+        group["v"] = np.arange(4.0)
+        file["out"] = h5py.ExternalLink(str(secret), "key")
+        file.create_dataset("raw", (3,), "f8", external=[(str(secret), 0, 24)])
+        cells = file.create_dataset("c", (1,), h5py.ref_dtype)
+        cells[0] = cells.ref
+    source = read_hdf5(HERE, out.getvalue())
+    assert list(source.signals) == ["g.v"]
+    assert set(source.unreadable) == {"g.self", "raw", "c(1)"}
+
+
+def test_a_damaged_chunk_of_messages_is_left_out_and_named(tmp_path: Path) -> None:
+    data = bytearray(examples.ros2_bytes(200))
+    whole = opened(tmp_path, bytes(data))
+    data[len(data) // 2] ^= 0xFF
+    source = opened(tmp_path, bytes(data))
+    assert len(source.notes) == 1
+    for name in whole.signals:
+        assert 0 < source[name].values.size <= whole[name].values.size
+        assert np.isin(source[name].values, whole[name].values).all()
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.9])
+def test_a_cut_mcap_gives_what_is_before_the_cut(tmp_path: Path, share: float) -> None:
+    data = examples.json_mcap_bytes(400)
+    source = opened(tmp_path, data[: int(share * len(data))])
+    values = source["/command.u"].values
+    np.testing.assert_array_equal(values, examples.wave(400)[1][: values.size])
+    assert "cut short" in source.notes[-1] or "no message is lost" in source.notes[-1]
+    assert values.size > 0
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"", "is empty"),
+        (b"PK\x03\x04rest", "damaged NPZ"),
+        (b"PAR1rest", "damaged Parquet"),
+        (b"\x89HDF\r\n\x1a\nrest", "cannot be read as HDF5"),
+        (b"MATLAB 5.0 MAT-file", "cannot be read as MAT"),
+        (b"\x93NUMPY\x01\x00", "damaged"),
+        (b"\x89MCAP0\r\n", "no topic is left"),
+    ],
+)
+def test_damage_is_one_sentence(tmp_path: Path, data: bytes, words: str) -> None:
+    with pytest.raises(ValueError, match=r"\A[^\n]*\Z") as caught:
+        opened(tmp_path, data)
+    assert words in str(caught.value)
+
+
+def test_a_folder_and_a_device_are_no_recordings(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="is a folder"):
+        open_source(tmp_path)
+    with pytest.raises(ValueError, match="no regular file"):
+        open_source(Path("/dev/null"))
+
+
+def test_an_archive_may_claim_what_it_likes(tmp_path: Path) -> None:
+    """An array of 2^50 numbers in a header of 128 bytes is refused, not allocated."""
+    entry = io.BytesIO()
+    np.lib.format.write_array_header_1_0(
+        entry, {"descr": "<f8", "fortran_order": False, "shape": (2**50,)}
+    )
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as archive:
+        archive.writestr("v.npy", entry.getvalue())
+    with pytest.raises(RecordingError):
+        opened(tmp_path, out.getvalue())["v"]

@@ -1,0 +1,226 @@
+"""`zwidth convert`: what a file holds, a TOML to start from, and any log in another format."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import click
+
+from logs.export import WRITERS
+from logs.guess import Seen, clock_faults, draft, look
+from logs.mcap_reader import Log
+from logs.mcap_writer import write_log
+from logs.own import own_log
+from logs.recording import load_log
+from logs.source import RecordingError, Source
+from zwidth.console import Column, Console
+from zwidth.files import replacing, write_text
+from zwidth.json_number import json_number
+from zwidth.options import json_option
+
+MOST_ROWS = 200
+TARGETS = (".mcap", *WRITERS, ".toml")
+
+
+@click.command("convert")
+@click.argument("source", metavar="SOURCE", type=click.Path(path_type=Path))
+@click.argument("target", metavar="[TARGET]", required=False, type=click.Path(path_type=Path))
+@json_option
+def command(source: Path, target: Path | None, json_file: str | None) -> None:
+    """Show what a recorded file holds, or convert it.
+
+    SOURCE is a recording TOML, a log that zwidth wrote (MCAP, CSV, Parquet, NPZ), or a file of
+    another tool (also MAT, NPY, HDF5, text tables). Without TARGET its signals are listed, and for
+    a file of another tool a recording TOML to start from is printed.
+
+    TARGET is the file to write: .mcap, .csv, .parquet or .npz, or .toml for the draft. An older
+    file of that name is replaced when the new one is complete; a TOML never is.
+    """
+    console = Console(json_file)
+    if target is None:
+        _show(console, source)
+    elif target.suffix.lower() == ".toml":
+        _draft(console, source, target)
+    else:
+        _convert(console, source, target)
+
+
+def _convert(console: Console, source: Path, target: Path) -> None:
+    suffix = target.suffix.lower()
+    if suffix not in TARGETS:
+        raise RecordingError(
+            f"{target} ends in {target.suffix!r}; a log is written as {', '.join(TARGETS[:-1])}"
+        )
+    log = load_log(source)
+    if target.exists() and target.samefile(source):
+        raise RecordingError(f"{target} is the file that is converted; give another name")
+    if suffix == ".mcap":
+        _write_mcap(target, log)
+        left_out: list[str] = []
+    else:
+        with replacing(target) as stream:
+            left_out = WRITERS[suffix](stream, log)
+    warnings = _warnings(log)
+    for warning in warnings:
+        console.warn(warning)
+    console.say(f"wrote {target}: {len(log.tick)} samples of {', '.join(log.tick.channels)}")
+    for item in left_out:
+        console.say(f"left out: {item}")
+    console.result(
+        {
+            "wrote": str(target),
+            "samples": len(log.tick),
+            "channels": list(log.tick.channels),
+            "left_out": left_out,
+            "warnings": warnings,
+        }
+    )
+
+
+def _write_mcap(target: Path, log: Log) -> None:
+    metadata = {key: value for key, value in log.metadata.items() if key != "origin"}
+    write_log(
+        target,
+        log.tick,
+        substep=log.substep,
+        events=log.events,
+        metadata=metadata,
+        attachments=log.attachments,
+        epoch_ns=log.epoch_ns,
+    )
+
+
+def _warnings(log: Log) -> list[str]:
+    said = log.tick.facts.get("warnings", ())
+    found = [str(warning) for warning in said] if isinstance(said, list | tuple) else []
+    return [*found, *(warning for warning in log.warnings if warning not in found)]
+
+
+def _draft(console: Console, source: Path, target: Path) -> None:
+    if target.exists():
+        raise RecordingError(f"{target} exists and may hold your own words; give another name")
+    found = _foreign(source)
+    if found is None:
+        raise RecordingError(f"{source} needs no TOML, zwidth can read it as it is")
+    text = draft(found, look(found))
+    console.say(f"wrote {write_text(target, text)}; check every line of it")
+    console.result({"wrote": str(target), "toml": text})
+
+
+def _foreign(source: Path) -> Source | None:
+    """Return the signals of another tool's file, None for what zwidth can read as it is."""
+    if source.suffix.lower() == ".toml":
+        return None
+    found = own_log(source)
+    return found if isinstance(found, Source) else None
+
+
+def _show(console: Console, source: Path) -> None:
+    if source.suffix.lower() == ".toml":
+        _show_log(console, load_log(source))
+        return
+    found = own_log(source)
+    if isinstance(found, Log):
+        _show_log(console, found)
+    else:
+        _show_source(console, found)
+
+
+def _show_log(console: Console, log: Log) -> None:
+    trace = log.tick
+    rows: list[list[str]] = []
+    channels: list[dict[str, Any]] = []
+    for name, values in trace.channels.items():
+        least, most = (float(values.min()), float(values.max())) if len(trace) else (math.nan,) * 2
+        rows.append([name, trace.units[name], f"{least:.6g}", f"{most:.6g}"])
+        channels.append(
+            {
+                "channel": name,
+                "unit": trace.units[name],
+                "least": json_number(least),
+                "most": json_number(most),
+            }
+        )
+    span = f", {trace.t[0]:.6g} to {trace.t[-1]:.6g} s" if len(trace) else ""
+    for warning in (warnings := _warnings(log)):
+        console.warn(warning)
+    console.table(
+        f"{log.path.name}: {trace.origin}, {len(trace)} samples{span}",
+        [Column("channel", False), Column("unit", False), Column("least"), Column("most")],
+        rows,
+    )
+    console.result(
+        {
+            "file": str(log.path),
+            "origin": trace.origin,
+            "samples": len(trace),
+            "channels": channels,
+            "events": len(log.events),
+            "attachments": list(log.attachments),
+            "warnings": warnings,
+        }
+    )
+
+
+def _show_source(console: Console, source: Source) -> None:
+    seen = look(source)
+    faults = clock_faults(source)
+    for note in (*source.notes, *faults):
+        console.warn(note)
+    columns = [
+        *(Column("signal", False), Column("unit", False), Column("samples"), Column("rate [Hz]")),
+        *(Column("least"), Column("most"), Column("step"), Column("not finite")),
+        Column("seems", False),
+    ]
+    console.table(
+        f"{source.path.name}: {source.kind}, {len(seen)} signals",
+        columns,
+        [_row(one) for one in seen[:MOST_ROWS]],
+    )
+    if len(seen) > MOST_ROWS:
+        console.say(f"and {len(seen) - MOST_ROWS} more")
+    for name, reason in list(source.unreadable.items())[:MOST_ROWS]:
+        console.say(f"no signal: {name} {reason}")
+    text = draft(source, seen)
+    console.say(
+        f"\nA recording TOML to start from (zwidth convert {source.path} FILE.toml writes it):\n"
+    )
+    console.say(text)
+    console.result(
+        {
+            "file": str(source.path),
+            "format": source.kind,
+            "signals": [_json(one) for one in seen],
+            "unreadable": dict(source.unreadable),
+            "warnings": [*source.notes, *faults],
+            "toml": text,
+        }
+    )
+
+
+def _row(one: Seen) -> list[str]:
+    return [
+        one.name,
+        one.unit,
+        str(one.samples),
+        f"{one.rate:.6g}" if one.rate else "",
+        f"{one.least:.6g}",
+        f"{one.most:.6g}",
+        "" if one.step is None else f"{one.step:.6g}",
+        str(one.missing) if one.missing else "",
+        one.seems,
+    ]
+
+
+def _json(one: Seen) -> dict[str, Any]:
+    return {
+        "signal": one.name,
+        "unit": one.unit,
+        "samples": one.samples,
+        "not_finite": one.missing,
+        "rate_hz": one.rate,
+        "least": json_number(one.least),
+        "most": json_number(one.most),
+        "step": one.step,
+        "seems": one.seems,
+    }
