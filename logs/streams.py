@@ -71,13 +71,16 @@ class Streams:
     schemas: dict[int, Schema] = field(default_factory=dict[int, Schema])
     channels: dict[int, Channel] = field(default_factory=dict[int, Channel])
     ours: dict[int, Stream] = field(default_factory=dict[int, Stream])
+    described: dict[bytes, bytes] = field(default_factory=dict[bytes, bytes])
 
     def add_schema(self, schema: Schema) -> None:
         """Remember a schema; id 0 means none."""
         self.schemas[schema.id] = schema
+        self.described.clear()
 
     def add_channel(self, channel: Channel) -> None:
         """Remember a channel, and open a stream for it if it is one of ours."""
+        self.described.clear()
         schema = self.schemas.get(channel.schema_id)
         known = self.ours.get(channel.id)
         if known is not None and known.channel == channel and known.schema == schema:
@@ -107,7 +110,7 @@ class Streams:
                 elif stream:
                     found.append((stream, _decode(stream, data[offset:following])))
             else:
-                self._describe(opcode, data[offset + FRAME : following])
+                self._describe(data[offset:following])
             offset = following
         for stream, part in found:
             if isinstance(part, EventMessage):
@@ -123,14 +126,24 @@ class Streams:
             raise RecordDamaged("a chunk of messages whose channel is nowhere described")
         return self.ours.get(channel_id)
 
-    def _describe(self, opcode: int, content: bytes) -> None:
+    def _describe(self, record: bytes) -> None:
+        """Add a schema or channel, unless the very record (by opcode and id) was the last added.
+
+        Every chunk of ours repeats its schema and channel.
+        """
+        kind, opcode = record[:1] + record[FRAME : FRAME + 2], record[0]
+        if self.described.get(kind) == record:
+            return
+        before = dict(self.described)
+        stream = ReadDataStream(BytesIO(record[FRAME:]))
         try:
             if opcode == Opcode.SCHEMA:
-                self.add_schema(Schema.read(ReadDataStream(BytesIO(content))))
+                self.add_schema(Schema.read(stream))
             elif opcode == Opcode.CHANNEL:
-                self.add_channel(Channel.read(ReadDataStream(BytesIO(content))))
+                self.add_channel(Channel.read(stream))
         except (McapError, struct.error, UnicodeDecodeError):
             raise RecordDamaged("a chunk with a channel that cannot be decoded") from None
+        self.described = before | {kind: record}
 
 
 def _frame(data: bytes, offset: int) -> tuple[int, int]:

@@ -21,6 +21,7 @@ from mcap.writer import CompressionType, Writer
 from mcap_protobuf.decoder import DecoderFactory
 
 from logs.clock import to_log_time
+from logs.layout import Layout
 from logs.mcap_reader import read_log
 from logs.schema import TICK, TIME_RESIDUAL, channel_record, flat_schema, schema_record
 from sim.trace import Trace
@@ -201,6 +202,28 @@ def test_a_log_by_the_library_reads_the_same(
     assert log.library.startswith("mcap-python")
     assert log.metadata == {"K": "3.5"}
     assert_same(log.tick, run)
+
+
+def test_a_run_of_records_ends_where_a_constant_byte_differs() -> None:
+    """Breaks if the layout is taken for granted from the lengths, or from the first tag."""
+    layout = Layout(3, [1, 15, 16, 2**18, 2**21])
+    data = layout.template.tobytes() * 50
+    assert layout.run(data, 0) == 50
+    assert layout.run(data[:-1], layout.size) == 48
+    varies = ("sequence", "log_time", "publish_time", "value")
+    free = {at for name, at in _bytes(layout) if name.startswith(varies)}
+    for at in range(layout.size):
+        changed = bytearray(data)
+        changed[30 * layout.size + at] ^= 1
+        assert layout.run(bytes(changed), 0) == (50 if at in free else 30)
+
+
+def _bytes(layout: Layout) -> list[tuple[str, int]]:
+    """Return (name of the field, byte) for every byte of a record."""
+    fields = layout.dtype.fields
+    assert fields is not None
+    spans = {name: range(f[1], f[1] + f[0].itemsize) for name, f in fields.items()}
+    return [(str(name), at) for name, span in spans.items() for at in span]
 
 
 def test_a_library_log_without_chunks_reads_the_same(tmp_path: Path) -> None:
