@@ -75,7 +75,7 @@ def chirp(
     ticks = _ticks(amplitude, duration, period)
     _band(ticks, from_hz, to_hz, period)
     t = np.arange(ticks) * period
-    swept = swept_cosine(t, from_hz, duration, to_hz, method="logarithmic", phi=-90.0)
+    swept = swept_cosine(t, from_hz, duration, to_hz, method="logarithmic", phi=-90)
     return amplitude * np.asarray(swept)
 
 
@@ -103,7 +103,7 @@ def triangle(
     ticks = _ticks(amplitude, duration, period)
     _ticks(amplitude, cycle_s, period)
     phase = 2.0 * np.pi * np.arange(ticks) * period / cycle_s + 0.5 * np.pi
-    return amplitude * np.asarray(sawtooth(phase, 0.5))
+    return amplitude * np.asarray(sawtooth(phase, 0.5))  # pyright: ignore[reportArgumentType]
 
 
 SIGNALS: Mapping[str, Callable[..., Floats]] = {

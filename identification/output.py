@@ -1,8 +1,14 @@
-"""Output of a modal model to a held command, fast: partial fractions, one first-order filter a pole.
+"""Position of a modal model under a held command, fast: one first-order filter a pole.
 
-G = sum_p r_p / (s - p); a hold over T makes y_{k+1} = e^{pT} y_k + r (e^{pT} - 1)/p u_k of each term
-(T r u_k for the pole at 0), exactly. Limit: all poles distinct, which a fit keeps by its bounds.
+G = sum_p r_p / (s - p). Over one period T, a command that changes from u' to u at r after the tick
+moves the term of a pole p by
+
+    y_{k+1} = e^{pT} y_k + r_p h(T - r) u + r_p e^{p(T - r)} h(r) u',    h(t) = (e^{pt} - 1) / p,
+
+exactly (h(t) = t for the pole at 0). Limit: all poles distinct.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +18,18 @@ from sim.modal import ModalModel
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
+WHOLE = 1e-9  # of a period: a remainder below is rounding of decimal input
+
+
+class Terms(NamedTuple):
+    """The terms of the sampled position, one a pole, all (poles,).
+
+    decay e^{pT}; newer and older: what one unit of the newer and of the older command adds.
+    """
+
+    decay: Complexes
+    newer: Complexes
+    older: Complexes
 
 
 def fractions(model: ModalModel) -> tuple[Complexes, Complexes]:
@@ -20,7 +38,7 @@ def fractions(model: ModalModel) -> tuple[Complexes, Complexes]:
     A conjugate pair counts once here, with its residue doubled: the real part of its filter is the
     sum of both. Raises ValueError for a mode without oscillation (c >= 2 omega).
     """
-    poles = [0.0, -model.damping / model.inertia]
+    poles: list[complex] = [0.0, -model.damping / model.inertia]
     for i, mode in enumerate(model.modes):
         if not abs(mode.c) < 2.0 * mode.omega:
             raise ValueError(
@@ -39,24 +57,54 @@ def fractions(model: ModalModel) -> tuple[Complexes, Complexes]:
     return p, residues
 
 
-def position(model: ModalModel, command: Floats, period: float, delay: float = 0.0) -> Floats:
+def terms(model: ModalModel, period: float, remainder: float) -> Terms:
+    """Return the terms of the position for a delay of whole periods and a remainder r [s]."""
+    poles, residues = fractions(model)
+    return Terms(
+        np.exp(poles * period),
+        residues * _held(poles, period - remainder),
+        residues * _held(poles, remainder) * np.exp(poles * (period - remainder)),
+    )
+
+
+def split_delay(delay: float, period: float) -> tuple[int, float]:
+    """Return (whole periods, remainder [s]) of a delay >= 0."""
+    whole = int(np.floor(delay / period + WHOLE))
+    remainder = delay - whole * period
+    return whole, remainder if remainder > WHOLE * period else 0.0
+
+
+def position(model: ModalModel, delay: float, command: Floats, period: float) -> Floats:
     """Return the position at each tick, from rest, under commands held from kT + delay on.
 
-    command (ticks,) [N m | N]; a delay of d T + r mixes the commands of ticks k - d - 1 and k - d.
+    command (ticks,) [N m | N]; nothing is commanded before the first tick.
     """
-    whole = int(np.floor(delay / period + 1e-9))
-    rest = max(0.0, delay - whole * period)
-    held = np.concatenate([np.zeros(whole + 1), command])[: command.size + 1]
+    whole, remainder = split_delay(delay, period)
+    held = delayed(command, whole)
+    before = delayed(held, 1)
     total = np.zeros(command.size)
-    for pole, residue in zip(*fractions(model), strict=True):
-        late = residue * _hold(pole, period - rest)
-        early = residue * _hold(pole, rest) * np.exp(pole * (period - rest))
-        force = late * held[1:] + early * held[:-1]
-        one = lfilter([0.0, 1.0], [1.0, -np.exp(pole * period)], force)
-        total += np.real(one)
+    for decay, newer, older in each_term(terms(model, period, remainder)):
+        total += np.real(filtered(decay, newer * held + older * before))
     return total
 
 
-def _hold(pole: complex, duration: float) -> complex:
+def each_term(at: Terms) -> list[tuple[complex, complex, complex]]:
+    """Return (decay, newer, older) a pole, as real numbers for a real pole."""
+    rows = zip(at.decay.tolist(), at.newer.tolist(), at.older.tolist(), strict=True)
+    return [row if row[0].imag else (row[0].real, row[1].real, row[2].real) for row in rows]
+
+
+def filtered(decay: complex, values: NDArray[np.inexact]) -> NDArray[np.inexact]:
+    """Return f with f_0 = 0 and f_{k+1} = decay f_k + value_k, of the shape of values."""
+    return np.asarray(lfilter([0.0, 1.0], [1.0, -decay], values))
+
+
+def delayed(values: NDArray[np.inexact], ticks: int) -> NDArray[np.inexact]:
+    """Return the values some ticks later, zero before."""
+    return np.concatenate([np.zeros(ticks, values.dtype), values])[: values.size]
+
+
+def _held(poles: Complexes, duration: float) -> Complexes:
     """Integral of exp(p t) over the hold."""
-    return duration if pole == 0.0 else complex(np.expm1(pole * duration) / pole)
+    with np.errstate(invalid="ignore"):
+        return np.where(poles == 0.0, duration, np.expm1(poles * duration) / poles)

@@ -12,7 +12,7 @@ between three stretches in a row. A run whose oscillation energy keeps growing d
 verdict about the loop, not a number.
 
 The period is a whole number of ticks for most cycles, hence K is off the boundary by up to 15 %;
-and there may be several cycles, hence `limit_cycles` over many starts.
+and there may be several cycles, hence `identification/cycles.py`.
 """
 
 from collections.abc import Sequence
@@ -21,12 +21,11 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import next_fast_len, rfft
 from scipy.signal.windows import blackmanharris
 
 from controllers.relay import relay
+from sim.controller import Controller
 from sim.device import Device
-from sim.ensemble import in_parallel, threads
 from sim.equations import Equations, equations
 from sim.growth import SIGNIFICANCE, growth_rate, window_weights
 from sim.kernel import Memory, advance, scratch
@@ -36,7 +35,6 @@ Floats = NDArray[np.float64]
 RelayVerdict = Literal["oscillates", "diverges", "undecided"]
 WINDOW_S = 0.5
 AGREEMENT = 1e-3
-SAME_CYCLE = 5e-3
 
 
 @dataclass(frozen=True)
@@ -62,7 +60,12 @@ class RelayTest:
             if not 0.0 < getattr(self, field) < np.inf:
                 raise ValueError(f"{field} is {getattr(self, field)}; it must be finite and > 0")
         if self.stretch_s < 6.0 * WINDOW_S:
-            raise ValueError(f"stretch_s is {self.stretch_s}; at least {6.0 * WINDOW_S} s are needed")
+            raise ValueError(
+                f"stretch_s is {self.stretch_s}; at least {6.0 * WINDOW_S} s are needed"
+            )
+
+
+STANDARD = RelayTest()
 
 
 @dataclass(frozen=True)
@@ -81,27 +84,12 @@ class RelayResult:
 
 
 @dataclass(frozen=True)
-class Cycle:
-    """One limit cycle and the share of the starts that ended on it."""
+class Waveform:
+    """Relay force and position over the last ticks of a run, all (ticks,); t begins at 0."""
 
-    stiffness: float
-    frequency_hz: float
-    amplitude: float
-    share: float
-
-
-@dataclass(frozen=True)
-class RelayCondition:
-    """A condition (delay, B): the run from the reference start, and all that other starts give.
-
-    diverging: share of the starts that diverge.
-    """
-
-    delay: float
-    damping: float
-    reference: RelayResult
-    cycles: tuple[Cycle, ...]
-    diverging: float
+    t: Floats
+    force: Floats
+    position: Floats
 
 
 def reference_start(device: Device) -> Start:
@@ -110,81 +98,50 @@ def reference_start(device: Device) -> Start:
 
 
 def relay_run(
-    device: Device, damping: float, start: Start | None = None, test: RelayTest = RelayTest()
+    device: Device, damping: float, start: Start | None = None, test: RelayTest = STANDARD
 ) -> RelayResult:
     """Run one relay experiment at the device's delay until it is steady, grows, or time is up."""
-    eq = equations(device, test.substeps)
-    return _run(eq, damping, reference_start(device) if start is None else start, test)
+    start = reference_start(device) if start is None else start
+    return run(equations(device, test.substeps), damping, start, test)
 
 
-def limit_cycles(
-    device: Device,
-    damping: float,
-    starts: int = 60,
-    seed: int = 0,
-    test: RelayTest = RelayTest(),
-) -> RelayCondition:
-    """Run the reference start and seeded random ones, and gather the limit cycles found.
+def waveform(
+    device: Device, damping: float, seconds: float, test: RelayTest = STANDARD
+) -> Waveform:
+    """Return the last seconds of a run from the reference start, as in Fig. 8.
 
-    The random starts are phases of a slow oscillation of the rigid body: positions and velocities of
-    all masses uniform within +-5e-3 and +-0.5 a second.
+    Raises ValueError where the loop has no steady oscillation there.
     """
     eq = equations(device, test.substeps)
-    rng = np.random.default_rng(seed)
-    drawn = [
-        Start(float(rng.uniform(-5e-3, 5e-3)), float(rng.uniform(-0.5, 0.5))) for _ in range(starts)
-    ]
-    results = in_parallel(
-        [lambda s=s: _run(eq, damping, s, test) for s in [reference_start(device), *drawn]],
-        threads(),
-    )
-    reference, others = results[0], results[1:]
-    diverging = sum(r.verdict == "diverges" for r in others) / max(1, starts)
-    cycles = _gather(others, starts)
-    return RelayCondition(device.interface.delay, damping, reference, cycles, diverging)
-
-
-def _gather(results: Sequence[RelayResult], starts: int) -> tuple[Cycle, ...]:
-    """Sort results into cycles: same frequency and stiffness within half a percent."""
-    groups: list[list[RelayResult]] = []
-    for result in results:
-        if result.verdict != "oscillates":
-            continue
-        for group in groups:
-            if _alike(group[0], result):
-                group.append(result)
-                break
-        else:
-            groups.append([result])
-    groups.sort(key=len, reverse=True)
-    return tuple(
-        Cycle(
-            float(np.mean([r.stiffness for r in g])),  # pyright: ignore[reportArgumentType, reportCallIssue]
-            float(np.mean([r.frequency_hz for r in g])),  # pyright: ignore[reportArgumentType, reportCallIssue]
-            float(np.mean([r.amplitude for r in g])),  # pyright: ignore[reportArgumentType, reportCallIssue]
-            len(g) / starts,
-        )
-        for g in groups
-    )
-
-
-def _alike(a: RelayResult, b: RelayResult) -> bool:
-    assert a.stiffness and b.stiffness and a.frequency_hz and b.frequency_hz
-    near_k = abs(a.stiffness / b.stiffness - 1.0) < SAME_CYCLE
-    return near_k and abs(a.frequency_hz / b.frequency_hz - 1.0) < SAME_CYCLE
-
-
-def _run(eq: Equations, damping: float, start: Start, test: RelayTest) -> RelayResult:
     law = relay(test.force, damping)
-    memory = start_memory(eq, law, start, 0)
+    memory = start_memory(eq, law, reference_start(device), 0)
+    result = _until_steady(eq, law, memory, test)
+    if result.verdict != "oscillates":
+        raise ValueError(
+            f"the relay loop {result.verdict} at B = {damping:g}; choose a damping at which it"
+            " oscillates"
+        )
+    ticks = max(1, round(seconds / eq.period))
+    record, _ = _stretch(eq, law, memory, ticks, test.bound)
+    t = np.arange(ticks, dtype=np.float64) * eq.period
+    return Waveform(t, test.force * record[:, 2], record[:, 0])
+
+
+def run(eq: Equations, damping: float, start: Start, test: RelayTest) -> RelayResult:
+    """Run one relay experiment on prepared equations; see `relay_run`."""
+    law = relay(test.force, damping)
+    return _until_steady(eq, law, start_memory(eq, law, start, 0), test)
+
+
+def _until_steady(eq: Equations, law: Controller, memory: Memory, test: RelayTest) -> RelayResult:
     ticks = round(test.stretch_s / eq.period)
     stretches: list[Floats] = []
     looks: list[tuple[float, float]] = []
     while len(stretches) * test.stretch_s < test.limit_s:
-        record, whole = _stretch(eq, law.step, law.parameters, memory, ticks, test.bound)
-        stretches.append(record)
+        record, whole = _stretch(eq, law, memory, ticks, test.bound)
         if not whole:
             return RelayResult("diverges", None, None, None, np.inf, None)
+        stretches.append(record[:, 0])
         rate, error = _growth(stretches, eq)
         grown = rate > SIGNIFICANCE * error and rate * test.stretch_s * len(stretches) > 1.0
         looks.append((float(np.ptp(record[:, 0])), _energy(record[:, 1])))
@@ -207,11 +164,10 @@ def _agree(looks: Sequence[tuple[float, float]]) -> bool:
 
 
 def _measured(
-    eq: Equations, law: object, memory: Memory, test: RelayTest, rate: float, settled: float
+    eq: Equations, law: Controller, memory: Memory, test: RelayTest, rate: float, settled: float
 ) -> RelayResult:
     ticks = round(test.steady_s / eq.period)
-    step, parameters = law.step, law.parameters  # type: ignore[attr-defined]
-    record, whole = _stretch(eq, step, parameters, memory, ticks, test.bound)
+    record, whole = _stretch(eq, law, memory, ticks, test.bound)
     if not whole:
         return RelayResult("diverges", None, None, None, np.inf, None)
     stiffness, frequency = critical_point(test.force * record[:, 2], record[:, 0], eq.period)
@@ -220,21 +176,21 @@ def _measured(
 
 
 def _stretch(
-    eq: Equations, step: object, parameters: Floats, memory: Memory, ticks: int, bound: float
+    eq: Equations, law: Controller, memory: Memory, ticks: int, bound: float
 ) -> tuple[Floats, bool]:
     """Return (position, velocity, relay side) of m1 over some ticks, and whether all were run."""
     record = np.zeros((ticks, eq.states + 6))
     done, _ = advance(
-        eq, step, parameters, memory, scratch(eq), ticks, np.zeros((0, eq.dof)), bound, record,
-        np.zeros((0, eq.states)), False,
+        eq, law.step, law.parameters, memory, scratch(eq), ticks, np.zeros((0, eq.dof)), bound,
+        record, np.zeros((0, eq.states)), False,
     )  # fmt: skip
     return record[:done, [0, eq.dof, eq.states + 4]], done == ticks
 
 
-def _growth(stretches: Sequence[Floats], eq: Equations) -> tuple[float, float]:
+def _growth(positions: Sequence[Floats], eq: Equations) -> tuple[float, float]:
     """Growth rate of the position's oscillation over all stretches, and its error."""
     weights = window_weights(round(WINDOW_S / eq.period))
-    position = np.concatenate([s[:, 0] for s in stretches])
+    position = np.concatenate(positions)
     position = position[: position.size // weights.size * weights.size].reshape(-1, weights.size)
     centred = position - position.mean(axis=1)[:, None]
     with np.errstate(divide="ignore"):
@@ -251,11 +207,11 @@ def critical_point(force: Floats, position: Floats, period: float) -> tuple[floa
     if np.ptp(force) == 0.0 or np.ptp(position) == 0.0:
         raise ValueError("the relay never switched in the steady part; raise its force")
     window = blackmanharris(force.size)
-    size = next_fast_len(2 * force.size, real=True)
-    u = rfft((force - force.mean()) * window, size)
-    y = rfft((position - position.mean()) * window, size)
-    power = np.abs(u) ** 2 / np.sum(np.abs(u) ** 2) + np.abs(y) ** 2 / np.sum(np.abs(y) ** 2)
+    size = 1 << (2 * force.size - 1).bit_length()
+    u = np.abs(np.fft.rfft((force - force.mean()) * window, size))
+    y = np.abs(np.fft.rfft((position - position.mean()) * window, size))
+    power = u**2 / np.sum(u**2) + y**2 / np.sum(y**2)
     peak = int(np.argmax(power[1:-1])) + 1
     left, middle, right = np.log(power[peak - 1 : peak + 2])
     offset = 0.5 * (left - right) / (left - 2.0 * middle + right)
-    return float(abs(u[peak]) / abs(y[peak])), float((peak + offset) / (size * period))
+    return float(u[peak] / y[peak]), float((peak + offset) / (size * period))

@@ -5,7 +5,7 @@ exactly, H1 is linear in the output: an output disturbance n adds
 
     dH(f) = sum_w conj(U_w(f)) N_w(f) / sum_w |U_w(f)|^2,
 
-N_w the window's transform of n. `identification/fit.py` uses this both ways: the model's H1 is
+N_w the window's transform of n. `identification/` uses this both ways: the model's H1 is
 computed through the very same windows, so leakage is in model and data alike, and the covariance of
 whatever is fitted to H1 follows from the spectrum of n exactly, overlap and neighbouring bins
 included.
@@ -22,6 +22,7 @@ from sim.trace import Trace
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 WINDOW = 4096
+UNEVEN = 0.5  # of a period, by which a sample may be early or late
 EXCITED = 1e-4  # power of the command at a bin, over the largest, that counts as excitation
 
 
@@ -60,6 +61,22 @@ class Windows:
         """Return H1 of an output (samples,) to the command, shape (bins,)."""
         return np.sum(np.conj(self.spectra) * self.transform(output), axis=0) / self.power
 
+    def noise_gain(self) -> Floats:
+        """Return variance of H1 over the output noise's power spectrum, (bins,).
+
+        Cov(N_w, N_v) of two windows is the spectrum times the overlap of their tapers.
+        """
+        total = np.zeros(self.bins.size)
+        for lag in range(self.starts.size):
+            apart = int(self.starts[lag] - self.starts[0])
+            overlap = float(self.taper[apart:] @ self.taper[: self.length - apart])
+            if overlap == 0.0:
+                break
+            turn = np.exp(2j * np.pi * self.bins * apart / self.length)
+            pairs = np.sum(np.conj(self.spectra[lag:]) * self.spectra[: self.starts.size - lag], 0)
+            total += (1.0 if lag == 0 else 2.0) * overlap * np.real(pairs * turn)
+        return total / self.power**2
+
     def adjoint(self, weights: Complexes, samples: int) -> Floats:
         """Return c (samples,) with Re sum_f conj(weights) H1(n) = sum_t c(t) n(t) for every n."""
         full = np.zeros((self.starts.size, self.length // 2 + 1), dtype=np.complex128)
@@ -97,6 +114,12 @@ def frequency_response(
     Raises RecordingError for a recording that is too short, not excited, constant or not finite,
     with what to record instead.
     """
+    for name in (command, output):
+        if name not in trace.channels:
+            raise RecordingError(
+                f"the recording has no channel {name!r}; it has {', '.join(trace.channels)}: name"
+                " the command to the motor and the position it drives"
+            )
     u, y = trace[command], trace[output]
     _check(trace, u, y, command, output, window)
     period = float(np.median(np.diff(trace.t)))
@@ -133,6 +156,14 @@ def _check(trace: Trace, u: Floats, y: Floats, command: str, output: str, window
         raise RecordingError(
             f"the recording has {len(trace)} samples; at least two windows of {window} are needed:"
             " record longer, 30 s at 1 kHz is plenty"
+        )
+    steps = np.diff(trace.t)
+    period = float(np.median(steps))
+    uneven = np.flatnonzero(~(np.abs(steps - period) <= UNEVEN * period))
+    if uneven.size:
+        raise RecordingError(
+            f"the samples at {trace.t[uneven[0]]:.6g} s are {steps[uneven[0]]:.3g} s apart,"
+            f" elsewhere {period:.3g} s; use a stretch without gaps, or record at an even rate"
         )
     for name, values in ((command, u), (output, y)):
         if not np.all(np.isfinite(values)):

@@ -1,18 +1,24 @@
 """Starting values for the fit, from the response alone.
 
-Mobility V = s G / (hold) is a ratio of polynomials of degrees 2k and 2k + 1. Linear least squares on
-N - V D = 0 with the weights of the last iteration's 1/|D| (Sanathanan & Koerner, IEEE T. Automatic
-Control 8, 1963), s scaled by the band's upper end. Roots are then made stable and interlacing.
+Mobility V = s G / (hold) is a ratio of polynomials of degrees 2k and 2k + 1. Linear least squares
+on N - V D = 0 with the weights of the last iteration's 1/|D| (Sanathanan & Koerner, IEEE T.
+Automatic Control 8, 1963), s scaled by the band's upper end. Roots are then made stable and
+interlacing.
+
+A fit from there may end with a mode that cancels itself while another is missing: `moved` puts the
+one in the other's place.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.modal import Mode, ModalModel
+from sim.modal import ModalModel, Mode
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 ROUNDS = 30
+NEW_DAMPING = 0.1  # c and d over omega of a mode put in by hand
+SPLIT = 1.01  # least ratio of a pole to the zero before it, or of a zero to its pole
 
 
 def starting_model(
@@ -23,21 +29,43 @@ def starting_model(
 
     frequency_hz, response [rad/(N m) | m/N], weight (1 / standard deviation), each (bins,).
     """
-    s = 2j * np.pi * frequency_hz
+    s = (2j * np.pi * frequency_hz).astype(np.complex128)
     scale = float(2.0 * np.pi * frequency_hz[-1])
     hold = (1.0 - np.exp(-s * period)) / (s * period)
     mobility = s * response / (hold * np.exp(-s * delay))
     size = float(np.median(np.abs(mobility)))
     numerator, denominator = _rational(s / scale, mobility / size, weight / np.abs(s), 2 * modes)
-    poles = np.roots(denominator[::-1]) * scale
-    zeros = np.roots(numerator[::-1]) * scale
+    poles, zeros = (_roots(c) * scale for c in (denominator, numerator))
     return _interlaced(poles, zeros, mobility, s, modes)
 
 
-def _rational(
-    s: Complexes, value: Complexes, weight: Floats, degree: int
-) -> tuple[Floats, Floats]:
-    """Ascending coefficients of N (degree) and D (degree + 1, leading one 1) with N/D near value."""
+def moved(model: ModalModel, omega: float) -> ModalModel:
+    """Return the model with the mode that does least put at a frequency [rad/s], nearly cancelled.
+
+    Zeros and poles alternate whatever the place: a pair goes in as zero and pole between modes, as
+    pole and zero inside one.
+    """
+    effect = [abs(np.log(m.omega / m.v)) + abs(m.c - m.d) / m.omega for m in model.modes]
+    kept = [m for i, m in enumerate(model.modes) if i != int(np.argmin(effect))]
+    zeros = sorted([(m.v, m.d) for m in kept] + [(omega, NEW_DAMPING * omega)])
+    poles = sorted([(m.omega, m.c) for m in kept] + [(omega, NEW_DAMPING * omega)])
+    modes = [Mode(max(p, v * SPLIT), c, v, d) for (p, c), (v, d) in zip(poles, zeros, strict=True)]
+    return ModalModel(model.inertia, model.damping, tuple(_apart(modes)))
+
+
+def _apart(modes: list[Mode]) -> list[Mode]:
+    """Raise each zero above the pole before it."""
+    found: list[Mode] = []
+    floor = 0.0
+    for mode in modes:
+        v = max(mode.v, floor * SPLIT)
+        found.append(mode._replace(v=v, omega=max(mode.omega, v * SPLIT)))
+        floor = found[-1].omega
+    return found
+
+
+def _rational(s: Complexes, value: Complexes, weight: Floats, degree: int) -> tuple[Floats, Floats]:
+    """Ascending coefficients of N (degree) and D (degree + 1, leading one 1), N/D near value."""
     powers = s[:, None] ** np.arange(degree + 2)
     scaling = weight
     solution = np.zeros(2 * degree + 2)
@@ -77,6 +105,10 @@ def _interlaced(
     inertia = float(np.median(np.abs(np.imag(stiff) / np.imag(s))))
     slow = float(real.min()) if real.size else low
     return ModalModel(inertia, inertia * float(np.clip(slow, 1e-3 * low, 0.5 * high)), unit.modes)
+
+
+def _roots(ascending: Floats) -> Complexes:
+    return np.roots(ascending[::-1]).astype(np.complex128)
 
 
 def _pairs(roots: Complexes, count: int, low: float, high: float) -> list[tuple[float, float]]:

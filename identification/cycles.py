@@ -1,0 +1,137 @@
+"""The limit cycles of a relay loop over many starts, and how many starts end on each.
+
+A relay loop may have several: the published procedure reports whichever one its start leads to.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from identification.relay import STANDARD, RelayResult, RelayTest, reference_start, run
+from sim.device import Device
+from sim.ensemble import in_parallel, threads
+from sim.equations import equations
+from sim.run import Start
+
+SAME_CYCLE = 5e-3  # of stiffness and frequency
+POSITION, VELOCITY = 5e-3, 0.5  # half ranges of the random starts
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """One limit cycle and the share of the starts that ended on it."""
+
+    stiffness: float
+    frequency_hz: float
+    amplitude: float
+    share: float
+
+
+@dataclass(frozen=True)
+class RelayCondition:
+    """A condition (delay [s], B): the run from the reference start, and all that other starts give.
+
+    diverging, undecided: shares of the starts that do.
+    """
+
+    delay: float
+    damping: float
+    reference: RelayResult
+    cycles: tuple[Cycle, ...]
+    diverging: float
+    undecided: float
+
+
+def limit_cycles(
+    device: Device,
+    damping: float,
+    starts: int = 60,
+    seed: int = 0,
+    test: RelayTest = STANDARD,
+) -> RelayCondition:
+    """Run the reference start and seeded random ones, and gather the limit cycles found.
+
+    The random starts move the device as a rigid body: position within +-5e-3, velocity within +-0.5
+    a second, uniform.
+    """
+    return relay_conditions([device], [damping], starts, seed, test)[0]
+
+
+def relay_conditions(
+    devices: Sequence[Device],
+    dampings: Sequence[float],
+    starts: int = 60,
+    seed: int = 0,
+    test: RelayTest = STANDARD,
+    progress: Callable[[], None] | None = None,
+) -> list[RelayCondition]:
+    """Return `limit_cycles` for each device with its damping, all runs spread over the cores.
+
+    progress: called after each condition (from any thread). Raises ValueError for starts < 0.
+    """
+    if starts < 0:
+        raise ValueError(f"starts is {starts}; it must be 0 or more")
+    tasks = [
+        lambda device=device, damping=damping: _condition(
+            device, damping, starts, seed, test, progress
+        )
+        for device, damping in zip(devices, dampings, strict=True)
+    ]
+    return in_parallel(tasks, threads())
+
+
+def _condition(
+    device: Device,
+    damping: float,
+    starts: int,
+    seed: int,
+    test: RelayTest,
+    progress: Callable[[], None] | None,
+) -> RelayCondition:
+    eq = equations(device, test.substeps)
+    rng = np.random.default_rng(seed)
+    drawn = rng.uniform(-1.0, 1.0, (starts, 2)) * (POSITION, VELOCITY)
+    results = [run(eq, damping, Start(float(x), float(v)), test) for x, v in drawn]
+    verdicts = [result.verdict for result in results]
+    reference = run(eq, damping, reference_start(device), test)
+    if progress is not None:
+        progress()
+    count = max(1, starts)
+    return RelayCondition(
+        device.interface.delay,
+        damping,
+        reference,
+        gathered(results),
+        verdicts.count("diverges") / count,
+        verdicts.count("undecided") / count,
+    )
+
+
+def gathered(results: Sequence[RelayResult]) -> tuple[Cycle, ...]:
+    """Return the cycles among results, the most frequent first.
+
+    Sorted by stiffness, results belong to one cycle while stiffness and frequency stay within half
+    a percent of its first one's.
+    """
+    found = [
+        (r.stiffness, r.frequency_hz, r.amplitude)
+        for r in results
+        if r.stiffness is not None and r.frequency_hz is not None and r.amplitude is not None
+    ]
+    groups: list[list[tuple[float, float, float]]] = []
+    for one in sorted(found):
+        if groups and _alike(groups[-1][0], one):
+            groups[-1].append(one)
+        else:
+            groups.append([one])
+    groups.sort(key=len, reverse=True)
+    means = [np.mean(g, axis=0) for g in groups]
+    return tuple(
+        Cycle(float(mean[0]), float(mean[1]), float(mean[2]), len(g) / len(results))
+        for g, mean in zip(groups, means, strict=True)
+    )
+
+
+def _alike(a: tuple[float, float, float], b: tuple[float, float, float]) -> bool:
+    return all(abs(a[i] / b[i] - 1.0) < SAME_CYCLE for i in range(2))
