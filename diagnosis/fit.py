@@ -14,9 +14,8 @@ from scipy.optimize import least_squares
 
 from diagnosis.experiment import Experiment
 from diagnosis.parameters import Model
-from diagnosis.predictor import SETTLING, Observer, innovations, substeps_for
+from diagnosis.predictor import SETTLING, Observer, innovations, prepared
 from sim.ensemble import in_parallel, threads
-from sim.equations import equations
 
 Floats = NDArray[np.float64]
 STEP = 1e-4
@@ -49,11 +48,11 @@ class Problem:
     def weighted(self, model: Model, x: Floats) -> Floats:
         """Return the weighted innovations of all experiments, one after the other."""
         device, gain = model.build(x)
-        eq = equations(device, substeps_for(device))
+        ready = prepared(device)
         parts: list[Floats] = []
         for e in self.experiments:
             scaled = Experiment(e.period, gain * e.command, e.measured, e.outputs, e.name)
-            out = innovations(device, scaled, self.observer.gain, eq=eq)
+            out = innovations(device, scaled, self.observer.gain, ready=ready)
             parts.append((out[SETTLING:] / self.observer.deviation).ravel())
         joined = np.concatenate(parts)
         return np.clip(np.nan_to_num(joined, nan=WORST, posinf=WORST, neginf=-WORST), -WORST, WORST)

@@ -18,10 +18,9 @@ from scipy.signal import welch
 
 from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted, Problem
-from diagnosis.predictor import SETTLING, innovations, substeps_for
+from diagnosis.predictor import SETTLING, innovations, prepared
 from diagnosis.screen import Complement
 from sim.ensemble import in_parallel, threads
-from sim.equations import equations
 
 Floats = NDArray[np.float64]
 BINS = 8
@@ -135,7 +134,7 @@ def _state(problem: Problem, white: Floats) -> list[dict[str, object]]:
 def force_maps(problem: Problem, fitted: Fitted) -> tuple[ForceMap, ...]:
     """Return the missing force at every place against every state."""
     device, gain = fitted.model.build(fitted.x)
-    eq = equations(device, substeps_for(device))
+    ready = prepared(device)
     off = Complement(fitted.jacobian)
     left = off(fitted.residual)
     prior = fitted.residual[fitted.samples :] * 0.0
@@ -148,12 +147,12 @@ def force_maps(problem: Problem, fitted: Fitted) -> tuple[ForceMap, ...]:
     def signature(place: tuple[int, int], masks: Sequence[NDArray[np.bool_]]) -> Floats:
         parts: list[Floats] = []
         for e, mask in zip(problem.experiments, masks, strict=True):
-            force = np.zeros((e.ticks, eq.dof))
+            force = np.zeros((e.ticks, ready.coarse.dof))
             force[mask, place[0]] = size
             if place[1] >= 0:
                 force[mask, place[1]] = -size
             scaled = Experiment(e.period, gain * e.command, e.measured, e.outputs, e.name)
-            out = innovations(device, scaled, problem.observer.gain, force, eq)
+            out = innovations(device, scaled, problem.observer.gain, force, ready)
             parts.append((out[SETTLING:] / problem.observer.deviation).ravel())
         moved = np.concatenate([*parts, prior])
         moved[: fitted.samples] -= fitted.white

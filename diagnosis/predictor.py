@@ -8,6 +8,7 @@ that may change its own noise cheats with it.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,14 +41,25 @@ class Observer:
     ratio: float
 
 
-def substeps_for(device: Device) -> int:
-    """Return substeps a tick for prediction.
+COARSE, FINE = 2, 8  # substeps a tick with smooth forces; where friction turns
 
-    A reversal inside a substep puts friction wrong for its rest: with one or two substeps that
-    biases a friction level by a tenth, with four it is lost in the noise.
+
+class Prepared(NamedTuple):
+    """A device ready to predict: in few substeps a tick, and in many."""
+
+    coarse: Equations
+    fine: Equations
+
+
+def prepared(device: Device) -> Prepared:
+    """Prepare a device. A turn inside a substep puts friction wrong for the rest of it.
+
+    With two substeps at a turn that biases a friction level by a tenth, with eight it is lost in
+    the noise.
     """
     hooks = {p.effect.hook for p in device.physics}
-    return 4 if "friction" in hooks else 2 if "force" in hooks else 1
+    coarse = equations(device, COARSE if "force" in hooks else 1)
+    return Prepared(coarse, equations(device, FINE) if "friction" in hooks else coarse)
 
 
 def observer_memory(eq: Equations, experiment: Experiment) -> Memory:
@@ -68,21 +80,25 @@ def innovations(
     experiment: Experiment,
     gain: Floats,
     external: Floats | None = None,
-    eq: Equations | None = None,
+    ready: Prepared | None = None,
 ) -> Floats:
     """Return innovations (ticks, o); infinite from where the prediction overflowed.
 
     external: forces (ticks, n) added to the device's own.
     """
-    ready = equations(device, substeps_for(device)) if eq is None else eq
-    memory = observer_memory(ready, experiment)
-    forces = np.zeros((0, ready.dof)) if external is None else external
+    eq, fine = prepared(device) if ready is None else ready
+    memory = observer_memory(eq, experiment)
+    forces = np.zeros((0, eq.dof)) if external is None else external
     out = np.full(experiment.measured.shape, np.inf)
     predict(
-        ready, experiment.places(ready.dof), experiment.command, experiment.measured,
-        _padded(gain, ready.states), forces, memory, scratch(ready), out,
+        eq, fine, experiment.places(eq.dof), experiment.command, experiment.measured,
+        _padded(gain, eq.states), forces, memory, scratch(eq), _saved(memory), out,
     )  # fmt: skip
     return out
+
+
+def _saved(memory: Memory) -> Floats:
+    return np.zeros(memory.x.size + memory.internal.size)
 
 
 def _padded(gain: Floats, states: int) -> Floats:
@@ -100,10 +116,11 @@ def free_run_errors(
 
     Each window starts from the state that the observer has at its beginning, then runs free.
     """
-    eq = equations(device, max(4, substeps_for(device)) if device.physics else 1)
+    eq, fine = prepared(device)
     places, work = experiment.places(eq.dof), scratch(eq)
     memory = observer_memory(eq, experiment)
     no_force, full = np.zeros((0, eq.dof)), _padded(gain, eq.states)
+    saved = _saved(memory)
     errors: list[Floats] = []
     signal: list[Floats] = []
     for first in range(0, experiment.ticks - window + 1, window):
@@ -112,10 +129,12 @@ def free_run_errors(
         if first >= SETTLING:
             free = Memory(*(a.copy() for a in memory))
             e = np.full(y.shape, np.inf)
-            predict(eq, places, u, y, np.zeros_like(full), no_force, free, work, e)
+            predict(
+                eq, fine, places, u, y, np.zeros_like(full), no_force, free, work, saved, e
+            )
             errors.append(e)
             signal.append(y - y.mean(axis=0))
-        predict(eq, places, u, y, full, no_force, memory, work, np.zeros(y.shape))
+        predict(eq, fine, places, u, y, full, no_force, memory, work, saved, np.zeros(y.shape))
     empty = np.zeros((0, experiment.measured.shape[1]))
     return np.concatenate(errors or [empty]), np.concatenate(signal or [empty])
 
@@ -150,14 +169,14 @@ def _noise_scale(experiment: Experiment) -> Floats:
 def choose_observer(device: Device, experiments: Sequence[Experiment]) -> Observer:
     """Choose the ratio by the likelihood of the innovations, the deviations concentrated out."""
     best: tuple[float, float] | None = None
-    eq = equations(device, substeps_for(device))
+    ready = prepared(device)
     for ratio in RATIOS:
         try:
             gain = observer_for(device, experiments[0], float(ratio))
         except (np.linalg.LinAlgError, ValueError):
             continue
         with np.errstate(all="ignore"):
-            kept = [innovations(device, e, gain, eq=eq)[SETTLING:] for e in experiments]
+            kept = [innovations(device, e, gain, ready=ready)[SETTLING:] for e in experiments]
             score = float(sum(k.shape[0] * np.log(np.mean(k**2, axis=0)).sum() for k in kept))
         if np.isfinite(score) and (best is None or score < best[0]):
             best = (score, float(ratio))

@@ -7,6 +7,10 @@ At every tick, before step (1), the state is corrected by what was measured,
 then the recorded command goes through amplifier and delay line and the chain moves, by the same
 parts as in a simulation. An output is a position or a velocity of one mass; m1's position is seen
 through the sensor. A sample that is not a number corrects nothing. With L = 0 it is a free run.
+
+Dry friction that keeps its sign is a constant force, for which one substep is exact; only a tick in
+which a mass with friction stops, starts or turns needs many. So each tick is tried in few substeps
+(`eq`), and where a velocity did not keep its sign it is taken back and done in many (`fine`).
 """
 
 from typing import NamedTuple
@@ -14,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.jit import jit
+from sim.jit import jit, part
 from sim.kernel import amplify, arrives, read_sensor, substep
 
 Floats = NDArray[np.float64]
@@ -27,11 +31,33 @@ class Outputs(NamedTuple):
     sensed: NDArray[np.bool_]
 
 
+@part
+def move(eq, earlier, current, force, memory, scratch):
+    """Step (6): the substeps of one tick."""
+    for segment in range(2):
+        held = earlier if segment == 0 else current
+        for _ in range(eq.substeps[segment]):
+            substep(eq, segment, held, force, memory, scratch)
+
+
+@part
+def turned(eq, before, after):
+    """Whether any mass with dry friction did not keep the sign of its velocity."""
+    for e in range(eq.frictions.codes.size):
+        i = eq.dof + eq.frictions.first[e]
+        if not before[i] * after[i] > 0.0:
+            return True
+    return False
+
+
 @jit
-def predict(eq, outputs, commands, measured, gain, external, memory, scratch, innovations):
+def predict(
+    eq, fine, outputs, commands, measured, gain, external, memory, scratch, saved, innovations
+):
     """Fill innovations (ticks, o) from commands (ticks,) and measured (ticks, o).
 
-    gain (states, o). external (ticks, n) forces to add, or (0, n). memory goes on from where it is,
+    eq, fine: the device in few and in many substeps a tick; saved (16 + force effects,) is working
+    space. gain (states, o). external (ticks, n) forces to add, or (0, n). memory goes on from where it is,
     so that a recording may be taken in pieces. Returns the ticks done: fewer than given where the
     state overflowed.
     """
@@ -60,10 +86,17 @@ def predict(eq, outputs, commands, measured, gain, external, memory, scratch, in
         earlier = line[head]
         current = line[0 if head == last else head + 1]
         force = external[k] if external.shape[0] > 0 else none
-        for segment in range(2):
-            held = earlier if segment == 0 else current
-            for _ in range(eq.substeps[segment]):
-                substep(eq, segment, held, force, memory, scratch)
+        for i in range(x.size):
+            saved[i] = x[i]
+        for e in range(memory.internal.size):
+            saved[x.size + e] = memory.internal[e]
+        move(eq, earlier, current, force, memory, scratch)
+        if turned(eq, saved, x):
+            for i in range(x.size):
+                x[i] = saved[i]
+            for e in range(memory.internal.size):
+                memory.internal[e] = saved[x.size + e]
+            move(fine, earlier, current, force, memory, scratch)
         tick += 1
         if not abs(x[0]) < 1e12:
             return k + 1
