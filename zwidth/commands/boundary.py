@@ -1,9 +1,9 @@
-"""`zwidth boundary`: how stiff a wall is stable, by theory and by simulation, beside measurements."""
+"""`zwidth boundary`: the stiffest stable wall by theory, by simulation and by measurement."""
 
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import click
 import numpy as np
@@ -19,12 +19,11 @@ from stability.bisection import Bracket, Search, Trial
 from stability.boundary import Boundary, BoundaryPoint, default_dampings, find_boundaries
 from zwidth.compiling import announce
 from zwidth.console import Column, Console, progress
-from zwidth.files import write_with
 from zwidth.options import ManyNumbers, Quantities, Quantity, json_option, out_option
 from zwidth.results import (
     UNSET,
-    Bracketed,
     BoundaryResult,
+    Bracketed,
     Critical,
     DelayBoundary,
     Measured,
@@ -39,7 +38,7 @@ SAME_DAMPING = 1e-9
 @click.command("boundary", cls=ManyNumbers)
 @click.argument("name", metavar="DEVICE")
 @click.option("--delay-ms", cls=Quantities, type=Quantity("ms"), metavar="MS ...",
-              help="Loop delays, one boundary each; the device's own where none is given.")  # fmt: skip
+              help="Loop delays, a boundary each; the device's own where none is given.")  # fmt: skip
 @click.option("--damping", cls=Quantities, type=Quantity("N m s/rad | N s/m"), rising=True,
               metavar="B ...", help="Virtual dampings in rising order; else from 0 to 1.2 times the"
               " last one with a stable wall, in 41 steps, and those measured.")  # fmt: skip
@@ -116,14 +115,11 @@ def _write(
         _table(console, boundary, values)
     console.result(as_json(result))
     from zwidth.figures.boundary import boundary_figure
+    from zwidth.figures.style import save_figure
 
     figure = boundary_figure(result, "measured (Table II)")
-    for kind in ("png", "svg"):
-
-        def save(stream: IO[bytes], kind: str = kind) -> None:
-            figure.savefig(stream, format=kind, dpi=150)
-
-        console.say(f"wrote {write_with(out / f'boundary.{kind}', save)}")
+    for path in save_figure(figure, out / "boundary"):
+        console.say(f"wrote {path}")
     for boundary in found:
         for path in _log_top(boundary, trial, out):
             console.say(f"wrote {path}")
@@ -177,9 +173,7 @@ def _table(console: Console, boundary: Boundary, values: DelayBoundary) -> None:
         Column("f [Hz]"),
         Column("note", False),
     ]
-    rows = [
-        _row(p, b.simulated) for p, b in zip(values.points, boundary.points, strict=True)
-    ]
+    rows = [_row(p, b.simulated) for p, b in zip(values.points, boundary.points, strict=True)]
     title = f"\n{boundary.device.name}, delay {_ms(boundary.device)}"
     console.table(title, columns, rows)
 

@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
 from msgspec import UNSET
 
+from zwidth.figures.style import STYLE
 from zwidth.results import BoundaryResult, DelayBoundary, Point
 
 # Colours that differ in lightness, so that they survive grey print and every kind of colour
@@ -25,18 +26,6 @@ DASHES = (
     (0, (4, 1, 1, 1, 1, 1)),
 )
 SHAPES = ("o", "s", "^", "D", "v", "P")
-STYLE: dict[Any, Any] = {
-    "font.size": 10,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": "0.9",
-    "grid.linewidth": 0.6,
-    "lines.linewidth": 1.6,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "zwidth",
-}
 JUMP = 4.0  # ratio of neighbouring frequencies that is a change of branch and no slope
 DOTS = 60  # time-domain brackets shown a delay at the most; each is narrower than its dot
 
@@ -96,8 +85,8 @@ def _line(axes: Axes, points: Sequence[Point], value: Value, look: Look, *, join
     y: list[float] = []
     for point in points:
         now = _number(value(point))
-        jumped = bool(y) and not 1 / JUMP < now / y[-1] < JUMP
-        if jumped and not joined:
+        ratio = now / y[-1] if y else 1.0  # NaN beside a gap, which is no jump
+        if not joined and (ratio < 1 / JUMP or ratio > JUMP):
             axes.plot([x[-1], point.damping], [y[-1], now], color=look.colour, linewidth=0.6)
             x.append(point.damping)
             y.append(math.nan)
