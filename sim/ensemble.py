@@ -1,7 +1,7 @@
 """Many runs of one device under its walls, prolonged as long as their verdicts need.
 
-Linear mechanisms go 64 at a time through the lane kernel, all others run one by one in the scalar
-kernel; both give the same measures a window. Groups are independent tasks without shared state, so
+Linear mechanisms, also with Coulomb friction at m1, go 32 at a time through the lane kernel, all
+others run one by one in the scalar kernel; both give the same measures a window. Groups are independent tasks without shared state, so
 the result does not depend on the number of threads.
 """
 
@@ -22,7 +22,6 @@ from sim.lanes import (
     ESTIMATE,
     LANES,
     MEASURES,
-    NARROW,
     PAST1,
     PAST3,
     POSITION,
@@ -36,6 +35,7 @@ from sim.lanes import (
     lane_memory,
     signal_row,
 )
+from sim.physics.coulomb_friction import coulomb_friction
 from sim.run import Start, start_memory
 
 Floats = NDArray[np.float64]
@@ -103,30 +103,21 @@ class LaneRuns:
             line=np.empty_like(self.line),
             head=(self.head + windows * weights.size) % self.line.shape[0],
         )
-        rows = dense(self.eq)
+        rows, dry = dense(self.eq), self.eq.frictions.codes.size > 0
 
-        def run(first: int, lanes: int) -> None:
-            count = min(lanes, self.size - first)
-            chosen = np.minimum(np.arange(first, first + lanes), self.size - 1)
+        def run(first: int) -> None:
+            count = min(LANES, self.size - first)
+            chosen = np.minimum(np.arange(first, first + LANES), self.size - 1)
             memory = LaneMemory(aligned(self.bank[:, chosen]), aligned(self.line[:, chosen]))
-            found = aligned(np.zeros(windows * MEASURES * lanes))
-            kernel = lane_kernel(self.eq.states, self.eq.dof, lanes)
+            found = aligned(np.zeros(windows * MEASURES * LANES))
+            kernel = lane_kernel(self.eq.states, self.eq.dof, dry)
             kernel(self.eq, rows, memory, self.head, weights, windows, found)
             mine = slice(first, first + count)
-            measures[:, :, mine] = found.reshape(windows, MEASURES, lanes)[:, :, :count]
-            after.bank[:, mine] = memory.bank.reshape(-1, lanes)[:, :count]
-            after.line[:, mine] = memory.line.reshape(-1, lanes)[:, :count]
+            measures[:, :, mine] = found.reshape(windows, MEASURES, LANES)[:, :, :count]
+            after.bank[:, mine] = memory.bank.reshape(-1, LANES)[:, :count]
+            after.line[:, mine] = memory.line.reshape(-1, LANES)[:, :count]
 
-        return measures, [lambda s=s: run(*s) for s in lane_groups(self.size)], after
-
-
-def lane_groups(runs: int) -> list[tuple[int, int]]:
-    """Cut runs into (first, lanes) groups: full ones, and narrow ones for the rest."""
-    full = runs // LANES * LANES
-    rest = range(full, runs, NARROW)
-    if len(rest) > 2:
-        return [(f, LANES) for f in range(0, runs, LANES)]
-    return [(f, LANES) for f in range(0, full, LANES)] + [(f, NARROW) for f in rest]
+        return measures, [lambda f=f: run(f) for f in range(0, self.size, LANES)], after
 
 
 @dataclass(frozen=True)
@@ -207,10 +198,11 @@ def threads() -> int:
 
 
 def fits_lanes(eq: Equations) -> bool:
-    """Whether the lane kernel serves this device: nothing but its interface is nonlinear."""
-    tables = (eq.forces, eq.frictions, eq.sensors, eq.amplifiers, eq.clocks)
-    single = bool(np.all(eq.substeps <= 1))
-    return single and all(table.codes.size == 0 for table in tables)
+    """Whether the lane kernel serves this device: its interface, and Coulomb friction at m1."""
+    if any(t.codes.size for t in (eq.forces, eq.sensors, eq.amplifiers, eq.clocks)):
+        return False
+    dry = list(zip(eq.frictions.codes, eq.frictions.first, strict=True))
+    return dry in ([], [(coulomb_friction.code, 0)])
 
 
 def start_runs(
