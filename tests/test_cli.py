@@ -144,6 +144,7 @@ def test_a_full_disk_under_standard_output_is_one_sentence():
             stderr=subprocess.PIPE,
             text=True,
             check=False,
+            env={key: value for key, value in os.environ.items() if key != "PYTHONUNBUFFERED"},
             timeout=60,
         )
     assert (done.returncode, done.stderr) == (1, "error: No space left on device\n")
