@@ -1,8 +1,8 @@
 """Many runs of one device under its walls, prolonged as long as their verdicts need.
 
 Linear mechanisms, also with Coulomb friction at m1, go 32 at a time through the lane kernel, all
-others run one by one in the scalar kernel; both give the same measures a window. Groups are independent tasks without shared state, so
-the result does not depend on the number of threads.
+others run one by one in the scalar kernel; both give the same measures a window. Groups are
+independent tasks without shared state, so the result does not depend on the number of threads.
 """
 
 import os

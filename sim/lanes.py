@@ -46,8 +46,8 @@ class LaneMemory(NamedTuple):
     """All that survives a tick, for a group of lanes.
 
     bank (rows x lanes,): states, held command, working space, signals, wall and whether m1 is
-    stuck, a row of lanes each, in one array with rows at constant offsets, so that the compiler can see that they do not
-    overlap. line ((d + 2) x lanes,) the delay lines.
+    stuck, a row of lanes each, in one array with rows at constant offsets, so that the compiler
+    can see that they do not overlap. line ((d + 2) x lanes,) the delay lines.
     """
 
     bank: Floats
