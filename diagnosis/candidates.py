@@ -7,7 +7,7 @@ one; a scale of 0 holds a parameter fixed.
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,6 +17,26 @@ from sim.physics import EFFECTS, make_physics
 from sim.physics.effect import Effect, Physics
 
 SHARES = (0.001, 0.004, 0.015, 0.06, 0.2)
+# Parameters that scale the effect's whole signature, to first order.
+MAGNITUDE = {
+    "coulomb_friction": ("level",),
+    "stribeck_friction": ("level", "static_level"),
+    "presliding_friction": ("level", "stiffness"),
+    "directional_friction": ("level_plus", "level_minus", "viscous_plus", "viscous_minus"),
+    "quadratic_drag": ("coefficient",),
+    "constant_force": ("level",),
+    "ground_spring": ("stiffness",),
+    "gravity_pendulum": ("level",),
+    "force_ripple": ("amplitude",),
+    "backlash": ("gap",),
+    "cubic_stiffness": ("coefficient",),
+    "hysteresis": ("level", "stiffness"),
+    "extra_mode": ("mass", "stiffness", "damping"),
+    "dead_band": ("width",),
+    "actuator_lag": ("time_constant",),
+    "loop_delay": ("delay",),
+    "encoder_eccentricity": ("amplitude",),
+}
 NOT_BY_FIT = ("dropped_samples", "rectified_sensor")
 
 
@@ -31,6 +51,15 @@ class Start:
     def label(self) -> str:
         """effect@place."""
         return place_label(self.physics)
+
+    def scaled(self, factor: float) -> "Start | None":
+        """Return the start with the effect a factor as strong, None where that has no meaning."""
+        names = MAGNITUDE.get(self.physics.effect.name)
+        if names is None:
+            return None
+        values = {k: v * factor if k in names else v for k, v in self.physics.values.items()}
+        scales = {k: v * factor if k in names else v for k, v in self.scales.items()}
+        return Start(replace(self.physics, values=values), scales)
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,7 @@ class Observer:
     ratio: float
 
 
-COARSE, FINE = 2, 8  # substeps a tick with smooth forces; where friction turns
+COARSE, FINE = 4, 8  # substeps a tick with smooth forces; where friction turns
 
 
 class Prepared(NamedTuple):

@@ -55,7 +55,17 @@ def screen(problem: Problem, fitted: Fitted, starts: Sequence[Start]) -> list[Sc
         after = base + signature
         return Screened(start, energy - float(after @ after), signature)
 
-    scored = in_parallel([lambda s=s: score(s) for s in starts], threads())
+    def better(one: Screened) -> Screened:
+        """Try again at the strength that would fit best were the signature linear in it."""
+        size = float(one.signature @ one.signature)
+        factor = -float(base @ one.signature) / size if size > 0.0 else 0.0
+        other = one.start.scaled(factor) if 1e-3 < factor < 30.0 else None
+        if other is None or abs(factor - 1.0) < 0.3:
+            return one
+        again = score(other)
+        return again if again.score > one.score else one
+
+    scored = in_parallel([lambda s=s: better(score(s)) for s in starts], threads())
     best: dict[str, Screened] = {}
     for one in scored:
         label = one.start.label

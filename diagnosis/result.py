@@ -1,0 +1,148 @@
+"""What a diagnosis says, as values and as the JSON of `zwidth diagnose` (see docs/diagnosis.md)."""
+
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Any
+
+from diagnosis.gate import Fault
+from diagnosis.locate import Located
+from sim.device import Device
+
+
+# A richer effect contains a simpler one and can never explain less: within five sigma the simpler is
+# meant, and the richer is named as a rival without making the verdict doubtful.
+CONTAINED = {
+    "coulomb_friction": {
+        "stribeck_friction", "presliding_friction", "directional_friction", "hysteresis",
+    },
+    "constant_force": {"directional_friction", "gravity_pendulum"},
+    "ground_spring": {"gravity_pendulum", "hysteresis", "extra_mode"},
+    "quadratic_drag": {"directional_friction"},
+    "presliding_friction": {"hysteresis"},
+}  # fmt: skip
+
+
+class Verdict(Enum):
+    """The first line of a diagnosis; the value is the word in the JSON."""
+
+    NOTHING_MISSING = "nothing_missing"
+    IDENTIFIED = "identified"
+    CONFUSABLE = "confusable"
+    UNKNOWN_PHYSICS = "unknown_physics"
+    LINEAR_PARAMETERS = "linear_parameters"
+    RECORDING_FAULT = "recording_fault"
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A value with its 95 % interval."""
+
+    value: float
+    lower: float
+    upper: float
+    unit: str = ""
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        return {"value": self.value, "unit": self.unit, "ci95": [self.lower, self.upper]}
+
+
+@dataclass(frozen=True)
+class Rival:
+    """Another effect that could be meant: how many sigma worse it explains the recording."""
+
+    effect: str
+    at: str
+    separation_sigma: float
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One effect found. separation_sigma: from doing without it. rivals: nearest first."""
+
+    effect: str
+    at: str
+    parameters: dict[str, Estimate]
+    separation_sigma: float
+    rivals: tuple[Rival, ...]
+
+    @property
+    def confusable_with(self) -> tuple[Rival, ...]:
+        """The rivals within five sigma that do not merely contain this effect."""
+        richer = CONTAINED.get(self.effect, set())
+        return tuple(
+            r
+            for r in self.rivals
+            if r.separation_sigma < 5.0 and not (r.effect in richer and r.at in (self.at, "ground"))
+        )
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """rms error over rms of the signal on data not fitted to; noise_floor: what must remain."""
+
+    before: float
+    refit: float
+    after: float
+    noise_floor: float
+
+    def as_json(self) -> dict[str, float]:
+        """Return the JSON form."""
+        return dict(vars(self))
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The whole answer. device: augmented by what was found, with refitted linear parameters."""
+
+    verdict: Verdict
+    sentence: str
+    findings: tuple[Finding, ...]
+    linear_refit: dict[str, tuple[float, Estimate]]
+    located: Located | None
+    one_step: HeldOut | None
+    free_run: HeldOut | None
+    upper_bounds: dict[str, dict[str, float]]
+    faults: tuple[Fault, ...]
+    device: Device
+    facts: dict[str, Any] = field(default_factory=dict[str, Any])
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the JSON of `zwidth diagnose`."""
+        where: dict[str, Any] = {
+            "sentence": "", "time": [], "frequency_hz": [], "state": [], "entry": [],
+        }  # fmt: skip
+        if self.located is not None:
+            where = {
+                "sentence": self.located.sentence,
+                "time": self.located.time,
+                "frequency_hz": self.located.frequency_hz,
+                "state": self.located.state,
+                "entry": self.located.entry,
+            }
+        one = None if self.one_step is None else self.one_step.as_json()
+        free = None if self.free_run is None else self.free_run.as_json()
+        return {
+            "verdict": self.verdict.value,
+            "sentence": self.sentence,
+            "findings": [
+                {
+                    "effect": f.effect,
+                    "at": f.at,
+                    "parameters": {k: v.as_json() for k, v in f.parameters.items()},
+                    "separation_sigma": f.separation_sigma,
+                    "rivals": [vars(r) for r in f.rivals],
+                }
+                for f in self.findings
+            ],
+            "linear_refit": {
+                k: {"nominal": nominal, **e.as_json()}
+                for k, (nominal, e) in self.linear_refit.items()
+            },
+            "where": where,
+            "fit": {"held_out": one, "one_step": one, "free_run": free},
+            "upper_bounds": self.upper_bounds,
+            "faults": [vars(f) for f in self.faults],
+            "next_experiment": None,
+            "facts": self.facts,
+        }
