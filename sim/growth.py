@@ -11,6 +11,12 @@ is prolonged.
 Two energies are watched, because a fast mode that has just begun to grow is invisible in the
 kinetic energy of a slow one: kinetic energy, and the third difference of m1's velocity, in which
 170 Hz stands 3e4 times above 28 Hz. A run decays only if both do, and grows if either does.
+
+Where something is nonlinear, growth may be caught by a limit cycle and decay may stop at one, so a
+slope is the verdict only when no more time is left. Before, a run must come to rest, escape, or
+cycle: its amplitude hardly changes over the last half, and what slope there is there is not
+significant. (Slow growth hardly changes it either, but its slope is significant.)
+
 Limit: two growing modes within one octave are seen as their sum.
 """
 
@@ -34,7 +40,9 @@ Floats = NDArray[np.float64]
 SIGNIFICANCE = 6.0  # standard errors between a growth rate and zero
 SILENCE = 1e-24  # energy over the first window's at which a run has come to rest
 ESCAPE = 1e6  # amplitude over the start's at which a run counts as lost
-STEADY = 0.02  # change of amplitude over the judged part of a run that a limit cycle may show
+STEADY = 0.02  # change of amplitude over the last half of a run that a limit cycle may show
+FLAT = 1e-3  # growth in ln(amplitude) over that half that is none, however significant
+FEWEST_STEADY = 16  # windows from which on a limit cycle is believed while there is time left
 
 
 class Verdict(enum.Enum):
@@ -61,8 +69,9 @@ def window_weights(ticks: int) -> Floats:
 class Growth:
     """Growth of an ensemble's runs, one value a run (runs,).
 
-    verdict: index into VERDICTS. rate [1/s] and error: of the energy that decided. amplitude: half
-    the range of m1's position in the last window; force: half the range of the command there.
+    verdict: index into VERDICTS. rate [1/s] and error: of the energy that decided, the one that
+    grows, else the one that decays more slowly. amplitude: half the range of m1's position in the
+    last window; force: half the range of the command there.
     frequency [Hz]: half the reversals of m1's velocity a second over the last half of the run.
     """
 
@@ -75,12 +84,18 @@ class Growth:
 
 
 def assess(
-    measures: Floats, window: float, start: float, threshold: float, nonlinear: bool
+    measures: Floats,
+    window: float,
+    start: float,
+    threshold: float,
+    nonlinear: bool,
+    final: bool = True,
 ) -> Growth:
     """Judge runs from their measures.
 
-    measures (windows, 7, runs); window [s]; start: amplitude at t = 0; threshold: amplitude below which
-    an oscillation counts as rest; nonlinear: limit cycles are possible.
+    measures (windows, 7, runs); window [s]; start: amplitude at t = 0; threshold: amplitude below
+    which an oscillation counts as rest; nonlinear: limit cycles are possible; final: the runs will
+    not be prolonged.
     """
     windows, _, runs = measures.shape
     with np.errstate(all="ignore"):  # infinities and zeros are verdicts, dealt with below
@@ -97,16 +112,18 @@ def assess(
     verdict = np.full(runs, UNDECIDED)
     verdict[down[0] & down[1]] = DECAYS
     verdict[up[0] | up[1]] = GROWS
-    by_fast = up[1] & ~up[0]
+    by_fast = np.where(up[0] == up[1], slopes[1][0] > slopes[0][0], up[1])
     rate = np.where(by_fast, slopes[1][0], slopes[0][0])
     error = np.where(by_fast, slopes[1][1], slopes[0][1])
     if nonlinear:
         last = amplitude[-(windows // 2) :]
-        with np.errstate(all="ignore"):
-            change = (last.max(axis=0) - last.min(axis=0)) / last.max(axis=0)
         resting = (last.max(axis=0) <= threshold) & (amplitude[-1] <= 0.5 * start)
+        if not final:
+            verdict[:] = UNDECIDED
+        if final or windows >= FEWEST_STEADY:
+            cycling = _cycling(last, kinetic[-(windows // 2) :], window)
+            verdict[cycling & ~resting & ~escaped] = LIMIT_CYCLE
         verdict[resting] = DECAYS
-        verdict[(change < STEADY) & ~resting & ~escaped] = LIMIT_CYCLE
     verdict[silent] = DECAYS
     verdict[escaped] = GROWS
     rate = np.where(escaped, np.inf, np.where(silent, -np.inf, rate))
@@ -115,6 +132,17 @@ def assess(
     frequency = measures[-(windows // 2) :, REVERSALS].mean(axis=0) / (2.0 * window)
     error = np.where(escaped | silent, 0.0, error)
     return Growth(verdict, rate, error, amplitude[-1], force, frequency)
+
+
+def _cycling(amplitude: Floats, kinetic: Floats, window: float) -> NDArray[np.bool_]:
+    """Whether the last half of each run (windows / 2, runs) neither grows nor decays."""
+    with np.errstate(all="ignore"):
+        change = (amplitude.max(axis=0) - amplitude.min(axis=0)) / amplitude.max(axis=0)
+        rate, error = growth_rate(0.5 * np.log(kinetic), window)
+        moving = np.abs(rate) > np.maximum(
+            SIGNIFICANCE * error, FLAT / (amplitude.shape[0] * window)
+        )
+    return (change < STEADY) & ~moving
 
 
 def growth_rate(lines: Floats, window: float) -> tuple[Floats, Floats]:

@@ -1,11 +1,11 @@
 """The stability boundary in the time domain: bisection of K for every B, many B at once.
 
 Going up from a K near zero in steps of a constant ratio, the first K that is not stable closes the
-bracket; then the zero of the growth rate by interpolation, or where that fails to halve the bracket
-its geometric mean, is tried until the bracket is narrow enough. All dampings of all
-devices take a trial in the same round, so a round is one batch. A run is prolonged, twice as long
-each time, until its verdict is clear or the limit is reached; a K that stays undecided is left
-between the ends of its bracket. Nothing here knows the linear theory.
+bracket; then the zero of the growth rate by interpolation, or where that does not help the
+geometric mean of the ends, is tried until the bracket is narrow enough. A group of dampings
+takes its trials in the same round, so a round is one batch. A run is prolonged, twice as long each
+time, until its verdict is clear or the limit is reached; a K that stays undecided is left between
+the ends of its bracket. Nothing here knows the linear theory.
 
 Limit: a band of instability narrower than the scan's ratio can be stepped over.
 """
@@ -19,11 +19,8 @@ from numpy.typing import NDArray
 
 from controllers.wall import wall
 from sim.device import Device
-from sim.equations import Equations, equations
 from sim.ensemble import Walls, advance_runs, in_parallel, start_runs, threads, walls
-from sim.lanes import LANES, MEASURES
-from sim.run import Start
-from stability.frequency import velocity_record, ultimate_frequency
+from sim.equations import Equations, equations
 from sim.growth import (
     DECAYS,
     LIMIT_CYCLE,
@@ -34,8 +31,12 @@ from sim.growth import (
     assess,
     window_weights,
 )
+from sim.lanes import LANES, MEASURES
+from sim.run import Start
+from stability.frequency import blank_record, ultimate_frequency, velocity_record
 
 Floats = NDArray[np.float64]
+GROUP = 2 * LANES  # dampings that are hunted down together
 
 
 @dataclass(frozen=True)
@@ -129,14 +130,18 @@ def _judge(device: Device, eq: Equations, ensemble: Walls, trial: Trial, workers
     weights = window_weights(max(8, round(trial.window_s / eq.period)))
     window = weights.size * eq.period
     start, rest = abs(trial.start), threshold(device, trial)
-    nonlinear = not device.interface.linear or bool(device.physics)
+    nonlinear = bool(
+        not device.interface.linear
+        or ensemble.one_sided.any()
+        or any(p.effect.hook != "structure" for p in device.physics)
+    )
     judged = Growth(np.full(runs.size, UNDECIDED), *np.full((5, runs.size), np.nan))
     pending, history = np.arange(runs.size), np.zeros((0, MEASURES, runs.size))
     done, target = 0.0, trial.seconds
     while True:
         measures, runs = advance_runs(runs, weights, round((target - done) / window), workers)
         history = np.concatenate([history, measures])
-        growth = assess(history, window, start, rest, nonlinear)
+        growth = assess(history, window, start, rest, nonlinear, target >= trial.limit_s)
         for field in fields(Growth):
             getattr(judged, field.name)[pending] = getattr(growth, field.name)
         left = np.flatnonzero(growth.verdict == UNDECIDED)
@@ -162,15 +167,17 @@ def is_stable(growth: Growth, limit: float) -> NDArray[np.bool_]:
 class _Hunt:
     """The brackets of one device while they close; NaN stands for not known yet."""
 
-    def __init__(self, device: Device, dampings: Floats, trial: Trial, search: Search) -> None:
+    def __init__(
+        self, device: Device, eq: Equations, dampings: Floats, trial: Trial, search: Search
+    ) -> None:
         self.device, self.dampings, self.search = device, dampings, search
-        self.eq, self.limit = equations(device, trial.substeps), threshold(device, trial)
+        self.eq, self.limit = eq, threshold(device, trial)
         self.lowest, self.highest = search.limits(device)
         shape = self.open = dampings.size
         self.stable, self.unstable, self.doubt_low, self.doubt_high = np.full((4, shape), np.nan)
         self.verdicts = np.full((2, shape), -1)
-        self.rates = np.full((2, shape), np.nan)  # growth rates at the stable and unstable ends
-        self.width = np.full((2, shape), np.inf)  # ln(unstable / stable), now and a trial before
+        self.rates = np.full((2, shape), np.nan)  # at the stable and unstable ends
+        self.widths = np.full((4, shape), np.inf)  # of the bracket, now and one to three trials ago
         self.amplitude = np.full(shape, np.nan)
 
     def run(self, trial: Trial, workers: int, closed: Callable[[], None]) -> list[Bracket]:
@@ -189,11 +196,13 @@ class _Hunt:
     def frequencies(self, trial: Trial) -> Floats:
         """Ultimate frequency [Hz] of the run at each unstable end."""
         found = np.full(self.dampings.size, np.nan)
+        record = blank_record(self.eq, trial.seconds)
         for i in np.flatnonzero(~np.isnan(self.unstable)):
             law = wall(self.unstable[i], self.dampings[i])
-            start = Start(trial.start)
-            record = velocity_record(self.eq, law, start, trial.seconds, 1e6 * abs(trial.start))
-            found[i] = ultimate_frequency(record, self.eq.period)
+            velocity = velocity_record(
+                self.eq, law, Start(trial.start), 1e6 * abs(trial.start), record
+            )
+            found[i] = ultimate_frequency(velocity, self.eq.period)
         return found
 
     def trials(self) -> Floats:
@@ -220,15 +229,17 @@ class _Hunt:
         """Where the growth rate is zero by interpolation, a little towards the farther end.
 
         The step past the zero makes the next bracket as narrow as the tolerance when interpolation
-        is right; where it is not (the bracket did not halve), the middle is taken.
+        is right. Where it is not (three trials have not halved the bracket), the middle is taken.
         """
-        low, high = np.log(self.stable), np.log(self.unstable)
-        share = -self.rates[0] / (self.rates[1] - self.rates[0])
+        low, high = self.stable, self.unstable
+        crossing = np.isfinite(self.rates).all(axis=0) & (self.rates[0] < 0.0) & (self.rates[1] > 0)
+        ends = np.where(crossing, self.rates, [[-1.0], [1.0]])
+        share = -ends[0] / (ends[1] - ends[0])
         zero = low + share * (high - low)
-        nudge = 0.4 * math.log1p(self.search.tolerance)
-        guess = np.where(share < 0.5, np.minimum(zero + nudge, high), np.maximum(zero - nudge, low))
-        inside = (guess > low) & (guess < high) & (self.width[0] <= 0.5 * self.width[1])
-        return np.where(inside, np.exp(guess), middle)
+        step = 0.4 * self.search.tolerance * zero
+        guess = np.where(share < 0.5, zero + step, zero - step)
+        inside = crossing & (guess > low) & (guess < high)
+        return np.where(inside & (self.widths[0] <= 0.5 * self.widths[3]), guess, middle)
 
     def _beyond_doubt(self) -> Floats:
         """Scan on past a K that stayed undecided."""
@@ -247,9 +258,9 @@ class _Hunt:
         self.amplitude[runs[bad]] = growth.amplitude[bad]
         self.rates[0, runs[good]] = growth.rate[good]
         self.rates[1, runs[bad]] = growth.rate[bad]
-        self.width[1, runs] = self.width[0, runs]
-        with np.errstate(invalid="ignore"):
-            self.width[0, runs] = np.log(self.unstable[runs] / self.stable[runs])
+        width = self.unstable[runs] - self.stable[runs]
+        self.widths[1:, runs] = self.widths[:-1, runs]
+        self.widths[0, runs] = np.where(np.isnan(width), np.inf, width)
         some = runs[doubt]
         self.doubt_low[some] = np.fmin(self.doubt_low[some], tried[doubt])
         self.doubt_high[some] = np.fmax(self.doubt_high[some], tried[doubt])
@@ -294,12 +305,15 @@ def find_brackets(
     ValueError for a damping that is not finite.
     """
     hunts: list[_Hunt] = []
+    counts: list[int] = []
     for device, grid in zip(devices, dampings, strict=True):
         values = np.asarray(grid, dtype=np.float64)
         if not np.all(np.isfinite(values)):
             raise ValueError("damping contains a value that is not finite; give numbers only")
-        for group in np.array_split(values, max(1, -(-values.size // LANES))):
-            hunts.append(_Hunt(device, group, trial, search))
+        eq = equations(device, trial.substeps)
+        groups = np.array_split(values, max(1, -(-values.size // GROUP)))
+        hunts += [_Hunt(device, eq, group, trial, search) for group in groups]
+        counts.append(len(groups))
     total = max(1, sum(h.dampings.size for h in hunts))
     workers = threads()
     inner = 1 if len(hunts) >= workers else workers
@@ -310,5 +324,4 @@ def find_brackets(
 
     found = in_parallel([lambda h=h: h.run(trial, inner, closed) for h in hunts], workers)
     each = iter(found)
-    groups = [max(1, -(-np.asarray(grid).size // LANES)) for grid in dampings]
-    return [[b for _ in range(count) for b in next(each)] for count in groups]
+    return [[b for _ in range(count) for b in next(each)] for count in counts]

@@ -1,10 +1,13 @@
 """The frequency at which a run near the boundary oscillates.
 
 Of all spectral peaks of m1's velocity in the last quarter of a run, the one that has grown most
-since the second quarter: at the boundary every other mode has died down by then. A four-term
+since the second quarter: at the boundary every other mode has died down by then. Of those that have
+grown alike, as the harmonics of a limit cycle do, it is the largest. A four-term
 Blackman-Harris window keeps its sidelobes (-92 dB) below the peaks that are looked at, and a
 parabola through the logarithm of three bins places the peak to about a hundredth of a bin.
 """
+
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,19 +22,32 @@ from sim.run import Start, start_memory
 Floats = NDArray[np.float64]
 FLOOR = 1e-3  # amplitude of a peak over the largest one's
 PADDING = 4
+ALIKE = 0.95  # growth of a peak over that of the one that has grown most
+
+
+def blank_record(eq: Equations, seconds: float) -> Floats:
+    """Return the room for the record of a run of that length, to be used again and again."""
+    return np.zeros((round(seconds / eq.period), eq.states + 6))
 
 
 def velocity_record(
-    eq: Equations, controller: Controller, start: Start, seconds: float, bound: float
+    eq: Equations, controller: Controller, start: Start, bound: float, record: Floats
 ) -> Floats:
-    """Return the velocity of m1 at every tick of a run, up to where it left the bound."""
-    ticks = round(seconds / eq.period)
-    record = np.zeros((ticks, eq.states + 6))
+    """Return the velocity of m1 at every tick of a run, up to where it left the bound.
+
+    record: from `blank_record`; the result is a view of it.
+    """
     done, _ = advance(
         eq, controller.step, controller.parameters, start_memory(eq, controller, start, 0),
-        scratch(eq), ticks, np.zeros((0, eq.dof)), bound, record, np.zeros((0, eq.states)), False,
+        scratch(eq), record.shape[0], np.zeros((0, eq.dof)), bound, record,
+        np.zeros((0, eq.states)), False,
     )  # fmt: skip
     return record[:done, eq.dof]
+
+
+@cache
+def _window(ticks: int) -> Floats:
+    return blackmanharris(ticks)
 
 
 def ultimate_frequency(velocity: Floats, period: float) -> float:
@@ -42,7 +58,7 @@ def ultimate_frequency(velocity: Floats, period: float) -> float:
     quarter = velocity.size // 4
     if quarter < 8 or not np.any(velocity):
         return float("nan")
-    window = blackmanharris(quarter)
+    window = _window(quarter)
     size = next_fast_len(PADDING * quarter, real=True)
     parts = np.stack([velocity[quarter : 2 * quarter], velocity[-quarter:]])
     early, late = np.abs(rfft((parts - parts.mean(axis=1)[:, None]) * window, size))
@@ -51,7 +67,9 @@ def ultimate_frequency(velocity: Floats, period: float) -> float:
     peaks = peaks[late[peaks] > FLOOR * late.max()]
     if peaks.size == 0:
         return float("nan")
-    best = peaks[np.argmax(late[peaks] / np.maximum(early[peaks], 1e-300))]
+    growth = late[peaks] / np.maximum(early[peaks], 1e-300)
+    alike = peaks[growth >= ALIKE * growth.max()]
+    best = alike[np.argmax(late[alike])]
     left, middle, right = np.log(late[best - 1 : best + 2])
     offset = 0.5 * (left - right) / (left - 2.0 * middle + right)
     return float((best + offset) / (size * period))
