@@ -199,7 +199,7 @@ def test_a_log_by_the_library_reads_the_same(
     library_log(path, run, compression, chunked=True, interleaved=interleaved)
     log = read_log(path)
     assert log.warnings == ()
-    assert log.library.startswith("mcap-python")
+    assert "mcap" in log.library
     assert log.metadata == {"K": "3.5"}
     assert_same(log.tick, run)
 
