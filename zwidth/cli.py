@@ -15,6 +15,9 @@ from zwidth.errors import Status, explain
 # name -> what help says of it. A command is the object `command` in zwidth/commands/NAME.py and is
 # imported when it is called, so that help does not wait for numpy, numba and matplotlib.
 COMMANDS = {
+    "paper": (
+        "Reproduce the paper: every figure and table, ours beside theirs, as one HTML report."
+    ),
     "convert": "Show what a recorded file holds, draft its description, or convert it.",
     "boundary": "Find the stability boundary of a device under a sampled virtual wall.",
     "map": "Map what becomes of a run over two quantities, with the linear boundary over it.",

@@ -1,0 +1,59 @@
+"""`zwidth paper`: every figure and table of the paper, ours beside theirs, as one report."""
+
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import click
+
+from zwidth.compiling import announce
+from zwidth.console import Console, progress
+from zwidth.options import out_option
+from zwidth.paper.report import DrawnSection, save_pictures, save_report
+from zwidth.paper.sections import SECTIONS, compute
+
+WORKERS = 2
+
+
+@click.command("paper")
+@click.option("--section", "chosen", multiple=True, type=click.Choice(list(SECTIONS)),
+              help="Compute this section only; may be given several times.")  # fmt: skip
+@out_option("runs/paper")
+def command(chosen: tuple[str, ...], out: Path) -> None:
+    """Reproduce the paper: every figure and table, ours beside theirs, as one HTML report.
+
+    Writes DIR/report.html, which holds every picture, and each picture as PNG and SVG.
+    """
+    console = Console()
+    announce(console)
+    keys = [key for key in SECTIONS if key in chosen or not chosen]
+    done: dict[str, DrawnSection] = {}
+    try:
+        with progress("computing", len(keys)) as advance:
+            for section in _computed(keys):
+                done[section.key] = section
+                save_pictures(section, out)
+                advance(1, now=section.title)
+    finally:  # after Ctrl-C too: what is finished is kept
+        if done:
+            ordered = [done[key] for key in keys if key in done]
+            missing = [SECTIONS[key] for key in keys if key not in done]
+            for section in ordered:
+                pictures = sum(kind == "picture" for kind, _ in section.parts)
+                console.say(f"{section.seconds:5.1f} s  {section.title} ({pictures} pictures)")
+            console.say(f"wrote {save_report(ordered, missing, out / 'report.html')}")
+
+
+def _computed(keys: list[str]) -> Any:
+    """Yield the sections as they are finished, two at a time in processes of their own."""
+    if len(keys) == 1:
+        yield compute(keys[0])
+        return
+    with ProcessPoolExecutor(WORKERS, mp_context=get_context("spawn")) as pool:
+        futures = [pool.submit(compute, key) for key in keys]
+        try:
+            for future in as_completed(futures):
+                yield future.result()
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)

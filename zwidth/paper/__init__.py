@@ -1,0 +1,1 @@
+"""The paper reproduced: one section of the report a file."""

@@ -1,0 +1,88 @@
+"""The report as one HTML file: every picture inside it, nothing fetched from elsewhere."""
+
+import base64
+from collections.abc import Sequence
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from zwidth.files import write_text, write_with
+from zwidth.paper.content import Picture, Section, Table
+
+FORMATS = ("png", "svg")
+DPI = 150
+# A file says nothing of when it was made, so that the same numbers give the same bytes.
+TIMELESS = {"png": {}, "svg": {"Date": None}}
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A picture as files: name, caption, command, and the bytes of each format."""
+
+    name: str
+    caption: str
+    command: str
+    files: dict[str, bytes]
+
+    @property
+    def data(self) -> str:
+        """The picture as an address that holds it."""
+        return "data:image/svg+xml;base64," + base64.b64encode(self.files["svg"]).decode()
+
+
+@dataclass(frozen=True)
+class DrawnSection:
+    """A section whose pictures are drawn; kind and content of each part."""
+
+    key: str
+    title: str
+    parts: tuple[tuple[str, Any], ...]
+    seconds: float
+
+
+def draw(key: str, section: Section, seconds: float) -> DrawnSection:
+    """Draw the pictures of a section."""
+    parts: list[tuple[str, Any]] = []
+    for part in section.parts:
+        match part:
+            case Picture():
+                files = {kind: _bytes(part, kind) for kind in FORMATS}
+                parts.append(("picture", Drawn(part.name, part.caption, part.command, files)))
+            case Table():
+                parts.append(("table", part))
+            case str():
+                parts.append(("words", part))
+    return DrawnSection(key, section.title, tuple(parts), seconds)
+
+
+def save_pictures(section: DrawnSection, out: Path) -> list[Path]:
+    """Write each picture as PNG and SVG; returns the paths."""
+    written: list[Path] = []
+    for kind, part in section.parts:
+        if kind == "picture":
+            for suffix, data in part.files.items():
+                path = out / f"{part.name}.{suffix}"
+                written.append(write_with(path, lambda stream, data=data: stream.write(data)))
+    return written
+
+
+def save_report(sections: Sequence[DrawnSection], missing: Sequence[str], path: Path) -> Path:
+    """Write the report; missing: titles of sections that were not computed. Returns the path."""
+    environment = Environment(
+        loader=PackageLoader("zwidth.paper", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    template = environment.get_template("report.html")
+    return write_text(path, template.render(sections=sections, missing=missing))
+
+
+def _bytes(picture: Picture, kind: str) -> bytes:
+    stream = BytesIO()
+    picture.figure.savefig(stream, format=kind, dpi=DPI, metadata=TIMELESS[kind])
+    return stream.getvalue()
