@@ -51,7 +51,7 @@ def write_parquet(stream: IO[bytes], log: Log) -> list[str]:
 
     columns, described = columns_of(log.tick)
     about = about_of(log) | {"events": events_of(log), "attachments": encoded(log.attachments)}
-    units = {column: unit for column, (_, unit) in described["columns"].items()}
+    units = {column: unit for column, (_, unit, _) in described["columns"].items()}
     fields = [
         pa.field(column, pa.float64(), metadata={"unit": units.get(column, "s")})
         for column in columns

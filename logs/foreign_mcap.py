@@ -12,7 +12,9 @@ import json
 import os
 from array import array
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import redirect_stderr
 from dataclasses import dataclass, field
+from io import StringIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -132,12 +134,13 @@ def _open(channel: Channel, schema: Schema | None) -> Topic | str:
     encoding = channel.message_encoding
     if encoding == "json":
         return Topic(channel.topic, json.loads)
-    try:
-        from mcap_protobuf.decoder import DecoderFactory as Protobuf
-        from mcap_ros2.decoder import DecoderFactory as Ros2
+    from mcap_protobuf.decoder import DecoderFactory as Protobuf
+    from mcap_ros2.decoder import DecoderFactory as Ros2
 
+    try:
         for factory in (Ros2(), Protobuf()):
-            decode = factory.decoder_for(encoding, schema)
+            with redirect_stderr(StringIO()):  # the parser of ROS messages prints its complaints
+                decode = factory.decoder_for(encoding, schema)
             if decode is not None:
                 return Topic(channel.topic, decode)
     except MemoryError:

@@ -10,7 +10,9 @@ from typing import Any
 
 import numpy as np
 import scipy.io
+import scipy.io.matlab
 
+from logs.mat_elements import check_elements
 from logs.source import Collector, RecordingError, Source
 
 DEEPEST = 16  # structures within structures
@@ -32,10 +34,9 @@ def read_mat(path: Path, data: bytes) -> Source:
     """Return the variables of a file before v7.3; raises RecordingError."""
     found = _Parts(COLUMN, 1)
     try:
-        variables = scipy.io.loadmat(
-            io.BytesIO(data),  # pyright: ignore[reportArgumentType]  # a stream is allowed
-            simplify_cells=True,
-        )
+        if scipy.io.matlab.matfile_version(_stream(data))[0] == 1:
+            check_elements(data)
+        variables = scipy.io.loadmat(_stream(data), simplify_cells=True)
         for name, value in variables.items():
             if not name.startswith("__"):
                 _walk(found, name, value, 0)
@@ -44,6 +45,11 @@ def read_mat(path: Path, data: bytes) -> Source:
     except Exception as error:  # scipy raises what it meets: ValueError, TypeError, zlib.error ...
         raise _damaged(path, "MAT", error) from None
     return Source(path, "MAT v7 or older", found.signals, found.unreadable)
+
+
+def _stream(data: bytes) -> Any:
+    """Return what scipy takes for a file, although its annotations name only paths."""
+    return io.BytesIO(data)
 
 
 def _walk(found: _Parts, name: str, value: Any, depth: int) -> None:

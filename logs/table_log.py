@@ -1,12 +1,14 @@
 """A log as a table and back: what a CSV, Parquet or NPZ file of zwidth says about its own columns.
 
-`about` is JSON: schema, origin, time (the column of t), columns (column -> [channel, unit]), facts,
-metadata, epoch_ns, and where the format has room events, attachments and the columns of the substep
-trace. Columns are named as the fields of our MCAP logs are, quantity_place_unit.
+`about` is JSON: schema, origin, time (the column of t), columns (column -> [channel, unit, CRC-32
+of its doubles]), facts, metadata, epoch_ns, and where the format has room events, attachments and
+the columns of the substep trace. Columns are named as the fields of our MCAP logs are,
+quantity_place_unit. A checksum over the JSON itself closes it.
 """
 
 import base64
 import json
+import zlib
 from collections.abc import Mapping
 from typing import Any, Literal
 
@@ -19,6 +21,7 @@ from logs.source import Floats, RecordingError, Source
 from sim.trace import Trace
 
 SCHEMA = 1
+CHECKSUM = "crc32"
 SUBSTEP = "substep/"  # begins the columns of the substep trace
 ATTACHMENT = "attachment/"  # begins the names of attachments that are entries of an archive
 
@@ -33,11 +36,20 @@ def columns_of(trace: Trace, prefix: str = "") -> tuple[Columns, dict[str, Any]]
     while time in fields.values():
         time = f"_{time}"
     columns = {f"{prefix}{fields[name]}": values for name, values in trace.channels.items()}
-    described = {f"{prefix}{fields[name]}": [name, unit] for name, unit in units.items()}
+    described = {
+        f"{prefix}{fields[name]}": [name, unit, checksum(trace[name])]
+        for name, unit in units.items()
+    }
     return {f"{prefix}{time}": trace.t, **columns}, {
         "time": f"{prefix}{time}",
+        "time_checksum": checksum(trace.t),
         "columns": described,
     }
+
+
+def checksum(values: Floats) -> int:
+    """Return the CRC-32 of doubles, in which all NaN are alike."""
+    return zlib.crc32(np.where(np.isnan(values), np.nan, values).astype("<f8").tobytes())
 
 
 def about_of(log: Log) -> dict[str, Any]:
@@ -53,8 +65,13 @@ def about_of(log: Log) -> dict[str, Any]:
 
 
 def as_json(about: Mapping[str, Any]) -> str:
-    """Return about as one line of ASCII."""
-    return json.dumps(about, default=str)
+    """Return about as one line of ASCII, with a checksum over itself."""
+    plain = json.loads(json.dumps(about, default=str))
+    return json.dumps({**plain, CHECKSUM: _sum(plain)})
+
+
+def _sum(about: Mapping[str, Any]) -> int:
+    return zlib.crc32(json.dumps(about, sort_keys=True).encode())
 
 
 def events_of(log: Log) -> list[list[Any]]:
@@ -85,21 +102,27 @@ def log_of(source: Source) -> Log:
         ) from None
 
 
-def _log(source: Source, about: Mapping[str, Any]) -> Log:
+def _log(source: Source, sealed: Mapping[str, Any]) -> Log:
+    about = {key: value for key, value in sealed.items() if key != CHECKSUM}
     if about["schema"] != SCHEMA:
         raise RecordingError(
             f"{source.path.name} has schema {about['schema']}; this version reads {SCHEMA}"
         )
+    if sealed[CHECKSUM] != _sum(about):
+        raise ValueError("its checksum is wrong")
     origin = about["origin"]
     if origin not in ("simulated", "recorded"):
         raise ValueError(f"origin is {origin!r}")
-    tick = _trace(source, about, origin, about["facts"])
+    warnings = (*source.notes, *_strangers(source, about), *_changed(source, about))
+    facts = dict(about["facts"])
+    if warnings:
+        facts["warnings"] = [*facts.get("warnings", ()), *warnings]
+    tick = _trace(source, about, origin, facts)
     substep = about.get("substep")
-    warnings = (*source.notes, *_strangers(source, about))
     return Log(
         path=source.path,
         tick=tick,
-        substep=None if substep is None else _trace(source, substep, origin, about["facts"]),
+        substep=None if substep is None else _trace(source, substep, origin, facts),
         events=tuple(_event(*event) for event in about.get("events", [])),
         metadata={str(key): str(value) for key, value in about["metadata"].items()},
         attachments=_attachments(source, about.get("attachments", {})),
@@ -117,7 +140,7 @@ def _trace(
 ) -> Trace:
     channels: dict[str, Floats] = {}
     units: dict[str, str] = {}
-    for column, (name, unit) in about["columns"].items():
+    for column, (name, unit, _) in about["columns"].items():
         channels[str(name)] = _values(source, column)
         units[str(name)] = str(unit)
     t = _values(source, about["time"])
@@ -154,6 +177,19 @@ def _entry(source: Source, name: str, size: int) -> bytes:
     if len(data) != size:
         raise RecordingError(f"{source.path.name}: attachment {name!r} has lost bytes")
     return data
+
+
+def _changed(source: Source, about: Mapping[str, Any]) -> list[str]:
+    """Name columns that are not as zwidth wrote them."""
+    changed: list[str] = []
+    for described in (about, about.get("substep")):
+        if described is not None:
+            sums = {described["time"]: described["time_checksum"]}
+            sums |= {column: total for column, (_, _, total) in described["columns"].items()}
+            changed += [c for c, total in sums.items() if checksum(_values(source, c)) != total]
+    if not changed:
+        return []
+    return [f"not as zwidth wrote them, edited or damaged, are the columns {', '.join(changed)}"]
 
 
 def _strangers(source: Source, about: Mapping[str, Any]) -> list[str]:

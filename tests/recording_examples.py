@@ -14,6 +14,7 @@ import scipy.io
 from google.protobuf.descriptor_pb2 import FieldDescriptorProto, FileDescriptorProto
 from google.protobuf.descriptor_pool import DescriptorPool
 from google.protobuf.message_factory import GetMessageClass
+from mcap.writer import CompressionType
 from mcap.writer import Writer as JsonWriter
 from mcap_protobuf.writer import Writer as ProtobufWriter
 from mcap_ros2.writer import Writer as Ros2Writer
@@ -154,13 +155,12 @@ def parquet_bytes(samples: int = 20) -> bytes:
     return out.getvalue()
 
 
-def ros2_bytes(samples: int = 20, compression: bool = True) -> bytes:
+def ros2_bytes(samples: int = 20, checked: bool = True) -> bytes:
+    """Return joint states and wrenches, compressed and with checksums, or neither."""
     t, u, x = wave(samples)
     out = io.BytesIO()
-    from mcap.writer import CompressionType
-
-    kind = CompressionType.ZSTD if compression else CompressionType.NONE
-    writer = Ros2Writer(out, chunk_size=1024, compression=kind)
+    kind = CompressionType.ZSTD if checked else CompressionType.NONE
+    writer = Ros2Writer(out, chunk_size=1024, compression=kind, enable_crcs=checked)
     joints = writer.register_msgdef("sensor_msgs/msg/JointState", JOINT_STATE)
     wrench = writer.register_msgdef("custom_msgs/msg/Wrench", WRENCH)
     for k in range(samples):

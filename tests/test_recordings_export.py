@@ -146,10 +146,16 @@ def test_a_table_that_someone_has_edited() -> None:
         RecordingError, match=r"no signal 'position_m1_rad'; did you mean 'position'"
     ):
         log_of(read_csv(HERE, renamed.encode()))
+    doubled = "\n".join([*lines[:2], lines[2], *lines[2:], ""])
+    log = log_of(read_csv(HERE, doubled.encode()))
+    assert log.warnings[0].startswith(
+        "not as zwidth wrote them, edited or damaged, are the columns t_s"
+    )
+    assert log.tick.facts["warnings"] == list(log.warnings)
     newer = "\n".join([lines[0].replace('"schema": 1', '"schema": 2'), *lines[1:], ""])
     with pytest.raises(RecordingError, match="this version reads 1"):
         log_of(read_csv(HERE, newer.encode()))
-    for word in ("columns", "origin", "epoch_ns", "facts"):
+    for word in ("columns", "origin", "epoch_ns", "facts", "substeps"):
         broken = "\n".join(
             [lines[0].replace(f'"{word}": ', f'"{word}": [7], "x": '), *lines[1:], ""]
         )

@@ -1,6 +1,7 @@
 """Binary files of other tools: every array of numbers under a name its owner knows."""
 
 import io
+import warnings
 import zipfile
 from pathlib import Path
 
@@ -48,7 +49,7 @@ def opened(folder: Path, data: bytes, name: str = "recording.bin") -> Source:
             {"/joint_states.shoulder.effort": U, "/wrench.force.x": U},
         ),
         (
-            examples.ros2_bytes(compression=False),
+            examples.ros2_bytes(checked=False),
             "a",
             "MCAP",
             {"/joint_states.shoulder.position": X},
@@ -175,6 +176,31 @@ def test_damage_is_one_sentence(tmp_path: Path, data: bytes, words: str) -> None
     with pytest.raises(ValueError, match=r"\A[^\n]*\Z") as caught:
         opened(tmp_path, data)
     assert words in str(caught.value)
+
+
+def test_a_wrong_type_in_a_mat_file_is_an_error_and_not_the_end_of_the_interpreter() -> None:
+    """Mutation that breaks it: no check_elements before scipy.io.loadmat, which then crashes."""
+    data = examples.mat_bytes()
+    at = data.index(U.tobytes()[:16]) - 8
+    assert data[at] == 9
+    for kind in (0, 8, 14, 19, 20, 200):
+        with pytest.raises(RecordingError, match=f"data of type {kind}"):
+            read_mat(HERE, data[:at] + bytes([kind]) + data[at + 1 :])
+
+
+def test_every_mat_file_that_scipy_reads_is_read() -> None:
+    folder = Path(scipy.io.__file__).parent / "matlab" / "tests" / "data"
+    files = sorted(folder.glob("*.mat"))
+    if not files:
+        pytest.skip("this scipy was installed without its own test data")
+    for file in files:
+        try:
+            with warnings.catch_warnings(action="ignore"):
+                scipy.io.loadmat(file)
+        except Exception:  # scipy raises what it meets
+            continue
+        with warnings.catch_warnings(action="ignore"):
+            assert open_source(file).kind == "MAT v7 or older"
 
 
 def test_a_folder_and_a_device_are_no_recordings(tmp_path: Path) -> None:

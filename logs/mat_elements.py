@@ -1,0 +1,126 @@
+"""A walk through the elements of a MAT file of v5 to v7, before scipy reads it.
+
+scipy looks the type of a data element up in a table of 20 entries without asking whether it is one
+of them (read_numeric and read_char in _mio5_utils.pyx), so that one damaged byte ends the
+interpreter. This walk takes scipy's own path from element to element, and stops where it would not
+return. Layout: MAT-File Format, MathWorks, chapter 1, Level 5.
+"""
+
+import struct
+import zlib
+
+HEADER = 128
+DATA = frozenset({1, 2, 3, 4, 5, 6, 7, 9, 12, 13, 16, 17, 18})  # int8 ... uint64, UTF-8 ... UTF-32
+MATRIX, COMPRESSED = 14, 15
+CELL, STRUCT, OBJECT, CHAR, SPARSE, FUNCTION, OPAQUE = 1, 2, 3, 4, 5, 16, 17
+NUMERIC = range(6, 16)
+DEEPEST = 64
+
+
+class BrokenElements(ValueError):
+    """The elements of the file are not what they must be."""
+
+
+def check_elements(data: bytes) -> None:
+    """Raise BrokenElements where scipy would read beyond its table of types, or without end."""
+    order = "<" if data[126:128] == b"IM" else ">"
+    top = _Walk(data, order, HEADER)
+    while top.at < len(data):
+        kind, size = top.tag()
+        following = top.at + size
+        if kind == COMPRESSED:
+            _Walk(_inflated(data[top.at : following]), order, 0).matrix(0)
+        elif kind == MATRIX:
+            top.body(0)
+        else:
+            raise BrokenElements(f"a variable of type {kind}")
+        if size == 0:
+            raise BrokenElements("a variable without content")
+        top.at = following
+
+
+def _inflated(data: bytes) -> bytes:
+    try:
+        return zlib.decompressobj().decompress(data)
+    except zlib.error as error:
+        raise BrokenElements(f"a variable that cannot be decompressed ({error})") from None
+
+
+class _Walk:
+    """Where scipy's reader stands; at: the offset of the next element."""
+
+    def __init__(self, data: bytes, order: str, at: int) -> None:
+        self.data, self.at = data, at
+        self.words = struct.Struct(order + "II")
+        self.order = order
+
+    def tag(self) -> tuple[int, int]:
+        """Read two words: type and size of an element, or its flags."""
+        if self.at + 8 > len(self.data):
+            raise BrokenElements("it ends within a variable")
+        found = self.words.unpack_from(self.data, self.at)
+        self.at += 8
+        return found[0], found[1]
+
+    def element(self) -> bytes:
+        """Read a data element of a known type, small or padded to eight bytes."""
+        first, size = self.tag()
+        if first >> 16:
+            kind, size, start = first & 0xFFFF, first >> 16, self.at - 4
+        else:
+            kind, start = first, self.at
+            self.at += size + -size % 8
+        if kind not in DATA:
+            raise BrokenElements(f"data of type {kind}")
+        if start + size > len(self.data) or (first >> 16 and size > 4):
+            raise BrokenElements("it ends within a variable")
+        return self.data[start : start + size]
+
+    def numbers(self) -> list[int]:
+        """Read an element of signed words, such as dimensions."""
+        content = self.element()
+        return list(
+            struct.unpack(f"{self.order}{len(content) // 4}i", content[: len(content) // 4 * 4])
+        )
+
+    def matrix(self, depth: int) -> None:
+        """Pass over one matrix."""
+        kind, size = self.tag()
+        if kind != MATRIX or depth > DEEPEST:
+            raise BrokenElements("something else where a matrix must be, or too deep a structure")
+        if size:
+            self.body(depth)
+
+    def body(self, depth: int) -> None:
+        """Pass over what follows the tag of a matrix, by its class."""
+        self.tag()
+        flags, _ = self.tag()
+        kind, parts = flags & 0xFF, 1 + (flags >> 11 & 1)  # real, and imaginary
+        if kind == OPAQUE:
+            for _ in range(3):  # name, type system, class
+                self.element()
+            self.matrix(depth + 1)
+            return
+        count = 1
+        for size in self.numbers():
+            count *= max(size, 0)
+        self.element()  # name
+        if kind == OBJECT:
+            self.element()  # class
+        if kind in NUMERIC or kind in (SPARSE, CHAR):
+            for _ in range(parts + 2 if kind == SPARSE else 1 if kind == CHAR else parts):
+                self.element()
+        elif kind in (CELL, STRUCT, OBJECT):
+            for _ in range(count if kind == CELL else count * self.fields()):
+                self.matrix(depth + 1)
+        elif kind == FUNCTION:
+            self.matrix(depth + 1)
+        else:
+            raise BrokenElements(f"an array of class {kind}")
+
+    def fields(self) -> int:
+        """Read the names of a structure's fields; return how many there are."""
+        lengths, names = self.numbers(), self.element()
+        if len(lengths) != 1 or lengths[0] <= 0:
+            raise BrokenElements("field names without a length")
+        return len(names) // lengths[0]
