@@ -1,3 +1,4 @@
+# pyright: reportMissingParameterType=false, reportUnknownParameterType=false
 """Many runs of one device at once: the same tick, runs in the lanes of the vector registers.
 
 The innermost loop runs over 32 runs that lie side by side in memory, each with its own
@@ -54,6 +55,7 @@ class LaneMemory(NamedTuple):
     line: Floats
 
 
+@part
 def signal_row(states: int, signal: int) -> int:
     """Return the bank's row of a signal."""
     return 2 * states + 1 + signal
@@ -90,6 +92,64 @@ def pushed(depth, push, one_sided):
     return -(inside if one_sided != 0.0 else push)
 
 
+# Parts of the lane kernel. Absorbed by it, they see `states` and `dof` as the constants they are
+# there. (Inside it they would be different functions in every process, and never found cached.)
+
+
+@part
+def move_freely(p, bank, states):
+    """Set the fresh states to P [x; held]."""
+    columns, fresh = states + 2, states + 1
+    for lane in range(LANES):
+        for i in range(states):
+            total = p[i * columns] * bank[lane]
+            for j in range(1, states + 1):
+                total += p[i * columns + j] * bank[j * LANES + lane]
+            bank[(fresh + i) * LANES + lane] = total
+
+
+@part
+def find_stuck(reaction, level, bank, states, dof):
+    """Mark the lanes whose m1 is at rest under a load within the level; return how many."""
+    mark = signal_row(states, STUCK)
+    count = 0
+    for lane in range(LANES):
+        force = 0.0
+        for j in range(states + 1):
+            force += reaction[j] * bank[j * LANES + lane]
+        stuck = bank[dof * LANES + lane] == 0.0 and abs(force) <= level and level > 0.0
+        bank[mark * LANES + lane] = 1.0 if stuck else 0.0
+        count += 1 if stuck else 0
+    return count
+
+
+@part
+def rub(p, level, bank, states, dof):
+    """Add to the fresh states the force that stops m1, or the level if that is less."""
+    columns, fresh = states + 2, states + 1
+    for lane in range(LANES):
+        f = -bank[(fresh + dof) * LANES + lane] / p[dof * columns + states + 1]
+        f = max(-level, min(level, f))
+        for i in range(states):
+            bank[(fresh + i) * LANES + lane] += p[i * columns + states + 1] * f
+        v = bank[(fresh + dof) * LANES + lane]
+        bank[(fresh + dof) * LANES + lane] = 0.0 if -level < f < level else v
+
+
+@part
+def hold_stuck(p, bank, states):
+    """Replace the fresh states of stuck lanes by P [x; held] with m1 locked."""
+    columns, fresh, mark = states + 2, states + 1, signal_row(states, STUCK)
+    for lane in range(LANES):
+        stuck = bank[mark * LANES + lane] != 0.0
+        for i in range(states):
+            total = p[i * columns] * bank[lane]
+            for j in range(1, states + 1):
+                total += p[i * columns + j] * bank[j * LANES + lane]
+            free = bank[(fresh + i) * LANES + lane]
+            bank[(fresh + i) * LANES + lane] = total if stuck else free
+
+
 @cache
 def lane_kernel(states: int, dof: int, dry: bool) -> Any:
     """Return the kernel for a number of states; with fixed sizes the sums unroll.
@@ -108,56 +168,8 @@ def lane_kernel(states: int, dof: int, dry: bool) -> Any:
     B = 2 * states + 1 + DAMPING
     W = 2 * states + 1 + POSITION
     S = 2 * states + 1 + SIDED
-    L = 2 * states + 1 + STUCK
-    COLUMNS = states + 2
-    SET = states * COLUMNS
+    SET = states * (states + 2)
     SETS = 2 if dry else 1
-
-    @part
-    def move_freely(p, bank):
-        """Set the fresh states to P [x; held]."""
-        for lane in range(LANES):
-            for i in range(states):
-                total = p[i * COLUMNS] * bank[lane]
-                for j in range(1, states + 1):
-                    total += p[i * COLUMNS + j] * bank[j * LANES + lane]
-                bank[(FRESH + i) * LANES + lane] = total
-
-    @part
-    def find_stuck(reaction, level, bank):
-        """Mark the lanes whose m1 is at rest under a load within the level; return how many."""
-        count = 0
-        for lane in range(LANES):
-            force = 0.0
-            for j in range(states + 1):
-                force += reaction[j] * bank[j * LANES + lane]
-            stuck = bank[dof * LANES + lane] == 0.0 and abs(force) <= level and level > 0.0
-            bank[L * LANES + lane] = 1.0 if stuck else 0.0
-            count += 1 if stuck else 0
-        return count
-
-    @part
-    def rub(p, level, bank):
-        """Add to the fresh states the force that stops m1, or the level if that is less."""
-        for lane in range(LANES):
-            f = -bank[(FRESH + dof) * LANES + lane] / p[dof * COLUMNS + states + 1]
-            f = max(-level, min(level, f))
-            for i in range(states):
-                bank[(FRESH + i) * LANES + lane] += p[i * COLUMNS + states + 1] * f
-            v = bank[(FRESH + dof) * LANES + lane]
-            bank[(FRESH + dof) * LANES + lane] = 0.0 if -level < f < level else v
-
-    @part
-    def hold_stuck(p, bank):
-        """Replace the fresh states of stuck lanes by P [x; held] with m1 locked."""
-        for lane in range(LANES):
-            stuck = bank[L * LANES + lane] != 0.0
-            for i in range(states):
-                total = p[i * COLUMNS] * bank[lane]
-                for j in range(1, states + 1):
-                    total += p[i * COLUMNS + j] * bank[j * LANES + lane]
-                free = bank[(FRESH + i) * LANES + lane]
-                bank[(FRESH + i) * LANES + lane] = total if stuck else free
 
     def advance_lanes(eq, p, memory, head, weights, windows, measures):
         """Run `windows` windows of weights.size ticks each; return the delay line's head.
@@ -234,12 +246,12 @@ def lane_kernel(states: int, dof: int, dry: bool) -> Any:
                             bank[HELD * LANES + lane] = due[lane]
                     o = segment * SETS * SET
                     for _ in range(eq.substeps[segment]):
-                        stuck = find_stuck(reaction, level, bank) if DRY else 0
-                        move_freely(p[o : o + SET], bank)
+                        stuck = find_stuck(reaction, level, bank, states, dof) if DRY else 0
+                        move_freely(p[o : o + SET], bank, states)
                         if DRY:
-                            rub(p[o : o + SET], level, bank)
+                            rub(p[o : o + SET], level, bank, states, dof)
                             if stuck > 0:
-                                hold_stuck(p[o + SET : o + 2 * SET], bank)
+                                hold_stuck(p[o + SET : o + 2 * SET], bank, states)
                         for lane in range(LANES):
                             for i in range(states):
                                 bank[i * LANES + lane] = bank[(FRESH + i) * LANES + lane]
