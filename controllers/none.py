@@ -9,6 +9,7 @@ from sim.controller import Controller, compile_step
 
 
 def no_step(k, t, y, v, p, m):  # pyright: ignore
+    """Command nothing."""
     return 0.0
 
 

@@ -10,6 +10,7 @@ from sim.controller import Controller, compile_step
 
 
 def recorded_step(k, t, y, v, p, m):  # pyright: ignore
+    """Command what was recorded at this tick."""
     return p[k] if k < p.size else 0.0
 
 
@@ -25,5 +26,7 @@ def recorded(commands: NDArray[np.float64]) -> Controller:
     """
     values = np.ascontiguousarray(commands, dtype=np.float64)
     if values.ndim != 1:
-        raise ValueError(f"recorded commands have shape {values.shape}; one value a tick is allowed")
+        raise ValueError(
+            f"recorded commands have shape {values.shape}; one value a tick is allowed"
+        )
     return Controller("recorded", _compiled(), values)

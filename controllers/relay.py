@@ -15,6 +15,7 @@ from sim.controller import Controller, compile_step
 
 
 def relay_step(k, t, y, v, p, m):  # pyright: ignore
+    """Push against the side the position is on, and against its velocity."""
     side = m[1]
     if y > p[2]:
         side = 1.0

@@ -14,6 +14,7 @@ from sim.controller import Controller, compile_step
 
 
 def wall_step(k, t, y, v, p, m):  # pyright: ignore
+    """Push back by spring and damper, everywhere or inside only."""
     depth = y - p[2]
     push = p[0] * depth + p[1] * v
     if p[3] == 0.0:

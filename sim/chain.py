@@ -1,7 +1,7 @@
 """The mechanism: masses in a row, each link a spring and a damper, force and encoder at m1.
 
-    F, x -> [m1] --k12,b12-- [m2] --k23,b23-- [m3] ...     each mass with a damper to ground,
-                                                           m1 with a spring k0 to ground
+F, x -> [m1] --k12,b12-- [m2] --k23,b23-- [m3] ...     each mass with a damper to ground,
+                                                       m1 with a spring k0 to ground
 """
 
 from collections.abc import Sequence
@@ -43,7 +43,7 @@ def make_chain(
     link_springs: Sequence[float] | Floats = (),
     link_dampers: Sequence[float] | Floats = (),
 ) -> Chain:
-    """Build a chain, or raise ValueError with a sentence that names field, value and what is allowed.
+    """Build a chain; raises ValueError with a sentence: field, value and what is allowed.
 
     Dampers may be negative (a fitted model may ask for it; see `negative_dampers`), masses and
     springs may not.
@@ -58,7 +58,8 @@ def make_chain(
     n = chain.masses.size
     if not 1 <= n <= MAX_MASSES:
         raise ValueError(f"masses has {n} entries; a chain has 1 to {MAX_MASSES}")
-    for field, expected in (("ground_dampers", n), ("link_springs", n - 1), ("link_dampers", n - 1)):
+    counts = (("ground_dampers", n), ("link_springs", n - 1), ("link_dampers", n - 1))
+    for field, expected in counts:
         if getattr(chain, field).size != expected:
             raise ValueError(
                 f"{field} has {getattr(chain, field).size} entries; {n} masses need {expected}"

@@ -129,7 +129,7 @@ class Setup:
                 scratch(self.eq), count, self.external[first : first + count], self.bound,
                 record, fine, self.energy,
             )  # fmt: skip
-            t = np.arange(first, first + done) * self.eq.period
+            t = np.arange(first, first + done, dtype=np.float64) * self.eq.period
             yield (
                 self._trace(t, record[:done], self.channel_units),
                 self._fine_trace(t, fine[: done * per_tick]) if self.fine else None,
