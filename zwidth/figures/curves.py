@@ -13,7 +13,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
 from numpy.typing import NDArray
 
-from zwidth.figures.boundary import JUMP, STYLE
+from zwidth.figures.boundary import JUMP
+from zwidth.figures.style import STYLE
 
 Floats = NDArray[np.float64]
 THEIRS = (0, (5, 2))

@@ -5,8 +5,8 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from zwidth.figures.boundary import STYLE
 from zwidth.figures.curves import frequency_axis
+from zwidth.figures.style import STYLE
 
 Floats = NDArray[np.float64]
 PAPER_MS = (2.0, 4.0, 8.0)

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from zwidth.figures.boundary import STYLE
 from zwidth.figures.curves import frequency_axis
+from zwidth.figures.style import STYLE
 
 Floats = NDArray[np.float64]
 MODE_COLOURS = {

@@ -7,7 +7,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from stability.sensitivity import Sensitivity
-from zwidth.figures.boundary import STYLE
+from zwidth.figures.style import STYLE
 
 SYMBOLS = {"omega": "\\omega", "m": "m", "b": "b", "c": "c", "v": "v", "d": "d"}
 

@@ -6,8 +6,8 @@
 Rounded coefficients, B in steps of 0.001, K_CR the gain margin of eq. (4). Its `margin` line lacks
 parentheses: read literally, the damper stands outside the loop and K(0.03) is 2.43. A gain margin
 is the least K > 0 at which any eigenvalue meets the unit circle, whether or not the loop below it
-is stable, so it prints numbers beyond the last stable B too. Computed from the closed form on the unit
-circle (`stability/decomposition.py`), which shares nothing with the eigenvalues of ours.
+is stable, so it prints numbers beyond the last stable B too. Computed from the closed form on the
+unit circle (`stability/decomposition.py`), which shares nothing with the eigenvalues of ours.
 """
 
 import math
