@@ -146,7 +146,7 @@ class ScalarRuns:
     def tasks(self, weights: Floats, windows: int) -> "tuple[Floats, list[Task], ScalarRuns]":
         """Return (measures (windows, 7, runs), tasks that fill them, the state afterwards)."""
         measures = np.zeros((windows, MEASURES, self.size))
-        copies = tuple(Memory(*(a.copy() for a in m)) for m in self.memories)
+        copies = tuple(memory_copy(m) for m in self.memories)
         after = replace(self, memories=copies, past=self.past.copy())
 
         def run(first: int, last: int) -> None:
@@ -173,6 +173,15 @@ class ScalarRuns:
 Runs = LaneRuns | ScalarRuns
 
 
+def memory_copy(memory: Memory) -> Memory:
+    """Return a copy that goes on independently."""
+    x, line, controller, internal, scalars, counters, totals = memory
+    return Memory(
+        x.copy(), line.copy(), controller.copy(), internal.copy(), scalars.copy(),
+        counters.copy(), totals.copy(),
+    )  # fmt: skip
+
+
 def _measured(eq: Equations, record: Floats, weights: Floats, past: Floats) -> Floats:
     """Measures of one window from its record; past holds m1's three earlier velocities."""
     with np.errstate(all="ignore"):  # a run that escaped fills its rest with infinities
@@ -183,7 +192,7 @@ def _measured(eq: Equations, record: Floats, weights: Floats, past: Floats) -> F
         kinetic = (0.5 * eq.masses * speeds * speeds).sum(axis=1)
         low, high = record[:, 0].min(), record[:, 0].max()
         command = record[:, eq.states + 2]
-        reversals = np.count_nonzero(series[3:] * series[2:-1] < 0.0)
+        reversals = float(np.count_nonzero(series[3:] * series[2:-1] < 0.0))
         return np.array(
             [
                 weights @ kinetic, weights @ (third * third), low, high,
