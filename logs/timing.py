@@ -86,9 +86,11 @@ class Timing:
                 f" {self.repeats_at:.9g} s"
             )
         if self.gap_count:
+            lacking = "1 sample is" if self.missing == 1 else f"{self.missing} samples are"
+            first = "a gap" if self.gap_count == 1 else f"{self.gap_count} gaps, the first"
             found.append(
-                f"{self.missing} samples are missing in {self.gap_count} gaps, the first"
-                f" of {self.gaps[0].seconds:.4g} s after {self.gaps[0].t:.9g} s"
+                f"{lacking} missing in {first} of {self.gaps[0].seconds:.4g} s after"
+                f" {self.gaps[0].t:.9g} s"
             )
         if self.jitter > max(NOTABLE_JITTER * self.period, 0.5 * self.resolution):
             found.append(
