@@ -8,12 +8,13 @@ from numpy.typing import NDArray
 
 from sim.device import Device
 from stability.bisection import Bracket, Search, Trial, find_brackets
-from stability.linear import boundary, last_stable_damping
+from stability.linear import boundary, corner, last_stable_damping
 from stability.types import LinearPoint
 
 Floats = NDArray[np.float64]
 GRID = 41
 MARGIN = 1.2
+NEAR_END = 0.999  # of the last B with a stable K: where the boundary comes down
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,9 @@ class Boundary:
 
 
 def default_dampings(device: Device) -> Floats:
-    """Return B from 0 to 1.2 times the last B with a stable K, in 41 steps.
+    """Return B from 0 to 1.2 times the last B with a stable K, in 41 steps, and the top's B.
+
+    The top is a corner for most devices: a grid that misses it shows a boundary cut off.
 
     Raises ValueError for a device that has no stable wall at all.
     """
@@ -54,7 +57,9 @@ def default_dampings(device: Device) -> Floats:
             f"{device.name} with a delay of {1e3 * device.interface.delay:g} ms has no stable wall"
             " at any damping; give --damping values to look at, or a shorter delay"
         )
-    return np.linspace(0.0, MARGIN * last, GRID)
+    grid = np.linspace(0.0, MARGIN * last, GRID)
+    top = corner(device)
+    return grid if top is None else np.union1d(grid, [top.damping, NEAR_END * last])
 
 
 def find_boundaries(
