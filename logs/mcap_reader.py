@@ -1,9 +1,7 @@
 """Read a log, whole or damaged: `read_log`."""
 
 import os
-import stat
-from collections.abc import Generator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -14,15 +12,12 @@ from mcap.writer import MCAP0_MAGIC
 from logs.errors import (
     ForeignLog,
     LogDamaged,
-    LogEmpty,
-    LogIsDirectory,
-    LogNotFound,
-    LogNotReadable,
     NotMcap,
 )
 from logs.events import Event
 from logs.framing import Walk
 from logs.intactness import MOST_SENTENCES, ending, skipped
+from logs.opening import opened
 from logs.reading import Reading
 from logs.schema import MESSAGES, SUBSTEP, TICK
 from logs.summary import Summary, read_summary
@@ -58,31 +53,8 @@ def read_log(path: str | PathLike[str]) -> Log:
     Raises a LogError: LogNotFound, LogIsDirectory, LogNotReadable, LogEmpty, NotMcap, ForeignLog
     (no run in it), LogDamaged (nothing left of one).
     """
-    with _opened(Path(path)) as file:
+    with opened(Path(path)) as file:
         return _read(Path(path), file)
-
-
-@contextmanager
-def _opened(path: Path) -> Generator[BinaryIO]:
-    try:
-        if not path.is_dir() and not stat.S_ISREG(path.stat().st_mode):
-            raise LogNotReadable(f"{path} is no regular file; give a log such as run.mcap")
-        with path.open("rb") as file:
-            yield file
-    except FileNotFoundError:
-        raise LogNotFound(f"{path} does not exist{_unfinished(path)}") from None
-    except IsADirectoryError:
-        raise LogIsDirectory(f"{path} is a folder; name a log in it, such as run.mcap") from None
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise LogNotReadable(f"{path} cannot be read: {reason}") from None
-
-
-def _unfinished(path: Path) -> str:
-    partial = path.with_name(f"{path.stem}.partial{path.suffix}")
-    if partial.exists():
-        return f"; {partial.name}, left there by a run that was not finished, does: read that"
-    return "; check the name"
 
 
 def _read(path: Path, file: BinaryIO) -> Log:
@@ -129,8 +101,6 @@ def _warned(trace: Trace, warnings: list[str]) -> Trace:
 
 
 def _check_magic(path: Path, file: BinaryIO, size: int) -> list[str]:
-    if size == 0:
-        raise LogEmpty(f"{path} is empty; the run that wrote it left nothing")
     start = file.read(len(MCAP0_MAGIC))
     if start == MCAP0_MAGIC:
         return []

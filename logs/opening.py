@@ -20,13 +20,20 @@ def opened(path: Path) -> Generator[BinaryIO]:
             raise LogNotReadable(f"{path} is no regular file; give a recording or a log")
         with path.open("rb") as file:
             if not file.read(1):
-                raise LogEmpty(f"{path} is empty; record it again")
+                raise LogEmpty(f"{path} is empty; what should have written it left nothing")
             file.seek(0)
             yield file
     except FileNotFoundError:
-        raise LogNotFound(f"{path} does not exist; check the name") from None
+        raise LogNotFound(f"{path} does not exist{_unfinished(path)}") from None
     except IsADirectoryError:
         raise LogIsDirectory(f"{path} is a folder; name a file in it") from None
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise LogNotReadable(f"{path} cannot be read: {reason}") from None
+
+
+def _unfinished(path: Path) -> str:
+    partial = path.with_name(f"{path.stem}.partial{path.suffix}")
+    if partial.exists():
+        return f"; {partial.name}, left there by a run that was not finished, does: read that"
+    return "; check the name"

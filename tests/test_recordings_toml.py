@@ -10,7 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from recording_examples import csv_bytes, json_mcap_bytes, npz_bytes, recorded, ros2_bytes, wave
 
+from logs.csv_file import CsvOptions
 from logs.recording import load_log, read_recording
+from logs.recording_file import load_description
 from logs.source import RecordingError
 
 PLAIN = """
@@ -281,3 +283,11 @@ def test_a_file_of_another_tool_needs_a_toml(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_bytes(csv_bytes())
     with pytest.raises(RecordingError, match="describe it in a recording TOML"):
         read_recording(tmp_path / "a.csv")
+
+
+def test_the_documented_toml_is_one(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[1] / "docs" / "recordings.md").read_text(encoding="utf-8")
+    (tmp_path / "a.toml").write_text(text.split("```toml\n")[1].split("```")[0], encoding="utf-8")
+    description = load_description(tmp_path / "a.toml")
+    assert [entry.channel for entry in description.entries] == ["command", "position_m1"]
+    assert description.csv == CsvOptions(";", ",", 3)
