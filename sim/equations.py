@@ -235,8 +235,12 @@ def _van_loan(generator: Floats, a: Floats, b: Floats, duration: float) -> Float
 
 def _reaction(plant: Plant) -> Floats:
     """Rows on w whose value is the force on each mass, friction aside."""
-    n = plant.dof
-    return np.diag(plant.matrices.mass)[:, None] * np.hstack([plant.a, plant.b])[n : 2 * n]
+    n, size = plant.dof, plant.size
+    rows = np.zeros((n, size + 1 + n))
+    rows[:, :n], rows[:, n : 2 * n] = -plant.matrices.stiffness, -plant.matrices.damping
+    rows[0, size - 1 if plant.lag > 0.0 else size] = 1.0
+    rows[:, size + 1 :] = np.eye(n)
+    return rows
 
 
 def _table(device: Device, entries: list[Physics], seed: int) -> EffectTable:
