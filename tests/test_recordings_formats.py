@@ -1,23 +1,29 @@
 """Binary files of other tools: every array of numbers under a name its owner knows."""
 
 import io
+import json
 import warnings
 import zipfile
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pyarrow as pa
 import pytest
 import recording_examples as examples
 import scipy.io
+from google.protobuf.wrappers_pb2 import DoubleValue
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as nps
+from mcap.writer import Writer as JsonWriter
+from mcap_protobuf.writer import Writer as ProtobufWriter
+from mcap_ros2.writer import Writer as Ros2Writer
 from numpy.typing import NDArray
 from pyarrow import parquet
 
 from logs.mat_file import read_hdf5, read_mat
-from logs.npz_file import read_npz
+from logs.npz_file import read_npy, read_npz
 from logs.open_source import open_source
 from logs.parquet_file import read_parquet
 from logs.source import RecordingError, Source
@@ -109,6 +115,66 @@ def test_vectors_keep_every_bit(values: NDArray[np.generic]) -> None:
     np.testing.assert_array_equal(read_mat(HERE, out.getvalue())["v"].values, values)
 
 
+@given(VECTORS)
+def test_vectors_keep_every_bit_in_npy_and_hdf5(values: NDArray[np.generic]) -> None:
+    out = io.BytesIO()
+    np.save(out, values)
+    assert read_npy(HERE, out.getvalue())["values"].values.tobytes() == values.tobytes()
+    out = io.BytesIO()
+    with h5py.File(out, "w") as file:
+        file["v"] = values
+    assert read_hdf5(HERE, out.getvalue())["v"].values.tobytes() == values.tobytes()
+
+
+@given(
+    st.lists(st.floats(allow_nan=False) | st.sampled_from([-0.0, 5e-324]), min_size=1, max_size=9)
+)
+def test_messages_keep_every_double(
+    tmp_path_factory: pytest.TempPathFactory, values: list[float]
+) -> None:
+    """In JSON too: Python writes the digits that read back to the same double."""
+    path = tmp_path_factory.mktemp("messages") / "a.mcap"
+    expected = np.array(values).tobytes()
+    for data in (ros2(values), json_messages(values), protobuf(values)):
+        path.write_bytes(data)
+        source = open_source(path)
+        assert source.notes == ()
+        assert source["/v.value"].floats().tobytes() == expected
+        assert source["/v.value"].stamps["log_time"].tolist() == list(range(len(values)))
+
+
+def ros2(values: list[float]) -> bytes:
+    out = io.BytesIO()
+    writer = Ros2Writer(out)
+    schema = writer.register_msgdef("rig_msgs/msg/Value", "float64 value")
+    for k, value in enumerate(values):
+        writer.write_message("/v", schema, {"value": value}, k, k, k)
+    writer.finish()
+    return out.getvalue()
+
+
+def json_messages(values: list[float]) -> bytes:
+    out = io.BytesIO()
+    writer = JsonWriter(out)
+    writer.start()
+    channel = writer.register_channel(
+        "/v", "json", writer.register_schema("V", "jsonschema", b"{}")
+    )
+    for k, value in enumerate(values):
+        writer.add_message(channel, k, json.dumps({"value": value}).encode(), k, k)
+    writer.finish()
+    return out.getvalue()
+
+
+def protobuf(values: list[float]) -> bytes:
+    out = io.BytesIO()
+    writer = ProtobufWriter(out)
+    for k, value in enumerate(values):
+        writer.write_message("/v", DoubleValue(value=value), k, k, k)
+    writer.finish()
+    return out.getvalue()
+
+
 def test_nulls_of_whole_numbers_are_nan() -> None:
     out = io.BytesIO()
     parquet.write_table(
@@ -120,8 +186,6 @@ def test_nulls_of_whole_numbers_are_nan() -> None:
 
 
 def test_cycles_and_links_of_hdf5_are_not_followed(tmp_path: Path) -> None:
-    import h5py
-
     secret = tmp_path / "secret.h5"
     with h5py.File(secret, "w") as file:
         file["key"] = np.arange(3.0)
