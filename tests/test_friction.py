@@ -168,7 +168,10 @@ def test_amplitude_and_level_scale_out_to_the_bit() -> None:
     one, other = (
         simulate(
             phantom().with_physics(coulomb(scale * 1e-3), coulomb(scale * 5e-4, "m2")),
-            wall(20.0, 0.03), duration=0.5, start=Start(scale * 1e-3), substeps=4,
+            wall(20.0, 0.03),
+            duration=0.5,
+            start=Start(scale * 1e-3),
+            substeps=4,
         )  # fmt: skip
         for scale in (1.0, 1024.0)
     )

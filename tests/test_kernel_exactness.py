@@ -207,9 +207,7 @@ def test_a_command_that_is_recorded_comes_back() -> None:
     """Replaying a run's commands open-loop gives the run to the bit; after their end, zero."""
     device = phantom().with_interface(delay=0.0027)
     closed = simulate(device, wall(12.0, 0.03), duration=0.3, start=Start(1e-3))
-    opened = simulate(
-        device, recorded(closed.trace["command"]), duration=0.4, start=Start(1e-3)
-    )
+    opened = simulate(device, recorded(closed.trace["command"]), duration=0.4, start=Start(1e-3))
     for name in ("position_m1", "velocity_m2", "command", "applied"):
         assert np.array_equal(opened.trace[name][:300], closed.trace[name])
     assert not opened.trace["command"][300:].any()
