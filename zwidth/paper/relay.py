@@ -54,14 +54,14 @@ def section() -> Section:
                 "zwidth relay phantom_1_0 --delay-ms 8 --damping 0.08",
             ),
             "The relay is a measuring instrument with errors of its own. Its cycle is mostly a"
-            " whole number of ticks, so its frequency, and with it K, comes in steps; a loop may have"
-            " several cycles, and the start decides; and where no K is stable the loop has no cycle"
-            f" to find: {diverging} of the {len(rows)} conditions diverge on the model of Table I,"
+            " whole number of ticks, so its frequency, and with it K, comes in steps; a loop may"
+            " have several cycles, and the start decides; and where no K is stable the loop has no"
+            f" cycle to find: {diverging} of the {len(rows)} conditions diverge on the model of Table I,"
             " although the real device oscillated steadily in all of them (with B = 0.5 as printed,"
             f" {diverging + 1}). And where a vibration mode already makes the loop unstable, the"
             " relay can stay on the slow oscillation and read a stiffness that no wall has: at 4 ms"
-            f" and B = 0.23 it reads {number(_beyond(rows, conditions))} on a model whose boundary is"
-            f" {number(critical_stiffness(phantom(0.004), 0.23).stiffness)}.",
+            f" and B = 0.23 it reads {number(_beyond(rows, conditions))} on a model whose boundary"
+            f" is {number(critical_stiffness(phantom(0.004), 0.23).stiffness)}.",
             Table(
                 "All conditions of Table II on Table I's model. K and f from the reference start"
                 f" (m1 at 1 mrad, at rest); cycles: over {STARTS} random starts, K with its share."
@@ -118,7 +118,7 @@ def _bias(
     labels: list[str] = []
     reference: list[float | None] = []
     cycles: list[list[float]] = []
-    for row, condition in zip(rows, conditions, strict=True):
+    for row, condition in sorted(zip(rows, conditions, strict=True), key=_order):
         linear = critical_stiffness(phantom(row.delay), row.place).stiffness
         if linear is None:
             continue
@@ -127,6 +127,10 @@ def _bias(
         reference.append(None if found is None else found / linear)
         cycles.append([cycle.stiffness / linear for cycle in condition.cycles])
     return labels, reference, cycles
+
+
+def _order(pair: tuple[MeasuredPoint, RelayCondition]) -> tuple[float, float]:
+    return pair[0].delay, pair[0].place
 
 
 def _changed() -> list[Changed]:

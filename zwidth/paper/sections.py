@@ -7,12 +7,14 @@ from zwidth.paper.report import DrawnSection, draw
 
 # key (of the command line and of the file zwidth/paper/KEY.py) -> what the section shows.
 SECTIONS = {
+    "identification": "Fig. 3 and Table I: the device identified",
     "boundaries": "Fig. 6 and Fig. 7: critical stiffness and ultimate frequency over damping",
     "modes": "Why f jumps, and why the 4 ms region is larger: root loci and the late damper",
     "delays": "B_t and K_max over every delay from 0 to 10 ms",
     "sensitivity": "What B_t and K_max owe to each of the ten parameters",
     "relay": "Fig. 8 and the relay: what the method measures, and how far off",
     "fig_10": "Table II and Fig. 10: theory against the real device",
+    "paddle": "A measured boundary on another device: a haptic paddle",
 }
 
 
