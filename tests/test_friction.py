@@ -165,16 +165,12 @@ def test_amplitude_and_level_scale_out_to_the_bit() -> None:
 
     Mutation: any absolute threshold in the friction, such as `abs(v) < 1e-9` for rest.
     """
-    one, other = (
-        simulate(
-            phantom().with_physics(coulomb(scale * 1e-3), coulomb(scale * 5e-4, "m2")),
-            wall(20.0, 0.03),
-            duration=0.5,
-            start=Start(scale * 1e-3),
-            substeps=4,
-        )  # fmt: skip
-        for scale in (1.0, 1024.0)
-    )
+    runs: list[Run] = []
+    for scale in (1.0, 1024.0):
+        device = phantom().with_physics(coulomb(scale * 1e-3), coulomb(scale * 5e-4, "m2"))
+        start = Start(scale * 1e-3)
+        runs.append(simulate(device, wall(20.0, 0.03), duration=0.5, start=start, substeps=4))
+    one, other = runs
     assert np.count_nonzero(one.trace["at_rest"]) > 10
     for name in ("position_m1", "velocity_m2", "command"):
         assert np.array_equal(1024.0 * one.trace[name], other.trace[name])
