@@ -40,13 +40,27 @@ class Measured(msgspec.Struct, frozen=True, omit_defaults=True):
     damping_printed: float | UnsetType = UNSET
 
 
+class Interval(msgspec.Struct, frozen=True):
+    """Stiffness from low to high [N m/rad | N/m]; 0 where some case has no stable K."""
+
+    low: float
+    high: float
+
+
 class Point(msgspec.Struct, frozen=True, omit_defaults=True):
-    """The boundary at one virtual damping B [N m s/rad | N s/m]."""
+    """The boundary at one virtual damping B [N m s/rad | N s/m].
+
+    passive: the stiffest passive wall, None where there is none; hand: K_CR over the range of hands
+    at m3; confidence95: K_CR by the covariance of the parameters. Absent where not asked for.
+    """
 
     damping: float
     linear: Critical | None
     simulated: Bracketed | None
     measured: Measured | UnsetType = UNSET
+    passive: Critical | None | UnsetType = UNSET
+    hand: Interval | UnsetType = UNSET
+    confidence95: Interval | UnsetType = UNSET
 
 
 class DelayBoundary(msgspec.Struct, frozen=True):

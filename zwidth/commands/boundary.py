@@ -17,8 +17,10 @@ from sim.device_file import load_device
 from sim.run import Start
 from stability.bisection import Bracket, Search, Trial
 from stability.boundary import Boundary, BoundaryPoint, default_dampings, find_boundaries
+from zwidth.boundary_extras import Asked, extra_cells, extra_headings, with_extras
 from zwidth.compiling import announce
 from zwidth.console import Column, Console, progress
+from zwidth.covariance import load_covariance
 from zwidth.options import ManyNumbers, Quantities, Quantity, json_option, out_option
 from zwidth.results import (
     UNSET,
@@ -50,6 +52,17 @@ SAME_DAMPING = 1e-9
               help="Substeps a tick; default 1 where that is exact, else 10.")  # fmt: skip
 @click.option("--limit-s", type=Quantity("s", above=True), default=64.0, show_default=True,
               help="Longest run for a verdict.")  # fmt: skip
+@click.option("--criterion", type=click.Choice(["stability", "passivity"]), default="stability",
+              show_default=True, help="With passivity, the stiffest passive wall beside the"
+              " stable one (Colgate and Schenkel, with the delay).")  # fmt: skip
+@click.option("--hand", is_flag=True, help="K_CR over the range of fingers that may hold the last"
+              " mass, as a band.")  # fmt: skip
+@click.option("--lever", type=Quantity("m", above=True),
+              help="Distance of the hand from the axis of a rotary device.")  # fmt: skip
+@click.option("--covariance", "covariance_file", metavar="FILE",
+              type=click.Path(exists=True, dir_okay=False, path_type=Path),
+              help="95 % band of K_CR from the parameters' covariance, as `zwidth identify` wrote"
+              " it.")  # fmt: skip
 @out_option("runs/boundary")
 @json_option
 def command(name: str, out: Path, json_file: str | None, **options: Any) -> None:
@@ -62,6 +75,11 @@ def command(name: str, out: Path, json_file: str | None, **options: Any) -> None
     device = load_device(name)
     for warning in warnings_of(device):
         console.warn(warning)
+    asked = Asked(
+        options["criterion"] == "passivity",
+        _lever(device, options["hand"], options["lever"]),
+        None if options["covariance_file"] is None else load_covariance(options["covariance_file"]),
+    )
     announce(console)
     delays = [1e-3 * ms for ms in options["delay_ms"]] or [device.interface.delay]
     trial = Trial(
@@ -72,6 +90,7 @@ def command(name: str, out: Path, json_file: str | None, **options: Any) -> None
     search = Search(tolerance=options["tolerance"])
     measured = device.name == load_device(DEVICE).name
     plans = [_plan(device.with_interface(delay=d), options["damping"], measured) for d in delays]
+    with_extras(plans[0][0], [Point(0.0, None, None)], asked)  # refuses before the long work
     found: list[Boundary] = []
     try:
         with progress("bracketing", sum(grid.size for _, grid in plans)) as advance:
@@ -80,7 +99,18 @@ def command(name: str, out: Path, json_file: str | None, **options: Any) -> None
                 found += find_boundaries([variant], [grid], trial, search, counted)
     finally:  # after Ctrl-C too: what is finished is kept
         if found:
-            _write(console, device, found, trial, out, measured)
+            _write(console, device, found, trial, out, measured, asked)
+
+
+def _lever(device: Device, hand: bool, lever: float | None) -> float | None:
+    """Where a hand holds the device, None for no hand."""
+    if lever is not None and not hand:
+        raise ValueError("--lever says where a hand holds the device; add --hand")
+    if hand and device.rotary and lever is None:
+        raise ValueError(
+            "--hand on a rotary device needs --lever, the hand's distance from the axis [m]"
+        )
+    return (lever or 1.0) if hand else None
 
 
 class _Counted:
@@ -104,15 +134,26 @@ def _plan(device: Device, given: Sequence[float], measured: bool) -> tuple[Devic
 
 
 def _write(
-    console: Console, device: Device, found: list[Boundary], trial: Trial, out: Path, measured: bool
+    console: Console,
+    device: Device,
+    found: list[Boundary],
+    trial: Trial,
+    out: Path,
+    measured: bool,
+    asked: Asked,
 ) -> None:
     result = BoundaryResult(
         device.name,
-        [DelayBoundary(b.device.interface.delay, _points(b, measured)) for b in found],
+        [
+            DelayBoundary(
+                b.device.interface.delay, with_extras(b.device, _points(b, measured), asked)
+            )
+            for b in found
+        ],
         device.rotary,
     )
     for boundary, values in zip(found, result.boundaries, strict=True):
-        _table(console, boundary, values)
+        _table(console, boundary, values, asked)
     console.result(as_json(result))
     from zwidth.figures.boundary import boundary_figure
     from zwidth.figures.style import save_figure
@@ -159,7 +200,7 @@ def _bracketed(bracket: Bracket) -> Bracketed | None:
     return Bracketed(bracket.stable, bracket.unstable, bracket.frequency)
 
 
-def _table(console: Console, boundary: Boundary, values: DelayBoundary) -> None:
+def _table(console: Console, boundary: Boundary, values: DelayBoundary, asked: Asked) -> None:
     force, length = ("N m", "rad") if boundary.device.rotary else ("N", "m")
     stiffness = f"[{force}/{length}]"
     columns = [
@@ -171,6 +212,7 @@ def _table(console: Console, boundary: Boundary, values: DelayBoundary) -> None:
         Column("f [Hz]"),
         Column("K measured"),
         Column("f [Hz]"),
+        *(Column(heading) for heading in extra_headings(asked)),
         Column("note", False),
     ]
     rows = [_row(p, b.simulated) for p, b in zip(values.points, boundary.points, strict=True)]
@@ -185,11 +227,12 @@ def _row(point: Point, bracket: Bracket) -> list[str]:
     cells += [_number(bracket.stable), _number(bracket.unstable), _frequency(bracket.frequency)]
     note = _note(bracket)
     if point.measured is UNSET:
-        return [*cells, "", "", note]
+        return [*cells, "", "", *extra_cells(point), note]
     measured = point.measured
     if measured.damping_printed is not UNSET:
         note = f"printed as B = {measured.damping_printed:g}"
-    return [*cells, f"{measured.stiffness:.4g}", f"{measured.frequency_hz:.2f}", note]
+    cells += [f"{measured.stiffness:.4g}", f"{measured.frequency_hz:.2f}"]
+    return [*cells, *extra_cells(point), note]
 
 
 def _note(bracket: Bracket) -> str:

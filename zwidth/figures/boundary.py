@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
-from msgspec import UNSET
+from msgspec import UNSET, UnsetType
 
 from zwidth.figures.style import STYLE
-from zwidth.results import BoundaryResult, DelayBoundary, Point
+from zwidth.results import BoundaryResult, DelayBoundary, Interval, Point
 
 # Colours that differ in lightness, so that they survive grey print and every kind of colour
 # blindness (P. Tol, "high contrast", "medium contrast"); dashes and shapes say the same once more.
@@ -64,6 +64,9 @@ def _draw(stiffness: Axes, frequency: Axes, boundary: DelayBoundary, look: Look)
     points = sorted(boundary.points, key=lambda point: point.damping)
     _line(stiffness, points, lambda p: p.linear and p.linear.stiffness, look, joined=True)
     _line(frequency, points, lambda p: p.linear and p.linear.frequency_hz, look, joined=False)
+    _line(stiffness, points, _passive, Look(look.colour, ":", look.shape), joined=True)
+    _band(stiffness, points, lambda p: p.hand, look, 0.12)
+    _band(stiffness, points, lambda p: p.confidence95, look, 0.3)
     shown = points[:: math.ceil(len(points) / DOTS)]
     dots: dict[str, Any] = {
         "linestyle": "none",
@@ -93,6 +96,25 @@ def _line(axes: Axes, points: Sequence[Point], value: Value, look: Look, *, join
         x.append(point.damping)
         y.append(now)
     axes.plot(x, y, color=look.colour, linestyle=look.dashes)
+
+
+def _passive(point: Point) -> float | None:
+    return point.passive.stiffness if point.passive else None
+
+
+def _band(
+    axes: Axes,
+    points: Sequence[Point],
+    value: Callable[[Point], Interval | UnsetType],
+    look: Look,
+    strength: float,
+) -> None:
+    """Fill between the ends of an interval, where there is one."""
+    known = [(point.damping, band) for point in points if (band := value(point)) is not UNSET]
+    if known:
+        x, bands = zip(*known, strict=True)
+        low, high = [b.low for b in bands], [b.high for b in bands]
+        axes.fill_between(x, low, high, color=look.colour, alpha=strength, linewidth=0.0)
 
 
 def _shape(axes: Axes, point: Point, value: float, look: Look) -> None:
@@ -150,9 +172,20 @@ def _legend(figure: Figure, result: BoundaryResult, measured_source: str) -> Non
         kinds.append(_kind(measured_source, "o", "white"))
     if any(point.damping_printed is not UNSET for point in measured):
         kinds.append(_kind("its $B$ misprinted", "x"))
+    points = [point for boundary in result.boundaries for point in boundary.points]
+    if any(point.passive is not UNSET for point in points):
+        kinds.append(Line2D([], [], color="0.35", linestyle=":", label="passive walls"))
+    if any(point.hand is not UNSET for point in points):
+        kinds.append(_patch("held by a hand", 0.12))
+    if any(point.confidence95 is not UNSET for point in points):
+        kinds.append(_patch("95 % by parameters", 0.3))
     cells = _rows_of(4, delays) + _rows_of(4, kinds)
     by_column = [cell for column in range(4) for cell in cells[column::4]]
     figure.legend(handles=by_column, loc="outside upper left", ncols=4, frameon=False, fontsize=9)
+
+
+def _patch(label: str, strength: float) -> Line2D:
+    return Line2D([], [], color="0.35", alpha=strength, linewidth=8.0, label=label)
 
 
 def _kind(label: str, marker: str, face: str = "0.35") -> Line2D:

@@ -1,13 +1,18 @@
 """A map of fates over two quantities, with the linear boundary over it."""
 
+from collections.abc import Sequence
+
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from stability.map_store import FateMap
-from stability.plane import Fate, Plane
+from stability.fate_map import FateMap, units_of
+from stability.fates import Fate
+from stability.plane import Plane
+from stability.plane_theory import Line, describing_lines
 
 # Told apart by the colour-blind, and by lightness alone in print.
 COLOURS = {
@@ -17,6 +22,7 @@ COLOURS = {
     Fate.GROWS: "#7f2704",
     Fate.UNDECIDED: "#ffd92f",
 }
+PREDICTED = "#d01c8b"
 NAMES = {
     Fate.RESTS: "comes to rest",
     Fate.IMPERCEPTIBLE_CYCLE: "imperceptible oscillation",
@@ -26,38 +32,36 @@ NAMES = {
 }
 
 
+QUANTITY_NAMES = {
+    "K": "virtual stiffness K", "B": "virtual damping B", "delay": "delay",
+    "encoder_step": "encoder step", "command_limit": "command limit",
+    "friction": "Coulomb friction at m1", "amplitude": "start amplitude",
+}  # fmt: skip
+SYMBOLS = {"K": "K =", "B": "B =", "command_limit": "limit", "amplitude": "start"}
+
+
 def axis_label(plane: Plane, quantity: str) -> str:
     """Return the label of an axis, with its unit."""
-    angle, force = ("rad", "N m") if plane.device.rotary else ("m", "N")
-    return {
-        "K": f"virtual stiffness K [{force}/{angle}]",
-        "B": f"virtual damping B [{force} s/{angle}]",
-        "delay": "delay [s]",
-        "encoder_step": f"encoder step [{angle}]",
-        "command_limit": f"command limit [{force}]",
-        "friction": f"Coulomb friction at m1 [{force}]",
-        "amplitude": f"start amplitude [{angle}]",
-    }[quantity]
+    return f"{QUANTITY_NAMES[quantity]} [{units_of(plane, quantity)}]"
 
 
-def map_figure(result: FateMap, title: str | None = None, compact: bool = False) -> Figure:
-    """Draw fates and, unless compact, the force of the oscillation that stays."""
-    figure = Figure(figsize=(5.2, 4.6) if compact else (10.5, 5.2), layout="constrained")
-    axes = figure.subplots(1, 1 if compact else 2, squeeze=False)[0]
-    draw_fates(axes[0], result)
-    if not compact:
-        _draw_force(figure, axes[1], result)
-    plane = result.plane
-    axes[0].set_title("what a run does in the end", fontsize=10)
-    if not compact:
-        axes[1].set_title("force of what stays", fontsize=10)
-    figure.suptitle(title or _title(plane), fontsize=11)
-    figure.legend(handles=legend(result), loc="outside lower center", ncols=3, fontsize=8)
+def map_figure(result: FateMap, title: str | None = None) -> Figure:
+    """Draw fates, and the force of the oscillation that stays."""
+    figure = Figure(figsize=(10.5, 5.2), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    lines = describing_lines(result.plane)
+    draw_fates(left, result, lines)
+    _draw_force(figure, right, result)
+    left.set_title("what a run does in the end", fontsize=10)
+    right.set_title("force of what stays", fontsize=10)
+    figure.suptitle(title or _title(result.plane), fontsize=11)
+    handles = legend([result], lines)
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=8)
     return figure
 
 
-def draw_fates(axes, result: FateMap) -> None:  # pyright: ignore
-    """Draw the fates of a map and the linear boundary into axes."""
+def draw_fates(axes: Axes, result: FateMap, lines: Sequence[Line] = ()) -> None:
+    """Draw the fates of a map, the linear boundary and other lines into axes."""
     colours = ListedColormap([COLOURS[f] for f in Fate])
     norm = BoundaryNorm(np.arange(len(Fate) + 1) - 0.5, len(Fate))
     axes.pcolormesh(
@@ -65,18 +69,22 @@ def draw_fates(axes, result: FateMap) -> None:  # pyright: ignore
         rasterized=True,
     )  # fmt: skip
     _draw_linear(axes, result)
+    for line in lines:
+        axes.plot(line.x, line.y, color=PREDICTED, lw=1.6, ls="--")
 
 
-def legend(result: FateMap) -> list[Patch | Line2D]:
-    """Return the legend of the fates that occur in a map, and of the linear boundary."""
-    present = [f for f in Fate if np.any(result.fates.fate == f)]
+def legend(results: Sequence[FateMap], lines: Sequence[Line] = ()) -> list[Patch | Line2D]:
+    """Return the legend of the fates that occur in maps, of the linear boundary and the lines."""
+    present = [f for f in Fate if any(np.any(r.fates.fate == f) for r in results)]
     handles: list[Patch | Line2D] = [
         Patch(facecolor=COLOURS[f], edgecolor="0.5", label=NAMES[f]) for f in present
     ]
-    return [*handles, Line2D([], [], color="k", lw=1.6, label="linear boundary")]
+    handles.append(Line2D([], [], color="k", lw=1.6, label="linear boundary"))
+    handles += [Line2D([], [], color=PREDICTED, lw=1.6, ls="--", label=n.name) for n in lines]
+    return handles
 
 
-def _draw_linear(axes, result: FateMap) -> None:  # pyright: ignore
+def _draw_linear(axes: Axes, result: FateMap) -> None:
     plane = result.plane
     if result.linear.min() < 0.0 < result.linear.max():
         axes.contour(result.x, result.y, result.linear, [0.0], colors="k", linewidths=1.6)
@@ -86,12 +94,13 @@ def _draw_linear(axes, result: FateMap) -> None:  # pyright: ignore
     axes.set_ylabel(axis_label(plane, plane.y.quantity))
 
 
-def _draw_force(figure: Figure, axes, result: FateMap) -> None:  # pyright: ignore
+def _draw_force(figure: Figure, axes: Axes, result: FateMap) -> None:
     cycling = np.isin(result.fates.fate, [Fate.IMPERCEPTIBLE_CYCLE, Fate.CYCLE])
-    held = np.isfinite(result.plane.device.interface.command_limit)
+    bounded = "command_limit" in (result.plane.x.quantity, result.plane.y.quantity)
+    held = bounded or np.isfinite(result.plane.device.interface.command_limit)
     shown = cycling | ((result.fates.fate == Fate.GROWS) & held)
     force = np.where(shown & (result.fates.force > 0.0), result.fates.force, np.nan)
-    unit = "N m" if result.plane.device.rotary else "N"
+    unit = units_of(result.plane, "command_limit")
     axes.set_facecolor("#f2f2f2")
     if np.isfinite(force).any():
         low, high = np.nanmin(force), np.nanmax(force)
@@ -106,15 +115,10 @@ def _draw_force(figure: Figure, axes, result: FateMap) -> None:  # pyright: igno
 
 
 def _title(plane: Plane) -> str:
-    interface, angle = plane.device.interface, "rad" if plane.device.rotary else "m"
-    force = "N m" if plane.device.rotary else "N"
-    facts = {
-        "K": f"K = {plane.stiffness:g} {force}/{angle}",
-        "B": f"B = {plane.damping:g} {force} s/{angle}",
-        "delay": f"delay {1e3 * interface.delay:g} ms",
-        "encoder_step": f"encoder step {interface.encoder_step:g} {angle}",
-        "command_limit": f"limit {interface.command_limit:g} {force}",
-        "amplitude": f"start {plane.trial.start:g} {angle}",
-    }
-    on_axes = (plane.x.quantity, plane.y.quantity)
-    return plane.device.name + "\n" + ", ".join(v for k, v in facts.items() if k not in on_axes)
+    facts = [
+        f"{SYMBOLS.get(q, QUANTITY_NAMES[q])} {value:g} {units_of(plane, q)}"
+        for q, value in plane.at({}).items()
+        if q not in (plane.x.quantity, plane.y.quantity) and (q, value) != ("friction", 0.0)
+    ]
+    middle = (len(facts) + 1) // 2
+    return "\n".join([plane.device.name, ", ".join(facts[:middle]), ", ".join(facts[middle:])])

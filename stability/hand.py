@@ -1,0 +1,84 @@
+"""A hand that holds the device: mass, spring and damper to ground at the last mass of the chain.
+
+The finger is measured at its tip, so on a rotary device all three act at a lever: times its square.
+The ranges are those of the index finger in extension, 2 to 20 N (A. Z. Hajian and R. D. Howe,
+Identification of the mechanical impedance at the human finger tip, J. Biomechanical Engineering
+119, 109-114, 1997). The band of K_CR is taken over the corners of the ranges and their middle, at
+each damping. Limits: nothing between hand and device gives, the hand does not react.
+"""
+
+from collections.abc import Iterable
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from sim.device import Device
+from sim.physics import make_physics
+from stability.linear import boundary
+
+
+class Hand(NamedTuple):
+    """Mass [kg], damping [N s/m] and stiffness [N/m] at the point that is held."""
+
+    mass: float
+    damping: float
+    stiffness: float
+
+
+class Range(NamedTuple):
+    """From low to high, in the unit of what it is a range of."""
+
+    low: float
+    high: float
+
+
+MASS, DAMPING, STIFFNESS = Range(3.5e-3, 8.7e-3), Range(4.02, 7.40), Range(255.0, 1255.0)
+MIDDLE = Hand(*(float(np.mean(r)) for r in (MASS, DAMPING, STIFFNESS)))
+HANDS = (MIDDLE, *(Hand(*values) for values in product(MASS, DAMPING, STIFFNESS)))
+
+
+def with_hand(device: Device, hand: Hand, lever: float = 1.0) -> Device:
+    """Return the device held by a hand; lever [m] of the hand on a rotary device, unused else.
+
+    Raises ValueError for a lever that is not > 0, a hand with a value < 0, or a chain whose last
+    mass cannot take a spring to ground (1 and 3 masses can).
+    """
+    if device.rotary and not 0.0 < lever < np.inf:
+        raise ValueError(
+            f"lever is {lever}; the distance of the hand from the axis must be > 0 [m]"
+        )
+    for field, value in hand._asdict().items():
+        if not 0.0 <= value < np.inf:
+            raise ValueError(f"hand.{field} is {value}; it must be >= 0 and finite")
+    masses = device.chain.masses.size
+    if masses not in (1, 3):
+        raise ValueError(
+            f"{device.name} has {masses} masses; a hand can hold a chain of 1 or of 3: give a device"
+            " of no mode or of two modes"
+        )
+    mass, damping, stiffness = (v * (lever**2 if device.rotary else 1.0) for v in hand)
+    chain = device.chain
+    held = device.with_chain(
+        chain._replace(
+            masses=_added(chain.masses, mass), ground_dampers=_added(chain.ground_dampers, damping)
+        )
+    )
+    return held.with_physics(make_physics("ground_spring", f"m{masses}", stiffness=stiffness))
+
+
+def hand_band(device: Device, dampings: Iterable[float], lever: float = 1.0) -> list[Range]:
+    """Return least and largest K_CR over all `HANDS` at each B, 0 where no K is stable."""
+    grid = list(dampings)
+    found = np.array(
+        [
+            [point.stiffness or 0.0 for point in boundary(with_hand(device, hand, lever), grid)]
+            for hand in HANDS
+        ]
+    )
+    return [Range(float(k.min()), float(k.max())) for k in found.T]
+
+
+def _added(values: np.ndarray, amount: float) -> np.ndarray:
+    """Return the values with an amount added to the last."""
+    return np.append(values[:-1], values[-1] + amount)

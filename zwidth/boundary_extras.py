@@ -1,0 +1,66 @@
+"""What may stand beside a stability boundary: passive walls, a hand, the parameters' uncertainty."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from msgspec import UNSET
+from msgspec.structs import replace
+
+from sim.device import Device
+from stability.hand import hand_band
+from stability.passivity import passive_boundary
+from stability.uncertainty import stiffness_band
+from zwidth.covariance import Covariance
+from zwidth.results import Critical, Interval, Point
+
+
+class Asked(NamedTuple):
+    """Which of them: passive walls; a hand at this lever [m], None for no hand; a covariance."""
+
+    passive: bool = False
+    lever: float | None = None
+    covariance: Covariance | None = None
+
+
+def with_extras(device: Device, points: Sequence[Point], asked: Asked) -> list[Point]:
+    """Return the points with what was asked for; raises ValueError as the parts do."""
+    found = list(points)
+    dampings = [point.damping for point in found]
+    if asked.passive:
+        walls = passive_boundary(device, dampings)
+        found = [
+            replace(
+                point,
+                passive=None
+                if wall.stiffness is None or wall.frequency_hz is None
+                else Critical(wall.stiffness, wall.frequency_hz),
+            )
+            for point, wall in zip(found, walls, strict=True)
+        ]
+    if asked.lever is not None:
+        bands = hand_band(device, dampings, asked.lever)
+        found = [replace(p, hand=Interval(*band)) for p, band in zip(found, bands, strict=True)]
+    if asked.covariance is not None:
+        bands = stiffness_band(device, *asked.covariance, dampings)
+        found = [
+            replace(p, confidence95=Interval(*band)) for p, band in zip(found, bands, strict=True)
+        ]
+    return found
+
+
+def extra_headings(asked: Asked) -> list[str]:
+    """Return the headings of the columns that `extra_cells` fills."""
+    return (
+        ["K passive"] * asked.passive
+        + ["K with a hand"] * (asked.lever is not None)
+        + ["K at 95 %"] * (asked.covariance is not None)
+    )
+
+
+def extra_cells(point: Point) -> list[str]:
+    """Return the cells of a point, one for each thing that was asked for."""
+    cells: list[str] = []
+    if point.passive is not UNSET:
+        cells.append("none" if point.passive is None else f"{point.passive.stiffness:.4g}")
+    bands = (point.hand, point.confidence95)
+    return cells + [f"{band.low:.4g} to {band.high:.4g}" for band in bands if band is not UNSET]
