@@ -1,11 +1,13 @@
 """Refine a map where the fate changes, and only there.
 
-A lattice of (coarse - 1) 2^levels + 1 points a side. First every 2^levels-th point is run. Then, level
-by level, the cells whose corners differ in fate, and their neighbours, are cut in four. What is left
-lies inside cells of one fate and takes it from their corners.
+A lattice of (coarse - 1) 2^levels + 1 points a side. First every 2^levels-th point is run. Then,
+level by level, each cell with two fates among the points that were run in it or on its sides is cut
+in four. A cut shows new points to the neighbours, and where they find a second fate there they are
+cut too, until no cell of the level asks for more. What is left is of one fate as far as it was
+seen, and takes it from its corners.
 
-The order of the points depends on the fates alone, never on time or threads, so a map taken up again
-goes the same way and ends bit for bit the same.
+The order of the points depends on the fates alone, never on time or threads, so a map taken up
+again goes the same way and ends bit for bit the same.
 """
 
 from collections.abc import Iterator
@@ -15,54 +17,68 @@ from numpy.typing import NDArray
 
 Fate = NDArray[np.int8]
 Flags = NDArray[np.bool_]
+MOST_POINTS = 2049  # a side
 
 
 def side(coarse: int, levels: int) -> int:
-    """Return the lattice's points a side; raises ValueError for less than a cell."""
+    """Return the lattice's points a side; raises ValueError for too few or too many."""
     if coarse < 3:
         raise ValueError(f"coarse is {coarse}; a map needs at least 3 points a side to refine")
     if not 0 <= levels <= 8:
         raise ValueError(f"levels is {levels}; allowed is 0 to 8")
-    return (coarse - 1) * 2**levels + 1
+    points = (coarse - 1) * 2**levels + 1
+    if points > MOST_POINTS:
+        raise ValueError(
+            f"coarse {coarse} and levels {levels} make {points} points a side;"
+            f" at most {MOST_POINTS} are possible, lower either"
+        )
+    return points
 
 
-def rounds(fate: Fate, levels: int) -> Iterator[NDArray[np.int64]]:
-    """Yield, level by level, the flat indices of the points to run next.
+def rounds(fate: Fate, levels: int) -> Iterator[tuple[int, NDArray[np.int64]]]:
+    """Yield (level, flat indices of the points to run next); a level may take several rounds.
 
-    fate (side, side): -1 where not run; the caller fills it before the next level is asked for.
+    fate (side, side): -1 where not run; the caller fills it before the next round is asked for.
     """
     stride = 2**levels
     first = np.zeros(fate.shape, dtype=bool)
     first[::stride, ::stride] = True
-    yield np.flatnonzero(first & (fate < 0))
-    while stride > 1:
-        half = stride // 2
-        wanted = np.zeros(fate.shape, dtype=bool)
-        for i, j in zip(*np.nonzero(_mixed(fate, stride)), strict=True):
-            rows = slice(i * stride, (i + 1) * stride + 1, half)
-            wanted[rows, j * stride : (j + 1) * stride + 1 : half] = True
-        yield np.flatnonzero(wanted & (fate < 0))
-        stride = half
+    yield 0, np.flatnonzero(first & (fate < 0))
+    for level in range(1, levels + 1):
+        while (wanted := _wanted(fate, stride)).size:
+            yield level, wanted
+        stride //= 2
+
+
+def _wanted(fate: Fate, stride: int) -> NDArray[np.int64]:
+    """Points not yet run of the cells of this stride that must be cut, flat."""
+    half = stride // 2
+    points = np.zeros(fate.shape, dtype=bool)
+    for i, j in zip(*np.nonzero(_mixed(fate, stride)), strict=True):
+        rows = slice(i * stride, (i + 1) * stride + 1, half)
+        points[rows, j * stride : (j + 1) * stride + 1 : half] = True
+    return np.flatnonzero(points & (fate < 0))
 
 
 def _mixed(fate: Fate, stride: int) -> Flags:
-    """Cells of this stride, all corners run, with a change of fate at or beside them."""
-    corners = fate[::stride, ::stride]
-    four = np.stack([corners[:-1, :-1], corners[1:, :-1], corners[:-1, 1:], corners[1:, 1:]])
-    known = (four >= 0).all(axis=0)
-    mixed = known & (four.max(axis=0) != four.min(axis=0))
-    near = mixed.copy()
-    near[1:] |= mixed[:-1]
-    near[:-1] |= mixed[1:]
-    near[:, 1:] |= mixed[:, :-1]
-    near[:, :-1] |= mixed[:, 1:]
-    return near & known
+    """Cells of this stride, corners run, with two fates among their nine points of half stride."""
+    half = stride // 2
+    seen = fate[::half, ::half]
+    count = (fate.shape[0] - 1) // stride
+    nine = np.stack(
+        [seen[a : a + 2 * count : 2, b : b + 2 * count : 2] for a in range(3) for b in range(3)]
+    )
+    corners = nine[[0, 2, 6, 8]]
+    known = (corners >= 0).all(axis=0)
+    least = np.where(nine < 0, np.iinfo(np.int8).max, nine).min(axis=0)
+    return known & (nine.max(axis=0) != least)
 
 
 def filled(values: NDArray[np.float64], run: Flags, levels: int) -> NDArray[np.float64]:
-    """Return values with every point that was not run taken from its finest enclosing cell.
+    """Return values with every point that was not run taken from a corner of its cell.
 
-    values (side, side); each unrun point gets the value of the nearest run point of that lattice.
+    values, run (side, side). Level by level a point between those of the coarser lattice takes the
+    value of its neighbour below or to the left.
     """
     result = values.copy()
     known = run.copy()
@@ -72,7 +88,5 @@ def filled(values: NDArray[np.float64], run: Flags, levels: int) -> NDArray[np.f
         for down, right in ((half, 0), (0, half), (half, half)):
             to = (slice(down, None, stride), slice(right, None, stride))
             source = result[::stride, ::stride][: result[to].shape[0], : result[to].shape[1]]
-            gap = ~known[to]
-            result[to] = np.where(gap, source, result[to])
-        known[::half, ::half] = True
+            result[to] = np.where(known[to], result[to], source)
     return result

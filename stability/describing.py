@@ -1,13 +1,13 @@
 """What describing functions say of limit cycles: the first harmonic of each nonlinearity.
 
-Friction at m1, f = -f_c sign(v), on an oscillation of amplitude A and frequency w: its first harmonic
-is that of a damper b_f = 4 f_c / (pi A w). The loop with that damper added to b1 is marginal at some
-K: there A is an unstable cycle. Starts below it come to rest, starts above it grow.
+Friction at m1, f = -f_c sign(v), on an oscillation of amplitude A and frequency w: its first
+harmonic is that of a damper b_f = 4 f_c / (pi A w). The loop with that damper added to b1 is
+marginal at some K: there A is an unstable cycle. Starts below it come to rest, starts above grow.
 
 A quantiser of step D in the encoder passes the first harmonic of an amplitude A with the gain
 N(A) = (4 D / (pi A)) sum_i sqrt(1 - ((2 i - 1) D / (2 A))^2), which is 0 up to D/2 and never above
-4/pi. It scales position and velocity alike, so cycles are possible where (N K, N B) is on the linear
-boundary for some N <= 4/pi.
+4/pi. It scales position and velocity alike, so cycles are possible where (N K, N B) is on the
+linear boundary for some N <= 4/pi.
 
 A saturation at u_max passes a command of amplitude U with N(U) = (2/pi)(asin r + r sqrt(1 - r^2)),
 r = u_max/U, from 1 down to 0. Beyond the boundary (N K, N B) comes back to it for a smaller N:
@@ -15,26 +15,36 @@ there the growth ends in a stable cycle.
 
 Gelb & Vander Velde, Multiple-Input Describing Functions, 1968. Limits: the loop must filter the
 higher harmonics, which the rigid body does and a mode near three times w does not; friction between
-sampled instants is taken as continuous.
+sampled instants is taken as continuous. A virtual damper on a quantised position commands pulses,
+which are no harmonics at all: with B > 0 cycles of half a step exist far below the predicted line.
 """
 
+import cmath
+import itertools
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from sim.device import Device
-from stability.linear import critical_stiffness
+from stability.linear import boundary, critical_stiffness
 from stability.types import LinearPoint
 
+Floats = NDArray[np.float64]
 QUANTISER_TOP = 4.0 / math.pi
+SLOWEST_HZ = 0.1  # no cycle of friction is looked for below
+NEAR = 1e-4  # relative, of the damper that stands for friction
+FEW, MANY = 9, 97  # dampings of a grid: for one boundary, for a line of them
 
 
 class PredictedCycle(NamedTuple):
-    """A limit cycle by describing function: gain N, amplitude (of what is named), frequency [Hz]."""
+    """A predicted limit cycle: gain N, amplitudes of command and of m1, frequency [Hz]."""
 
     gain: float
+    command: float
     amplitude: float
     frequency_hz: float
 
@@ -55,27 +65,26 @@ def friction_boundary(
     """
     if not level >= 0.0 or not amplitude > 0.0:
         raise ValueError(
-            f"level is {level}, amplitude is {amplitude}; a level >= 0 and an amplitude > 0 are needed"
+            f"level is {level}, amplitude is {amplitude};"
+            " a level >= 0 and an amplitude > 0 are needed"
         )
     share = 4.0 * level / (math.pi * amplitude)
-
-    def excess(extra: float) -> float:
-        point = critical_stiffness(friction_damper(device, extra), damping)
-        if point.frequency_hz is None:
-            return math.nan
-        return extra - share / (2.0 * math.pi * point.frequency_hz)
-
-    low, high = excess(0.0), share / (2.0 * math.pi * 0.5)
-    if math.isnan(low) or level == 0.0:
+    if share == 0.0:
         point = critical_stiffness(device, damping)
         return point if point.stable else None
-    grid = np.geomspace(1e-6 * high, high, 60)
-    values = [excess(x) for x in grid]
-    for a, b, fa, fb in zip(grid, grid[1:], values, values[1:], strict=False):
-        if fa <= 0.0 <= fb:
-            root = float(brentq(excess, a, b, xtol=1e-9 * high))  # pyright: ignore[reportArgumentType]
-            return critical_stiffness(friction_damper(device, root), damping)
-    return None
+
+    def excess(log_extra: float) -> float:
+        extra = math.exp(log_extra)
+        frequency = critical_stiffness(friction_damper(device, extra), damping).frequency_hz
+        return -1.0 if frequency is None else math.log(2.0 * math.pi * frequency * extra / share)
+
+    slowest, fastest = SLOWEST_HZ, 0.5 / device.interface.period
+    low, high = (math.log(share / (2.0 * math.pi * f)) for f in (fastest, slowest))
+    if excess(high) < 0.0:
+        return None
+    root = _root(excess, low, high, NEAR)
+    point = critical_stiffness(friction_damper(device, math.exp(root + NEAR)), damping)
+    return point if point.stable else None
 
 
 def quantiser_gain(amplitude: float, step: float) -> float:
@@ -85,13 +94,20 @@ def quantiser_gain(amplitude: float, step: float) -> float:
     return float(4.0 * step / (math.pi * amplitude) * np.sqrt(1.0 - levels * levels).sum())
 
 
-def quantiser_boundary(device: Device, damping: float) -> float | None:
-    """Return the K above which an encoder step, of any size, can sustain a cycle; None: no K > 0."""
-    gains = np.linspace(0.02, QUANTISER_TOP, 64)
-    points = [critical_stiffness(device, float(n) * damping).stiffness for n in gains]
-    if any(k is None for k in points):
-        return None
-    return float(min(k / n for k, n in zip(points, gains, strict=True) if k is not None))
+def quantiser_boundaries(device: Device, dampings: Floats) -> Floats:
+    """Return, for each B, the K above which an encoder step of any size can sustain a cycle.
+
+    dampings (n,); NaN where no K > 0 is free of cycles. It is the least K_CR(N B) / N over all
+    gains N, with K_CR between the points of a grid of B taken as straight.
+    """
+    top = QUANTISER_TOP * float(dampings.max())
+    count = 2 if top == 0.0 else FEW if dampings.size == 1 else MANY
+    grid = np.linspace(0.0, top, count)
+    found = [point.stiffness for point in boundary(device, grid)]
+    critical = np.array([math.nan if k is None else k for k in found])
+    gains = np.linspace(0.1, QUANTISER_TOP, 4 * FEW)
+    spread = np.interp(np.outer(dampings, gains).ravel(), grid, critical).reshape(-1, gains.size)
+    return (spread / gains).min(axis=1)
 
 
 def saturation_gain(amplitude: float, limit: float) -> float:
@@ -105,8 +121,8 @@ def saturation_gain(amplitude: float, limit: float) -> float:
 def saturation_cycle(device: Device, stiffness: float, damping: float) -> PredictedCycle | None:
     """Return the cycle in which growth ends at the device's command limit.
 
-    amplitude: of the command before the limit [N m | N]. None where the wall is stable, or where no
-    smaller gain is (the growth has no end).
+    command: before the limit [N m | N]. None where the wall is stable, or where no smaller gain is
+    (the growth has no end).
     """
 
     def beyond(gain: float) -> float:
@@ -115,12 +131,20 @@ def saturation_cycle(device: Device, stiffness: float, damping: float) -> Predic
 
     if beyond(1.0) >= 0.0:
         return None
-    grid = np.geomspace(1.0, 1e-4, 120)
-    for above, below in zip(grid, grid[1:], strict=False):
-        if beyond(float(below)) >= 0.0:
-            gain = float(brentq(beyond, float(below), float(above), xtol=1e-10))  # pyright: ignore
-            point = critical_stiffness(device, gain * damping)
-            limit = device.interface.command_limit
-            ratio = float(brentq(lambda r: saturation_gain(r, 1.0) - gain, 1.0, 4.0 / gain))  # pyright: ignore
-            return PredictedCycle(gain, ratio * limit, point.frequency_hz or math.nan)
-    return None
+    grid = np.geomspace(1.0, 1e-4, 4 * FEW).tolist()
+    ends = next(((a, b) for a, b in itertools.pairwise(grid) if beyond(b) >= 0.0), None)
+    if ends is None:
+        return None
+    gain = _root(beyond, ends[1], ends[0], 1e-10)
+    ratio = _root(lambda r: saturation_gain(r, 1.0) - gain, 1.0, 4.0 / gain, 1e-10)
+    frequency = critical_stiffness(device, gain * damping).frequency_hz
+    if frequency is None:
+        return None
+    command = ratio * device.interface.command_limit
+    back = cmath.exp(-2j * math.pi * frequency * device.interface.period)
+    law = stiffness + damping * (1.0 - back) / device.interface.period
+    return PredictedCycle(gain, command, command / abs(law), frequency)
+
+
+def _root(function: Callable[[float], float], low: float, high: float, within: float) -> float:
+    return float(brentq(function, low, high, xtol=within))  # pyright: ignore[reportArgumentType]

@@ -1,44 +1,27 @@
-"""A plane of two quantities of a wall and its device, and what a run does at a point of it.
+"""A plane of two quantities of a wall and its device: what is on the axes, what is held fixed."""
 
-Three answers where linear theory knows two: the run comes to rest, oscillates on for ever at a small
-amplitude, or grows until the amplifier's limit (or nothing) holds it. A sustained oscillation is
-perceptible or not, by the force that its command swings.
-"""
-
-import enum
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.device import Device
-from sim.ensemble import Walls, walls
-from sim.growth import DECAYS, GROWS, LIMIT_CYCLE, Growth
+from sim.device import Device, place_label
 from sim.physics import make_physics
-from stability.bisection import Trial, judge
-from stability.loop import open_loop
+from sim.physics.effect import Physics
+from stability.bisection import Trial
 
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Quantity = Literal["K", "B", "delay", "encoder_step", "command_limit", "friction", "amplitude"]
 QUANTITIES: tuple[Quantity, ...] = (
     "K", "B", "delay", "encoder_step", "command_limit", "friction", "amplitude",
 )  # fmt: skip
-OF_THE_DEVICE = ("delay", "encoder_step", "command_limit", "friction")
-AT_THE_LIMIT = 0.999
-
-
-class Fate(enum.IntEnum):
-    """What a run does in the end."""
-
-    RESTS = 0
-    IMPERCEPTIBLE_CYCLE = 1
-    CYCLE = 2
-    GROWS = 3
-    UNDECIDED = 4
+OF_THE_DEVICE: tuple[Quantity, ...] = ("delay", "encoder_step", "command_limit", "friction")
+NEVER_ZERO: tuple[Quantity, ...] = ("K", "command_limit", "amplitude")
+FEWEST_TICKS = 64  # of a run: eight windows of eight ticks
+REST_OF_START, REST_OF_STEP = 1e-3, 0.02
 
 
 @dataclass(frozen=True)
@@ -55,12 +38,17 @@ class Axis:
 
     def __post_init__(self) -> None:
         if self.quantity not in QUANTITIES:
-            raise ValueError(f"axis {self.quantity!r} is not known; allowed: {', '.join(QUANTITIES)}")
+            raise ValueError(
+                f"axis {self.quantity!r} is not known; allowed: {', '.join(QUANTITIES)}"
+            )
+        if self.spacing not in ("linear", "log"):
+            raise ValueError(f"spacing is {self.spacing!r}; allowed is 'linear' or 'log'")
         if not (math.isfinite(self.start) and math.isfinite(self.stop) and self.start < self.stop):
             raise ValueError(
-                f"axis {self.quantity} goes from {self.start:g} to {self.stop:g}; it must rise"
+                f"axis {self.quantity} goes from {self.start:g} to {self.stop:g};"
+                " give two finite numbers, the smaller one first"
             )
-        positive = self.quantity in ("K", "command_limit", "amplitude") or self.spacing == "log"
+        positive = self.quantity in NEVER_ZERO or self.spacing == "log"
         if self.start < 0.0 or (positive and self.start == 0.0):
             least = "above 0" if positive else "0 or more"
             raise ValueError(f"axis {self.quantity} begins at {self.start:g}; allowed is {least}")
@@ -76,9 +64,10 @@ class Axis:
 class Plane:
     """Two axes over a device; what is on no axis has its value in the device, or here.
 
-    stiffness, damping: of the wall. friction level at m1 [N m | N], None: as the device has it.
-    perceptible: amplitude of the command [N m | N] from which a sustained oscillation is felt.
-    one_sided: the wall fills y > 0 and the run starts inside it.
+    stiffness, damping: of the wall. Friction on an axis is the level of Coulomb friction at m1
+    [N m | N]. perceptible: amplitude of the command [N m | N] from which a sustained oscillation is
+    felt. one_sided: the wall fills y > 0 and the run starts inside it. trial.threshold None: a run
+    rests below 1e-3 of its start and 0.02 of an encoder step.
 
     Raises ValueError (field, value, what is allowed).
     """
@@ -95,100 +84,59 @@ class Plane:
     def __post_init__(self) -> None:
         if self.x.quantity == self.y.quantity:
             raise ValueError(f"both axes are {self.x.quantity}; choose two different quantities")
-        if not self.perceptible >= 0.0:
-            raise ValueError(f"perceptible is {self.perceptible}; it must be >= 0")
+        for name in ("stiffness", "damping", "perceptible"):
+            value = getattr(self, name)
+            if not 0.0 <= value < math.inf:
+                raise ValueError(f"{name} is {value}; it must be finite and >= 0")
+        shortest = FEWEST_TICKS * self.device.interface.period
+        if self.trial.seconds < shortest:
+            raise ValueError(
+                f"a run of {self.trial.seconds:g} s is too short to be judged;"
+                f" give at least {FEWEST_TICKS} ticks ({shortest:g} s)"
+            )
+
+    def setting(self, quantity: Quantity) -> float:
+        """Return the value of a quantity that is on no axis."""
+        interface = self.device.interface
+        levels = (p.values["level"] for p in self.device.physics if is_friction_at_m1(p))
+        return {
+            "K": self.stiffness,
+            "B": self.damping,
+            "delay": interface.delay,
+            "encoder_step": interface.encoder_step,
+            "command_limit": interface.command_limit,
+            "friction": next(levels, 0.0),
+            "amplitude": abs(self.trial.start),
+        }[quantity]
+
+    def at(self, values: Mapping[str, float]) -> dict[Quantity, float]:
+        """Return all quantities at a point: those in values, and the settings."""
+        return {q: values[q] if q in values else self.setting(q) for q in QUANTITIES}
 
     def device_at(self, values: Mapping[str, float]) -> Device:
         """Return the device with the quantities that belong to it set to values."""
         changes = {k: v for k, v in values.items() if k in OF_THE_DEVICE and k != "friction"}
         device = self.device.with_interface(**changes) if changes else self.device
-        if "friction" in values:
-            device = device.with_physics(
-                make_physics("coulomb_friction", "m1", level=values["friction"])
-            )
-        return device
+        return with_friction(device, values["friction"]) if "friction" in values else device
+
+    def trial_at(self, device: Device, start: float) -> Trial:
+        """Return the trial of a device of this plane from a start."""
+        threshold = self.trial.threshold
+        if threshold is None:
+            step = device.interface.encoder_step
+            threshold = REST_OF_START * abs(start)
+            threshold = min(threshold, REST_OF_STEP * step) if step > 0.0 else threshold
+        return replace(self.trial, start=start, threshold=threshold)
 
 
-@dataclass(frozen=True)
-class Fates:
-    """Results at points (n,): fate, growth rate [1/s], amplitude [rad | m], force, frequency [Hz]."""
-
-    fate: NDArray[np.int8]
-    rate: Floats
-    amplitude: Floats
-    force: Floats
-    frequency: Floats
-
-    @staticmethod
-    def empty(count: int) -> "Fates":
-        """Return room for count results."""
-        nothing = np.full((4, count), np.nan)
-        return Fates(np.full(count, -1, dtype=np.int8), *nothing)
-
-    def put(self, where: Ints, other: "Fates") -> None:
-        """Write other's results at some of the points."""
-        for name in (f.name for f in fields(self)):
-            getattr(self, name)[where] = getattr(other, name)
+def is_friction_at_m1(physics: Physics) -> bool:
+    """Whether an effect is the one that the quantity "friction" sets."""
+    return place_label(physics) == "coulomb_friction@m1"
 
 
-def evaluate(plane: Plane, x: Floats, y: Floats, workers: int | None = None) -> Fates:
-    """Run the device at points (x, y) of the plane, both (n,).
-
-    Points that share everything of the device go through the kernel together.
-    """
-    columns = {plane.x.quantity: x, plane.y.quantity: y}
-    own = [columns[q] for q in OF_THE_DEVICE if q in columns]
-    apart = [*own, columns["amplitude"]] if "amplitude" in columns else own
-    keys = np.column_stack(apart) if apart else np.zeros((x.size, 1))
-    _, group = np.unique(keys, axis=0, return_inverse=True)
-    group = group.ravel()
-    result = Fates.empty(x.size)
-    for number in range(int(group.max(initial=-1)) + 1):
-        points = np.flatnonzero(group == number)
-        values = {name: float(column[points[0]]) for name, column in columns.items()}
-        device = plane.device_at(values)
-        trial = replace(plane.trial, start=values.get("amplitude", plane.trial.start))
-        stiffness = columns["K"][points] if "K" in columns else np.full(points.size, plane.stiffness)
-        damping = columns["B"][points] if "B" in columns else np.full(points.size, plane.damping)
-        some: Walls = walls(stiffness, damping, 0.0, plane.one_sided)
-        growth = judge(device, some, trial, workers)
-        result.put(points, classify(growth, device.interface.command_limit, plane.perceptible))
-    return result
-
-
-def classify(growth: Growth, limit: float, perceptible: float) -> Fates:
-    """Turn verdicts into fates: a cycle at the amplifier's limit is growth that the limit holds."""
-    with np.errstate(invalid="ignore"):
-        held = (growth.force >= AT_THE_LIMIT * limit) & ~(growth.verdict == DECAYS)
-        small = growth.force < perceptible
-    fate = np.full(growth.verdict.size, Fate.UNDECIDED, dtype=np.int8)
-    cycling = growth.verdict == LIMIT_CYCLE
-    fate[growth.verdict == DECAYS] = Fate.RESTS
-    fate[cycling & small] = Fate.IMPERCEPTIBLE_CYCLE
-    fate[cycling & ~small] = Fate.CYCLE
-    fate[(growth.verdict == GROWS) | held] = Fate.GROWS
-    return Fates(fate, growth.rate, growth.amplitude, growth.force, growth.frequency)
-
-
-def linear_radius(plane: Plane, x: Floats, y: Floats) -> Floats:
-    """Return the spectral radius of the linear loop less one at lattice values, (y, x).
-
-    Its zero line is the linear boundary; friction, steps, limits and amplitude do not change it.
-    """
-    out = np.empty((y.size, x.size))
-    names = (plane.x.quantity, plane.y.quantity)
-    loops: dict[float, object] = {}
-    for j, yj in enumerate(y):
-        for i, xi in enumerate(x):
-            values = dict(zip(names, (float(xi), float(yj)), strict=True))
-            delay = values.get("delay", plane.device.interface.delay)
-            if delay not in loops:
-                loops[delay] = open_loop(plane.device.with_interface(delay=delay))
-            loop = loops[delay]
-            matrix = loop.closed(  # type: ignore[attr-defined]
-                values.get("K", plane.stiffness), values.get("B", plane.damping)
-            )
-            out[j, i] = np.abs(np.linalg.eigvals(matrix)).max() - 1.0
-    return out
-
-
+def with_friction(device: Device, level: float) -> Device:
+    """Return the device with Coulomb friction of this level at m1 instead of what it has there."""
+    if level > 0.0:
+        return device.with_physics(make_physics("coulomb_friction", "m1", level=level))
+    present = any(is_friction_at_m1(p) for p in device.physics)
+    return device.without_physics("coulomb_friction@m1") if present else device

@@ -1,28 +1,44 @@
 """`zwidth map`: what a run does over two quantities of wall and device, beside linear theory."""
 
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import click
-import numpy as np
+from click.core import ParameterSource
 
+from sim.device import Device
 from sim.device_file import load_device
 from stability.bisection import Trial
-from stability.linear import last_stable_damping
-from stability.map_store import FateMap, make_map, save_map
-from stability.plane import QUANTITIES, Axis, Fate, Plane
+from stability.fate_map import make_map, save_map
+from stability.linear import corner, last_stable_damping
+from stability.map_summary import summary
+from stability.plane import QUANTITIES, Axis, Plane, with_friction
+from stability.plane import Quantity as Quantities
 from zwidth.compiling import announce
 from zwidth.console import Column, Console, progress
 from zwidth.files import write_with
 from zwidth.options import Quantity, json_option, out_option
 
+# The option that sets a quantity where it is on no axis.
+FIXED_BY: dict[Quantities, str] = {
+    "K": "stiffness", "B": "damping", "delay": "delay_ms", "encoder_step": "encoder_step",
+    "command_limit": "command_limit", "friction": "friction", "amplitude": "start",
+}  # fmt: skip
+CUSTOMARY = {
+    "delay": (0.0, 0.01), "encoder_step": (0.0, 1e-3), "command_limit": (0.05, 1.0),
+    "friction": (0.0, 0.02), "amplitude": (1e-4, 1e-1),
+}  # fmt: skip
+RISING_BY_RATIOS = ("amplitude",)  # where no range is given
+
 
 @click.command("map")
 @click.argument("device", metavar="DEVICE")
-@click.option("--axes", nargs=2, type=click.Choice(QUANTITIES), default=("B", "K"), show_default=True,
-              help="Two quantities, horizontal and vertical.")  # fmt: skip
-@click.option("--x-range", nargs=2, type=Quantity("x"), help="From and to of the first axis.")
-@click.option("--y-range", nargs=2, type=Quantity("y"), help="From and to of the second axis.")
+@click.option("--axes", nargs=2, type=click.Choice(QUANTITIES), default=("B", "K"),
+              show_default=True, help="Two quantities, horizontal and vertical.")  # fmt: skip
+@click.option("--x-range", nargs=2, type=Quantity("SI"),
+              help="From and to of the first axis; else around the linear boundary.")  # fmt: skip
+@click.option("--y-range", nargs=2, type=Quantity("SI"), help="From and to of the second axis.")
 @click.option("--log", multiple=True, type=click.Choice(QUANTITIES), help="Axis in equal ratios.")
 @click.option("--stiffness", type=Quantity("N m/rad | N/m", above=True), default=10.0,
               show_default=True, help="K where it is no axis.")  # fmt: skip
@@ -30,54 +46,77 @@ from zwidth.options import Quantity, json_option, out_option
               help="B where it is no axis.")  # fmt: skip
 @click.option("--delay-ms", type=Quantity("ms"), help="Loop delay, else the device's own.")
 @click.option("--encoder-step", type=Quantity("rad | m"), help="Encoder step, else the device's.")
-@click.option(
-    "--command-limit", type=Quantity("N m | N", above=True), help="Limit, else the device's."
-)
-@click.option("--friction", type=Quantity("N m | N"), help="Coulomb friction added at m1.")
+@click.option("--command-limit", type=Quantity("N m | N", above=True),
+              help="Limit, else the device's.")  # fmt: skip
+@click.option("--friction", type=Quantity("N m | N"),
+              help="Coulomb friction at m1, else the device's.")  # fmt: skip
 @click.option("--start", type=Quantity("rad | m", above=True), default=1e-3, show_default=True,
               help="Start amplitude where it is no axis.")  # fmt: skip
 @click.option("--seconds", type=Quantity("s", above=True), default=4.0, show_default=True,
               help="Length of a run; undecided ones go on up to four times as long.")  # fmt: skip
 @click.option("--substeps", type=click.IntRange(1, 1000), default=None,
-              help="Substeps a tick; default 10 with friction or other physics, else 1.")  # fmt: skip
+              help="Substeps a tick; else 10 with friction or other physics, and 1.")  # fmt: skip
 @click.option("--perceptible", type=Quantity("N m | N"), default=0.01, show_default=True,
               help="Force from which an oscillation is felt.")  # fmt: skip
 @click.option("--one-sided", is_flag=True, help="The wall only pushes.")
 @click.option("--coarse", type=click.IntRange(3, 513), default=25, show_default=True,
               help="Points a side before refinement.")  # fmt: skip
-@click.option("--levels", type=click.IntRange(0, 8), default=2, show_default=True,
+@click.option("--levels", type=click.IntRange(0, 8), default=3, show_default=True,
               help="Refinements, each halving the step where the fate changes.")  # fmt: skip
 @out_option("runs/map")
 @json_option
-def command(device: str, out: Path, json_file: str | None, **options: Any) -> None:
+@click.pass_context
+def command(
+    context: click.Context, device: str, out: Path, json_file: str | None, **options: Any
+) -> None:
     """Map what becomes of a run over two quantities, with the linear boundary over it.
 
-    DEVICE is a shipped device or a device file. The folder keeps every finished part: the same
-    command takes an interrupted map up where it stopped.
+    DEVICE is a shipped device or a device file. A run comes to rest, oscillates on, or grows to the
+    limit. The folder keeps every finished part: the same command takes an interrupted map up where
+    it stopped.
     """
     console = Console(json_file)
-    plane = _plane(device, options)
+    _refuse_idle_options(context, options)
+    plane = _plane(load_device(device), options)
     announce(console)
-    with progress("mapping", 0) as advance:
-        state = {"done": 0}
+    with progress("mapping, percent", 100) as advance:
+        shown = 0
 
-        def report(done: int, known: int) -> None:
-            advance(done - state["done"], now=f"{done} of {known} runs so far")
-            state["done"] = done
+        def report(share: float, runs: int) -> None:
+            nonlocal shown
+            percent = int(100.0 * share)
+            advance(percent - shown, now=f"{runs} runs")
+            shown = percent
 
         result = make_map(plane, options["coarse"], options["levels"], out / "parts", report)
     console.say(f"wrote {save_map(result, out / 'map.nc')}")
-    from zwidth.figures.map import map_figure
+    from zwidth.figures.map import map_figure  # matplotlib takes a second, after the work
 
     figure = map_figure(result)
-    for kind in ("png", "svg"):
-        write_with(out / f"map.{kind}", lambda f, k=kind: figure.savefig(f, format=k, dpi=150))
-        console.say(f"wrote {out / f'map.{kind}'}")
-    _summary(console, result)
+    for kind, facts in (("png", {}), ("svg", {"Date": None})):
+        saving = partial(figure.savefig, format=kind, dpi=150, metadata=facts)
+        console.say(f"wrote {write_with(out / f'map.{kind}', saving)}")
+    found = summary(result)
+    _say(console, found)
+    console.result(found)
 
 
-def _plane(name: str, options: dict[str, Any]) -> Plane:
-    device = load_device(name)
+def _refuse_idle_options(context: click.Context, options: dict[str, Any]) -> None:
+    """Refuse what would change nothing: a fixed value of an axis, equal ratios of no axis."""
+    for quantity in options["axes"]:
+        name = FIXED_BY[quantity]
+        if context.get_parameter_source(name) == ParameterSource.COMMANDLINE:
+            option = name.replace("_", "-")
+            raise ValueError(
+                f"--{option} has no use while {quantity} is an axis; leave it out, or choose"
+                " another axis"
+            )
+    for quantity in options["log"]:
+        if quantity not in options["axes"]:
+            raise ValueError(f"--log {quantity} has no use while {quantity} is no axis")
+
+
+def _plane(device: Device, options: dict[str, Any]) -> Plane:
     changes = {
         field: options[option] * scale
         for field, option, scale in (
@@ -88,22 +127,18 @@ def _plane(name: str, options: dict[str, Any]) -> Plane:
         if options[option] is not None
     }
     device = device.with_interface(**changes)
-    if options["friction"]:
-        from sim.physics import make_physics
-
-        device = device.with_physics(
-            make_physics("coulomb_friction", "m1", level=options["friction"])
-        )
+    if options["friction"] is not None:
+        device = with_friction(device, options["friction"])
     quantities = options["axes"]
-    axes = []
-    for quantity, limits in zip(quantities, ("x_range", "y_range"), strict=True):
-        start, stop = options[limits] or _default_range(device, quantity)
-        axes.append(Axis(quantity, start, stop, "log" if quantity in options["log"] else "linear"))
+    axes = [
+        _axis(device, quantity, options[limits], quantity in options["log"])
+        for quantity, limits in zip(quantities, ("x_range", "y_range"), strict=True)
+    ]
     rough = bool(device.physics) or "friction" in quantities
-    substeps = options["substeps"] or (10 if rough else 1)
+    seconds = options["seconds"]
     trial = Trial(
-        options["start"], options["seconds"], 4.0 * options["seconds"],
-        min(0.5, options["seconds"] / 8.0), substeps=substeps,
+        options["start"], seconds, 4.0 * seconds, min(0.5, seconds / 8.0),
+        substeps=options["substeps"] or (10 if rough else 1),
     )  # fmt: skip
     return Plane(
         device, axes[0], axes[1], options["stiffness"], options["damping"], trial,
@@ -111,41 +146,53 @@ def _plane(name: str, options: dict[str, Any]) -> Plane:
     )  # fmt: skip
 
 
-def _default_range(device: Any, quantity: str) -> tuple[float, float]:
-    """A range that shows the linear boundary whole, or a customary one."""
+def _axis(
+    device: Device, quantity: Quantities, limits: tuple[float, float] | None, ratios: bool
+) -> Axis:
+    assert quantity in get_args(Quantities)
+    if limits is not None:
+        return Axis(quantity, *limits, "log" if ratios else "linear")
     if quantity == "B":
-        return 0.0, 1.2 * (last_stable_damping(device) or 0.1)
-    if quantity == "K":
-        from stability.linear import corner
-
+        low, high = 0.0, 1.2 * (last_stable_damping(device) or 0.1)
+    elif quantity == "K":
         top = corner(device)
         high = 1.4 * top.stiffness if top is not None else 50.0
-        return 0.01 * high, high
-    return {
-        "delay": (0.0, 0.01), "encoder_step": (0.0, 1e-3), "command_limit": (0.05, 1.0),
-        "friction": (0.0, 0.02), "amplitude": (1e-4, 1e-1),
-    }[quantity]  # fmt: skip
+        low = 0.01 * high
+    else:
+        low, high = CUSTOMARY[quantity]
+    if ratios and low == 0.0:
+        low = 1e-3 * high
+    return Axis(quantity, low, high, "log" if ratios or quantity in RISING_BY_RATIOS else "linear")
 
 
-def _summary(console: Console, result: FateMap) -> None:
-    lattice = result.run.size
-    shares = {f: float(np.mean(result.fates.fate == f)) for f in Fate}
-    rows = [[f.name.lower(), f"{100.0 * share:.1f} %"] for f, share in shares.items()]
-    title = f"{result.runs} runs for a lattice of {lattice} points ({result.plane.device.name})"
-    console.table(title, [Column("fate", False), Column("share of the plane")], rows)
-    inside = result.linear < 0.0
-    hidden = float(np.mean(result.fates.fate[inside] != Fate.RESTS)) if inside.any() else 0.0
-    outside = float(np.mean(result.fates.fate[~inside] == Fate.RESTS)) if (~inside).any() else 0.0
-    console.say(f"of the linearly stable part {100.0 * hidden:.1f} % does not come to rest")
-    console.say(f"of the linearly unstable part {100.0 * outside:.1f} % comes to rest all the same")
-    console.result(
-        {
-            "device": result.plane.device.name,
-            "axes": [result.plane.x.quantity, result.plane.y.quantity],
-            "runs": result.runs,
-            "lattice": lattice,
-            "shares": {f.name.lower(): share for f, share in shares.items()},
-            "stable_but_not_resting": hidden,
-            "unstable_but_resting": outside,
-        }
+def _say(console: Console, found: dict[str, Any]) -> None:
+    fates = found["fates"]
+    columns = [
+        Column("fate", False), Column("share of the plane"), Column("amplitude, median and most"),
+        Column("in encoder steps"), Column("force, median and most"),
+    ]  # fmt: skip
+    rows = [
+        [name, f"{100.0 * f['share']:.1f} %", _two(f["amplitude"]), _two(f["encoder_steps"]),
+         _two(f["force"])]
+        for name, f in fates.items() if f["share"] > 0.0
+    ]  # fmt: skip
+    console.table(
+        f"{found['runs']} runs for a lattice of {found['lattice']} points ({found['device']})",
+        columns, rows,
+    )  # fmt: skip
+    console.say(
+        f"of the linearly stable part {100.0 * found['stable_but_not_resting']:.1f} % does not"
+        f" come to rest, {100.0 * found['stable_but_perceptible']:.1f} % perceptibly"
     )
+    share = 100.0 * found["unstable_but_resting"]
+    console.say(f"of the linearly unstable part {share:.1f} % comes to rest all the same")
+    if witness := found["describing_function"]:
+        console.say(
+            f"cycles at the limit: describing functions predict their frequency within"
+            f" {100.0 * witness['frequency_error']:.1f} %, their amplitude within"
+            f" {100.0 * witness['amplitude_error']:.1f} % (median of {witness['points']} points)"
+        )
+
+
+def _two(values: list[float] | None) -> str:
+    return "" if values is None else f"{values[0]:.3g}  {values[1]:.3g}"

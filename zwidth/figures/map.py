@@ -118,7 +118,8 @@ def _title(plane: Plane) -> str:
     facts = [
         f"{SYMBOLS.get(q, QUANTITY_NAMES[q])} {value:g} {units_of(plane, q)}"
         for q, value in plane.at({}).items()
-        if q not in (plane.x.quantity, plane.y.quantity) and (q, value) != ("friction", 0.0)
+        if q not in (plane.x.quantity, plane.y.quantity)
+        and (q, value) not in (("friction", 0.0), ("command_limit", np.inf))
     ]
     middle = (len(facts) + 1) // 2
     return "\n".join([plane.device.name, ", ".join(facts[:middle]), ", ".join(facts[middle:])])

@@ -1,0 +1,181 @@
+"""A map of fates over a plane: run adaptively, resumed from its folder, written as NetCDF."""
+
+import hashlib
+import json
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.device_file import device_to_text
+from sim.jit import cache_folder
+from stability.adaptive import filled, rounds, side
+from stability.fates import Fate, Fates, evaluate
+from stability.part_store import PartStore, write_whole
+from stability.plane import Floats, Plane
+from stability.plane_theory import linear_radius
+
+CHUNK = 512  # points a part: what is lost at most when a run is stopped
+
+
+@dataclass(frozen=True)
+class FateMap:
+    """A finished map. x, y: lattice values; fates, flat, and run: (y, x).
+
+    run: points that were simulated; the others lie among points of one fate and have theirs.
+    """
+
+    plane: Plane
+    x: Floats
+    y: Floats
+    fates: Fates
+    run: NDArray[np.bool_]
+
+    @property
+    def runs(self) -> int:
+        """How many points were simulated."""
+        return int(self.run.sum())
+
+    @cached_property
+    def linear(self) -> Floats:
+        """Spectral radius of the linear loop less one (negative: stable), (y, x)."""
+        return linear_radius(self.plane, self.x, self.y)
+
+    def transitions(self) -> tuple[Floats, Floats]:
+        """Return, for every x, the y up to which all runs rest and that from which one grows.
+
+        NaN where the lowest y does not rest already, or none grows. Each lies halfway between two
+        points of the lattice (its last point, where all of them rest).
+        """
+        rests, grows = self.fates.fate == Fate.RESTS, self.fates.fate == Fate.GROWS
+        return _first(self.y, ~rests, self.y[-1]), _first(self.y, grows, math.nan)
+
+
+def _first(y: Floats, there: NDArray[np.bool_], otherwise: float) -> Floats:
+    """Return halfway below the first y that is `there`, NaN if it is the lowest."""
+    index = there.argmax(axis=0)
+    halfway = 0.5 * (y[np.maximum(index - 1, 0)] + y[index])
+    return np.where(there.any(axis=0), np.where(index > 0, halfway, math.nan), otherwise)
+
+
+def make_map(
+    plane: Plane,
+    coarse: int = 25,
+    levels: int = 3,
+    folder: Path | None = None,
+    progress: Callable[[float, int], None] | None = None,
+    workers: int | None = None,
+) -> FateMap:
+    """Run a map, in memory or in a folder where it resumes.
+
+    progress: called with (share done as if all levels were equal work, points run). Raises
+    ValueError where the folder holds another map, OSError where it cannot be written.
+    """
+    size = side(coarse, levels)
+    x, y = plane.x.values(size), plane.y.values(size)
+    fates = Fates.empty(size * size)
+    store = None if folder is None else PartStore(folder, description(plane, coarse, levels))
+    done = 0
+    for level, points in rounds(fates.fate.reshape(size, size), levels):
+        for first in range(0, points.size, CHUNK):
+            some = points[first : first + CHUNK]
+            found = None if store is None else store.read(some)
+            if found is None:
+                found = evaluate(plane, x[some % size], y[some // size], workers)
+                if store is not None:
+                    store.write(some, found)
+            fates.put(some, found)
+            done += some.size
+            if progress is not None:
+                progress((level + (first + some.size) / points.size) / (levels + 1), done)
+    return _finished(plane, x, y, fates, levels)
+
+
+def _finished(plane: Plane, x: Floats, y: Floats, fates: Fates, levels: int) -> FateMap:
+    shape = (y.size, x.size)
+    run = fates.fate.reshape(shape) >= 0
+    grids = [
+        filled(getattr(fates, f.name).reshape(shape).astype(np.float64), run, levels)
+        for f in fields(fates)
+    ]
+    return FateMap(plane, x, y, Fates(grids[0].astype(np.int8), *grids[1:]), run)
+
+
+def description(plane: Plane, coarse: int, levels: int) -> dict[str, Any]:
+    """Return what identifies a map: two maps with equal descriptions are the same map."""
+    value = {
+        "schema": 1,
+        "device": device_to_text(plane.device),
+        "x": asdict(plane.x),
+        "y": asdict(plane.y),
+        "stiffness": plane.stiffness,
+        "damping": plane.damping,
+        "trial": asdict(plane.trial),
+        "perceptible": plane.perceptible,
+        "one_sided": plane.one_sided,
+        "coarse": coarse,
+        "levels": levels,
+        "points_a_part": CHUNK,
+    }
+    text = json.dumps(value, sort_keys=True, allow_nan=False)
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    return value | {"sha256": digest, "engine": cache_folder().name}
+
+
+def save_map(result: FateMap, file: Path) -> Path:
+    """Write a map as NetCDF with units and attributes, whole or not at all; returns the path.
+
+    The same map gives the same bytes. Raises OSError.
+    """
+    import xarray  # takes half a second, and only who saves a map needs it
+
+    plane = result.plane
+    unit, force = ("rad", "N m") if plane.device.rotary else ("m", "N")
+    rests, grows = result.transitions()
+    whole = ("y", "x")
+    contents: dict[str, Any] = {
+        "fate": (whole, result.fates.fate, {
+            "flag_values": np.array([int(f) for f in Fate], dtype=np.int8),
+            "flag_meanings": " ".join(f.name.lower() for f in Fate),
+        }),
+        "rate": (whole, result.fates.rate, {"units": "1/s"}),
+        "amplitude": (whole, result.fates.amplitude, {"units": unit}),
+        "force": (whole, result.fates.force, {"units": force}),
+        "frequency": (whole, result.fates.frequency, {"units": "Hz"}),
+        "run": (whole, result.run.astype(np.int8), {"long_name": "simulated, not filled in"}),
+        "linear": (whole, result.linear, {"long_name": "spectral radius less one"}),
+        "rests_up_to": ("x", rests, {"long_name": "y up to which all runs rest"}),
+        "grows_from": ("x", grows, {"long_name": "y from which a run grows"}),
+    }  # fmt: skip
+    axes = {
+        name: (name, values, {"long_name": axis.quantity, "units": units_of(plane, axis.quantity)})
+        for name, values, axis in (("x", result.x, plane.x), ("y", result.y, plane.y))
+    }
+    identity = description(plane, 3, 0)
+    attributes = {
+        "title": f"what becomes of a run of {plane.device.name}",
+        "runs": result.runs,
+        "device": identity["device"],
+        "settings": json.dumps({q: str(v) for q, v in plane.at({}).items()}),
+        "trial": json.dumps(identity["trial"]),
+        "perceptible": plane.perceptible,
+        "one_sided": int(plane.one_sided),
+    }
+    data = xarray.Dataset(contents, axes, attributes)
+    file.parent.mkdir(parents=True, exist_ok=True)
+    write_whole(file, bytes(data.to_netcdf(engine="scipy")))
+    return file
+
+
+def units_of(plane: Plane, quantity: str) -> str:
+    """Return the unit of a quantity of a plane."""
+    angle, force = ("rad", "N m") if plane.device.rotary else ("m", "N")
+    return {
+        "K": f"{force}/{angle}", "B": f"{force} s/{angle}", "delay": "s", "encoder_step": angle,
+        "command_limit": force, "friction": force, "amplitude": angle,
+    }[quantity]  # fmt: skip

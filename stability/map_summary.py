@@ -1,0 +1,101 @@
+"""A map in numbers: shares of the fates, sizes of oscillations, where one fate becomes another."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from stability.fate_map import FateMap
+from stability.fates import Fate
+from stability.plane import Floats
+from stability.plane_theory import cycle_at_the_limit
+
+WITNESSES = 12  # points at which a cycle is compared with its describing function
+
+
+def summary(result: FateMap) -> dict[str, Any]:
+    """Return what JSON says of a map; None where there is nothing to say.
+
+    fates: of each its share of the plane and, at the points that were run, [median, most] of the
+    amplitude [rad | m], the same in encoder steps, and of the force [N m | N], escaped ones left
+    out. transitions: for each x the y up to which all runs rest and that from which one grows.
+    """
+    plane, fate = result.plane, result.fates.fate
+    stable = result.linear < 0.0
+    rests, grows = result.transitions()
+    imperceptible = (fate == Fate.RESTS) | (fate == Fate.IMPERCEPTIBLE_CYCLE)
+    return {
+        "device": plane.device.name,
+        "axes": [plane.x.quantity, plane.y.quantity],
+        "runs": result.runs,
+        "lattice": result.run.size,
+        "perceptible": plane.perceptible,
+        "fates": {f.name.lower(): _of_fate(result, f) for f in Fate},
+        "stable_but_not_resting": _share(fate != Fate.RESTS, stable),
+        "stable_but_perceptible": _share(~imperceptible, stable),
+        "unstable_but_resting": _share(fate == Fate.RESTS, ~stable),
+        "transitions": [
+            {"x": float(x), "rests_up_to": _known(r), "grows_from": _known(g)}
+            for x, r, g in zip(result.x, rests, grows, strict=True)
+        ],
+        "describing_function": _witnesses(result),
+    }
+
+
+def _share(what: np.ndarray, where: np.ndarray) -> float:
+    return float(what[where].mean()) if where.any() else 0.0
+
+
+def _known(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _of_fate(result: FateMap, fate: Fate) -> dict[str, Any]:
+    there = (result.fates.fate == fate) & result.run & (result.fates.rate < np.inf)
+    steps = np.broadcast_to(_on_lattice(result, "encoder_step"), there.shape)[there]
+    amplitude = result.fates.amplitude[there]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        in_steps = amplitude / steps
+    return {
+        "share": float(np.mean(result.fates.fate == fate)),
+        "amplitude": _median_and_most(amplitude),
+        "encoder_steps": _median_and_most(in_steps[steps > 0.0]),
+        "force": _median_and_most(result.fates.force[there]),
+    }
+
+
+def _on_lattice(result: FateMap, quantity: str) -> Floats:
+    """Values of a quantity over the lattice, in a shape that broadcasts to (y, x)."""
+    if result.plane.x.quantity == quantity:
+        return result.x[None, :]
+    if result.plane.y.quantity == quantity:
+        return result.y[:, None]
+    return np.array(result.plane.at({})[quantity])  # pyright: ignore[reportArgumentType]
+
+
+def _median_and_most(values: Floats) -> list[float] | None:
+    finite = values[np.isfinite(values)]
+    return [float(np.median(finite)), float(finite.max())] if finite.size else None
+
+
+def _witnesses(result: FateMap) -> dict[str, Any] | None:
+    """Median relative errors of describing functions over some of the cycles at the limit."""
+    held = (result.fates.fate == Fate.GROWS) & result.run & (result.fates.frequency > 0.0)
+    j, i = np.nonzero(held & np.isfinite(result.fates.amplitude))
+    some = np.unique(np.linspace(0, j.size - 1, WITNESSES).astype(int)) if j.size else []
+    errors: list[tuple[float, float]] = []
+    for k in some:
+        found = cycle_at_the_limit(result.plane, float(result.x[i[k]]), float(result.y[j[k]]))
+        if found is not None:
+            frequency = result.fates.frequency[j[k], i[k]] / found.frequency_hz - 1.0
+            amplitude = result.fates.amplitude[j[k], i[k]] / found.amplitude - 1.0
+            errors.append((abs(float(frequency)), abs(float(amplitude))))
+    if not errors:
+        return None
+    of_frequency, of_amplitude = np.median(np.array(errors), axis=0)
+    return {
+        "nonlinearity": "saturation",
+        "points": len(errors),
+        "frequency_error": float(of_frequency),
+        "amplitude_error": float(of_amplitude),
+    }

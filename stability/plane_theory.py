@@ -1,0 +1,118 @@
+"""What theory says over a plane: the linear boundary, and what describing functions add to it."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.interface import Interface
+from stability.describing import (
+    PredictedCycle,
+    friction_boundary,
+    quantiser_boundaries,
+    saturation_cycle,
+)
+from stability.loop import Loop, open_loop
+from stability.plane import Axis, Floats, Plane, Quantity, with_friction
+
+LINE_POINTS = 49
+
+
+def linear_radius(plane: Plane, x: Floats, y: Floats) -> Floats:
+    """Return the spectral radius of the linear loop less one at lattice values, (y, x).
+
+    Its zero line is the linear boundary; friction, steps, limits and amplitude do not change it.
+    """
+    loops: dict[float, Loop] = {}
+
+    def closed(xi: float, yj: float) -> Floats:
+        values = {plane.x.quantity: xi, plane.y.quantity: yj}
+        delay = values.get("delay", plane.device.interface.delay)
+        if delay not in loops:
+            loops[delay] = open_loop(plane.device.with_interface(delay=delay))
+        return loops[delay].closed(values.get("K", plane.stiffness), values.get("B", plane.damping))
+
+    if "delay" not in (plane.x.quantity, plane.y.quantity):
+        matrices = np.array([[closed(float(xi), float(yj)) for xi in x] for yj in y])
+        return np.abs(np.linalg.eigvals(matrices)).max(axis=-1) - 1.0
+    radii = [[_radius(closed(float(xi), float(yj))) for xi in x] for yj in y]
+    return np.array(radii) - 1.0
+
+
+def _radius(matrix: Floats) -> float:
+    return float(np.abs(np.linalg.eigvals(matrix)).max())
+
+
+@dataclass(frozen=True)
+class Line:
+    """A boundary in a plane: x, y (n,) in the order in which it is drawn; NaN breaks it."""
+
+    name: str
+    x: Floats
+    y: Floats
+
+
+def describing_lines(plane: Plane, points: int = LINE_POINTS) -> list[Line]:
+    """Return the boundaries that describing functions predict in a plane with K on an axis.
+
+    friction: starts above the line grow, below it come to rest. quantiser: above the line an
+    oscillation can sustain itself. Each is given where its nonlinearity is the only one: an
+    encoder step with friction, a limit in reach or a one-sided wall is no case of either theory.
+    """
+    axes = (plane.x, plane.y)
+    if "K" not in (plane.x.quantity, plane.y.quantity) or plane.one_sided:
+        return []
+    k_axis, other = axes if plane.x.quantity == "K" else axes[::-1]
+    values = other.values(points)
+    name = _only_nonlinearity(plane, other)
+    if name is None:
+        return []
+    stiffness = _stiffness(plane, name, other.quantity, values)
+    outside = ~((stiffness >= k_axis.start) & (stiffness <= k_axis.stop))
+    stiffness[outside] = math.nan
+    if np.isnan(stiffness).all():
+        return []
+    label = f"describing function: {name}"
+    along = (stiffness, values) if plane.x.quantity == "K" else (values, stiffness)
+    return [Line(label, *along)]
+
+
+def _only_nonlinearity(plane: Plane, other: Axis) -> str | None:
+    most = plane.at({other.quantity: other.stop})
+    rest = plane.device_at({other.quantity: other.stop})
+    effects = with_friction(rest, 0.0).physics
+    interface: Interface = rest.interface
+    if effects or interface.command_step > 0.0 or math.isfinite(most["command_limit"]):
+        return None
+    friction, stepped = most["friction"] > 0.0, most["encoder_step"] > 0.0
+    if friction == stepped:
+        return None
+    return "friction" if friction else "quantiser"
+
+
+def _stiffness(plane: Plane, name: str, quantity: Quantity, values: Floats) -> Floats:
+    if name == "quantiser" and quantity == "B":
+        return quantiser_boundaries(plane.device, values)
+    return np.array([_critical(plane, name, quantity, float(value)) for value in values])
+
+
+def _critical(plane: Plane, name: str, quantity: Quantity, value: float) -> float:
+    at = plane.at({quantity: value})
+    device = with_friction(plane.device_at({quantity: value}), 0.0)
+    if name == "quantiser":
+        stepped = at["encoder_step"] > 0.0
+        return float(quantiser_boundaries(device, np.array([at["B"]]))[0]) if stepped else math.nan
+    if at["amplitude"] <= 0.0:
+        return math.nan
+    point = friction_boundary(device, at["friction"], at["B"], at["amplitude"])
+    return math.nan if point is None or point.stiffness is None else point.stiffness
+
+
+def cycle_at_the_limit(plane: Plane, x: float, y: float) -> PredictedCycle | None:
+    """Return the cycle that a limit alone makes of growth at a point, by describing function."""
+    values = {plane.x.quantity: x, plane.y.quantity: y}
+    at, device = plane.at(values), plane.device_at(values)
+    alone = not device.physics and not device.interface.command_step and not at["encoder_step"]
+    if plane.one_sided or not alone or not math.isfinite(at["command_limit"]):
+        return None
+    return saturation_cycle(device, at["K"], at["B"])
