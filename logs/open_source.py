@@ -6,7 +6,8 @@ from typing import BinaryIO
 
 from mcap.writer import MCAP0_MAGIC
 
-from logs.csv_file import NOTHING_SAID, CsvOptions, read_csv
+from logs.csv_file import read_csv
+from logs.csv_form import NOTHING_SAID, CsvOptions
 from logs.foreign_mcap import read_foreign_mcap
 from logs.mat_file import read_hdf5, read_mat
 from logs.npz_file import read_npy, read_npz

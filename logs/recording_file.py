@@ -40,7 +40,7 @@ import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
-from logs.csv_file import CsvOptions
+from logs.csv_form import CsvOptions
 from logs.opening import opened
 from logs.source import RecordingError
 from logs.units import SI, UNITS, known_unit

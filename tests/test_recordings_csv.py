@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from recording_examples import csv_bytes, german_csv_bytes, wave
 
-from logs.csv_file import CsvOptions, read_csv
+from logs.csv_file import read_csv
+from logs.csv_form import CsvOptions
 from logs.source import RecordingError, Source
 
 HERE = Path("a.csv")
@@ -89,6 +90,12 @@ def test_a_cut_off_end_is_told() -> None:
     assert columns(source) == {"a": [1, 3], "b": [2, 4]}
     assert source.notes == ("the last line, 4, is cut short and left out",)
     assert "has no end" in read("a,b\n1,2\n3,4").notes[0]
+
+
+def test_lines_above_the_table_are_told() -> None:
+    assert read("rig 3\na,b\n1,2\n3,4\n").notes == ("lines above the table are left out: 1",)
+    assert read("a,b\n1,2,3\n4,5\n6,7\n").notes == ("lines above the table are left out: 2",)
+    assert read("a,b\n[s],[m]\n4,5\n6,7\n").notes == ()
 
 
 def test_a_ragged_line_is_an_error() -> None:

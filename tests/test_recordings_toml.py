@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from recording_examples import csv_bytes, json_mcap_bytes, npz_bytes, recorded, ros2_bytes, wave
 
-from logs.csv_file import CsvOptions
+from logs.csv_form import CsvOptions
 from logs.recording import load_log, read_recording
 from logs.recording_file import load_description
 from logs.source import RecordingError
