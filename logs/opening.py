@@ -15,6 +15,8 @@ def opened(path: Path) -> Generator[BinaryIO]:
 
     Raises LogNotFound, LogIsDirectory, LogNotReadable or LogEmpty, also for what fails within.
     """
+    if "\0" in str(path):
+        raise LogNotFound(f"{str(path)!r} cannot be the name of a file; check the name")
     try:
         if not path.is_dir() and not stat.S_ISREG(path.stat().st_mode):
             raise LogNotReadable(f"{path} is no regular file; give a recording or a log")
