@@ -14,8 +14,8 @@ kinetic energy of a slow one: kinetic energy, and the third difference of m1's v
 
 Where something is nonlinear, growth may be caught by a limit cycle and decay may stop at one, so a
 slope is the verdict only when no more time is left. Before, a run must come to rest, escape, or
-cycle: its amplitude hardly changes over the last half, and what slope there is there is not
-significant. (Slow growth hardly changes it either, but its slope is significant.)
+cycle: its amplitude hardly changes over the last half, and what slope there is is not significant.
+(Slow growth hardly changes it either, but its slope is significant.)
 
 Limit: two growing modes within one octave are seen as their sum.
 """
@@ -121,7 +121,7 @@ def assess(
         if not final:
             verdict[:] = UNDECIDED
         if final or windows >= FEWEST_STEADY:
-            cycling = _cycling(last, kinetic[-(windows // 2) :], window)
+            cycling = _cycling(last, kinetic[-(windows // 2) :], window, final)
             verdict[cycling & ~resting & ~escaped] = LIMIT_CYCLE
         verdict[resting] = DECAYS
     verdict[silent] = DECAYS
@@ -134,10 +134,20 @@ def assess(
     return Growth(verdict, rate, error, amplitude[-1], force, frequency)
 
 
-def _cycling(amplitude: Floats, kinetic: Floats, window: float) -> NDArray[np.bool_]:
-    """Whether the last half of each run (windows / 2, runs) neither grows nor decays."""
+def _cycling(
+    amplitude: Floats, kinetic: Floats, window: float, final: bool
+) -> NDArray[np.bool_]:
+    """Whether the last half of each run (windows / 2, runs) neither grows nor decays.
+
+    Cycles under an encoder step may beat for ever: in the end the means of its quarters count.
+    """
     with np.errstate(all="ignore"):
         change = (amplitude.max(axis=0) - amplitude.min(axis=0)) / amplitude.max(axis=0)
+        if final:
+            half = amplitude.shape[0] // 2
+            before = amplitude[-2 * half : -half].mean(axis=0)
+            after = amplitude[-half:].mean(axis=0)
+            change = np.abs(after - before) / np.maximum(before, after)
         rate, error = growth_rate(0.5 * np.log(kinetic), window)
         moving = np.abs(rate) > np.maximum(
             SIGNIFICANCE * error, FLAT / (amplitude.shape[0] * window)
