@@ -1,30 +1,26 @@
-"""The pipeline: gate, predict, refit, detect, locate, candidates, rank, tell apart, verdict, show."""
+"""The pipeline from gate to verdict, in the order of docs/diagnosis.md."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.candidates import MAGNITUDE, candidates
 from diagnosis.experiment import Experiment
-from diagnosis.fit import Fitted, Problem
-from diagnosis.gate import Fault, examine
+from diagnosis.fit import Fitted
+from diagnosis.gate import Fault, corrected, examine
+from diagnosis.held_out import held_out
+from diagnosis.hold import smooth, was_smooth
 from diagnosis.locate import locate
 from diagnosis.parameters import Model, linear_parameters, values_of
-from diagnosis.predictor import (
-    SETTLING,
-    choose_observer,
-    free_run_errors,
-    innovations,
-)
-from diagnosis.result import Diagnosis, Estimate, Finding, HeldOut, Rival, Verdict
+from diagnosis.result import Diagnosis, Estimate, Finding, Rival, Verdict
 from diagnosis.screen import Complement, screen
-from diagnosis.search import THRESHOLD, Say, Searched, Step, inflation, search
+from diagnosis.search import THRESHOLD, Say, Searched, Step, search
+from diagnosis.uncertainty import Z95, covariance, inflation
 from sim.device import Device, place_label
 
 Floats = NDArray[np.float64]
-Z95 = 1.959963984540054
-FREE_RUN_S = 0.5
 SHIFTED = 5.0  # sigma by which a linear parameter must differ to be a finding
 UNEXPLAINED = 0.35  # share of chi-square excess that may remain under an identified verdict
 
@@ -40,27 +36,39 @@ def diagnose(
     validate: recordings to judge by; without them the last 30 % of each recording are kept for it
     and opened once, at the end. Raises ExperimentError or ValueError with one sentence.
     """
-    faults = tuple(examine(device, experiments))
-    blocking = [f for f in faults if f.blocking]
-    if blocking:
-        return _faulty(device, faults, blocking)
+    swing = max(e.swing for e in experiments)  # one origin for all
+    experiments = [replace(e, swing=swing) for e in experiments]
+    validate = None if validate is None else [replace(e, swing=swing) for e in validate]
+    faults = examine(device, experiments)
+    acted, notes = _as_they_acted(device, corrected(experiments, faults))
+    faults = (*faults, *notes)
+    for fault in faults:
+        say(fault.sentence)
     if validate is None:
-        fit_on, judge_by = zip(*(e.split() for e in experiments), strict=True)
+        fit_on, judge_by = zip(*(e.split() for e in acted), strict=True)
     else:
-        fit_on, judge_by = tuple(experiments), tuple(validate)
+        fit_on, judge_by = (
+            tuple(acted),
+            tuple(_as_they_acted(device, corrected(validate, faults))[0]),
+        )
     say("refitting the linear parameters, then trying every effect")
     found = search(device, fit_on, say)
     say("locating")
     located = locate(found.problem, found.refit)
-    final_device, gain = found.final.model.build(found.final.x)
+    final_device = found.final.model.build(found.final.x)
     say("held-out data")
-    one, free = _held_out(device, found, judge_by)
+    one, free = held_out(device, found, judge_by)
     findings = _findings(found)
     refit = _linear(device, found.final)
     bounds = {} if findings else _upper_bounds(found)
     verdict, sentence = _verdict(found, findings, refit, located.sentence)
+    wrong = [f for f in faults if f.wrong]
+    if wrong:
+        verdict, sentence = (
+            Verdict.RECORDING_FAULT,
+            f"{wrong[0].sentence}; with that corrected, {sentence}",
+        )
     facts = {
-        "gain": gain,
         "chi2_per_sample": {"refit": found.refit.chi2 / found.refit.samples,
                             "final": found.final.chi2 / found.final.samples},
         "samples": found.final.samples,
@@ -71,36 +79,22 @@ def diagnose(
     )
 
 
-def _faulty(device: Device, faults: tuple[Fault, ...], blocking: list[Fault]) -> Diagnosis:
-    return Diagnosis(
-        Verdict.RECORDING_FAULT, blocking[0].sentence, (), {}, None, None, None, {}, faults, device
-    )
-
-
-def covariance(fitted: Fitted) -> Floats:
-    """Return the covariance of x, (p, p), that holds for a coloured residual.
-
-    With A = (J'J)^-1 J', x errs by A r: cov = A cov(r) A', cov(r) from the residual's spectrum by
-    transforming the rows of A (a circulant approximation, good for rows much longer than the
-    residual's memory).
-    """
-    rows = np.linalg.pinv(fitted.jacobian)
-    white, prior = rows[:, : fitted.samples], rows[:, fitted.samples :]
-    power = _smooth_spectrum(fitted.white)
-    spectra = np.fft.rfft(white, axis=1)
-    twice = np.full(spectra.shape[1], 2.0)
-    twice[0] = 1.0
-    coloured = np.real((np.conj(spectra) * (power * twice)) @ spectra.T) / fitted.samples
-    return coloured + prior @ prior.T
-
-
-def _smooth_spectrum(white: Floats) -> Floats:
-    """Power spectrum of the residual, one where white with unit variance, over coarse bands."""
-    from scipy.signal import welch
-
-    frequency, power = welch(white, nperseg=min(256, white.size))
-    power[0] = power[1]
-    return np.interp(np.fft.rfftfreq(white.size), frequency, 0.5 * power)
+def _as_they_acted(
+    device: Device, experiments: Sequence[Experiment]
+) -> tuple[list[Experiment], list[Fault]]:
+    """Take a command as smooth between samples where that explains the motion much better."""
+    acted: list[Experiment] = []
+    notes: list[Fault] = []
+    for e in experiments:
+        factor = was_smooth(device, e)
+        acted.append(e if factor is None else smooth(e))
+        if factor is not None:
+            sentence = (
+                f"the command of {e.name} explains the motion {factor:.3g} times better as a signal"
+                " that is smooth between its samples than as one that is held, and is taken so"
+            )
+            notes.append(Fault("smooth_command", sentence, False, factor))
+    return acted, notes
 
 
 def _findings(found: Searched) -> tuple[Finding, ...]:
@@ -139,8 +133,13 @@ def _rivals(label: str, steps: Sequence[Step], wide: float) -> tuple[Rival, ...]
                 if t.label != label
             ]
             others.sort(key=lambda pair: pair[1])
-            return tuple(Rival(*name.split("@"), sigma) for name, sigma in others)
+            return tuple(_rival(name, sigma) for name, sigma in others)
     return ()
+
+
+def _rival(label: str, sigma: float) -> Rival:
+    effect, at = label.split("@")
+    return Rival(effect, at, sigma)
 
 
 def _linear(device: Device, final: Fitted) -> dict[str, tuple[float, Estimate]]:
@@ -150,49 +149,15 @@ def _linear(device: Device, final: Fitted) -> dict[str, tuple[float, Estimate]]:
     result: dict[str, tuple[float, Estimate]] = {}
     for j, p in enumerate(linear_parameters(device)):
         value, error = fitted[p.name], Z95 * p.scale * float(spread[j])
-        half = error if p.kind in ("damper", "link") else abs(value) * error
+        half = error if p.kind in ("damper", "link", "origin") else abs(value) * error
         result[p.name] = (nominal[p.name], Estimate(value, value - half, value + half))
     return result
-
-
-def _held_out(
-    device: Device, found: Searched, judge_by: Sequence[Experiment]
-) -> tuple[HeldOut, HeldOut]:
-    """Open the held-out data, once."""
-    gain = found.problem.observer.gain
-    models = [(device, 1.0), found.refit.model.build(found.refit.x),
-              found.final.model.build(found.final.x)]  # fmt: skip
-    one: list[float] = []
-    free: list[float] = []
-    for built, scale in models:
-        errors, signals, frees, swings = [], [], [], []
-        for e in judge_by:
-            scaled = Experiment(e.period, scale * e.command, e.measured, e.outputs, e.name)
-            errors.append(innovations(built, scaled, gain)[SETTLING:, 0])
-            signals.append(e.measured[SETTLING:, 0] - e.measured[SETTLING:, 0].mean())
-            run, signal = free_run_errors(built, scaled, gain, round(FREE_RUN_S / e.period))
-            frees.append(run[:, 0])
-            swings.append(signal[:, 0])
-        one.append(_ratio(errors, signals))
-        free.append(_ratio(frees, swings))
-    floor = float(found.problem.observer.deviation[0]) / _rms(signals)
-    noise = floor * _rms(signals) / _rms(swings)
-    return HeldOut(*one, floor), HeldOut(*free, noise)
-
-
-def _rms(parts: Sequence[Floats]) -> float:
-    joined = np.concatenate(parts)
-    return float(np.sqrt(np.mean(joined**2))) if joined.size else float("nan")
-
-
-def _ratio(errors: Sequence[Floats], signals: Sequence[Floats]) -> float:
-    return _rms(errors) / _rms(signals)
 
 
 def _upper_bounds(found: Searched) -> dict[str, dict[str, float]]:
     """The magnitude of each effect that the recording would have shown: best fit and 1.96 sigma."""
     problem, fitted = found.problem, found.final
-    built, _ = fitted.model.build(fitted.x)
+    built = fitted.model.build(fitted.x)
     off = Complement(fitted.jacobian)
     base = off(fitted.residual)
     wide = np.sqrt(inflation(fitted.white))

@@ -35,13 +35,17 @@ class Output:
 
 @dataclass(frozen=True)
 class Experiment:
-    """command (ticks,) and measured (ticks, o) at one period [s], SI; outputs say what o are."""
+    """command (ticks,) and measured (ticks, o) at one period [s], SI; outputs say what o are.
+
+    swing: rms of the first output about its mean, in the whole recording.
+    """
 
     period: float
     command: Floats
     measured: Floats
     outputs: tuple[Output, ...]
     name: str = "recording"
+    swing: float = 1.0
 
     @property
     def ticks(self) -> int:
@@ -102,7 +106,9 @@ def experiment(trace: Trace, period: float, masses: int, name: str = "recording"
     channels = [("command", trace["command"])]
     channels += [(o.name, trace[o.name]) for o in found]
     _refuse(channels)
-    return Experiment(own, np.ascontiguousarray(trace["command"]), measured, tuple(found), name)
+    command = np.ascontiguousarray(trace["command"])
+    swing = float(np.std(measured[:, 0]))
+    return Experiment(own, command, measured, tuple(found), name, swing)
 
 
 def _refuse(channels: Sequence[tuple[str, Floats]]) -> None:

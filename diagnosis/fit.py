@@ -1,8 +1,8 @@
-"""Fit a model to experiments by simulation: weighted innovations and priors, by a trust region.
+"""Fit a model to experiments by simulation: weighted innovations and priors by trust region.
 
 chi2(x) = sum ((e_k(x) / s)^2) + sum of prior x^2, gain of the observer and deviations s fixed.
-Differences use absolute steps in x, which is of order one, so a parameter that starts at zero moves.
-All perturbed runs of a Jacobian are independent and go over all cores.
+Differences use absolute steps in x, which is of order one, so a parameter that starts at
+zero moves. All perturbed runs of a Jacobian are independent and go over all cores.
 """
 
 from collections.abc import Sequence
@@ -47,12 +47,11 @@ class Problem:
 
     def weighted(self, model: Model, x: Floats) -> Floats:
         """Return the weighted innovations of all experiments, one after the other."""
-        device, gain = model.build(x)
+        device = model.build(x)
         ready = prepared(device)
         parts: list[Floats] = []
         for e in self.experiments:
-            scaled = Experiment(e.period, gain * e.command, e.measured, e.outputs, e.name)
-            out = innovations(device, scaled, self.observer.gain, ready=ready)
+            out = innovations(device, model.seen(e, x), self.observer.gain, ready=ready)
             parts.append((out[SETTLING:] / self.observer.deviation).ravel())
         joined = np.concatenate(parts)
         return np.clip(np.nan_to_num(joined, nan=WORST, posinf=WORST, neginf=-WORST), -WORST, WORST)
@@ -65,7 +64,10 @@ class Problem:
     def jacobian(self, model: Model, x: Floats, at: Floats | None = None) -> Floats:
         """Return differences of the residual by x, inwards at a bound."""
         base = self.residual(model, x) if at is None else at
-        steps = [STEP if xi + STEP <= p.upper else -STEP for p, xi in zip(model.parameters, x, strict=True)]
+        steps = [
+            STEP if xi + STEP <= p.upper else -STEP
+            for p, xi in zip(model.parameters, x, strict=True)
+        ]
 
         def column(i: int) -> Floats:
             moved = x.copy()
@@ -95,7 +97,10 @@ class Problem:
             return self.jacobian(model, x, last.get(x.tobytes()))
 
         found = least_squares(
-            value, start, slope, bounds=(lower, upper), method="trf", x_scale=1.0,
+            value,
+            start,
+            slope,  # pyright: ignore[reportArgumentType]
+            bounds=(lower, upper), method="trf", x_scale=1.0,
             ftol=1e-7, xtol=1e-6, gtol=1e-10, max_nfev=rounds,
         )  # fmt: skip
         samples = found.fun.size - sum(p.prior for p in parameters)

@@ -1,15 +1,17 @@
 """Is the recording itself sound? Faults of the recording are findings of their own.
 
-Looked at: repeated samples, the encoder step actually seen, a clipped command, and whether another
+A passive device takes energy from its command: where the command takes energy from the device, its
+sign is wrong. Also looked at: repeated samples, the encoder step actually seen, a clipped command, and whether another
 sign, scale or time offset of the command explains the motion much better. The last is judged by the
 one-step prediction of the nominal device, whose error falls by the factor that is reported.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import savgol_filter
 
 from diagnosis.experiment import Experiment
 from diagnosis.predictor import SETTLING, innovations, observer_for
@@ -17,28 +19,40 @@ from sim.device import Device
 
 Floats = NDArray[np.float64]
 BETTER = 1.5  # factor of the rms error that makes another sign or scale a fault
-SCALES = tuple(float(s) for s in np.geomspace(1e-3, 1e3, 49))
-OFFSETS = range(-5, 6)
 REPEATS = 0.02
+POWER = 0.1
 CLIPPED = 0.005
 
 
 @dataclass(frozen=True)
 class Fault:
-    """Something about the recording. kind: a word; blocking: the diagnosis stops at it."""
+    """Something about the recording. kind: a word; wrong: it makes the recording false as it is.
+
+    value: what was seen, by kind; for command_sign and command_scale the factor that corrects it.
+    """
 
     kind: str
     sentence: str
-    blocking: bool
+    wrong: bool
     value: float
 
 
 def examine(device: Device, experiments: Sequence[Experiment]) -> list[Fault]:
-    """Return what is odd about recordings, blocking faults first."""
+    """Return what is odd about recordings, those that make it wrong first."""
     faults: list[Fault] = []
     for e in experiments:
         faults += _command_faults(device, e) + _output_faults(e)
-    return sorted(faults, key=lambda f: not f.blocking)
+    return sorted(faults, key=lambda f: not f.wrong)
+
+
+def corrected(experiments: Sequence[Experiment], faults: Sequence[Fault]) -> list[Experiment]:
+    """Return the recordings with the command's sign and scale as the faults say."""
+    factor = 1.0
+    for fault in faults:
+        if fault.kind in ("command_sign", "command_scale"):
+            factor = fault.value
+            break
+    return [replace(e, command=factor * e.command) for e in experiments]
 
 
 def _command_faults(device: Device, e: Experiment) -> list[Fault]:
@@ -55,10 +69,36 @@ def _command_faults(device: Device, e: Experiment) -> list[Fault]:
                 peak,
             )
         )
-    scaled = _best_scale(device, e)
+    scaled = _against_power(device, e) or _best_scale(device, e)
     if scaled is not None:
         found.append(scaled)
     return found
+
+
+def _against_power(device: Device, e: Experiment) -> Fault | None:
+    """Mean of command times velocity, over the product of their rms: negative for no passive device.
+
+    Position is differenced over seven samples; the command is taken as late as the device's delay.
+    """
+    late = round(device.interface.delay / e.period)
+    y = e.measured[:, 0]
+    velocity = y
+    if e.outputs[0].quantity == "position":
+        velocity = savgol_filter(y, 7, 2, deriv=1, delta=e.period)
+    u = e.command[: e.ticks - late] if late else e.command
+    v = velocity[late:]
+    size = float(np.sqrt(np.mean(u**2) * np.mean(v**2)))
+    share = float(np.mean(u * v)) / size if size > 0.0 else 0.0
+    if share > -POWER:
+        return None
+    return Fault(
+        "command_sign",
+        f"the command of {e.name} takes energy out of the device on average (correlation"
+        f" {share:.2f} with its velocity), which no passive device has to give: its sign is"
+        " inverted; turn the sign of the scale of [input]",
+        True,
+        -1.0,
+    )
 
 
 def _best_scale(device: Device, e: Experiment) -> Fault | None:
@@ -70,7 +110,7 @@ def _best_scale(device: Device, e: Experiment) -> Fault | None:
     gain = observer_for(device.without_physics() if device.physics else device, e, 1e-2)
 
     def error(command: Floats) -> Floats:
-        moved = Experiment(e.period, command, e.measured, e.outputs, e.name)
+        moved = replace(e, command=command)
         return innovations(device, moved, gain)[SETTLING:-SETTLING].ravel()
 
     with np.errstate(all="ignore"):

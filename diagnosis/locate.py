@@ -11,6 +11,8 @@ the refit, gives the map of the missing force and the chi-square that any force 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +25,7 @@ from diagnosis.screen import Complement
 from sim.ensemble import in_parallel, threads
 
 Floats = NDArray[np.float64]
+Share = dict[str, Any]  # {"from", "to" or "name", "share"}
 BINS = 8
 SLICES = 20
 BANDS = (0.5, 2.0, 5.0, 10.0, 20.0, 40.0, 80.0, 160.0, 320.0)
@@ -47,10 +50,10 @@ class Located:
     """Shares of the excess residual energy, a list each of {"from", "to" or "name", "share"}."""
 
     sentence: str
-    time: list[dict[str, float]]
-    frequency_hz: list[dict[str, float]]
-    state: list[dict[str, object]]
-    entry: list[dict[str, object]]
+    time: list[Share]
+    frequency_hz: list[Share]
+    state: list[Share]
+    entry: list[Share]
     maps: tuple[ForceMap, ...]
 
 
@@ -72,25 +75,25 @@ def _shares(values: Floats) -> Floats:
     return positive / total if total > 0.0 else np.full(values.size, 1.0 / values.size)
 
 
-def _time(white: Floats, period: float) -> list[dict[str, float]]:
+def _time(white: Floats, period: float) -> list[Share]:
     pieces = np.array_split((white**2).mean(axis=1) - 1.0, SLICES)
     shares = _shares(np.array([p.sum() for p in pieces]))
     edges = SETTLING * period + np.cumsum([0, *(p.size for p in pieces)]) * period
     return [
         {"from": float(a), "to": float(b), "share": float(s)}
-        for a, b, s in zip(edges, edges[1:], shares, strict=False)
+        for (a, b), s in zip(pairwise(edges), shares, strict=True)
     ]
 
 
-def _frequency(white: Floats, period: float) -> list[dict[str, float]]:
+def _frequency(white: Floats, period: float) -> list[Share]:
     f, power = welch(white, 1.0 / period, nperseg=min(2048, white.shape[0]), axis=0)
     excess = power.mean(axis=1) - 2.0 * period
     edges = [*(b for b in BANDS if b < 0.5 / period), 0.5 / period]
-    sums = [float(excess[(f >= a) & (f < b)].sum()) for a, b in zip(edges, edges[1:], strict=False)]
+    sums = [float(excess[(f >= a) & (f < b)].sum()) for a, b in pairwise(edges)]
     shares = _shares(np.array(sums))
     return [
         {"from": float(a), "to": float(b), "share": float(s)}
-        for a, b, s in zip(edges, edges[1:], shares, strict=False)
+        for (a, b), s in zip(pairwise(edges), shares, strict=True)
     ]
 
 
@@ -103,7 +106,7 @@ def _motion(e: Experiment) -> tuple[Floats, Floats]:
     return np.cumsum(y - y.mean()) * e.period, smooth
 
 
-def _state(problem: Problem, white: Floats) -> list[dict[str, object]]:
+def _state(problem: Problem, white: Floats) -> list[Share]:
     """Excess energy near reversals of velocity, at high speed, at large command, elsewhere."""
     energy = (white**2).mean(axis=1) - 1.0
     near, fast, strong = [], [], []
@@ -133,15 +136,13 @@ def _state(problem: Problem, white: Floats) -> list[dict[str, object]]:
 
 def force_maps(problem: Problem, fitted: Fitted) -> tuple[ForceMap, ...]:
     """Return the missing force at every place against every state."""
-    device, gain = fitted.model.build(fitted.x)
+    device = fitted.model.build(fitted.x)
     ready = prepared(device)
     off = Complement(fitted.jacobian)
     left = off(fitted.residual)
     prior = fitted.residual[fitted.samples :] * 0.0
     places = [(f"m{i + 1}", (i, -1)) for i in range(device.chain.masses.size)]
-    places += [
-        (f"link{i + 1}{i + 2}", (i, i + 1)) for i in range(device.chain.masses.size - 1)
-    ]
+    places += [(f"link{i + 1}{i + 2}", (i, i + 1)) for i in range(device.chain.masses.size - 1)]
     size = float(np.sqrt(np.mean(problem.experiments[0].command ** 2))) * 1e-3
 
     def signature(place: tuple[int, int], masks: Sequence[NDArray[np.bool_]]) -> Floats:
@@ -151,8 +152,8 @@ def force_maps(problem: Problem, fitted: Fitted) -> tuple[ForceMap, ...]:
             force[mask, place[0]] = size
             if place[1] >= 0:
                 force[mask, place[1]] = -size
-            scaled = Experiment(e.period, gain * e.command, e.measured, e.outputs, e.name)
-            out = innovations(device, scaled, problem.observer.gain, force, ready)
+            seen = fitted.model.seen(e, fitted.x)
+            out = innovations(device, seen, problem.observer.gain, force, ready)
             parts.append((out[SETTLING:] / problem.observer.deviation).ravel())
         moved = np.concatenate([*parts, prior])
         moved[: fitted.samples] -= fitted.white
@@ -165,15 +166,14 @@ def force_maps(problem: Problem, fitted: Fitted) -> tuple[ForceMap, ...]:
             edges = np.quantile(np.concatenate(values), np.linspace(0.0, 1.0, BINS + 1))
             edges = np.unique(edges)
             edges[-1] += 1e-12 + 1e-9 * abs(edges[-1])
-            bins = [
-                [(v >= a) & (v < b) for v in values] for a, b in zip(edges, edges[1:], strict=False)
-            ]
-            columns = in_parallel([lambda m=m: signature(place, m) for m in bins], threads())
+            bins = [[(v >= a) & (v < b) for v in values] for a, b in pairwise(edges)]
+            columns = in_parallel([lambda m=m, p=place: signature(p, m) for m in bins], threads())
             matrix = np.column_stack(columns)
             solved, *_ = np.linalg.lstsq(matrix, -left, rcond=1e-8)
             gained = float(left @ left - np.sum((left + matrix @ solved) ** 2))
             error = np.sqrt(np.diag(np.linalg.pinv(matrix.T @ matrix, rcond=1e-10)))
-            found.append(ForceMap(name, against, edges, solved, error, gained))
+            force = np.asarray(solved, dtype=np.float64)
+            found.append(ForceMap(name, against, edges, force, error, gained))
     return tuple(found)
 
 
@@ -182,7 +182,7 @@ def _against(e: Experiment, state: str) -> Floats:
     return {"position": position, "velocity": velocity, "command": e.command}[state]
 
 
-def _entry(maps: Sequence[ForceMap]) -> list[dict[str, object]]:
+def _entry(maps: Sequence[ForceMap]) -> list[Share]:
     """Share of the explicable chi-square by place: the best map of each place."""
     places = list(dict.fromkeys(m.place for m in maps))
     best = np.array([max(m.gained for m in maps if m.place == p) for p in places])
@@ -190,19 +190,20 @@ def _entry(maps: Sequence[ForceMap]) -> list[dict[str, object]]:
     return [{"name": p, "share": float(s)} for p, s in zip(places, shares, strict=True)]
 
 
-def _sentence(
-    state: Sequence[dict[str, object]], entry: Sequence[dict[str, object]], maps: Sequence[ForceMap]
-) -> str:
+def _sentence(state: Sequence[Share], entry: Sequence[Share], maps: Sequence[ForceMap]) -> str:
     top = max(maps, key=lambda m: m.gained)
     if top.gained < 4.0 * BINS:
         return "no force of any shape at any place would explain more than noise does"
-    where = max(state, key=lambda s: float(s["share"]) / max(float(s["time_share"]), 1e-3))  # type: ignore[arg-type]
-    share, time = float(where["share"]), float(where["time_share"])  # type: ignore[arg-type]
+    where = max(state, key=lambda s: float(s["share"]) / max(float(s["time_share"]), 1e-3))
+    share, time = float(where["share"]), float(where["time_share"])
     first = (
         f"{100.0 * share:.0f} % of the residual's excess lies {_place(str(where['name']))}"
         f" ({100.0 * time:.0f} % of the time)"
     )
-    return f"{first}; a force at {top.place} that follows {top.against} explains most of it" + _shape(top)
+    return (
+        f"{first}; a force at {top.place} that follows {top.against} explains most of it"
+        + _shape(top)
+    )
 
 
 def _place(name: str) -> str:

@@ -12,13 +12,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnosis.experiment import Experiment
 from sim.chain import make_chain
 from sim.device import Device, place_label
 from sim.physics.effect import Physics
 
 Floats = NDArray[np.float64]
 MASS_SCALE, SPRING_SCALE, DAMPER_SCALE, GAIN_SCALE = 0.2, 0.2, 0.5, 0.05
+ORIGIN_SCALE = 0.1  # of the rms motion: where a spring to ground is at rest
 DAMPER_FLOOR = 0.1  # of the mean damper: what a damper of nearly zero may change by
+
+
+# A lag or delay of many ticks is another mechanism, and a lag without end cuts the command off.
+MOST_TICKS = {"actuator_lag": 8.0, "loop_delay": 16.0}
 
 
 @dataclass(frozen=True)
@@ -40,7 +46,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Model:
-    """A device with its free parameters; `build(x)` is the device and gain at x.
+    """A device with its free parameters; `build(x)` is the device at x, `seen` a recording at x.
 
     effects: the physics under trial, at the values where x of their parameters is zero.
     """
@@ -66,20 +72,24 @@ class Model:
                 if p.name not in scales or scales[p.name] == 0.0:
                     continue
                 value, scale = physics.values[p.name], scales[p.name]
+                most = p.upper
+                if physics.effect.name in MOST_TICKS:
+                    ticks = MOST_TICKS[physics.effect.name]
+                    most = max(ticks * self.nominal.interface.period, 2.0 * value)
                 found.append(
                     Parameter(
                         f"{place_label(physics)}.{p.name}", "effect", i, scale,
-                        (p.lower - value) / scale, (p.upper - value) / scale, False, p.name,
+                        (p.lower - value) / scale, (most - value) / scale, False, p.name,
                     )
                 )  # fmt: skip
         return found
 
-    def build(self, x: Floats) -> tuple[Device, float]:
-        """Return (device, gain) at x."""
+    def build(self, x: Floats) -> Device:
+        """Return the device at x."""
         chain = self.nominal.chain
         masses, dampers = chain.masses.copy(), chain.ground_dampers.copy()
         springs, links = chain.link_springs.copy(), chain.link_dampers.copy()
-        k0, gain = chain.ground_spring, 1.0
+        k0 = chain.ground_spring
         values = [dict(p.values) for p in self.effects]
         for p, xi in zip(self.parameters, x, strict=True):
             if p.kind == "mass":
@@ -92,14 +102,26 @@ class Model:
                 links[p.index] += p.scale * xi
             elif p.kind == "k0":
                 k0 *= float(np.exp(p.scale * xi))
-            elif p.kind == "gain":
-                gain = float(np.exp(p.scale * xi))
-            else:
+            elif p.kind == "effect":
                 values[p.index][p.key] += p.scale * float(xi)
         device = self.nominal.with_chain(make_chain(masses, dampers, k0, springs, links))
         for physics, changed in zip(self.effects, values, strict=True):
             device = device.with_physics(replace(physics, values=_inside(physics, changed)))
-        return device, gain
+        return device
+
+    def seen(self, experiment: Experiment, x: Floats) -> Experiment:
+        """Return a recording as the model at x sees it: gain on the command, origin moved."""
+        gain, origin = 1.0, 0.0
+        for p, xi in zip(self.parameters, x, strict=True):
+            if p.kind == "gain":
+                gain = float(np.exp(p.scale * xi))
+            elif p.kind == "origin":
+                origin = p.scale * float(xi) * experiment.swing
+        measured = experiment.measured
+        if origin != 0.0:
+            still = np.array([o.quantity == "position" for o in experiment.outputs])
+            measured = measured - origin * still
+        return replace(experiment, command=gain * experiment.command, measured=measured)
 
     def with_effect(self, physics: Physics, scales: dict[str, float]) -> "Model":
         """Return the model with one more effect."""
@@ -139,26 +161,27 @@ def linear_parameters(device: Device) -> list[Parameter]:
     found = [Parameter(f"m{i + 1}", "mass", i, MASS_SCALE) for i in range(n)]
     found += [damper(f"b{i + 1}", "damper", i, chain.ground_dampers[i]) for i in range(n)]
     found += [Parameter(f"k{i + 1}{i + 2}", "spring", i, SPRING_SCALE) for i in range(n - 1)]
-    found += [
-        damper(f"b{i + 1}{i + 2}", "link", i, chain.link_dampers[i]) for i in range(n - 1)
-    ]
+    found += [damper(f"b{i + 1}{i + 2}", "link", i, chain.link_dampers[i]) for i in range(n - 1)]
     if chain.ground_spring > 0.0:
         found.append(Parameter("k0", "k0", 0, SPRING_SCALE))
+        found.append(Parameter("origin", "origin", 0, ORIGIN_SCALE, prior=False))
     return [*found, Parameter("gain", "gain", 0, GAIN_SCALE)]
 
 
 def values_of(model: Model, x: Floats) -> dict[str, float]:
     """Return the physical value of each linear parameter by name."""
-    device, gain = model.build(x)
+    device = model.build(x)
     chain = device.chain
     values: dict[str, float] = {}
     arrays = {"mass": chain.masses, "damper": chain.ground_dampers, "spring": chain.link_springs,
               "link": chain.link_dampers}  # fmt: skip
-    for p in linear_parameters(model.nominal):
+    for j, p in enumerate(linear_parameters(model.nominal)):
         if p.kind == "gain":
-            values[p.name] = gain
+            values[p.name] = float(np.exp(p.scale * x[j]))
         elif p.kind == "k0":
             values[p.name] = chain.ground_spring
+        elif p.kind == "origin":
+            values[p.name] = p.scale * float(x[j])  # in units of the rms motion
         else:
             values[p.name] = float(arrays[p.kind][p.index])
     return values

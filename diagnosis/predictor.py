@@ -1,9 +1,9 @@
 """Innovations of a device on an experiment, under a fixed observer gain; and its free run.
 
-The gain comes from a noise model of two numbers, process force at m1 per tick and measurement noise,
-by the discrete algebraic Riccati equation on the linear part of the device. Only their ratio matters
-for the gain; it is chosen by likelihood (`choose_gain`), and then stays fixed inside a fit: a fit
-that may change its own noise cheats with it.
+The gain comes from a noise model of two numbers, process force at m1 per tick and noise of what is
+measured, by the discrete algebraic Riccati equation on the linear part of the device. Only their
+ratio matters for the gain; it is chosen by likelihood (`choose_observer`), and then stays fixed
+inside a fit: a fit that may change its own noise cheats with it.
 """
 
 from collections.abc import Sequence
@@ -63,7 +63,7 @@ def prepared(device: Device) -> Prepared:
 
 
 def observer_memory(eq: Equations, experiment: Experiment) -> Memory:
-    """Return the memory at the first sample: masses at the first position, velocity by difference."""
+    """Return the memory at the first sample: masses at the first position, speed by slope."""
     position = velocity = 0.0
     for o, output in enumerate(experiment.outputs):
         y = experiment.measured[:, o]
@@ -109,6 +109,15 @@ def _padded(gain: Floats, states: int) -> Floats:
     return full
 
 
+def copied(memory: Memory) -> Memory:
+    """Return a memory of its own, to go on from here twice."""
+    m = memory
+    return Memory(
+        m.x.copy(), m.line.copy(), m.controller.copy(), m.internal.copy(), m.scalars.copy(),
+        m.counters.copy(), m.totals.copy(),
+    )  # fmt: skip
+
+
 def free_run_errors(
     device: Device, experiment: Experiment, gain: Floats, window: int
 ) -> tuple[Floats, Floats]:
@@ -127,11 +136,9 @@ def free_run_errors(
         u = experiment.command[first : first + window]
         y = experiment.measured[first : first + window]
         if first >= SETTLING:
-            free = Memory(*(a.copy() for a in memory))
+            free = copied(memory)
             e = np.full(y.shape, np.inf)
-            predict(
-                eq, fine, places, u, y, np.zeros_like(full), no_force, free, work, saved, e
-            )
+            predict(eq, fine, places, u, y, np.zeros_like(full), no_force, free, work, saved, e)
             errors.append(e)
             signal.append(y - y.mean(axis=0))
         predict(eq, fine, places, u, y, full, no_force, memory, work, saved, np.zeros(y.shape))
@@ -193,5 +200,3 @@ def deviation(device: Device, experiments: Sequence[Experiment], gain: Floats) -
     """Return the rms of the innovations, (o,)."""
     kept = np.concatenate([innovations(device, e, gain)[SETTLING:] for e in experiments])
     return np.sqrt(np.mean(kept**2, axis=0))
-
-

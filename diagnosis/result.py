@@ -4,22 +4,10 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any
 
+from diagnosis.candidates import CONTAINED
 from diagnosis.gate import Fault
 from diagnosis.locate import Located
 from sim.device import Device
-
-
-# A richer effect contains a simpler one and can never explain less: within five sigma the simpler is
-# meant, and the richer is named as a rival without making the verdict doubtful.
-CONTAINED = {
-    "coulomb_friction": {
-        "stribeck_friction", "presliding_friction", "directional_friction", "hysteresis",
-    },
-    "constant_force": {"directional_friction", "gravity_pendulum"},
-    "ground_spring": {"gravity_pendulum", "hysteresis", "extra_mode"},
-    "quadratic_drag": {"directional_friction"},
-    "presliding_friction": {"hysteresis"},
-}  # fmt: skip
 
 
 class Verdict(Enum):

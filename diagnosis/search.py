@@ -14,12 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.candidates import candidates
+from diagnosis.candidates import CONTAINED, MAGNITUDE, candidates
 from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted, Problem
-from diagnosis.parameters import Model
+from diagnosis.parameters import Model, effect_labels
 from diagnosis.predictor import Observer, choose_observer
 from diagnosis.screen import screen
+from diagnosis.uncertainty import Z95, covariance, inflation
 from sim.device import Device, place_label
 from sim.physics.effect import Physics
 
@@ -28,6 +29,7 @@ THRESHOLD = 30.0
 FIVE_SIGMA = 25.0
 FITTED = 8  # candidates fitted a step
 MOST = 3  # effects
+MOSTLY = 0.8  # of what a richer effect gains: then the simple one comes first
 REFITS = 3
 SETTLED = 1.02  # chi2 per sample at which the observer and the refit agree
 Say = Callable[[str], None]
@@ -41,11 +43,17 @@ class Trial:
     fitted: Fitted
     gained: float
     parameters: int
+    on_bound: str = ""
+
+    @property
+    def effect(self) -> str:
+        """The effect's name."""
+        return self.label.split("@")[0]
 
 
 @dataclass(frozen=True)
 class Step:
-    """One round of the search: the trials, best evidence first; taken is the one believed, if any."""
+    """One round of the search: trials, best evidence first; taken is the one believed, if any."""
 
     trials: tuple[Trial, ...]
     taken: Trial | None
@@ -72,7 +80,7 @@ def refit(
         problem = Problem(experiments, _observer(current, experiments))
         fitted = problem.fit(model, x)
         x = fitted.x
-        current, _ = model.build(x)
+        current = model.build(x)
         if abs(fitted.chi2 / fitted.samples - 1.0) < SETTLED - 1.0:
             break
     problem = Problem(experiments, _observer(current, experiments))
@@ -88,15 +96,20 @@ def search(
 ) -> Searched:
     """Search for missing physics in the experiments (the part to fit on)."""
     problem, linear = refit(device, experiments)
-    say(f"linear refit: innovations {np.sqrt(linear.chi2 / linear.samples):.3f} of their noise model")
+    size = np.sqrt(linear.chi2 / linear.samples)
+    say(f"linear refit: innovations {size:.3f} of their noise model")
     current, steps = linear, []
     while len(current.model.effects) < MOST:
         step = take(problem, current, experiments, say)
         steps.append(step)
         if step.taken is None:
             break
-        problem, current = _settle(device, experiments, step.taken.fitted)
-        current = prune(problem, current)
+        problem, settled = _settle(device, experiments, step.taken.fitted)
+        kept = prune(problem, settled)
+        again = len(kept.model.effects) < len(settled.model.effects)
+        current = kept
+        if again and step.taken.label not in effect_labels(kept.model.effects):
+            break
     baseline = problem.fit(Model(device), linear.x)
     return Searched(problem, baseline, current, tuple(steps))
 
@@ -105,16 +118,14 @@ def _settle(
     device: Device, experiments: Sequence[Experiment], fitted: Fitted
 ) -> tuple[Problem, Fitted]:
     """Choose the observer anew with the physics found, and fit once more."""
-    built, _ = fitted.model.build(fitted.x)
+    built = fitted.model.build(fitted.x)
     problem = Problem(experiments, choose_observer(built, experiments))
     return problem, problem.fit(fitted.model, fitted.x)
 
 
-def take(
-    problem: Problem, current: Fitted, experiments: Sequence[Experiment], say: Say
-) -> Step:
+def take(problem: Problem, current: Fitted, experiments: Sequence[Experiment], say: Say) -> Step:
     """Try every candidate on top of a fitted model."""
-    built, _ = current.model.build(current.x)
+    built = current.model.build(current.x)
     screened = screen(problem, current, candidates(built, experiments))
     wide = inflation(current.white)
     trials: list[Trial] = []
@@ -125,7 +136,12 @@ def take(
         extra = len(model.parameters) - current.x.size
         start = np.concatenate([current.x, np.zeros(extra)])
         fitted = problem.fit(model, start)
-        trials.append(Trial(one.start.label, fitted, current.chi2 - fitted.chi2, extra))
+        gained = current.chi2 - fitted.chi2
+        trials.append(Trial(one.start.label, fitted, gained, extra, at_bound(fitted)))
+    for t in trials:
+        if t.on_bound and t.gained > THRESHOLD * wide:
+            say(f"{t.label} is left out: its {t.on_bound} runs to the end of what is allowed")
+    trials = [t for t in trials if not t.on_bound]
     trials.sort(key=lambda t: evidence(t, current.samples), reverse=True)
     if not trials:
         return Step((), None, wide)
@@ -133,6 +149,15 @@ def take(
     say(f"best candidate {best.label}: chi-square gained {best.gained:.0f}")
     believed = best.gained > THRESHOLD * wide + 2.0 * best.parameters
     return Step(tuple(trials), best if believed else None, wide)
+
+
+def at_bound(fitted: Fitted) -> str:
+    """Return the parameter of the last effect that stands on its upper bound, "" for none."""
+    last = len(fitted.model.effects) - 1
+    for p, x in zip(fitted.model.parameters, fitted.x, strict=True):
+        if p.kind == "effect" and p.index == last and x > p.upper - 1e-3 * max(1.0, abs(p.upper)):
+            return p.key
+    return ""
 
 
 def evidence(trial: Trial, samples: int) -> float:
@@ -143,33 +168,39 @@ def evidence(trial: Trial, samples: int) -> float:
 def _simplest(trials: Sequence[Trial], wide: float) -> Trial:
     """The trial with the fewest parameters among those within five sigma of the best."""
     top = trials[0]
+    if top.effect == "directional_friction":  # Coulomb and a constant force come before it
+        plain = [t for t in trials if top.effect in CONTAINED.get(t.effect, ())]
+        most = max(plain, key=lambda t: t.gained, default=top)
+        if most.gained > MOSTLY * top.gained:
+            return most
     near = [t for t in trials if top.gained - t.gained < FIVE_SIGMA * wide]
     return min(near, key=lambda t: (t.parameters, -t.gained))
 
 
 def prune(problem: Problem, fitted: Fitted) -> Fitted:
-    """Remove every effect whose absence costs less than the threshold."""
+    """Remove every effect whose absence costs less than the threshold, or that may be zero."""
     index = 0
-    while len(fitted.model.effects) > 1 and index < len(fitted.model.effects):
+    while index < len(fitted.model.effects):
         labels = [p.name.split(".")[0] for p in fitted.model.parameters]
         gone = place_label(fitted.model.effects[index])
         keep = np.array([label != gone for label in labels])
         without = problem.fit(fitted.model.without_effect(index), fitted.x[keep])
-        if without.chi2 - fitted.chi2 < THRESHOLD:
+        cheap = without.chi2 - fitted.chi2 < THRESHOLD * inflation(fitted.white)
+        if cheap or may_be_zero(fitted, index):
             fitted, index = without, 0
         else:
             index += 1
     return fitted
 
 
-def inflation(white: Floats) -> float:
-    """How much larger a chi-square gain may be by colour alone: the residual's spectrum's maximum.
-
-    Over a spectrum smoothed to 32 bands; 1 for a white residual of unit variance, never below 1.
-    """
-    from scipy.signal import welch
-
-    _, power = welch(white, nperseg=min(64, white.size))
-    return max(1.0, float(power[1:].max() / 2.0))
-
-
+def may_be_zero(fitted: Fitted, index: int) -> bool:
+    """Whether the 95 % intervals of all magnitudes of an effect hold zero."""
+    physics = fitted.model.effects[index]
+    names = MAGNITUDE.get(physics.effect.name, ())
+    spread = np.sqrt(np.diag(covariance(fitted)))
+    found = [
+        abs(physics.values[p.key] + p.scale * float(x)) < Z95 * p.scale * float(s)
+        for p, x, s in zip(fitted.model.parameters, fitted.x, spread, strict=True)
+        if p.kind == "effect" and p.index == index and p.key in names
+    ]
+    return bool(found) and all(found)

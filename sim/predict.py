@@ -13,6 +13,9 @@ which a mass with friction stops, starts or turns needs many. So each tick is tr
 (`eq`), and where a velocity did not keep its sign it is taken back and done in many (`fine`).
 """
 
+# Compiled code takes what numba gives it.
+# pyright: reportMissingParameterType=false, reportUnknownParameterType=false
+
 from typing import NamedTuple
 
 import numpy as np
@@ -57,9 +60,9 @@ def predict(
     """Fill innovations (ticks, o) from commands (ticks,) and measured (ticks, o).
 
     eq, fine: the device in few and in many substeps a tick; saved (16 + force effects,) is working
-    space. gain (states, o). external (ticks, n) forces to add, or (0, n). memory goes on from where it is,
-    so that a recording may be taken in pieces. Returns the ticks done: fewer than given where the
-    state overflowed.
+    space. gain (states, o). external (ticks, n) forces to add, or (0, n). memory goes on from
+    where it is, so that a recording may be taken in pieces. Returns the ticks done: fewer than
+    given where the state overflowed.
     """
     x = memory.x
     line = memory.line

@@ -1,0 +1,43 @@
+"""How sure a fit is where its residual is not white."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import welch
+
+from diagnosis.fit import Fitted
+
+Floats = NDArray[np.float64]
+Z95 = 1.959963984540054
+
+
+def covariance(fitted: Fitted) -> Floats:
+    """Return the covariance of x, (p, p), that holds for a coloured residual.
+
+    With A = (J'J)^-1 J', x errs by A r: cov = A cov(r) A', cov(r) from the residual's spectrum by
+    transforming the rows of A (a circulant approximation, good for rows much longer than the
+    residual's memory).
+    """
+    rows = np.linalg.pinv(fitted.jacobian)
+    white, prior = rows[:, : fitted.samples], rows[:, fitted.samples :]
+    power = _smooth_spectrum(fitted.white)
+    spectra = np.fft.rfft(white, axis=1)
+    twice = np.full(spectra.shape[1], 2.0)
+    twice[0] = 1.0
+    coloured = np.real((np.conj(spectra) * (power * twice)) @ spectra.T) / fitted.samples
+    return coloured + prior @ prior.T
+
+
+def _smooth_spectrum(white: Floats) -> Floats:
+    """Power spectrum of the residual, one where white with unit variance, over coarse bands."""
+    frequency, power = welch(white, nperseg=min(256, white.size))
+    power[0] = power[1]
+    return np.interp(np.fft.rfftfreq(white.size), frequency, 0.5 * power)
+
+
+def inflation(white: Floats) -> float:
+    """How much larger a chi-square gain may be by colour alone: the residual's spectrum's maximum.
+
+    Over a spectrum smoothed to 32 bands; 1 for a white residual of unit variance, never below 1.
+    """
+    _, power = welch(white, nperseg=min(64, white.size))
+    return max(1.0, float(power[1:].max() / 2.0))
