@@ -54,8 +54,8 @@ def with_hand(device: Device, hand: Hand, lever: float = 1.0) -> Device:
     masses = device.chain.masses.size
     if masses not in (1, 3):
         raise ValueError(
-            f"{device.name} has {masses} masses; a hand can hold a chain of 1 or of 3: give a device"
-            " of no mode or of two modes"
+            f"{device.name} has {masses} masses; a hand can hold a chain of 1 or of 3: give a"
+            " device of no mode or of two modes"
         )
     mass, damping, stiffness = (v * (lever**2 if device.rotary else 1.0) for v in hand)
     chain = device.chain

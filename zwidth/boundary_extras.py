@@ -1,4 +1,4 @@
-"""What may stand beside a stability boundary: passive walls, a hand, the parameters' uncertainty."""
+"""What may stand beside a stability boundary: passive walls, a hand, uncertain parameters."""
 
 from collections.abc import Sequence
 from typing import NamedTuple

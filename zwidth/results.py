@@ -58,7 +58,7 @@ class Point(msgspec.Struct, frozen=True, omit_defaults=True):
     linear: Critical | None
     simulated: Bracketed | None
     measured: Measured | UnsetType = UNSET
-    passive: Critical | None | UnsetType = UNSET
+    passive: Critical | UnsetType | None = UNSET
     hand: Interval | UnsetType = UNSET
     confidence95: Interval | UnsetType = UNSET
 

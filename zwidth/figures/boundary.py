@@ -64,7 +64,10 @@ def _draw(stiffness: Axes, frequency: Axes, boundary: DelayBoundary, look: Look)
     points = sorted(boundary.points, key=lambda point: point.damping)
     _line(stiffness, points, lambda p: p.linear and p.linear.stiffness, look, joined=True)
     _line(frequency, points, lambda p: p.linear and p.linear.frequency_hz, look, joined=False)
-    _line(stiffness, points, _passive, Look(look.colour, ":", look.shape), joined=True)
+    stiffness.plot(
+        [p.damping for p in points], [_number(_passive(p)) for p in points],
+        color=look.colour, linestyle=":", marker="_", markersize=9,
+    )  # fmt: skip
     _band(stiffness, points, lambda p: p.hand, look, 0.12)
     _band(stiffness, points, lambda p: p.confidence95, look, 0.3)
     shown = points[:: math.ceil(len(points) / DOTS)]
@@ -174,7 +177,7 @@ def _legend(figure: Figure, result: BoundaryResult, measured_source: str) -> Non
         kinds.append(_kind("its $B$ misprinted", "x"))
     points = [point for boundary in result.boundaries for point in boundary.points]
     if any(point.passive is not UNSET for point in points):
-        kinds.append(Line2D([], [], color="0.35", linestyle=":", label="passive walls"))
+        kinds.append(Line2D([], [], color="0.35", linestyle=":", marker="_", label="passive walls"))
     if any(point.hand is not UNSET for point in points):
         kinds.append(_patch("held by a hand", 0.12))
     if any(point.confidence95 is not UNSET for point in points):

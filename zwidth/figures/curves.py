@@ -101,9 +101,10 @@ def _points(axes: Axes, group: Points, values: Floats) -> None:
     axes.plot(group.damping, values, linestyle="none", marker=group.shape, markersize=6.5,
               markerfacecolor="white", markeredgecolor=group.colour, markeredgewidth=1.4,
               zorder=4, clip_on=False)  # fmt: skip
-    chosen = list(group.crossed)
-    axes.plot(group.damping[chosen], values[chosen], linestyle="none", marker="x", markersize=3.5,
-              color=group.colour, zorder=5, clip_on=False)  # fmt: skip
+    if group.crossed:
+        chosen = list(group.crossed)
+        axes.plot(group.damping[chosen], values[chosen], linestyle="none", marker="x",
+                  markersize=3.5, color=group.colour, zorder=5)  # fmt: skip
 
 
 def key(label: str, colour: str = "0.3", style: Any = "-", marker: str = "") -> Line2D:

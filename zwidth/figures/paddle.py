@@ -31,7 +31,10 @@ def paddle_figure(
     linear: Sequence[tuple[str, Floats]],
     simulated: Sequence[Simulated],
 ) -> Figure:
-    """Return the figure; damping, measured (m,): the points; grid (n,) with linear (label, K (n,)): theory."""
+    """Return the figure.
+
+    damping, measured (m,): the points; grid (n,) with linear (label, K (n,)): theory.
+    """
     with rc_context(STYLE):
         figure = Figure(figsize=(7.2, 4.8), layout="constrained")
         axes = figure.subplots()

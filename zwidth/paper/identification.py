@@ -50,8 +50,9 @@ def section() -> Section:
                 "fig_3", figure,
                 "Fig. 3. Discrete-time Bode diagram: response of the simulated device to white"
                 " noise, 0.7 to 300 Hz over 30 s, windows of 4096 samples (points); the model"
-                " fitted to it (solid, ours) and Table I (dashed, theirs). Their own recording is not"
-                f" published; ours has {1e6 * NOISE:.0f} urad rms of noise at the sensor.", COMMAND,
+                " fitted to it (solid, ours) and Table I (dashed, theirs). Their own recording is"
+                f" not published; ours has {1e6 * NOISE:.0f} urad rms of noise at the sensor.",
+                COMMAND,
             ),
             f"The data ask for {len(fit.model.modes)} modes. Of the {len(fit.names)} parameters of"
             f" Table I {inside} lie inside their own 95 % interval here (19 in 20 are meant to).",

@@ -19,7 +19,9 @@ FILTER_HZ = 5.0
 SENSOR_STEP = 1e-3
 GRID = 41
 SUBSTEPS = 10
-COMMAND = f"zwidth boundary {DEVICE} --start 0.01 --damping 0 0.013 0.026 0.039 0.052 0.065 0.08"
+COMMAND = (
+    "zwidth boundary ethz_haptic_paddle --start 0.01 --damping 0 0.013 0.026 0.039 0.052 0.065 0.08"
+)
 OWN = "zwidth paper --section paddle"
 
 
@@ -113,8 +115,9 @@ def _verdict(device: Device, columns: list[Floats], delay: float) -> str:
     beyond = [float(values[-2]) for values in (plain, late, filtered, coarse)]
     jump = float(at[-1]) / device.interface.period * SENSOR_STEP
     return (
-        f"Dry friction explains the left end: at B = 0 linear theory allows {linear[0]:.2f} N m/rad,"
-        f" the time domain with the builders' stiction {plain[0]:.2f} from a start of 10 mrad,"
+        "Dry friction explains the left end: at B = 0 linear theory allows"
+        f" {linear[0]:.2f} N m/rad, the time domain with the builders' stiction {plain[0]:.2f}"
+        " from a start of 10 mrad,"
         f" {measured[0]:g} are measured; a smaller start allows more. It does not explain the right"
         " end: measured K falls from B = 0.013 on and is gone at 0.08, while every loop tried"
         f" still holds {min(beyond):.1f} to {max(beyond):.1f} at 0.065, later by"

@@ -12,6 +12,7 @@ SECTIONS = {
     "modes": "Why f jumps, and why the 4 ms region is larger: root loci and the late damper",
     "delays": "B_t and K_max over every delay from 0 to 10 ms",
     "sensitivity": "What B_t and K_max owe to each of the ten parameters",
+    "beside": "What users ask next: passive walls, a hand, uncertain parameters",
     "relay": "Fig. 8 and the relay: what the method measures, and how far off",
     "fig_10": "Table II and Fig. 10: theory against the real device",
     "paddle": "A measured boundary on another device: a haptic paddle",
