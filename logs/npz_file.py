@@ -10,6 +10,7 @@ import numpy as np
 
 from logs.source import Collector, RecordingError, Source
 
+MOST_BYTES = 1 << 33  # of all arrays, unpacked
 ABOUT = "zwidth.json"  # the entry, UTF-8 in an array of bytes, of a file of our own
 
 
@@ -38,6 +39,8 @@ def read_npz(path: Path, data: bytes) -> Source:
 def _entries(path: Path, data: bytes) -> dict[str, bytes]:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            if sum(entry.file_size for entry in archive.infolist()) > MOST_BYTES:
+                raise ValueError(f"it unpacks to more than {MOST_BYTES >> 30} GiB")
             return {
                 name.removesuffix(".npy"): archive.read(name)
                 for name in archive.namelist()

@@ -274,6 +274,16 @@ def test_a_folder_and_a_device_are_no_recordings(tmp_path: Path) -> None:
         open_source(Path("/dev/null"))
 
 
+def test_an_archive_that_unpacks_without_end_is_refused(tmp_path: Path) -> None:
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as archive:
+        for k in range(3):
+            archive.writestr(f"v{k}.npy", b"")
+            archive.infolist()[k].file_size = 1 << 32  # as the directory of the archive will claim
+    with pytest.raises(RecordingError, match="more than 8 GiB"):
+        opened(tmp_path, out.getvalue())
+
+
 def test_an_archive_may_claim_what_it_likes(tmp_path: Path) -> None:
     """An array of 2^50 numbers in a header of 128 bytes is refused, not allocated."""
     entry = io.BytesIO()
