@@ -54,7 +54,8 @@ class PartStore:
     def read(self, points: NDArray[np.int64]) -> Fates | None:
         """Return the next part if it is there, whole, and of these points."""
         try:
-            with np.load(self._file(), allow_pickle=False) as part:
+            content = io.BytesIO(self._file().read_bytes())
+            with np.load(content, allow_pickle=False) as part:
                 if not np.array_equal(part["points"], points):
                     return None
                 found = Fates(*(part[f.name] for f in fields(Fates)))

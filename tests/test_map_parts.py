@@ -1,0 +1,165 @@
+"""A map is kept in parts: interrupted at any moment it ends the same, bit for bit."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from engine_examples import phantom
+from stability import fate_map
+from stability.bisection import Trial
+from stability.fate_map import FateMap, make_map, save_map
+from stability.fates import Fates
+from stability.plane import Axis, Plane
+
+ROOT = Path(__file__).parents[1]
+COARSE, LEVELS = 9, 2
+
+
+def plane() -> Plane:
+    """Return a plane of short runs."""
+    device = phantom().with_interface(encoder_step=1e-4)
+    return Plane(
+        device, Axis("B", 0.0, 0.12), Axis("K", 1.0, 50.0), trial=Trial(1e-3, 1.0, 1.0, 0.125)
+    )
+
+
+@pytest.fixture(autouse=True)
+def small_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fate_map, "CHUNK", 64)
+
+
+@pytest.fixture(scope="module")
+def whole() -> FateMap:
+    """Return the map made at one go, in memory."""
+    return make_map(plane(), COARSE, LEVELS)
+
+
+def same(one: FateMap, other: FateMap) -> bool:
+    """Whether two maps are equal to the bit."""
+    arrays = [f.name for f in fields(Fates)]
+    return np.array_equal(one.run, other.run) and all(
+        getattr(one.fates, a).tobytes() == getattr(other.fates, a).tobytes() for a in arrays
+    )
+
+
+def test_a_folder_changes_nothing_and_is_read_again(tmp_path: Path, whole: FateMap) -> None:
+    """Mutation: parts read without a look at their points, after one of them was removed."""
+    assert same(make_map(plane(), COARSE, LEVELS, tmp_path), whole)
+    stamps = {p: p.stat().st_mtime_ns for p in tmp_path.iterdir()}
+    assert same(make_map(plane(), COARSE, LEVELS, tmp_path), whole)
+    assert {p: p.stat().st_mtime_ns for p in tmp_path.iterdir()} == stamps
+
+
+@pytest.mark.parametrize("damage", ["missing", "empty", "cut", "flipped", "noise", "another part"])
+def test_a_damaged_part_is_run_again(tmp_path: Path, whole: FateMap, damage: str) -> None:
+    """Mutation: `zipfile.BadZipFile` left out of `UNREADABLE`, or shapes not looked at."""
+    make_map(plane(), COARSE, LEVELS, tmp_path)
+    part = sorted(tmp_path.glob("part-*.npz"))[1]
+    content = bytearray(part.read_bytes())
+    if damage == "missing":
+        part.unlink()
+    else:
+        content[len(content) // 2] ^= 0x10
+        part.write_bytes(
+            {
+                "empty": b"",
+                "cut": bytes(content[: len(content) // 3]),
+                "flipped": bytes(content),
+                "noise": bytes(range(256)) * 20,
+                "another part": sorted(tmp_path.glob("part-*.npz"))[0].read_bytes(),
+            }[damage]
+        )
+    assert same(make_map(plane(), COARSE, LEVELS, tmp_path), whole)
+
+
+def test_killed_at_any_moment_it_ends_the_same(tmp_path: Path, whole: FateMap) -> None:
+    """kill -9 again and again, at moments that fall anywhere; at the end not one bit differs.
+
+    Mutation: parts written in place instead of by `write_whole`, flushed before they are full.
+    """
+    code = (
+        "import sys; from pathlib import Path; sys.path[:0] = ['.', 'tests'];"
+        "import test_map_parts as t; from stability import fate_map; fate_map.CHUNK = 16;"
+        "print('ready', flush=True);"
+        "fate_map.make_map(t.plane(), t.COARSE, t.LEVELS, Path(sys.argv[1]))"
+    )
+    for wait in (0.0, 0.02):
+        child = subprocess.Popen(
+            [sys.executable, "-c", code, str(tmp_path)], cwd=ROOT, stdout=subprocess.PIPE
+        )
+        with child:
+            assert child.stdout is not None
+            child.stdout.readline()
+            limit = time.monotonic() + 30.0
+            count = len(list(tmp_path.glob("part-*.npz")))
+            while len(list(tmp_path.glob("part-*.npz"))) == count and time.monotonic() < limit:
+                time.sleep(0.005)
+            time.sleep(wait)
+            child.send_signal(signal.SIGKILL)
+    left = list(tmp_path.glob("part-*.npz"))
+    assert left, "nothing was kept"
+    fate_map.CHUNK = 16
+    finished = make_map(plane(), COARSE, LEVELS, tmp_path)
+    assert same(finished, whole)
+    files = [
+        save_map(m, tmp_path / f"{n}.nc").read_bytes() for n, m in (("a", finished), ("b", whole))
+    ]
+    assert files[0] == files[1]
+
+
+def test_threads_change_nothing(whole: FateMap) -> None:
+    assert same(make_map(plane(), COARSE, LEVELS, workers=3), whole)
+
+
+def test_a_folder_of_another_map_is_refused(tmp_path: Path) -> None:
+    make_map(plane(), 3, 0, tmp_path)
+    for other in (replace(plane(), perceptible=0.02), replace(plane(), x=Axis("B", 0.0, 0.1))):
+        with pytest.raises(ValueError, match="holds a map of another plane; choose another folder"):
+            make_map(other, 3, 0, tmp_path)
+    with pytest.raises(ValueError, match="another plane"):
+        make_map(plane(), 5, 0, tmp_path)
+
+
+def test_a_folder_of_another_version_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make_map(plane(), 3, 0, tmp_path)
+    monkeypatch.setattr(fate_map, "cache_folder", lambda: Path("elsewhere"))
+    with pytest.raises(ValueError, match="another version of the program"):
+        make_map(plane(), 3, 0, tmp_path)
+
+
+def test_a_damaged_description_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "plane.json").write_text("[1, 2", encoding="utf-8")
+    with pytest.raises(ValueError, match=r"plane\.json is damaged; remove"):
+        make_map(plane(), 3, 0, tmp_path)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="limits of a process are POSIX")
+def test_a_full_disk_leaves_whole_parts(tmp_path: Path, whole: FateMap) -> None:
+    """A file that may not grow stands for a full disk: one error, no half a part, and it resumes.
+
+    Mutation: the draft given the part's own name.
+    """
+    import resource
+
+    make_map(plane(), COARSE, LEVELS, tmp_path)
+    parts = sorted(tmp_path.glob("part-*.npz"))
+    for part in parts[2:]:
+        part.unlink()
+    size, hard = 1000, resource.getrlimit(resource.RLIMIT_FSIZE)[1]
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        with pytest.raises(OSError, match=r"part-00002\.npz"):
+            make_map(plane(), COARSE, LEVELS, tmp_path)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (hard, hard))
+    assert sorted(tmp_path.glob("*")) == sorted([*parts[:2], tmp_path / "plane.json"])
+    assert same(make_map(plane(), COARSE, LEVELS, tmp_path), whole)
