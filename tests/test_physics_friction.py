@@ -127,13 +127,26 @@ def test_stribeck_slides_steadily_where_drive_is_viscosity_and_friction() -> Non
 
 
 def test_stribeck_breaks_away_at_its_static_level() -> None:
-    """Exactly: a load up to it moves nothing, more does. Mutation: sticking bounds of `level`."""
+    """Exactly: a load up to it moves nothing, more does. Mutation: sliding bounds of `level`."""
     values = {"level": 2e-3, "static_level": 4e-3, "velocity": 0.05}
     device = one_mass(VISCOUS).with_physics(make_physics("stribeck_friction", "m1", **values))
     ramp = np.linspace(0.0, 5e-3, 501)
     run = simulate(device, none(), duration=0.501, disturbance=ramp)
     moved = run.trace["position_m1"][1:] != 0.0
     assert np.array_equal(moved, ramp[:-1] > 4e-3)
+
+
+def test_a_mass_that_sticks_by_its_static_level_does_not_move_at_all() -> None:
+    """m2 swings against a stuck m1, loads between level and static level: not one bit changes.
+
+    Mutation: the sticking bounds those of `level`: m1 is stopped every substep and creeps.
+    """
+    values = {"level": 1e-4, "static_level": 0.1, "velocity": 0.1}
+    device = phantom().with_physics(make_physics("stribeck_friction", "m1", **values))
+    start = Start([0.0, 2e-4, 2e-4])
+    run = simulate(device, none(), duration=0.1, start=start, substeps=4)
+    assert np.ptp(run.trace["position_m2"]) > 1e-4
+    assert not run.trace["position_m1"].any()
 
 
 def test_stick_slip_slips_by_twice_the_excess_over_the_spring() -> None:

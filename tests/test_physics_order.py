@@ -69,32 +69,3 @@ def test_dry_friction_that_varies_with_speed_slides_at_second_order(
     physics = make_physics(name, place, **values)
     device = phantom().with_physics(physics)
     assert _slope(device, velocity, 0.01) == pytest.approx(2.0, abs=0.1)
-
-
-@pytest.mark.parametrize(
-    ("name", "place"),
-    [
-        ("coulomb_friction", "m2"),
-        ("stribeck_friction", "m1"),
-        ("stribeck_friction", "m3"),
-        ("directional_friction", "m1"),
-        ("backlash", "link12"),
-        ("backlash", "link23"),
-    ],
-)
-def test_events_inside_substeps_leave_first_order(name: str, place: str) -> None:
-    """Slope >= 0.9, mean of 20 seeded starts: stops and impacts fall anywhere in a substep.
-
-    Mutation: `locked_set` always 0: masses that should rest creep, the error stays.
-    """
-    rng = np.random.default_rng(4)
-    values = EXAMPLES[name] | ({"gap": 2e-4} if name == "backlash" else {})
-    device = phantom().with_physics(make_physics(name, place, **values))
-    counts = np.array([8, 32, 128, 512])
-    errors = np.zeros(counts.size)
-    for _ in range(20):
-        velocity = float(rng.uniform(0.05, 0.3))
-        truth = _velocities(device, 4 * FINEST, velocity, 0.04)
-        errors += [np.std(_velocities(device, n, velocity, 0.04) - truth) for n in counts]
-    slope = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
-    assert slope >= 0.9
