@@ -198,7 +198,7 @@ def _starts(effect: Effect, at: str, z: Magnitudes, device: Device) -> Iterator[
             for angle in (0.0, 1.5, -1.5, 3.0):
                 yield {"level": s * f, "angle": angle}, {"level": s * f, "angle": 0.5}
     elif name == "force_ripple":
-        for period in np.geomspace(z.span / 60.0, z.span, 14):
+        for period in np.geomspace(z.span / 80.0, z.span / 1.8, 16):
             for phase in (0.0, 1.5707963):
                 yield (
                     {"amplitude": 0.02 * f, "period": float(period), "phase": phase},
@@ -257,7 +257,7 @@ def _starts(effect: Effect, at: str, z: Magnitudes, device: Device) -> Iterator[
         for s in (1e-5, 1e-4, 1e-3):
             yield {"step": s * z.span}, {"step": 0.1 * s * z.span}
     elif name == "encoder_eccentricity":
-        for period in (z.span, 0.4 * z.span, 0.1 * z.span, 2.0 * math.pi):
+        for period in (0.5 * z.span, 0.2 * z.span, 0.07 * z.span, 2.0 * math.pi):
             for phase in (0.0, 1.5707963):
                 yield (
                     {"amplitude": 1e-3 * z.span, "period": period, "phase": phase},

@@ -14,13 +14,18 @@ from diagnosis.held_out import held_out
 from diagnosis.hold import smooth, was_smooth
 from diagnosis.locate import locate
 from diagnosis.parameters import Model, linear_parameters, values_of
-from diagnosis.result import Diagnosis, Estimate, Finding, Rival, Verdict
+from diagnosis.result import Diagnosis, Estimate, Finding, Residuals, Rival, Verdict
 from diagnosis.screen import Complement, screen
 from diagnosis.search import THRESHOLD, Say, Searched, Step, search
 from diagnosis.uncertainty import Z95, covariance, inflation
 from sim.device import Device, place_label
 
 Floats = NDArray[np.float64]
+DAMPER, SPRING = ("N m s/rad", "N s/m"), ("N m/rad", "N/m")
+UNITS = {
+    "mass": ("kg m2", "kg"), "damper": DAMPER, "link": DAMPER, "spring": SPRING, "k0": SPRING,
+    "gain": ("", ""), "origin": ("rms motions", "rms motions"),
+}  # fmt: skip
 SHIFTED = 5.0  # sigma by which a linear parameter must differ to be a finding
 UNEXPLAINED = 0.35  # share of chi-square excess that may remain under an identified verdict
 
@@ -74,9 +79,14 @@ def diagnose(
         "samples": found.final.samples,
         "comparisons": sum(len(s.trials) for s in found.steps),
     }  # fmt: skip
-    return Diagnosis(
-        verdict, sentence, findings, refit, located, one, free, bounds, faults, final_device, facts
+    shape = (-1, len(acted[0].outputs))
+    residuals = Residuals(
+        acted[0].period, found.refit.white.reshape(shape), found.final.white.reshape(shape)
     )
+    return Diagnosis(
+        verdict, sentence, findings, refit, located, one, free, bounds, faults, final_device,
+        residuals, found.interrupted, facts,
+    )  # fmt: skip
 
 
 def _as_they_acted(
@@ -150,7 +160,8 @@ def _linear(device: Device, final: Fitted) -> dict[str, tuple[float, Estimate]]:
     for j, p in enumerate(linear_parameters(device)):
         value, error = fitted[p.name], Z95 * p.scale * float(spread[j])
         half = error if p.kind in ("damper", "link", "origin") else abs(value) * error
-        result[p.name] = (nominal[p.name], Estimate(value, value - half, value + half))
+        unit = UNITS[p.kind][0 if device.rotary else 1]
+        result[p.name] = (nominal[p.name], Estimate(value, value - half, value + half, unit))
     return result
 
 

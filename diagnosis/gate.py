@@ -1,9 +1,9 @@
 """Is the recording itself sound? Faults of the recording are findings of their own.
 
-A passive device takes energy from its command: where the command takes energy from the device, its
-sign is wrong. Also looked at: repeated samples, the encoder step actually seen, a clipped command, and whether another
-sign, scale or time offset of the command explains the motion much better. The last is judged by the
-one-step prediction of the nominal device, whose error falls by the factor that is reported.
+A passive device takes energy from its command: where the command takes energy from the device,
+its sign is wrong. Also looked at: repeated samples, the encoder step actually seen, a clipped
+command, and whether another scale of the command explains the motion much better, by the one-step
+prediction of the nominal device, whose error falls by the factor that is reported.
 """
 
 from collections.abc import Sequence
@@ -76,7 +76,7 @@ def _command_faults(device: Device, e: Experiment) -> list[Fault]:
 
 
 def _against_power(device: Device, e: Experiment) -> Fault | None:
-    """Mean of command times velocity, over the product of their rms: negative for no passive device.
+    """Mean of command times velocity, over both rms: negative for no passive device.
 
     Position is differenced over seven samples; the command is taken as late as the device's delay.
     """
@@ -84,7 +84,7 @@ def _against_power(device: Device, e: Experiment) -> Fault | None:
     y = e.measured[:, 0]
     velocity = y
     if e.outputs[0].quantity == "position":
-        velocity = savgol_filter(y, 7, 2, deriv=1, delta=e.period)
+        velocity = np.asarray(savgol_filter(y, 7, 2, deriv=1, delta=e.period), dtype=np.float64)
     u = e.command[: e.ticks - late] if late else e.command
     v = velocity[late:]
     size = float(np.sqrt(np.mean(u**2) * np.mean(v**2)))

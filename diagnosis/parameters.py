@@ -24,6 +24,7 @@ DAMPER_FLOOR = 0.1  # of the mean damper: what a damper of nearly zero may chang
 
 
 # A lag or delay of many ticks is another mechanism, and a lag without end cuts the command off.
+LONGEST_WAVE = 1.2  # times the period that a fit starts from
 MOST_TICKS = {"actuator_lag": 8.0, "loop_delay": 16.0}
 
 
@@ -73,6 +74,8 @@ class Model:
                     continue
                 value, scale = physics.values[p.name], scales[p.name]
                 most = p.upper
+                if p.name == "period":  # a wave of which less than one is seen is a bend
+                    most = value * LONGEST_WAVE
                 if physics.effect.name in MOST_TICKS:
                     ticks = MOST_TICKS[physics.effect.name]
                     most = max(ticks * self.nominal.interface.period, 2.0 * value)

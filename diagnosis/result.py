@@ -4,10 +4,15 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from diagnosis.candidates import CONTAINED
 from diagnosis.gate import Fault
 from diagnosis.locate import Located
 from sim.device import Device
+
+Floats = NDArray[np.float64]
 
 
 class Verdict(Enum):
@@ -80,6 +85,15 @@ class HeldOut:
 
 
 @dataclass(frozen=True)
+class Residuals:
+    """Innovations in units of their noise, (ticks, outputs), refitted and with what was found."""
+
+    period: float
+    before: Floats
+    after: Floats
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """The whole answer. device: augmented by what was found, with refitted linear parameters."""
 
@@ -87,29 +101,26 @@ class Diagnosis:
     sentence: str
     findings: tuple[Finding, ...]
     linear_refit: dict[str, tuple[float, Estimate]]
-    located: Located | None
-    one_step: HeldOut | None
-    free_run: HeldOut | None
+    located: Located
+    one_step: HeldOut
+    free_run: HeldOut
     upper_bounds: dict[str, dict[str, float]]
     faults: tuple[Fault, ...]
     device: Device
+    residuals: Residuals
+    interrupted: bool = False
     facts: dict[str, Any] = field(default_factory=dict[str, Any])
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON of `zwidth diagnose`."""
-        where: dict[str, Any] = {
-            "sentence": "", "time": [], "frequency_hz": [], "state": [], "entry": [],
-        }  # fmt: skip
-        if self.located is not None:
-            where = {
-                "sentence": self.located.sentence,
-                "time": self.located.time,
-                "frequency_hz": self.located.frequency_hz,
-                "state": self.located.state,
-                "entry": self.located.entry,
-            }
-        one = None if self.one_step is None else self.one_step.as_json()
-        free = None if self.free_run is None else self.free_run.as_json()
+        where = {
+            "sentence": self.located.sentence,
+            "time": self.located.time,
+            "frequency_hz": self.located.frequency_hz,
+            "state": self.located.state,
+            "entry": self.located.entry,
+        }
+        one, free = self.one_step.as_json(), self.free_run.as_json()
         return {
             "verdict": self.verdict.value,
             "sentence": self.sentence,
@@ -132,5 +143,6 @@ class Diagnosis:
             "upper_bounds": self.upper_bounds,
             "faults": [vars(f) for f in self.faults],
             "next_experiment": None,
+            "interrupted": self.interrupted,
             "facts": self.facts,
         }

@@ -30,7 +30,7 @@ FIVE_SIGMA = 25.0
 FITTED = 8  # candidates fitted a step
 MOST = 3  # effects
 MOSTLY = 0.8  # of what a richer effect gains: then the simple one comes first
-REFITS = 3
+REFITS = 6
 SETTLED = 1.02  # chi2 per sample at which the observer and the refit agree
 Say = Callable[[str], None]
 
@@ -68,6 +68,7 @@ class Searched:
     refit: Fitted
     final: Fitted
     steps: tuple[Step, ...]
+    interrupted: bool = False
 
 
 def refit(
@@ -75,20 +76,24 @@ def refit(
 ) -> tuple[Problem, Fitted]:
     """Fit the linear parameters, choosing the observer anew between fits until both agree."""
     model = Model(device, effects, tuple({} for _ in effects))
-    current, x = device, np.zeros(model.linear_count)
+    return settle(experiments, model, np.zeros(model.linear_count))
+
+
+def settle(experiments: Sequence[Experiment], model: Model, x: Floats) -> tuple[Problem, Fitted]:
+    """Fit a model from x, choosing the observer anew between fits until both agree."""
     for _ in range(REFITS):
-        problem = Problem(experiments, _observer(current, experiments))
+        problem = Problem(experiments, observer(experiments, model, x))
         fitted = problem.fit(model, x)
         x = fitted.x
-        current = model.build(x)
         if abs(fitted.chi2 / fitted.samples - 1.0) < SETTLED - 1.0:
             break
-    problem = Problem(experiments, _observer(current, experiments))
+    problem = Problem(experiments, observer(experiments, model, x))
     return problem, problem.fit(model, x)
 
 
-def _observer(device: Device, experiments: Sequence[Experiment]) -> Observer:
-    return choose_observer(device, experiments)
+def observer(experiments: Sequence[Experiment], model: Model, x: Floats) -> Observer:
+    """Return the observer for the recordings as the model at x sees them."""
+    return choose_observer(model.build(x), [model.seen(e, x) for e in experiments])
 
 
 def search(
@@ -98,29 +103,25 @@ def search(
     problem, linear = refit(device, experiments)
     size = np.sqrt(linear.chi2 / linear.samples)
     say(f"linear refit: innovations {size:.3f} of their noise model")
-    current, steps = linear, []
+    current, steps, interrupted = linear, list[Step](), False
     while len(current.model.effects) < MOST:
-        step = take(problem, current, experiments, say)
+        try:
+            step = take(problem, current, experiments, say)
+        except KeyboardInterrupt:
+            say("interrupted: what was found until now is judged; once more to leave")
+            interrupted = True
+            break
         steps.append(step)
         if step.taken is None:
             break
-        problem, settled = _settle(device, experiments, step.taken.fitted)
+        problem, settled = settle(experiments, step.taken.fitted.model, step.taken.fitted.x)
         kept = prune(problem, settled)
         again = len(kept.model.effects) < len(settled.model.effects)
         current = kept
         if again and step.taken.label not in effect_labels(kept.model.effects):
             break
     baseline = problem.fit(Model(device), linear.x)
-    return Searched(problem, baseline, current, tuple(steps))
-
-
-def _settle(
-    device: Device, experiments: Sequence[Experiment], fitted: Fitted
-) -> tuple[Problem, Fitted]:
-    """Choose the observer anew with the physics found, and fit once more."""
-    built = fitted.model.build(fitted.x)
-    problem = Problem(experiments, choose_observer(built, experiments))
-    return problem, problem.fit(fitted.model, fitted.x)
+    return Searched(problem, baseline, current, tuple(steps), interrupted)
 
 
 def take(problem: Problem, current: Fitted, experiments: Sequence[Experiment], say: Say) -> Step:
