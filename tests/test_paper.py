@@ -26,7 +26,7 @@ from zwidth.commands.paper import command
 from zwidth.covariance import Covariance, load_covariance, save_covariance
 from zwidth.paper.appendix import ROUNDED, appendix
 from zwidth.paper.content import Picture, Section, Table
-from zwidth.paper.report import draw, save_pictures, save_report
+from zwidth.paper.report import draw, save_pictures, save_report, symbols
 from zwidth.paper.sections import SECTIONS
 from zwidth.results import UNSET, Point
 
@@ -87,8 +87,16 @@ def test_one_section_as_a_command(tmp_path: Path):
 
 
 def test_every_section_is_a_file_of_that_name():
-    for key in SECTIONS:
-        assert callable(import_module(f"zwidth.paper.{key}").section)
+    for key, title in SECTIONS.items():
+        module = import_module(f"zwidth.paper.{key}")
+        assert callable(module.section)
+        assert title in ast.unparse(ast.parse(Path(module.__file__ or "").read_text("utf-8")))
+
+
+def test_symbols_are_set_as_mathematics_and_nothing_else_is():
+    assert symbols("K_CR < B_t, fig_10, omega_2") == (
+        "<i>K</i><sub>CR</sub> &lt; <i>B</i><sub>t</sub>, fig_10, <i>ω</i><sub>2</sub>"
+    )
 
 
 def literals(key: str) -> list[str]:

@@ -44,7 +44,7 @@ def relay_bias_figure(
         axes.invert_yaxis()
         axes.set_ylabel("delay, $B$ [N m s/rad]")
         axes.set_xscale("log")
-        ticks = (0.2, 0.5, 0.8, 1.0, 1.25, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+        ticks = (0.2, 0.5, 0.8, 1.0, 1.25, 1.5, 1.75, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
         low, high = axes.get_xlim()
         shown = [t for t in ticks if low <= t <= high]
         axes.set_xticks(shown, [f"{t:g}" for t in shown])

@@ -46,7 +46,7 @@ class Printed:
 def appendix(delay: float, last: float) -> Printed:
     """Run their program at a delay [s], B from 0 in their steps while B <= last."""
     device = load_device("phantom_1_0").with_interface(delay=delay).with_modal(ROUNDED)
-    dampings = STEP * np.arange(math.floor(last / STEP + 1e-9) + 1)
+    dampings = STEP * np.arange(math.floor(last / STEP + 1e-9) + 1, dtype=np.float64)
     grid = np.linspace(0.05, 499.9, 6000)
     known = curve(device, grid).damping
     margins = [gain_margin(device, float(b), grid, known) for b in dampings]

@@ -61,7 +61,8 @@ def section() -> Section:
                 "K_CR of the free device (line), with a finger (light band), by the 95 % covariance"
                 " of the parameters identified for Fig. 3 (dark band, from"
                 f" {DRAWS} draws; on this simulated recording it is no wider than the line), and"
-                " the passive walls (filled corner at the origin, enlarged in the insets).", COMMAND,
+                " the passive walls (filled corner at the origin, enlarged in the insets).",
+                COMMAND,
             ),
             Table(
                 "Passive walls end at |B| = b of the device, whatever the delay. A finger damps the"

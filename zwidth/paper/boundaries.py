@@ -65,7 +65,7 @@ def _fig_7() -> tuple[Picture, str]:
     figure = curves_figure(
         [
             Curve(*with_modes, COLOUR[0.002]),
-            Curve(*(values[inside] for values in without), "0.45"),
+            Curve(without[0][inside], without[1][inside], without[2][inside], "0.45"),
             Curve(printed.damping, printed.stiffness, printed.frequency_hz, "black", THEIRS, 1.0),
         ],
         legend=[

@@ -1,6 +1,7 @@
 """The report as one HTML file: every picture inside it, nothing fetched from elsewhere."""
 
 import base64
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from io import BytesIO
@@ -8,12 +9,16 @@ from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup, escape
 
 from zwidth.files import write_text, write_with
 from zwidth.paper.content import Picture, Section, Table
 
 FORMATS = ("png", "svg")
 DPI = 150
+# K_CR, B_t, omega_1 as mathematics.
+SYMBOL = re.compile(r"\b(K|B|omega|[cvdt])_(CR|max|t|d|[1-4])\b")
+GREEK = {"omega": "\N{GREEK SMALL LETTER OMEGA}"}
 # A file says nothing of when it was made, so that the same numbers give the same bytes.
 TIMELESS = {"png": {}, "svg": {"Date": None}}
 
@@ -78,8 +83,19 @@ def save_report(sections: Sequence[DrawnSection], missing: Sequence[str], path: 
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["symbols"] = symbols
     template = environment.get_template("report.html")
     return write_text(path, template.render(sections=sections, missing=missing))
+
+
+def symbols(text: str) -> Markup:
+    """Return text as HTML, its symbols with their indices set below the line."""
+
+    def set_in_type(match: re.Match[str]) -> str:
+        letter, index = match.groups()
+        return f"<i>{GREEK.get(letter, letter)}</i><sub>{index}</sub>"
+
+    return Markup(SYMBOL.sub(set_in_type, str(escape(text))))
 
 
 def _bytes(picture: Picture, kind: str) -> bytes:
