@@ -27,7 +27,7 @@ TARGETS = (".mcap", *WRITERS, ".toml")
 @click.argument("target", metavar="[TARGET]", required=False, type=click.Path(path_type=Path))
 @json_option
 def command(source: Path, target: Path | None, json_file: str | None) -> None:
-    """Show what a recorded file holds, or convert it.
+    """Show what a recorded file holds, draft its description, or convert it.
 
     SOURCE is a recording TOML, a log that zwidth wrote (MCAP, CSV, Parquet, NPZ), or a file of
     another tool (also MAT, NPY, HDF5, text tables). Without TARGET its signals are listed, and for
