@@ -29,6 +29,9 @@ COMMANDS = {
     "replay": (
         "Simulate a logged run again, from the log alone, and compare every value bit for bit."
     ),
+    "diagnose": "Say why a recording differs from the simulation, and what physics is missing.",
+    "identify": "Fit a device to a recording of its command and position.",
+    "relay": "Find the critical stiffness by a relay, with every limit cycle it may settle on.",
     "devices": "List the devices that come with zwidth, or describe one.",
 }
 

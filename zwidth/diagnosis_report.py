@@ -1,0 +1,77 @@
+"""The report of a diagnosis as one HTML file: the verdict first, every picture inside it."""
+
+import base64
+from collections.abc import Sequence
+from io import BytesIO
+from pathlib import Path
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+
+from diagnosis.result import Diagnosis, Estimate, HeldOut
+from zwidth.figures.diagnosis import force_map_figure, residual_figure
+from zwidth.figures.style import STYLE
+from zwidth.files import write_text
+
+WORDS = {
+    "nothing_missing": "Nothing missing",
+    "identified": "Identified",
+    "confusable": "Cannot be told apart",
+    "unknown_physics": "Unknown physics",
+    "linear_parameters": "Linear parameters differ",
+    "recording_fault": "The recording is at fault",
+}
+
+
+def save_report(diagnosis: Diagnosis, recordings: Sequence[str], command: str, path: Path) -> Path:
+    """Write the report; command: the line that computes it again. Returns the path."""
+    environment = Environment(
+        loader=PackageLoader("zwidth", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["number"] = number
+    environment.filters["estimate"] = estimate
+    top = max(diagnosis.located.maps, key=lambda m: m.gained)
+    text = environment.get_template("diagnosis_report.html").render(
+        d=diagnosis,
+        verdict=WORDS[diagnosis.verdict.value],
+        recordings=recordings,
+        command=command,
+        place=top.place,
+        state=sorted(diagnosis.located.state, key=lambda s: -float(s["share"])),
+        fits=(("one step ahead", diagnosis.one_step), ("free run", diagnosis.free_run)),
+        improvement=improvement(diagnosis.free_run),
+        force_map=_embedded(force_map_figure(diagnosis.located, diagnosis.device.rotary)),
+        residual=_embedded(residual_figure(diagnosis.residuals)),
+    )
+    return write_text(path, text)
+
+
+def improvement(fit: HeldOut) -> str:
+    """Say how much smaller the error on held-out data became."""
+    if not fit.after > 0.0 or not fit.refit > 0.0:
+        return "there is too little held-out data to judge by"
+    if fit.refit <= 1.02 * fit.after:
+        return "the held-out free run is no better than with the refit alone"
+    return f"the held-out free run errs {fit.refit / fit.after:.3g} times less than the refit alone"
+
+
+def number(value: float) -> str:
+    """Four significant digits."""
+    return f"{value:.4g}"
+
+
+def estimate(value: Estimate) -> str:
+    """A value with its interval and unit."""
+    return f"{value.value:.4g} [{value.lower:.4g}, {value.upper:.4g}] {value.unit}".rstrip()
+
+
+def _embedded(figure: Figure) -> str:
+    stream = BytesIO()
+    with rc_context(STYLE):
+        figure.savefig(stream, format="svg", metadata={"Date": None})
+    return "data:image/svg+xml;base64," + base64.b64encode(stream.getvalue()).decode()

@@ -1,0 +1,78 @@
+"""Pictures of a diagnosis: the missing force against the state, the residual before and after."""
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.signal import welch
+
+from diagnosis.locate import Located
+from diagnosis.result import Residuals
+from zwidth.figures.style import STYLE
+
+Floats = NDArray[np.float64]
+BEFORE, AFTER = "#bb5566", "#004488"
+SLICES = 60
+
+
+def force_map_figure(located: Located, rotary: bool) -> Figure:
+    """Return the missing force at the likeliest place against position, velocity and command.
+
+    Bars: one standard error. A flat line at zero means that nothing is missing there.
+    """
+    top = max(located.maps, key=lambda m: m.gained)
+    force, length = ("N m", "rad") if rotary else ("N", "m")
+    units = {"position": length, "velocity": f"{length}/s", "command": force}
+    maps = [m for m in located.maps if m.place == top.place]
+    with rc_context(STYLE):
+        figure = Figure(figsize=(7.2, 2.9), layout="constrained")
+        panels = np.atleast_1d(figure.subplots(1, len(maps)))
+        for axes, m in zip(panels, maps, strict=True):
+            middle = 0.5 * (m.edges[1:] + m.edges[:-1])
+            axes.axhline(0.0, color="0.6", linewidth=0.8)
+            axes.errorbar(
+                middle, m.force, m.error, 0.5 * np.diff(m.edges),
+                fmt="o", color=AFTER, markersize=3.5, linewidth=1.2,
+            )  # fmt: skip
+            axes.set_xlabel(f"{m.against} [{units[m.against]}]")
+            axes.set_title(f"chi-square {m.gained:.0f}", fontsize=9)
+            axes.ticklabel_format(axis="y", scilimits=(-3, 3))
+            axes.locator_params(axis="x", nbins=4)
+        panels[0].set_ylabel(f"missing force at {top.place} [{force}]")
+    return figure
+
+
+def residual_figure(residuals: Residuals) -> Figure:
+    """Return the rms of the innovations over time, and their spectrum, before and after.
+
+    Both in units of the noise model: where nothing is missing they lie at one.
+    """
+    with rc_context(STYLE):
+        figure = Figure(figsize=(7.2, 3.0), layout="constrained")
+        over_time, spectrum = figure.subplots(1, 2)
+        for values, colour, label in (
+            (residuals.before, BEFORE, "linear refit"),
+            (residuals.after, AFTER, "with what was found"),
+        ):
+            _over_time(over_time, values, residuals.period, colour, label)
+            _spectrum(spectrum, values, residuals.period, colour)
+        over_time.set_xlabel("time [s]")
+        over_time.set_ylabel("residual, rms over its noise")
+        over_time.set_ylim(bottom=0.0)
+        over_time.legend(frameon=False, fontsize=8, loc="best")
+        spectrum.set_xlabel("frequency [Hz]")
+        spectrum.set_ylabel("power over white noise")
+    return figure
+
+
+def _over_time(axes: Axes, values: Floats, period: float, colour: str, label: str) -> None:
+    pieces = np.array_split((values**2).mean(axis=1), min(SLICES, values.shape[0]))
+    edges = np.cumsum([0, *(p.size for p in pieces)]) * period
+    axes.stairs([float(np.sqrt(p.mean())) for p in pieces], edges, color=colour, label=label)
+
+
+def _spectrum(axes: Axes, values: Floats, period: float, colour: str) -> None:
+    size = min(1024, values.shape[0])
+    frequency, power = welch(values, 1.0 / period, nperseg=size, axis=0)
+    axes.loglog(frequency[1:], power[1:].mean(axis=1) / (2.0 * period), color=colour, linewidth=1.1)
