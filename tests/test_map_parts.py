@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from engine_examples import phantom
+
 from stability import fate_map
 from stability.bisection import Trial
 from stability.fate_map import FateMap, make_map, save_map

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from engine_examples import coulomb, one_mass
 from scipy.optimize import brentq
 
 from controllers.wall import wall
-from engine_examples import coulomb, one_mass
 from sim.device import Device
 from sim.run import Start, simulate
 from stability.bisection import Trial
