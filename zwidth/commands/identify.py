@@ -1,0 +1,162 @@
+"""`zwidth identify`: the parameters of eq. (1) from a recording, as a device file."""
+
+import math
+from pathlib import Path
+
+import click
+import numpy as np
+
+from identification.coordinates import MAX_MODES
+from identification.fit import Fit, fit_response
+from identification.search import REJECTED
+from logs.recording import read_recording
+from sim.device import Device, warnings_of
+from sim.device_file import device_to_text
+from sim.interface import Interface
+from sim.modal import to_chain
+from sim.sampled import sampled_frequency_response
+from zwidth.console import Column, Console
+from zwidth.covariance import save_covariance
+from zwidth.files import write_text
+from zwidth.options import Quantity, json_option, out_option
+
+
+@click.command("identify")
+@click.argument("recording", type=click.Path(path_type=Path))
+@click.option("--modes", type=click.IntRange(1, MAX_MODES),
+              help="Number of vibration modes; else as many as the data show.")  # fmt: skip
+@click.option("--delay-ms", metavar="MS|fit", default="0", show_default=True,
+              help="Known delay from command to force, or fit to find it too.")  # fmt: skip
+@click.option("--command", "channel", default="command", show_default=True,
+              help="Channel that drives the device.")  # fmt: skip
+@click.option("--position", default="position_m1", show_default=True,
+              help="Channel that it moves.")  # fmt: skip
+@click.option("--from-hz", type=Quantity("Hz", above=True), default=0.7, show_default=True,
+              help="Lowest frequency used.")  # fmt: skip
+@click.option("--to-hz", type=Quantity("Hz", above=True), default=300.0, show_default=True,
+              help="Highest frequency used.")  # fmt: skip
+@click.option("--name", help="Name of the device; the recording's name where not given.")
+@out_option("runs/identify")
+@json_option
+def command(
+    recording: Path,
+    modes: int | None,
+    delay_ms: str,
+    channel: str,
+    position: str,
+    from_hz: float,
+    to_hz: float,
+    name: str | None,
+    out: Path,
+    json_file: str | None,
+) -> None:
+    """Fit a device to a recording of its command and position.
+
+    RECORDING is a log of zwidth, or a TOML that describes another file. Writes a device file, the
+    covariance of its parameters, and a Bode diagram.
+    """
+    console = Console(json_file)
+    if not recording.exists():
+        raise ValueError(f"there is no recording {str(recording)!r}; check the path")
+    trace = read_recording(recording)
+    fit = fit_response(
+        trace, modes, output=position, command=channel, delay=_delay(delay_ms), from_hz=from_hz,
+        to_hz=to_hz,
+    )  # fmt: skip
+    unit = trace.units[position]
+    if unit not in ("rad", "m"):
+        raise ValueError(f"channel {position!r} is in {unit!r}; a position in rad or m is needed")
+    device = Device(
+        name or recording.stem,
+        f"identified from {recording.name}",
+        unit == "rad",
+        to_chain(fit.model),
+        Interface(period=fit.response.windows.period, delay=max(0.0, fit.delay)),
+        modal=fit.model,
+    )
+    _tell(console, device, fit)
+    device_file = write_text(out / f"{recording.stem}.toml", device_to_text(device))
+    spread = save_covariance(out / f"{recording.stem}.covariance.json", fit.names, fit.covariance)
+    console.result(_result(device, fit, device_file, spread))
+    for path in (device_file, spread, *_drawn(fit, out / f"{recording.stem}_bode")):
+        console.say(f"wrote {path}")
+
+
+def _delay(text: str) -> float | None:
+    if text == "fit":
+        return None
+    try:
+        delay = 1e-3 * float(text)
+    except ValueError:
+        delay = math.nan
+    if not 0.0 <= delay < math.inf:
+        raise ValueError(f"--delay-ms is {text!r}; give 0 or more [ms], or fit")
+    return delay
+
+
+def _units(rotary: bool) -> dict[str, str]:
+    body = ("kg m2", "N m s/rad") if rotary else ("kg", "N s/m")
+    return {"m": body[0], "b": body[1], "delay": "s"}
+
+
+def _tell(console: Console, device: Device, fit: Fit) -> None:
+    units = _units(device.rotary)
+    rows = [
+        [key, units.get(key, "rad/s"), f"{value:.6g}", f"{low:.6g}", f"{high:.6g}"]
+        for key, (value, low, high) in fit.intervals().items()
+    ]
+    columns = [Column("parameter", False), Column("unit", False), Column("value")]
+    columns += [Column("from"), Column("to (95 %)")]
+    console.table(f"{device.name}: {len(fit.model.modes)} mode(s)", columns, rows)
+    console.say(
+        f"noise {fit.noise_rms:.3g} {'rad' if device.rotary else 'm'} rms; error of the fit over"
+        f" noise, squared: {fit.misfit:.3g} (1 where the model explains all but noise)"
+    )
+    for warning in warnings_of(device):
+        console.warn(warning)
+    if fit.misfit > REJECTED:
+        error = np.abs(fit.response.value - fit.fitted) ** 2 / fit.variance
+        worst = float(fit.response.frequency_hz[int(np.argmax(error))])
+        console.warn(
+            f"noise does not explain what the model leaves, most of all near {worst:.3g} Hz: the"
+            " intervals hold for noise only; allow more modes, narrow the band, or look for"
+            " friction with a second amplitude"
+        )
+
+
+def _result(device: Device, fit: Fit, device_file: Path, spread: Path) -> dict[str, object]:
+    units = _units(device.rotary)
+    return {
+        "device": device.name,
+        "modes": len(fit.model.modes),
+        "parameters": {
+            key: {"value": value, "unit": units.get(key, "rad/s"), "ci95": [low, high]}
+            for key, (value, low, high) in fit.intervals().items()
+        },
+        "misfit": fit.misfit,
+        "noise_rms": fit.noise_rms,
+        "device_file": str(device_file),
+        "covariance_file": str(spread),
+    }
+
+
+def _drawn(fit: Fit, path: Path) -> list[Path]:
+    from zwidth.figures.identified import identified_figure
+    from zwidth.figures.style import save_figure
+
+    period = fit.response.windows.period
+    frequency = np.geomspace(fit.response.frequency_hz[0], 0.499 / period, 800)
+    turn = np.exp(-2j * np.pi * frequency * fit.delay)
+    model = sampled_frequency_response(fit.model, period, frequency) * turn
+    return list(
+        save_figure(
+            identified_figure(
+                fit.response.frequency_hz,
+                fit.response.value,
+                fit.response.coherence,
+                np.sqrt(fit.variance),
+                (frequency, model),
+            ),
+            path,
+        )
+    )
