@@ -15,9 +15,10 @@ within +-a.
 The propagator holds the whole link, k q + c q'; this effect gives back what the gap takes,
 k q + c q' - T: the constant k a in contact (exact), all of the link's force inside the gap (second
 order; stable for h < 2 sqrt(m / k) and h < 2 m / c, m the reduced mass of the two neighbours). At
-an impact the damper's force jumps by c q', and a jump inside a substep is worth half a substep of that
-force at most: with c > 0 first order, and small as c h / m; with c = 0 second order. Other effects
-in the same link act beside it, between its two masses.
+an impact the damper's force jumps by c q', and a jump inside a substep is worth half a substep of
+that force at most: with c > 0 first order, and small as c h / m; with c = 0 second order. In the
+ledger, what the link's damper books inside the gap this effect books back: read the two together.
+Other effects in the same link act beside it, between its two masses.
 """
 
 import math
