@@ -67,7 +67,7 @@ def section() -> Section:
             Table(
                 "Passive walls end at |B| = b of the device, whatever the delay. A finger damps the"
                 " slow oscillation and lifts most of part I, at B = 0 up to tenfold; near B_t at 4"
-                " and 8 ms a soft one can lower it. Beyond B_t it changes hardly anything.",
+                " and 8 ms a stiff one lowers it. Beyond B_t it changes hardly anything.",
                 ["delay", "passive K at B = 0", "passive B up to", "free K at B = 0",
                  "with a finger", "best with a finger", "95 % band, widest in part I"],
                 rows, COMMAND,

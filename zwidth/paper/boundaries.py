@@ -42,8 +42,8 @@ def section() -> Section:
             Picture(
                 "fig_6", curves_figure([*ours, *theirs], legend=legend),
                 "Fig. 6. Critical stiffness and ultimate frequency at 2, 4 and 8 ms. Each region"
-                " ends at the last B with any stable K; the gain margin of their program goes on"
-                " printing numbers there, which are no boundary.", FIG_6,
+                " ends at the last B with any stable K; beyond it the gain margin of their program"
+                " still prints numbers (not drawn), which are no boundary.", FIG_6,
             ),
             Table(
                 "Tops of the three regions. The corner B_t is where the slow branch and a modal"

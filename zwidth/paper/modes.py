@@ -25,8 +25,9 @@ def section() -> Section:
             "The paper sees f jump and leaves open why. Followed continuously from K = B = 0, each"
             " eigenvalue keeps the name of the mode it starts from. The boundary is the least K at"
             " which any of them leaves the stable half: for small B it is the rigid body against"
-            " the spring, beyond B_t a vibration mode that the damper itself drives. f jumps"
-            " because two different oscillations, each continuous in B, change places.",
+            " the spring, beyond B_t a faster oscillation that the damper itself drives: mode 2"
+            " at 2 and 8 ms, at 4 ms one that no mode owns. f jumps because two different"
+            " oscillations, each continuous in B, change places.",
             Picture(
                 "modes_critical", critical_figure(_pieces()),
                 "The boundary by what goes unstable on it: rigid body (thin), a mode, or an"

@@ -19,7 +19,7 @@ SHOWN_S = 0.4
 FRICTION = (0.0, 0.002, 0.005, 0.01)
 ENCODER = (0.0, 1e-4, 3e-4, 1e-3)
 LIMIT = (0.06, 0.08, 0.12)
-COMMAND = "zwidth relay phantom_1_0"
+COMMAND = "zwidth relay phantom_1_0 --starts 20"
 OWN = "zwidth paper --section relay"
 
 
