@@ -1,0 +1,263 @@
+"""Make `docs/what_the_linear_boundary_does_not_say.md` and its pictures.
+
+    python docs/make_linear_boundary_page.py
+
+Thirty-six maps of the PHANToM over B and K: four encoder steps, three limits, three levels of
+friction; and two over start amplitude and K. They are kept under `runs/` as they are made, so an
+interrupted run goes on where it stopped; on two idle cores all of them take about a minute.
+"""
+
+import itertools
+import math
+import sys
+import textwrap
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from sim.device_file import load_device
+from sim.jit import cache_folder
+from stability.bisection import Trial
+from stability.fate_map import FateMap, make_map
+from stability.fates import Fate
+from stability.map_summary import summary
+from stability.plane import Axis, Plane, with_friction
+from stability.plane_theory import describing_lines
+from zwidth.figures.map import draw_fates, legend
+from zwidth.files import write_text, write_with
+
+DOCS = Path(__file__).parent
+MAPS = DOCS.parent / "runs" / "linear_boundary" / cache_folder().name  # by version of the kernels
+PAGE = "what_the_linear_boundary_does_not_say"
+PICTURES = "linear_boundary"
+STEPS = (0.0, 1e-5, 1e-4, 1e-3)  # rad
+LIMITS = (math.inf, 0.5, 0.1)  # N m
+LEVELS = (0.0, 0.002, 0.010)  # N m
+COARSE, REFINEMENTS = 25, 2
+Key = tuple[float, float, float]
+
+
+def plane(key: Key) -> Plane:
+    """Return the K-B plane of the PHANToM with (encoder step, limit, friction)."""
+    step, limit, level = key
+    device = load_device("phantom_1_0").with_interface(encoder_step=step, command_limit=limit)
+    trial = Trial(1e-3, 4.0, 16.0, substeps=10 if level > 0.0 else 1)
+    return Plane(with_friction(device, level), Axis("B", 0.0, 0.12), Axis("K", 0.5, 50.0), 1.0,
+                 0.0, trial)  # fmt: skip
+
+
+def maps() -> dict[Key, FateMap]:
+    """Return all maps, from their folders where they are finished."""
+    found: dict[Key, FateMap] = {}
+    for key in itertools.product(STEPS, LIMITS, LEVELS):
+        name = "step_{:g}_limit_{:g}_friction_{:g}".format(*key)
+        found[key] = make_map(plane(key), COARSE, REFINEMENTS, MAPS / name)
+        print(name, found[key].runs, "runs", file=sys.stderr)
+    return found
+
+
+def named(key: Key) -> str:
+    """Return what is special about a panel."""
+    step, limit, level = key
+    words = [
+        f"step {step:g} rad" if step else "",
+        f"limit {limit:g} N m" if limit < math.inf else "",
+        f"friction {1e3 * level:g} mN m" if level else "",
+    ]
+    return ", ".join(w for w in words if w) or "nothing but the linear loop"
+
+
+def picture(found: dict[Key, FateMap], keys: list[Key], columns: int, name: str) -> str:
+    """Draw some maps side by side; returns the picture's file name."""
+    rows = -(-len(keys) // columns)
+    figure = Figure(figsize=(3.1 * columns, 2.75 * rows + 0.5), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+    for place, key in zip(axes.ravel(), keys, strict=True):
+        draw_fates(place, found[key])
+        place.set_title(named(key), fontsize=8)
+        place.label_outer()
+        place.tick_params(labelsize=7)
+        place.xaxis.label.set_fontsize(7)
+        place.yaxis.label.set_fontsize(7)
+    figure.legend(
+        handles=legend([found[k] for k in keys]), loc="outside lower center", ncols=3, fontsize=7
+    )
+    return saved(figure, name)
+
+
+def saved(figure: Figure, name: str) -> str:
+    """Write a picture; returns its place seen from the page."""
+    file = f"{PICTURES}/{name}.png"
+    write_with(DOCS / file, partial(figure.savefig, format="png", dpi=100))
+    return file
+
+
+def basin(levels: tuple[float, ...]) -> str:
+    """Draw K over the amplitude of the start for some levels of friction, theory beside it."""
+    figure = Figure(figsize=(4.6 * len(levels), 3.6), layout="constrained")
+    for place, level in zip(figure.subplots(1, len(levels)), levels, strict=True):
+        one = plane((0.0, math.inf, level))
+        wide = replace(one, x=Axis("amplitude", 1e-4, 1e-1, "log"), damping=0.03)
+        result = make_map(wide, COARSE, REFINEMENTS, MAPS / f"amplitude_friction_{level:g}")
+        lines = describing_lines(wide)
+        draw_fates(place, result, lines)
+        place.set_title(f"friction {1e3 * level:g} mN m, B = 0.03 N m s/rad", fontsize=8)
+    handles = legend([result], lines)
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=7)
+    return saved(figure, "basin")
+
+
+def percent(share: float) -> str:
+    """Return a share as a percentage for the text."""
+    value = 100.0 * share
+    if 0.0 < value < 0.1:
+        return "< 0.1 %"
+    return f"{value:.0f} %" if value >= 10.0 or value == 0.0 else f"{value:.1f} %"
+
+
+def table(facts: dict[Key, dict[str, Any]]) -> str:
+    """Return the table of all maps."""
+    lines = [
+        "| encoder step [rad] | limit [N m] | friction [mN m] | stable, yet does not rest |"
+        " stable, yet felt | unstable, yet rests | unstable, held at the limit or lost |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for (step, limit, level), f in facts.items():
+        shares = ("stable_but_not_resting", "stable_but_perceptible", "unstable_but_resting")
+        cells = [percent(f[s]) for s in shares]
+        limit_text = "none" if limit == math.inf else f"{limit:g}"
+        lines.append(
+            f"| {step:g} | {limit_text} | {1e3 * level:g} | "
+            + " | ".join([*cells, percent(f["unstable_and_growing"])])
+            + " |"
+        )
+    return "\n".join(lines)
+
+
+def facts_of(found: FateMap) -> dict[str, Any]:
+    """Return the numbers of a map that the page uses."""
+    grows = found.fates.fate == Fate.GROWS
+    unstable = found.linear >= 0.0
+    return summary(found) | {"unstable_and_growing": float(grows[unstable].mean())}
+
+
+def text(found: dict[Key, FateMap]) -> str:
+    """Return the page, with the numbers of these maps."""
+    facts = {key: facts_of(one) for key, one in found.items()}
+    inf = math.inf
+    fine, middle, rough = (facts[step, inf, 0.0] for step in STEPS[1:])
+    slight, firm = (facts[0.0, inf, level] for level in LEVELS[1:])
+    held = facts[0.0, 0.1, 0.0]["describing_function"]
+    both, loose = facts[1e-3, inf, 0.002], facts[1e-3, inf, 0.0]
+    pictures = {
+        step: picture(found, list(itertools.product((step,), LIMITS, LEVELS)), 3, f"step_{step:g}")
+        for step in STEPS
+    }
+    single = [
+        picture(found, [(step, inf, 0.0) for step in STEPS], 2, "steps"),
+        picture(found, [(0.0, limit, 0.0) for limit in LIMITS], 3, "limits"),
+        picture(found, [(0.0, inf, level) for level in LEVELS], 3, "friction"),
+        basin(LEVELS[1:]),
+    ]
+    runs = sum(f["runs"] for f in facts.values())
+    lattice = sum(f["lattice"] for f in facts.values())
+    return f"""# What the linear boundary does not say
+
+Linear theory knows two answers: a wall is stable or it is not. A device with an encoder, an
+amplifier and bearings has three: the run comes to rest, oscillates on at an amplitude that the
+encoder sets, or grows until the amplifier's limit, or nothing, holds it. The maps below show which,
+for the PHANToM of the paper with 2 ms of delay, released at rest 1 mrad inside a two-sided wall. An
+oscillation counts as felt from a command of 0.01 N m on. Black is the linear boundary.
+
+Every picture and number here is made by `python docs/make_linear_boundary_page.py`: {runs} runs of
+4 to 16 s for lattices of {lattice} points in all. `zwidth map` draws such a map of any device.
+
+## One thing at a time
+
+![Maps for four encoder steps]({single[0]})
+
+**Encoder steps.** With any step almost no stable wall comes to rest: of the linearly stable part
+{percent(fine["stable_but_not_resting"])} oscillates on at a step of 1e-5 rad,
+{percent(middle["stable_but_not_resting"])} at 1e-4 and
+{percent(rough["stable_but_not_resting"])} at 1e-3, by a median amplitude of
+{fine["fates"]["imperceptible_cycle"]["encoder_steps"][0]:.1f} steps at 1e-5; the step decides
+whether that is felt: {percent(fine["stable_but_perceptible"])},
+{percent(middle["stable_but_perceptible"])} and {percent(rough["stable_but_perceptible"])}.
+
+![Maps for three limits]({single[1]})
+
+**Limits.** An amplifier's limit moves no boundary, but growth ends at it in a steady oscillation
+whose frequency a describing function predicts within {percent(held["frequency_error"])} and whose
+amplitude within {percent(held["amplitude_error"])} (median of {held["points"]} points at 0.1 N m).
+
+![Maps for three levels of friction]({single[2]})
+
+**Friction.** Dry friction makes {percent(slight["unstable_but_resting"])} (2 mN m) and
+{percent(firm["unstable_but_resting"])} (10 mN m) of the unstable part come to rest from 1 mrad: a
+wall that was "stable" in a gentle test may be far beyond the linear boundary.
+
+![K over start amplitude with friction]({single[3]})
+
+**The price of that.** What friction holds it holds only for small starts: the larger the
+oscillation, the less a constant force damps it, and from a large start the boundary is the linear
+one again; the describing function (dashed) says where. Near the top it is a little cautious: the
+start is no part of the cycle yet, and what goes into the modes is gone before it counts.
+
+## All together
+
+Each row has one limit (none, 0.5 and 0.1 N m), each column one friction (0, 2 and 10 mN m).
+
+![Maps without encoder steps]({pictures[0.0]})
+
+**No steps.** Friction and limit do not meddle with each other from a start of 1 mrad: the rows are
+the same, because a run that friction catches never reaches the limit.
+
+![Maps with steps of 1e-5 rad]({pictures[1e-5]})
+
+**Steps of 1e-5 rad.** 2 mN m of friction put every oscillation of the encoder to rest: a step is
+worth K times 1e-5 rad, at most 0.5 mN m here, and friction beyond half of that holds the mass.
+
+![Maps with steps of 1e-4 rad]({pictures[1e-4]})
+
+**Steps of 1e-4 rad.** A step is now worth up to 5 mN m, and still 2 mN m of friction are enough in
+the stable part; on the right-hand side, where B times a step a tick is what the command is made of,
+the edge begins to fray.
+
+![Maps with steps of 1e-3 rad]({pictures[1e-3]})
+
+**Steps of 1e-3 rad.** Steps and friction now fight: with 2 mN m
+{percent(both["stable_but_perceptible"])} of the stable part oscillates perceptibly instead of
+{percent(loose["stable_but_perceptible"])}; and with a limit of 0.1 N m, one step within a tick
+commands the whole limit from B = 0.1 N m s/rad on, so the picture no longer depends on B there.
+
+## Numbers
+
+Shares of the linearly stable part that do not come to rest, and that do not and are felt; shares of
+the linearly unstable part that rest all the same, and that grow. Whatever is left of the unstable
+part oscillates on below the limit.
+
+{table(facts)}
+
+## How the answers are found
+
+A run is judged over 4 s and, where that is not enough, up to 16 s. It rests where its amplitude
+stays below 1e-3 of the start and 0.02 of a step. It oscillates on where its amplitude neither falls
+nor rises; under encoder steps that may be irregular. It grows where its energy does, or where its
+command swings from limit to limit. Of 200 random points each for three steps, judged again over
+128 s, every one had the same answer. Cells whose corners agree are filled in; near ragged edges
+about one point in a hundred differs from a full lattice.
+"""
+
+
+def main() -> None:
+    """Write the pictures and the page."""
+    paragraphs = text(maps()).split("\n\n")
+    page = "\n\n".join(p if p[0] in "#|!" else textwrap.fill(p, 100) for p in paragraphs)
+    print(f"wrote {write_text(DOCS / f'{PAGE}.md', page.rstrip() + chr(10))}")
+
+
+if __name__ == "__main__":
+    main()
