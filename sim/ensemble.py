@@ -202,8 +202,16 @@ def _measured(eq: Equations, record: Floats, weights: Floats, past: Floats) -> F
 
 
 def threads() -> int:
-    """Return the number of threads for batches: ZWIDTH_THREADS, else all cores."""
-    return int(os.environ.get("ZWIDTH_THREADS", "0")) or os.cpu_count() or 1
+    """Return the number of threads for batches: ZWIDTH_THREADS, else all cores.
+
+    Raises ValueError where ZWIDTH_THREADS is no whole number from 1 on.
+    """
+    wanted = os.environ.get("ZWIDTH_THREADS")
+    if not wanted:
+        return os.cpu_count() or 1
+    if not wanted.isdecimal() or int(wanted) < 1:
+        raise ValueError(f"ZWIDTH_THREADS is {wanted!r}; a whole number from 1 on is needed")
+    return int(wanted)
 
 
 def fits_lanes(eq: Equations) -> bool:
@@ -225,18 +233,18 @@ def start_runs(
     """
     count = ensemble.stiffness.size
     memories = [start_memory(eq, wall_controller, start, 0) for start in starts]
-    each = memories * count if len(memories) == 1 else memories
     if fits_lanes(eq):
-        return _in_lanes(eq, ensemble, each)
+        return _in_lanes(eq, ensemble, memories)
+    each = memories * count if len(memories) == 1 else memories
     past = np.array([[m.x[eq.dof]] * 3 for m in each])
     parameters = ensemble.parameters()
     return ScalarRuns(eq, wall_controller.step, parameters, tuple(each), past, bound)
 
 
 def _in_lanes(eq: Equations, ensemble: Walls, memories: Sequence[Memory]) -> LaneRuns:
-    n = eq.states
+    n, count = eq.states, ensemble.stiffness.size
     width = lane_memory(eq, 1)
-    bank = np.zeros((width.bank.size, len(memories)))
+    bank = np.zeros((width.bank.size, count))
     bank[:n] = np.array([m.x[:n] for m in memories]).T
     bank[signal_row(n, READING)] = [m.scalars[0] for m in memories]
     bank[signal_row(n, ESTIMATE)] = [m.scalars[1] for m in memories]
@@ -244,7 +252,7 @@ def _in_lanes(eq: Equations, ensemble: Walls, memories: Sequence[Memory]) -> Lan
     rows = (STIFFNESS, DAMPING, POSITION, SIDED)
     for row, values in zip(rows, ensemble.parameters().T, strict=True):
         bank[signal_row(n, row)] = values
-    return LaneRuns(eq, bank, np.zeros((width.line.size, len(memories))), 0)
+    return LaneRuns(eq, bank, np.zeros((width.line.size, count)), 0)
 
 
 def advance_runs(runs: Runs, weights: Floats, windows: int, workers: int) -> tuple[Floats, Runs]:

@@ -33,7 +33,7 @@ from sim.growth import (
 )
 from sim.lanes import LANES, MEASURES
 from sim.run import Start
-from stability.frequency import blank_record, ultimate_frequency, velocity_record
+from stability.frequency import ultimate_frequencies, velocity_records
 
 Floats = NDArray[np.float64]
 GROUP = 2 * LANES  # dampings that are hunted down together
@@ -196,13 +196,12 @@ class _Hunt:
     def frequencies(self, trial: Trial) -> Floats:
         """Ultimate frequency [Hz] of the run at each unstable end."""
         found = np.full(self.dampings.size, np.nan)
-        record = blank_record(self.eq, trial.seconds)
-        for i in np.flatnonzero(~np.isnan(self.unstable)):
-            law = wall(self.unstable[i], self.dampings[i])
-            velocity = velocity_record(
-                self.eq, law, Start(trial.start), 1e6 * abs(trial.start), record
-            )
-            found[i] = ultimate_frequency(velocity, self.eq.period)
+        known = np.flatnonzero(~np.isnan(self.unstable))
+        some = walls(self.unstable[known], self.dampings[known])
+        velocities = velocity_records(
+            self.eq, some, Start(trial.start), trial.seconds, 1e6 * abs(trial.start)
+        )
+        found[known] = ultimate_frequencies(velocities, self.eq.period)
         return found
 
     def trials(self) -> Floats:

@@ -13,14 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len, rfft
 
-from sim.controller import Controller
+from controllers.wall import wall
+from sim.ensemble import Walls
 from sim.equations import Equations
-from sim.kernel import advance, scratch
+from sim.kernel import Memory, advance, scratch
 from sim.run import Start, start_memory
 
 Floats = NDArray[np.float64]
 FLOOR = 1e-3  # amplitude of a peak over the largest one's
 PADDING = 4
+FEWEST_TICKS = 8  # of a quarter of a run
 ALIKE = 0.95  # growth of a peak over that of the one that has grown most
 
 
@@ -35,46 +37,54 @@ def blackman_harris(size: int) -> Floats:
     return np.sum([a * np.cos(k * phase) for k, a in enumerate(terms)], axis=0)
 
 
-def blank_record(eq: Equations, seconds: float) -> Floats:
-    """Return the room for the record of a run of that length, to be used again and again."""
-    return np.zeros((round(seconds / eq.period), eq.states + 6))
-
-
-def velocity_record(
-    eq: Equations, controller: Controller, start: Start, bound: float, record: Floats
+def velocity_records(
+    eq: Equations, ensemble: Walls, start: Start, seconds: float, bound: float
 ) -> Floats:
-    """Return the velocity of m1 at every tick of a run, up to where it left the bound.
+    """Return the velocity of m1 at every tick, (runs, ticks), NaN from where it left the bound."""
+    law = wall(1.0, 0.0)
+    memory, space = start_memory(eq, law, start, 0), scratch(eq)
+    record = np.zeros((round(seconds / eq.period), eq.states + 6))
+    free, fine = np.zeros((0, eq.dof)), np.zeros((0, eq.states))
+    velocities = np.full((ensemble.stiffness.size, record.shape[0]), np.nan)
+    for velocity, parameters in zip(velocities, ensemble.parameters(), strict=True):
+        own = Memory(*(part.copy() for part in memory))
+        done, _ = advance(
+            eq, law.step, parameters, own, space, velocity.size, free, bound, record, fine, False
+        )
+        velocity[:done] = record[:done, eq.dof]
+    return velocities
 
-    record: from `blank_record`; the result is a view of it.
+
+def ultimate_frequencies(velocities: Floats, period: float) -> Floats:
+    """Return the frequency [Hz] of the oscillation that has grown most in each run, (runs,).
+
+    velocities (runs, ticks) at the sampling period [s], NaN after the end of a run that is shorter.
+    NaN where nothing oscillates.
     """
-    done, _ = advance(
-        eq, controller.step, controller.parameters, start_memory(eq, controller, start, 0),
-        scratch(eq), record.shape[0], np.zeros((0, eq.dof)), bound, record,
-        np.zeros((0, eq.states)), False,
-    )  # fmt: skip
-    return record[:done, eq.dof]
+    lengths = np.count_nonzero(~np.isnan(velocities), axis=1)
+    found = np.full(lengths.size, np.nan)
+    for length in np.unique(lengths):
+        if length >= 4 * FEWEST_TICKS:
+            some = lengths == length
+            found[some] = _frequencies(velocities[some, :length]) / period
+    return found
 
 
-def ultimate_frequency(velocity: Floats, period: float) -> float:
-    """Return the frequency [Hz] of the oscillation that has grown most, NaN where there is none.
-
-    velocity (ticks,) at the sampling period [s].
-    """
-    quarter = velocity.size // 4
-    if quarter < 8 or not np.any(velocity):
-        return float("nan")
-    window = blackman_harris(quarter)
+def _frequencies(velocities: Floats) -> Floats:
+    """Cycles a tick of runs (runs, ticks) of one length."""
+    quarter = velocities.shape[1] // 4
     size = next_fast_len(PADDING * quarter, real=True)
-    parts = np.stack([velocity[quarter : 2 * quarter], velocity[-quarter:]])
-    early, late = np.abs(rfft((parts - parts.mean(axis=1)[:, None]) * window, size))
-    inner = np.arange(1, late.size - 1)
-    peaks = inner[(late[inner] > late[inner - 1]) & (late[inner] >= late[inner + 1])]
-    peaks = peaks[late[peaks] > FLOOR * late.max()]
-    if peaks.size == 0:
-        return float("nan")
-    growth = late[peaks] / np.maximum(early[peaks], 1e-300)
-    alike = peaks[growth >= ALIKE * growth.max()]
-    best = alike[np.argmax(late[alike])]
-    left, middle, right = np.log(late[best - 1 : best + 2])
-    offset = 0.5 * (left - right) / (left - 2.0 * middle + right)
-    return float((best + offset) / (size * period))
+    parts = np.stack([velocities[:, quarter : 2 * quarter], velocities[:, -quarter:]])
+    centred = parts - parts.mean(axis=2, keepdims=True)
+    early, late = np.abs(rfft(centred * blackman_harris(quarter), size))
+    inner = late[:, 1:-1]
+    peak = (inner > late[:, :-2]) & (inner >= late[:, 2:])
+    peak &= inner > FLOOR * late.max(axis=1, keepdims=True)
+    growth = np.where(peak, inner / np.maximum(early[:, 1:-1], 1e-300), 0.0)
+    alike = peak & (growth >= ALIKE * growth.max(axis=1, keepdims=True))
+    best = 1 + np.argmax(np.where(alike, inner, 0.0), axis=1)
+    runs = np.arange(best.size)
+    with np.errstate(all="ignore"):  # without a peak there is no logarithm, and no frequency
+        left, middle, right = (np.log(late[runs, best + i]) for i in (-1, 0, 1))
+        offset = 0.5 * (left - right) / (left - 2.0 * middle + right)
+    return np.where(peak.any(axis=1), (best + offset) / size, np.nan)

@@ -26,8 +26,7 @@ def pushed(device: Device, stiffness: float, velocity: float, duration: float) -
 def test_a_force_within_the_level_moves_nothing_at_all(device: Device, share: float) -> None:
     """|F| <= f_s on m1: not one bit changes in 1 s; for a single mass the bound itself included.
 
-    Mutations: `<=` of `locked_set` made `<`; the reaction taken as mass times acceleration, whose
-    rounding lets a force at the bound slip.
+    Mutation: the level of `coulomb_bounds` lowered by 1e-6 of itself.
     """
     level = 0.02
     bound = share * level

@@ -15,7 +15,7 @@ from sim.growth import (
     window_weights,
 )
 from sim.lanes import MEASURES
-from stability.frequency import ultimate_frequency
+from stability.frequency import ultimate_frequencies
 
 T, WINDOW = 1e-3, 500
 TIME = np.arange(8 * WINDOW) * T
@@ -134,7 +134,7 @@ def test_the_frequency_of_the_peak_that_has_grown_most() -> None:
     Mutation: the largest peak taken.
     """
     velocity = wave(1.0, 28.1, -0.4) + wave(0.02, 171.3, 0.1)
-    assert ultimate_frequency(velocity, T) == pytest.approx(171.3, abs=0.01)
+    assert ultimate_frequencies(velocity[None], T)[0] == pytest.approx(171.3, abs=0.01)
 
 
 def test_the_frequency_of_a_cycle_is_that_of_its_fundamental() -> None:
@@ -142,9 +142,16 @@ def test_the_frequency_of_a_cycle_is_that_of_its_fundamental() -> None:
     rng = np.random.default_rng(1)
     velocity = wave(1.0, 12.2, 0.0) + wave(0.2, 36.6, 1e-4) + wave(0.05, 61.0, 5e-4)
     velocity += 1e-6 * rng.normal(size=velocity.size)
-    assert ultimate_frequency(velocity, T) == pytest.approx(12.2, abs=0.01)
+    assert ultimate_frequencies(velocity[None], T)[0] == pytest.approx(12.2, abs=0.01)
 
 
-def test_no_oscillation_has_no_frequency() -> None:
-    assert np.isnan(ultimate_frequency(np.zeros(4000), T))
-    assert np.isnan(ultimate_frequency(np.ones(10), T))
+def test_runs_of_any_length_keep_their_own_frequency() -> None:
+    """Together as alone, also where one has ended early; none where nothing oscillates."""
+    rows = np.stack([wave(1.0, f, r) for f, r in ((12.2, 0.1), (171.3, -0.2), (55.5, 0.0), (9, 0))])
+    rows[2, 3100:] = np.nan
+    rows[3] = 0.0
+    found = ultimate_frequencies(rows, T)
+    assert found[:3] == pytest.approx([12.2, 171.3, 55.5], abs=0.01)
+    assert np.isnan(found[3])
+    assert found[2] == ultimate_frequencies(rows[2:3, :3100], T)[0]
+    assert np.isnan(ultimate_frequencies(np.ones((1, 10)), T)[0])

@@ -201,6 +201,15 @@ def test_results_do_not_depend_on_the_number_of_threads(monkeypatch: pytest.Monk
     )
 
 
+@pytest.mark.parametrize("wanted", ["0", "-1", "two", "1.5"])
+def test_a_number_of_threads_that_is_none_is_refused(
+    wanted: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ZWIDTH_THREADS", wanted)
+    with pytest.raises(ValueError, match="a whole number from 1 on is needed"):
+        threads()
+
+
 def test_an_error_in_a_task_is_raised() -> None:
     def broken() -> int:
         raise RuntimeError("broken")
