@@ -15,6 +15,7 @@ SECTIONS = {
     "beside": "What users ask next: passive walls, a hand, uncertain parameters",
     "relay": "Fig. 8 and the relay: what the method measures, and how far off",
     "fig_10": "Table II and Fig. 10: theory against the real device",
+    "inversion": "Table II read as measurements of the plant",
     "paddle": "A measured boundary on another device: a haptic paddle",
 }
 
