@@ -201,14 +201,15 @@ def _verdict(
         )
     if findings:
         names = " and ".join(f"{f.effect} at {f.at}" for f in findings)
+        many = len(findings) > 1
         confused = [f for f in findings if f.confusable_with]
         if confused:
             others = ", ".join(f"{r.effect} at {r.at}" for r in confused[0].confusable_with)
             return Verdict.CONFUSABLE, (
-                f"{names} explains what is missing, and this recording cannot tell it apart from"
+                f"{names} explain{'' if many else 's'} what is missing, and this recording cannot tell it apart from"
                 f" {others}"
             )
-        return Verdict.IDENTIFIED, f"{names} is missing from the simulation"
+        return Verdict.IDENTIFIED, f"{names} {'are' if many else 'is'} missing from the simulation"
     moved = [
         name
         for name, (nominal, e) in refit.items()

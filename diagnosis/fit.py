@@ -104,4 +104,6 @@ class Problem:
             ftol=1e-7, xtol=1e-6, gtol=1e-10, max_nfev=rounds,
         )  # fmt: skip
         samples = found.fun.size - sum(p.prior for p in parameters)
-        return Fitted(model, found.x, float(found.fun @ found.fun), found.fun, found.jac, samples)
+        return Fitted(
+            model, found.x, float(found.fun @ found.fun), found.fun, np.asarray(found.jac), samples
+        )

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.experiment import Experiment
+from diagnosis.horizon import window
 from diagnosis.parameters import Model
 from diagnosis.predictor import SETTLING, free_run_errors, innovations
 from diagnosis.result import HeldOut
@@ -13,8 +14,6 @@ from diagnosis.search import Searched
 from sim.device import Device
 
 Floats = NDArray[np.float64]
-FREE_RUN_S = 0.5
-SHORTEST_WINDOW = 50  # ticks
 
 
 def held_out(
@@ -40,7 +39,7 @@ def held_out(
         built = model.build(x)
         scaled = [model.seen(e, x) for e in judge_by]
         one.append(_rms([innovations(built, e, gain)[SETTLING:, 0] for e in scaled]) / swing)
-        runs = [free_run_errors(built, e, gain, _window(e)) for e in scaled]
+        runs = [free_run_errors(built, e, gain, window(e)) for e in scaled]
         windows = _rms([signal[:, 0] for _, signal in runs])
         free.append(_rms([error[:, 0] for error, _ in runs]) / windows)
     noise = float(found.problem.observer.deviation[0])
@@ -48,10 +47,6 @@ def held_out(
         HeldOut(one[0], one[1], one[2], noise / swing),
         HeldOut(free[0], free[1], free[2], noise / windows),
     )
-
-
-def _window(e: Experiment) -> int:
-    return max(SHORTEST_WINDOW, round(FREE_RUN_S / e.period))
 
 
 def _rms(parts: Sequence[Floats]) -> float:

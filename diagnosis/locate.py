@@ -27,6 +27,7 @@ from sim.ensemble import in_parallel, threads
 Floats = NDArray[np.float64]
 Share = dict[str, Any]  # {"from", "to" or "name", "share"}
 BINS = 8
+TELLING = 0.25  # share of the excess that is worth a sentence
 SLICES = 20
 BANDS = (0.5, 2.0, 5.0, 10.0, 20.0, 40.0, 80.0, 160.0, 320.0)
 NEAR_REVERSAL_S = 0.012
@@ -194,7 +195,8 @@ def _sentence(state: Sequence[Share], entry: Sequence[Share], maps: Sequence[For
     top = max(maps, key=lambda m: m.gained)
     if top.gained < 4.0 * BINS:
         return "no force of any shape at any place would explain more than noise does"
-    where = max(state, key=lambda s: float(s["share"]) / max(float(s["time_share"]), 1e-3))
+    large = [s for s in state if float(s["share"]) >= TELLING] or list(state)
+    where = max(large, key=lambda s: float(s["share"]) / max(float(s["time_share"]), 1e-3))
     share, time = float(where["share"]), float(where["time_share"])
     first = (
         f"{100.0 * share:.0f} % of the residual's excess lies {_place(str(where['name']))}"

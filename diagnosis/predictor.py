@@ -163,7 +163,7 @@ def observer_for(device: Device, experiment: Experiment, ratio: float) -> Floats
     noise = np.diag(_noise_scale(experiment) ** 2)
     solution = solve_discrete_are(a.T, c.T, process, noise)
     innovation = c @ solution @ c.T + noise
-    return np.linalg.solve(innovation, c @ solution).T
+    return np.asarray(np.linalg.solve(innovation, c @ solution).T, dtype=np.float64)
 
 
 def _noise_scale(experiment: Experiment) -> Floats:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from diagnosis.candidates import CONTAINED, MAGNITUDE, candidates
 from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted, Problem
+from diagnosis.horizon import longer_view
 from diagnosis.parameters import Model, effect_labels
 from diagnosis.predictor import Observer, choose_observer
 from diagnosis.screen import screen
@@ -120,6 +121,9 @@ def search(
         current = kept
         if again and step.taken.label not in effect_labels(kept.model.effects):
             break
+    if current.model.effects:
+        problem, current = longer_view(experiments, problem, current)
+        current = prune(problem, current)
     baseline = problem.fit(Model(device), linear.x)
     return Searched(problem, baseline, current, tuple(steps), interrupted)
 

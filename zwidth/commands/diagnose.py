@@ -74,7 +74,7 @@ def command(
 
 def _read(console: Console, path: Path, device: Device) -> Experiment:
     trace = read_recording(path)
-    for warning in trace.facts.get("warnings", ()):
+    for warning in cast("list[str]", trace.facts.get("warnings", [])):
         console.warn(f"{path.name}: {warning}")
     return experiment(trace, device.interface.period, device.chain.masses.size, path.stem)
 

@@ -1,0 +1,65 @@
+"""Fit what was found once more with a slower observer, where that predicts further ahead.
+
+The likeliest observer explains the next sample. Where what is missing is no white force but a slow
+error of the model, it follows the measurement so closely that slow physics (a stiffness, a bias)
+hardly matters to it, and its parameters come out biased. Free runs on the data fitted to decide.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from diagnosis.experiment import Experiment
+from diagnosis.fit import Fitted, Problem
+from diagnosis.predictor import Observer, deviation, free_run_errors, observer_for
+
+SLOWER = (1e3, 1e1, 1e-1, 1e-3)
+BETTER = 0.8  # of the free run's error
+FREE_RUN_S = 0.5
+SHORTEST_WINDOW = 50  # ticks
+
+
+def window(experiment: Experiment) -> int:
+    """Return the ticks of a free run."""
+    return max(SHORTEST_WINDOW, round(FREE_RUN_S / experiment.period))
+
+
+def longer_view(
+    experiments: Sequence[Experiment], problem: Problem, fitted: Fitted
+) -> tuple[Problem, Fitted]:
+    """Return the fit whose free runs err least; the given one unless another is clearly better."""
+    best, error = (problem, fitted), BETTER * free_run_error(experiments, problem, fitted)
+    for ratio in SLOWER:
+        if ratio >= problem.observer.ratio:
+            continue
+        tried = _at_ratio(experiments, best[1], ratio)
+        found = free_run_error(experiments, *tried)
+        if found < error:
+            best, error = tried, found
+    return best
+
+
+def free_run_error(experiments: Sequence[Experiment], problem: Problem, fitted: Fitted) -> float:
+    """Return the rms error of free runs, first output; infinite without any."""
+    device = fitted.model.build(fitted.x)
+    seen = [fitted.model.seen(e, fitted.x) for e in experiments]
+    runs = [free_run_errors(device, e, problem.observer.gain, window(e))[0][:, 0] for e in seen]
+    joined = np.concatenate(runs)
+    size = float(np.sqrt(np.mean(joined**2))) if joined.size else np.inf
+    return size if np.isfinite(size) else np.inf
+
+
+def _at_ratio(
+    experiments: Sequence[Experiment], fitted: Fitted, ratio: float
+) -> tuple[Problem, Fitted]:
+    model, x = fitted.model, fitted.x
+    problem = None
+    for _ in range(2):  # the second time with the deviations of the first
+        device = model.build(x)
+        seen = [model.seen(e, x) for e in experiments]
+        gain = observer_for(device, seen[0], ratio)
+        problem = Problem(experiments, Observer(gain, deviation(device, seen, gain), ratio))
+        fitted = problem.fit(model, x)
+        x = fitted.x
+    assert problem is not None
+    return problem, fitted
