@@ -245,7 +245,7 @@ def test_directional_friction_contains_coulomb_and_a_constant_force() -> None:
 
 
 def test_friction_of_any_viscosity_stops_and_never_throws_back() -> None:
-    """b h / m = 100. Mutation: the viscous part as a smooth force: it explodes."""
+    """b h / m = 100. Mutation: `slide` takes the bound whatever it does to the velocity."""
     values = {"level_plus": 0.0, "level_minus": 0.0, "viscous_plus": 100.0, "viscous_minus": 100.0}
     device = one_mass().with_physics(make_physics("directional_friction", "m1", **values))
     run = simulate(device, none(), duration=0.02, start=Start(0.0, 1.0))
