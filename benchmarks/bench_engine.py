@@ -47,8 +47,8 @@ def report(
     if benchmark.stats is None:
         return
     scale = {"ns": 1e9, "us": 1e6, "ms": 1e3, "s": 1.0}[unit.split()[0]]
-    cost = benchmark.stats.stats.median * scale / count
-    best = benchmark.stats.stats.min * scale / count
+    stats: Any = benchmark.stats.stats
+    cost, best = stats.median * scale / count, stats.min * scale / count
     benchmark.extra_info |= {"cost": cost, "best": best, "unit": unit}
     print(f"\n{benchmark.name}: median {cost:.3g} {unit}, best {best:.3g}")
 

@@ -65,8 +65,8 @@ class Walls:
 
 
 def walls(
-    stiffness: Floats,
-    damping: Floats,
+    stiffness: Floats | float,
+    damping: Floats | float,
     position: float = 0.0,
     one_sided: bool = False,
 ) -> Walls:

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from scipy.fft import next_fast_len, rfft
 
 from controllers.wall import wall
-from sim.ensemble import Walls
+from sim.ensemble import Walls, memory_copy
 from sim.equations import Equations
-from sim.kernel import Memory, advance, scratch
+from sim.kernel import advance, scratch
 from sim.run import Start, start_memory
 
 Floats = NDArray[np.float64]
@@ -47,10 +47,10 @@ def velocity_records(
     free, fine = np.zeros((0, eq.dof)), np.zeros((0, eq.states))
     velocities = np.full((ensemble.stiffness.size, record.shape[0]), np.nan)
     for velocity, parameters in zip(velocities, ensemble.parameters(), strict=True):
-        own = Memory(*(part.copy() for part in memory))
         done, _ = advance(
-            eq, law.step, parameters, own, space, velocity.size, free, bound, record, fine, False
-        )
+            eq, law.step, parameters, memory_copy(memory), space, velocity.size, free, bound,
+            record, fine, False,
+        )  # fmt: skip
         velocity[:done] = record[:done, eq.dof]
     return velocities
 

@@ -201,16 +201,13 @@ def test_the_cycle_of_an_encoder_step() -> None:
     point = critical_stiffness(phantom(), 0.0)
     assert point.stiffness is not None
     step, stiffness = 2e-4, 2.4
+    needed = point.stiffness / stiffness
 
-    def gain(a: float) -> float:
+    def excess(a: float) -> float:
         roots = math.sqrt(1.0 - 0.25 / a**2) + math.sqrt(1.0 - 2.25 / a**2)
-        return 4.0 / (math.pi * a) * roots
+        return 4.0 / (math.pi * a) * roots - needed
 
-    expected = step * brentq(
-        lambda a: gain(a) * stiffness - point.stiffness,
-        1.7,
-        2.5,  # the outer, stable cycle
-    )
+    expected = step * brentq(excess, 1.75, 2.5)  # of two cycles the outer, stable one
     device = phantom().with_interface(encoder_step=step)
     for start in (2.0 * step, 5.0 * step):
         growth = judge(device, walls(np.array([stiffness]), 0.0), Trial(start=start))

@@ -5,6 +5,8 @@ an integral over the finely recorded states that shares nothing with the ledger 
 Simpson's rule over the power, or force times displacement where the force is held.
 """
 
+from typing import Any
+
 import numpy as np
 import pytest
 from engine_examples import Floats, coulomb, phantom
@@ -265,7 +267,7 @@ def test_the_walls_port_is_the_sampled_one() -> None:
 def test_the_ledger_changes_nothing() -> None:
     """With and without a ledger, the same run to the bit."""
     some = device(0.0023, *EFFECTS, lag=True)
-    arguments = {"duration": 0.1, "start": Start(1e-3), "substeps": 4}
+    arguments: dict[str, Any] = {"duration": 0.1, "start": Start(1e-3), "substeps": 4}
     one = simulate(some, wall(15.0, 0.02), **arguments)
     other = simulate(some, wall(15.0, 0.02), ledger=True, **arguments)
     for name in one.trace.channels:

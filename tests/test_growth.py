@@ -18,7 +18,7 @@ from sim.lanes import MEASURES
 from stability.frequency import ultimate_frequencies
 
 T, WINDOW = 1e-3, 500
-TIME = np.arange(8 * WINDOW) * T
+TIME: Floats = np.arange(8 * WINDOW, dtype=np.float64) * T
 
 
 def wave(amplitude: float, frequency: float, rate: float, time: Floats = TIME) -> Floats:
@@ -65,14 +65,14 @@ def test_a_slow_mode_that_has_just_begun_to_grow_leaves_it_open() -> None:
     """The energy still falls, on a line that bends: undecided, so that the run is prolonged."""
     short = wave(1e-3, 20.0, -2.0) + wave(2e-5, 8.0, 0.4)
     assert verdict_of(short).verdict[0] == UNDECIDED
-    time = np.arange(32 * WINDOW) * T
+    time = np.arange(32 * WINDOW, dtype=np.float64) * T
     longer = wave(1e-3, 20.0, -2.0, time) + wave(2e-5, 8.0, 0.4, time)
     assert verdict_of(longer).verdict[0] == GROWS
 
 
 def test_a_cycle_that_growth_runs_into() -> None:
     """Growth to a constant amplitude: waits while time is left, is a cycle once it has lasted."""
-    time = np.arange(32 * WINDOW) * T
+    time = np.arange(32 * WINDOW, dtype=np.float64) * T
     grown = 1e-3 * np.tanh(np.exp(0.5 * (time - 6.0))) * np.sin(2.0 * np.pi * 9.3 * time)
     early = grown[: 8 * WINDOW]
     assert verdict_of(early, nonlinear=True).verdict[0] == GROWS

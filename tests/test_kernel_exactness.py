@@ -4,6 +4,8 @@ The reference knows nothing of the kernel's two segments: it keeps a list of the
 commands take effect and goes from one to the next by a matrix exponential of its own.
 """
 
+from typing import Any
+
 import numpy as np
 import pytest
 from engine_examples import Floats, one_mass, phantom, scaled_error, states
@@ -218,7 +220,7 @@ def test_blocks_are_the_run() -> None:
     from sim.run import prepare
 
     device = phantom().with_interface(delay=0.0027, encoder_step=1e-6)
-    arguments = {"duration": 0.3, "start": Start(1e-3), "substeps": 3, "fine": True}
+    arguments: dict[str, Any] = {"duration": 0.3, "start": Start(1e-3), "substeps": 3, "fine": True}
     whole = simulate(device, wall(12.0, 0.03), ledger=True, **arguments)
     pieces = list(prepare(device, wall(12.0, 0.03), ledger=True, **arguments).blocks(70))
     assert [len(trace) for trace, _, _ in pieces] == [70, 70, 70, 70, 20]
