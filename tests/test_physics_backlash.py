@@ -1,7 +1,7 @@
 """Backlash: free play, impacts and contact, against closed forms and an integrator with events."""
 
 import math
-from typing import cast
+from typing import Any
 
 import numpy as np
 import pytest
@@ -57,7 +57,7 @@ def events_truth(damper: float, gap: float, x: list[float], t: np.ndarray) -> np
     y, phase, now = np.array([*x, 0.0]), 0, 0.0
     rows = np.zeros((t.size, 4))
     while now < t[-1]:
-        events = [lets_go] if phase else [reaches(1), reaches(-1)]
+        events: Any = [lets_go] if phase else [reaches(1), reaches(-1)]
         part = solve_ivp(
             slope, (now, t[-1] + 1e-9), y, args=(phase,), events=events, dense_output=True,
             method="DOP853", rtol=1e-10, atol=1e-13, max_step=2e-3,
@@ -114,7 +114,7 @@ def test_an_impact_restores_what_spring_and_damper_leave(ratio: float) -> None:
     def speed(t: float) -> float:
         return math.exp(-ratio * OMEGA * t) * math.cos(slow * t) - ratio * OMEGA * x(t)
 
-    end = cast("float", brentq(lambda t: K * x(t) + damper * speed(t), 1e-3 / slow, math.pi / slow))
+    end = float(brentq(lambda t: K * x(t) + damper * speed(t), 1e-3 / slow, math.pi / slow))
     v = 0.3
     start = [0.0, 0.0, v * M2 / (M1 + M2), -v * M1 / (M1 + M2)]
     found = _simulated(damper, start, 8, 200)

@@ -58,6 +58,7 @@ def events_truth(name: str, i: int, p: Values, start: list[float], t: np.ndarray
         )  # fmt: skip
         inside = (t >= now) & (t <= part.t[-1])
         if inside.any():
+            assert part.sol is not None
             rows[inside] = part.sol(t[inside])[3:].T
         y, now = part.y[:, -1].copy(), float(part.t[-1])
         y[3 + i] = 0.0

@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -190,11 +191,12 @@ def test_stribeck_decay_is_that_of_an_integrator_with_events() -> None:
         return x[1] * side
 
     stops.terminal, stops.direction = True, -1  # pyright: ignore[reportFunctionMemberAccess]
+    event: Any = stops
     q, t, turns = start, 0.0, []
     while abs(spring * q) > 3.5e-3:
         side = -np.sign(q)
         part = solve_ivp(
-            slope, (t, 2.0), [q, side * 1e-12], args=(side,), events=stops, rtol=1e-10, atol=1e-13
+            slope, (t, 2.0), [q, side * 1e-12], args=(side,), events=event, rtol=1e-10, atol=1e-13
         )
         q, t = float(part.y[0, -1]), float(part.t[-1])
         turns.append(q)

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable
-from typing import cast
 
 import numpy as np
 import pytest
@@ -77,7 +76,7 @@ def test_bouc_wens_loop_of_shape_2_is_exact() -> None:
     for ratio in (0.5, 1.0, 5.0):
         energy, upper = _loop_area(bouc_wen_along, bouc_wen(2.0), 0.0, ratio * REACH, 4000)
         root = brentq(lambda z, r=ratio: z - math.tanh(2.0 * r - z), 0.0, 1.0, xtol=1e-15)
-        z = cast("float", root)
+        z = float(root)
         assert upper == pytest.approx(z, rel=1e-12)
         loading, _ = quad(math.tanh, 0.0, 2.0 * ratio - z)
         assert energy == pytest.approx(2.0 * LEVEL * REACH * (loading - 0.5 * z * z), rel=1e-5)
