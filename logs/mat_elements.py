@@ -1,11 +1,13 @@
 """A walk through the elements of a MAT file of v5 to v7, before scipy reads it.
 
 scipy looks the type of a data element up in a table of 20 entries without asking whether it is one
-of them (read_numeric and read_char in _mio5_utils.pyx), so that one damaged byte ends the
+of them (read_numeric and read_char in _mio5_utils.pyx), and joins characters along the last
+dimension of an array without any (chars_to_strings in _mio_utils.pyx): one damaged byte ends the
 interpreter. This walk takes scipy's own path from element to element, and stops where it would not
 return. Layout: MAT-File Format, MathWorks, chapter 1, Level 5.
 """
 
+import math
 import struct
 import zlib
 
@@ -101,9 +103,10 @@ class _Walk:
                 self.element()
             self.matrix(depth + 1)
             return
-        count = 1
-        for size in self.numbers():
-            count *= max(size, 0)
+        dimensions = self.numbers()
+        if len(dimensions) < 2 or min(dimensions) < 0:
+            raise BrokenElements(f"an array of dimensions {dimensions}")
+        count = math.prod(dimensions)
         self.element()  # name
         if kind == OBJECT:
             self.element()  # class

@@ -102,8 +102,8 @@ def with_good_table(path: Path) -> None:
     read_recording(path)
 
 
-def kinds(folder: Path) -> list[Kind]:
-    """Return everything that is damaged."""
+def kinds(folder: Path, named: str) -> list[Kind]:
+    """Return everything that is damaged and has `named` in its name."""
     tick = example(40)
     write_log(
         folder / "run.mcap", tick, events=EVENTS, metadata=METADATA, attachments=ATTACHMENTS,
@@ -134,7 +134,7 @@ def kinds(folder: Path) -> list[Kind]:
         with target.open("wb") as stream:
             writer(stream, full_log(40) if suffix == ".npz" else bare_log(tick))
         found.append(Kind(f"our {suffix}", target.read_bytes(), f"a{suffix}", read_own, tick))
-    return found
+    return [kind for kind in found if named in kind.name]
 
 
 def damaged(rng: Generator, good: bytes, other: bytes) -> bytes:
@@ -235,11 +235,11 @@ def worker(seed: int, first: int, last: int, found: list[Kind], progress: Progre
         progress.at.value = last
 
 
-def run(seed: int, inputs: int) -> tuple[list[Kind], list[int], list[tuple[int, str]]]:
+def run(seed: int, inputs: int, named: str) -> tuple[list[Kind], list[int], list[tuple[int, str]]]:
     """Read all inputs in child processes, and outlive those that do not."""
     context = multiprocessing.get_context("fork")
     with tempfile.TemporaryDirectory() as name:
-        found = kinds(Path(name))
+        found = kinds(Path(name), named)
     tally = context.Array("q", len(VERDICTS) * len(found))
     progress = Progress(context.Value("q", 0), tally, context.Queue())
     findings: list[tuple[int, str]] = []
@@ -285,11 +285,12 @@ def main() -> int:
     parser.add_argument("--inputs", type=int, default=100_000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", type=int, metavar="I", help="run input I alone, in this process")
+    parser.add_argument("--kind", default="", help="damage only files with this in their name")
     options = parser.parse_args()
     if options.only is not None:
-        return _only(options.seed, options.only)
+        return _only(options.seed, options.only, options.kind)
     started = time.monotonic()
-    found, tally, findings = run(options.seed, options.inputs)
+    found, tally, findings = run(options.seed, options.inputs, options.kind)
     print(f"{'what':28} {'inputs':>8} {'read':>8} {'refused':>8} {'findings':>8}")
     for k, kind in enumerate(found):
         row = tally[len(VERDICTS) * k : len(VERDICTS) * (k + 1)]
@@ -301,10 +302,10 @@ def main() -> int:
     return 1 if findings else 0
 
 
-def _only(seed: int, i: int) -> int:
+def _only(seed: int, i: int, named: str) -> int:
     warnings.simplefilter("error")
     with tempfile.TemporaryDirectory() as name:
-        kind, data = one(kinds(Path(name)), seed, i)
+        kind, data = one(kinds(Path(name), named), seed, i)
         path = Path(name) / kind.file
         path.write_bytes(data)
         verdict, said = answer(kind, path)

@@ -250,6 +250,10 @@ def test_a_wrong_type_in_a_mat_file_is_an_error_and_not_the_end_of_the_interpret
     for kind in (0, 8, 14, 19, 20, 200):
         with pytest.raises(RecordingError, match=f"data of type {kind}"):
             read_mat(HERE, data[:at] + bytes([kind]) + data[at + 1 :])
+    at = data.index(b"text") - 4 - 24  # the tag of the dimensions of s.note
+    assert data[at : at + 8] == b"\x05\0\0\0\x08\0\0\0"
+    with pytest.raises(RecordingError, match="dimensions"):
+        read_mat(HERE, data[:at] + b"\x05\0\x02\0" + data[at + 4 : at + 8] + data[at + 16 :])
 
 
 def test_every_mat_file_that_scipy_reads_is_read() -> None:
