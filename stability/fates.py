@@ -102,8 +102,8 @@ def classify(
     """Turn verdicts into fates.
 
     A cycle at the amplifier's limit is growth that the limit holds; the command of a one-sided wall
-    reaches the limit on one side only. What is as small as rest but rises is growth, too: a fast
-    mode that has just begun.
+    reaches the limit on one side only. Such a cycle may seem to fall a little while it settles.
+    What is as small as rest but rises is growth, too: a fast mode that has just begun.
     """
     interface = device.interface
     reach = (0.5 if one_sided else 1.0) * interface.command_limit
@@ -126,5 +126,5 @@ def classify(
     fate[decays & ~restless] = Fate.RESTS
     fate[cycling & small] = Fate.IMPERCEPTIBLE_CYCLE
     fate[cycling & ~small] = Fate.CYCLE
-    fate[(grows & ~drifting) | (held & ~decays)] = Fate.GROWS
+    fate[(grows & ~drifting) | (held & ~(decays & falling))] = Fate.GROWS
     return Fates(fate, growth.rate, growth.amplitude, growth.force, growth.frequency)

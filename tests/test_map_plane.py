@@ -60,7 +60,7 @@ def test_a_limit_holds_growth_and_only_growth() -> None:
 def test_a_fast_mode_that_begins_below_rest_is_growth() -> None:
     """Right of the corner, limit 0.5 N m: the slow mode is gone before the fast one is seen.
 
-    Mutation: `waking` left out of `classify`: three of the points rest.
+    Mutations: `waking` left out of `classify`, or `held & ~decays`: some of the points rest.
     """
     device = phantom().with_interface(command_limit=0.5)
     some = Plane(device, B, K)
@@ -105,6 +105,8 @@ def growth(verdict: int, rate: float, amplitude: float, force: float) -> Growth:
         ((LIMIT_CYCLE, 0.0, 1e-4, 0.005), STEP, Fate.IMPERCEPTIBLE_CYCLE),
         ((LIMIT_CYCLE, 0.0, 1e-4, 0.01), STEP, Fate.CYCLE),
         ((LIMIT_CYCLE, 0.0, 1e-2, 0.5), STEP, Fate.GROWS),  # at the limit
+        ((DECAYS, -0.003, 1e-2, 0.5), 0.0, Fate.GROWS),  # at the limit, and settling
+        ((DECAYS, -0.3, 1e-2, 0.5), 0.0, Fate.RESTS),  # at the limit, and coming down
         ((UNDECIDED, 0.1, 1e-4, 0.02), STEP, Fate.CYCLE),  # irregular
         ((UNDECIDED, 0.0, 1e-3, 0.02), 0.0, Fate.UNDECIDED),  # on the linear boundary
         ((GROWS, 0.01, 1e-4, 0.02), STEP, Fate.CYCLE),  # below the start and a few steps
