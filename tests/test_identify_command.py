@@ -1,0 +1,78 @@
+"""`zwidth identify` and `zwidth relay` from the command line to files that other commands read."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from controllers.excitation import noise
+from identification.output import position
+from sim.device_file import load_device
+from zwidth import cli
+from zwidth.covariance import load_covariance
+from zwidth.errors import Status
+
+DESCRIPTION = """file = "rec.csv"
+period_s = 0.001
+[input]
+signal = "u"
+unit = "N m"
+[[output]]
+signal = "q"
+quantity = "position"
+at = "m1"
+unit = "rad"
+"""
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    modal = load_device("phantom_1_0").modal
+    assert modal is not None
+    u = noise(duration=12.0)
+    q = position(modal, 0.0, u, 0.001) + 1e-5 * np.random.default_rng(0).standard_normal(u.size)
+    table = np.column_stack([u, q])
+    np.savetxt(tmp_path / "rec.csv", table, delimiter=",", header="u,q", comments="")
+    (tmp_path / "rec.toml").write_text(DESCRIPTION)
+    return tmp_path / "rec.toml"
+
+
+def test_a_recording_becomes_a_device_with_its_covariance(recording: Path) -> None:
+    """Mutation: the covariance written in another order than its names."""
+    out, result = recording.parent / "out", recording.parent / "r.json"
+    asked = ["identify", str(recording), "--modes", "2", "--out", str(out), "--json", str(result)]
+    assert cli.run(asked) == Status.DONE
+    device, truth = load_device(out / "rec.toml"), load_device("phantom_1_0").modal
+    assert device.modal is not None
+    assert truth is not None
+    assert device.modal.inertia == pytest.approx(truth.inertia, rel=1e-4)
+    assert device.modal.modes[1].omega == pytest.approx(truth.modes[1].omega, rel=5e-3)
+    spread = load_covariance(out / "rec.covariance.json")
+    found = json.loads(result.read_text())["parameters"]
+    assert list(spread.names) == list(found)
+    low, high = found["c_1"]["ci95"]
+    deviation = np.sqrt(spread.values[3, 3])
+    assert np.log(high / low) == pytest.approx(2.0 * 1.959964 * deviation, rel=1e-6)
+    assert (out / "rec_bode.png").stat().st_size > 10_000
+
+
+def test_what_cannot_be_identified_is_refused(
+    recording: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.run(["identify", str(recording.parent / "none.toml")]) == Status.BAD_INPUT
+    assert cli.run(["identify", str(recording), "--delay-ms", "soon"]) == Status.BAD_INPUT
+    assert "give 0 or more [ms], or fit" in capsys.readouterr().err
+
+
+def test_relay_gives_verdicts_as_json(tmp_path: Path) -> None:
+    result = tmp_path / "r.json"
+    asked = ["relay", "phantom_1_0", "--delay-ms", "8", "--damping", "0.08", "0.14"]
+    asked += ["--starts", "4", "--out", str(tmp_path), "--json", str(result)]
+    assert cli.run(asked) == Status.DONE
+    steady, growing = json.loads(result.read_text())["conditions"]
+    assert steady["verdict"] == "oscillates"
+    assert steady["stiffness"] == pytest.approx(7.747, rel=0.01)
+    assert sum(cycle["share"] for cycle in steady["cycles"]) == pytest.approx(1.0)
+    assert growing == growing | {"verdict": "diverges", "stiffness": None, "frequency_hz": None}
+    assert (tmp_path / "relay.png").exists()
