@@ -206,8 +206,8 @@ def _verdict(
         if confused:
             others = ", ".join(f"{r.effect} at {r.at}" for r in confused[0].confusable_with)
             return Verdict.CONFUSABLE, (
-                f"{names} explain{'' if many else 's'} what is missing, and this recording cannot tell it apart from"
-                f" {others}"
+                f"{names} explain{'' if many else 's'} what is missing, and this recording cannot"
+                f" tell {confused[0].effect} at {confused[0].at} from {others}"
             )
         return Verdict.IDENTIFIED, f"{names} {'are' if many else 'is'} missing from the simulation"
     moved = [

@@ -1,0 +1,139 @@
+"""Truths of the predictor: its gain, its innovations, what a refit absorbs."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from diagnosis.candidates import candidates
+from diagnosis.experiment import Experiment, ExperimentError, Output, experiment
+from diagnosis.hold import smooth, was_smooth
+from diagnosis.predictor import SETTLING, choose_observer, innovations, observer_for
+from diagnosis.screen import Complement
+from diagnosis.search import refit
+from diagnosis.uncertainty import inflation
+from sim.chain import make_chain
+from sim.device import Device
+from sim.interface import Interface
+from sim.physics import make_physics
+from sim.trace import Trace
+from tests.diagnosis_examples import OUTPUTS, phantom, record
+
+T = 0.001
+UNITS = {"command": "N", "position_m1": "m", "contact": ""}
+
+
+def free_mass(rotary: bool = True) -> Device:
+    return Device("mass", "", rotary, make_chain([0.5], [0.0]), Interface(period=T))
+
+
+@pytest.mark.parametrize("ratio", [1e-4, 1.0])
+def test_gain_of_a_free_mass_is_the_tracking_index_formula(ratio: float):
+    """Kalata's closed form of the alpha-beta filter: with a force held over a tick of acceleration
+    noise s_a and noise s_y, lambda = s_a T^2 / s_y, beta^2 = lambda^2 (1 - alpha). Ours corrects
+    before it predicts, so x += alpha e, v += (beta / T) e.
+
+    Mutation that breaks it: process noise through b[:, 0] scaled by T (gain a thousandth).
+    """
+    e = Experiment(T, np.zeros(300), np.zeros((300, 1)), OUTPUTS)
+    gain = observer_for(free_mass(), e, ratio)
+    index = np.sqrt(ratio)
+    r = (4.0 + index - np.sqrt(8.0 * index + index**2)) / 4.0
+    alpha = 1.0 - r**2
+    beta = 2.0 * (2.0 - alpha) - 4.0 * np.sqrt(1.0 - alpha)
+    assert gain[0, 0] == pytest.approx(alpha, rel=1e-4)
+    assert gain[1, 0] * T == pytest.approx(beta, rel=1e-4)
+
+
+def test_innovations_of_the_true_device_are_white():
+    """With friction in the device too. Mutation that breaks it: a tick of delay too much."""
+    truth = phantom().with_physics(make_physics("coulomb_friction", "m1", level=2e-3))
+    e = record(truth, 4.0, seed=3)
+    observer = choose_observer(truth, [e])
+    white = (innovations(truth, e, observer.gain)[SETTLING:] / observer.deviation).ravel()
+    n = white.size
+    correlation = [float(white[k:] @ white[:-k]) / n for k in range(1, 20)]
+    assert np.max(np.abs(correlation)) < 4.5 / np.sqrt(n)
+    wrong = innovations(phantom(), e, observer.gain)[SETTLING:].ravel()
+    assert np.std(wrong) > 1.05 * observer.deviation[0]
+
+
+def test_what_the_refit_spans_is_projected_away():
+    """A shift of any linear parameter leaves nothing; Coulomb friction leaves something.
+
+    Mutation that breaks it: the projector keeps the first column only.
+    """
+    e = record(phantom(), 3.0, seed=4)
+    problem, fitted = refit(phantom(), [e])
+    off = Complement(fitted.jacobian)
+    for column in fitted.jacobian.T:
+        assert np.linalg.norm(off(column)) < 1e-6 * np.linalg.norm(column)
+    model = fitted.model.with_effect(make_physics("coulomb_friction", "m1", level=1e-3), {})
+    moved = problem.weighted(model, fitted.x) - fitted.white
+    whole = np.concatenate([moved, np.zeros(fitted.residual.size - moved.size)])
+    left = np.linalg.norm(off(whole)) / np.linalg.norm(whole)
+    assert 0.02 < left < 0.9  # physics.md: a refit absorbs 55 to 98 % of Coulomb friction
+
+
+def test_no_gravity_pendulum_on_a_linear_device():
+    """Mutation that breaks it: candidates that ignore rotary_only."""
+    e = record(phantom(), 1.0)
+    labels = {s.label for s in candidates(free_mass(rotary=False), [e])}
+    assert "gravity_pendulum@m1" not in labels
+    assert "coulomb_friction@m1" in labels
+    assert "gravity_pendulum@m1" in {s.label for s in candidates(free_mass(), [e])}
+
+
+def test_a_white_residual_is_not_inflated_and_a_coloured_one_is():
+    """Mutation that breaks it: the spectrum's mean in place of its maximum."""
+    white = np.random.default_rng(1).standard_normal(20_000)
+    coloured = np.convolve(white, np.ones(4) / 2.0, "same")
+    assert inflation(white) < 1.15
+    assert inflation(coloured) == pytest.approx(4.0, rel=0.25)
+
+
+def test_smooth_command_is_told_from_a_held_one():
+    """A mass under u(t) = sin(w t), sampled; its motion in closed form.
+
+    Mutation that breaks it: exp(-i pi f T), which delays instead.
+    """
+    device = Device("m", "", True, make_chain([1.0], [2.0], 400.0), Interface(period=0.01))
+    t = 0.01 * np.arange(4000)
+    u, y = np.zeros(t.size), np.zeros(t.size)
+    random = np.random.default_rng(5)
+    for hertz in np.arange(0.5, 20.0, 0.5):
+        w, phase = 2.0 * np.pi * hertz, random.uniform(0.0, 6.28)
+        wave: NDArray[np.complex128] = np.exp(1j * (w * t + phase))
+        u += np.real(wave)
+        y += np.real(wave / (400.0 - w**2 + 2j * w))
+    y += 1e-6 * random.standard_normal(t.size)
+    e = Experiment(0.01, u, y[:, None], OUTPUTS)
+    factor = was_smooth(device, e)
+    assert factor is not None
+    assert factor > 2.0
+    assert was_smooth(device, smooth(e)) is None
+
+
+def test_recordings_that_cannot_be_diagnosed_say_why():
+    """Mutation that breaks it: no check of the period."""
+    t = T * np.arange(500)
+    wave = np.sin(40.0 * t)
+    good = {"command": wave, "position_m1": wave**2}
+    gap = np.where(t > 0.3, np.nan, t)
+    cases: dict[str, tuple[Any, dict[str, Any]]] = {
+        "no channel 'command'": (t, {"position_m1": wave}),
+        "constant at 2": (t, good | {"command": 0.0 * t + 2.0}),
+        "not finite": (t, good | {"position_m1": gap}),
+        "at least 200": (t[:3], {k: v[:3] for k, v in good.items()}),
+        "period is 0.002": (2.0 * t, good),
+        "no position or velocity": (t, {"command": wave, "contact": wave}),
+    }
+    for words, (times, channels) in cases.items():
+        with pytest.raises(ExperimentError, match=words):
+            experiment(trace(times, channels), T, 1)
+    assert experiment(trace(t, good), T, 1).outputs == (Output("position", 0),)
+
+
+def trace(t: Any, channels: dict[str, Any]) -> Trace:
+    return Trace(t, channels, {name: UNITS[name] for name in channels}, "recorded")

@@ -1,0 +1,68 @@
+"""Real recordings: the physics that their publishers found, found again."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from diagnosis.diagnose import diagnose
+from diagnosis.experiment import Experiment, experiment
+from diagnosis.gate import examine
+from logs.recording import read_recording
+from sim.chain import make_chain
+from sim.device import Device
+from sim.interface import Interface
+
+TOMLS = Path(__file__).parent / "recordings"
+SHARED = Path(__file__).parents[1].parent / "shared" / "recordings"
+
+
+def recording(name: str, device: Device, to_s: float) -> Experiment:
+    if not (SHARED / name).is_dir():
+        pytest.skip(
+            f"the recording {name} is not ours to distribute, and is not beside the project"
+        )
+    trace = read_recording(TOMLS / f"{name}.toml", SHARED / name)
+    cut = trace.between(float(trace.t[0]), to_s)
+    return experiment(cut, device.interface.period, 1, name)
+
+
+def test_emps_lacks_coulomb_friction_and_an_offset():
+    """Published: 20.3935 N and 3.16 N, beside 95.1 kg and 203.5 N s/m, which the device file knows.
+
+    Mutation that breaks it: directional friction taken before what it contains.
+    """
+    device = Device("EMPS", "", False, make_chain([95.1089], [203.5034]), Interface(period=1e-3))
+    found = diagnose(device, [recording("emps", device, 30.0)])
+    first, second = found.findings[:2]
+    assert (first.effect, first.at) == ("coulomb_friction", "m1")
+    assert first.parameters["level"].value == pytest.approx(20.4, rel=0.03)
+    assert (second.effect, second.at) == ("constant_force", "m1")
+    assert found.free_run.after < 0.3 * found.free_run.refit
+
+
+def test_silverbox_lacks_a_cubic_spring():
+    """Published: k3/k1 = 3.99 1/V^2, and half a millivolt is left of 55.
+
+    Mutations that break it: the command taken as held; no slower observer.
+    """
+    w = 2.0 * np.pi * 68.3
+    chain = make_chain([1.0 / w**2], [2.0 * 0.0486 / w], 1.0)
+    device = Device("Silverbox", "", False, chain, Interface(period=0.0016384))
+    found = diagnose(device, [recording("silverbox", device, 40.0)])
+    first = found.findings[0]
+    assert (first.effect, first.at) == ("cubic_stiffness", "ground")
+    ratio = first.parameters["coefficient"].value / found.device.chain.ground_spring
+    assert ratio == pytest.approx(3.99, rel=0.02)
+    assert found.free_run.after < 0.15 * found.free_run.refit
+
+
+def test_the_sign_of_the_haptic_paddle_is_inverted():
+    """Mutation that breaks it: correlation with the position instead of the velocity."""
+    chain = make_chain([7e-4], [1e-3])
+    device = Device("paddle", "", True, chain, Interface(period=0.005))
+    e = recording("ethz_haptic_paddle", device, 80.0)
+    assert [f.kind for f in examine(device, [e]) if f.wrong] == ["command_sign"]
+    turned = replace(e, command=-e.command)
+    assert not [f for f in examine(device, [turned]) if f.wrong]
