@@ -114,8 +114,8 @@ def percent(share: float) -> str:
     """Return a share as a percentage for the text."""
     value = 100.0 * share
     if 0.0 < value < 0.1:
-        return "< 0.1 %"
-    return f"{value:.0f} %" if value >= 10.0 or value == 0.0 else f"{value:.1f} %"
+        return "< 0.1\u00a0%"
+    return f"{value:.0f}\u00a0%" if value >= 10.0 or value == 0.0 else f"{value:.1f}\u00a0%"
 
 
 def table(facts: dict[Key, dict[str, Any]]) -> str:
@@ -247,7 +247,7 @@ A run is judged over 4 s and, where that is not enough, up to 16 s. It rests whe
 stays below 1e-3 of the start and 0.02 of a step. It oscillates on where its amplitude neither falls
 nor rises; under encoder steps that may be irregular. It grows where its energy does, or where its
 command swings from limit to limit. Of 200 random points each for three steps, judged again over
-128 s, every one had the same answer. Cells whose corners agree are filled in; near ragged edges
+128\u00a0s, every one had the same answer. Cells whose corners agree are filled in; near ragged edges
 about one point in a hundred differs from a full lattice.
 """
 

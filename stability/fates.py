@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from sim.device import Device
 from sim.ensemble import in_parallel, threads, walls
-from sim.growth import DECAYS, GROWS, LIMIT_CYCLE, SIGNIFICANCE, UNDECIDED, Growth
+from sim.growth import DECAYS, GROWS, LIMIT_CYCLE, UNDECIDED, Growth
 from stability.bisection import Trial, judge, threshold
 from stability.plane import OF_THE_DEVICE, Floats, Plane
 
@@ -103,7 +103,6 @@ def classify(
 
     A cycle at the amplifier's limit is growth that the limit holds; the command of a one-sided wall
     reaches the limit on one side only. Such a cycle may seem to fall a little while it settles.
-    What is as small as rest but rises is growth, too: a fast mode that has just begun.
     """
     interface = device.interface
     reach = (0.5 if one_sided else 1.0) * interface.command_limit
@@ -111,14 +110,12 @@ def classify(
     with np.errstate(invalid="ignore"):
         resting = growth.amplitude <= threshold(device, trial)
         held = growth.force >= AT_THE_LIMIT * reach
-        waking = growth.rate > SIGNIFICANCE * growth.error
         small = growth.force < perceptible
         falling = growth.rate * trial.limit_s < -1.0
         low = growth.amplitude < max(abs(trial.start), FEW_STEPS * interface.encoder_step)
-    decays = (growth.verdict == DECAYS) & ~waking
-    undecided = growth.verdict == UNDECIDED
+    decays, undecided = growth.verdict == DECAYS, growth.verdict == UNDECIDED
     restless = stepped & decays & ~resting
-    grows = (growth.verdict == GROWS) | ((growth.verdict == DECAYS) & waking)
+    grows = growth.verdict == GROWS
     drifting = stepped & grows & low & np.isfinite(growth.rate)
     cycling = (growth.verdict == LIMIT_CYCLE) | (stepped & undecided) | drifting
     cycling |= restless & ~falling

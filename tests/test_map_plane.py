@@ -57,10 +57,10 @@ def test_a_limit_holds_growth_and_only_growth() -> None:
         assert found.force[1] == pytest.approx(0.05 if one_sided else 0.1, rel=1e-3)
 
 
-def test_a_fast_mode_that_begins_below_rest_is_growth() -> None:
-    """Right of the corner, limit 0.5 N m: the slow mode is gone before the fast one is seen.
+def test_a_cycle_at_the_limit_that_settles_is_growth() -> None:
+    """Right of the corner, limit 0.5 N m: the cycle falls a little for longer than a run lasts.
 
-    Mutations: `waking` left out of `classify`, or `held & ~decays`: some of the points rest.
+    Mutation: `held & ~decays` in `classify`: some of the points rest.
     """
     device = phantom().with_interface(command_limit=0.5)
     some = Plane(device, B, K)
