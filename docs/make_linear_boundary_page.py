@@ -247,8 +247,8 @@ A run is judged over 4 s and, where that is not enough, up to 16 s. It rests whe
 stays below 1e-3 of the start and 0.02 of a step. It oscillates on where its amplitude neither falls
 nor rises; under encoder steps that may be irregular. It grows where its energy does, or where its
 command swings from limit to limit. Of 200 random points each for three steps, judged again over
-128\u00a0s, every one had the same answer. Cells whose corners agree are filled in; near ragged edges
-about one point in a hundred differs from a full lattice.
+128\u00a0s, every one had the same answer. Cells whose corners agree are filled in; near ragged
+edges about one point in a hundred differs from a full lattice.
 """
 
 

@@ -150,8 +150,8 @@ def test_a_quantiser_cycles_wherever_it_is_predicted_to() -> None:
 
 def test_a_line_of_dampings_is_its_points() -> None:
     """The grid that a line shares, within 0.5 % of a point's own. Mutation: MANY = 9."""
-    device, dampings = phantom(), np.array([0.0, 0.03, 0.06])
-    line = quantiser_boundaries(device, np.append(dampings, 0.12))[:3]
+    device, dampings = phantom(), np.array([0.0, 0.03, 0.06, 0.07])
+    line = quantiser_boundaries(device, np.append(dampings, 0.12))[:4]
     single = [float(quantiser_boundaries(device, np.array([b]))[0]) for b in dampings]
     np.testing.assert_allclose(line, single, rtol=5e-3)
 

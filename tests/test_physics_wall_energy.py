@@ -96,7 +96,7 @@ def quantised(share: float) -> Device:
     ("share", "fates"),
     [
         (4.0, {Fate.RESTS}),
-        (1.1, {Fate.IMPERCEPTIBLE_CYCLE, Fate.CYCLE}),
+        (1.3, {Fate.IMPERCEPTIBLE_CYCLE, Fate.CYCLE}),
         (0.02, {Fate.GROWS}),
     ],
 )
@@ -105,7 +105,7 @@ def test_without_friction_a_quantised_wall_rests_cycles_or_diverges(
 ) -> None:
     """Truth 5: rest at b = 4 K tau, divergence at b << K tau, limit cycles between.
 
-    Mutation: cycles of up to a step taken for rest (`REST_OF_STEP = 1`): none between.
+    Mutation: cycles of up to a step taken for rest (both `REST_OF` made 1): none between.
     """
     plane = Plane(
         quantised(share), Axis("K", 1.0, 20.0), Axis("amplitude", 1e-4, 1e-2), trial=Trial()
