@@ -14,6 +14,7 @@ from zwidth.paper.report import DrawnSection, save_pictures, save_report
 from zwidth.paper.sections import SECTIONS, compute
 
 WORKERS = 2
+LONG = ("explained",)  # sections that begin first, so that none is left alone at the end
 
 
 @click.command("paper")
@@ -51,7 +52,8 @@ def _computed(keys: list[str]) -> Any:
         yield compute(keys[0])
         return
     with ProcessPoolExecutor(WORKERS, mp_context=get_context("spawn")) as pool:
-        futures = [pool.submit(compute, key) for key in keys]
+        longest_first = sorted(keys, key=lambda key: key not in LONG)
+        futures = [pool.submit(compute, key) for key in longest_first]
         try:
             for future in as_completed(futures):
                 yield future.result()

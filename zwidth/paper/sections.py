@@ -16,6 +16,7 @@ SECTIONS = {
     "relay": "Fig. 8 and the relay: what the method measures, and how far off",
     "fig_10": "Table II and Fig. 10: theory against the real device",
     "inversion": "Table II read as measurements of the plant",
+    "explained": "Which physics explains Table II",
     "paddle": "A measured boundary on another device: a haptic paddle",
 }
 
