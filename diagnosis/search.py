@@ -21,7 +21,7 @@ from diagnosis.horizon import longer_view
 from diagnosis.parameters import Model, effect_labels
 from diagnosis.predictor import Observer, choose_observer
 from diagnosis.screen import screen
-from diagnosis.uncertainty import Z95, covariance, inflation
+from diagnosis.uncertainty import covariance, inflation
 from sim.device import Device, place_label
 from sim.physics.effect import Physics
 
@@ -30,6 +30,7 @@ THRESHOLD = 30.0
 FIVE_SIGMA = 25.0
 FITTED = 8  # candidates fitted a step
 MOST = 3  # effects
+SURE = 4.0  # standard errors that an effect must be away from nothing
 MOSTLY = 0.8  # of what a richer effect gains: then the simple one comes first
 REFITS = 6
 SETTLED = 1.02  # chi2 per sample at which the observer and the refit agree
@@ -199,12 +200,16 @@ def prune(problem: Problem, fitted: Fitted) -> Fitted:
 
 
 def may_be_zero(fitted: Fitted, index: int) -> bool:
-    """Whether the 95 % intervals of all magnitudes of an effect hold zero."""
+    """Whether all magnitudes of an effect lie within `SURE` of their errors of zero.
+
+    Chi-square alone deceives where the fit before it had stopped short of its minimum, as it does
+    on the creases that friction makes.
+    """
     physics = fitted.model.effects[index]
     names = MAGNITUDE.get(physics.effect.name, ())
     spread = np.sqrt(np.diag(covariance(fitted)))
     found = [
-        abs(physics.values[p.key] + p.scale * float(x)) < Z95 * p.scale * float(s)
+        abs(physics.values[p.key] + p.scale * float(x)) < SURE * p.scale * float(s)
         for p, x, s in zip(fitted.model.parameters, fitted.x, spread, strict=True)
         if p.kind == "effect" and p.index == index and p.key in names
     ]
