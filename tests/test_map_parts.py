@@ -32,7 +32,7 @@ def plane() -> Plane:
 
 @pytest.fixture(autouse=True)
 def small_parts(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fate_map, "CHUNK", 64)
+    monkeypatch.setattr(fate_map, "CHUNK", 32)
 
 
 @pytest.fixture(scope="module")
@@ -146,7 +146,7 @@ def test_a_damaged_description_is_refused(tmp_path: Path) -> None:
 def test_a_full_disk_leaves_whole_parts(tmp_path: Path, whole: FateMap) -> None:
     """A file that may not grow stands for a full disk: one error, no half a part, and it resumes.
 
-    Mutation: the draft given the part's own name.
+    Mutation: what was written of the draft left behind (`unlink` removed).
     """
     import resource
 
