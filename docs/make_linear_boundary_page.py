@@ -206,6 +206,12 @@ oscillation, the less a constant force damps it, and from a large start the boun
 one again; the describing function (dashed) says where. Near the top it is a little cautious: the
 start is no part of the cycle yet, and what goes into the modes is gone before it counts.
 
+**One-sided walls.** A mass that hits a wall from outside is caught by friction below a speed that
+depends on where between two samples it hits: with b = K tau / 2, between 1.00 and 1.01 times the
+describing function's 4 f_c / (pi (K tau - b)) at omega tau = 0.01, 1.02 to 1.04 at 0.03, and 1.06
+to 1.12 at 0.08; without b half as much above it. So the two-sided value is a lower bound, and the
+spread is what a measurement of a real wall will show (`tests/test_physics_wall_energy.py`).
+
 ## All together
 
 Each row has one limit (none, 0.5 and 0.1 N m), each column one friction (0, 2 and 10 mN m).
