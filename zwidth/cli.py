@@ -12,8 +12,8 @@ import click
 
 from zwidth.errors import Status, explain
 
-# Matrices here are small: threads of the linear algebra library only get in the way of ours. It reads
-# this when numpy is first imported, which is later than here.
+# Matrices here are small: threads of the linear algebra library only get in the way of ours. It
+# reads this when numpy is first imported, which is later than here.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # name -> what help says of it. A command is the object `command` in zwidth/commands/NAME.py and is

@@ -40,7 +40,7 @@ SAME_DAMPING = 1e-9
 @click.command("boundary", cls=ManyNumbers)
 @click.argument("name", metavar="DEVICE")
 @click.option("--delay-ms", cls=Quantities, type=Quantity("ms"), metavar="MS ...",
-              help="Loop delays, a boundary each; the device's own where none is given.")  # fmt: skip
+              help="Loop delays, a boundary each; else the device's own.")  # fmt: skip
 @click.option("--damping", cls=Quantities, type=Quantity("N m s/rad | N s/m"), rising=True,
               metavar="B ...", help="Virtual dampings in rising order; else from 0 to 1.2 times the"
               " last one with a stable wall, in 41 steps, and those measured.")  # fmt: skip
