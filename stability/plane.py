@@ -21,6 +21,7 @@ QUANTITIES: tuple[Quantity, ...] = (
 OF_THE_DEVICE: tuple[Quantity, ...] = ("delay", "encoder_step", "command_limit", "friction")
 NEVER_ZERO: tuple[Quantity, ...] = ("K", "command_limit", "amplitude")
 FEWEST_TICKS = 64  # of a run: eight windows of eight ticks
+MOST_TICKS = 50  # of delay: linear theory takes the eigenvalues of as many states at every point
 REST_OF_START, REST_OF_STEP = 1e-3, 0.02
 
 
@@ -88,6 +89,15 @@ class Plane:
             value = getattr(self, name)
             if not 0.0 <= value < math.inf:
                 raise ValueError(f"{name} is {value}; it must be finite and >= 0")
+        axes = (self.x, self.y)
+        longest = max(
+            (a.stop for a in axes if a.quantity == "delay"), default=self.setting("delay")
+        )
+        most = MOST_TICKS * self.device.interface.period
+        if longest > most:
+            raise ValueError(
+                f"the delay reaches {longest:g} s; a map allows {MOST_TICKS} ticks ({most:g} s)"
+            )
         shortest = FEWEST_TICKS * self.device.interface.period
         if self.trial.seconds < shortest:
             raise ValueError(

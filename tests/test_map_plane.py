@@ -203,6 +203,8 @@ def test_axes_that_cannot_be(arguments: tuple[object, ...], says: str) -> None:
         ({"stiffness": math.nan}, "stiffness is nan; it must be finite and >= 0"),
         ({"damping": -1.0}, "damping is -1.0; it must be finite and >= 0"),
         ({"perceptible": math.inf}, "perceptible is inf"),
+        ({"x": Axis("delay", 0.0, 0.06)}, "the delay reaches 0.06 s; a map allows 50 ticks"),
+        ({"device": phantom().with_interface(delay=0.051)}, "a map allows 50 ticks"),
         (
             {"trial": Trial(1e-3, 0.06, 0.06, 0.01)},
             "too short to be judged; give at least 64 ticks",
