@@ -12,6 +12,7 @@ unit circle (`stability/decomposition.py`), which shares nothing with the eigenv
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,7 @@ class Printed:
     frequency_hz: Floats
 
 
+@cache
 def appendix(delay: float, last: float) -> Printed:
     """Run their program at a delay [s], B from 0 in their steps while B <= last."""
     device = load_device("phantom_1_0").with_interface(delay=delay).with_modal(ROUNDED)
