@@ -25,9 +25,7 @@ Floats = NDArray[np.float64]
 Step = Callable[[int, float, float, float, Floats, Floats], float]
 
 _ARRAY = types.Array(types.float64, 1, "C")
-SIGNATURE = types.float64(
-    types.int64, types.float64, types.float64, types.float64, _ARRAY, _ARRAY
-)
+SIGNATURE = types.float64(types.int64, types.float64, types.float64, types.float64, _ARRAY, _ARRAY)
 
 
 def compile_step(step: Step) -> Any:

@@ -71,9 +71,7 @@ class Equations(NamedTuple):
     command_limit: float
 
 
-def equations(
-    device: Device, substeps: int = 1, ledger: bool = False, seed: int = 0
-) -> Equations:
+def equations(device: Device, substeps: int = 1, ledger: bool = False, seed: int = 0) -> Equations:
     """Prepare a device for the kernel with at least `substeps` substeps a tick.
 
     seed: of what happens at random (0 to 2^64 - 1). With only linear physics one substep is exact.
@@ -114,10 +112,7 @@ def equations(
             [np.stack([propagator(locked(plant, s), h) for s in sets]) for h in durations]
         ),
         quadratics=np.stack(
-            [
-                np.stack([ledger_forms(locked(plant, s), h, ledger) for s in sets])
-                for h in durations
-            ]
+            [np.stack([ledger_forms(locked(plant, s), h, ledger) for s in sets]) for h in durations]
         ),
         reaction=_reaction(plant),
         masses=np.diag(plant.matrices.mass).copy(),

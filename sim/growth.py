@@ -134,9 +134,7 @@ def assess(
     return Growth(verdict, rate, error, amplitude[-1], force, frequency)
 
 
-def _cycling(
-    amplitude: Floats, kinetic: Floats, window: float, final: bool
-) -> NDArray[np.bool_]:
+def _cycling(amplitude: Floats, kinetic: Floats, window: float, final: bool) -> NDArray[np.bool_]:
     """Whether the last half of each run (windows / 2, runs) neither grows nor decays.
 
     Cycles under an encoder step may beat for ever: in the end the means of its quarters count.

@@ -42,7 +42,8 @@ SPREAD: dict[str, float] = {
 NOT_NEGATIVE = ("viscous", "delay", "rho")
 JUMPED_HZ = 100.0
 PART_1, PART_2 = 0.03, 0.08
-ROUNDS = 30
+ROUNDS = 30  # of the friction's damper, which depends on the K that it changes
+MOST_STEPS, NEARBY_STEPS = 300, 8  # of a fit from nothing, and from the fit to all rows
 CANDIDATES: dict[str, tuple[str, ...]] = {
     "Table I (the paper's)": (),
     "Coulomb friction": ("rho",),
@@ -110,7 +111,7 @@ def fit(free: Sequence[str], rows: Sequence[MeasuredPoint], start: Floats | None
     first = 1e-3 * spread if start is None else np.maximum(start, lowest + 1e-9)
     return least_squares(
         error, first, bounds=(lowest, np.full(spread.size, np.inf)), x_scale=spread,
-        max_nfev=ROUNDS if start is None else ROUNDS // 4,
+        max_nfev=MOST_STEPS if start is None else NEARBY_STEPS,
     ).x  # fmt: skip
 
 
