@@ -47,7 +47,7 @@ def test_gain_of_a_free_mass_is_the_tracking_index_formula(ratio: float):
 
 
 def test_innovations_of_the_true_device_are_white():
-    """With friction in the device too. Mutation that breaks it: a tick of delay too much."""
+    """With friction in the device too. Mutation that breaks it: friction left out of the device."""
     truth = phantom().with_physics(make_physics("coulomb_friction", "m1", level=2e-3))
     e = record(truth, 4.0, seed=3)
     observer = choose_observer(truth, [e])

@@ -85,6 +85,8 @@ def test_encoder_steps_are_seen():
     wave = np.sin(np.linspace(0.0, 30.0, 5000)) + 0.01 * random.standard_normal(5000)
     assert encoder_step_seen(0.02 * np.round(wave / 0.02)) == pytest.approx(0.02, rel=1e-9)
     assert encoder_step_seen(wave) is None
+    visited = 0.02 * random.choice([0.0, 1.0, 2.0, 5.0, 9.0], 500)  # a fast motion skips steps
+    assert encoder_step_seen(visited) == pytest.approx(0.02, rel=1e-9)
 
 
 def test_an_augmented_device_has_nothing_missing():
