@@ -29,9 +29,11 @@ COMMANDS = {
     "replay": (
         "Simulate a logged run again, from the log alone, and compare every value bit for bit."
     ),
-    "diagnose": "Say why a recording differs from the simulation, and what physics is missing.",
+    "diagnose": (
+        "Say why recordings differ from the simulation of a device, and what physics is missing."
+    ),
     "identify": "Fit a device to a recording of its command and position.",
-    "relay": "Find the critical stiffness by a relay, with every limit cycle it may settle on.",
+    "relay": "Find K_CR and the ultimate frequency by a relay, as the paper did on the real device.",
     "devices": "List the devices that come with zwidth, or describe one.",
 }
 
