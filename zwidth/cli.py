@@ -33,7 +33,9 @@ COMMANDS = {
         "Say why recordings differ from the simulation of a device, and what physics is missing."
     ),
     "identify": "Fit a device to a recording of its command and position.",
-    "relay": "Find K_CR and the ultimate frequency by a relay, as the paper did on the real device.",
+    "relay": (
+        "Find K_CR and the ultimate frequency by a relay, as the paper did on the real device."
+    ),
     "devices": "List the devices that come with zwidth, or describe one.",
 }
 
