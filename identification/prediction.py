@@ -77,12 +77,18 @@ def _slopes(x: Floats, coordinates: Coordinates, whole: int) -> Terms:
 
 def free_motion(x: Floats, coordinates: Coordinates, samples: int, windows: Windows) -> Complexes:
     """Return H1 of the free responses and of a ramp, (bins, columns), columns of norm 1."""
+    signals = free_signals(x, coordinates, samples).T
+    columns = np.column_stack([windows.response(signal) for signal in signals])
+    return columns / np.linalg.norm(columns, axis=0)
+
+
+def free_signals(x: Floats, coordinates: Coordinates, samples: int) -> Floats:
+    """Return a ramp and the free responses of the poles but that at 0, (samples, columns)."""
     model, _ = coordinates.model(x)
     poles, _ = fractions(model)
-    t = windows.period * np.arange(samples, dtype=np.float64)
+    t = coordinates.period * np.arange(samples, dtype=np.float64)
     signals: list[Floats] = [t]
     for pole in poles[1:]:
         decaying: Complexes = np.exp(complex(pole) * t).astype(np.complex128)
         signals += [decaying.real, decaying.imag] if pole.imag else [decaying.real]
-    columns = np.column_stack([windows.response(signal) for signal in signals])
-    return columns / np.linalg.norm(columns, axis=0)
+    return np.column_stack(signals)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from identification.coordinates import Coordinates
 from identification.noise import noise_spectrum
 from identification.output import position
+from identification.prediction import free_signals
 from identification.problem import Data, Problem
 from identification.start import moved, starting_model
 
@@ -118,11 +119,18 @@ class Search:
             found = self._judged(self._minimised(found.x, variance, FINE), variance)
         return found
 
+    def _rest(self, residual: Floats, x: Floats) -> Floats:
+        """Return the residual without free motion and mean."""
+        free = free_signals(x, self.coordinates, residual.size)
+        basis = np.linalg.qr(np.column_stack([np.ones(residual.size), free]))[0]
+        return residual - basis @ (basis.T @ residual)
+
     def _judged(self, x: Floats, variance: Floats) -> Found:
         """Return what a fit leaves, and how much of it is noise."""
         problem = Problem(self.data, self.coordinates, x, variance)
         command, period = self.data.command, self.windows.period
-        residual = self.data.output - position(*self.coordinates.model(x), command, period)
+        fitted = position(*self.coordinates.model(x), command, period)
+        residual = self._rest(self.data.output - fitted, x)
         band = self.windows.frequencies
         spectrum = noise_spectrum(command, residual, period, float(band[0]), float(band[-1]))
         noise = np.interp(band, np.fft.rfftfreq(residual.size, period), spectrum)

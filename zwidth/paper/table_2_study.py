@@ -25,7 +25,7 @@ from scenarios.table_2 import DEVICE, MeasuredPoint, table_2
 from sim.device import Device
 from sim.device_file import load_device
 from sim.modal import ModalModel, Mode
-from stability.decomposition import from_modal, sampled
+from stability.decomposition import from_modal, from_plant, sampled
 from stability.linear import critical_stiffness
 from stability.loop import open_loop
 
@@ -119,20 +119,20 @@ def misfit(free: Sequence[str], x: Floats, rows: Sequence[MeasuredPoint]) -> Flo
     """Return the errors of the rows over their spread, and the growth rates that must not be."""
     values = dict(zip(free, x.tolist(), strict=True))
     plain = changed(values)
-    assert plain.modal is not None
-    fractions, period = from_modal(plain.modal), plain.interface.period
+    period = plain.interface.period
     gain, rho = float(np.exp(values.get("gain", 0.0))), values.get("rho", 0.0)
     found: list[float] = []
     for row in rows:
         z = np.exp(2j * np.pi * row.frequency * period)
         wall = row.stiffness + row.damping * (1.0 - 1.0 / z) / period
-        device = plain.with_interface(delay=row.delay + values.get("delay", 0.0))
-        plant = gain * sampled(fractions, period, *device.interface.delay_ticks, np.array([z]))[0]
-        rubbing = 1j * rho * row.stiffness * z ** (row.delay / period)
-        ratio = np.log(-(wall + rubbing) * plant)
-        spread = PART_1 if row.frequency < JUMPED_HZ else PART_2
         damper = rho * row.stiffness / (2.0 * np.pi * row.frequency)
-        loop = open_loop(_rubbed(device, damper)).closed(gain * row.stiffness, gain * row.damping)
+        device = _rubbed(plain, damper).with_interface(delay=row.delay + values.get("delay", 0.0))
+        known = device.modal
+        fractions = from_plant(device.plant()) if known is None else from_modal(known)
+        plant = gain * sampled(fractions, period, *device.interface.delay_ticks, np.array([z]))[0]
+        ratio = np.log(-wall * plant)
+        spread = PART_1 if row.frequency < JUMPED_HZ else PART_2
+        loop = open_loop(device).closed(gain * row.stiffness, gain * row.damping)
         others = _upper(loop, complex(z))
         growth = np.maximum(np.log(np.maximum(np.abs(others), 1e-300)) / period, 0.0)
         found += [ratio.real / spread, ratio.imag / spread, float(growth.sum())]
