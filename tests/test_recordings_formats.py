@@ -214,6 +214,17 @@ def test_a_damaged_chunk_of_messages_is_left_out_and_named(tmp_path: Path) -> No
         assert np.isin(source[name].values, whole[name].values).all()
 
 
+def test_a_message_definition_that_is_none_is_named_and_nothing_is_printed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Mutation that breaks it: no redirect_stderr around the parser of definitions."""
+    data = examples.ros2_bytes(checked=False).replace(b"uint32 nanosec", b"uint32 nanose@")
+    source = opened(tmp_path, data)
+    assert next(iter(source.signals)) == "/wrench.force.x"
+    assert source.notes[0].startswith("/joint_states has a schema that cannot be read")
+    assert capsys.readouterr().err == ""
+
+
 @pytest.mark.parametrize("share", [0.2, 0.5, 0.9])
 def test_a_cut_mcap_gives_what_is_before_the_cut(tmp_path: Path, share: float) -> None:
     data = examples.json_mcap_bytes(400)
