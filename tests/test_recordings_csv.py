@@ -150,7 +150,7 @@ def test_every_number_comes_back(
     style = '"{}"' if quoted and delimiter != " " else "{}"
 
     def cell(value: float) -> str:
-        sign = "+" if plus and value >= 0 else ""
+        sign = "+" if plus and not repr(value).startswith("-") else ""
         return style.format(sign + repr(value).replace(".", decimal))
 
     lines = [delimiter.join("abc"), *(delimiter.join(map(cell, row)) for row in rows), ""]
