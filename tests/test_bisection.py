@@ -31,8 +31,7 @@ def middle(bracket: Bracket) -> float:
 def test_time_domain_and_linear_theory_agree(delay: float) -> None:
     """Truth 9 at 100 dampings: K within 0.1 %, near the end 0.005 N m/rad, frequency 0.2 Hz.
 
-    Mutations: the fast energy left out of `assess` (2 % beyond B_t); cos^4 weights replaced by a
-    rectangle (brackets off by 0.3 %).
+    Mutation: the fast energy left out of `assess` (beyond B_t).
     """
     device = phantom().with_interface(delay=delay)
     last = last_stable_damping(device)
@@ -231,7 +230,7 @@ def test_nearly_neutral_is_no_cycle() -> None:
 
 
 def test_a_lag_alone_makes_nothing_nonlinear() -> None:
-    """The verdict is the linear one at once. Mutation: `nonlinear` from `bool(device.physics)`."""
+    """The verdict is the linear one at once."""
     lag = make_physics("actuator_lag", "command", time_constant=1e-4)
     growth = judge(
         phantom().with_physics(lag), walls(np.array([2.40, 2.46]), 0.0),

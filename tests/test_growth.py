@@ -82,7 +82,7 @@ def test_a_cycle_that_growth_runs_into() -> None:
 
 
 def test_a_cycle_that_beats_is_one_in_the_end() -> None:
-    """10 % of beat. Mutation: `if final` dropped from `_cycling` (undecided for ever)."""
+    """10 % of beat."""
     beating = wave(1e-3, 9.3, 0.0) * (1.0 + 0.1 * np.sin(2.0 * np.pi * 2.7 * TIME))
     assert verdict_of(beating, nonlinear=True).verdict[0] == LIMIT_CYCLE
     assert verdict_of(beating, nonlinear=True, final=False).verdict[0] == UNDECIDED
