@@ -1,0 +1,222 @@
+"""Tasks on many machines, by Dask (`pip install 'zwidth[cluster]'`).
+
+Dask gives a task whose worker died to another one. Beyond that: a scheduler that was restarted has
+forgotten everything, so what has not come back is sent again; workers that run other code than the
+driver are refused, since their results would not be the same; and so many tasks are on their way
+that no core waits, but no more, however many there are.
+"""
+
+import errno
+import hashlib
+import logging
+import os
+import platform
+import queue
+import time
+from collections.abc import Callable, Generator, Mapping
+from concurrent.futures import CancelledError
+from contextlib import suppress
+from functools import cache, partial
+from importlib.metadata import version
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+from uuid import uuid4
+
+from stability.executor import AHEAD
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+OURS = ("sim", "controllers", "logs", "scenarios", "stability", "identification", "diagnosis")
+THEIRS = ("numpy", "scipy", "numba")
+PROCESS = uuid4().hex  # of this process: whoever has another one is a worker
+LOOK_EVERY = 0.5  # [s] for lost workers and a lost scheduler
+
+
+@cache
+def engine() -> str:
+    """Return the digest of all code that results depend on: ours, its libraries, Python."""
+    digest = hashlib.sha256(platform.python_version().encode())
+    digest.update(" ".join(version(name) for name in THEIRS).encode())
+    root = Path(__file__).parents[1]
+    for package in OURS:
+        for file in sorted((root / package).rglob("*.py")):
+            digest.update(file.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _work(function: Callable[[Task], Result], wanted: str, driver: str, task: Task) -> Result:
+    """Run one task, at the worker."""
+    if driver != PROCESS:
+        os.environ["ZWIDTH_THREADS"] = "1"  # the cores have a task each
+    if engine() != wanted:
+        raise ValueError(
+            f"the worker on {platform.node()} runs other code than this program ({engine()}, not"
+            f" {wanted}); install the same zwidth, numpy, scipy, numba and Python there"
+        )
+    return function(task)
+
+
+class Cluster:
+    """The workers of a Dask scheduler, as a context manager; see `stability.executor.Executor`.
+
+    address: tcp://host:8786, or the JSON file to which the scheduler wrote it. patience [s]: how
+    long a scheduler or the last worker may be away before the run ends with OSError. Entering
+    raises ValueError where the package is missing, no scheduler answers or no worker is there.
+    """
+
+    def __init__(self, address: str, patience: float = 60.0) -> None:
+        self.address = address
+        self.patience = patience
+        self._client: Client | None = None
+
+    def __enter__(self) -> "Cluster":
+        try:
+            import distributed  # noqa: F401  # pyright: ignore[reportUnusedImport]
+        except ModuleNotFoundError:
+            raise ValueError(
+                "a cluster needs the package distributed; pip install 'zwidth[cluster]'"
+            ) from None
+        for name in ("distributed", "tornado"):  # what matters of it is said in a sentence of ours
+            logging.getLogger(name).setLevel(logging.CRITICAL)
+        try:
+            self._client = self._connect(min(10.0, self.patience))
+            self._client.wait_for_workers(1, timeout=min(10.0, self.patience))
+        except (OSError, ValueError, TypeError, TimeoutError) as error:
+            found = self._client is not None
+            self.__exit__()
+            what = "has no workers; start some" if found else "is no scheduler that answers"
+            raise ValueError(
+                f"{self.address} {what}; see docs/scale.md for how to start a cluster"
+            ) from error
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        client, self._client = self._client, None
+        if client is not None:
+            with suppress(Exception):  # the scheduler may be gone; results are here already
+                client.close()
+
+    @property
+    def cores(self) -> int:
+        """How many tasks run side by side: the threads of all workers, now."""
+        return max(1, _cores(self._opened()))
+
+    def run(
+        self, function: Callable[[Task], Result], tasks: Mapping[str, Task]
+    ) -> Generator[tuple[str, Result]]:
+        """Yield (key, function(task)) as they finish; raises OSError (see `Executor.run`)."""
+        left = dict(tasks)
+        work = partial(_work, function, engine(), PROCESS)
+        while left:
+            yield from self._until_lost(work, left)
+            if left:
+                self._reconnect()
+
+    def _until_lost(
+        self, work: Callable[[Any], Any], left: dict[str, Any]
+    ) -> Generator[tuple[str, Any]]:
+        """Take tasks off `left` as they finish, until none is left or the scheduler lost them."""
+        from distributed import KilledWorker
+
+        client, mark = self._opened(), uuid4().hex
+        waiting = iter(list(left.items()))
+        finished: queue.SimpleQueue[Future[Any]] = queue.SimpleQueue()
+        flying: dict[Future[Any], str] = {}
+        watch = _Watch(client, self.address, self.patience)
+        try:
+            while watch.scheduler_knows(flying):
+                for key, task in islice(waiting, max(0, AHEAD * watch.cores - len(flying))):
+                    future = client.submit(work, task, key=f"{key}-{mark}", pure=False)
+                    flying[future] = key
+                    future.add_done_callback(finished.put)
+                if not flying:
+                    return
+                with suppress(queue.Empty):
+                    future = finished.get(timeout=LOOK_EVERY)
+                    try:
+                        result = future.result()
+                    except (CancelledError, OSError):
+                        if future.status == "error":  # the task's own
+                            raise
+                        return
+                    key = flying.pop(future)
+                    del left[key]
+                    yield key, result
+        except KilledWorker as error:
+            raise ChildProcessError(
+                errno.ECHILD,
+                f"{error.allowed_failures + 1} workers died over {error.task}; look at the memory"
+                " they need; what came back is kept",
+            ) from None
+        finally:
+            with suppress(Exception):  # the scheduler may be gone, and with it what is cancelled
+                client.cancel(list(flying), force=True)
+
+    def _opened(self) -> "Client":
+        if self._client is None:
+            raise RuntimeError("a Cluster runs tasks inside its `with` block")
+        return self._client
+
+    def _connect(self, seconds: float) -> "Client":
+        from distributed import Client
+
+        if self.address.endswith(".json"):
+            return Client(scheduler_file=self.address, timeout=seconds, set_as_default=False)
+        return Client(self.address, timeout=seconds, set_as_default=False)
+
+    def _reconnect(self) -> None:
+        """Wait for the scheduler to come back; raises OSError when patience is at its end."""
+        end = time.monotonic() + self.patience
+        self.__exit__()
+        while self._client is None:
+            try:
+                self._client = self._connect(min(5.0, self.patience))
+            except (OSError, ValueError):
+                if time.monotonic() > end:
+                    raise ConnectionResetError(
+                        errno.ECONNRESET,
+                        f"the scheduler {self.address} is gone for {self.patience:g} s; what came"
+                        " back is kept, start it and give the same command again",
+                    ) from None
+                time.sleep(LOOK_EVERY)
+
+
+def _cores(client: "Client") -> int:
+    threads: Any = client.nthreads()  # a coroutine only in an asynchronous client
+    return sum(threads.values())
+
+
+class _Watch:
+    """Looks now and then whether scheduler and workers are there, and counts cores."""
+
+    def __init__(self, client: "Client", address: str, patience: float) -> None:
+        self.client, self.address, self.patience = client, address, patience
+        self.cores = 1
+        self.seen = time.monotonic()
+        self.next = 0.0
+
+    def scheduler_knows(self, flying: "Mapping[Future[Any], str]") -> bool:
+        """Whether what is on its way is still known there; raises OSError if all workers left."""
+        now = time.monotonic()
+        if now < self.next:
+            return True
+        self.next = now + LOOK_EVERY
+        if self.client.status != "running" or any(future.cancelled() for future in flying):
+            return False
+        try:
+            cores = _cores(self.client)
+        except OSError:
+            return False
+        if cores:
+            self.cores, self.seen = cores, now
+        elif now - self.seen > self.patience:
+            raise ConnectionResetError(
+                errno.ECONNRESET,
+                f"all workers of {self.address} are gone for {self.patience:g} s; what came back"
+                " is kept, start some and give the same command again",
+            )
+        return True

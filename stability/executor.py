@@ -1,0 +1,131 @@
+"""Where many independent tasks run: in this process, in several, or on a cluster (`cluster.py`).
+
+A task is a key and a value. The function that works on the value gives the same result wherever and
+however often it runs, so a task whose worker was lost is run again and nothing else is; each key
+comes back once. Whoever keeps what came back under its key goes on from there the next time.
+"""
+
+import errno
+import os
+import signal
+from collections.abc import Callable, Generator, Mapping
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import AbstractContextManager, nullcontext
+from itertools import islice
+from multiprocessing import get_context
+from typing import Protocol, TypeVar
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+AHEAD = 4  # tasks a core that wait for it, so that it never waits for one
+PATIENCE = 3  # losses of workers in a row, with nothing finished between, that are borne
+
+
+class Executor(Protocol):
+    """What runs tasks. Opened by `executor`, closed with its `with` block."""
+
+    @property
+    def cores(self) -> int:
+        """How many tasks run side by side."""
+        ...
+
+    def run(
+        self, function: Callable[[Task], Result], tasks: Mapping[str, Task]
+    ) -> Generator[tuple[str, Result]]:
+        """Yield (key, function(task)) of every task once, in the order in which they finish.
+
+        function, tasks and results can be pickled. What `function` raises is raised here, and no
+        more tasks are begun; so it is where the generator is closed. Raises OSError where all
+        workers are lost for good.
+        """
+        ...
+
+
+class Local:
+    """One task after another in this process; a task takes all threads (`sim.ensemble.threads`)."""
+
+    cores = 1
+
+    def run(
+        self, function: Callable[[Task], Result], tasks: Mapping[str, Task]
+    ) -> Generator[tuple[str, Result]]:
+        """Yield (key, function(task)) in the order of the tasks."""
+        for key, task in tasks.items():
+            yield key, function(task)
+
+
+class Processes:
+    """Tasks in processes of their own on this machine, one thread each: for work in Python.
+
+    A process that dies takes the tasks of its fellows along, at most one for each core; they are
+    run again. Raises ValueError for a count below 1.
+    """
+
+    def __init__(self, count: int) -> None:
+        if count < 1:
+            raise ValueError(f"{count} processes cannot work; give a whole number from 1 on")
+        self.cores = count
+
+    def run(
+        self, function: Callable[[Task], Result], tasks: Mapping[str, Task]
+    ) -> Generator[tuple[str, Result]]:
+        """Yield (key, function(task)) as they finish; raises OSError (see `Executor.run`)."""
+        left, losses = dict(tasks), 0
+        while left:
+            try:
+                for key, result in self._in_one_pool(function, dict(left)):
+                    del left[key]
+                    losses = 0
+                    yield key, result
+            except BrokenProcessPool:
+                losses += 1
+                if losses > PATIENCE:
+                    raise ChildProcessError(
+                        errno.ECHILD,
+                        f"processes died {losses} times over {next(iter(left))!r} and those beside"
+                        " it; look at the memory they need, or take fewer processes",
+                    ) from None
+
+    def _in_one_pool(
+        self, function: Callable[[Task], Result], tasks: Mapping[str, Task]
+    ) -> Generator[tuple[str, Result]]:
+        waiting = iter(tasks.items())
+        spawn = get_context(
+            "spawn"
+        )  # a fork would take along locks that its threads do not release
+        pool = ProcessPoolExecutor(self.cores, spawn, _as_worker)
+        flying: dict[Future[Result], str] = {}
+        try:
+            while True:
+                for key, task in islice(waiting, AHEAD * self.cores - len(flying)):
+                    flying[pool.submit(function, task)] = key
+                if not flying:
+                    return
+                for future in wait(flying, return_when=FIRST_COMPLETED).done:
+                    yield flying.pop(future), future.result()
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _as_worker() -> None:
+    os.environ["ZWIDTH_THREADS"] = "1"
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C reaches all: end at once, say nothing
+
+
+def executor(
+    cluster: str | None = None, processes: int | None = None
+) -> AbstractContextManager[Executor]:
+    """Return what tasks run on, for a `with` statement.
+
+    cluster: address of a Dask scheduler (tcp://host:8786), or the file it wrote its address to.
+    processes: on this machine; None: in this process, on threads. Raises ValueError for both, for a
+    missing package, and where no scheduler answers or no worker is there.
+    """
+    if cluster is not None:
+        if processes is not None:
+            raise ValueError("processes on this machine and a cluster exclude each other; give one")
+        from stability.cluster import Cluster  # only here: the package is an extra
+
+        return Cluster(cluster)
+    return nullcontext(Local() if processes is None else Processes(processes))
