@@ -4,6 +4,7 @@ import hashlib
 import json
 import math
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from pathlib import Path
@@ -15,12 +16,15 @@ from numpy.typing import NDArray
 from sim.device_file import device_to_text
 from sim.jit import cache_folder
 from stability.adaptive import filled, rounds, side
-from stability.fates import Fate, Fates, evaluate
+from stability.executor import Executor, Local
+from stability.fates import Fate, Fates
+from stability.map_parts import run_parts
+from stability.only_driver import only_driver
 from stability.part_store import PartStore, write_whole
 from stability.plane import Floats, Plane
 from stability.plane_theory import linear_radius
 
-CHUNK = 512  # points a part: what is lost at most when a run is stopped
+CHUNK = 512  # points a part: what is lost at most, for each core, when a run is stopped
 
 
 @dataclass(frozen=True)
@@ -70,29 +74,31 @@ def make_map(
     folder: Path | None = None,
     progress: Callable[[float, int], None] | None = None,
     workers: int | None = None,
+    runner: Executor | None = None,
 ) -> FateMap:
     """Run a map, in memory or in a folder where it resumes.
 
-    progress: called with (share done as if all levels were equal work, points run). Raises
-    ValueError where the folder holds another map, OSError where it cannot be written.
+    progress: called with (share done as if all levels were equal work, points run). workers: how
+    many threads a part takes (None: all). runner: where parts are run (None: here, in turn). Raises
+    ValueError where the folder holds another map or another program fills it, OSError where it
+    cannot be written or all workers are lost.
     """
     size = side(coarse, levels)
     x, y = plane.x.values(size), plane.y.values(size)
     fates = Fates.empty(size * size)
-    store = None if folder is None else PartStore(folder, description(plane, coarse, levels))
-    done = 0
-    for level, points in rounds(fates.fate.reshape(size, size), levels):
-        for first in range(0, points.size, CHUNK):
-            some = points[first : first + CHUNK]
-            found = None if store is None else store.read(some)
-            if found is None:
-                found = evaluate(plane, x[some % size], y[some // size], workers)
-                if store is not None:
-                    store.write(some, found)
-            fates.put(some, found)
-            done += some.size
-            if progress is not None:
-                progress((level + (first + some.size) / points.size) / (levels + 1), done)
+    runner = Local() if runner is None else runner
+    numbered = done = 0
+    with nullcontext() if folder is None else only_driver(folder):
+        store = None if folder is None else PartStore(folder, description(plane, coarse, levels))
+        for level, points in rounds(fates.fate.reshape(size, size), levels):
+            starts = range(0, points.size, CHUNK)
+            parts = {numbered + i: points[s : s + CHUNK] for i, s in enumerate(starts)}
+            numbered, before = numbered + len(parts), done
+            for number, found in run_parts(plane, (x, y), parts, store, runner, workers):
+                fates.put(parts[number], found)
+                done += parts[number].size
+                if progress is not None:
+                    progress((level + (done - before) / points.size) / (levels + 1), done)
     return _finished(plane, x, y, fates, levels)
 
 

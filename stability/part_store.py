@@ -1,8 +1,9 @@
 """The parts of a map in a folder while it is made: each written whole, read again when taken up.
 
-A folder holds `plane.json` (what the map is of) and `part-00000.npz`, ... in the order of the run.
-A run that stops, however abruptly, leaves whole parts. The next one checks that they are of the
-same plane, and goes on behind the last of them; a part that is damaged is run again.
+A folder holds `plane.json` (what the map is of) and `part-00000.npz`, ..., numbered in the order in
+which the map needs them and written in the order in which they are finished. A run that stops,
+however abruptly, leaves whole parts. The next one checks that they are of the same plane, and runs
+those that are missing or damaged.
 """
 
 import io
@@ -32,7 +33,7 @@ class PartStore:
 
     def __init__(self, folder: Path, identity: dict[str, Any]) -> None:
         folder.mkdir(parents=True, exist_ok=True)
-        self.folder, self.next = folder, 0
+        self.folder = folder
         file = folder / "plane.json"
         if not file.exists():
             write_whole(file, json.dumps(identity, indent=2, allow_nan=False).encode())
@@ -51,10 +52,10 @@ class PartStore:
                     f"{folder} holds a map {what}; choose another folder, or remove it"
                 )
 
-    def read(self, points: NDArray[np.int64]) -> Fates | None:
-        """Return the next part if it is there, whole, and of these points."""
+    def read(self, number: int, points: NDArray[np.int64]) -> Fates | None:
+        """Return a part if it is there, whole, and of these points."""
         try:
-            content = io.BytesIO(self._file().read_bytes())
+            content = io.BytesIO(self._file(number).read_bytes())
             with np.load(content, allow_pickle=False) as part:
                 if not np.array_equal(part["points"], points):
                     return None
@@ -63,18 +64,16 @@ class PartStore:
             return None
         if any(getattr(found, f.name).shape != points.shape for f in fields(Fates)):
             return None
-        self.next += 1
         return found
 
-    def write(self, points: NDArray[np.int64], found: Fates) -> None:
-        """Write the next part, whole or not at all; raises OSError."""
+    def write(self, number: int, points: NDArray[np.int64], found: Fates) -> None:
+        """Write a part, whole or not at all; raises OSError."""
         buffer = io.BytesIO()
         np.savez(buffer, points=points, **{f.name: getattr(found, f.name) for f in fields(found)})
-        write_whole(self._file(), buffer.getvalue())
-        self.next += 1
+        write_whole(self._file(number), buffer.getvalue())
 
-    def _file(self) -> Path:
-        return self.folder / f"part-{self.next:05d}.npz"
+    def _file(self, number: int) -> Path:
+        return self.folder / f"part-{number:05d}.npz"
 
 
 def write_whole(file: Path, content: bytes) -> None:

@@ -40,7 +40,11 @@ def test_a_link_stays_a_link(tmp_path: Path):
 def test_a_full_disk_is_the_machines_failure():
     with pytest.raises(OSError, match="No space") as caught:
         write_text(Path("/dev/full"), "text")
-    assert explain(caught.value) == (Status.FAILED, "/dev/full: No space left on device")
+    assert explain(caught.value) == (
+        Status.FAILED,
+        "/dev/full: No space left on device; what is finished is kept, make room and give the same"
+        " command again",
+    )
 
 
 def test_a_folder_in_the_way_is_bad_input(tmp_path: Path):

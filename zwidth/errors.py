@@ -21,6 +21,7 @@ class Status(IntEnum):
 PATH_ERRORS = frozenset(
     {errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ENAMETOOLONG, errno.ELOOP}
 )
+FULL = frozenset({errno.ENOSPC, errno.EDQUOT})
 
 
 def explain(error: BaseException) -> tuple[Status, str]:
@@ -64,4 +65,6 @@ def _usage(error: click.UsageError) -> str:
 
 def _operating_system(error: OSError) -> str:
     reason = _one_line(error.strerror or str(error))
+    if error.errno in FULL:
+        reason += "; what is finished is kept, make room and give the same command again"
     return reason if error.filename is None else f"{error.filename}: {reason}"

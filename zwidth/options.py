@@ -105,6 +105,11 @@ json_option = click.option(
     "--json", "json_file", metavar="FILE", help="Write the result as JSON; - for standard output."
 )
 
+cluster_option = click.option(
+    "--cluster", metavar="ADDRESS",
+    help="Run on a Dask cluster: tcp://host:8786, or the scheduler's file (docs/scale.md).",
+)  # fmt: skip
+
 
 def out_option(default: str) -> Callable[[Any], Any]:
     """Return ``--out DIR`` with the default folder of the command."""

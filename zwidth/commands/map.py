@@ -10,6 +10,7 @@ from click.core import ParameterSource
 from sim.device import Device
 from sim.device_file import load_device
 from stability.bisection import Trial
+from stability.executor import executor
 from stability.fate_map import make_map, save_map
 from stability.linear import corner, last_stable_damping
 from stability.map_summary import summary
@@ -18,7 +19,7 @@ from stability.plane import Quantity as Quantities
 from zwidth.compiling import announce
 from zwidth.console import Column, Console, progress
 from zwidth.files import write_with
-from zwidth.options import Quantity, json_option, out_option
+from zwidth.options import Quantity, cluster_option, json_option, out_option
 
 # The option that sets a quantity where it is on no axis.
 FIXED_BY: dict[Quantities, str] = {
@@ -63,23 +64,29 @@ RISING_BY_RATIOS = ("amplitude",)  # where no range is given
               help="Points a side before refinement.")  # fmt: skip
 @click.option("--levels", type=click.IntRange(0, 8), default=3, show_default=True,
               help="Refinements, each halving the step where the fate changes.")  # fmt: skip
+@cluster_option
 @out_option("runs/map")
 @json_option
 @click.pass_context
 def command(
-    context: click.Context, device: str, out: Path, json_file: str | None, **options: Any
+    context: click.Context,
+    device: str,
+    cluster: str | None,
+    out: Path,
+    json_file: str | None,
+    **options: Any,
 ) -> None:
     """Map what becomes of a run over two quantities, with the linear boundary over it.
 
     DEVICE is a shipped device or a device file. A run comes to rest, oscillates on, or grows to the
     limit. The folder keeps every finished part: the same command takes an interrupted map up where
-    it stopped.
+    it stopped, here or on a cluster.
     """
     console = Console(json_file)
     _refuse_idle_options(context, options)
     plane = _plane(load_device(device), options)
     announce(console)
-    with progress("mapping, percent", 100) as advance:
+    with executor(cluster) as runner, progress("mapping, percent", 100) as advance:
         shown = 0
 
         def report(share: float, runs: int) -> None:
@@ -88,7 +95,9 @@ def command(
             advance(percent - shown, now=f"{runs} runs")
             shown = percent
 
-        result = make_map(plane, options["coarse"], options["levels"], out / "parts", report)
+        result = make_map(
+            plane, options["coarse"], options["levels"], out / "parts", report, runner=runner
+        )
     console.say(f"wrote {save_map(result, out / 'map.nc')}")
     from zwidth.figures.map import map_figure  # matplotlib takes a second, after the work
 

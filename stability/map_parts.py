@@ -1,0 +1,63 @@
+"""The parts of a round of a map: from the store, or run wherever tasks are run."""
+
+from collections.abc import Generator, Mapping
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stability.executor import AHEAD, Executor
+from stability.fates import Fates, evaluate
+from stability.part_store import PartStore
+from stability.plane import Floats, Plane
+
+Points = NDArray[np.int64]
+Bundle = list[tuple[Floats, Floats]]  # x and y of the points of some parts
+MOST_TOGETHER = 16  # parts a task
+
+
+def run_parts(
+    plane: Plane,
+    axes: tuple[Floats, Floats],
+    parts: Mapping[int, Points],
+    store: PartStore | None,
+    runner: Executor,
+    workers: int | None,
+) -> Generator[tuple[int, Fates]]:
+    """Yield (number, fates) of every part: those in the store first, others as they finish.
+
+    parts: flat indices into the lattice of the axes (x, y). What finishes is in the store before it
+    is yielded. Where far more parts are missing than there are cores, some make one task.
+    """
+    missing: list[int] = []
+    for number, points in parts.items():
+        found = None if store is None else store.read(number, points)
+        if found is None:
+            missing.append(number)
+        else:
+            yield number, found
+    together = _together(len(missing), runner.cores)
+    numbers = {
+        f"part-{missing[i]:05d}": missing[i : i + together]
+        for i in range(0, len(missing), together)
+    }
+    tasks = {key: [_places(axes, parts[n]) for n in some] for key, some in numbers.items()}
+    for key, results in runner.run(partial(_evaluate, plane, workers), tasks):
+        for number, found in zip(numbers[key], results, strict=True):
+            if store is not None:
+                store.write(number, parts[number], found)
+            yield number, found
+
+
+def _together(parts: int, cores: int) -> int:
+    """Parts a task: many where there is work for long, so that a task is worth its sending."""
+    return 1 if cores == 1 else max(1, min(MOST_TOGETHER, parts // (AHEAD * cores)))
+
+
+def _places(axes: tuple[Floats, Floats], points: Points) -> tuple[Floats, Floats]:
+    x, y = axes
+    return x[points % x.size], y[points // x.size]
+
+
+def _evaluate(plane: Plane, workers: int | None, bundle: Bundle) -> list[Fates]:
+    return [evaluate(plane, x, y, workers) for x, y in bundle]
