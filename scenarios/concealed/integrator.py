@@ -1,0 +1,324 @@
+# Compiled code takes what numba gives it.
+# pyright: reportMissingParameterType=false, reportUnknownParameterType=false
+"""The truth behind a concealed recording: other equations, another step, another friction law.
+
+Whoever tests a method on data that the method's own simulator made tests nothing (Colton & Kress
+call it the inverse crime). So nothing here is shared with `sim/kernel.py`:
+
+    motion     classical Runge-Kutta of fourth order, `steps` >= 20 steps a tick, instead of matrix
+               exponentials
+    friction   LuGre (Canudas de Wit et al., IEEE T. Automatic Control 40(3), 1995):
+                   z' = v - sigma_0 |v| z / g(v),    f = -(sigma_0 z + sigma_1 z'),
+               instead of a set-valued force. Bristles stiffer than anything else in the device
+               (omega h = 0.3) are Coulomb's law to some nanoradians; soft ones are presliding. The
+               bristle moves half a step, the masses a whole one, the bristle half a step (Strang):
+               exact for constant v, stable at any speed, of second order
+    free play  the pin of a link by the implicit Euler rule
+    commands   arrive at any time, each with its own delay: a step during which one arrives sees
+               the mean of what was held
+
+All that is compiled stands in this one file, because numba's cache watches a single file.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+compiled = njit(cache=True, error_model="numpy", nogil=True)
+
+
+class Truth(NamedTuple):
+    """A device with its physics, n masses; a value of zero (limits: inf, ratio: 1) is no effect.
+
+    masses, dampers, springs to ground, drag (v|v|), cubic_drag (v^3): (n,). links (l, 8): from, to
+    (-1 is ground), stiffness, damping, cubic stiffness, gap, sway (share, Hz: the stiffness swings
+    with time). yields (y, 5), Bouc-Wen: from, to, stiffness, level, shape. bristles (b, 8): mass,
+    sigma_0, sigma_1, level and static level for v > 0, both for v < 0, Stribeck velocity. viscous:
+    for v > 0 and v < 0 at m1. The other forces act on m1: constant; gravity: level, angle; ripple:
+    amplitude, period, phase; hum: amplitude, Hz, phase; detent: amplitude, period, sharpness; stop:
+    position, stiffness, damping. inertia: share by which m1 swings, period in position. warming:
+    share by which dampers change, time constant. amplifier: lag, step, band, ratio, limit, slew a
+    tick. sensor: amplitude, period, phase; rectified; step.
+    """
+
+    masses: Floats
+    dampers: Floats
+    springs: Floats
+    drag: Floats
+    cubic_drag: Floats
+    links: Floats
+    yields: Floats
+    bristles: Floats
+    viscous: Floats
+    constant: float
+    gravity: Floats
+    ripple: Floats
+    hum: Floats
+    detent: Floats
+    stop: Floats
+    inertia: Floats
+    warming: Floats
+    amplifier: Floats
+    delay: float
+    sensor: Floats
+
+
+@compiled
+def rounded(value, step):
+    """Nearest multiple of a step, half away from zero; a step of 0 rounds nothing."""
+    if step <= 0.0:
+        return value
+    sign = 1.0 if value >= 0.0 else -1.0
+    return sign * step * math.floor(abs(value) / step + 0.5)
+
+
+@compiled
+def read(truth, position, noise):
+    """What the encoder says of m1's position."""
+    amplitude, period, phase, rectified, step = truth.sensor
+    if amplitude != 0.0:
+        position = position + amplitude * math.sin(2.0 * math.pi * position / period + phase)
+    if rectified != 0.0:
+        position = abs(position)
+    return rounded(position + noise, step)
+
+
+@compiled
+def drive(truth, wanted, before):
+    """What the amplifier makes of a command; `before` is what it gave last."""
+    step, band, ratio, limit, slew = truth.amplifier[1:]
+    level = rounded(wanted, step)
+    if abs(level) <= 0.5 * band:
+        level = 0.0
+    elif level > 0.0:
+        level -= 0.5 * band
+    else:
+        level += 0.5 * band
+    level *= (2.0 * ratio if level > 0.0 else 2.0) / (1.0 + ratio)
+    level = min(max(level, -limit), limit)
+    return min(max(level, before - slew), before + slew)
+
+
+@compiled
+def between(x, offset, i, j):
+    """Difference of two entries; j < 0 is ground."""
+    return x[offset + i] - x[offset + j] if j >= 0 else x[offset + i]
+
+
+@compiled
+def dry_level(row, v):
+    """g(v) of a bristle [N m | N]."""
+    level, static = (row[3], row[4]) if v >= 0.0 else (row[5], row[6])
+    if static == level:
+        return level
+    return level + (static - level) * math.exp(-((v / row[7]) ** 2))
+
+
+@compiled
+def bend(row, z, v, h):
+    """Bristle after a time h at constant speed."""
+    g = dry_level(row, v)
+    if g <= 0.0:
+        return 0.0
+    end = math.copysign(g / row[1], v)
+    return end + (z - end) * math.exp(-row[1] * abs(v) / g * h)
+
+
+@compiled
+def bristle_force(row, z, v):
+    """Friction of a bristle."""
+    g = dry_level(row, v)
+    if g <= 0.0:
+        return 0.0
+    return -(row[1] * z + row[2] * (v - row[1] * abs(v) * z / g))
+
+
+@compiled
+def link_force(row, t, q, v, pin):
+    """What a link pulls with at stretch q; the pin of its free play stands where it stands."""
+    k = row[2]
+    if row[6] != 0.0:
+        k *= 1.0 + row[6] * math.sin(2.0 * math.pi * row[7] * t)
+    half = 0.5 * row[5]
+    hard = row[4] * q * q * q
+    if half == 0.0:
+        return k * q + row[3] * v + hard
+    if pin >= half:
+        return max(0.0, k * (q - half) + row[3] * v) + hard
+    if pin <= -half:
+        return min(0.0, k * (q + half) + row[3] * v) + hard
+    return hard
+
+
+@compiled
+def next_pin(row, pin, before, after, h):
+    """Pin after a step: k (q - z) + c (q' - z') = 0 while free, by the implicit Euler rule."""
+    half = 0.5 * row[5]
+    if row[3] > 0.0:
+        rate = h * row[2] / row[3]
+        moved = (pin + (after - before) + rate * after) / (1.0 + rate)
+    else:
+        moved = after
+    return min(max(moved, -half), half)
+
+
+@compiled
+def on_m1(truth, t, q, v):
+    """All forces on m1 that depend on its own motion or on time alone."""
+    turn = 2.0 * math.pi
+    f = truth.constant
+    f -= (truth.viscous[0] if v > 0.0 else truth.viscous[1]) * v
+    if truth.gravity[0] != 0.0:
+        f -= truth.gravity[0] * math.sin(q + truth.gravity[1])
+    if truth.ripple[0] != 0.0:
+        f += truth.ripple[0] * math.sin(turn * q / truth.ripple[1] + truth.ripple[2])
+    if truth.hum[0] != 0.0:
+        f += truth.hum[0] * math.sin(turn * truth.hum[1] * t + truth.hum[2])
+    if truth.detent[0] != 0.0:
+        angle = turn * q / truth.detent[1]
+        f -= truth.detent[0] * math.sin(angle) * math.exp(truth.detent[2] * (math.cos(angle) - 1))
+    if abs(q) > truth.stop[0]:
+        side = 1.0 if q > 0.0 else -1.0
+        push = truth.stop[1] * (abs(q) - truth.stop[0]) + truth.stop[2] * side * v
+        f -= side * max(0.0, push)
+    return f
+
+
+@compiled
+def derivative(truth, t, x, held, dry, pins, process, out):
+    """Rates of x = [positions, velocities, amplifier's force, Bouc-Wen's z of each]."""
+    n = truth.masses.size
+    warm = 1.0
+    if truth.warming[0] != 0.0:
+        warm += truth.warming[0] * (1.0 - math.exp(-t / truth.warming[1]))
+    for i in range(n):
+        v = x[n + i]
+        out[i] = v
+        f = dry[i] - warm * truth.dampers[i] * v - truth.springs[i] * x[i]
+        out[n + i] = f - truth.drag[i] * v * abs(v) - truth.cubic_drag[i] * v * v * v
+    lag = truth.amplifier[0]
+    motor = held
+    if lag > 0.0:
+        motor = x[2 * n]
+        out[2 * n] = (held - motor) / lag
+    out[n] += motor + process + on_m1(truth, t, x[0], x[n])
+    for e in range(truth.links.shape[0]):
+        row = truth.links[e]
+        i, j = int(row[0]), int(row[1])
+        f = link_force(row, t, between(x, 0, i, j), between(x, n, i, j), pins[e])
+        out[n + i] -= f
+        if j >= 0:
+            out[n + j] += f
+    for e in range(truth.yields.shape[0]):
+        row = truth.yields[e]
+        i, j = int(row[0]), int(row[1])
+        z, v = x[2 * n + 1 + e], between(x, n, i, j)
+        loading = 1.0 if z * v > 0.0 else 0.0
+        out[2 * n + 1 + e] = row[2] / row[3] * v * (1.0 - loading * abs(z) ** row[4])
+        out[n + i] -= row[3] * z
+        if j >= 0:
+            out[n + j] += row[3] * z
+    mass = truth.masses[0]
+    if truth.inertia[0] != 0.0:  # Lagrange: m(q) q'' + m'(q) q'^2 / 2 = f
+        wave = 2.0 * math.pi / truth.inertia[1]
+        slope = -mass * truth.inertia[0] * wave * math.sin(wave * x[0])
+        mass *= 1.0 + truth.inertia[0] * math.cos(wave * x[0])
+        out[n] -= 0.5 * slope * x[n] * x[n]
+    out[n] /= mass
+    for i in range(1, n):
+        out[n + i] /= truth.masses[i]
+
+
+@compiled
+def runge_kutta(truth, t, h, x, held, dry, pins, process, k, stage):
+    """One classical step of fourth order, in place; k (4, states) and stage are working space."""
+    derivative(truth, t, x, held, dry, pins, process, k[0])
+    for i in range(x.size):
+        stage[i] = x[i] + 0.5 * h * k[0, i]
+    derivative(truth, t + 0.5 * h, stage, held, dry, pins, process, k[1])
+    for i in range(x.size):
+        stage[i] = x[i] + 0.5 * h * k[1, i]
+    derivative(truth, t + 0.5 * h, stage, held, dry, pins, process, k[2])
+    for i in range(x.size):
+        stage[i] = x[i] + h * k[2, i]
+    derivative(truth, t + h, stage, held, dry, pins, process, k[3])
+    for i in range(x.size):
+        x[i] += h / 6.0 * (k[0, i] + 2.0 * k[1, i] + 2.0 * k[2, i] + k[3, i])
+
+
+@compiled
+def step(truth, t, h, x, z, pins, held, process, dry, stretch, k, stage):
+    """Bristles by half, masses, bristles by half, pins."""
+    n = truth.masses.size
+    dry[:] = 0.0
+    for b in range(z.size):
+        row = truth.bristles[b]
+        i = int(row[0])
+        z[b] = bend(row, z[b], x[n + i], 0.5 * h)
+        dry[i] += bristle_force(row, z[b], x[n + i])
+    for e in range(pins.size):
+        stretch[e] = between(x, 0, int(truth.links[e, 0]), int(truth.links[e, 1]))
+    runge_kutta(truth, t, h, x, held, dry, pins, process, k, stage)
+    for b in range(z.size):
+        row = truth.bristles[b]
+        z[b] = bend(row, z[b], x[n + int(row[0])], 0.5 * h)
+    for e in range(pins.size):
+        row = truth.links[e]
+        if row[5] > 0.0:
+            after = between(x, 0, int(row[0]), int(row[1]))
+            pins[e] = next_pin(row, pins[e], stretch[e], after, h)
+    for e in range(truth.yields.shape[0]):
+        x[2 * n + 1 + e] = min(max(x[2 * n + 1 + e], -1.0), 1.0)
+
+
+@compiled
+def integrate(truth, period, steps, wanted, feedback, jitter, lost, process, noise, states):
+    """Move the device from rest; return (commands, readings, ticks done), each (ticks,).
+
+    wanted (ticks,): what is asked for; feedback: stiffness and damping by which the encoder's
+    reading is fed back, so that the command is wanted - K y - B (y - y before) / T. jitter (ticks,)
+    [s] of each command's arrival. lost (ticks,): commands that never arrive. process (ticks,):
+    force on m1 that nobody commanded. noise (ticks,) of the reading. states (ticks, 2n) is filled
+    with positions and velocities at the readings. It stops where a position passes 1e6.
+    """
+    n = truth.masses.size
+    ticks = wanted.size
+    h = period / steps
+    x = np.zeros(2 * n + 1 + truth.yields.shape[0])
+    z = np.zeros(truth.bristles.shape[0])
+    pins = np.zeros(truth.links.shape[0])
+    dry, stretch = np.zeros(n), np.zeros(pins.size)
+    k, stage = np.zeros((4, x.size)), np.zeros(x.size)
+    commands, readings = np.zeros(ticks), np.zeros(ticks)
+    level, arrival = np.zeros(ticks), np.zeros(ticks)
+    held = given = 0.0
+    following = 0
+    y_before = 0.0
+    for tick in range(ticks):
+        y = read(truth, x[0], noise[tick])
+        speed = (y - y_before) / period if tick > 0 else 0.0
+        y_before = y
+        commands[tick] = wanted[tick] - feedback[0] * y - feedback[1] * speed
+        readings[tick] = y
+        states[tick] = x[: 2 * n]
+        if not lost[tick]:
+            given = drive(truth, commands[tick], given)
+        level[tick] = given
+        arrival[tick] = tick * period + truth.delay + jitter[tick]
+        for s in range(steps):
+            t = tick * period + s * h
+            mean, since = 0.0, t
+            while following <= tick and arrival[following] < t + h * (1.0 - 1e-9):
+                mean += held * max(0.0, arrival[following] - since)
+                since = max(since, arrival[following])
+                held = level[following]
+                following += 1
+            mean = (mean + held * (t + h - since)) / h
+            step(truth, t, h, x, z, pins, mean, process[tick], dry, stretch, k, stage)
+        if not abs(x[0]) < 1e6:
+            return commands, readings, tick + 1
+    return commands, readings, ticks

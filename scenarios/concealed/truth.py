@@ -1,0 +1,172 @@
+"""From a device, as it is declared, to the numbers that the integrator moves."""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from scenarios.concealed.integrator import Floats, Truth
+from scenarios.concealed.outside import Outside
+from sim.device import Device
+from sim.physics.effect import Physics
+
+BRISTLE, MICRO = 0.3, 0.7  # omega h of a stiff bristle, its damping ratio
+
+
+def truth_of(device: Device, steps: int, outside: Outside | None = None) -> Truth:
+    """Return the truth of a device with its physics, moved in `steps` steps a tick.
+
+    outside: physics that the library does not have, on top. Raises ValueError for a device with an
+    effect twice in one place (a device file cannot have that).
+    """
+    by_name: dict[str, list[Physics]] = {}
+    for physics in device.physics:
+        by_name.setdefault(physics.effect.name, []).append(physics)
+
+    def one(name: str) -> Mapping[str, float]:
+        return by_name[name][0].values if name in by_name else {}
+
+    def row(name: str, neutral: tuple[float, ...]) -> Floats:
+        return np.array(list(one(name).values()) or neutral)
+
+    masses, dampers, links = _chain(device, by_name)
+    n = masses.size
+    springs, drag = np.zeros(n), np.zeros(n)
+    springs[0] = device.chain.ground_spring
+    for physics in by_name.get("ground_spring", ()):
+        springs[_mass(physics)] += physics.values["stiffness"]
+    for physics in by_name.get("quadratic_drag", ()):
+        drag[_mass(physics)] += physics.values["coefficient"]
+    interface = device.interface
+    sided = one("directional_friction")
+    amplifier = [
+        one("actuator_lag").get("time_constant", 0.0),
+        interface.command_step,
+        one("dead_band").get("width", 0.0),
+        one("gain_asymmetry").get("ratio", 1.0),
+        interface.command_limit,
+        math.inf,
+    ]
+    rectified = float("rectified_sensor" in by_name)
+    truth = Truth(
+        masses=masses,
+        dampers=dampers,
+        springs=springs,
+        drag=drag,
+        cubic_drag=np.zeros(n),
+        links=links,
+        yields=_yields(by_name),
+        bristles=_bristles(by_name, masses, interface.period / steps),
+        viscous=np.array([sided.get("viscous_plus", 0.0), sided.get("viscous_minus", 0.0)]),
+        constant=one("constant_force").get("level", 0.0),
+        gravity=row("gravity_pendulum", (0.0, 0.0)),
+        ripple=row("force_ripple", (0.0, 1.0, 0.0)),
+        hum=np.array([0.0, 1.0, 0.0]),
+        detent=np.array([0.0, 1.0, 1.0]),
+        stop=np.array([math.inf, 0.0, 0.0]),
+        inertia=np.array([0.0, 1.0]),
+        warming=np.array([0.0, 1.0]),
+        amplifier=np.array(amplifier),
+        delay=interface.delay,
+        sensor=np.array(
+            [*row("encoder_eccentricity", (0.0, 1.0, 0.0)), rectified, interface.encoder_step]
+        ),
+    )
+    return truth if outside is None else _with(truth, outside, interface.period)
+
+
+def lost_rate(device: Device) -> float:
+    """Return the share of commands that a device loses."""
+    named = (p for p in device.physics if p.effect.name == "dropped_samples")
+    return next((p.values["rate"] for p in named), 0.0)
+
+
+def _mass(physics: Physics) -> int:
+    return int(physics.at[-1]) - 1
+
+
+def _ends(at: str) -> tuple[float, float]:
+    """Masses that a place lies between; -1 is ground."""
+    return (0.0, -1.0) if at == "ground" else (float(at[4]) - 1.0, float(at[5]) - 1.0)
+
+
+def _chain(device: Device, by_name: Mapping[str, list[Physics]]) -> tuple[Floats, Floats, Floats]:
+    """Masses, dampers to ground, links: those of the chain, of further masses, cubic ones."""
+    chain = device.chain
+    masses, dampers = list(chain.masses), list(chain.ground_dampers)
+    links: list[list[float]] = []
+    gaps = {p.at: p.values["gap"] for p in by_name.get("backlash", ())}
+    for i, (k, c) in enumerate(zip(chain.link_springs, chain.link_dampers, strict=True)):
+        gap = gaps.get(f"link{i + 1}{i + 2}", 0.0)
+        # Masses pull apart: stretch is counted from the first to the second.
+        links.append([i, i + 1, k, c, 0.0, gap, 0.0, 1.0])
+    for physics in by_name.get("cubic_stiffness", ()):
+        links.append([*_ends(physics.at), 0.0, 0.0, *physics.values.values(), 0.0, 0.0, 1.0])
+    for physics in by_name.get("extra_mode", ()):
+        mass, k, c = physics.values.values()
+        if mass > 0.0:
+            links.append([_mass(physics), len(masses), k, c, 0.0, 0.0, 0.0, 1.0])
+            masses.append(mass)
+            dampers.append(0.0)
+    return np.array(masses), np.array(dampers), np.array(links, dtype=np.float64).reshape(-1, 8)
+
+
+def _yields(by_name: Mapping[str, list[Physics]]) -> Floats:
+    rows = [
+        [*_ends(p.at), *p.values.values()]
+        for p in by_name.get("hysteresis", ())
+        if p.values["level"] > 0.0
+    ]
+    return np.array(rows, dtype=np.float64).reshape(-1, 5)
+
+
+def _bristles(by_name: Mapping[str, list[Physics]], masses: Floats, h: float) -> Floats:
+    rows: list[list[float]] = []
+
+    def stiff(i: int, levels: tuple[float, float, float, float], velocity: float) -> None:
+        rate = BRISTLE / h
+        rows.append([i, masses[i] * rate**2, 2.0 * MICRO * masses[i] * rate, *levels, velocity])
+
+    for p in by_name.get("coulomb_friction", ()):
+        level = p.values["level"]
+        stiff(_mass(p), (level, level, level, level), 1.0)
+    for p in by_name.get("stribeck_friction", ()):
+        level, static, velocity = p.values.values()
+        stiff(_mass(p), (level, static, level, static), velocity)
+    for p in by_name.get("directional_friction", ()):
+        plus, minus, *_ = p.values.values()
+        stiff(_mass(p), (plus, plus, minus, minus), 1.0)
+    for p in by_name.get("presliding_friction", ()):
+        level, stiffness = p.values.values()
+        if stiffness > 0.0:
+            rows.append([_mass(p), stiffness, 0.0, level, level, level, level, 1.0])
+    return np.array(rows, dtype=np.float64).reshape(-1, 8)
+
+
+def _with(truth: Truth, outside: Outside, period: float) -> Truth:
+    values = np.array(list(outside.values.values()))
+    match outside.name:
+        case "swaying_stiffness":
+            links = truth.links.copy()
+            if links.shape[0] == 0:
+                raise ValueError("swaying_stiffness needs a link; give the device two masses")
+            links[0, 6:8] = values
+            return truth._replace(links=links)
+        case "cubic_drag":
+            drag = truth.cubic_drag.copy()
+            drag[0] = values[0]
+            return truth._replace(cubic_drag=drag)
+        case "slew_limit":
+            amplifier = truth.amplifier.copy()
+            amplifier[5] = values[0] * period
+            return truth._replace(amplifier=amplifier)
+        case "swinging_inertia":
+            return truth._replace(inertia=values)
+        case "warming_dampers":
+            return truth._replace(warming=values)
+        case "hum":
+            return truth._replace(hum=values)
+        case "hard_stop":
+            return truth._replace(stop=values)
+        case _:
+            return truth._replace(detent=values)
