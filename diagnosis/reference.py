@@ -1,0 +1,104 @@
+"""A device on experiments, with everything that a linear refit could absorb of a new effect."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.candidates import magnitudes
+from diagnosis.experiment import Experiment
+from diagnosis.fit import Problem
+from diagnosis.parameters import Model
+from diagnosis.predictor import choose_observer
+from diagnosis.rehearsal import Noise, known_observer
+from diagnosis.screen import Complement
+from sim.device import Device
+from sim.physics import make_physics
+from sim.physics.effect import Physics
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What `reference` prepares.
+
+    problem holds experiments and observer. base (samples,): weighted innovations. jacobian (samples
+    and priors, parameters) of the linear refit. absorbed: effect -> its slope, (samples and
+    priors,), for what a refit absorbs besides. peak: the largest command.
+    """
+
+    device: Device
+    problem: Problem
+    base: Floats
+    jacobian: Floats
+    absorbed: Mapping[str, Floats]
+    peak: float
+    _off: dict[frozenset[str], Complement] = field(
+        default_factory=dict[frozenset[str], Complement], repr=False, compare=False
+    )
+
+    @property
+    def experiments(self) -> list[Experiment]:
+        """The recordings."""
+        return self.problem.experiments
+
+    @property
+    def ticks(self) -> int:
+        """Samples of all recordings together."""
+        return sum(e.ticks for e in self.experiments)
+
+    def off(self, *effects: str) -> Complement:
+        """Return the projection off the refit's span; effects named are left out of the refit."""
+        key = frozenset(effects).intersection(self.absorbed)
+        if key not in self._off:
+            kept = [column for name, column in self.absorbed.items() if name not in key]
+            self._off[key] = Complement(np.column_stack([self.jacobian, *kept]))
+        return self._off[key]
+
+    def signature(self, physics: Physics) -> Floats:
+        """Return e(device with the effect) - e(device), (samples and priors,), not projected."""
+        model = Model(self.device, (physics,), ({},))
+        moved = self.problem.weighted(model, np.zeros(model.linear_count)) - self.base
+        return np.concatenate([moved, np.zeros(self.jacobian.shape[0] - moved.size)])
+
+
+def reference(
+    device: Device, experiments: Sequence[Experiment], noise: Noise | None = None
+) -> Reference:
+    """Prepare a device on experiments.
+
+    device: the true one as far as it is known; effects that it has count as known. noise: where it
+    is None the observer is chosen by the likelihood of the recordings under this device.
+    """
+    if noise is None:
+        observer = choose_observer(device, experiments)
+    else:
+        observer = known_observer(device, experiments[0], noise)
+    problem, model = Problem(experiments, observer), Model(device)
+    still = np.zeros(model.linear_count)
+    whole = problem.residual(model, still)
+    jacobian = problem.jacobian(model, still, whole)
+    white = whole[: whole.size - sum(p.prior for p in model.parameters)]
+    peak = max(float(np.abs(e.command).max()) for e in experiments)
+    bare = Reference(device, problem, white, jacobian, {}, peak)
+    largest = float(np.linalg.norm(jacobian, axis=0).max())
+    columns = {p.effect.name: bare.signature(p) for p in _small(device, experiments)}
+    scaled = {k: c * largest / float(np.linalg.norm(c)) for k, c in columns.items() if c.any()}
+    return replace(bare, absorbed=scaled)
+
+
+def _small(device: Device, experiments: Sequence[Experiment]) -> list[Physics]:
+    """What a refit absorbs besides, so small that signatures are slopes.
+
+    A device with a spring to ground has that spring and the recording's origin in its refit, which
+    are the same as a further spring and a constant force.
+    """
+    size = magnitudes(device, experiments)
+    found = [make_physics("loop_delay", "clock", delay=1e-3 * size.period)]
+    if device.chain.ground_spring == 0.0:
+        found.append(make_physics("constant_force", "m1", level=1e-3 * size.force))
+        stiffness = 1e-4 * size.force / size.position
+        found.append(make_physics("ground_spring", "m1", stiffness=stiffness))
+    return found

@@ -1,0 +1,95 @@
+"""A recording as it would be: a device played a command, seen through noise.
+
+What an experiment will show is computed before it is made, so the recording is simulated, with the
+noise that the rig is believed to have: a random force at m1, new every tick, and noise of what is
+measured.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_are
+
+from controllers.recorded import recorded
+from diagnosis.experiment import Experiment, Output
+from diagnosis.predictor import Observer, observer_for
+from scenarios.scenario import SUBSTEPS, one_is_exact
+from sim.device import Device
+from sim.plant import hold
+from sim.run import Outcome, simulate
+
+Floats = NDArray[np.float64]
+ENCODER = (Output("position", 0),)
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations: force at m1, held for a tick each [N m | N]; measurement [rad | m].
+
+    Velocities are measured with the position's noise over one period, as differences would be.
+    """
+
+    process: float
+    measurement: float
+
+    def __post_init__(self) -> None:
+        for name, value in (("process", self.process), ("measurement", self.measurement)):
+            if not 0.0 < value < np.inf:
+                raise ValueError(f"noise.{name} is {value:g}; it must be finite and > 0")
+
+
+def rehearse(
+    device: Device,
+    command: Floats,
+    noise: Noise,
+    *,
+    outputs: Sequence[Output] = ENCODER,
+    seed: int = 0,
+    name: str = "rehearsal",
+) -> Experiment:
+    """Return the recording that a device would give under a command (ticks,).
+
+    Raises ValueError where the device runs away under that command.
+    """
+    random = np.random.default_rng(seed)
+    period = device.interface.period
+    run = simulate(
+        device,
+        recorded(command),
+        duration=command.size * period,
+        disturbance=noise.process * random.standard_normal(command.size),
+        substeps=1 if one_is_exact(device) else SUBSTEPS,
+    )
+    if run.outcome is not Outcome.COMPLETED:
+        raise ValueError(f"{device.name} runs away under {name}: {run.outcome.value}")
+    scale = [1.0 if o.quantity == "position" else 1.0 / period for o in outputs]
+    # A device with an encoder reads m1 through it; its other noise is what the encoder counts.
+    seen = ["encoder" if o.name == "position_m1" else o.name for o in outputs]
+    y = np.column_stack([run.trace[channel] for channel in seen])
+    y += noise.measurement * np.array(scale) * random.standard_normal(y.shape)
+    return Experiment(period, command, y, tuple(outputs), name, float(np.std(y[:, 0])))
+
+
+def known_observer(device: Device, experiment: Experiment, noise: Noise) -> Observer:
+    """Return the observer for a noise that is known: its gain, and its innovations' deviations.
+
+    The deviations are those of the linear part, diag(C P C' + R) with P from the Riccati equation.
+    """
+    plant = device.plant()
+    a, b = hold(plant, experiment.period)
+    places = experiment.places(plant.dof)
+    c = np.zeros((places.state.size, plant.size))
+    c[np.arange(places.state.size), places.state] = 1.0
+    velocity = np.array([o.quantity == "velocity" for o in experiment.outputs])
+    r = (noise.measurement * np.where(velocity, 1.0 / experiment.period, 1.0)) ** 2
+    q = noise.process**2 * np.outer(b[:, 1], b[:, 1])
+    unit = noise.measurement**2  # keeps the equation well scaled
+    p = unit * solve_discrete_are(
+        a.T, c.T, q / unit + 1e-18 * np.eye(plant.size), np.diag(r) / unit
+    )
+    mass = float(plant.matrices.mass.trace())
+    ratio = (noise.process * experiment.period**2 / (mass * noise.measurement)) ** 2
+    deviation = np.sqrt(np.diag(c @ p @ c.T) + r)
+    return Observer(observer_for(device, experiment, ratio), deviation, ratio)
