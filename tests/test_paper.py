@@ -15,7 +15,6 @@ from click.testing import CliRunner
 from matplotlib.figure import Figure
 
 from scenarios.paddle import paddle_boundary
-from scenarios.table_2 import MeasuredPoint
 from sim.device_file import load_device
 from sim.modal import ModalModel
 from stability.hand import HANDS, MIDDLE, Hand, hand_band, with_hand
@@ -28,7 +27,6 @@ from zwidth.covariance import Covariance, load_covariance, save_covariance
 from zwidth.paper.appendix import ROUNDED, appendix
 from zwidth.paper.content import Picture, Section, Table
 from zwidth.paper.explained import flank_damping
-from zwidth.paper.inversion import plant_at
 from zwidth.paper.report import draw, save_pictures, save_report, symbols
 from zwidth.paper.sections import SECTIONS
 from zwidth.results import UNSET, Point
@@ -247,17 +245,6 @@ def test_what_stands_beside_a_boundary_is_there_when_asked_for():
     assert first.passive.stiffness == pytest.approx(0.00584 / 0.0025, rel=1e-6)  # b/(T/2 + t_d)
     assert second.passive is None
     assert len(extra_headings(asked)) == len(extra_cells(first)) == 3
-
-
-@pytest.mark.parametrize(("delay", "damping"), [(0.002, 0.03), (0.004, 0.23), (0.008, 0.1)])
-def test_a_row_on_the_model_s_boundary_is_the_model(delay: float, damping: float):
-    """Inverting eq. (2) gives the plant back, to 1e-6. Mutation: z^(d + 1) for z^d."""
-    point = critical_stiffness(PHANTOM.with_interface(delay=delay), damping)
-    assert point.stiffness is not None
-    assert point.frequency_hz is not None
-    found = plant_at(MeasuredPoint(delay, damping, point.stiffness, point.frequency_hz))
-    assert found.ratio == pytest.approx(1.0, abs=1e-6)
-    assert found.damping == pytest.approx(0.0, abs=1e-6)
 
 
 def test_the_paddle_is_its_builders_numbers():

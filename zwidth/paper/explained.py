@@ -2,11 +2,12 @@
 
 from scipy.optimize import brentq
 
+from scenarios.misprints import JUMPED_HZ
 from scenarios.table_2 import MeasuredPoint
 from sim.device import Device
 from stability.linear import corner, critical_stiffness, last_stable_damping
 from zwidth.paper.content import Section, Table
-from zwidth.paper.fig_10 import JUMPED_HZ, revised
+from zwidth.paper.fig_10 import revised
 from zwidth.paper.table_2_study import CANDIDATES, Errors, Judged, good_rows, study
 from zwidth.paper.theory import phantom
 

@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 
+from scenarios.misprints import JUMPED_HZ, OUTLYING
 from scenarios.table_2 import MeasuredPoint, measured_at, table_2
 from sim.device import Device
 from sim.device_file import load_device
-from stability.decomposition import curve
 from stability.linear import critical_stiffness, last_stable_damping
 from zwidth.figures.curves import THEIRS, Curve, Points, curves_figure, key
 from zwidth.paper.appendix import appendix
@@ -15,7 +15,6 @@ from zwidth.paper.content import Part, Picture, Section, Table, number
 from zwidth.paper.theory import COLOUR, DELAYS, SHAPE, lines, ms, phantom
 
 REVISED = "phantom_1_0_table2"
-JUMPED_HZ = 100.0  # above it a row lies in part II
 OWN = "zwidth paper --section fig_10"
 
 
@@ -23,16 +22,12 @@ def section() -> Section:
     """Return the table, the figure, and the errors of both theories."""
     rows = list(table_2())
     parts: list[Part] = [
-        "Each row of Table II is a measured point of the boundary. In part I, before f jumps, the"
-        " measured frequency alone says at which B the model would oscillate so: the excess of that"
-        " B over the printed one changes little from row to row. Two rows of 4 ms stand out, at"
-        " +0.040 and -0.391 between neighbours at +0.010 and +0.002, and fall into line when read"
-        " as 0.08 and 0.10: misprints. They stand as printed, and are drawn where they are meant.",
+        _misprints(rows),
         Table(
-            "Table II as printed, with the B that each measured frequency implies on Table I's"
-            " model, and that model's K at the B that is meant.",
-            ["delay", "B printed", "K", "f [Hz]", "B implied by f", "excess", "model's K",
-             "verdict"],
+            "Table II as printed; the B that the other rows imply for each, with its spread; by how"
+            " many spreads the printed one is off; and the K of Table I's model at the B that is"
+            " meant.",
+            ["delay", "B printed", "K", "f [Hz]", "B implied", "off by", "model's K", "verdict"],
             [_row(row) for row in rows], OWN, (0, 7),
         ),
         _picture(),
@@ -56,17 +51,39 @@ def _theories() -> list[tuple[str, Device]]:
     return [("Table I (the paper's)", phantom(0.002)), (again.name, again)]
 
 
+def _misprints(rows: list[MeasuredPoint]) -> str:
+    """Say how the misprints are found, and which they are."""
+    found = [(row, row.judged) for row in rows if row.judged is not None]
+    wrong = [(row, verdict) for row, verdict in found if verdict.misprint]
+    named = " and ".join(
+        f"{row.damping:g} at {ms(row.delay)} ({row.frequency:g} Hz), where they imply"
+        f" {verdict.damping:.3f} +- {verdict.spread:.3f}: {verdict.meant:g} is meant"
+        for row, verdict in wrong
+    )
+    least = min(abs(verdict.score) for _, verdict in wrong)
+    most = max(abs(verdict.score) for _, verdict in found if not verdict.misprint)
+    return (
+        "Each row of Table II is a measured point of the boundary, hence a measured value of the"
+        " plant. A smooth plant departs from Table I's model smoothly in frequency: a line through"
+        " what the other rows of the same delay show (after the jump of f, what rows nearby in f"
+        " show) says which wall the row should have, and so which B. A row whose B is off by more"
+        f" than {OUTLYING:g} spreads, and which another B alone explains, is a misprint. There are"
+        f" {len(wrong)}: {named}. The nearer of them is off by {least:.1f} spreads, of all other"
+        f" rows none by more than {most:.1f}. They stand as printed, and are drawn where they are"
+        " meant."
+    )
+
+
 def _row(row: MeasuredPoint) -> list[str]:
-    device = phantom(row.delay)
-    linear = critical_stiffness(device, row.place).stiffness
-    implied, excess, verdict = "", "", "after the jump"
-    if row.frequency < JUMPED_HZ:
-        damping = float(curve(device, row.frequency).damping)
-        implied, excess = f"{damping:.3f}", f"{damping - row.damping:+.3f}"
-        verdict = "" if row.damping_meant is None else f"misprint, read as {row.damping_meant:g}"
+    linear = critical_stiffness(phantom(row.delay), row.place).stiffness
+    verdict, implied, score = "", "", ""
+    if row.judged is not None:
+        implied = f"{row.judged.damping:.3f} +- {row.judged.spread:.3f}"
+        score = f"{row.judged.score:+.1f}"
+        verdict = f"misprint, read as {row.judged.meant:g}" if row.judged.misprint else ""
     return [
         ms(row.delay), f"{row.damping:g}", f"{row.stiffness:g}", f"{row.frequency:g}", implied,
-        excess, number(linear), verdict,
+        score, number(linear), verdict,
     ]  # fmt: skip
 
 

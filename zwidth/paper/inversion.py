@@ -1,24 +1,19 @@
 """Each row of Table II read as a measurement of the plant: where Table I's model differs, and how.
 
-On the boundary the loop sustains an oscillation of frequency f, so with z = exp(j 2 pi f T)
-
-    Z[H G](z) = -z^d / (K + B (1 - 1/z) / T)
-
-is a measured value of the sampled plant. Beside the model's value it gives a ratio and a phase, and
-as the imaginary part of -1/G over the rate, what the device damps beyond the model.
+What is read is in `scenarios/inversion.py`.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
+from scenarios.inversion import inverted
+from scenarios.misprints import JUMPED_HZ
 from scenarios.table_2 import MeasuredPoint, measured_at
-from sim.sampled import sampled_frequency_response
 from zwidth.figures.inversion import PlantPoints, inversion_figure
 from zwidth.paper.content import Picture, Section, Table
 from zwidth.paper.theory import COLOUR, DELAYS, SHAPE, ms, phantom
 
-SLOW_HZ = 100.0
 COMMAND = "zwidth paper --section inversion"
 
 
@@ -32,17 +27,11 @@ class Measured(NamedTuple):
 
 def plant_at(row: MeasuredPoint) -> Measured:
     """Invert a row at the damping it belongs to."""
-    device = phantom(row.delay)
+    device = phantom(0.0)
     assert device.modal is not None
-    period = device.interface.period
-    whole, _ = device.interface.delay_ticks
-    rate = 2.0 * np.pi * row.frequency
-    z = np.exp(1j * rate * period)
-    wall = row.stiffness + row.place * (1.0 - 1.0 / z) / period
-    measured = complex(-(z**whole) / wall)
-    model = complex(sampled_frequency_response(device.modal, period, row.frequency))
-    damping = ((1.0 / measured - 1.0 / model) / rate).imag
-    return Measured(row.frequency, measured / model, damping)
+    point = inverted(row, device.modal, device.interface.period)
+    wall = (row.stiffness, row.place)
+    return Measured(row.frequency, point.ratio(*wall), point.excess_damping(*wall))
 
 
 def section() -> Section:
@@ -58,12 +47,12 @@ def section() -> Section:
     rows = [
         [ms(row.delay), f"{row.place:g}", f"{m.frequency:g}", f"{abs(m.ratio):.2f}",
          f"{np.degrees(np.angle(m.ratio)):+.0f}",
-         f"{m.damping:+.4f}" if m.frequency < SLOW_HZ else ""]
+         f"{m.damping:+.4f}" if m.frequency < JUMPED_HZ else ""]
         for pairs in found.values()
         for row, m in pairs
     ]  # fmt: skip
     first = found[0.002][0][1]
-    fast = [m for pairs in found.values() for _, m in pairs if m.frequency > SLOW_HZ]
+    fast = [m for pairs in found.values() for _, m in pairs if m.frequency > JUMPED_HZ]
     leads = [float(np.degrees(np.angle(m.ratio))) for m in fast]
     sizes = [abs(m.ratio) for m in fast]
     near = {

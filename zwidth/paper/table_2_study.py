@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from identification.coordinates import parameters
+from scenarios.misprints import JUMPED_HZ
 from scenarios.table_2 import DEVICE, MeasuredPoint, table_2
 from sim.device import Device
 from sim.device_file import load_device
@@ -40,7 +41,6 @@ SPREAD: dict[str, float] = {
     "rho": 0.3,
 }
 NOT_NEGATIVE = ("viscous", "delay", "rho")
-JUMPED_HZ = 100.0
 PART_1, PART_2 = 0.03, 0.08
 ROUNDS = 30  # of the friction's damper, which depends on the K that it changes
 MOST_STEPS, NEARBY_STEPS = 300, 8  # of a fit from nothing, and from the fit to all rows
