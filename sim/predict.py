@@ -9,8 +9,9 @@ parts as in a simulation. An output is a position or a velocity of one mass; m1'
 through the sensor. A sample that is not a number corrects nothing. With L = 0 it is a free run.
 
 Dry friction that keeps its sign is a constant force, for which one substep is exact; only a tick in
-which a mass with friction stops, starts or turns needs many. So each tick is tried in few substeps
-(`eq`), and where a velocity did not keep its sign it is taken back and done in many (`fine`).
+which a mass with friction stops, starts or turns needs many. So does one in which the pin of a
+backlash leaves its side. So each tick is tried in few substeps (`eq`), and where a velocity did not
+keep its sign, or a pin its place, it is taken back and done in many (`fine`).
 """
 
 # Compiled code takes what numba gives it.
@@ -23,8 +24,11 @@ from numpy.typing import NDArray
 
 from sim.jit import jit, part
 from sim.kernel import amplify, arrives, read_sensor, substep
+from sim.physics.backlash import backlash
 
 Floats = NDArray[np.float64]
+
+BACKLASH = backlash.code
 
 
 class Outputs(NamedTuple):
@@ -44,12 +48,20 @@ def move(eq, earlier, current, force, memory, scratch):
 
 
 @part
-def turned(eq, before, after):
-    """Whether any mass with dry friction did not keep the sign of its velocity."""
+def turned(eq, before, after, pins):
+    """Whether a mass with dry friction did not keep its velocity's sign, or a pin its side.
+
+    before: state and force effects' internal states before the tick; after, pins: those after it.
+    """
     for e in range(eq.frictions.codes.size):
         i = eq.dof + eq.frictions.first[e]
         if not before[i] * after[i] > 0.0:
             return True
+    for e in range(eq.forces.codes.size):
+        if eq.forces.codes[e] == BACKLASH:
+            half = 0.5 * eq.forces.parameters[e, 0]
+            if pins[e] != before[after.size + e] or abs(pins[e]) < half:
+                return True
     return False
 
 
@@ -94,7 +106,7 @@ def predict(
         for e in range(memory.internal.size):
             saved[x.size + e] = memory.internal[e]
         move(eq, earlier, current, force, memory, scratch)
-        if turned(eq, saved, x):
+        if turned(eq, saved, x, memory.internal):
             for i in range(x.size):
                 x[i] = saved[i]
             for e in range(memory.internal.size):
