@@ -25,10 +25,11 @@ from numpy.typing import NDArray
 from diagnosis.magnitude import magnitude, strengthened
 from diagnosis.reference import Reference, reference
 from diagnosis.rehearsal import Noise
+from diagnosis.separation import separation
 from sim.physics import make_physics
 from sim.physics.effect import Physics
 
-__all__ = ["SHOWN", "Noise", "Reference", "limit", "magnitude", "reference", "sigma",
+__all__ = ["SHOWN", "Noise", "Reference", "limit", "magnitude", "reference", "separation", "sigma",
            "strengthened"]  # fmt: skip
 
 Floats = NDArray[np.float64]

@@ -2,22 +2,24 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.candidates import magnitudes
+from diagnosis.candidates import Start, candidates, magnitudes
 from diagnosis.experiment import Experiment
 from diagnosis.fit import Problem
 from diagnosis.parameters import Model
 from diagnosis.predictor import choose_observer
 from diagnosis.rehearsal import Noise, known_observer
 from diagnosis.screen import Complement
-from sim.device import Device
+from sim.device import Device, place_label
 from sim.physics import make_physics
 from sim.physics.effect import Physics
 
 Floats = NDArray[np.float64]
+NO_GAP = 1e-15  # [rad | m]
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,8 @@ class Reference:
         default_factory=dict[frozenset[str], Complement], repr=False, compare=False
     )
 
+    _floor: dict[str, Floats] = field(default_factory=dict[str, Floats], repr=False, compare=False)
+
     @property
     def experiments(self) -> list[Experiment]:
         """The recordings."""
@@ -49,6 +53,11 @@ class Reference:
         """Samples of all recordings together."""
         return sum(e.ticks for e in self.experiments)
 
+    @cached_property
+    def starts(self) -> list[Start]:
+        """Every effect at every place that the device could have besides, with shapes."""
+        return candidates(self.device, self.experiments)
+
     def off(self, *effects: str) -> Complement:
         """Return the projection off the refit's span; effects named are left out of the refit."""
         key = frozenset(effects).intersection(self.absorbed)
@@ -58,7 +67,20 @@ class Reference:
         return self._off[key]
 
     def signature(self, physics: Physics) -> Floats:
-        """Return e(device with the effect) - e(device), (samples and priors,), not projected."""
+        """Return e(device with the effect) - e(device), (samples and priors,), not projected.
+
+        A free play that is nothing is taken off a free play: while its pin crosses, a substep goes
+        without the link's damper, which is an error of the substep and none of the device.
+        """
+        found = self._moved(physics)
+        if physics.effect.name != "backlash":
+            return found
+        key = place_label(physics)
+        if key not in self._floor:
+            self._floor[key] = self._moved(replace(physics, values={"gap": NO_GAP}))
+        return found - self._floor[key]
+
+    def _moved(self, physics: Physics) -> Floats:
         model = Model(self.device, (physics,), ({},))
         moved = self.problem.weighted(model, np.zeros(model.linear_count)) - self.base
         return np.concatenate([moved, np.zeros(self.jacobian.shape[0] - moved.size)])
