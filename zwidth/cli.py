@@ -25,6 +25,7 @@ COMMANDS = {
     "convert": "Show what a recorded file holds, draft its description, or convert it.",
     "boundary": "Find the stability boundary of a device under a sampled virtual wall.",
     "map": "Map what becomes of a run over two quantities, with the linear boundary over it.",
+    "explore": "Explore the K-B plane of a device in the browser.",
     "simulate": "Run the experiment that a TOML file describes.",
     "replay": (
         "Simulate a logged run again, from the log alone, and compare every value bit for bit."

@@ -1,0 +1,74 @@
+"""`zwidth explore`: the K-B plane of a device in a browser."""
+
+import webbrowser
+from importlib.util import find_spec
+from pathlib import Path
+
+import click
+
+from logs.recording import read_recording
+from sim.device import warnings_of
+from sim.device_file import load_device
+from zwidth.compiling import announce
+from zwidth.console import Console, progress
+
+PORT = 5006
+
+
+@click.command("explore")
+@click.argument("device", metavar="DEVICE")
+@click.option("--compare", multiple=True, metavar="DEVICE2",
+              help="Another device, which a button on the page puts in place of the first (again"
+              " for more); what `zwidth diagnose` has found, for one.")  # fmt: skip
+@click.option("--recording", metavar="FILE", type=click.Path(path_type=Path),
+              help="Recording that lies beside every run; one can also be dropped into the page.")  # fmt: skip
+@click.option("--port", type=click.IntRange(0, 65535), default=PORT, show_default=True,
+              help="Port of the page; 0 for any that is free.")  # fmt: skip
+@click.option("--address", default="localhost", show_default=True, metavar="HOST",
+              help="Name or number by which others reach this machine, to let them in, too; they"
+              " need no password.")  # fmt: skip
+@click.option("--no-browser", is_flag=True, help="Only say where the page is.")
+def command(
+    device: str, compare: tuple[str, ...], recording: Path | None, port: int, address: str,
+    no_browser: bool,
+) -> None:  # fmt: skip
+    """Explore the K-B plane of a device in the browser.
+
+    DEVICE is a shipped device or a device file. Sliders change encoder, amplifier, delay, friction
+    and start; a click on a wall shows its run, which can be saved as a log or a scenario. The
+    address of the page holds all that it shows. Ctrl-C ends it.
+    """
+    console = Console()
+    if find_spec("bokeh") is None:
+        raise ValueError(
+            "explore needs Bokeh, which is not installed; pip install 'zwidth[explore]' brings it"
+        )
+    devices = [load_device(name) for name in (device, *compare)]
+    for warning in dict.fromkeys(w for d in devices for w in warnings_of(d)):
+        console.warn(warning)
+    trace = None if recording is None else read_recording(recording)
+    from zwidth.explore.bench import Bench
+    from zwidth.explore.prepare import steps
+    from zwidth.explore.server import LOCAL, listen
+
+    bench = Bench(devices, trace)
+    server, url = listen(bench, address, port)
+    announce(console)
+    preparing = steps(bench)
+    with progress("preparing", len(preparing)) as advance:
+        for what, prepare in preparing:
+            advance(0, now=what)
+            prepare()
+            advance(1, now=what)
+    if address != LOCAL:
+        console.warn(f"whoever reaches {url} may use it; there is no password")
+    server.start()
+    console.say(f"{bench.devices[0].name}: {url} (Ctrl-C ends it)")
+    if not no_browser:
+        server.io_loop.add_callback(webbrowser.open, url)
+    try:
+        server.io_loop.start()
+    except KeyboardInterrupt:
+        console.say("ended")
+    finally:
+        server.stop()

@@ -1,0 +1,177 @@
+"""What stands on the bench: the devices, and what a view asks of them. No browser in here."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controllers.wall import wall
+from scenarios import paddle, table_2
+from scenarios.scenario import Scenario, one_is_exact
+from sim.device import Device
+from sim.device_file import load_device
+from sim.run import Start
+from sim.trace import Trace
+from stability.bisection import Trial
+from stability.linear import boundary, last_stable_damping
+from stability.plane import Axis, Plane, with_friction
+from zwidth.explore.view import Span, View
+
+Floats = NDArray[np.float64]
+SECONDS, LIMIT_S, WINDOW_S = 4.0, 16.0, 0.5
+SUBSTEPS = 10
+LINE_POINTS = 61
+WITHOUT_BOUNDARY = (0.1, 50.0)  # B and K up to which axes go where no wall is stable
+LOST = 100.0  # starts, or ten encoder steps, at which a run that nothing limits is cut off
+
+
+class MeasuredPoint(NamedTuple):
+    """A wall measured at the edge of stability, at a delay [s]; frequency [Hz] where known."""
+
+    damping: float
+    stiffness: float
+    delay: float
+    frequency: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """The linear boundary: B, K_CR and ultimate frequency [Hz], each (n,); NaN where none."""
+
+    damping: Floats
+    stiffness: Floats
+    frequency: Floats
+
+    @property
+    def top(self) -> float | None:
+        """The highest K of the line."""
+        return float(np.nanmax(self.stiffness)) if np.isfinite(self.stiffness).any() else None
+
+    def at(self, damping: float) -> tuple[float, float] | None:
+        """Return (K_CR, frequency) at a damping between its ends, None where no K is stable."""
+        k = float(np.interp(damping, self.damping, self.stiffness, right=math.nan))
+        nearest = int(np.argmin(np.abs(self.damping - damping)))
+        return (k, float(self.frequency[nearest])) if k > 0.0 else None
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """Devices, the nominal one first; a recording that lies beside every run, where there is one.
+
+    Raises ValueError for a device that a map does not take.
+    """
+
+    devices: Sequence[Device]
+    recording: Trace | None = None
+
+    def __post_init__(self) -> None:
+        if len({d.rotary for d in self.devices}) > 1:
+            raise ValueError("one device is rotary and another is not; compare devices of one kind")
+        for number in range(len(self.devices)):
+            self.plane(View(device=number, damping_range=(0.0, 1.0), stiffness_range=(0.0, 1.0)))
+
+    def device(self, view: View) -> Device:
+        """Return the device of a view, changed as its sliders say."""
+        own = self.devices[view.device]
+        changes = {
+            name: value
+            for name in ("delay", "encoder_step", "command_limit")
+            if (value := getattr(view, name)) is not None
+        }
+        device = own.with_interface(**changes) if changes else own
+        return device if view.friction is None else with_friction(device, view.friction)
+
+    def plane(self, view: View) -> Plane:
+        """Return the plane of a view whose axes are known; raises ValueError."""
+        assert view.damping_range is not None
+        assert view.stiffness_range is not None
+        device = self.device(view)
+        low, high = view.stiffness_range
+        trial = Trial(
+            view.start, SECONDS, LIMIT_S, WINDOW_S,
+            substeps=1 if one_is_exact(device) else SUBSTEPS,
+        )  # fmt: skip
+        return Plane(
+            device, Axis("B", *view.damping_range), Axis("K", max(low, 0.004 * high), high),
+            trial=trial, one_sided=view.one_sided,
+        )  # fmt: skip
+
+    def scenario(self, view: View) -> Scenario:
+        """Return the experiment of the wall that is chosen, as it is run, logged and saved."""
+        assert view.stiffness is not None
+        assert view.damping is not None
+        device = self.device(view)
+        unlimited = math.isinf(device.interface.command_limit)
+        bound = LOST * max(view.start, 10.0 * device.interface.encoder_step)
+        law = wall(view.stiffness, view.damping, 0.0, view.one_sided)
+        return Scenario(device, law, SECONDS, Start(view.start), bound=bound if unlimited else 1e6)
+
+    def line(self, view: View) -> Line:
+        """Return the linear boundary of the device of a view."""
+        linear = with_friction(self.device(view), 0.0)
+        return _line(linear.with_interface(encoder_step=0.0, command_limit=math.inf))
+
+    def measured(self, view: View) -> list[MeasuredPoint]:
+        """Return the points measured on the real device, or on the first one's."""
+        names = {self.devices[view.device].name, self.devices[0].name}
+        if names & {load_device(table_2.DEVICE).name}:
+            return [
+                MeasuredPoint(p.place, p.stiffness, p.delay, p.frequency) for p in table_2.table_2()
+            ]
+        if names & {(own := load_device(paddle.DEVICE)).name}:
+            delay = own.interface.delay
+            return [
+                MeasuredPoint(p.damping, p.stiffness, delay, None) for p in paddle.paddle_boundary()
+            ]
+        return []
+
+    def fitted(self, view: View) -> View:
+        """Return the view with axes around the boundary and what was measured at its delay."""
+        dampings, stiffnesses = self._extent(view)
+        return replace(
+            view,
+            damping_range=(0.0, _rounded(1.15 * dampings)),
+            stiffness_range=(0.0, _rounded(1.25 * stiffnesses)),
+        )
+
+    def still_fits(self, view: View) -> bool:
+        """Whether the boundary is neither cut off by the axes of a view nor lost in them."""
+        if view.damping_range is None or view.stiffness_range is None:
+            return False
+        pairs = zip(self._extent(view), (view.damping_range, view.stiffness_range), strict=True)
+        return all(_fits(extent, span) for extent, span in pairs)
+
+    def _extent(self, view: View) -> tuple[float, float]:
+        line, delay = self.line(view), self.device(view).interface.delay
+        here = [p for p in self.measured(view) if abs(p.delay - delay) < 1e-9]
+        if line.top is None:
+            return WITHOUT_BOUNDARY
+        return (
+            max([float(line.damping[-1]), *(p.damping for p in here)]),
+            max([line.top, *(p.stiffness for p in here)]),
+        )
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.2g}")
+
+
+def _fits(extent: float, span: Span) -> bool:
+    return 0.3 * span[1] <= extent <= 0.97 * span[1]
+
+
+@lru_cache(maxsize=256)
+def _line(device: Device) -> Line:
+    last = last_stable_damping(device)
+    if last is None:
+        nothing = np.full(2, math.nan)
+        return Line(np.array([0.0, 1.0]), nothing, nothing)
+    points = boundary(device, np.linspace(0.0, last, LINE_POINTS)[:-1])
+    k = [math.nan if p.stiffness is None else p.stiffness for p in points]
+    f = [math.nan if p.frequency_hz is None else p.frequency_hz for p in points]
+    dampings = [*(p.damping for p in points), last]
+    return Line(np.array(dampings), np.array([*k, 0.0]), np.array([*f, f[-1]]))

@@ -1,0 +1,95 @@
+"""The run of one wall: what becomes of it, its samples, and its spectrum over a part of them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import periodogram
+
+from sim.run import Outcome, Run
+from sim.trace import Trace
+from stability.fates import Fates, evaluate
+from zwidth.explore.bench import Bench
+from zwidth.explore.view import View
+
+Floats = NDArray[np.float64]
+HIGHEST = 1e100  # values drawn
+FEWEST_SAMPLES = 16  # of which a spectrum says something
+NOT_SPENT = ("work_motor", "work_disturbance", "work_wall", "work_actuator_lag")
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """A run of the wall that a view has chosen, with its fate (one point) as the plane has it."""
+
+    view: View
+    trace: Trace
+    outcome: Outcome
+    fates: Fates
+
+
+def look(bench: Bench, view: View) -> Look:
+    """Run the wall of a view, which has one and has axes; raises ValueError."""
+    scenario = bench.scenario(view)
+    setup = scenario.prepare()
+    (trace, _, outcome), *_ = setup.blocks(setup.ticks)
+    point = np.array([view.damping]), np.array([view.stiffness])
+    return Look(view, trace, outcome, evaluate(bench.plane(view), *point, workers=1))
+
+
+def columns(trace: Trace, shift: float = 0.0, until: float = np.inf) -> dict[str, Floats]:
+    """Return what is drawn over time, a column each; NaN where a trace does not have it.
+
+    t is counted from `shift` on, and ends at `until` where that is sooner.
+    """
+    part = trace.between(shift, shift + until)
+    t = part.t - shift
+    nothing = np.full(t.size, np.nan)
+    channels = {n: np.where(np.abs(v) < HIGHEST, v, np.nan) for n, v in part.channels.items()}
+    position = channels.get("position_m1", nothing)
+    velocity = channels.get("velocity_m1")
+    if velocity is None:
+        velocity = np.gradient(position, t) if t.size > 2 else nothing
+    spent = [v for n, v in channels.items() if n.startswith("work_") and n not in NOT_SPENT]
+    return {
+        "t": t,
+        "position": position,
+        "velocity": velocity,
+        "command": channels.get("command", nothing),
+        "contact": channels.get("contact", nothing),
+        "stored": channels.get("stored_energy", nothing),
+        "motor": channels.get("work_motor", nothing),
+        "spent": np.sum(spent, axis=0) if spent else nothing,
+    }
+
+
+def within(drawn: dict[str, Floats], span: tuple[float, float] | None) -> dict[str, Floats]:
+    """Return the samples of a time span."""
+    if span is None:
+        return drawn
+    kept = (drawn["t"] >= span[0]) & (drawn["t"] <= span[1])
+    return {name: values[kept] for name, values in drawn.items()}
+
+
+def spectrum(drawn: dict[str, Floats]) -> dict[str, Floats]:
+    """Return the amplitude spectrum of the position: frequency [Hz], amplitude.
+
+    A sine of amplitude a has a line of height a (Hann window, mean removed). Samples that are not
+    evenly spaced are interpolated first. Empty where there are too few.
+    """
+    known = np.isfinite(drawn["position"])
+    t, position = drawn["t"][known], drawn["position"][known]
+    if t.size < FEWEST_SAMPLES or not t[-1] > t[0]:
+        return {"frequency": np.zeros(0), "amplitude": np.zeros(0)}
+    even = np.linspace(t[0], t[-1], t.size)
+    rate = (t.size - 1) / (t[-1] - t[0])
+    frequency, power = periodogram(
+        np.interp(even, t, position), rate, window="hann", scaling="spectrum"
+    )
+    height = np.sqrt(2.0 * power[1:])
+    return {"frequency": frequency[1:], "amplitude": np.where(height > 0.0, height, np.nan)}
+
+
+def completed(run: Run | Look) -> bool:
+    """Whether a run went on to its end."""
+    return run.outcome is Outcome.COMPLETED

@@ -1,0 +1,31 @@
+"""What must be done before the first page opens: compile every kernel that a slider may call."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from stability.fates import evaluate
+from zwidth.explore.bench import Bench
+from zwidth.explore.look import look
+from zwidth.explore.view import View
+
+NEVER_FELT = 1e-12  # a level of friction that only brings its kernel in
+
+
+def steps(bench: Bench) -> list[tuple[str, Callable[[], object]]]:
+    """Return what there is to prepare: what it is, and what does it."""
+    found: list[tuple[str, Callable[[], object]]] = []
+    for number, device in enumerate(bench.devices):
+        view = replace(bench.fitted(View(device=number)), stiffness=1.0, damping=0.0)
+        dry = replace(view, friction=NEVER_FELT)
+        found += [
+            (f"one run of {device.name}", lambda v=dry: look(bench, v)),
+            (f"planes of {device.name}", lambda v=view: _one_point(bench, v)),
+            (f"planes of {device.name} with friction", lambda v=dry: _one_point(bench, v)),
+        ]
+    return found
+
+
+def _one_point(bench: Bench, view: View) -> None:
+    evaluate(bench.plane(view), np.array([0.0]), np.array([1.0]), workers=1)

@@ -1,0 +1,205 @@
+"""One open page: a view, what is computed for it, and what is shown of it."""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
+from time import perf_counter
+from typing import Any, NamedTuple
+
+from bokeh.document import Document
+
+from sim.trace import Trace
+from stability.fate_map import FateMap
+from stability.plane import Plane
+from stability.sketch import sketch
+from zwidth.explore import words
+from zwidth.explore.background import Newest
+from zwidth.explore.bench import SECONDS, Bench
+from zwidth.explore.dropped import read_dropped
+from zwidth.explore.look import Look, columns, look
+from zwidth.explore.page import Page
+from zwidth.explore.run_figures import BESIDE, RECORDED, RUN
+from zwidth.explore.view import Span, View
+
+PATIENCE_S = 0.12  # [s] after which a picture that is not finished yet is shown
+OF_THE_PLANE = (
+    "device", "delay", "encoder_step", "command_limit", "friction", "start", "one_sided",
+    "damping_range", "stiffness_range",
+)  # fmt: skip
+OF_THE_RUN = (*OF_THE_PLANE[:7], "stiffness", "damping")
+
+
+class Session:
+    """A page of one browser tab; nothing of it is shared with other tabs."""
+
+    def __init__(self, document: Document, bench: Bench, view: View, complaints: list[str]) -> None:
+        self.document, self.bench, self.view = document, bench, view
+        self.recording = bench.recording
+        self.drawn: Drawn | None = None
+        self.planes, self.runs = (Newest(self._failed) for _ in range(2))
+        self.page = Page(bench, self._with_axes(view), self)
+        document.on_session_destroyed(lambda _: self.close())
+        self.page.complain(" ".join(complaints))
+        self._show(View(), self._chosen_at_first(self._with_axes(view)))
+
+    def close(self) -> None:
+        """Give up all work: the tab was closed."""
+        self.planes.close()
+        self.runs.close()
+
+    def change(self, **changes: Any) -> None:
+        """Change the view as the user asked, and show what follows."""
+        before, view = self.view, replace(self.view, **changes)
+        try:
+            view = self._with_axes(view)
+            self.bench.plane(view)
+        except ValueError as error:
+            self.page.complain(str(error))
+            self.page.show_view(self.bench, before)
+            return
+        if view != before:
+            self.page.complain("")
+            self._show(before, view)
+
+    def refit(self) -> None:
+        """Fit the axes to the boundary."""
+        self.change(damping_range=None, stiffness_range=None)
+
+    def choose(self, damping: float, stiffness: float) -> None:
+        """Run the wall at a point."""
+        if damping >= 0.0 and stiffness > 0.0:
+            short = float(f"{damping:.4g}"), float(f"{stiffness:.4g}")
+            self.change(damping=short[0], stiffness=short[1])
+
+    def zoom(self, dampings: Span, stiffnesses: Span) -> None:
+        """Compute the part of the plane that the user zoomed to."""
+        spans = ((max(low, 0.0), high) for low, high in (dampings, stiffnesses))
+        (b0, b1), (k0, k1) = spans
+        shown = (self.view.damping_range, self.view.stiffness_range)
+        if b1 > b0 and k1 > k0 and shown != ((b0, b1), (k0, k1)):
+            self.change(damping_range=(b0, b1), stiffness_range=(k0, k1))
+
+    def zoom_time(self, span: Span | None) -> None:
+        """Show a part of the run."""
+        if span is not None:
+            span = max(span[0], 0.0), min(span[1], SECONDS)
+            if span[1] <= span[0]:
+                return
+        self.change(time_range=None if span == (0.0, SECONDS) else span)
+
+    def take(self, names: list[str], contents: list[str]) -> None:
+        """Lay a recording beside the run."""
+        try:
+            self.recording = read_dropped(names, contents)
+        except (ValueError, OSError) as error:
+            self.page.complain(str(error))
+            return
+        self.page.complain("")
+        self.page.say_recording(names, self.recording)
+        self._show_recording()
+
+    def _with_axes(self, view: View) -> View:
+        known = view.damping_range is not None and view.stiffness_range is not None
+        moved = (view.device, view.delay) != (self.view.device, self.view.delay)
+        return self.bench.fitted(view) if not known or (moved and not self._fits(view)) else view
+
+    def _fits(self, view: View) -> bool:
+        return self.bench.still_fits(view)
+
+    def _chosen_at_first(self, view: View) -> View:
+        """Return the view with a wall halfway to the boundary where none was chosen."""
+        if view.stiffness is not None and view.damping is not None:
+            return view
+        assert view.damping_range is not None
+        damping = float(f"{0.3 * view.damping_range[1]:.2g}")
+        critical = self.bench.line(view).at(damping)
+        stiffness = 0.6 * critical[0] if critical else 0.5 * (view.stiffness_range or (0, 1))[1]
+        return replace(view, damping=damping, stiffness=float(f"{stiffness:.2g}"))
+
+    def _show(self, before: View, view: View) -> None:
+        self.view = view
+        self.page.show_view(self.bench, view)
+        if self.drawn is None or _differ(before, view, OF_THE_PLANE):
+            self.planes.ask(partial(self._compute_plane, view, self.bench.plane(view)))
+        elif before.layer != view.layer:
+            self._show_plane(self.drawn)
+        if _differ(before, view, OF_THE_RUN):
+            self.runs.ask(partial(self._compute_run, view))
+        elif before.time_range != view.time_range:
+            self.page.runs.show_span(view.time_range)
+        if before.recording_from != view.recording_from or before == View():
+            self._show_recording()
+
+    def _compute_plane(self, view: View, plane: Plane) -> Iterator[None]:
+        shown = began = perf_counter()
+        for latest in sketch(plane):
+            now = perf_counter()
+            if latest.finished or now - shown > PATIENCE_S:
+                shown = now
+                drawn = Drawn(view, latest.filled(), latest.middle, latest.finished, now - began)
+                self._later(partial(self._show_plane, drawn))
+            yield
+
+    def _compute_run(self, view: View) -> Iterator[None]:
+        found = look(self.bench, view)
+        yield
+        other = self._beside(view)
+        beside = None if other is None else look(self.bench, other)
+        self._later(partial(self._show_run, found, beside))
+
+    def _beside(self, view: View) -> View | None:
+        """Return the view of the device beside: the nominal one, or the first of the others."""
+        if len(self.bench.devices) == 1:
+            return None
+        return replace(view, device=0 if view.device else 1)
+
+    def _show_plane(self, drawn: "Drawn") -> None:
+        if _differ(drawn.view, self.view, OF_THE_PLANE):
+            return
+        self.drawn = drawn
+        self.page.plane.show_map(drawn.result, self.view.layer)
+        said = words.of_the_plane(drawn.result, drawn.middle, drawn.finished)
+        self.page.say_plane(f"{said}, {drawn.seconds:.2g} s")
+
+    def _show_run(self, found: Look, beside: Look | None) -> None:
+        if _differ(found.view, self.view, OF_THE_RUN):
+            return
+        span = self.view.time_range
+        self.page.runs.show_span(span)
+        other = None if beside is None else columns(beside.trace)
+        self.page.runs.show(BESIDE, other, span)
+        self.page.runs.show(RUN, columns(found.trace), span)
+        line, plane = self.bench.line(self.view), self.bench.plane(self.view)
+        assert self.view.damping is not None
+        critical = line.at(self.view.damping)
+        self.page.runs.show_ultimate(None if critical is None else critical[1])
+        self.page.say_wall(words.of_the_wall(found, plane, line))
+
+    def _show_recording(self) -> None:
+        trace: Trace | None = self.recording
+        drawn = None if trace is None else columns(trace, self.view.recording_from, SECONDS)
+        self.page.runs.show(RECORDED, drawn, self.view.time_range)
+
+    def _later(self, show: Any) -> None:
+        """Show something from another thread; a page that has gone has nothing to show it on."""
+        with suppress(Exception):
+            self.document.add_next_tick_callback(show)
+
+    def _failed(self, error: Exception) -> None:
+        kind = "" if isinstance(error, ValueError) else f"internal error, {type(error).__name__}: "
+        self._later(partial(self.page.complain, f"{kind}{error}"))
+
+
+class Drawn(NamedTuple):
+    """A map of a view as far as it was computed after so many seconds."""
+
+    view: View
+    result: FateMap
+    middle: bool
+    finished: bool
+    seconds: float
+
+
+def _differ(one: View, other: View, names: tuple[str, ...]) -> bool:
+    return any(getattr(one, name) != getattr(other, name) for name in names)

@@ -1,0 +1,99 @@
+"""What the page says: of a wall, of the plane, of the device."""
+
+import math
+from html import escape
+
+import numpy as np
+
+from sim.device import Device, place_label
+from stability.fate_map import FateMap, units_of
+from stability.fates import Fate
+from stability.plane import Plane, is_friction_at_m1
+from zwidth.explore.bench import Line
+from zwidth.explore.look import Look
+from zwidth.explore.stops import with_unit
+from zwidth.explore.view import View
+from zwidth.figures.map import COLOURS, NAMES
+
+SHORT = {
+    Fate.RESTS: "comes to rest",
+    Fate.IMPERCEPTIBLE_CYCLE: "oscillates, too weakly to feel",
+    Fate.CYCLE: "oscillates, felt",
+    Fate.GROWS: "grows",
+    Fate.UNDECIDED: "undecided",
+}
+
+
+def of_the_wall(found: Look, plane: Plane, line: Line) -> str:
+    """Return what becomes of a wall, and what linear theory says of it, as HTML."""
+    view, device = found.view, plane.device
+    assert view.stiffness is not None
+    assert view.damping is not None
+    wall = (
+        f"K = {with_unit(view.stiffness, units_of(plane, 'K'))},"
+        f" B = {with_unit(view.damping, units_of(plane, 'B'))}"
+    )
+    fate = Fate(int(found.fates.fate[0]))
+    seen = _seen(found, plane, fate, math.isfinite(device.interface.command_limit))
+    critical = line.at(view.damping)
+    stable = critical is not None and view.stiffness < critical[0]
+    if critical is None:
+        theory = "no wall is stable at this B"
+    else:
+        word = "stable" if stable else "unstable"
+        limit, frequency = with_unit(critical[0], units_of(plane, "K")), critical[1]
+        theory = f"{word} (up to K = {limit} at this B, then {frequency:.3g} Hz)"
+    surprise = stable == (fate in (Fate.CYCLE, Fate.GROWS, Fate.IMPERCEPTIBLE_CYCLE))
+    verb = "<b>but</b> linear theory says" if surprise else "linear theory:"
+    return f"<b>{escape(wall)}</b> {escape(seen)}; {verb} {escape(theory)}."
+
+
+def _seen(found: Look, plane: Plane, fate: Fate, limited: bool) -> str:
+    angle, force = units_of(plane, "amplitude"), units_of(plane, "command_limit")
+    fates = found.fates
+    size = (
+        f"\u00b1{with_unit(float(fates.amplitude[0]), angle, 3)} and"
+        f" \u00b1{with_unit(float(fates.force[0]), force, 3)} at {float(fates.frequency[0]):.3g} Hz"
+    )
+    if fate == Fate.RESTS:
+        return "comes to rest"
+    if fate == Fate.GROWS and not limited:
+        return f"grows without end, at {float(fates.frequency[0]):.3g} Hz"
+    return {
+        Fate.IMPERCEPTIBLE_CYCLE: f"oscillates on, too weakly to feel: {size}",
+        Fate.CYCLE: f"oscillates on for ever: {size}",
+        Fate.GROWS: f"grows until the amplifier's limit holds it: {size}",
+        Fate.UNDECIDED: f"has not shown in 16 s what becomes of it: {size}",
+    }[fate]
+
+
+def of_the_plane(result: FateMap, middle: bool, finished: bool) -> str:
+    """Return the shares of the fates and how far the picture is, as plain text."""
+    shares = [(f, float(np.mean(result.fates.fate == f))) for f in Fate]
+    said = ", ".join(f"{100.0 * share:.0f} % {SHORT[f]}" for f, share in shares if share > 0.0)
+    grid = "161 \u00d7 161" if finished else "41 \u00d7 41" if middle else "11 \u00d7 11"
+    state = f"{grid}, {result.runs} runs" + ("" if finished else ", refining \u2026")
+    return f"{said} \u00b7 {state}"
+
+
+def legend(perceptible: str) -> str:
+    """Return the colours of the fates with their words, as HTML."""
+    entries = [
+        f'<span style="white-space:nowrap"><span style="display:inline-block;width:0.8em;'
+        f'height:0.8em;background:{COLOURS[f]};border:1px solid #666"></span> {NAMES[f]}</span>'
+        for f in Fate
+        if f != Fate.UNDECIDED
+    ]
+    return "&ensp; ".join(entries) + f"&ensp; (felt: from {escape(perceptible)})"
+
+
+def of_the_device(device: Device) -> str:
+    """Return what a device has besides what the sliders set, as HTML; empty for nothing."""
+    effects = [place_label(p) for p in device.physics if not is_friction_at_m1(p)]
+    names = [f"{label.replace('_', ' ').replace('@', ' at ')}" for label in effects]
+    return f"In the device, too: {escape(', '.join(names))}." if names else ""
+
+
+def in_one_line(view: View, device: Device) -> str:
+    """Return what the page shows, for a reader of the screen."""
+    return f"K-B plane of {device.name}, layer {view.layer}"
