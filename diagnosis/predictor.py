@@ -16,7 +16,7 @@ from scipy.linalg import solve_discrete_are
 
 from controllers.none import none
 from diagnosis.experiment import Experiment
-from sim.device import Device
+from sim.device import Device, masses_needed
 from sim.equations import Equations, equations
 from sim.kernel import Memory, scratch
 from sim.plant import hold
@@ -97,7 +97,7 @@ def innovations(
     out = np.full(experiment.measured.shape, np.inf)
     predict(
         eq, fine, experiment.places(eq.dof), experiment.command, experiment.measured,
-        _padded(gain, eq.states), forces, memory, scratch(eq), _saved(memory), out,
+        _padded(gain, device, eq), forces, memory, scratch(eq), _saved(memory), out,
     )  # fmt: skip
     return out
 
@@ -106,11 +106,22 @@ def _saved(memory: Memory) -> Floats:
     return np.zeros(memory.x.size + memory.internal.size)
 
 
-def _padded(gain: Floats, states: int) -> Floats:
-    """Gain for a device with more states than the one it was made for (a lag, a further mass)."""
-    full = np.zeros((states, gain.shape[1]))
-    rows = min(states, gain.shape[0])
-    full[:rows] = gain[:rows]
+def _padded(gain: Floats, device: Device, eq: Equations) -> Floats:
+    """Gain for a device with more states than the one it was made for: a lag, further masses.
+
+    A further mass is corrected as the mass it hangs on, or every correction would pull its spring.
+    """
+    full = np.zeros((eq.states, gain.shape[1]))
+    known = min(gain.shape[0] // 2, eq.dof)
+    full[:known] = gain[:known]
+    full[eq.dof : eq.dof + known] = gain[gain.shape[0] // 2 :][:known]
+    if gain.shape[0] % 2 and eq.lagging:
+        full[-1] = gain[-1]
+    extra = [p for p in device.physics if p.effect.name == "extra_mode" and p.values["mass"] > 0.0]
+    for place, physics in enumerate(extra, device.chain.masses.size):
+        if place >= known:
+            parent = masses_needed(physics.at) - 1
+            full[[place, eq.dof + place]] = full[[parent, eq.dof + parent]]
     return full
 
 
@@ -133,7 +144,7 @@ def free_run_errors(
     eq, fine = prepared(device)
     places, work = experiment.places(eq.dof), scratch(eq)
     memory = observer_memory(eq, experiment)
-    no_force, full = np.zeros((0, eq.dof)), _padded(gain, eq.states)
+    no_force, full = np.zeros((0, eq.dof)), _padded(gain, device, eq)
     saved = _saved(memory)
     errors: list[Floats] = []
     signal: list[Floats] = []

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from diagnosis.candidates import Start, candidates, magnitudes
 from diagnosis.experiment import Experiment
-from diagnosis.fit import Problem
+from diagnosis.fit import WORST, Problem
 from diagnosis.parameters import Model
-from diagnosis.predictor import choose_observer
+from diagnosis.predictor import SETTLING, choose_observer, innovations, prepared
 from diagnosis.rehearsal import Noise, known_observer
 from diagnosis.screen import Complement
 from sim.device import Device, place_label
@@ -81,9 +81,17 @@ class Reference:
         return found - self._floor[key]
 
     def _moved(self, physics: Physics) -> Floats:
-        model = Model(self.device, (physics,), ({},))
-        moved = self.problem.weighted(model, np.zeros(model.linear_count)) - self.base
+        moved = weighted(self.problem, self.device.with_physics(physics)) - self.base
         return np.concatenate([moved, np.zeros(self.jacobian.shape[0] - moved.size)])
+
+
+def weighted(problem: Problem, device: Device) -> Floats:
+    """Return the innovations (samples,) of a device in units of their deviations."""
+    ready, gain = prepared(device), problem.observer.gain
+    with np.errstate(all="ignore"):
+        every = [innovations(device, e, gain, ready=ready)[SETTLING:] for e in problem.experiments]
+        joined = np.concatenate([(one / problem.observer.deviation).ravel() for one in every])
+    return np.clip(np.nan_to_num(joined, nan=WORST, posinf=WORST, neginf=-WORST), -WORST, WORST)
 
 
 def reference(
@@ -98,13 +106,12 @@ def reference(
         observer = choose_observer(device, experiments)
     else:
         observer = known_observer(device, experiments[0], noise)
+    # An encoder's rounding of what is predicted would turn every small difference into noise.
+    device = device.with_interface(encoder_step=0.0)
     problem, model = Problem(experiments, observer), Model(device)
-    still = np.zeros(model.linear_count)
-    whole = problem.residual(model, still)
-    jacobian = problem.jacobian(model, still, whole)
-    white = whole[: whole.size - sum(p.prior for p in model.parameters)]
+    jacobian = problem.jacobian(model, np.zeros(model.linear_count))
     peak = max(float(np.abs(e.command).max()) for e in experiments)
-    bare = Reference(device, problem, white, jacobian, {}, peak)
+    bare = Reference(device, problem, weighted(problem, device), jacobian, {}, peak)
     largest = float(np.linalg.norm(jacobian, axis=0).max())
     columns = {p.effect.name: bare.signature(p) for p in _small(device, experiments)}
     scaled = {k: c * largest / float(np.linalg.norm(c)) for k, c in columns.items() if c.any()}

@@ -6,7 +6,7 @@ measured.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from diagnosis.experiment import Experiment, Output
 from diagnosis.predictor import Observer, observer_for
 from scenarios.scenario import SUBSTEPS, one_is_exact
 from sim.device import Device
+from sim.interface import Interface
 from sim.plant import hold
 from sim.run import Outcome, simulate
 
@@ -56,7 +57,7 @@ def rehearse(
     random = np.random.default_rng(seed)
     period = device.interface.period
     run = simulate(
-        device,
+        device.with_interface(encoder_step=0.0),
         recorded(command),
         duration=command.size * period,
         disturbance=noise.process * random.standard_normal(command.size),
@@ -65,18 +66,31 @@ def rehearse(
     if run.outcome is not Outcome.COMPLETED:
         raise ValueError(f"{device.name} runs away under {name}: {run.outcome.value}")
     scale = [1.0 if o.quantity == "position" else 1.0 / period for o in outputs]
-    # A device with an encoder reads m1 through it; its other noise is what the encoder counts.
-    seen = ["encoder" if o.name == "position_m1" else o.name for o in outputs]
+    sensed = [o.name == "position_m1" for o in outputs]
+    seen = ["encoder" if at else o.name for at, o in zip(sensed, outputs, strict=True)]
     y = np.column_stack([run.trace[channel] for channel in seen])
     y += noise.measurement * np.array(scale) * random.standard_normal(y.shape)
+    y[:, sensed] = _counted(y[:, sensed], device.interface)  # an encoder counts what has noise
     return Experiment(period, command, y, tuple(outputs), name, float(np.std(y[:, 0])))
+
+
+def _counted(y: Floats, interface: Interface) -> Floats:
+    step = interface.encoder_step
+    if step == 0.0:
+        return y
+    if interface.encoder_rounding == "floor":
+        return step * np.floor(y / step)
+    return step * np.sign(y) * np.floor(np.abs(y) / step + 0.5)
 
 
 def known_observer(device: Device, experiment: Experiment, noise: Noise) -> Observer:
     """Return the observer for a noise that is known: its gain, and its innovations' deviations.
 
     The deviations are those of the linear part, diag(C P C' + R) with P from the Riccati equation.
+    An encoder's rounding counts as noise, its step squared over twelve.
     """
+    rounding = device.interface.encoder_step**2 / 12.0
+    noise = replace(noise, measurement=float(np.sqrt(noise.measurement**2 + rounding)))
     plant = device.plant()
     a, b = hold(plant, experiment.period)
     places = experiment.places(plant.dof)

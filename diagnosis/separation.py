@@ -11,6 +11,7 @@ local minimum: the true distance may be smaller, never larger.
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,7 +66,7 @@ def separation(
             tried += [_refined(reference, off, target, t) for t in hopeful[:TRIED]]
         return min(whole, *(t.left for t in tried))
 
-    tasks = [lambda s=starts: nearest(s) for starts in grouped.values()]
+    tasks = [partial(nearest, starts) for starts in grouped.values()]
     found = dict(zip(grouped, in_parallel(tasks, threads()), strict=True))
     return dict(sorted(found.items(), key=lambda pair: pair[1]))
 
@@ -162,7 +163,8 @@ def _refined(reference: Reference, off: Complement, target: Floats, best: Aimed)
 
 def _solved(gram: Floats, gradient: Floats, damping: float) -> Floats:
     weight = np.diag(np.maximum(np.diag(gram), 1e-300))
-    return np.asarray(np.linalg.lstsq(gram + damping * weight, gradient, rcond=1e-14)[0])
+    solved = np.linalg.lstsq(gram + damping * weight, gradient, rcond=1e-14)[0]
+    return np.asarray(solved, dtype=np.float64)
 
 
 def _moved(start: Start, steps: Mapping[str, float]) -> Start:

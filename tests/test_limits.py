@@ -127,8 +127,8 @@ def test_a_fit_gains_what_the_limit_promises():
 
 
 def test_separation_from_what_contains_an_effect_is_nothing():
-    """Stribeck friction with equal levels is Coulomb friction; from m3's friction it stands off, and
-    from nothing by sigma itself.
+    """Stribeck friction with equal levels is Coulomb friction; m3's friction is another, and no
+    effect is further off than none.
 
     Mutation that breaks it: no Gauss-Newton steps, which leave a Stribeck friction as it started.
     """
@@ -173,3 +173,29 @@ def test_the_known_observer_whitens():
         Model(lagging), np.zeros(Model(lagging).linear_count)
     )
     assert np.mean(white**2) == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_vanishing_mode_changes_nothing():
+    """The signature of an extra mass falls with the mass, which was 1e-8 kg m2 and is a tenth.
+
+    Mutation that breaks it: the observer's gain for speeds on the further mass's position.
+    """
+    values = {"mass": 1e-8, "stiffness": 3.5e-4, "damping": 1.9e-7}
+    first = make_physics("extra_mode", "m3", **values)
+    tenth = strengthened(first, 0.1)
+    assert tenth is not None
+    assert sigma(prepared(), tenth) == pytest.approx(0.1 * sigma(prepared(), first), rel=1e-2)
+
+
+def test_lost_commands_count_by_their_number():
+    """Twice the rate stands sqrt(2) higher; a rate of less than one in the recording shows nothing.
+
+    Mutation that breaks it: the rate as it is given, at which a seed may lose none.
+    """
+    found = [
+        sigma(prepared(), make_physics("dropped_samples", "clock", rate=rate))
+        for rate in (1e-4, 2e-4, 4e-5)
+    ]
+    assert found[0] > SHOWN
+    assert found[1] == pytest.approx(np.sqrt(2.0) * found[0])
+    assert found[2] == 0.0
