@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import binomtest
 
 from diagnosis.candidates import MAGNITUDE, candidates
 from diagnosis.experiment import Experiment
@@ -12,6 +13,7 @@ from diagnosis.fit import Fitted
 from diagnosis.gate import Fault, corrected, examine
 from diagnosis.held_out import held_out
 from diagnosis.hold import smooth, was_smooth
+from diagnosis.lattice import STEPPED, step_interval
 from diagnosis.locate import locate
 from diagnosis.parameters import Model, linear_parameters, values_of
 from diagnosis.result import Diagnosis, Estimate, Finding, Residuals, Rival, Verdict
@@ -19,6 +21,7 @@ from diagnosis.screen import Complement, screen
 from diagnosis.search import THRESHOLD, Say, Searched, Step, search
 from diagnosis.uncertainty import Z95, covariance, inflation
 from sim.device import Device, place_label
+from sim.physics.effect import Physics
 
 Floats = NDArray[np.float64]
 DAMPER, SPRING = ("N m s/rad", "N s/m"), ("N m/rad", "N/m")
@@ -121,6 +124,8 @@ def _findings(found: Searched) -> tuple[Finding, ...]:
                 half = Z95 * p.scale * float(spread[j])
                 unit = physics.effect.parameter(p.key).unit_for(final.model.nominal.rotary)
                 estimates[p.key] = Estimate(value, value - half, value + half, unit)
+        if physics.effect.name in STEPPED:
+            estimates |= _step_estimate(found, physics)
         without = found.problem.fit(
             final.model.without_effect(i),
             np.array([x for x, p in zip(final.x, parameters, strict=True)
@@ -131,6 +136,21 @@ def _findings(found: Searched) -> tuple[Finding, ...]:
         rivals = _rivals(label, found.steps, wide)
         findings.append(Finding(physics.effect.name, physics.at, estimates, sigma, rivals))
     return tuple(findings)
+
+
+def _step_estimate(found: Searched, physics: Physics) -> dict[str, Estimate]:
+    """Estimates of what no slope leads to: steps, and the rate of lost commands."""
+    name, rotary = physics.effect.name, found.final.model.nominal.rotary
+    (key,) = physics.values
+    value = physics.values[key]
+    unit = physics.effect.parameter(key).unit_for(rotary)
+    if name == "dropped_samples":
+        parts = [e.dropped for e in found.problem.experiments if e.dropped is not None]
+        lost, ticks = sum(int(d.sum()) for d in parts), sum(d.size for d in parts)
+        interval = binomtest(lost, ticks).proportion_ci(method="exact")
+        return {key: Estimate(value, float(interval.low), float(interval.high), unit)}
+    half = step_interval(found.problem, found.final, name, inflation(found.final.white))
+    return {key: Estimate(value, value - half, value + half, unit)}
 
 
 def _rivals(label: str, steps: Sequence[Step], wide: float) -> tuple[Rival, ...]:

@@ -37,7 +37,9 @@ class Output:
 class Experiment:
     """command (ticks,) and measured (ticks, o) at one period [s], SI; outputs say what o are.
 
-    swing: rms of the first output about its mean, in the whole recording.
+    swing: rms of the first output about its mean, in the whole recording. What was found out about
+    the recording itself: sensor_error (ticks,) is what its steps add to the first output, dropped
+    (ticks,) are the commands that were not delivered; both count where a model has that effect.
     """
 
     period: float
@@ -46,6 +48,8 @@ class Experiment:
     outputs: tuple[Output, ...]
     name: str = "recording"
     swing: float = 1.0
+    sensor_error: Floats | None = None
+    dropped: NDArray[np.bool_] | None = None
 
     @property
     def ticks(self) -> int:
@@ -60,7 +64,14 @@ class Experiment:
 
     def part(self, start: int, stop: int) -> "Experiment":
         """Return the samples start <= k < stop."""
-        return replace(self, command=self.command[start:stop], measured=self.measured[start:stop])
+        cut = slice(start, stop)
+        return replace(
+            self,
+            command=self.command[cut],
+            measured=self.measured[cut],
+            sensor_error=None if self.sensor_error is None else self.sensor_error[cut],
+            dropped=None if self.dropped is None else self.dropped[cut],
+        )
 
     def split(self, share: float = 0.7) -> "tuple[Experiment, Experiment]":
         """Return the first share to fit on, and the rest to judge by."""

@@ -47,7 +47,7 @@ class Problem:
 
     def weighted(self, model: Model, x: Floats) -> Floats:
         """Return the weighted innovations of all experiments, one after the other."""
-        device = model.build(x)
+        device = model.acting(x)
         ready = prepared(device)
         parts: list[Floats] = []
         for e in self.experiments:

@@ -36,7 +36,7 @@ def held_out(
     free: list[float] = []
     windows = swing
     for model, x in models:
-        built = model.build(x)
+        built = model.acting(x)
         scaled = [model.seen(e, x) for e in judge_by]
         one.append(_rms([innovations(built, e, gain)[SETTLING:, 0] for e in scaled]) / swing)
         runs = [free_run_errors(built, e, gain, window(e)) for e in scaled]

@@ -41,7 +41,7 @@ def longer_view(
 
 def free_run_error(experiments: Sequence[Experiment], problem: Problem, fitted: Fitted) -> float:
     """Return the rms error of free runs, first output; infinite without any."""
-    device = fitted.model.build(fitted.x)
+    device = fitted.model.acting(fitted.x)
     seen = [fitted.model.seen(e, fitted.x) for e in experiments]
     runs = [free_run_errors(device, e, problem.observer.gain, window(e))[0][:, 0] for e in seen]
     joined = np.concatenate(runs)
@@ -55,7 +55,7 @@ def _at_ratio(
     model, x = fitted.model, fitted.x
     problem = None
     for _ in range(2):  # the second time with the deviations of the first
-        device = model.build(x)
+        device = model.acting(x)
         seen = [model.seen(e, x) for e in experiments]
         gain = observer_for(device, seen[0], ratio)
         problem = Problem(experiments, Observer(gain, deviation(device, seen, gain), ratio))

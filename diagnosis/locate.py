@@ -137,7 +137,7 @@ def _state(problem: Problem, white: Floats) -> list[Share]:
 
 def force_maps(problem: Problem, fitted: Fitted) -> tuple[ForceMap, ...]:
     """Return the missing force at every place against every state."""
-    device = fitted.model.build(fitted.x)
+    device = fitted.model.acting(fitted.x)
     ready = prepared(device)
     off = Complement(fitted.jacobian)
     left = off(fitted.residual)

@@ -22,7 +22,7 @@ MASS_SCALE, SPRING_SCALE, DAMPER_SCALE, GAIN_SCALE = 0.2, 0.2, 0.5, 0.05
 ORIGIN_SCALE = 0.1  # of the rms motion: where a spring to ground is at rest
 DAMPER_FLOOR = 0.1  # of the mean damper: what a damper of nearly zero may change by
 
-
+IN_RECORDING = ("dropped_samples", "rectified_sensor")  # taken off the recording, not simulated
 # A lag or delay of many ticks is another mechanism, and a lag without end cuts the command off.
 LONGEST_WAVE = 1.2  # times the period that a fit starts from
 MOST_TICKS = {"actuator_lag": 8.0, "loop_delay": 16.0}
@@ -50,11 +50,14 @@ class Model:
     """A device with its free parameters; `build(x)` is the device at x, `seen` a recording at x.
 
     effects: the physics under trial, at the values where x of their parameters is zero.
+    sensor_error_known: the recordings say what an encoder_step under trial adds to the sensor, so
+    that it is taken off there and not simulated.
     """
 
     nominal: Device
     effects: tuple[Physics, ...] = ()
     scales: tuple[dict[str, float], ...] = ()
+    sensor_error_known: bool = False
 
     @property
     def parameters(self) -> list[Parameter]:
@@ -112,19 +115,49 @@ class Model:
             device = device.with_physics(replace(physics, values=_inside(physics, changed)))
         return device
 
+    def acting(self, x: Floats) -> Device:
+        """Return the device at x less what `seen` takes off the recording: steps, lost commands."""
+        device = self.build(x).with_interface(command_step=0.0)
+        if self.sensor_error_known or not self.has("encoder_step"):
+            device = device.with_interface(encoder_step=0.0)
+        names = {p.effect.name for p in device.physics}
+        gone = names.intersection(IN_RECORDING)
+        return device.without_physics(*gone) if gone else device
+
+    def has(self, name: str) -> bool:
+        """Whether an effect of that name is under trial."""
+        return any(p.effect.name == name for p in self.effects)
+
     def seen(self, experiment: Experiment, x: Floats) -> Experiment:
-        """Return a recording as the model at x sees it: gain on the command, origin moved."""
+        """Return a recording as the model at x sees it.
+
+        Lost commands left out, the command in its steps, then gain; errors of the sensor's steps
+        taken off, origin moved. Steps are taken here and not in the device: inside a fit they would
+        turn every slope into noise.
+        """
         gain, origin = 1.0, 0.0
         for p, xi in zip(self.parameters, x, strict=True):
             if p.kind == "gain":
                 gain = float(np.exp(p.scale * xi))
             elif p.kind == "origin":
                 origin = p.scale * float(xi) * experiment.swing
-        measured = experiment.measured
+        measured, command = experiment.measured, experiment.command
+        if self.has("dropped_samples") and experiment.dropped is not None:
+            command = delivered(command, experiment.dropped)
+        for step in self._command_steps():
+            command = step * np.round(command / step)
+        if self.sensor_error_known and experiment.sensor_error is not None:
+            measured = measured.copy()
+            measured[:, 0] -= experiment.sensor_error
         if origin != 0.0:
             still = np.array([o.quantity == "position" for o in experiment.outputs])
             measured = measured - origin * still
-        return replace(experiment, command=gain * experiment.command, measured=measured)
+        return replace(experiment, command=gain * command, measured=measured)
+
+    def _command_steps(self) -> list[float]:
+        known = [self.nominal.interface.command_step]
+        found = [p.values["step"] for p in self.effects if p.effect.name == "command_step"]
+        return [step for step in found or known if step > 0.0]
 
     def with_effect(self, physics: Physics, scales: dict[str, float]) -> "Model":
         """Return the model with one more effect."""
@@ -133,8 +166,10 @@ class Model:
     def without_effect(self, index: int) -> "Model":
         """Return the model without one of its effects."""
         keep = [i for i in range(len(self.effects)) if i != index]
+        steps = self.sensor_error_known and self.effects[index].effect.name != "encoder_step"
         return replace(
             self,
+            sensor_error_known=steps,
             effects=tuple(self.effects[i] for i in keep),
             scales=tuple(self.scales[i] for i in keep),
         )
@@ -143,6 +178,13 @@ class Model:
     def label(self) -> str:
         """The effects by name, or "linear"."""
         return " + ".join(place_label(p) for p in self.effects) or "linear"
+
+
+def delivered(command: Floats, dropped: NDArray[np.bool_]) -> Floats:
+    """Return the commands that arrived: in place of a lost one, the one before."""
+    last = np.where(dropped, -1, np.arange(command.size))
+    last[0] = 0
+    return command[np.maximum.accumulate(last)]
 
 
 def _inside(physics: Physics, values: dict[str, float]) -> dict[str, float]:

@@ -18,10 +18,12 @@ from diagnosis.candidates import CONTAINED, MAGNITUDE, candidates
 from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted, Problem
 from diagnosis.horizon import longer_view
+from diagnosis.lattice import STEPPED, sharpened, stepped_trials
 from diagnosis.parameters import Model, effect_labels
 from diagnosis.predictor import Observer, choose_observer
 from diagnosis.screen import screen
 from diagnosis.uncertainty import covariance, inflation
+from diagnosis.waves import wave_starts
 from sim.device import Device, place_label
 from sim.physics.effect import Physics
 
@@ -33,19 +35,26 @@ MOST = 3  # effects
 SURE = 4.0  # standard errors that an effect must be away from nothing
 MOSTLY = 0.8  # of what a richer effect gains: then the simple one comes first
 REFITS = 6
+SHARPENED = 3  # times that an encoder's error is predicted again
 SETTLED = 1.02  # chi2 per sample at which the observer and the refit agree
 Say = Callable[[str], None]
 
 
 @dataclass(frozen=True)
 class Trial:
-    """A candidate's joint fit. gained: chi2 of the model before, less this one's."""
+    """A candidate's joint fit. gained: chi2 of the model before, less this one's.
+
+    price: chi-square that the search for its period costs. experiments: the recordings as it sees
+    them, None where no different.
+    """
 
     label: str
     fitted: Fitted
     gained: float
     parameters: int
     on_bound: str = ""
+    price: float = 0.0
+    experiments: Sequence[Experiment] | None = None
 
     @property
     def effect(self) -> str:
@@ -95,7 +104,7 @@ def settle(experiments: Sequence[Experiment], model: Model, x: Floats) -> tuple[
 
 def observer(experiments: Sequence[Experiment], model: Model, x: Floats) -> Observer:
     """Return the observer for the recordings as the model at x sees them."""
-    return choose_observer(model.build(x), [model.seen(e, x) for e in experiments])
+    return choose_observer(model.acting(x), [model.seen(e, x) for e in experiments])
 
 
 def search(
@@ -116,7 +125,12 @@ def search(
         steps.append(step)
         if step.taken is None:
             break
+        experiments = step.taken.experiments or experiments
         problem, settled = settle(experiments, step.taken.fitted.model, step.taken.fitted.x)
+        if settled.model.sensor_error_known:
+            for _ in range(SHARPENED):
+                experiments = sharpened(problem, settled, experiments)
+                problem, settled = settle(experiments, settled.model, settled.x)
         kept = prune(problem, settled)
         again = len(kept.model.effects) < len(settled.model.effects)
         current = kept
@@ -132,7 +146,9 @@ def search(
 def take(problem: Problem, current: Fitted, experiments: Sequence[Experiment], say: Say) -> Step:
     """Try every candidate on top of a fitted model."""
     built = current.model.build(current.x)
-    screened = screen(problem, current, candidates(built, experiments))
+    starts = [s for s in candidates(built, experiments) if s.physics.effect.name not in STEPPED]
+    waves, prices = wave_starts(problem, current)
+    screened = screen(problem, current, [*starts, *waves])
     wide = inflation(current.white)
     trials: list[Trial] = []
     for one in screened[:FITTED]:
@@ -143,7 +159,11 @@ def take(problem: Problem, current: Fitted, experiments: Sequence[Experiment], s
         start = np.concatenate([current.x, np.zeros(extra)])
         fitted = problem.fit(model, start)
         gained = current.chi2 - fitted.chi2
-        trials.append(Trial(one.start.label, fitted, gained, extra, at_bound(fitted)))
+        price = prices.get(one.start.physics.effect.name, 0.0)
+        trials.append(Trial(one.start.label, fitted, gained, extra, at_bound(fitted), price))
+    for t in stepped_trials(problem, current, experiments):
+        say(f"{t.label}: chi-square gained {t.gained:.0f}")
+        trials.append(Trial(t.label, t.fitted, t.gained, 1, "", t.price, t.problem.experiments))
     for t in trials:
         if t.on_bound and t.gained > THRESHOLD * wide:
             say(f"{t.label} is left out: its {t.on_bound} runs to the end of what is allowed")
@@ -153,7 +173,7 @@ def take(problem: Problem, current: Fitted, experiments: Sequence[Experiment], s
         return Step((), None, wide)
     best = _simplest(trials, wide)
     say(f"best candidate {best.label}: chi-square gained {best.gained:.0f}")
-    believed = best.gained > THRESHOLD * wide + 2.0 * best.parameters
+    believed = best.gained > (THRESHOLD + best.price) * wide + 2.0 * best.parameters
     return Step(tuple(trials), best if believed else None, wide)
 
 
@@ -168,7 +188,7 @@ def at_bound(fitted: Fitted) -> str:
 
 def evidence(trial: Trial, samples: int) -> float:
     """Chi-square gained less the price of the parameters."""
-    return trial.gained - trial.parameters * float(np.log(samples))
+    return trial.gained - trial.price - trial.parameters * float(np.log(samples))
 
 
 def _simplest(trials: Sequence[Trial], wide: float) -> Trial:

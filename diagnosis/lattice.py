@@ -1,0 +1,285 @@
+"""Steps and lost commands: effects that no slope leads to, found by what they repeat.
+
+command_step: c = step round(u / step) is known for every step, so its signature is F (c - u), and
+the periods of the missing force over u (`diagnosis.spatial`) say which steps to try.
+
+encoder_step: y = x + s(x) + noise, s(x) = step round(x / step) - x. The observer predicts x only
+within some spread, so what is taken off is the mean of s over that spread,
+
+    sum (-1)^n step / (pi n) exp(-2 (pi n spread / step)^2) sin(2 pi n x / step),
+
+the spread by chi-square. It is held fixed inside a fit; a better fit predicts better, so prediction
+and fit are repeated (`sharpened`).
+
+dropped_samples: a command lost at tick k moves the force by d = u_(k-1) - u_k for one tick. Its
+log likelihood ratio is L_k = -g_k d_k - d_k^2 n / 2 (g: `matched`, n: energy of the response to one
+tick), and that of a rate p over the whole recording sum log(1 - p + p exp(L_k)).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from diagnosis.experiment import Experiment
+from diagnosis.fit import Fitted, Problem
+from diagnosis.parameters import Model, delivered
+from diagnosis.predictor import SETTLING, innovations
+from diagnosis.screen import Complement
+from diagnosis.spatial import matched, peaks, response
+from sim.physics import make_physics
+
+Floats = NDArray[np.float64]
+STEPPED = ("command_step", "encoder_step", "dropped_samples")
+PROMISING = 20.0  # chi-square of a wave that is worth a fit
+AROUND = 41  # steps tried around a peak, two lines to either side
+DELIVERED, EVEN = 0.0, 0.5
+FINEST_SHARE = 1e-6  # of the span, of a step that is looked for
+ROUNDS = 3
+SPREADS = (0.0, 0.03, 0.07, 0.12, 0.18, 0.25, 0.35)  # of a step
+
+
+@dataclass(frozen=True)
+class Stepped:
+    """A trial of one of these effects. gained: chi-square; price: what the search cost of it."""
+
+    label: str
+    problem: Problem
+    fitted: Fitted
+    gained: float
+    price: float
+
+
+def stepped_trials(
+    problem: Problem, fitted: Fitted, experiments: Sequence[Experiment]
+) -> list[Stepped]:
+    """Return the trials of steps and lost commands on top of a fitted model."""
+    tried = (command_step(problem, fitted), encoder_step(problem, fitted, experiments),
+             dropped_samples(problem, fitted, experiments))  # fmt: skip
+    return [t for t in tried if t is not None]
+
+
+def command_step(problem: Problem, fitted: Fitted) -> Stepped | None:
+    """Try steps of the command."""
+    model, x = fitted.model, fitted.x
+    if model.has("command_step") or model.nominal.interface.command_step > 0.0:
+        return None
+    over = [e.command for e in problem.experiments]
+    span = max(float(np.ptp(u)) for u in over)
+    levels = max(np.unique(u).size for u in over)
+    if levels < 50:  # a command of few levels shows no lattice
+        return None
+    size = float(np.sqrt(np.mean(np.concatenate(over) ** 2)))
+    found, lines = peaks(matched(problem, fitted, "command"), over, 3e-4 * size)
+    moved = _Moved(fitted)
+
+    def chi2(step: float) -> float:
+        tried = model.with_effect(make_physics("command_step", "command", step=step), {})
+        return moved.chi2(problem.weighted(tried, x))
+
+    best = _best([p.period for p in found if p.gained > PROMISING], span, chi2)
+    if best is None:
+        return None
+    physics = make_physics("command_step", "command", step=best)
+    again = problem.fit(model.with_effect(physics, {}), x)
+    price = 2.0 * np.log(max(lines, 1))
+    return Stepped("command_step@command", problem, again, fitted.chi2 - again.chi2, price)
+
+
+def encoder_step(
+    problem: Problem, fitted: Fitted, experiments: Sequence[Experiment]
+) -> Stepped | None:
+    """Try steps of the sensor."""
+    model, x = fitted.model, fitted.x
+    known = model.has("encoder_step") or model.nominal.interface.encoder_step > 0.0
+    if known or experiments[0].outputs[0].quantity != "position":
+        return None
+    positions = predicted(problem, fitted)
+    span = max(float(np.ptp(q)) for q in positions)
+    finest = max(0.3 * float(problem.observer.deviation[0]), FINEST_SHARE * span)
+    found, lines = peaks(matched(problem, fitted, "sensor"), positions, finest)
+
+    physics = make_physics("encoder_step", "sensor", step=1.0)
+    tried = replace(model.with_effect(physics, {}), sensor_error_known=True)
+    loss = _StepLoss(problem, fitted, tried, experiments, positions)
+    periods = [p.period for p in found if p.gained > PROMISING]
+    best = _best(periods, span, lambda step: loss.chi2(step, 0.15))
+    if best is None:
+        return None
+    there = Problem(loss.in_steps(best, loss.spread(best)), problem.observer)
+    again = there.fit(with_step(tried, "encoder_step", best), x)
+    price = 2.0 * np.log(max(lines, 1))
+    return Stepped("encoder_step@sensor", there, again, fitted.chi2 - again.chi2, price)
+
+
+class _Moved:
+    """Chi-square after a refit to first order, for innovations that have moved."""
+
+    def __init__(self, fitted: Fitted) -> None:
+        self.off, self.fitted = Complement(fitted.jacobian), fitted
+        self.base = self.off(fitted.residual)
+        self.prior = np.zeros(fitted.residual.size - fitted.samples)
+
+    def chi2(self, white: Floats) -> float:
+        """Return it for weighted innovations (samples,)."""
+        moved = np.concatenate([white - self.fitted.white, self.prior])
+        return float(np.sum((self.base + self.off(moved)) ** 2))
+
+
+def with_step(model: Model, name: str, step: float) -> Model:
+    """Return the model with another value of the step of an effect."""
+    effects = tuple(
+        replace(p, values={"step": step}) if p.effect.name == name else p for p in model.effects
+    )
+    return replace(model, effects=effects)
+
+
+class _StepLoss:
+    """Chi-square of an encoder's step at positions as an observer predicts them."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        fitted: Fitted,
+        model: Model,
+        experiments: Sequence[Experiment],
+        positions: Sequence[Floats],
+    ) -> None:
+        self.moved, self.observer, self.x = _Moved(fitted), problem.observer, fitted.x
+        self.model, self.experiments, self.positions = model, experiments, positions
+
+    def in_steps(self, step: float, share: float) -> list[Experiment]:
+        """Return recordings that know what steps add; share: the spread over the step."""
+        return [
+            replace(e, sensor_error=mean_error(q, step, share))
+            for e, q in zip(self.experiments, self.positions, strict=True)
+        ]
+
+    def chi2(self, step: float, share: float) -> float:
+        """Return chi-square after a refit to first order."""
+        there = Problem(self.in_steps(step, share), self.observer)
+        return self.moved.chi2(there.weighted(self.model, self.x))
+
+    def spread(self, step: float) -> float:
+        """Return the share of least chi-square."""
+        return min(SPREADS, key=lambda share: self.chi2(step, share))
+
+
+def mean_error(position: Floats, step: float, share: float) -> Floats:
+    """Return what steps add at positions known within a normal spread of share x step."""
+    if share == 0.0:
+        return step * np.round(position / step) - position
+    total = np.zeros_like(position)
+    for n in range(1, 40):
+        weight = np.exp(-2.0 * (np.pi * n * share) ** 2) * (-1.0) ** n / (np.pi * n)
+        if abs(weight) < 1e-4:
+            break
+        total += weight * np.sin(2.0 * np.pi * n * position / step)
+    return step * total
+
+
+def sharpened(
+    problem: Problem, fitted: Fitted, experiments: Sequence[Experiment]
+) -> list[Experiment]:
+    """Return recordings that know their encoder's error as a better fit predicts it."""
+    step = next(p.values["step"] for p in fitted.model.effects if p.effect.name == "encoder_step")
+    loss = _StepLoss(problem, fitted, fitted.model, experiments, predicted(problem, fitted))
+    return loss.in_steps(step, loss.spread(step))
+
+
+def step_interval(problem: Problem, fitted: Fitted, name: str, wide: float) -> float:
+    """Return half the 95 % interval of a step: where chi-square rises by 3.84 on either side."""
+    step = next(p.values["step"] for p in fitted.model.effects if p.effect.name == name)
+    moved = _Moved(fitted)
+    positions = predicted(problem, fitted) if name == "encoder_step" else []
+    loss = _StepLoss(problem, fitted, fitted.model, problem.experiments, positions)
+    share = loss.spread(step) if name == "encoder_step" else 0.0
+
+    def chi2(value: float) -> float:
+        if name == "encoder_step":
+            return loss.chi2(value, share)
+        return moved.chi2(problem.weighted(with_step(fitted.model, name, value), fitted.x))
+
+    own = chi2(step)
+    for part in np.geomspace(1e-8, 0.3, 80):
+        if min(chi2(step * (1.0 - part)), chi2(step * (1.0 + part))) > own + 3.84 * wide:
+            return float(part) * step
+    return 0.3 * step
+
+
+def predicted(problem: Problem, fitted: Fitted) -> list[Floats]:
+    """Return the first output (ticks,) as the observer predicts it, of every recording."""
+    device = fitted.model.acting(fitted.x)
+    found: list[Floats] = []
+    for e in problem.experiments:
+        seen = fitted.model.seen(e, fitted.x)
+        error = innovations(device, seen, problem.observer.gain)
+        found.append(seen.measured[:, 0] - error[:, 0])
+    return found
+
+
+def _best(periods: list[float], span: float, chi2: Callable[[float], float]) -> float | None:
+    """Return the step of least chi-square near periods, each tried over the width of its line."""
+    best: tuple[float, float] | None = None
+    for period in periods:
+        lines = 1.0 / period + np.linspace(-1.0, 1.0, AROUND) / span
+        tried = [(chi2(1.0 / line), 1.0 / line) for line in lines if line > 0.5 / span]
+        found = min(tried)
+        width = 2.0 / (AROUND - 1) / span
+        fine = 1.0 / found[1] + np.linspace(-1.0, 1.0, AROUND // 2) * width
+        found = min([found, *((chi2(1.0 / line), 1.0 / line) for line in fine)])
+        if best is None or found < best:
+            best = found
+    return None if best is None else best[1]
+
+
+def dropped_samples(
+    problem: Problem, fitted: Fitted, experiments: Sequence[Experiment]
+) -> Stepped | None:
+    """Try lost commands, event by event."""
+    model = fitted.model
+    if model.has("dropped_samples"):
+        return None
+    energy = float(np.sum(response(problem, fitted, "command") ** 2))
+    dropped = [np.zeros(e.ticks, dtype=np.bool_) for e in experiments]
+    current, there, rate, gained = fitted, problem, 0.0, 0.0
+    for _ in range(ROUNDS):
+        ratios: list[Floats] = []
+        for e, g, lost in zip(
+            experiments, matched(there, current, "command"), dropped, strict=True
+        ):
+            arrived = delivered(e.command, lost)
+            change = np.concatenate([[0.0], arrived[:-1] - e.command[1:]])
+            # of one that counts as lost, what it would be worth to deliver it, with its sign turned
+            back = np.where(lost, -change, change)
+            ratio = -g * back - 0.5 * back**2 * energy
+            ratio[:SETTLING] = -np.inf
+            ratios.append(np.where(lost, -ratio, ratio))
+        joined = np.concatenate(ratios)
+        rate, gained = _rate(joined)
+        if gained < PROMISING:
+            break
+        prior = np.log(rate / (1.0 - rate))
+        dropped = [r + prior > DELIVERED for r in ratios]
+        if not any(d.any() for d in dropped):
+            break
+        seen = [replace(e, dropped=d) for e, d in zip(experiments, dropped, strict=True)]
+        there = Problem(seen, problem.observer)
+        physics = make_physics("dropped_samples", "clock", rate=rate)
+        current = there.fit(model.with_effect(physics, {}), fitted.x)
+    if current is fitted or gained < PROMISING:
+        return None
+    return Stepped("dropped_samples@clock", there, current, gained, 0.0)
+
+
+def _rate(ratios: Floats) -> tuple[float, float]:
+    """Return the likeliest rate and twice its log likelihood ratio against none."""
+
+    def loss(log_rate: float) -> float:
+        rate = float(np.exp(log_rate))
+        return -float(np.sum(np.logaddexp(np.log1p(-rate), log_rate + ratios)))
+
+    found = minimize_scalar(loss, bounds=(np.log(0.1 / ratios.size), np.log(0.5)), method="bounded")
+    return float(np.exp(found.x)), -2.0 * float(found.fun)
