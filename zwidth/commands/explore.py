@@ -11,8 +11,7 @@ from sim.device import warnings_of
 from sim.device_file import load_device
 from zwidth.compiling import announce
 from zwidth.console import Console, progress
-
-PORT = 5006
+from zwidth.explore.link import PORT
 
 
 @click.command("explore")
@@ -21,7 +20,7 @@ PORT = 5006
               help="Another device, which a button on the page puts in place of the first (again"
               " for more); what `zwidth diagnose` has found, for one.")  # fmt: skip
 @click.option("--recording", metavar="FILE", type=click.Path(path_type=Path),
-              help="Recording that lies beside every run; one can also be dropped into the page.")  # fmt: skip
+              help="Recording that lies beside every run; the page takes one, too.")  # fmt: skip
 @click.option("--port", type=click.IntRange(0, 65535), default=PORT, show_default=True,
               help="Port of the page; 0 for any that is free.")  # fmt: skip
 @click.option("--address", default="localhost", show_default=True, metavar="HOST",

@@ -1,68 +1,40 @@
-"""The page: where everything stands, and what it is called for those who cannot see it."""
+"""The page: where everything stands, and what it says."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from html import escape
-from typing import Any, Protocol
 
 from bokeh.core.properties import String
 from bokeh.document import Document
 from bokeh.events import DocumentReady
 from bokeh.model import DataModel
-from bokeh.models import (
-    Button,
-    Checkbox,
-    Column,
-    CustomJS,
-    Div,
-    FileInput,
-    InlineStyleSheet,
-    NumericInput,
-    RadioButtonGroup,
-    Row,
-    UIElement,
-)
+from bokeh.models import Column, CustomJS, Div, InlineStyleSheet, Row, UIElement
 
 from sim.trace import Trace
 from stability.fate_map import units_of
 from zwidth.explore import words
 from zwidth.explore.bench import SECONDS, Bench
+from zwidth.explore.controls import Controls, User
 from zwidth.explore.plane_figure import PlaneFigure
 from zwidth.explore.run_figures import RunFigures
-from zwidth.explore.sliders import Sliders
 from zwidth.explore.stops import with_unit
-from zwidth.explore.view import LAYERS, Span, View
+from zwidth.explore.view import View
 
-LAYER_NAMES = {"fate": "Verdict", "amplitude": "Amplitude", "frequency": "Frequency"}
-NARROW = InlineStyleSheet(css=":host { font-size: 13px; line-height: 1.3; margin: 2px 4px; }")
-DROP = InlineStyleSheet(css="input { border: 1px dashed #777; padding: 6px; width: 100%; }")
-
-
-class User(Protocol):
-    """What the page tells of its user."""
-
-    def change(self, **changes: Any) -> None:
-        """Change parts of the view."""
-        ...
-
-    def choose(self, damping: float, stiffness: float) -> None:
-        """Run a wall."""
-        ...
-
-    def zoom(self, dampings: Span, stiffnesses: Span) -> None:
-        """Show a part of the plane."""
-        ...
-
-    def zoom_time(self, span: Span | None) -> None:
-        """Show a part of the run."""
-        ...
-
-    def refit(self) -> None:
-        """Fit the axes of the plane to the boundary."""
-        ...
-
-    def take(self, names: list[str], contents: list[str]) -> None:
-        """Take files that were dropped."""
-        ...
+NARROW = InlineStyleSheet(css=":host { font-size: 12.5px; line-height: 1.3; margin: 2px 4px; }")
+INSET = InlineStyleSheet(css=":host { padding: 0 10px 0 8px; box-sizing: border-box; }")
+SAVES = (
+    'Save this run: <a href="run.mcap?{query}" download>log (MCAP)</a>,'
+    ' <a href="run.toml?{query}" download>scenario</a>'
+)
+WRITE_ADDRESS = "history.replaceState(null, '', '?' + cb_obj.query)"
+# Bokeh gives the handle of a slider no name, which readers of the screen need.
+AT_FIRST = """
+for (const slider of Object.values(sliders)) {
+  const handle = Bokeh.index.find_one(slider)?.el.shadowRoot?.querySelector(".noUi-handle")
+  handle?.setAttribute("aria-label", slider.title)
+}
+history.replaceState(null, "", "?" + address.query)
+"""
 
 
 class Address(DataModel):
@@ -72,180 +44,93 @@ class Address(DataModel):
 
 
 class Page:
-    """All widgets and figures of a page."""
+    """All widgets and figures of a page. view: with axes."""
 
     def __init__(self, bench: Bench, view: View, user: User) -> None:
         plane = bench.plane(view)
-        force = units_of(plane, "command_limit")
+        angle, force = units_of(plane, "amplitude"), units_of(plane, "command_limit")
+        self.bench = bench
         self.plane = PlaneFigure(plane, user.choose, user.zoom, user.refit)
-        self.runs = RunFigures(units_of(plane, "amplitude"), force, SECONDS, user.zoom_time)
-        self.sliders = Sliders(plane, lambda name, value: user.change(**{name: value}))
+        self.runs = RunFigures(angle, force, SECONDS, user.zoom_time)
+        self.controls = Controls(bench, view, user)
         self.address = Address(query=view.query())
-        self.address.js_on_change(
-            "query", CustomJS(code="history.replaceState(null, '', '?' + cb_obj.query)")
-        )
-        self.title, self.trouble, self.of_plane, self.of_wall, self.saves, self.besides = (
-            _said() for _ in range(6)
-        )
-        self.trouble.html_attributes = {"role": "alert"}
-        self.of_wall.html_attributes = {"role": "status", "aria-live": "polite"}
-        self.legend = _said(words.legend(with_unit(plane.perceptible, force)))
-        self._showing = False
-        self._choices(bench, user)
+        self.address.js_on_change("query", CustomJS(code=WRITE_ADDRESS))
+        names = ("title", "trouble", "progress", "wall", "saves", "besides")
+        self.said = {name: _said(name) for name in names}
+        self.said["trouble"].html_attributes = {"role": "alert"}
+        self.said["wall"].html_attributes = {"role": "status", "aria-live": "polite"}
+        measured = bool(bench.measured(view))
+        legend = _said("legend", words.legend(with_unit(plane.perceptible, force), measured))
+        self.root = self._layout(legend)
 
-    def _choices(self, bench: Bench, user: User) -> None:
-        self.layers = _buttons([LAYER_NAMES[n] for n in LAYERS], "What the colours show")
-        self._on(self.layers, "active", lambda i: user.change(layer=LAYERS[i]))
-        self.devices = _buttons([d.name for d in bench.devices], "Device")
-        self.devices.orientation = "vertical"
-        self._on(self.devices, "active", lambda i: user.change(device=i))
-        self.reset = Button(label="Sliders back to the device's own", sizing_mode="stretch_width")
-        own = dict.fromkeys(("delay", "encoder_step", "command_limit", "friction"))
-        self.reset.on_click(lambda: user.change(**own, start=View().start))
-        self.one_sided = Checkbox(label="The wall only pushes")
-        self._on(self.one_sided, "active", lambda on: user.change(one_sided=on))
-        self.stiffness, self.damping = _number("K"), _number("B")
-        self._on(self.stiffness, "value", lambda k: k and k > 0.0 and user.change(stiffness=k))
-        self._on(
-            self.damping, "value", lambda b: b is not None and b >= 0.0 and user.change(damping=b)
-        )
-        self.files = FileInput(
-            title="Lay a recording beside the run: drop it here", multiple=True, name="recording",
-            sizing_mode="stretch_width", stylesheets=[DROP],
-        )  # fmt: skip
-        self.recording_from = _number("Recording from [s]")
-        self.recording_from.visible = bench.recording is not None
-        self._on(
-            self.recording_from, "value",
-            lambda t: t is not None and t >= 0.0 and user.change(recording_from=t),
-        )  # fmt: skip
-        self.files.on_change("value", lambda *_: self._take(user))
-
-    def _take(self, user: User) -> None:
-        def take() -> None:  # after the other properties have arrived, too
-            names, contents = self.files.filename, self.files.value
-            if names:
-                user.take(list(names), list(contents))
-
-        if self.files.document is not None:
-            self.files.document.add_next_tick_callback(take)
-
-    def _on(self, widget: Any, name: str, call: Callable[[Any], object]) -> None:
-        """Call when the user, not the program, changes a property."""
-        widget.on_change(name, lambda _a, _o, new: None if self._showing else call(new))
-
-    def layout(self, bench: Bench) -> Column:
-        """Return the one root of the page."""
-        devices = [self.devices] if len(bench.devices) > 1 else []
+    def _layout(self, legend: Div) -> Column:
         controls = Column(
-            *devices, *self.sliders.widgets.values(), self.reset, self.one_sided,
-            Row(self.stiffness, self.damping, sizing_mode="stretch_width"), self.besides,
-            self.saves, self.files, self.recording_from,
-            width=228, sizing_mode="stretch_height", spacing=1,
+            *self.controls.column(), self.said["besides"], self.said["saves"],
+            self.controls.files, self.controls.recording_from,
+            width=236, sizing_mode="stretch_height", spacing=1, stylesheets=[INSET],
         )  # fmt: skip
-        plane = _column(1.45, self.layers, self.plane.figure, self.legend, self.of_plane)
-        run = _column(1.1, self.of_wall, *self.runs.over_time)
+        plane = _column(
+            1.45, self.controls.layers, self.plane.figure, legend, self.said["progress"]
+        )
+        run = _column(1.1, self.said["wall"], *self.runs.over_time.values())
         more = _column(0.8, self.runs.phase_plane, self.runs.spectrum)
         body = Row(controls, plane, run, more, sizing_mode="stretch_both", spacing=4)
-        return Column(self.title, self.trouble, body, sizing_mode="stretch_both", min_height=560)
+        top = self.said["title"], self.said["trouble"]
+        return Column(*top, body, sizing_mode="stretch_both", min_height=560)
 
-    def put_on(self, document: Document, bench: Bench) -> None:
+    def put_on(self, document: Document) -> None:
         """Make this the content of a document."""
-        document.title = f"{bench.devices[0].name} \u2013 zwidth explore"
-        document.add_root(self.layout(bench))
+        document.title = f"{self.bench.devices[0].name} \u2013 zwidth explore"
+        document.add_root(self.root)
         document.add_root(self.address)
-        handles = {name: slider for name, slider in self.sliders.widgets.items()}
-        document.js_on_event(DocumentReady, CustomJS(args={"sliders": handles}, code=NAME_HANDLES))
+        given = {"sliders": dict(self.controls.sliders.widgets), "address": self.address}
+        document.js_on_event(DocumentReady, CustomJS(args=given, code=AT_FIRST))
 
-    def show_view(self, bench: Bench, view: View) -> None:
-        """Set every widget to a view, and the links and the address."""
-        self._showing = True
-        try:
-            plane = bench.plane(view)
-            self.title.text = _heading(bench, view)
-            self.layers.active, self.devices.active = LAYERS.index(view.layer), view.device
-            self.one_sided.active = view.one_sided
-            self.stiffness.value, self.damping.value = view.stiffness, view.damping
-            self.recording_from.value = view.recording_from
-            own = View(
-                device=view.device, damping_range=view.damping_range,
-                stiffness_range=view.stiffness_range,
-            )  # fmt: skip
-            self.sliders.show(bench.plane(own), plane, view)
-        finally:
-            self._showing = False
-        self.besides.text = words.of_the_device(plane.device)
+    def show_view(self, view: View) -> None:
+        """Set every widget to a view, and what does not take long: lines, marks, links, address."""
+        bench = self.bench
+        self.controls.show(bench, view)
+        device = bench.device(view)
+        self.said["title"].text = words.heading(bench.devices[view.device])
+        self.said["besides"].text = words.of_the_device(device)
         assert view.damping_range is not None
         assert view.stiffness_range is not None
         self.plane.show_axes(view.damping_range, view.stiffness_range)
-        others = [bench.line(_of(view, i)) for i in range(len(bench.devices)) if i != view.device]
-        self.plane.show_lines(bench.line(view), others[0] if others else None)
-        self.plane.show_measured(bench.measured(view), plane.device.interface.delay)
+        other = None if len(bench.devices) == 1 else bench.line(beside(view))
+        self.plane.show_lines(bench.line(view), other)
+        self.plane.show_measured(bench.measured(view), device.interface.delay)
         self.plane.show_choice(view.damping, view.stiffness)
         self.address.query = view.query()
-        self.saves.text = SAVES.format(query=escape(view.query()))
+        self.said["saves"].text = SAVES.format(query=escape(view.query()))
 
     def say_wall(self, html: str) -> None:
         """Say what becomes of the wall that is chosen."""
-        self.of_wall.text = html
+        self.said["wall"].text = html
 
-    def say_plane(self, text: str) -> None:
+    def say_progress(self, text: str) -> None:
         """Say what the plane shows and how far it is."""
-        self.of_plane.text = f'<span style="color:#444">{escape(text)}</span>'
+        self.said["progress"].text = f'<span style="color:#444">{escape(text)}</span>'
 
     def say_recording(self, names: Sequence[str], trace: Trace) -> None:
         """Say which recording lies beside the run."""
-        self.files.title = f"Beside the run: {', '.join(names)}, {trace.t[-1] - trace.t[0]:.3g} s"
-        self.recording_from.visible = True
+        seconds = float(trace.t[-1] - trace.t[0])
+        self.controls.files.title = f"Beside: {', '.join(names)}, {seconds:.3g} s"
+        self.controls.recording_from.visible = True
 
     def complain(self, text: str) -> None:
         """Say what went wrong, or with no text that nothing does any more."""
-        self.trouble.text = f'<b style="color:#8b0000">{escape(text)}</b>' if text else ""
-        self.trouble.visible = bool(text)
+        trouble = self.said["trouble"]
+        trouble.text = f'<b style="color:#8b0000">{escape(text)}</b>' if text else ""
+        trouble.visible = bool(text)
 
 
-SAVES = (
-    'Save this run: <a href="run.mcap?{query}" download>log (MCAP)</a>,'
-    ' <a href="run.toml?{query}" download>scenario</a>'
-)
-NAME_HANDLES = """
-for (const [name, slider] of Object.entries(sliders)) {
-  const view = Bokeh.index.find_one(slider)
-  const handle = view?.el.shadowRoot?.querySelector(".noUi-handle")
-  handle?.setAttribute("aria-label", slider.title)
-}
-"""
+def beside(view: View) -> View:
+    """Return the view of the device beside: the nominal one, or of that the first of the others."""
+    return replace(view, device=0 if view.device else 1)
 
 
-def _heading(bench: Bench, view: View) -> str:
-    name = escape(bench.devices[view.device].name)
-    return (
-        f'<h1 style="font-size:17px;margin:0;display:inline">{name}</h1>&emsp;'
-        "Every point of the plane is a virtual wall, its colour what a run that starts inside it"
-        " does in the end. <b>Click a wall</b> to see its run; <b>move a slider</b> to change the"
-        " device: with an encoder step, stable walls begin to buzz."
-    )
-
-
-def _of(view: View, device: int) -> View:
-    from dataclasses import replace
-
-    return replace(view, device=device)
-
-
-def _said(text: str = "") -> Div:
-    return Div(text=text, sizing_mode="stretch_width", stylesheets=[NARROW])
-
-
-def _buttons(labels: Sequence[str], what: str) -> RadioButtonGroup:
-    return RadioButtonGroup(
-        labels=list(labels), active=0, sizing_mode="stretch_width",
-        html_attributes={"aria-label": what},
-    )  # fmt: skip
-
-
-def _number(title: str) -> NumericInput:
-    return NumericInput(title=title, mode="float", sizing_mode="stretch_width", width=90)
+def _said(name: str, text: str = "") -> Div:
+    return Div(name=name, text=text, sizing_mode="stretch_width", stylesheets=[NARROW])
 
 
 def _column(share: float, *children: UIElement) -> Column:

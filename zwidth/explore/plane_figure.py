@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from bokeh.events import RangesUpdate, Tap
+from bokeh.events import RangesUpdate, Reset, Tap
 from bokeh.models import (
     BoxZoomTool,
     ColorBar,
@@ -15,7 +15,6 @@ from bokeh.models import (
     PanTool,
     Range1d,
     ResetTool,
-    TapTool,
 )
 from bokeh.palettes import Cividis256
 from bokeh.plotting import figure
@@ -29,6 +28,7 @@ from zwidth.explore.view import Layer, Span
 from zwidth.figures.map import NAMES, PREDICTED
 
 SAME_DELAY = 1e-9
+HIGHEST = 1e30  # shown
 FATE_WORDS = CustomJSHover(code=f"return {[NAMES[f] for f in Fate]}[value]")
 
 
@@ -52,14 +52,15 @@ class PlaneFigure:
             y_axis_label=f"virtual stiffness K [{self.units['K']}]",
             html_attributes={"aria-label": "K-B plane; its wall is also set by the numbers K, B"},
         )  # fmt: skip
+        self.figure.toolbar.logo = None
+        self.figure.grid.visible = False
         reset.description = "Fit the axes to the boundary"
         self._image()
         self._lines()
         self._scale()
-        self.figure.add_tools(TapTool(renderers=[]))
         self.figure.on_event(Tap, lambda event: _inside(event, chosen))
         self.figure.on_event(RangesUpdate, lambda e: zoomed((e.x0, e.x1), (e.y0, e.y1)))
-        self.figure.on_event("reset", lambda _: refit())
+        self.figure.on_event(Reset, lambda _: refit())
 
     def _image(self) -> None:
         self.image = ColumnDataSource(_no_image())
@@ -80,10 +81,10 @@ class PlaneFigure:
         self.here, self.elsewhere = (_source("B", "K", "delay", "frequency") for _ in range(2))
         self.choice = _source("B", "K")
         draw = self.figure
+        draw.line("B", "K", source=self.other, color="white", width=5)
+        draw.line("B", "K", source=self.other, color="black", width=2.5, line_dash="dashed")
         draw.line("B", "K", source=self.line, color="white", width=5)
         linear = draw.line("B", "K", source=self.line, color="black", width=2.5)
-        draw.line("B", "K", source=self.other, color="white", width=4)
-        draw.line("B", "K", source=self.other, color="black", width=2, line_dash="dashed")
         draw.scatter("B", "K", source=self.elsewhere, size=5, color="white", line_color="#555555")
         points = draw.scatter(
             "B", "K", source=self.here, size=10, fill_color="#ffffff", line_color="black",
@@ -116,7 +117,7 @@ class PlaneFigure:
         self.image.data = {
             "colours": [drawn.colours],
             "fate": [result.fates.fate.astype(np.uint8)],
-            "amplitude": [result.fates.amplitude.astype(np.float32)],
+            "amplitude": [np.minimum(result.fates.amplitude, HIGHEST).astype(np.float32)],
             "frequency": [result.fates.frequency.astype(np.float32)],
             "x": [result.x[0] - half_x], "y": [result.y[0] - half_y],
             "dw": [result.x[-1] - result.x[0] + 2.0 * half_x],

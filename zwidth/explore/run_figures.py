@@ -1,9 +1,11 @@
 """The run on the page: over time, in the phase plane, as a spectrum; all show the same span."""
 
+import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
-from bokeh.events import RangesUpdate
+from bokeh.events import RangesUpdate, Reset
 from bokeh.models import (
     ColumnDataSource,
     HoverTool,
@@ -17,17 +19,23 @@ from bokeh.plotting import figure
 from numpy.typing import NDArray
 
 from zwidth.explore.look import spectrum, within
+from zwidth.explore.stops import prefix
 from zwidth.explore.view import Span as Times
 
 Floats = NDArray[np.float64]
 Drawn = dict[str, Floats]
-# What lies on each other: name, colour, dash. The run itself is drawn last, on top.
+# What lies on each other; the run itself is drawn last, on top.
 RUN, BESIDE, RECORDED = "run", "beside", "recorded"
 LOOKS = {RECORDED: ("#DDAA33", "solid"), BESIDE: ("#BB5566", "dashed"), RUN: ("#004488", "solid")}
-NOTHING: Drawn = {
-    name: np.zeros(0)
-    for name in ("t", "position", "velocity", "command", "contact", "stored", "motor", "spent")
-}
+ENERGIES = {
+    "stored": ("#004488", "stored"), "motor": ("#997700", "from the motor"),
+    "spent": ("#777777", "dissipated"),
+}  # fmt: skip
+HEIGHTS = {"position": 5, "command": 5, "contact": 2, "energy": 6}  # shares of the page's
+QUANTITIES = {"position": ("position",), "velocity": ("velocity",), "command": ("command",),
+              "contact": ("contact",), "energy": tuple(ENERGIES)}  # fmt: skip
+NOTHING: Drawn = {name: np.zeros(0) for name in ("t", *(c for q in QUANTITIES.values() for c in q))}
+LOWEST_HZ = 1.0
 
 
 class RunFigures:
@@ -40,58 +48,61 @@ class RunFigures:
         self, angle: str, force: str, seconds: float, zoomed: Callable[[Times | None], None]
     ) -> None:
         self.seconds = seconds
-        self.full: dict[str, Drawn] = dict.fromkeys(LOOKS, NOTHING)
+        self.units = {"position": angle, "velocity": f"{angle}/s", "command": force, "energy": "J"}
+        self.runs: dict[str, Drawn] = dict.fromkeys(LOOKS, NOTHING)
         self.time = {name: ColumnDataSource(NOTHING) for name in LOOKS}
         self.phase = {name: ColumnDataSource({"position": [], "velocity": []}) for name in LOOKS}
         self.spectra = {
             name: ColumnDataSource({"frequency": [], "amplitude": []}) for name in LOOKS
         }
         self.axis = Range1d(0.0, seconds)
-        labels = {"position": f"position [{angle}]", "command": f"command [{force}]"}
-        labels |= {"contact": "contact", "energy": "energy [J]"}
-        shares = {"position": 5, "command": 5, "contact": 2, "energy": 6}
-        self.over_time = [self._over_time(n, text, shares[n]) for n, text in labels.items()]
-        self.over_time[-1].xaxis.axis_label = "time [s]"
-        self.over_time[-1].xaxis.visible = True
-        self.phase_plane = self._phase_plane(angle)
-        self.spectrum = self._spectrum(angle)
-        self.over_time[0].on_event(RangesUpdate, lambda e: zoomed((e.x0, e.x1)))
-        self.over_time[0].on_event("reset", lambda _: zoomed(None))
+        self.over_time = {name: self._over_time(name) for name in HEIGHTS}
+        self._explain_time()
+        self.phase_plane = self._phase_plane()
+        self.spectrum = self._spectrum()
+        first = self.over_time["position"]
+        first.on_event(RangesUpdate, lambda e: zoomed((e.x0, e.x1)))
+        first.on_event(Reset, lambda _: zoomed(None))
 
-    def _over_time(self, name: str, label: str, share: int) -> figure:
+    def _over_time(self, name: str) -> figure:
         tools = [WheelZoomTool(dimensions="width"), PanTool(dimensions="width"), ResetTool()]
         drawn = figure(
-            x_range=self.axis, tools=tools, sizing_mode="stretch_both", y_axis_label=label,
-            min_height=22 * share, toolbar_location=None, name=name, styles={"flex": f"{share}"},
-            html_attributes={"aria-label": f"{name} over time"}, active_scroll=tools[0],
+            x_range=self.axis, tools=tools, active_scroll=tools[0], toolbar_location=None,
+            sizing_mode="stretch_both", min_height=22 * HEIGHTS[name],
+            styles={"flex": str(HEIGHTS[name])}, name=name, y_axis_label=name,
+            html_attributes={"aria-label": f"{name} over time"},
         )  # fmt: skip
         drawn.xaxis.visible = False
-        drawn.yaxis.axis_label_text_font_size = "11px"
-        lines = {"energy": ("stored", "motor", "spent")}.get(name, (name,))
         for which, (colour, dash) in LOOKS.items():
-            for line, also in zip(lines, ("solid", "dotted", "dashed"), strict=False):
-                if which != RUN and line in ("motor", "spent"):
-                    continue
-                drawn.line(
-                    "t", line, source=self.time[which], color=colour, width=1.2,
-                    line_dash=also if name == "energy" and which == RUN else dash,
-                    **({"legend_label": WORDS[line]} if which == RUN and name == "energy" else {}),
-                )  # fmt: skip
-        if name == "energy":
-            drawn.legend.update(
-                orientation="horizontal", location="top_right", label_text_font_size="10px",
-                padding=1, margin=2, spacing=4, background_fill_alpha=0.6,
-            )  # fmt: skip
-        if name == "contact":
-            drawn.y_range = Range1d(-0.2, 1.2)
-            drawn.yaxis.ticker = [0, 1]
+            several = name == "energy" and which == RUN
+            for line in ENERGIES if several else QUANTITIES[name][:1]:
+                look: dict[str, Any] = {"color": colour}
+                if several:
+                    look = {"color": ENERGIES[line][0], "legend_label": ENERGIES[line][1]}
+                drawn.line("t", line, source=self.time[which], line_dash=dash, width=1.3, **look)
         return drawn
 
-    def _phase_plane(self, angle: str) -> figure:
+    def _explain_time(self) -> None:
+        last, contact = self.over_time["energy"], self.over_time["contact"]
+        last.xaxis.update(visible=True, axis_label="time [s], wheel to zoom")
+        last.add_layout(last.legend[0], "above")
+        last.legend.update(
+            orientation="horizontal", label_text_font_size="11px", padding=0, margin=0, spacing=8,
+            border_line_alpha=0.0, glyph_height=10, label_height=10,
+        )  # fmt: skip
+        contact.y_range = Range1d(-0.2, 1.2)
+        contact.yaxis.ticker = [0, 1]
+        self.limits = [
+            Span(dimension="width", line_color="#777777", line_dash="dashed", visible=False)
+            for _ in range(2)
+        ]
+        for limit in self.limits:
+            self.over_time["command"].add_layout(limit)
+
+    def _phase_plane(self) -> figure:
         drawn = figure(
             sizing_mode="stretch_both", min_width=240, min_height=200, toolbar_location=None,
-            tools="", x_axis_label=f"position [{angle}]", y_axis_label=f"velocity [{angle}/s]",
-            html_attributes={"aria-label": "phase plane of m1"},
+            tools="", name="phase", html_attributes={"aria-label": "phase plane of m1"},
         )  # fmt: skip
         for which, (colour, dash) in LOOKS.items():
             drawn.line(
@@ -100,47 +111,67 @@ class RunFigures:
             )  # fmt: skip
         return drawn
 
-    def _spectrum(self, angle: str) -> figure:
+    def _spectrum(self) -> figure:
         drawn = figure(
             sizing_mode="stretch_both", min_width=240, min_height=200, toolbar_location=None,
-            tools="", x_axis_type="log", y_axis_type="log", x_axis_label="frequency [Hz]",
-            y_axis_label=f"amplitude [{angle}]", html_attributes={"aria-label": "spectrum of m1"},
+            tools="", x_axis_type="log", y_axis_type="log", name="spectrum",
+            x_range=Range1d(LOWEST_HZ, 500.0), x_axis_label="frequency [Hz]",
+            y_axis_label=f"amplitude [{self.units['position']}]",
+            html_attributes={"aria-label": "spectrum of the position of m1"},
         )  # fmt: skip
         for which, (colour, dash) in LOOKS.items():
             drawn.line(
-                "frequency", "amplitude", source=self.spectra[which], color=colour,
-                line_dash=dash,
-            )  # fmt: skip
+                "frequency", "amplitude", source=self.spectra[which], color=colour, line_dash=dash
+            )
         self.ultimate = Span(
-            dimension="height", line_color="black", line_dash="dashed", line_width=1.5,
-            visible=False, location=1.0,
-        )  # fmt: skip
+            dimension="height", line_color="black", line_dash="dashed", visible=False, location=1.0
+        )
         drawn.add_layout(self.ultimate)
         drawn.add_tools(HoverTool(tooltips=[("", "@frequency{0.0} Hz: @amplitude{0.00e+0}")]))
         return drawn
 
-    def show(self, which: str, drawn: Drawn | None, span: Times | None) -> None:
-        """Draw one of the runs that lie on each other, or take it away."""
-        self.full[which] = NOTHING if drawn is None else drawn
-        self.time[which].data = dict(self.full[which])
-        self._show_part(which, span)
+    def show(self, runs: dict[str, Drawn | None], span: Times | None) -> None:
+        """Draw some of the runs that lie on each other (None takes one away) in a time span."""
+        for which, drawn in runs.items():
+            self.runs[which] = NOTHING if drawn is None else drawn
+        scales = {name: self._scale(name) for name in QUANTITIES}
+        for which, drawn in self.runs.items():
+            scaled = {n: scales[q] * drawn[n] for q, names in QUANTITIES.items() for n in names}
+            self.time[which].data = {"t": drawn["t"], **scaled}
+        self.scales = scales
+        self.show_span(span)
 
     def show_span(self, span: Times | None) -> None:
         """Show a part of the time, and the phase plane and spectrum of that part."""
         start, stop = span or (0.0, self.seconds)
         self.axis.update(start=start, end=stop)
-        for which in LOOKS:
-            self._show_part(which, span)
+        for which, drawn in self.runs.items():
+            part = within(drawn, span)
+            self.phase[which].data = {n: self.scales[n] * part[n] for n in ("position", "velocity")}
+            self.spectra[which].data = dict(spectrum(part))
 
-    def show_ultimate(self, frequency: float | None) -> None:
-        """Mark the frequency that linear theory has on the boundary at this B."""
-        self.ultimate.visible = frequency is not None
-        self.ultimate.location = frequency or 1.0
+    def show_theory(self, ultimate: float | None, limit: float, nyquist: float) -> None:
+        """Mark the frequency on the linear boundary at this B, and the amplifier's limit."""
+        self.ultimate.update(visible=ultimate is not None, location=ultimate or LOWEST_HZ)
+        self.spectrum.x_range.end = nyquist
+        for sign, line in zip((-1.0, 1.0), self.limits, strict=True):
+            shown = math.isfinite(limit)
+            line.update(
+                visible=shown, location=sign * self.scales["command"] * limit if shown else 0
+            )
 
-    def _show_part(self, which: str, span: Times | None) -> None:
-        part = within(self.full[which], span)
-        self.phase[which].data = {n: part[n] for n in ("position", "velocity")}
-        self.spectra[which].data = dict(spectrum(part))
-
-
-WORDS = {"stored": "stored", "motor": "from the motor", "spent": "dissipated"}
+    def _scale(self, name: str) -> float:
+        """Return the factor to a unit in which all runs read well, and write it at the axes."""
+        if name == "contact":
+            return 1.0
+        values = [r[n] for r in self.runs.values() for n in QUANTITIES[name] if r[n].size]
+        sizes = [np.nanmax(np.abs(v)) for v in values if np.isfinite(v).any()]
+        power, letter = prefix(float(max(sizes, default=1.0)))
+        label = f"{name} [{letter}{self.units[name]}]"
+        if name in self.over_time:
+            self.over_time[name].yaxis.axis_label = label
+        if name == "position":
+            self.phase_plane.xaxis.axis_label = label
+        if name == "velocity":
+            self.phase_plane.yaxis.axis_label = label
+        return 10.0**-power

@@ -19,7 +19,7 @@ from zwidth.explore.view import read_query
 
 LOCAL = "localhost"
 ANY = ("", "0.0.0.0", "::", "*")
-GONE_MS = 3000  # after which a page without a browser is given up
+GONE_MS = 15_000  # after which a page without a browser is given up
 MOST_BYTES = 400 * 2**20  # of a recording as it is dropped into the page
 
 
@@ -69,7 +69,7 @@ def _open(document: Document, bench: Bench) -> None:
     }
     view, complaints = read_query(query, len(bench.devices))
     session = Session(document, bench, view, complaints)
-    session.page.put_on(document, bench)
+    session.page.put_on(document)
 
 
 def _host(address: str) -> str:

@@ -18,8 +18,8 @@ from zwidth.explore.background import Newest
 from zwidth.explore.bench import SECONDS, Bench
 from zwidth.explore.dropped import read_dropped
 from zwidth.explore.look import Look, columns, look
-from zwidth.explore.page import Page
-from zwidth.explore.run_figures import BESIDE, RECORDED, RUN
+from zwidth.explore.page import Page, beside
+from zwidth.explore.run_figures import BESIDE, LOOKS, RECORDED, RUN
 from zwidth.explore.view import Span, View
 
 PATIENCE_S = 0.12  # [s] after which a picture that is not finished yet is shown
@@ -56,7 +56,7 @@ class Session:
             self.bench.plane(view)
         except ValueError as error:
             self.page.complain(str(error))
-            self.page.show_view(self.bench, before)
+            self.page.show_view(before)
             return
         if view != before:
             self.page.complain("")
@@ -98,6 +98,7 @@ class Session:
         self.page.complain("")
         self.page.say_recording(names, self.recording)
         self._show_recording()
+        self.runs.ask(partial(self._compute_run, self.view))
 
     def _with_axes(self, view: View) -> View:
         known = view.damping_range is not None and view.stiffness_range is not None
@@ -119,7 +120,7 @@ class Session:
 
     def _show(self, before: View, view: View) -> None:
         self.view = view
-        self.page.show_view(self.bench, view)
+        self.page.show_view(view)
         if self.drawn is None or _differ(before, view, OF_THE_PLANE):
             self.planes.ask(partial(self._compute_plane, view, self.bench.plane(view)))
         elif before.layer != view.layer:
@@ -144,15 +145,9 @@ class Session:
     def _compute_run(self, view: View) -> Iterator[None]:
         found = look(self.bench, view)
         yield
-        other = self._beside(view)
-        beside = None if other is None else look(self.bench, other)
-        self._later(partial(self._show_run, found, beside))
-
-    def _beside(self, view: View) -> View | None:
-        """Return the view of the device beside: the nominal one, or the first of the others."""
-        if len(self.bench.devices) == 1:
-            return None
-        return replace(view, device=0 if view.device else 1)
+        alone = len(self.bench.devices) == 1
+        other = None if alone else look(self.bench, beside(view))
+        self._later(partial(self._show_run, found, other))
 
     def _show_plane(self, drawn: "Drawn") -> None:
         if _differ(drawn.view, self.view, OF_THE_PLANE):
@@ -160,26 +155,32 @@ class Session:
         self.drawn = drawn
         self.page.plane.show_map(drawn.result, self.view.layer)
         said = words.of_the_plane(drawn.result, drawn.middle, drawn.finished)
-        self.page.say_plane(f"{said}, {drawn.seconds:.2g} s")
+        self.page.say_progress(f"{said}, {drawn.seconds:.2g} s")
 
-    def _show_run(self, found: Look, beside: Look | None) -> None:
+    def _show_run(self, found: Look, other: Look | None) -> None:
         if _differ(found.view, self.view, OF_THE_RUN):
             return
-        span = self.view.time_range
-        self.page.runs.show_span(span)
-        other = None if beside is None else columns(beside.trace)
-        self.page.runs.show(BESIDE, other, span)
-        self.page.runs.show(RUN, columns(found.trace), span)
+        drawn = None if other is None else columns(other.trace)
+        self.page.runs.show({RUN: columns(found.trace), BESIDE: drawn}, self.view.time_range)
         line, plane = self.bench.line(self.view), self.bench.plane(self.view)
+        said = words.of_the_wall(found, plane, line)
+        self.page.say_wall(said + words.of_the_runs(LOOKS, self._names()))
         assert self.view.damping is not None
-        critical = line.at(self.view.damping)
-        self.page.runs.show_ultimate(None if critical is None else critical[1])
-        self.page.say_wall(words.of_the_wall(found, plane, line))
+        critical, interface = line.at(self.view.damping), plane.device.interface
+        ultimate = None if critical is None else critical[1]
+        self.page.runs.show_theory(ultimate, interface.command_limit, 0.5 / interface.period)
+
+    def _names(self) -> dict[str, str]:
+        """Return whose runs lie on each other."""
+        names = {RUN: self.bench.devices[self.view.device].name}
+        if len(self.bench.devices) > 1:
+            names[BESIDE] = self.bench.devices[beside(self.view).device].name
+        return names if self.recording is None else names | {RECORDED: "recording"}
 
     def _show_recording(self) -> None:
         trace: Trace | None = self.recording
         drawn = None if trace is None else columns(trace, self.view.recording_from, SECONDS)
-        self.page.runs.show(RECORDED, drawn, self.view.time_range)
+        self.page.runs.show({RECORDED: drawn}, self.view.time_range)
 
     def _later(self, show: Any) -> None:
         """Show something from another thread; a page that has gone has nothing to show it on."""

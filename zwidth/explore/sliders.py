@@ -14,7 +14,7 @@ TITLES = {
     "encoder_step": "Encoder step",
     "command_limit": "Command limit",
     "delay": "Delay",
-    "friction": "Coulomb friction at m1",
+    "friction": "Friction at m1",
     "start": "Start amplitude",
 }
 MOST_DELAY = 10  # ticks, in tenths

@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 
+OWN = " (the device's)"
 FIRST_DIGITS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
 PREFIXES = {-9: "n", -6: "\u00b5", -3: "m", 0: "", 3: "k", 6: "M"}
 
@@ -19,9 +20,17 @@ def with_unit(value: float, unit: str, digits: int = 4) -> str:
         return "none" if value > 0.0 else "unknown"
     if value == 0.0:
         return f"0 {unit}"
+    power, letter = prefix(value)
+    return f"{value / 10.0**power:.{digits}g} {letter}{unit}"
+
+
+def prefix(value: float) -> tuple[int, str]:
+    """Return the power of ten, and its letter, that bring a value between 1 and 1000."""
+    if value == 0.0 or not math.isfinite(value):
+        return 0, ""
     power = 3 * math.floor(math.log10(abs(value)) / 3.0 + 1e-9)
     power = min(max(power, min(PREFIXES)), max(PREFIXES))
-    return f"{value / 10.0**power:.{digits}g} {PREFIXES[power]}{unit}"
+    return power, PREFIXES[power]
 
 
 @dataclass(frozen=True)
@@ -56,6 +65,3 @@ def stops(
             text = "none" if value == nothing else with_unit(value, unit, digits=15)
         labels.append(text + (OWN if value == own else ""))
     return Stops(tuple(everything), tuple(labels))
-
-
-OWN = " (as in the device)"

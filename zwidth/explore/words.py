@@ -1,6 +1,7 @@
 """What the page says: of a wall, of the plane, of the device."""
 
 import math
+from collections.abc import Mapping
 from html import escape
 
 import numpy as np
@@ -12,16 +13,25 @@ from stability.plane import Plane, is_friction_at_m1
 from zwidth.explore.bench import Line
 from zwidth.explore.look import Look
 from zwidth.explore.stops import with_unit
-from zwidth.explore.view import View
-from zwidth.figures.map import COLOURS, NAMES
+from zwidth.figures.map import COLOURS, NAMES, PREDICTED
 
 SHORT = {
-    Fate.RESTS: "comes to rest",
-    Fate.IMPERCEPTIBLE_CYCLE: "oscillates, too weakly to feel",
-    Fate.CYCLE: "oscillates, felt",
-    Fate.GROWS: "grows",
+    Fate.RESTS: "rest",
+    Fate.IMPERCEPTIBLE_CYCLE: "oscillate unfelt",
+    Fate.CYCLE: "oscillate",
+    Fate.GROWS: "grow",
     Fate.UNDECIDED: "undecided",
 }
+
+
+def heading(device: Device) -> str:
+    """Return what stands at the top: which device this is, and what to do, as HTML."""
+    return (
+        f'<h1 style="font-size:17px;margin:0;display:inline">{escape(device.name)}</h1>&emsp;'
+        "Each point is a virtual wall, its colour what a run does in the end. <b>Click a wall</b>"
+        " to see its run. <b>Move a slider</b> to change the device: give it an encoder step, and"
+        " stable walls begin to buzz."
+    )
 
 
 def of_the_wall(found: Look, plane: Plane, line: Line) -> str:
@@ -70,21 +80,45 @@ def _seen(found: Look, plane: Plane, fate: Fate, limited: bool) -> str:
 def of_the_plane(result: FateMap, middle: bool, finished: bool) -> str:
     """Return the shares of the fates and how far the picture is, as plain text."""
     shares = [(f, float(np.mean(result.fates.fate == f))) for f in Fate]
-    said = ", ".join(f"{100.0 * share:.0f} % {SHORT[f]}" for f, share in shares if share > 0.0)
+    said = " \u00b7 ".join(
+        f"{100.0 * share:.0f} % {SHORT[f]}" for f, share in shares if share > 0.0
+    )
     grid = "161 \u00d7 161" if finished else "41 \u00d7 41" if middle else "11 \u00d7 11"
     state = f"{grid}, {result.runs} runs" + ("" if finished else ", refining \u2026")
-    return f"{said} \u00b7 {state}"
+    return f"{said}; {state}"
 
 
-def legend(perceptible: str) -> str:
-    """Return the colours of the fates with their words, as HTML."""
+def legend(perceptible: str, measured: bool) -> str:
+    """Return what colours, lines and marks mean, as HTML. perceptible: force that is felt."""
+    names = {**NAMES, Fate.CYCLE: f"{NAMES[Fate.CYCLE]} (felt: from {perceptible})"}
+    names[Fate.UNDECIDED] = "undecided"
+    entries = [(SWATCH.format(colour=COLOURS[f]), name) for f, name in names.items()]
+    entries.append(("<b>\u2501</b>", "linear boundary"))
+    if measured:
+        entries.append(("<b>\u25cb</b>", "measured (small: at other delays)"))
+    entries.append((f'<b style="color:{PREDICTED}">\u2297</b>', "chosen"))
+    return " &ensp;".join(
+        f"<span {TOGETHER}>{mark} {escape(name)}</span>" for mark, name in entries
+    )
+
+
+TOGETHER = 'style="white-space:nowrap"'
+RUN_MARK = f'<span {TOGETHER}><b style="color:{{}}">{{}}</b> {{}}</span>'
+SWATCH = (
+    '<span style="display:inline-block;width:0.8em;height:0.8em;background:{colour};'
+    'border:1px solid #666"></span>'
+)
+
+
+def of_the_runs(looks: Mapping[str, tuple[str, str]], names: Mapping[str, str]) -> str:
+    """Return whose line is whose, as HTML. looks: run -> colour and dash; names: run -> name."""
+    if len(names) < 2:
+        return ""
     entries = [
-        f'<span style="white-space:nowrap"><span style="display:inline-block;width:0.8em;'
-        f'height:0.8em;background:{COLOURS[f]};border:1px solid #666"></span> {NAMES[f]}</span>'
-        for f in Fate
-        if f != Fate.UNDECIDED
+        RUN_MARK.format(looks[run][0], "\u2501" if looks[run][1] == "solid" else "\u2505", name)
+        for run, name in ((run, escape(name)) for run, name in names.items())
     ]
-    return "&ensp; ".join(entries) + f"&ensp; (felt: from {escape(perceptible)})"
+    return f"<br>{' &ensp;'.join(entries)}"
 
 
 def of_the_device(device: Device) -> str:
@@ -92,8 +126,3 @@ def of_the_device(device: Device) -> str:
     effects = [place_label(p) for p in device.physics if not is_friction_at_m1(p)]
     names = [f"{label.replace('_', ' ').replace('@', ' at ')}" for label in effects]
     return f"In the device, too: {escape(', '.join(names))}." if names else ""
-
-
-def in_one_line(view: View, device: Device) -> str:
-    """Return what the page shows, for a reader of the screen."""
-    return f"K-B plane of {device.name}, layer {view.layer}"

@@ -1,0 +1,140 @@
+"""What the user moves: sliders, buttons, numbers, the place where a recording is dropped."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any, Protocol
+
+from bokeh.models import (
+    Button,
+    Checkbox,
+    FileInput,
+    InlineStyleSheet,
+    NumericInput,
+    RadioButtonGroup,
+    Row,
+    UIElement,
+)
+
+from stability.fate_map import units_of
+from zwidth.explore.bench import Bench
+from zwidth.explore.sliders import Sliders
+from zwidth.explore.view import LAYERS, Span, View
+
+LAYER_NAMES = {"fate": "Verdict", "amplitude": "Amplitude", "frequency": "Frequency"}
+OF_SLIDERS = ("delay", "encoder_step", "command_limit", "friction", "start")
+DROP = InlineStyleSheet(css="input { border: 1px dashed #777; padding: 6px; width: 100%; }")
+
+
+class User(Protocol):
+    """What the page tells of its user."""
+
+    def change(self, **changes: Any) -> None:
+        """Change parts of the view."""
+        ...
+
+    def choose(self, damping: float, stiffness: float) -> None:
+        """Run a wall."""
+        ...
+
+    def zoom(self, dampings: Span, stiffnesses: Span) -> None:
+        """Show a part of the plane."""
+        ...
+
+    def zoom_time(self, span: Span | None) -> None:
+        """Show a part of the run."""
+        ...
+
+    def refit(self) -> None:
+        """Fit the axes of the plane to the boundary."""
+        ...
+
+    def take(self, names: list[str], contents: list[str]) -> None:
+        """Take files that were dropped."""
+        ...
+
+
+class Controls:
+    """All widgets that change the view; `show` sets them to one without telling the user of it."""
+
+    def __init__(self, bench: Bench, view: View, user: User) -> None:
+        plane = bench.plane(view)
+        self.sliders = Sliders(plane, lambda name, value: user.change(**{name: value}))
+        self.layers = _buttons([LAYER_NAMES[n] for n in LAYERS], "What the colours show")
+        self.devices = _buttons([d.name for d in bench.devices], "Device")
+        self.devices.update(orientation="vertical", visible=len(bench.devices) > 1)
+        self.reset = Button(label="Sliders back to the device's own", sizing_mode="stretch_width")
+        self.one_sided = Checkbox(label="The wall only pushes")
+        self.stiffness, self.damping = (_number(f"{q} [{units_of(plane, q)}]") for q in "KB")
+        self.files = FileInput(
+            title="Drop a recording, to lie beside:", multiple=True, name="recording",
+            sizing_mode="stretch_width", stylesheets=[DROP],
+        )  # fmt: skip
+        self.recording_from = _number("Recording from [s]")
+        self.recording_from.visible = bench.recording is not None
+        self._showing = False
+        self._connect(user)
+
+    def _connect(self, user: User) -> None:
+        self._on(self.layers, "active", lambda i: user.change(layer=LAYERS[i]))
+        self._on(self.devices, "active", lambda i: user.change(device=i))
+        self._on(self.one_sided, "active", lambda on: user.change(one_sided=on))
+        first = {name: getattr(View(), name) for name in OF_SLIDERS}
+        self.reset.on_click(lambda: user.change(**first))
+        for widget, name, above in (
+            (self.stiffness, "stiffness", True),
+            (self.damping, "damping", False),
+            (self.recording_from, "recording_from", False),
+        ):
+            self._on(widget, "value", _number_taker(user, name, above))
+        self.files.on_change("value", lambda attr, old, new: self._take(user))
+
+    def _on(self, widget: Any, name: str, call: Callable[[Any], object]) -> None:
+        """Call when the user, not the program, changes a property."""
+        widget.on_change(name, lambda attr, old, new: None if self._showing else call(new))
+
+    def _take(self, user: User) -> None:
+        def take() -> None:  # after the names of the files have arrived, too
+            if names := self.files.filename:
+                user.take(list(names), list(self.files.value))
+
+        if self.files.document is not None:
+            self.files.document.add_next_tick_callback(take)
+
+    def column(self) -> list[UIElement]:
+        """Return what stands beside the plane, from the top, in two parts."""
+        walls = Row(self.stiffness, self.damping, sizing_mode="stretch_width")
+        return [
+            self.devices, *self.sliders.widgets.values(), self.reset, self.one_sided, walls,
+        ]  # fmt: skip
+
+    def show(self, bench: Bench, view: View) -> None:
+        """Set every widget to a view."""
+        self._showing = True
+        try:
+            self.layers.active, self.devices.active = LAYERS.index(view.layer), view.device
+            self.one_sided.active = view.one_sided
+            self.stiffness.value, self.damping.value = view.stiffness, view.damping
+            self.recording_from.value = view.recording_from
+            own = replace(view, **{name: getattr(View(), name) for name in OF_SLIDERS})
+            self.sliders.show(bench.plane(own), bench.plane(view), view)
+        finally:
+            self._showing = False
+
+
+def _number_taker(user: User, name: str, above: bool) -> Callable[[Any], None]:
+    def take(value: float | None) -> None:
+        allowed = value is not None and (value > 0.0 if above else value >= 0.0)
+        user.change(**({name: float(value)} if allowed and value is not None else {}))
+
+    return take
+
+
+def _buttons(labels: Sequence[str], what: str) -> RadioButtonGroup:
+    return RadioButtonGroup(
+        labels=list(labels), active=0, sizing_mode="stretch_width",
+        html_attributes={"role": "group", "aria-label": what},
+    )  # fmt: skip
+
+
+def _number(title: str) -> NumericInput:
+    return NumericInput(title=title, mode="float", sizing_mode="stretch_width", width=90)
