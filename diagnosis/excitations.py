@@ -1,8 +1,9 @@
 """A library of excitations, each as strong as a device bears, and as scenario files that play.
 
 `zwidth simulate` plays such a file; a rig plays the commands beside it (NAME.npy, one a tick). How
-strong: the largest command is the level, the largest travel of the linear device is the travel,
-whichever is met first. Slow signals on a device without a spring are held by the travel.
+strong: the largest command is the level, the largest travel of the simulated device is the travel,
+whichever is met first. Slow signals on a device without a spring are held by the travel: friction
+that the device file does not know makes a real device go less far.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from controllers.excitation import chirp, multisine, noise, random_steps, triangle
 from controllers.recorded import recorded
 from diagnosis.experiment import Experiment
-from scenarios.scenario import Scenario
+from scenarios.scenario import SUBSTEPS, Scenario, one_is_exact
 from scenarios.scenario_file import scenario_to_text
 from sim.device import Device
 from sim.nearest import nearest
@@ -30,6 +31,7 @@ SMALL = 0.1  # a small signal's share of a large one
 MARGIN = 0.9  # of the command limit that is used
 ROTARY_TRAVEL, LINEAR_TRAVEL = 1.0, 0.1  # [rad], [m], where nothing else is known
 CYCLE_S, HOLD_S, CHIRP_FROM_HZ = 4.0, 0.05, 4.0
+HALVINGS = 12
 WIDER = 1.5  # times a recorded travel that another excitation may go
 
 
@@ -71,7 +73,7 @@ def scale_for(
         level = min(level, MARGIN * limit)
     if not np.isfinite(level):
         unit = _unit(white_noise(10.0, device.interface.period, 0))
-        level = travel / travelled(device, unit)
+        level = travel / travelled(device.without_physics(), unit)
     return Scale(level, travel)
 
 
@@ -88,15 +90,38 @@ def excitation(name: str, device: Device, seconds: float, scale: Scale, seed: in
     for place, (share, part) in enumerate(parts):
         duration = seconds / len(parts)
         unit = _unit(part(duration, period, seed + place))
-        level = min(scale.level, scale.travel / travelled(device, unit))
-        commands.append(share * level * unit)
+        commands.append(share * bearable(device, unit, scale) * unit)
     return np.concatenate(commands)
 
 
+def bearable(device: Device, unit: Floats, scale: Scale) -> float:
+    """Return the largest strength of a signal, at most the level, at which the travel is kept.
+
+    A linear device scales; one with friction, play or stops of its own is tried.
+    """
+    if not device.physics:
+        return min(scale.level, scale.travel / travelled(device, unit))
+    low, high = 0.0, scale.level
+    if travelled(device, high * unit) <= scale.travel:
+        return high
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        if travelled(device, middle * unit) <= scale.travel:
+            low = middle
+        else:
+            high = middle
+    return low if low > 0.0 else high
+
+
 def travelled(device: Device, command: Floats) -> float:
-    """Return the largest |position of m1| of the linear device under a command from rest."""
-    linear = device.without_physics().with_interface(command_limit=np.inf, command_step=0.0)
-    run = simulate(linear, recorded(command), duration=command.size * device.interface.period)
+    """Return the largest |position of m1| under a command from rest, no limit or step on it."""
+    free = device.with_interface(command_limit=np.inf, command_step=0.0, encoder_step=0.0)
+    run = simulate(
+        free,
+        recorded(command),
+        duration=command.size * device.interface.period,
+        substeps=1 if one_is_exact(device) else SUBSTEPS,
+    )
     return float(np.abs(run.trace["position_m1"]).max())
 
 

@@ -86,8 +86,15 @@ class Reference:
 
 
 def weighted(problem: Problem, device: Device) -> Floats:
-    """Return the innovations (samples,) of a device in units of their deviations."""
-    ready, gain = prepared(device), problem.observer.gain
+    """Return the innovations (samples,) of a device in units of their deviations.
+
+    All `WORST` where no kernel can follow the device (a mode too fast for friction's substeps).
+    """
+    try:
+        ready, gain = prepared(device), problem.observer.gain
+    except ValueError:
+        samples = sum((e.ticks - SETTLING) * len(e.outputs) for e in problem.experiments)
+        return np.full(samples, WORST)
     with np.errstate(all="ignore"):
         every = [innovations(device, e, gain, ready=ready)[SETTLING:] for e in problem.experiments]
         joined = np.concatenate([(one / problem.observer.deviation).ravel() for one in every])

@@ -1,0 +1,247 @@
+"""`zwidth plan`: what a recording would show, before it is made."""
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from numpy.typing import NDArray
+
+from controllers.recorded import recorded
+from diagnosis.excitations import LIBRARY, Scale, excitation, save_scenario, scale_for
+from diagnosis.experiment import SHORTEST
+from diagnosis.limits import SHOWN
+from diagnosis.plan import ALIKE, Plan, Visible, better_excitations, plan
+from diagnosis.rehearsal import Noise, rehearse
+from scenarios.scenario_file import load_scenario
+from sim.device import Device, warnings_of
+from sim.device_file import load_device
+from sim.nearest import nearest
+from sim.physics import EFFECTS
+from sim.run import simulate
+from zwidth.compiling import announce
+from zwidth.console import Column, Console, progress
+from zwidth.figures.plan import named, plan_figure
+from zwidth.figures.style import save_figure
+from zwidth.options import Quantity, json_option, out_option
+
+PROCESS = 0.002  # of the largest command: the process noise where none is given
+LONGEST = 600_000  # ticks
+EFFECT_PLACES = sum(len(effect.places) for effect in EFFECTS.values())
+Floats = NDArray[np.float64]
+
+
+@click.command("plan")
+@click.option("--device", "name", metavar="DEVICE", required=True, help="Device file or name.")
+@click.option("--noise", type=Quantity("rad | m", above=True), default=None,
+              help="Of a measured position, rms; default an encoder step's rounding.")  # fmt: skip
+@click.option("--process-noise", type=Quantity("N m | N", above=True), default=None,
+              help="Random force at m1, new every tick, rms; default 0.2 % of the largest"
+              " command.")  # fmt: skip
+@click.option("--seconds", type=Quantity("s", above=True), default=20.0, show_default=True,
+              help="Length of the recording.")  # fmt: skip
+@click.option("--excitation", "names", metavar="NAME|SCENARIO.toml", multiple=True,
+              default=("standard_session",), show_default=True,
+              help=f"One of {', '.join(LIBRARY)}, or a scenario whose command is played; may be"
+              " given several times.")  # fmt: skip
+@click.option("--level", type=Quantity("N m | N", above=True), default=None,
+              help="Largest command; default 90 % of the device's limit.")  # fmt: skip
+@click.option("--travel", type=Quantity("rad | m", above=True), default=None,
+              help="Largest travel of m1; default 1 rad or 0.1 m.")  # fmt: skip
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True,
+              help="Seed of excitation and noise.")  # fmt: skip
+@out_option("runs/plan")
+@json_option
+def command(
+    name: str,
+    noise: float | None,
+    process_noise: float | None,
+    seconds: float,
+    names: tuple[str, ...],
+    level: float | None,
+    travel: float | None,
+    seed: int,
+    out: Path,
+    json_file: str | None,
+) -> None:
+    """Say what a recording would show, before it is made.
+
+    For every effect the smallest magnitude that stands five sigma above what a refit of the known
+    parameters absorbs; the pairs of effects that it could not tell apart, and which excitation
+    would. Writes a picture, and each excitation as a scenario that zwidth and rigs can play.
+    """
+    console = Console(json_file)
+    device = load_device(name)
+    for warning in warnings_of(device):
+        console.warn(warning)
+    announce(console)
+    _check_length(device, seconds)
+    scale = scale_for(device, level=level, travel=travel)
+    seen = Noise(process_noise or PROCESS * scale.level, _measurement(device, noise, scale.travel))
+    commands = {Path(n).stem: _command(n, device, seconds, scale, seed) for n in names}
+    _say_experiment(console, device, scale, seen)
+    plans: list[Plan] = []
+    files: list[Path] = []
+    with progress("planning", len(names) * (EFFECT_PLACES + len(LIBRARY))) as advance:
+        for stem, played in commands.items():
+            told = lambda now, stem=stem: advance(1, f"{stem}: {now}")  # noqa: E731
+            rehearsed = rehearse(device, played, seen, seed=seed, name=stem)
+            found, _ = plan(device, rehearsed, seen, told)
+            plans.append(better_excitations(device, found, seen, scale, seed, told))
+    _say_limits(console, plans)
+    for found in plans:
+        _say_pairs(console, found)
+        title = f"{device.name}: {found.excitation}, {found.seconds:g} s"
+        files += save_figure(plan_figure(found, title), out / f"{found.excitation}_plan")
+        files.append(
+            save_scenario(device, commands[found.excitation], out / f"{found.excitation}.toml")
+        )
+    for path in files:
+        console.say(f"wrote {path}")
+    console.result(
+        {
+            "device": device.name,
+            "seconds": seconds,
+            "noise": asdict(seen),
+            "level": scale.level,
+            "travel": scale.travel,
+            "shown_at_sigma": SHOWN,
+            "compared_at_multiple": ALIKE,
+            "plans": [_entry(found) for found in plans],
+            "files": [str(path) for path in files],
+        }
+    )
+
+
+def _check_length(device: Device, seconds: float) -> None:
+    period = device.interface.period
+    if not SHORTEST <= seconds / period <= LONGEST:
+        raise ValueError(
+            f"seconds is {seconds:g}; at this device's period of {period:g} s {SHORTEST * period:g}"
+            f" to {LONGEST * period:g} s are allowed"
+        )
+
+
+def _measurement(device: Device, noise: float | None, travel: float) -> float:
+    unit, step = "rad" if device.rotary else "m", device.interface.encoder_step
+    if noise is None and step == 0.0:
+        raise ValueError(
+            f"{device.name} has no encoder_step, so its noise is not known; give --noise, the rms"
+            f" of a measured position at rest [{unit}]"
+        )
+    found = step / 12.0**0.5 if noise is None else noise
+    if found >= 0.1 * travel:
+        raise ValueError(
+            f"noise is {found:g} {unit}, and m1 travels {travel:g} {unit}; give less than a tenth"
+            " of the travel"
+        )
+    return found
+
+
+def _command(name: str, device: Device, seconds: float, scale: Scale, seed: int) -> Floats:
+    """The command of a library excitation, or of a scenario by its file."""
+    if name in LIBRARY:
+        return excitation(name, device, seconds, scale, seed)
+    if not name.endswith(".toml"):
+        raise ValueError(
+            f"there is no excitation {name!r}; {nearest(name, LIBRARY)} (a scenario of your own is"
+            " given as a file ending in .toml)"
+        )
+    scenario = load_scenario(name)
+    own, period = scenario.device.interface.period, device.interface.period
+    if own != period:
+        raise ValueError(
+            f"{name} plays at a period of {own:g} s, {device.name} at {period:g} s; set period_s in"
+            " one of them"
+        )
+    if scenario.controller.kind == recorded(np.zeros(1)).kind:
+        return scenario.controller.parameters[: scenario.ticks].copy()
+    run = simulate(
+        scenario.device, scenario.controller, duration=scenario.duration, start=scenario.start,
+        disturbance=scenario.forces(), substeps=scenario.substeps, seed=scenario.seed,
+    )  # fmt: skip
+    return np.ascontiguousarray(run.trace["command"])
+
+
+def _say_experiment(console: Console, device: Device, scale: Scale, noise: Noise) -> None:
+    force, length = ("N m", "rad") if device.rotary else ("N", "m")
+    console.say(
+        f"{device.name}: commands up to {scale.level:.3g} {force}, travel up to"
+        f" {scale.travel:.3g} {length}; noise {noise.measurement:.3g} {length} measured,"
+        f" {noise.process:.3g} {force} a tick at m1"
+    )
+
+
+def _say_limits(console: Console, plans: Sequence[Plan]) -> None:
+    columns = [Column("effect", False), Column("magnitude", False)]
+    columns += [*(Column(p.excitation) for p in plans), Column("unit", False), Column("at", False)]
+    rows: list[list[str]] = []
+    for every in zip(*(p.visible for p in plans), strict=True):
+        first: Visible = every[0]
+        shape = ", ".join(f"{key} {value:.3g}" for key, value in first.shape.items())
+        numbers = ["never" if v.magnitude is None else f"{v.magnitude:.3g}" for v in every]
+        rows.append([named(first.label), _magnitude(first), *numbers, first.unit, shape])
+    console.table(f"\nSmallest magnitude that shows ({SHOWN:g} sigma)", columns, rows)
+
+
+def _magnitude(visible: Visible) -> str:
+    """What the number says, where it is not the parameter itself."""
+    return {
+        "limit": "largest command - limit", "ratio": "|ratio - 1|", "coefficient": "|coefficient|",
+    }.get(visible.name, visible.name)  # fmt: skip
+
+
+def _say_pairs(console: Console, found: Plan) -> None:
+    if not found.confusable:
+        console.say(
+            f"\n{found.excitation}: the {len(found.labels)} effects that show are told apart at"
+            f" {ALIKE:g} times that"
+        )
+        return
+    columns = [Column("effect", False), Column("looks like", False), Column("sigma")]
+    columns += [Column("told apart by", False), Column("sigma")]
+    rows = [
+        [
+            named(pair.effect),
+            named(pair.rival),
+            f"{pair.separation_sigma:.1f}",
+            pair.better or "none of the library",
+            "" if pair.better_sigma is None else f"{pair.better_sigma:.1f}",
+        ]
+        for pair in found.confusable
+    ]
+    console.table(
+        f"\n{found.excitation}: not told apart at {ALIKE:g} times that, and what would",
+        columns,
+        rows,
+    )
+
+
+def _entry(found: Plan) -> dict[str, Any]:
+    return {
+        "excitation": found.excitation,
+        "seconds": found.seconds,
+        "limits": {v.label: _limit(v) for v in found.visible},
+        "confusable": [
+            {
+                "effects": [pair.effect, pair.rival],
+                "separation_sigma": pair.separation_sigma,
+                "better": None
+                if pair.better is None
+                else {"excitation": pair.better, "separation_sigma": pair.better_sigma},
+            }
+            for pair in found.confusable
+        ],
+    }
+
+
+def _limit(visible: Visible) -> dict[str, Any] | None:
+    if visible.magnitude is None or visible.physics is None:
+        return None
+    return {
+        "magnitude": visible.magnitude,
+        "unit": visible.unit,
+        "parameters": dict(visible.physics.values),
+    }

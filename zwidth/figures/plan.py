@@ -1,0 +1,77 @@
+"""What a recording would show: the smallest magnitude of each effect, and which look alike."""
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.figure import Figure
+
+from diagnosis.limits import SHOWN
+from diagnosis.plan import ALIKE, Plan, Visible
+from zwidth.figures.style import STYLE
+
+DOT = "#004488"
+# Distance in sigma, from alike (dark) to apart (white): grey levels tell it in print too.
+EDGES = (0.0, 1.0, 2.5, SHOWN, 10.0, 1e9)
+SHADES = ("#7f0000", "#bb5566", "#ddaa99", "#e6e6e6", "#ffffff")
+ROW = 0.19  # inches
+
+
+def plan_figure(plan: Plan, title: str) -> Figure:
+    """Return two panels: limits as shares of what the experiment moves by, distances of pairs."""
+    shown = [v for v in plan.visible if v.magnitude is not None]
+    rows = max(len(shown), len(plan.labels))
+    with rc_context(STYLE):
+        figure = Figure(figsize=(13.0, 2.0 + ROW * rows), layout="constrained")
+        limits, pairs = figure.subplots(1, 2, width_ratios=(1.0, 1.15))
+        _limits(limits, shown)
+        _pairs(pairs, plan)
+        figure.suptitle(title, fontsize=11)
+    return figure
+
+
+def _limits(axes: Axes, shown: list[Visible]) -> None:
+    shares = [(v.magnitude or np.nan) / v.natural for v in shown]
+    places = np.arange(len(shown))
+    axes.hlines(places, min(shares) / 3.0, shares, color="0.85", linewidth=0.8)
+    axes.plot(shares, places, "o", color=DOT, markersize=4.5, label=f"stands at {SHOWN:g} sigma")
+    for share, place, visible in zip(shares, places, shown, strict=True):
+        text = f"  {visible.magnitude:.2g} {visible.unit}".rstrip()
+        axes.annotate(text, (share, place), va="center", fontsize=7.5)
+    axes.set_xscale("log")
+    axes.set_xlim(min(shares) / 3.0, max(shares) * 60.0)
+    axes.set_yticks(places, [named(v.label) for v in shown], fontsize=8)
+    axes.set_ylim(len(shown) - 0.4, -0.6)
+    axes.grid(axis="y", visible=False)
+    axes.set_xlabel("smallest magnitude that shows, of what the experiment moves by", fontsize=9)
+    axes.set_title("Seen above everything a linear refit absorbs", fontsize=10)
+    axes.legend(frameon=False, fontsize=8, loc="lower right")
+
+
+def _pairs(axes: Axes, plan: Plan) -> None:
+    distances = np.minimum(plan.distances, plan.distances.T)
+    np.fill_diagonal(distances, np.nan)
+    norm = BoundaryNorm(EDGES, len(SHADES))
+    picture = axes.imshow(distances, cmap=ListedColormap(SHADES), norm=norm, aspect="auto")
+    places = np.arange(len(plan.labels))
+    names = [named(label) for label in plan.labels]
+    axes.set_xticks(places, names, rotation=90, fontsize=7)
+    axes.set_yticks(places, names, fontsize=7)
+    axes.set_xticks(places - 0.5, minor=True)
+    axes.set_yticks(places - 0.5, minor=True)
+    axes.grid(visible=False, which="major")
+    axes.grid(color="0.9", linewidth=0.4, which="minor")
+    axes.tick_params(which="minor", length=0)
+    for i, j in np.argwhere(distances < SHOWN):
+        axes.text(j, i, f"{distances[i, j]:.0f}", ha="center", va="center", fontsize=6.5,
+                  color="white" if distances[i, j] < EDGES[2] else "black")  # fmt: skip
+    axes.set_title(f"Told apart at {ALIKE:g} times the smallest magnitude", fontsize=10)
+    bar = axes.figure.colorbar(picture, ax=axes, shrink=0.5, aspect=25, ticks=EDGES[:-1])
+    bar.set_label("distance [sigma]; below 5 the two look alike", fontsize=8)
+    bar.ax.set_yticklabels([f"{edge:g}" for edge in EDGES[:-1]], fontsize=8)
+
+
+def named(label: str) -> str:
+    """Return effect@place as words."""
+    effect, at = label.split("@")
+    return f"{effect.replace('_', ' ')}, {at}"
