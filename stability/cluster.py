@@ -7,7 +7,6 @@ that no core waits, but no more, however many there are.
 """
 
 import errno
-import hashlib
 import logging
 import os
 import platform
@@ -16,13 +15,13 @@ import time
 from collections.abc import Callable, Generator, Mapping
 from concurrent.futures import CancelledError
 from contextlib import suppress
-from functools import cache, partial
-from importlib.metadata import version
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 from uuid import uuid4
 
+from stability.code_digest import code_digest
 from stability.executor import AHEAD
 
 if TYPE_CHECKING:
@@ -30,31 +29,19 @@ if TYPE_CHECKING:
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
-OURS = ("sim", "controllers", "logs", "scenarios", "stability", "identification", "diagnosis")
-THEIRS = ("numpy", "scipy", "numba")
 PROCESS = uuid4().hex  # of this process: whoever has another one is a worker
 LOOK_EVERY = 0.5  # [s] for lost workers and a lost scheduler
-
-
-@cache
-def engine() -> str:
-    """Return the digest of all code that results depend on: ours, its libraries, Python."""
-    digest = hashlib.sha256(platform.python_version().encode())
-    digest.update(" ".join(version(name) for name in THEIRS).encode())
-    root = Path(__file__).parents[1]
-    for package in OURS:
-        for file in sorted((root / package).rglob("*.py")):
-            digest.update(file.read_bytes())
-    return digest.hexdigest()[:16]
+ANSWER_WITHIN = 10.0  # [s] a scheduler and the first worker, when one connects
 
 
 def _work(function: Callable[[Task], Result], wanted: str, driver: str, task: Task) -> Result:
     """Run one task, at the worker."""
     if driver != PROCESS:
         os.environ["ZWIDTH_THREADS"] = "1"  # the cores have a task each
-    if engine() != wanted:
+    found = code_digest(function)
+    if found != wanted:
         raise ValueError(
-            f"the worker on {platform.node()} runs other code than this program ({engine()}, not"
+            f"the worker on {platform.node()} runs other code than this program ({found}, not"
             f" {wanted}); install the same zwidth, numpy, scipy, numba and Python there"
         )
     return function(task)
@@ -82,15 +69,18 @@ class Cluster:
             ) from None
         for name in ("distributed", "tornado"):  # what matters of it is said in a sentence of ours
             logging.getLogger(name).setLevel(logging.CRITICAL)
+        file = self.address.endswith(".json")
         try:
-            self._client = self._connect(min(10.0, self.patience))
-            self._client.wait_for_workers(1, timeout=min(10.0, self.patience))
+            if not self.address or (file and not Path(self.address).is_file()):
+                raise ValueError(self.address)
+            self._client = self._connect(ANSWER_WITHIN)
+            self._client.wait_for_workers(1, timeout=ANSWER_WITHIN)
         except (OSError, ValueError, TypeError, TimeoutError) as error:
             found = self._client is not None
             self.__exit__()
             what = "has no workers; start some" if found else "is no scheduler that answers"
             raise ValueError(
-                f"{self.address} {what}; see docs/scale.md for how to start a cluster"
+                f"{self.address!r} {what}; see docs/scale.md for how to start a cluster"
             ) from error
         return self
 
@@ -110,7 +100,7 @@ class Cluster:
     ) -> Generator[tuple[str, Result]]:
         """Yield (key, function(task)) as they finish; raises OSError (see `Executor.run`)."""
         left = dict(tasks)
-        work = partial(_work, function, engine(), PROCESS)
+        work = partial(_work, function, code_digest(function), PROCESS)
         while left:
             yield from self._until_lost(work, left)
             if left:
@@ -138,7 +128,10 @@ class Cluster:
                 with suppress(queue.Empty):
                     future = finished.get(timeout=LOOK_EVERY)
                     try:
-                        result = future.result()
+                        result = future.result(self.patience)
+                    except TimeoutError:  # finished, but lost with its worker, the last one
+                        finished.put(future)
+                        continue
                     except (CancelledError, OSError):
                         if future.status == "error":  # the task's own
                             raise

@@ -1,0 +1,54 @@
+"""What a result depends on besides its task: the code, its libraries, Python."""
+
+import ast
+import hashlib
+import platform
+from collections.abc import Callable, Iterator
+from functools import cache, partial
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from sim.jit import cache_folder
+
+LIBRARIES = ("numpy", "scipy", "numba")
+ROOT = Path(__file__).parents[1]
+
+
+def code_digest(function: Callable[..., Any]) -> str:
+    """Return the digest of the files a function's module imports, of the kernels, and libraries."""
+    while isinstance(function, partial):
+        function = function.func
+    return _of_module(function.__module__)
+
+
+@cache
+def _of_module(module: str) -> str:
+    digest = hashlib.sha256(f"{platform.python_version()} {cache_folder().name}".encode())
+    digest.update(" ".join(version(name) for name in LIBRARIES).encode())
+    for text in _sources(module):
+        digest.update(text)
+    return digest.hexdigest()[:16]
+
+
+def _sources(module: str) -> Iterator[bytes]:
+    """Yield the files of ours that a module imports, directly or through others, each once."""
+    seen, waiting = set[str](), [module]
+    while waiting:
+        name = waiting.pop()
+        file = next((f for f in _files(name) if f.is_file()), None)
+        if name in seen or file is None:
+            continue
+        seen.add(name)
+        text = file.read_bytes()
+        yield text
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.Import):
+                waiting += [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom) and node.module is not None:
+                waiting += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+
+
+def _files(module: str) -> tuple[Path, Path]:
+    path = ROOT.joinpath(*module.split("."))
+    return path.with_suffix(".py"), path / "__init__.py"
