@@ -58,8 +58,8 @@ class Visible:
 class Confusable:
     """Two effects, one of which the other pretends at three times its limit.
 
-    separation_sigma: of the nearer of the two ways round. better: the excitation of the library that separates them best, with its sigma; None where none
-    reaches five sigma.
+    separation_sigma: of the nearer of the two ways round. better: the excitation of the library
+    that separates them best, with its sigma; None where none reaches five sigma.
     """
 
     effect: str

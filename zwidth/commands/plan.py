@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from sim.nearest import nearest
 from sim.physics import EFFECTS
 from sim.run import simulate
 from zwidth.compiling import announce
-from zwidth.console import Column, Console, progress
+from zwidth.console import Advance, Column, Console, progress
 from zwidth.figures.plan import named, plan_figure
 from zwidth.figures.style import save_figure
 from zwidth.options import Quantity, json_option, out_option
@@ -86,7 +87,7 @@ def command(
     files: list[Path] = []
     with progress("planning", len(names) * (EFFECT_PLACES + len(LIBRARY))) as advance:
         for stem, played in commands.items():
-            told = lambda now, stem=stem: advance(1, f"{stem}: {now}")  # noqa: E731
+            told = partial(_tell, advance, stem)
             rehearsed = rehearse(device, played, seen, seed=seed, name=stem)
             found, _ = plan(device, rehearsed, seen, told)
             plans.append(better_excitations(device, found, seen, scale, seed, told))
@@ -113,6 +114,10 @@ def command(
             "files": [str(path) for path in files],
         }
     )
+
+
+def _tell(advance: Advance, stem: str, now: str) -> None:
+    advance(1, f"{stem}: {now}")
 
 
 def _check_length(device: Device, seconds: float) -> None:
