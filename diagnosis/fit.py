@@ -14,7 +14,14 @@ from scipy.optimize import least_squares
 
 from diagnosis.experiment import Experiment
 from diagnosis.parameters import Model
-from diagnosis.predictor import SETTLING, Observer, innovations, prepared
+from diagnosis.predictor import (
+    SEARCHING,
+    SETTLING,
+    Fineness,
+    Observer,
+    innovations,
+    prepared,
+)
 from sim.ensemble import in_parallel, threads
 
 Floats = NDArray[np.float64]
@@ -40,15 +47,20 @@ class Fitted:
 
 
 class Problem:
-    """Experiments under one observer."""
+    """Experiments under one observer, predicted with so many substeps."""
 
-    def __init__(self, experiments: Sequence[Experiment], observer: Observer) -> None:
-        self.experiments, self.observer = list(experiments), observer
+    def __init__(
+        self,
+        experiments: Sequence[Experiment],
+        observer: Observer,
+        fineness: Fineness = SEARCHING,
+    ) -> None:
+        self.experiments, self.observer, self.fineness = list(experiments), observer, fineness
 
     def weighted(self, model: Model, x: Floats) -> Floats:
         """Return the weighted innovations of all experiments, one after the other."""
         device = model.acting(x)
-        ready = prepared(device)
+        ready = prepared(device, self.fineness)
         parts: list[Floats] = []
         for e in self.experiments:
             out = innovations(device, model.seen(e, x), self.observer.gain, ready=ready)
@@ -61,8 +73,13 @@ class Problem:
         prior = np.array([xi for p, xi in zip(model.parameters, x, strict=True) if p.prior])
         return np.concatenate([self.weighted(model, x), prior])
 
-    def jacobian(self, model: Model, x: Floats, at: Floats | None = None) -> Floats:
-        """Return differences of the residual by x, inwards at a bound."""
+    def jacobian(
+        self, model: Model, x: Floats, at: Floats | None = None, known: Floats | None = None
+    ) -> Floats:
+        """Return differences of the residual by x, inwards at a bound.
+
+        known: its first columns, where they are known well enough.
+        """
         base = self.residual(model, x) if at is None else at
         steps = [
             STEP if xi + STEP <= p.upper else -STEP
@@ -74,11 +91,22 @@ class Problem:
             moved[i] += steps[i]
             return (self.residual(model, moved) - base) / steps[i]
 
-        columns = in_parallel([lambda i=i: column(i) for i in range(x.size)], threads())
-        return np.column_stack(columns)
+        first = 0 if known is None else known.shape[1]
+        columns = in_parallel([lambda i=i: column(i) for i in range(first, x.size)], threads())
+        return np.column_stack(columns if known is None else [known, *columns])
 
-    def fit(self, model: Model, x: Floats | None = None, rounds: int = 12) -> Fitted:
-        """Return the best fit from a start (None: where all x are zero)."""
+    def fit(
+        self,
+        model: Model,
+        x: Floats | None = None,
+        rounds: int = 12,
+        known: Floats | None = None,
+    ) -> Fitted:
+        """Return the best fit from a start (None: where all x are zero).
+
+        known: slopes of the first parameters, which then are not computed again: a chord method
+        in these, much cheaper, and as good where they hardly change.
+        """
         parameters = model.parameters
         start = np.zeros(len(parameters)) if x is None else x
         lower = np.array([p.lower for p in parameters])
@@ -94,7 +122,7 @@ class Problem:
             return last[x.tobytes()]
 
         def slope(x: Floats) -> Floats:
-            return self.jacobian(model, x, last.get(x.tobytes()))
+            return self.jacobian(model, x, last.get(x.tobytes()), known)
 
         found = least_squares(
             value,

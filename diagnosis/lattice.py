@@ -33,7 +33,7 @@ from sim.physics import make_physics
 
 Floats = NDArray[np.float64]
 STEPPED = ("command_step", "encoder_step", "dropped_samples")
-PROMISING = 20.0  # chi-square of a wave that is worth a fit
+PROMISING = 10.0  # chi-square by which a wave must stand above the highest of noise
 AROUND = 41  # steps tried around a peak, two lines to either side
 DELIVERED, EVEN = 0.0, 0.5
 FINEST_SHARE = 1e-6  # of the span, of a step that is looked for
@@ -79,12 +79,12 @@ def command_step(problem: Problem, fitted: Fitted) -> Stepped | None:
         tried = model.with_effect(make_physics("command_step", "command", step=step), {})
         return moved.chi2(problem.weighted(tried, x))
 
-    best = _best([p.period for p in found if p.gained > PROMISING], span, chi2)
+    price = 2.0 * np.log(max(lines, 1))
+    best = _best([p.period for p in found if p.gained > price + PROMISING], span, chi2)
     if best is None:
         return None
     physics = make_physics("command_step", "command", step=best)
     again = problem.fit(model.with_effect(physics, {}), x)
-    price = 2.0 * np.log(max(lines, 1))
     return Stepped("command_step@command", problem, again, fitted.chi2 - again.chi2, price)
 
 
@@ -104,13 +104,13 @@ def encoder_step(
     physics = make_physics("encoder_step", "sensor", step=1.0)
     tried = replace(model.with_effect(physics, {}), sensor_error_known=True)
     loss = _StepLoss(problem, fitted, tried, experiments, positions)
-    periods = [p.period for p in found if p.gained > PROMISING]
+    price = 2.0 * np.log(max(lines, 1))
+    periods = [p.period for p in found if p.gained > price + PROMISING]
     best = _best(periods, span, lambda step: loss.chi2(step, 0.15))
     if best is None:
         return None
     there = Problem(loss.in_steps(best, loss.spread(best)), problem.observer)
     again = there.fit(with_step(tried, "encoder_step", best), x)
-    price = 2.0 * np.log(max(lines, 1))
     return Stepped("encoder_step@sensor", there, again, fitted.chi2 - again.chi2, price)
 
 
@@ -259,7 +259,7 @@ def dropped_samples(
             ratios.append(np.where(lost, -ratio, ratio))
         joined = np.concatenate(ratios)
         rate, gained = _rate(joined)
-        if gained < PROMISING:
+        if gained < 2.0 * PROMISING:
             break
         prior = np.log(rate / (1.0 - rate))
         dropped = [r + prior > DELIVERED for r in ratios]
@@ -269,7 +269,7 @@ def dropped_samples(
         there = Problem(seen, problem.observer)
         physics = make_physics("dropped_samples", "clock", rate=rate)
         current = there.fit(model.with_effect(physics, {}), fitted.x)
-    if current is fitted or gained < PROMISING:
+    if current is fitted or gained < 2.0 * PROMISING:
         return None
     return Stepped("dropped_samples@clock", there, current, gained, 0.0)
 

@@ -16,12 +16,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import welch
+from scipy.signal import fftconvolve, welch
 
 from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted, Problem
-from diagnosis.predictor import SETTLING, innovations, prepared
+from diagnosis.predictor import SETTLING
 from diagnosis.screen import Complement
+from diagnosis.spatial import response
 from sim.ensemble import in_parallel, threads
 
 Floats = NDArray[np.float64]
@@ -138,27 +139,22 @@ def _state(problem: Problem, white: Floats) -> list[Share]:
 def force_maps(problem: Problem, fitted: Fitted) -> tuple[ForceMap, ...]:
     """Return the missing force at every place against every state."""
     device = fitted.model.acting(fitted.x)
-    ready = prepared(device)
     off = Complement(fitted.jacobian)
     left = off(fitted.residual)
     prior = fitted.residual[fitted.samples :] * 0.0
     places = [(f"m{i + 1}", (i, -1)) for i in range(device.chain.masses.size)]
     places += [(f"link{i + 1}{i + 2}", (i, i + 1)) for i in range(device.chain.masses.size - 1)]
-    size = float(np.sqrt(np.mean(problem.experiments[0].command ** 2))) * 1e-3
+
+    units = [response(problem, fitted, f"m{i + 1}") for i in range(device.chain.masses.size)]
 
     def signature(place: tuple[int, int], masks: Sequence[NDArray[np.bool_]]) -> Floats:
-        parts: list[Floats] = []
-        for e, mask in zip(problem.experiments, masks, strict=True):
-            force = np.zeros((e.ticks, ready.coarse.dof))
-            force[mask, place[0]] = size
-            if place[1] >= 0:
-                force[mask, place[1]] = -size
-            seen = fitted.model.seen(e, fitted.x)
-            out = innovations(device, seen, problem.observer.gain, force, ready)
-            parts.append((out[SETTLING:] / problem.observer.deviation).ravel())
-        moved = np.concatenate([*parts, prior])
-        moved[: fitted.samples] -= fitted.white
-        return off(moved) / size
+        """Of a unit force where a mask is true, by the response of the linear device."""
+        answer = units[place[0]] - (units[place[1]] if place[1] >= 0 else 0.0)
+        parts = [
+            fftconvolve(mask[:, None].astype(float), answer, axes=0)[SETTLING : mask.size].ravel()
+            for mask in masks
+        ]
+        return off(np.concatenate([*parts, prior]))
 
     found: list[ForceMap] = []
     for name, place in places:

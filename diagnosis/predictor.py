@@ -7,6 +7,7 @@ inside a fit: a fit that may change its own noise cheats with it.
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -41,10 +42,21 @@ class Observer:
     ratio: float
 
 
-# Substeps a tick. Counted against 64 on 20 s at 20 times the limit: 8 for smooth forces leave below
-# 0.5 sigma of 100; where friction turns 32 leave below 2. Where backlash leaves a side its force
-# jumps, and the error is of first order: 16, and 32 where it leaves one.
-SMOOTH, TURNING, JUMPING = 8, 32, (16, 32)
+@dataclass(frozen=True)
+class Fineness:
+    """Substeps a tick: with smooth forces, where friction turns, with backlash and where it jumps.
+
+    Counted against 64 on 20 s at 20 times the limit (100 sigma): SEARCHING leaves below 2 sigma of
+    smooth forces, 10 of friction and 12 of backlash, enough to tell effects apart; FINAL below
+    0.5, 2 and 1.
+    """
+
+    smooth: int
+    turning: int
+    jumping: tuple[int, int]
+
+
+SEARCHING, FINAL = Fineness(4, 8, (8, 16)), Fineness(8, 32, (16, 32))
 
 
 class Prepared(NamedTuple):
@@ -54,17 +66,15 @@ class Prepared(NamedTuple):
     fine: Equations
 
 
-def prepared(device: Device) -> Prepared:
-    """Prepare a device. A turn inside a substep puts friction wrong for the rest of it.
-
-    With two substeps at a turn that biases a friction level by a tenth.
-    """
+def prepared(device: Device, fineness: Fineness = FINAL) -> Prepared:
+    """Prepare a device. A turn inside a substep puts friction wrong for the rest of it."""
     hooks = {p.effect.hook for p in device.physics}
     if any(p.effect.name == "backlash" for p in device.physics):
-        few, many = JUMPING
+        few, many = fineness.jumping
         return Prepared(equations(device, few), equations(device, many))
-    coarse = equations(device, SMOOTH if "force" in hooks else 1)
-    return Prepared(coarse, equations(device, TURNING) if "friction" in hooks else coarse)
+    coarse = equations(device, fineness.smooth if "force" in hooks else 1)
+    fine = equations(device, fineness.turning) if "friction" in hooks else coarse
+    return Prepared(coarse, fine)
 
 
 def observer_memory(eq: Equations, experiment: Experiment) -> Memory:
@@ -190,26 +200,33 @@ def _noise_scale(experiment: Experiment) -> Floats:
 
 
 def choose_observer(device: Device, experiments: Sequence[Experiment]) -> Observer:
-    """Choose the ratio by the likelihood of the innovations, the deviations concentrated out."""
-    best: tuple[float, float] | None = None
-    ready = prepared(device)
-    for ratio in RATIOS:
-        try:
-            gain = observer_for(device, experiments[0], float(ratio))
-        except (np.linalg.LinAlgError, ValueError):
-            continue
-        with np.errstate(all="ignore"):
-            kept = [innovations(device, e, gain, ready=ready)[SETTLING:] for e in experiments]
-            score = float(sum(k.shape[0] * np.log(np.mean(k**2, axis=0)).sum() for k in kept))
-        if np.isfinite(score) and (best is None or score < best[0]):
-            best = (score, float(ratio))
-    if best is None:
+    """Choose the ratio by the likelihood of the innovations, the deviations concentrated out.
+
+    Every third ratio of a grid, then those beside the best of them.
+    """
+    ready = prepared(device, SEARCHING)
+    scores: dict[int, float] = {}
+
+    def score(i: int) -> float:
+        if i not in scores:
+            scores[i] = np.inf
+            with suppress(np.linalg.LinAlgError, ValueError), np.errstate(all="ignore"):
+                gain = observer_for(device, experiments[0], float(RATIOS[i]))
+                kept = [innovations(device, e, gain, ready=ready)[SETTLING:] for e in experiments]
+                found = float(sum(k.shape[0] * np.log(np.mean(k**2, axis=0)).sum() for k in kept))
+                scores[i] = found if np.isfinite(found) else np.inf
+        return scores[i]
+
+    best = min(range(0, RATIOS.size, 3), key=score)
+    best = min(range(max(0, best - 2), min(RATIOS.size, best + 3)), key=score)
+    if not np.isfinite(score(best)):
         raise ValueError(
             "no observer follows this recording with this device; check sign, scale and units of"
             " command and outputs"
         )
-    gain = observer_for(device, experiments[0], best[1])
-    return Observer(gain, deviation(device, experiments, gain), best[1])
+    ratio = float(RATIOS[best])
+    gain = observer_for(device, experiments[0], ratio)
+    return Observer(gain, deviation(device, experiments, gain), ratio)
 
 
 def deviation(device: Device, experiments: Sequence[Experiment], gain: Floats) -> Floats:

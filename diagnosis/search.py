@@ -8,19 +8,19 @@ widened by the spectrum of the residual (a coloured residual makes every gain lo
 first: a richer effect must beat a simpler one by five sigma.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.candidates import CONTAINED, MAGNITUDE, candidates
+from diagnosis.candidates import CONTAINED, MAGNITUDE, Start, candidates
 from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted, Problem
 from diagnosis.horizon import longer_view
 from diagnosis.lattice import STEPPED, sharpened, stepped_trials
 from diagnosis.parameters import Model, effect_labels
-from diagnosis.predictor import Observer, choose_observer
+from diagnosis.predictor import FINAL, Observer, choose_observer
 from diagnosis.screen import screen
 from diagnosis.uncertainty import covariance, inflation
 from diagnosis.waves import wave_starts
@@ -31,6 +31,10 @@ Floats = NDArray[np.float64]
 THRESHOLD = 30.0
 FIVE_SIGMA = 25.0
 FITTED = 8  # candidates fitted a step
+WORTH = 10.0  # first-order chi-square that is worth a fit
+FIRST_ROUNDS = 4  # of a fit, after which only the candidates near the best go on
+FURTHER_ROUNDS = 8
+STILL_NEAR = 100.0  # chi-square behind the best
 MOST = 3  # effects
 SURE = 4.0  # standard errors that an effect must be away from nothing
 MOSTLY = 0.8  # of what a richer effect gains: then the simple one comes first
@@ -139,6 +143,8 @@ def search(
     if current.model.effects:
         problem, current = longer_view(experiments, problem, current)
         current = prune(problem, current)
+    problem = Problem(problem.experiments, problem.observer, FINAL)
+    current = problem.fit(current.model, current.x)
     baseline = problem.fit(Model(device), linear.x)
     return Searched(problem, baseline, current, tuple(steps), interrupted)
 
@@ -150,17 +156,12 @@ def take(problem: Problem, current: Fitted, experiments: Sequence[Experiment], s
     waves, prices = wave_starts(problem, current)
     screened = screen(problem, current, [*starts, *waves])
     wide = inflation(current.white)
-    trials: list[Trial] = []
-    for one in screened[:FITTED]:
-        if one.score < 0.2 * THRESHOLD and trials:
-            break
-        model = current.model.with_effect(one.start.physics, one.start.scales)
-        extra = len(model.parameters) - current.x.size
-        start = np.concatenate([current.x, np.zeros(extra)])
-        fitted = problem.fit(model, start)
-        gained = current.chi2 - fitted.chi2
-        price = prices.get(one.start.physics.effect.name, 0.0)
-        trials.append(Trial(one.start.label, fitted, gained, extra, at_bound(fitted), price))
+    near = [one for one in screened[:FITTED] if one.score > WORTH] or screened[:1]
+    trials = [_tried(problem, current, one.start, prices, FIRST_ROUNDS) for one in near]
+    most = max((t.gained for t in trials), default=0.0)
+    trials = [
+        _further(problem, current, t) if most - t.gained < STILL_NEAR * wide else t for t in trials
+    ]
     for t in stepped_trials(problem, current, experiments):
         say(f"{t.label}: chi-square gained {t.gained:.0f}")
         trials.append(Trial(t.label, t.fitted, t.gained, 1, "", t.price, t.problem.experiments))
@@ -175,6 +176,25 @@ def take(problem: Problem, current: Fitted, experiments: Sequence[Experiment], s
     say(f"best candidate {best.label}: chi-square gained {best.gained:.0f}")
     believed = best.gained > (THRESHOLD + best.price) * wide + 2.0 * best.parameters
     return Step(tuple(trials), best if believed else None, wide)
+
+
+def _tried(
+    problem: Problem, current: Fitted, start: Start, prices: Mapping[str, float], rounds: int
+) -> Trial:
+    model = current.model.with_effect(start.physics, start.scales)
+    extra = len(model.parameters) - current.x.size
+    x = np.concatenate([current.x, np.zeros(extra)])
+    fitted = problem.fit(model, x, rounds, current.jacobian)
+    gained = current.chi2 - fitted.chi2
+    price = prices.get(start.physics.effect.name, 0.0)
+    return Trial(start.label, fitted, gained, extra, at_bound(fitted), price)
+
+
+def _further(problem: Problem, current: Fitted, trial: Trial) -> Trial:
+    """Fit a trial that may be the best to its end."""
+    fitted = problem.fit(trial.fitted.model, trial.fitted.x, FURTHER_ROUNDS, current.jacobian)
+    gained = current.chi2 - fitted.chi2
+    return replace(trial, fitted=fitted, gained=gained, on_bound=at_bound(fitted))
 
 
 def at_bound(fitted: Fitted) -> str:

@@ -32,6 +32,8 @@ def wave_starts(problem: Problem, fitted: Fitted) -> tuple[list[Start], dict[str
         prices[name] = 2.0 * math.log(max(lines, 1))
         a = amplitudes[name]
         for peak in found:
+            if peak.gained < prices[name]:
+                continue
             scales = {"amplitude": a, "period": 0.1 * peak.period**2 / span, "phase": 0.5}
             starts += [
                 Start(make_physics(name, at, amplitude=a, period=peak.period, phase=phase), scales)

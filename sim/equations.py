@@ -11,6 +11,7 @@ Control 23, 1978): exp([[-W', a b'], [0, W]] h) holds S, with W the generator of
 """
 
 import itertools
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -19,10 +20,11 @@ from scipy.linalg import expm
 
 from sim.device import Device
 from sim.physics.effect import Physics
-from sim.plant import Plant, hold, locked
+from sim.plant import Plant, hold, hold_matrices, locked
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+REMEMBERED = 512  # propagators
 LANES = 8  # width of a block of rows in a propagator: one vector register of doubles
 
 
@@ -165,10 +167,25 @@ def _check_substeps(
 
 def propagator(plant: Plant, duration: float) -> Floats:
     """Return P in blocks of eight rows, shape (blocks, columns, 8), zero-padded."""
-    blocks = -(-plant.size // LANES)
-    packed = np.zeros((blocks * LANES, plant.size + 1 + plant.dof))
-    packed[: plant.size] = np.hstack(hold(plant, duration))
-    return np.ascontiguousarray(packed.reshape(blocks, LANES, -1).transpose(0, 2, 1))
+    return _propagator(plant.a.tobytes(), plant.b.tobytes(), plant.size, plant.dof, duration)
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _propagator(a: bytes, b: bytes, size: int, dof: int, duration: float) -> Floats:
+    """A fit that changes a friction level asks for the same propagators again and again."""
+    blocks = -(-size // LANES)
+    packed = np.zeros((blocks * LANES, size + 1 + dof))
+    if duration > 0.0:
+        packed[:size] = np.hstack(
+            hold_matrices(
+                np.frombuffer(a).reshape(size, size), np.frombuffer(b).reshape(size, -1), duration
+            )
+        )
+    else:
+        packed[:size, :size] = np.eye(size)
+    found = np.ascontiguousarray(packed.reshape(blocks, LANES, -1).transpose(0, 2, 1))
+    found.setflags(write=False)
+    return found
 
 
 def ledger_names(device: Device, plant: Plant) -> list[str]:

@@ -86,8 +86,13 @@ def locked(plant: Plant, masses: tuple[int, ...]) -> Plant:
 
 def hold(plant: Plant, duration: float) -> tuple[Floats, Floats]:
     """Return (Ad, Bd) with x(t + duration) = Ad x(t) + Bd u for inputs held over duration [s]."""
-    n, m = plant.b.shape
+    return hold_matrices(plant.a, plant.b, duration)
+
+
+def hold_matrices(a: Floats, b: Floats, duration: float) -> tuple[Floats, Floats]:
+    """Return (Ad, Bd) of x' = a x + b u, u held over duration [s]."""
+    n, m = b.shape
     block = np.zeros((n + m, n + m))
-    block[:n, :n], block[:n, n:] = plant.a, plant.b
+    block[:n, :n], block[:n, n:] = a, b
     full = expm(block * duration)
     return full[:n, :n], full[:n, n:]
