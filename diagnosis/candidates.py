@@ -129,6 +129,8 @@ def candidates(device: Device, experiments: Sequence[Experiment]) -> list[Start]
             for values, scales in _starts(effect, at, size, device):
                 if home_taken(effect, at, device):
                     continue
+                if not all(p.lower <= values[p.name] <= p.upper for p in effect.parameters):
+                    continue  # a start from very stiff links may lie beyond what is allowed
                 physics = make_physics(effect.name, at, **values)
                 found.append(Start(physics, scales))
     return found
