@@ -6,6 +6,7 @@ import os
 import re
 import shlex
 import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -67,6 +68,17 @@ def test_every_public_name_exists_and_says_what_it_is(name: str):
     if isinstance(value, type):
         methods = [m for key, m in vars(value).items() if callable(m) and key[0] != "_"]
         assert all(method.__doc__ for method in methods)
+
+
+def test_importing_zwidth_waits_for_none_of_them():
+    """Mutation: `import zwidth` imports one of its names at once."""
+    code = "import sys, zwidth; print(*dir(zwidth)); print(*sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    names, modules = (set(line.split()) for line in done.stdout.splitlines())
+    assert set(zwidth.HOMES) <= names
+    assert not modules & {"numpy", "numba", "scipy", "matplotlib", "mcap", "xarray", *PACKAGES[:-1]}
 
 
 def test_an_unknown_public_name_is_an_attribute_error():
