@@ -34,6 +34,7 @@ COMMANDS = {
         "Say why recordings differ from the simulation of a device, and what physics is missing."
     ),
     "plan": "Say what a recording would show of every effect, before it is made.",
+    "conceal": "Make recordings in which physics is concealed, with sealed keys.",
     "identify": "Fit a device to a recording of its command and position.",
     "relay": (
         "Find K_CR and the ultimate frequency by a relay, as the paper did on the real device."

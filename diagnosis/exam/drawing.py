@@ -19,6 +19,7 @@ from diagnosis.magnitude import magnitude, strengthened
 from diagnosis.parameters import Model
 from diagnosis.reference import Reference, reference
 from diagnosis.search import refit
+from diagnosis.separation import separation
 from scenarios.concealed.devices import draw_device, mistaken
 from scenarios.concealed.excitation import draw_drive
 from scenarios.concealed.outside import OUTSIDE, Outside
@@ -34,7 +35,8 @@ SHORTEST, LONGEST = 10.0, 20.0  # s
 FITTED_SHARE = 0.3  # of device files that were fitted to the recording, effect and all
 SEEN = 5.0  # sigma at which an effect is at its limit
 BESIDE = 0.6  # share of its sigma that an effect must keep beside others
-TRIES = 60
+TRIES = 12
+NEAR = 15.0  # sigma, beyond which a rival need not be written down
 COARSE = 20  # steps a tick while a strength is sought
 DRY = ("coulomb_friction", "stribeck_friction", "presliding_friction", "directional_friction")
 """Laws of one and the same friction: a mass has one of them."""
@@ -42,7 +44,12 @@ DRY = ("coulomb_friction", "stribeck_friction", "presliding_friction", "directio
 
 @dataclass(frozen=True)
 class Hidden:
-    """A concealed effect: times the limit; sigma alone, and beside what else is concealed."""
+    """A concealed effect: its magnitude, and how many times the limit that is.
+
+    sigma: at which it stands above what a refit absorbs, alone; sigma_beside: and above what the
+    other concealed effects' sizes absorb. rivals: effect@place -> its distance from this effect, in
+    sigma, up to `NEAR`, nearest first.
+    """
 
     effect: str
     at: str
@@ -51,6 +58,7 @@ class Hidden:
     times_limit: float
     sigma: float
     sigma_beside: float
+    rivals: dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -85,16 +93,16 @@ def draw(
     where no rig was found that shows such effects.
     """
     random = np.random.default_rng([seed, index])
-    names = _names(stratum)
-    first = names[rank % len(names)] if names else None
-    for _ in range(TRIES):
-        try:
-            made = _try(stratum, first, random, seconds)
-        except (RunAway, np.linalg.LinAlgError):
-            continue
-        if made is not None:
-            return made
-    raise ValueError(f"no rig shows {first} as {stratum.name} asks; try another seed")
+    names: list[str | None] = [*_names(stratum)] or [None]
+    for offset in range(len(names)):  # the next effect, where no rig shows this one
+        for _ in range(TRIES):
+            try:
+                made = _try(stratum, names[(rank + offset) % len(names)], random, seconds)
+            except (RunAway, np.linalg.LinAlgError):
+                continue
+            if made is not None:
+                return made
+    raise ValueError(f"no rig was found for {stratum.name}; try another seed")
 
 
 def _names(stratum: Stratum) -> list[str]:
@@ -176,9 +184,12 @@ def _effects(
     if any(b < BESIDE * a or not a >= SEEN * 0.8 for a, b in zip(alone, beside, strict=True)):
         return None
     hidden = tuple(
-        Hidden(p.effect.name, p.at, dict(p.values), magnitude(p, known.peak), times, sigma_alone, b)
-        for (p, times), sigma_alone, b in zip(found, alone, beside, strict=True)
-    )
+        Hidden(
+            p.effect.name, p.at, dict(p.values), magnitude(p, known.peak), times, a, b,
+            {k: d for k, d in separation(known, p).items() if d < NEAR},
+        )
+        for (p, times), a, b in zip(found, alone, beside, strict=True)
+    )  # fmt: skip
     return replace(rig, device=rig.device.with_physics(*physics)), hidden
 
 
@@ -225,7 +236,7 @@ def _outside(
     if physics is None or stands is None or stands < SEEN * stratum.least:
         return None
     place = "command" if name == "slew_limit" else "link12" if "stiff" in name else "m1"
-    hidden = Hidden(name, place, dict(physics.values), strength, times, stands, stands)
+    hidden = Hidden(name, place, dict(physics.values), strength, times, stands, stands, {})
     return replace(rig, outside=physics), (hidden,)
 
 

@@ -1,0 +1,67 @@
+"""What is handed out: a recording and a device file that say nothing of what is concealed.
+
+DIR/recordings/r0001.csv, r0001.toml, r0001.device.toml
+DIR/keys/r0001.json                      to be kept apart until the diagnoses are in
+"""
+
+import io
+from pathlib import Path
+
+import numpy as np
+import tomli_w
+
+from scenarios.concealed.sealing import MARK, write_whole
+from sim.device import Device
+from sim.device_file import device_to_text
+from sim.trace import Trace
+
+DIGITS = "%.10g"
+
+
+def recording_files(folder: Path, name: str) -> dict[str, Path]:
+    """Return the files of a recording that its key vouches for."""
+    stem = folder / "recordings" / name
+    return {"recording": stem.with_suffix(".csv"), "device": stem.with_suffix(".device.toml")}
+
+
+def description_file(folder: Path, name: str) -> Path:
+    """Return the recording TOML."""
+    return folder / "recordings" / f"{name}.toml"
+
+
+def key_file(folder: Path, name: str) -> Path:
+    """Return the file of the key."""
+    return folder / "keys" / f"{name}.json"
+
+
+def names(folder: Path) -> list[str]:
+    """Return the recordings of a folder by name; those without a key are not finished."""
+    return sorted(path.stem for path in (folder / "keys").glob("*.json"))
+
+
+def write_data(folder: Path, name: str, trace: Trace, device: Device) -> None:
+    """Write samples and device file."""
+    files = recording_files(folder, name)
+    table = io.StringIO()
+    table.write(",".join(trace.channels) + "\n")
+    np.savetxt(table, np.column_stack(list(trace.channels.values())), DIGITS, ",")
+    write_whole(files["recording"], table.getvalue())
+    write_whole(files["device"], device_to_text(device))
+
+
+def write_description(folder: Path, name: str, trace: Trace, device: Device, sealed: str) -> None:
+    """Write the recording TOML, which carries the seal."""
+    outputs = [channel for channel in trace.channels if channel != "command"]
+    top = {
+        "schema": 1,
+        "file": recording_files(folder, name)["recording"].name,
+        "source": f"recording {name}, {MARK}{sealed}",
+        "rotary": device.rotary,
+        "period_s": device.interface.period,
+        "input": {"signal": "command"},
+        "output": [
+            {"signal": c, "quantity": c.partition("_")[0], "at": c.partition("_")[2]}
+            for c in outputs
+        ],
+    }
+    write_whole(description_file(folder, name), tomli_w.dumps(top))

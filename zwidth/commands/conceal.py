@@ -1,0 +1,52 @@
+"""`zwidth conceal`: recordings with physics concealed in them, and sealed keys."""
+
+from pathlib import Path
+
+import click
+
+from diagnosis.exam.conceal import conceal, orders
+from diagnosis.exam.strata import STRATA, counts
+from stability.executor import executor
+from zwidth.console import Console, progress
+from zwidth.options import Quantity, cluster_option, json_option, out_option
+
+CLASSES = "; ".join(f"{s.name}: {s.title}" for s in STRATA.values())
+
+
+@click.command("conceal", epilog=f"Classes: {CLASSES}.")
+@click.option("--count", type=click.IntRange(1), default=200, show_default=True,
+              help="How many recordings, shared out over the classes.")  # fmt: skip
+@click.option("--strata", metavar="NAME=N,...",
+              help="How many of each class instead, as none=100,single_2x=50.")  # fmt: skip
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True,
+              help="Same seed, same recordings, to the byte; keep it as the keys.")  # fmt: skip
+@click.option("--seconds", type=Quantity("s", 2.0),
+              help="Length of each recording, else 10 to 20 s.")  # fmt: skip
+@click.option("--processes", type=click.IntRange(1), help="Processes side by side, else one.")
+@cluster_option
+@out_option("runs/concealed")
+@json_option
+def command(
+    count: int,
+    strata: str | None,
+    seed: int,
+    seconds: float | None,
+    processes: int | None,
+    cluster: str | None,
+    out: Path,
+    json_file: str | None,
+) -> None:
+    """Make recordings in which physics is concealed, with keys that are sealed.
+
+    DIR/recordings holds what a diagnosis gets: a CSV, its description and a device file each, which
+    give nothing away. DIR/keys holds what is concealed; keep it apart until the diagnoses are in.
+    An interrupted run is taken up where it stopped.
+    """
+    console = Console(json_file)
+    asked = counts(count, strata)
+    wanted = orders(out, asked, seed, seconds)
+    with executor(cluster, processes) as runner, progress("concealing", len(wanted)) as advance:
+        made = conceal(out, wanted, runner, lambda name: advance(now=name))
+        advance(len(wanted) - made)
+    console.say(f"{len(wanted)} recordings in {out / 'recordings'}, their keys in {out / 'keys'}")
+    console.result({"recordings": len(wanted), "made": made, "seed": seed, "classes": asked})
