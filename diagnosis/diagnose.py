@@ -18,7 +18,7 @@ from diagnosis.locate import locate
 from diagnosis.parameters import Model, linear_parameters, values_of
 from diagnosis.result import Diagnosis, Estimate, Finding, Residuals, Rival, Verdict
 from diagnosis.screen import Complement, screen
-from diagnosis.search import THRESHOLD, Say, Searched, Step, search
+from diagnosis.search import THRESHOLD, Say, Searched, Step, fit_without, search
 from diagnosis.uncertainty import Z95, covariance, inflation
 from sim.device import Device, place_label
 from sim.physics.effect import Physics
@@ -126,11 +126,7 @@ def _findings(found: Searched) -> tuple[Finding, ...]:
                 estimates[p.key] = Estimate(value, value - half, value + half, unit)
         if physics.effect.name in STEPPED:
             estimates |= _step_estimate(found, physics)
-        without = found.problem.fit(
-            final.model.without_effect(i),
-            np.array([x for x, p in zip(final.x, parameters, strict=True)
-                      if not (p.kind == "effect" and p.index == i)]),
-        )  # fmt: skip
+        without = fit_without(found.problem, final, i)
         wide = inflation(final.white)
         sigma = float(np.sqrt(max(0.0, without.chi2 - final.chi2) / wide))
         rivals = _rivals(label, found.steps, wide)
@@ -155,7 +151,7 @@ def _step_estimate(found: Searched, physics: Physics) -> dict[str, Estimate]:
 
 def _rivals(label: str, steps: Sequence[Step], wide: float) -> tuple[Rival, ...]:
     """The other trials of the step that took an effect, by how much worse they were."""
-    for step in steps:
+    for step in reversed(steps):  # the last one saw what else is missing
         if step.taken is not None and step.taken.label == label:
             others = [
                 (t.label, float(np.sqrt(max(0.0, step.taken.gained - t.gained) / wide)))

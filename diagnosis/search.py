@@ -39,6 +39,7 @@ MOST = 3  # effects
 SURE = 4.0  # standard errors that an effect must be away from nothing
 MOSTLY = 0.8  # of what a richer effect gains: then the simple one comes first
 REFITS = 6
+SWAP_GAIN = 4.0  # chi-square by which an effect as simple must be better to replace one
 SHARPENED = 3  # times that an encoder's error is predicted again
 SETTLED = 1.02  # chi2 per sample at which the observer and the refit agree
 Say = Callable[[str], None]
@@ -119,27 +120,24 @@ def search(
     size = np.sqrt(linear.chi2 / linear.samples)
     say(f"linear refit: innovations {size:.3f} of their noise model")
     current, steps, interrupted = linear, list[Step](), False
-    while len(current.model.effects) < MOST:
-        try:
+    try:
+        while len(current.model.effects) < MOST:
             step = take(problem, current, experiments, say)
-        except KeyboardInterrupt:
-            say("interrupted: what was found until now is judged; once more to leave")
-            interrupted = True
-            break
-        steps.append(step)
-        if step.taken is None:
-            break
-        experiments = step.taken.experiments or experiments
-        problem, settled = settle(experiments, step.taken.fitted.model, step.taken.fitted.x)
-        if settled.model.sensor_error_known:
-            for _ in range(SHARPENED):
-                experiments = sharpened(problem, settled, experiments)
-                problem, settled = settle(experiments, settled.model, settled.x)
-        kept = prune(problem, settled)
-        again = len(kept.model.effects) < len(settled.model.effects)
-        current = kept
-        if again and step.taken.label not in effect_labels(kept.model.effects):
-            break
+            steps.append(step)
+            if step.taken is None:
+                break
+            problem, settled = settled_on(step.taken, experiments)
+            experiments = problem.experiments
+            current = prune(problem, settled)
+            if step.taken.label not in effect_labels(current.model.effects):
+                break
+            if len(current.model.effects) > 1:
+                problem, current, swaps = swapped(problem, current, say)
+                steps += swaps
+                experiments = problem.experiments
+    except KeyboardInterrupt:
+        say("interrupted: what was found until now is judged; once more to leave")
+        interrupted = True
     if current.model.effects:
         problem, current = longer_view(experiments, problem, current)
         current = prune(problem, current)
@@ -147,6 +145,65 @@ def search(
     current = problem.fit(current.model, current.x)
     baseline = problem.fit(Model(device), linear.x)
     return Searched(problem, baseline, current, tuple(steps), interrupted)
+
+
+def settled_on(trial: Trial, experiments: Sequence[Experiment]) -> tuple[Problem, Fitted]:
+    """Settle observer and fit on a trial, and what it says of the recordings."""
+    experiments = trial.experiments or experiments
+    problem, settled = settle(experiments, trial.fitted.model, trial.fitted.x)
+    if settled.model.sensor_error_known:
+        for _ in range(SHARPENED):
+            experiments = sharpened(problem, settled, experiments)
+            problem, settled = settle(experiments, settled.model, settled.x)
+    return problem, settled
+
+
+def swapped(problem: Problem, current: Fitted, say: Say) -> tuple[Problem, Fitted, list[Step]]:
+    """Take each effect out and look whether another explains more in its place.
+
+    Early steps see the recording with the rest of the physics still missing, so what they took may
+    have stood for several effects at once. Returns the steps too: they name the rivals of every
+    effect beside all others.
+    """
+    steps: list[Step] = []
+    index = 0
+    while index < len(current.model.effects) and len(steps) <= 2 * MOST:
+        label = place_label(current.model.effects[index])
+        without = fit_without(problem, current, index)
+        step = take(problem, without, problem.experiments, say)
+        own = Trial(label, current, without.chi2 - current.chi2, _extra(current, without))
+        best = step.taken
+        if best is None or best.label == label or not _clearly(best, own, step.inflation):
+            steps.append(replace(step, taken=own))
+            index += 1
+            continue
+        say(f"{best.label} in place of {label}")
+        problem, current = settled_on(best, problem.experiments)
+        current = prune(problem, current)
+        steps, index = [], 0
+        if len(current.model.effects) < 2:
+            break
+    return problem, current, steps
+
+
+def _extra(full: Fitted, part: Fitted) -> int:
+    return max(1, full.x.size - part.x.size)
+
+
+def _clearly(new: Trial, old: Trial, wide: float) -> bool:
+    """Whether a swap pays: as simple and better, or simpler and within five sigma."""
+    if new.parameters < old.parameters:
+        return old.gained - new.gained < FIVE_SIGMA * wide
+    more = FIVE_SIGMA * wide if new.parameters > old.parameters else SWAP_GAIN * wide
+    return new.gained - new.price > old.gained - old.price + more
+
+
+def fit_without(problem: Problem, fitted: Fitted, index: int) -> Fitted:
+    """Fit a model again without one of its effects."""
+    labels = [p.name.split(".")[0] for p in fitted.model.parameters]
+    gone = place_label(fitted.model.effects[index])
+    keep = np.array([label != gone for label in labels])
+    return problem.fit(fitted.model.without_effect(index), fitted.x[keep])
 
 
 def take(problem: Problem, current: Fitted, experiments: Sequence[Experiment], say: Say) -> Step:
@@ -227,10 +284,7 @@ def prune(problem: Problem, fitted: Fitted) -> Fitted:
     """Remove every effect whose absence costs less than the threshold, or that may be zero."""
     index = 0
     while index < len(fitted.model.effects):
-        labels = [p.name.split(".")[0] for p in fitted.model.parameters]
-        gone = place_label(fitted.model.effects[index])
-        keep = np.array([label != gone for label in labels])
-        without = problem.fit(fitted.model.without_effect(index), fitted.x[keep])
+        without = fit_without(problem, fitted, index)
         cheap = without.chi2 - fitted.chi2 < THRESHOLD * inflation(fitted.white)
         if cheap or may_be_zero(fitted, index):
             fitted, index = without, 0
