@@ -18,7 +18,7 @@ class LogNotReadable(LogError):
 
 
 class LogEmpty(LogError):
-    """The file has no bytes."""
+    """The file has no bytes, or its run no sample."""
 
 
 class NotMcap(LogError):

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from logs.errors import ForeignLog
+from logs.errors import ForeignLog, LogEmpty
 from logs.mcap_reader import Log, read_log
 from logs.open_source import is_mcap, open_source
 from logs.opening import opened
@@ -25,13 +25,24 @@ def read_own(path: Path) -> Log:
 
 
 def own_log(path: Path) -> Log | Source:
-    """Return the log in a file of ours, or the signals in another; raises LogError."""
+    """Return the log in a file of ours, or the signals in another; raises LogError.
+
+    A log without a sample, such as the start of one that was cut short, is an error, too.
+    """
     with opened(path) as file:
         mcap = is_mcap(file)
     if mcap:
         try:
-            return read_log(path)
+            return _with_samples(read_log(path))
         except ForeignLog:
             pass
     source = open_source(path)
-    return log_of(source) if source.about else source
+    return _with_samples(log_of(source)) if source.about else source
+
+
+def _with_samples(log: Log) -> Log:
+    if len(log.tick) == 0:
+        damaged = "it was cut short or damaged before the first one was complete"
+        never = "what wrote it ended before the first"
+        raise LogEmpty(f"{log.path} holds no sample: {damaged if log.warnings else never}")
+    return log

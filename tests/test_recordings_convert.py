@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from log_examples import assert_same, example
 
 from logs.csv_file import read_csv
+from logs.export import write_csv
 from logs.guess import draft, look
 from logs.mcap_reader import read_log
 from logs.mcap_writer import write_log
@@ -167,6 +168,39 @@ def test_mistakes_are_one_sentence_and_exit_2(
     assert words in error
     assert error.count("\n") == 1
     assert Path("here.toml").read_text() == "mine"
+
+
+@pytest.mark.parametrize("made", ["cut short", "never begun", "as a table"])
+def test_a_log_without_a_sample_is_one_sentence_and_exit_2(
+    tmp_path: Path, made: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Whoever reads recordings refuses it, with why there is none.
+
+    Mutation: `_with_samples` left out for either kind of file.
+    """
+    log = tmp_path / "run.mcap"
+    write_log(log, example(500 if made == "cut short" else 0), epoch_ns=0)
+    if made == "cut short":
+        log.write_bytes(log.read_bytes()[: log.stat().st_size // 2])  # within its only chunk
+    assert len(read_log(log).tick) == 0
+    if made == "as a table":
+        table = tmp_path / "run.csv"
+        with table.open("wb") as stream:
+            write_csv(stream, read_log(log))
+        log = table
+    target = tmp_path / "target.npz"
+    out = ["--out", str(tmp_path / "out")]
+    for command in (
+        ["convert", str(log)],
+        ["convert", str(log), str(target)],
+        ["diagnose", str(log), "--device", "phantom_1_0", *out],
+        ["identify", str(log), *out],
+    ):
+        assert run(command) == 2, command
+        error = capsys.readouterr().err
+        assert "holds no sample" in error
+        assert error.count("\n") == 1
+    assert not target.exists()
 
 
 @pytest.mark.parametrize("suffix", [".mcap", ".npz", ".parquet", ".csv"])

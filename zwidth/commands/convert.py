@@ -1,6 +1,5 @@
 """`zwidth convert`: what a file holds, a TOML to start from, and any log in another format."""
 
-import math
 from pathlib import Path
 from typing import Any
 
@@ -131,7 +130,7 @@ def _show_log(console: Console, log: Log) -> None:
     rows: list[list[str]] = []
     channels: list[dict[str, Any]] = []
     for name, values in trace.channels.items():
-        least, most = (float(values.min()), float(values.max())) if len(trace) else (math.nan,) * 2
+        least, most = float(values.min()), float(values.max())
         rows.append([name, trace.units[name], f"{least:.6g}", f"{most:.6g}"])
         channels.append(
             {
@@ -141,11 +140,11 @@ def _show_log(console: Console, log: Log) -> None:
                 "most": json_number(most),
             }
         )
-    span = f", {trace.t[0]:.6g} to {trace.t[-1]:.6g} s" if len(trace) else ""
     for warning in (warnings := _warnings(log)):
         console.warn(warning)
     console.table(
-        f"{log.path.name}: {trace.origin}, {len(trace)} samples{span}",
+        f"{log.path.name}: {trace.origin}, {len(trace)} samples, {trace.t[0]:.6g} to"
+        f" {trace.t[-1]:.6g} s",
         [Column("channel", False), Column("unit", False), Column("least"), Column("most")],
         rows,
     )
