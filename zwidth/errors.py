@@ -65,6 +65,8 @@ def _usage(error: click.UsageError) -> str:
 
 def _operating_system(error: OSError) -> str:
     reason = _one_line(error.strerror or str(error))
+    if error.filename is None:
+        return reason
     if error.errno in FULL:
         reason += "; what is finished is kept, make room and give the same command again"
-    return reason if error.filename is None else f"{error.filename}: {reason}"
+    return f"{error.filename}: {reason}"
