@@ -8,7 +8,6 @@ from bokeh.models import (
     Button,
     Checkbox,
     FileInput,
-    InlineStyleSheet,
     NumericInput,
     RadioButtonGroup,
     Row,
@@ -22,7 +21,7 @@ from zwidth.explore.view import LAYERS, Span, View
 
 LAYER_NAMES = {"fate": "Verdict", "amplitude": "Amplitude", "frequency": "Frequency"}
 OF_SLIDERS = ("delay", "encoder_step", "command_limit", "friction", "start")
-DROP = InlineStyleSheet(css="input { border: 1px dashed #777; padding: 6px; width: 100%; }")
+DROP = "input { border: 1px dashed #777; padding: 6px; width: 100%; }"
 
 
 class User(Protocol):
@@ -86,11 +85,16 @@ class Controls:
             (self.recording_from, "recording_from", False),
         ):
             self._on(widget, "value", _number_taker(user, name, above))
-        self.files.on_change("value", lambda attr, old, new: self._take(user))
+        self._on(self.files, "value", lambda _: self._take(user))
 
     def _on(self, widget: Any, name: str, call: Callable[[Any], object]) -> None:
         """Call when the user, not the program, changes a property."""
-        widget.on_change(name, lambda attr, old, new: None if self._showing else call(new))
+
+        def changed(attr: str, old: Any, new: Any) -> None:
+            if not self._showing:
+                call(new)
+
+        widget.on_change(name, changed)
 
     def _take(self, user: User) -> None:
         def take() -> None:  # after the names of the files have arrived, too
@@ -101,8 +105,8 @@ class Controls:
             self.files.document.add_next_tick_callback(take)
 
     def column(self) -> list[UIElement]:
-        """Return what stands beside the plane, from the top, in two parts."""
-        walls = Row(self.stiffness, self.damping, sizing_mode="stretch_width")
+        """Return what stands beside the plane, from the top."""
+        walls = Row(children=[self.stiffness, self.damping], sizing_mode="stretch_width")
         return [
             self.devices, *self.sliders.widgets.values(), self.reset, self.one_sided, walls,
         ]  # fmt: skip

@@ -8,7 +8,7 @@ from bokeh.core.properties import String
 from bokeh.document import Document
 from bokeh.events import DocumentReady
 from bokeh.model import DataModel
-from bokeh.models import Column, CustomJS, Div, InlineStyleSheet, Row, UIElement
+from bokeh.models import Column, CustomJS, Div, Row, UIElement
 
 from sim.trace import Trace
 from stability.fate_map import units_of
@@ -20,8 +20,9 @@ from zwidth.explore.run_figures import RunFigures
 from zwidth.explore.stops import with_unit
 from zwidth.explore.view import View
 
-NARROW = InlineStyleSheet(css=":host { font-size: 12.5px; line-height: 1.3; margin: 2px 4px; }")
-INSET = InlineStyleSheet(css=":host { padding: 0 10px 0 8px; box-sizing: border-box; }")
+# Style sheets are text: as models they could be in one page only.
+NARROW = ":host { font-size: 12.5px; line-height: 1.3; margin: 2px 4px; }"
+INSET = ":host { padding: 0 10px 0 8px; box-sizing: border-box; }"
 SAVES = (
     'Save this run: <a href="run.mcap?{query}" download>log (MCAP)</a>,'
     ' <a href="run.toml?{query}" download>scenario</a>'
@@ -64,19 +65,22 @@ class Page:
         self.root = self._layout(legend)
 
     def _layout(self, legend: Div) -> Column:
-        controls = Column(
+        children = [
             *self.controls.column(), self.said["besides"], self.said["saves"],
             self.controls.files, self.controls.recording_from,
-            width=236, sizing_mode="stretch_height", spacing=1, stylesheets=[INSET],
+        ]  # fmt: skip
+        controls = Column(
+            children=children, width=236, sizing_mode="stretch_height", spacing=1,
+            stylesheets=[INSET],
         )  # fmt: skip
         plane = _column(
             1.45, self.controls.layers, self.plane.figure, legend, self.said["progress"]
         )
         run = _column(1.1, self.said["wall"], *self.runs.over_time.values())
         more = _column(0.8, self.runs.phase_plane, self.runs.spectrum)
-        body = Row(controls, plane, run, more, sizing_mode="stretch_both", spacing=4)
-        top = self.said["title"], self.said["trouble"]
-        return Column(*top, body, sizing_mode="stretch_both", min_height=560)
+        body = Row(children=[controls, plane, run, more], sizing_mode="stretch_both", spacing=4)
+        top: list[UIElement] = [self.said["title"], self.said["trouble"], body]
+        return Column(children=top, sizing_mode="stretch_both", min_height=560)
 
     def put_on(self, document: Document) -> None:
         """Make this the content of a document."""
@@ -100,7 +104,7 @@ class Page:
         self.plane.show_lines(bench.line(view), other)
         self.plane.show_measured(bench.measured(view), device.interface.delay)
         self.plane.show_choice(view.damping, view.stiffness)
-        self.address.query = view.query()
+        self.address.update(query=view.query())
         self.said["saves"].text = SAVES.format(query=escape(view.query()))
 
     def say_wall(self, html: str) -> None:
@@ -134,4 +138,5 @@ def _said(name: str, text: str = "") -> Div:
 
 
 def _column(share: float, *children: UIElement) -> Column:
-    return Column(*children, sizing_mode="stretch_both", spacing=2, styles={"flex": f"{share} 1 0"})
+    flex = dict[str, str | None](flex=f"{share} 1 0")
+    return Column(children=list(children), sizing_mode="stretch_both", spacing=2, styles=flex)

@@ -29,7 +29,7 @@ from zwidth.figures.map import NAMES, PREDICTED
 
 SAME_DELAY = 1e-9
 HIGHEST = 1e30  # shown
-FATE_WORDS = CustomJSHover(code=f"return {[NAMES[f] for f in Fate]}[value]")
+FATE_WORDS = f"return {[NAMES[f] for f in Fate]}[value]"
 
 
 class PlaneFigure:
@@ -45,7 +45,8 @@ class PlaneFigure:
         self.units = {q: units_of(plane, q) for q in ("B", "K", "amplitude")}
         tools = [BoxZoomTool(), PanTool(), reset := ResetTool()]
         self.figure = figure(
-            x_range=Range1d(plane.x.start, plane.x.stop), y_range=Range1d(0.0, plane.y.stop),
+            x_range=Range1d(start=plane.x.start, end=plane.x.stop),
+            y_range=Range1d(start=0.0, end=plane.y.stop),
             tools=tools, active_drag=None, toolbar_location="above", sizing_mode="stretch_both",
             min_width=400, min_height=380, name="plane",
             x_axis_label=f"virtual damping B [{self.units['B']}]",
@@ -59,11 +60,11 @@ class PlaneFigure:
         self._lines()
         self._scale()
         self.figure.on_event(Tap, lambda event: _inside(event, chosen))
-        self.figure.on_event(RangesUpdate, lambda e: zoomed((e.x0, e.x1), (e.y0, e.y1)))
+        self.figure.on_event(RangesUpdate, lambda event: _ranges(event, zoomed))
         self.figure.on_event(Reset, lambda _: refit())
 
     def _image(self) -> None:
-        self.image = ColumnDataSource(_no_image())
+        self.image = ColumnDataSource(_no_image(), name="map")
         drawn = self.figure.image_rgba(
             image="colours", x="x", y="y", dw="dw", dh="dh", source=self.image, level="image"
         )
@@ -72,19 +73,18 @@ class PlaneFigure:
             ("B, K", "$x{0.0000}, $y{0.00}"), ("", "@fate{custom}"),
             ("amplitude", f"@amplitude{{0.00e+0}} {unit}"), ("frequency", "@frequency{0.0} Hz"),
         ]  # fmt: skip
-        self.figure.add_tools(
-            HoverTool(renderers=[drawn], tooltips=words, formatters={"@fate": FATE_WORDS})
-        )
+        said = {"@fate": CustomJSHover(code=FATE_WORDS)}
+        self.figure.add_tools(HoverTool(renderers=[drawn], tooltips=words, formatters=said))
 
     def _lines(self) -> None:
         self.line, self.other = (_source("B", "K", "frequency") for _ in range(2))
         self.here, self.elsewhere = (_source("B", "K", "delay", "frequency") for _ in range(2))
         self.choice = _source("B", "K")
         draw = self.figure
-        draw.line("B", "K", source=self.other, color="white", width=5)
-        draw.line("B", "K", source=self.other, color="black", width=2.5, line_dash="dashed")
-        draw.line("B", "K", source=self.line, color="white", width=5)
-        linear = draw.line("B", "K", source=self.line, color="black", width=2.5)
+        draw.line("B", "K", source=self.other, color="white", line_width=5)
+        draw.line("B", "K", source=self.other, color="black", line_width=2.5, line_dash="dashed")
+        draw.line("B", "K", source=self.line, color="white", line_width=5)
+        linear = draw.line("B", "K", source=self.line, color="black", line_width=2.5)
         draw.scatter("B", "K", source=self.elsewhere, size=5, color="white", line_color="#555555")
         points = draw.scatter(
             "B", "K", source=self.here, size=10, fill_color="#ffffff", line_color="black",
@@ -158,6 +158,10 @@ class PlaneFigure:
 def _inside(event: Any, chosen: Callable[[float, float], None]) -> None:
     if event.x is not None and event.y is not None:
         chosen(float(event.x), float(event.y))
+
+
+def _ranges(event: Any, zoomed: Callable[[Span, Span], None]) -> None:
+    zoomed((event.x0, event.x1), (event.y0, event.y1))
 
 
 def _source(*names: str) -> ColumnDataSource:

@@ -50,24 +50,26 @@ class RunFigures:
         self.seconds = seconds
         self.units = {"position": angle, "velocity": f"{angle}/s", "command": force, "energy": "J"}
         self.runs: dict[str, Drawn] = dict.fromkeys(LOOKS, NOTHING)
-        self.time = {name: ColumnDataSource(NOTHING) for name in LOOKS}
+        self.time = {name: ColumnDataSource(dict[str, Any](NOTHING), name=name) for name in LOOKS}
         self.phase = {name: ColumnDataSource({"position": [], "velocity": []}) for name in LOOKS}
         self.spectra = {
             name: ColumnDataSource({"frequency": [], "amplitude": []}) for name in LOOKS
         }
-        self.axis = Range1d(0.0, seconds)
+        self.frequencies = Range1d(start=LOWEST_HZ, end=500.0)
+        self.axis = Range1d(start=0.0, end=seconds)
         self.over_time = {name: self._over_time(name) for name in HEIGHTS}
         self._explain_time()
         self.phase_plane = self._phase_plane()
         self.spectrum = self._spectrum()
         first = self.over_time["position"]
-        first.on_event(RangesUpdate, lambda e: zoomed((e.x0, e.x1)))
+        first.on_event(RangesUpdate, lambda event: _range(event, zoomed))
         first.on_event(Reset, lambda _: zoomed(None))
 
     def _over_time(self, name: str) -> figure:
-        tools = [WheelZoomTool(dimensions="width"), PanTool(dimensions="width"), ResetTool()]
+        wheel = WheelZoomTool(dimensions="width")
+        tools = [wheel, PanTool(dimensions="width"), ResetTool()]
         drawn = figure(
-            x_range=self.axis, tools=tools, active_scroll=tools[0], toolbar_location=None,
+            x_range=self.axis, tools=tools, active_scroll=wheel, toolbar_location=None,
             sizing_mode="stretch_both", min_height=22 * HEIGHTS[name],
             styles={"flex": str(HEIGHTS[name])}, name=name, y_axis_label=name,
             html_attributes={"aria-label": f"{name} over time"},
@@ -79,7 +81,9 @@ class RunFigures:
                 look: dict[str, Any] = {"color": colour}
                 if several:
                     look = {"color": ENERGIES[line][0], "legend_label": ENERGIES[line][1]}
-                drawn.line("t", line, source=self.time[which], line_dash=dash, width=1.3, **look)
+                drawn.line(
+                    "t", line, source=self.time[which], line_dash=dash, line_width=1.3, **look
+                )
         return drawn
 
     def _explain_time(self) -> None:
@@ -90,7 +94,7 @@ class RunFigures:
             orientation="horizontal", label_text_font_size="11px", padding=0, margin=0, spacing=8,
             border_line_alpha=0.0, glyph_height=10, label_height=10,
         )  # fmt: skip
-        contact.y_range = Range1d(-0.2, 1.2)
+        contact.y_range = Range1d(start=-0.2, end=1.2)
         contact.yaxis.ticker = [0, 1]
         self.limits = [
             Span(dimension="width", line_color="#777777", line_dash="dashed", visible=False)
@@ -115,7 +119,7 @@ class RunFigures:
         drawn = figure(
             sizing_mode="stretch_both", min_width=240, min_height=200, toolbar_location=None,
             tools="", x_axis_type="log", y_axis_type="log", name="spectrum",
-            x_range=Range1d(LOWEST_HZ, 500.0), x_axis_label="frequency [Hz]",
+            x_range=self.frequencies, x_axis_label="frequency [Hz]",
             y_axis_label=f"amplitude [{self.units['position']}]",
             html_attributes={"aria-label": "spectrum of the position of m1"},
         )  # fmt: skip
@@ -153,7 +157,7 @@ class RunFigures:
     def show_theory(self, ultimate: float | None, limit: float, nyquist: float) -> None:
         """Mark the frequency on the linear boundary at this B, and the amplifier's limit."""
         self.ultimate.update(visible=ultimate is not None, location=ultimate or LOWEST_HZ)
-        self.spectrum.x_range.end = nyquist
+        self.frequencies.end = nyquist
         for sign, line in zip((-1.0, 1.0), self.limits, strict=True):
             shown = math.isfinite(limit)
             line.update(
@@ -175,3 +179,7 @@ class RunFigures:
         if name == "velocity":
             self.phase_plane.yaxis.axis_label = label
         return 10.0**-power
+
+
+def _range(event: Any, zoomed: Callable[[Times | None], None]) -> None:
+    zoomed((event.x0, event.x1))

@@ -38,10 +38,15 @@ class Session:
         self.recording = bench.recording
         self.drawn: Drawn | None = None
         self.planes, self.runs = (Newest(self._failed) for _ in range(2))
-        self.page = Page(bench, self._with_axes(view), self)
+        try:
+            view = self._with_axes(view)
+            bench.plane(view)
+        except ValueError as error:  # a link whose parts are allowed, but not together
+            view, complaints = self._with_axes(View()), [*complaints, f"{error}; link left out"]
+        self.page = Page(bench, view, self)
         document.on_session_destroyed(lambda _: self.close())
-        self.page.complain(" ".join(complaints))
-        self._show(View(), self._chosen_at_first(self._with_axes(view)))
+        self.page.complain("; ".join(complaints))
+        self._show(View(), self._chosen_at_first(view))
 
     def close(self) -> None:
         """Give up all work: the tab was closed."""
@@ -69,21 +74,18 @@ class Session:
     def choose(self, damping: float, stiffness: float) -> None:
         """Run the wall at a point."""
         if damping >= 0.0 and stiffness > 0.0:
-            short = float(f"{damping:.4g}"), float(f"{stiffness:.4g}")
-            self.change(damping=short[0], stiffness=short[1])
+            self.change(damping=_short(damping), stiffness=_short(stiffness))
 
     def zoom(self, dampings: Span, stiffnesses: Span) -> None:
         """Compute the part of the plane that the user zoomed to."""
-        spans = ((max(low, 0.0), high) for low, high in (dampings, stiffnesses))
-        (b0, b1), (k0, k1) = spans
-        shown = (self.view.damping_range, self.view.stiffness_range)
-        if b1 > b0 and k1 > k0 and shown != ((b0, b1), (k0, k1)):
-            self.change(damping_range=(b0, b1), stiffness_range=(k0, k1))
+        spans = [(_short(max(low, 0.0)), _short(high)) for low, high in (dampings, stiffnesses)]
+        if all(low < high for low, high in spans):
+            self.change(damping_range=spans[0], stiffness_range=spans[1])
 
     def zoom_time(self, span: Span | None) -> None:
         """Show a part of the run."""
         if span is not None:
-            span = max(span[0], 0.0), min(span[1], SECONDS)
+            span = _short(max(span[0], 0.0)), _short(min(span[1], SECONDS))
             if span[1] <= span[0]:
                 return
         self.change(time_range=None if span == (0.0, SECONDS) else span)
@@ -200,6 +202,10 @@ class Drawn(NamedTuple):
     middle: bool
     finished: bool
     seconds: float
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.4g}")
 
 
 def _differ(one: View, other: View, names: tuple[str, ...]) -> bool:

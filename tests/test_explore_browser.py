@@ -1,0 +1,204 @@
+"""`zwidth explore` in a real browser without a screen: Chromium, driven over its own protocol."""
+
+import os
+import shutil
+import signal
+import statistics
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from pathlib import Path
+from urllib.parse import parse_qs, urlsplit
+
+import numpy as np
+import pytest
+
+pytest.importorskip("bokeh", reason="needs the extra zwidth[explore]")
+sync_api = pytest.importorskip("playwright.sync_api", reason="playwright drives the browser")
+
+from playwright.sync_api import Browser, Page, expect  # noqa: E402
+
+from scenarios.scenario_file import load_scenario  # noqa: E402
+from zwidth.cli import run  # noqa: E402
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+QUIET = (
+    "--no-sandbox", "--no-first-run", "--disable-background-networking", "--disable-sync",
+    "--disable-component-update", "--disable-default-apps", "--disable-gpu", "--no-pings",
+)  # fmt: skip
+LAPTOP = {"width": 1366, "height": 657}  # what a browser leaves of 1366 x 768
+MOVES = 20
+
+
+@pytest.fixture(scope="module")
+def browser() -> Generator[Browser]:
+    named = os.environ.get("ZWIDTH_CHROMIUM")
+    path = named or next((found for name in NAMES if (found := shutil.which(name))), None)
+    if path is None:
+        pytest.skip("no Chromium here: apt-get install chromium, or name one in ZWIDTH_CHROMIUM")
+    with sync_api.sync_playwright() as driver:
+        chromium = driver.chromium.launch(executable_path=path, args=list(QUIET))
+        yield chromium
+        chromium.close()
+
+
+@contextmanager
+def served(*arguments: str) -> Generator[str]:
+    """The address of a page that the command serves."""
+    command = [sys.executable, "-m", "zwidth", "explore", *arguments, "--no-browser", "--port", "0"]
+    environment = os.environ | {"PYTHONUNBUFFERED": "1"}
+    with (
+        tempfile.TemporaryFile("w+") as said,
+        subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=said, text=True, env=environment
+        ) as server,
+    ):
+        assert server.stdout is not None
+        line = next((line for line in server.stdout if "http://" in line), "")
+        try:
+            yield line.split(": ")[1].split(" ")[0]
+        finally:
+            server.send_signal(signal.SIGINT)
+            assert server.wait(20) == 0
+            said.seek(0)
+            assert "Traceback" not in (text := said.read()), text
+
+
+@pytest.fixture(scope="module")
+def address() -> Generator[str]:
+    with served("phantom_1_0") as url:
+        yield url
+
+
+def opened(browser: Browser, url: str) -> Page:
+    """A page that has computed everything; any request that leaves this machine fails the test."""
+    page = browser.new_page(viewport=LAPTOP)  # pyright: ignore[reportArgumentType]
+    abroad: list[str] = []
+    page.on("request", lambda r: abroad.append(r.url) if r.url.startswith("http") else None)
+    page.on("pageerror", lambda error: pytest.fail(f"the page failed: {error}"))
+    response = page.goto(url)
+    assert response is not None
+    assert response.ok, response.status
+    finished(page)
+    host = urlsplit(url).netloc
+    assert {urlsplit(u).netloc for u in abroad} == {host}
+    return page
+
+
+def finished(page: Page) -> None:
+    expect(page.get_by_text("161 \u00d7 161")).to_be_visible(timeout=60_000)
+
+
+def query(page: Page) -> dict[str, str]:
+    return {key: values[-1] for key, values in parse_qs(urlsplit(page.url).query).items()}
+
+
+MAP = """() => {
+  const data = Bokeh.documents[0].get_model_by_name("map").data
+  return [Array.from(data.fate[0].data ?? data.fate[0]).join(""),
+          Array.from(data.amplitude[0].data ?? data.amplitude[0]).join(" ")].join(";")
+}"""
+RUN = """() => Array.from(Bokeh.documents[0].get_model_by_name("run").data.position).join(" ")"""
+WORDS = """() => Bokeh.documents[0].get_model_by_name("wall").text"""
+PLACE = """([B, K]) => {
+  const plane = Bokeh.index.find_one(Bokeh.documents[0].get_model_by_name("plane"))
+  const box = plane.canvas_view.el.getBoundingClientRect()
+  const {x_scale, y_scale} = plane.frame
+  return [box.x + x_scale.compute(B), box.y + y_scale.compute(K)]
+}"""
+
+
+def test_a_view_is_changed_looked_at_and_saved(browser: Browser, address: str, tmp_path: Path):
+    page = opened(browser, address)
+    assert "PHANToM 1.0" in page.title()
+    for name, key in (
+        ("Encoder step", "encoder_step"), ("Start amplitude", "start"),
+        ("Delay", "delay_s"), ("Friction at m1", "friction"), ("Command limit", "command_limit"),
+    ):  # fmt: skip
+        before = page.evaluate(MAP)
+        slider = page.get_by_role("slider", name=name)
+        for _ in range(14 if key in ("encoder_step", "friction") else 1):
+            slider.press("ArrowLeft" if key == "command_limit" else "ArrowRight")
+        page.wait_for_function(f"location.search.includes('{key}=')")
+        page.wait_for_function(f"before => ({MAP})() !== before", arg=before)
+        finished(page)
+    before, words = page.evaluate(RUN), page.evaluate(WORDS)
+    x, y = page.evaluate(PLACE, [0.05, 40.0])
+    page.mouse.click(x, y)
+    page.wait_for_function(f"before => ({RUN})() !== before", arg=before)
+    page.wait_for_function(f"before => ({WORDS})() !== before", arg=words)
+    view = query(page)
+    assert float(view["B"]) == pytest.approx(0.05, abs=2e-3)
+    assert float(view["K"]) == pytest.approx(40.0, abs=0.5)
+
+    with page.expect_download() as saving:
+        page.get_by_role("link", name="log (MCAP)").click()
+    saving.value.save_as(log := tmp_path / "run.mcap")
+    assert run(["replay", str(log)]) == 0
+    with page.expect_download() as saving:
+        page.get_by_role("link", name="scenario").click()
+    saving.value.save_as(file := tmp_path / "run.toml")
+    scenario = load_scenario(file)
+    assert scenario.controller.facts["stiffness"] == float(view["K"])
+    assert scenario.device.interface.encoder_step == float(view["encoder_step"])
+    setup = scenario.prepare()
+    (trace, _, _), *_ = setup.blocks(setup.ticks)
+    shown = np.array(page.evaluate(RUN).split(" "), dtype=np.float64)
+    ran = trace["position_m1"]
+    assert shown / np.abs(shown).max() == pytest.approx(ran / np.abs(ran).max(), rel=1e-12)
+
+    other = opened(browser, page.url)  # the same address, sent to a colleague
+    assert other.evaluate(MAP) == page.evaluate(MAP)
+    assert other.evaluate(RUN) == page.evaluate(RUN)
+    other.get_by_role("button", name="Amplitude").click()
+    other.wait_for_function("location.search.includes('layer=amplitude')")
+    assert "layer" not in query(page)  # two tabs do not know each other
+    page.close()
+    other.close()
+
+
+PRESS = """async (key) => {
+  const text = Bokeh.documents[0].get_model_by_name("progress")
+  const frame = () => new Promise(done => requestAnimationFrame(done))
+  const times = []
+  return await new Promise(done => {
+    let began = null
+    const changed = async () => {
+      const said = text.text
+      await frame(); await frame()  // drawn in the first, seen in the second
+      times.push([performance.now() - began, said])
+      if (!said.includes("161 \u00d7")) return
+      text.properties.text.change.disconnect(changed)
+      done(times)
+    }
+    text.properties.text.change.connect(changed)
+    let handle = document.activeElement
+    while (handle.shadowRoot?.activeElement) handle = handle.shadowRoot.activeElement
+    began = performance.now()
+    handle.dispatchEvent(new KeyboardEvent("keydown", {key, bubbles: true, cancelable: true}))
+  })
+}"""
+
+
+@pytest.mark.parametrize("start", ["", "?friction=0.002"], ids=["no friction", "friction"])
+def test_slider_to_picture(
+    browser: Browser, address: str, start: str, record_property: Callable[[str, object], None]
+):
+    """Measures; what it measures stands in docs/performance.md. -s shows it."""
+    page = opened(browser, address + start)
+    page.get_by_role("slider", name="Encoder step").focus()
+    first, middle, last = list[float](), list[float](), list[float]()
+    for move in range(MOVES):
+        seen = page.evaluate(PRESS, "ArrowRight" if move < MOVES // 2 else "ArrowLeft")
+        first.append(seen[0][0])
+        middle.append(next(t for t, said in seen if "11 \u00d7 11" not in said))
+        last.append(seen[-1][0])
+    page.close()
+    for name, times in (("first", first), ("41 x 41", middle), ("161 x 161", last)):
+        median = statistics.median(times)
+        record_property(name, median)
+        print(f"{name}: median of {MOVES} moves {median:.0f} ms, most {max(times):.0f} ms")
+    assert len(first) == MOVES
+    assert all(f <= m <= n for f, m, n in zip(first, middle, last, strict=True))
