@@ -107,3 +107,18 @@ def known_observer(device: Device, experiment: Experiment, noise: Noise) -> Obse
     ratio = (noise.process * experiment.period**2 / (mass * noise.measurement)) ** 2
     deviation = np.sqrt(np.diag(c @ p @ c.T) + r)
     return Observer(observer_for(device, experiment, ratio), deviation, ratio)
+
+
+def noise_of(device: Device, experiment: Experiment, observer: Observer) -> Noise:
+    """Return the noise that an observer stands for: the inverse of `known_observer`."""
+    unit = known_observer(
+        device.with_interface(encoder_step=0.0), experiment, _of_ratio(device, experiment, observer)
+    )
+    measurement = float(observer.deviation[0] / unit.deviation[0])
+    return Noise(_of_ratio(device, experiment, observer).process * measurement, measurement)
+
+
+def _of_ratio(device: Device, experiment: Experiment, observer: Observer) -> Noise:
+    """The observer's ratio at a measurement noise of one."""
+    mass = float(device.plant().matrices.mass.trace())
+    return Noise(float(np.sqrt(observer.ratio)) * mass / experiment.period**2, 1.0)
