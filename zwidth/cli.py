@@ -35,6 +35,7 @@ COMMANDS = {
     ),
     "plan": "Say what a recording would show of every effect, before it is made.",
     "conceal": "Make recordings in which physics is concealed, with sealed keys.",
+    "exam": "Diagnose concealed recordings, open the seals, and score.",
     "identify": "Fit a device to a recording of its command and position.",
     "relay": (
         "Find K_CR and the ultimate frequency by a relay, as the paper did on the real device."

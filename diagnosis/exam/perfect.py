@@ -1,0 +1,86 @@
+"""How much of what perfect knowledge gives a diagnosis gave: free runs over data not fitted to.
+
+The last 30 % of the recording are predicted in windows of half a second by four devices: the device
+file's, that with linear parameters refitted, the augmented one, and the true one, each with the
+observer that belongs to it at one and the same noise, chosen under the true device. Of rms errors
+
+    share = (before - after) / (before - perfect).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from diagnosis.exam.drawing import seen
+from diagnosis.experiment import Experiment
+from diagnosis.predictor import choose_observer, free_run_errors, observer_for
+from diagnosis.search import refit
+from logs.recording import read_recording
+from scenarios.concealed.handout import description_file, recording_files
+from sim.device import Device
+from sim.device_file import device_from_text, load_device
+
+WINDOW = 0.5  # s
+WORTH = 0.02  # perfect knowledge must improve the fit by this share, or none can be told
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """rms errors of free runs [rad | m], or of the first output's own unit."""
+
+    before: float
+    refit: float
+    after: float
+    perfect: float
+
+    @property
+    def share(self) -> float | None:
+        """Share of what the truth improves on the device file; None where that is little."""
+        return self._share(self.before)
+
+    @property
+    def share_beyond_refit(self) -> float | None:
+        """The same from the refitted device: what knowing the physics adds."""
+        return self._share(self.refit)
+
+    def _share(self, start: float) -> float | None:
+        most = start - self.perfect
+        return (start - self.after) / most if most > WORTH * start else None
+
+
+def held_out(
+    folder: Path, name: str, key: Mapping[str, Any], answer: Mapping[str, Any]
+) -> HeldOut | None:
+    """Return the errors; None without a diagnosis, or where the truth is no device of ours."""
+    if answer["diagnosis"] is None or key["outside"] is not None:
+        return None
+    nominal = load_device(recording_files(folder, name)["device"])
+    truth = device_from_text(key["device"])
+    recording = seen(read_recording(description_file(folder, name)), nominal)
+    fit_on, judge_by = recording.split()
+    ratio = choose_observer(truth, [fit_on]).ratio
+    _, best = refit(nominal, [fit_on])
+    linear = answer["diagnosis"]["linear_refit"]
+    gain, origin = (linear[k]["value"] if k in linear else None for k in ("gain", "origin"))
+    augmented = device_from_text(answer["device"])
+    return HeldOut(
+        _error(nominal, judge_by, ratio),
+        _error(best.model.build(best.x), best.model.seen(judge_by, best.x), ratio),
+        _error(augmented, _as_seen(judge_by, gain, origin), ratio),
+        _error(truth, judge_by, ratio),
+    )
+
+
+def _as_seen(e: Experiment, gain: float | None, origin: float | None) -> Experiment:
+    still = np.array([o.quantity == "position" for o in e.outputs])
+    moved = e.measured - (origin or 0.0) * e.swing * still
+    return replace(e, command=(1.0 if gain is None else gain) * e.command, measured=moved)
+
+
+def _error(device: Device, e: Experiment, ratio: float) -> float:
+    gain = observer_for(device, e, ratio)
+    errors, _ = free_run_errors(device, e, gain, round(WINDOW / e.period))
+    return float(np.sqrt(np.mean(errors[:, 0] ** 2)))

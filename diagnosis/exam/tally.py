@@ -1,0 +1,196 @@
+"""From marks to shares, each with its Clopper-Pearson interval."""
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from scipy.stats import binomtest
+
+from diagnosis.exam.mark import Mark, Marked
+from diagnosis.exam.perfect import HeldOut
+from diagnosis.exam.strata import STRATA
+
+BINS = (1.0, 1.5, 3.0, 5.0, 10.0, 30.0, 100.1)  # times the limit
+NOTHING, UNKNOWN = "nothing", "unknown"
+SILENT = ("nothing_missing", "linear_parameters")
+
+
+@dataclass(frozen=True)
+class Share:
+    """right of count, with the exact 95 % interval of the share (None of nothing)."""
+
+    right: int
+    count: int
+
+    @property
+    def share(self) -> float | None:
+        """The share itself."""
+        return self.right / self.count if self.count else None
+
+    @property
+    def interval(self) -> tuple[float, float] | None:
+        """Clopper & Pearson, Biometrika 26, 1934."""
+        if self.count == 0:
+            return None
+        found = binomtest(self.right, self.count).proportion_ci(0.95, method="exact")
+        return float(found.low), float(found.high)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        return {"right": self.right, "count": self.count, "share": self.share,
+                "ci95": self.interval}  # fmt: skip
+
+
+def share(of: Iterable[bool]) -> Share:
+    """Return how many are true."""
+    values = list(of)
+    return Share(sum(values), len(values))
+
+
+def tally(marks: Sequence[Mark], fits: Mapping[str, HeldOut]) -> dict[str, Any]:
+    """Return the JSON of `zwidth exam`; fits: recording -> its held-out errors."""
+    by_class = {name: [m for m in marks if m.stratum == name] for name in STRATA}
+    single = [m for m in marks if m.stratum.startswith("single")]
+    none, unknown = by_class["none"], by_class["unknown"]
+    false = share(m.verdict not in SILENT for m in none)
+    inside = [ok for m in marks for e in m.effects for ok in e.inside.values()]
+    coverage, linear = share(inside), share(ok for m in marks for ok in m.linear.values())
+    return {
+        "recordings": len(marks),
+        "classes": {
+            name: _class(found)
+            for name, found in by_class.items()
+            if found and STRATA[name].effects and not STRATA[name].outside
+        },
+        "none": {
+            "recordings": len(none),
+            "false_claims": false.as_json(),
+            "claimed": sorted(m.first or m.verdict for m in none if m.verdict not in SILENT),
+        },
+        "unknown": {
+            "recordings": len(unknown),
+            "said_so": share(m.verdict == "unknown_physics" for m in unknown).as_json(),
+            "confident_wrong": share(m.verdict == "identified" for m in unknown).as_json(),
+            "by_effect": {
+                name: dict(Counter(_column(m) for m in unknown if m.outside == name))
+                for name in sorted({m.outside for m in unknown})
+            },
+        },
+        "by_effect": _by_effect(single),
+        "by_magnitude": _by_magnitude(single),
+        "false_claims": false.share,
+        "extra_claims": share(bool(m.claims) for m in marks if m.effects).as_json(),
+        "coverage": coverage.share,
+        "coverage_counts": coverage.as_json(),
+        "coverage_linear": linear.as_json(),
+        "held_out": _held_out(marks, fits),
+        "confusion": confusion(single),
+        "seconds": _seconds(marks),
+        "errors": sorted(m.recording for m in marks if m.verdict == "error"),
+    }
+
+
+def _class(marks: Sequence[Mark]) -> dict[str, Any]:
+    """Of single effects: named first where they stand apart; of several: all of them found."""
+    all_right = share(all(e.right for e in m.effects) for m in marks)
+    effects = [e for m in marks for e in m.effects]
+    apart = [e for e in effects if e.apart]
+    several = any(len(m.effects) > 1 for m in marks)
+    named: Callable[[Marked], bool] = (lambda e: e.found) if several else (lambda e: e.first)
+    return {
+        "recordings": len(marks),
+        "all_right": all_right.as_json(),
+        "stand_apart": share(e.apart for e in effects).as_json(),
+        "right_where_apart": share(named(e) for e in apart).as_json(),
+        "in_class": share(e.in_class for e in effects).as_json(),
+        "in_class_elsewhere": share(e.in_class for e in effects if not e.apart).as_json(),
+        "extra_claims": share(bool(m.claims) for m in marks).as_json(),
+    }
+
+
+def _by_effect(single: Sequence[Mark]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for name in sorted({e.effect for m in single for e in m.effects}):
+        of_it = [(m, m.effects[0]) for m in single if m.effects[0].effect == name]
+        effects = [e for _, e in of_it]
+        found[name] = {
+            "recordings": len(of_it),
+            "stand_apart": sum(e.apart for e in effects),
+            "first": sum(e.first for e in effects),
+            "first_where_apart": share(e.first for e in effects if e.apart).as_json(),
+            "in_class": share(e.in_class for e in effects).as_json(),
+            "coverage": share(ok for e in effects for ok in e.inside.values()).as_json(),
+            "taken_for": dict(Counter(_column(m) for m, e in of_it if not e.first)),
+        }
+    return found
+
+
+def _by_magnitude(single: Sequence[Mark]) -> list[dict[str, Any]]:
+    rows: list[dict[str, Any]] = []
+    for low, high in pairwise(BINS):
+        effects = [m.effects[0] for m in single if low <= m.effects[0].times_limit < high]
+        if effects:
+            rows.append(
+                {
+                    "from": low,
+                    "to": high,
+                    "first_where_apart": share(e.first for e in effects if e.apart).as_json(),
+                    "right": share(_right(e) for e in effects).as_json(),
+                    "in_class": share(e.in_class for e in effects).as_json(),
+                }
+            )
+    return rows
+
+
+def _right(e: Marked) -> bool:
+    return e.first if e.apart else e.in_class
+
+
+def _column(m: Mark) -> str:
+    if m.first:
+        return m.first.partition("@")[0]
+    return UNKNOWN if m.verdict == "unknown_physics" else NOTHING
+
+
+def confusion(single: Sequence[Mark]) -> dict[str, Any]:
+    """Return counts of what single effects (rows) were first taken for (columns)."""
+    rows = sorted({m.effects[0].effect for m in single})
+    seen = {_column(m) for m in single}
+    columns = [*rows, *sorted(seen - {*rows, NOTHING, UNKNOWN}), UNKNOWN, NOTHING]
+    counted = Counter((m.effects[0].effect, _column(m)) for m in single)
+    return {
+        "rows": rows,
+        "columns": columns,
+        "counts": [[counted[row, column] for column in columns] for row in rows],
+    }
+
+
+def _held_out(marks: Sequence[Mark], fits: Mapping[str, HeldOut]) -> dict[str, Any]:
+    of_effects = [fits[m.recording] for m in marks if m.effects and m.recording in fits]
+    return {
+        "share": _quantiles([f.share for f in of_effects]),
+        "share_beyond_refit": _quantiles([f.share_beyond_refit for f in of_effects]),
+    }
+
+
+def _quantiles(values: Sequence[float | None]) -> dict[str, Any]:
+    known = [v for v in values if v is not None and np.isfinite(v)]
+    if not known:
+        return {"count": 0, "median": None, "lower_quartile": None, "tenth": None}
+    tenth, lower, median = np.quantile(known, (0.1, 0.25, 0.5)).tolist()
+    return {"count": len(known), "median": median, "lower_quartile": lower, "tenth": tenth}
+
+
+def _seconds(marks: Sequence[Mark]) -> dict[str, Any]:
+    """Time of a diagnosis as it was, and per 10 s of recording at 1 kHz."""
+    times = np.array([m.seconds for m in marks])
+    scaled = np.array([m.seconds / m.samples * 1e4 for m in marks])
+    return {
+        "median": float(np.median(times)),
+        "most": float(times.max()),
+        "median_of_10_s": float(np.median(scaled)),
+        "ninth_decile_of_10_s": float(np.quantile(scaled, 0.9)),
+    }

@@ -1,0 +1,109 @@
+"""`zwidth exam`: diagnose concealed recordings, open the seals, score."""
+
+import shlex
+from pathlib import Path
+from typing import Any
+
+import click
+
+from diagnosis.exam.conceal import conceal, orders
+from diagnosis.exam.strata import counts
+from diagnosis.exam.take import mark_all, result, sit_all
+from stability.executor import executor
+from zwidth.compiling import announce
+from zwidth.console import Column, Console, progress
+from zwidth.exam_page import goals, page
+from zwidth.figures.exam import confusion_figure, magnitude_figure
+from zwidth.figures.style import save_figure
+from zwidth.files import json_text, write_text
+from zwidth.options import Quantity, cluster_option, json_option
+
+
+@click.command("exam")
+@click.argument("folder", metavar="DIR", type=click.Path(file_okay=False, path_type=Path))
+@click.option("--count", type=click.IntRange(1),
+              help="Make so many recordings in DIR first, as zwidth conceal does.")  # fmt: skip
+@click.option("--strata", metavar="NAME=N,...", help="Make so many of each class first.")
+@click.option("--seed", type=click.IntRange(0), help="Seed of the recordings made first.")
+@click.option("--seconds", type=Quantity("s", 2.0), help="Length of each, else 10 to 20 s.")
+@click.option("--processes", type=click.IntRange(1), help="Processes side by side, else one.")
+@cluster_option
+@click.option("--page", "page_file", type=click.Path(dir_okay=False, path_type=Path),
+              help="Write the page of evidence here too, with its pictures beside it.")  # fmt: skip
+@json_option
+def command(
+    folder: Path,
+    count: int | None,
+    strata: str | None,
+    seed: int | None,
+    seconds: float | None,
+    processes: int | None,
+    cluster: str | None,
+    page_file: Path | None,
+    json_file: str | None,
+) -> None:
+    """Diagnose concealed recordings, open their seals, and say how often what was right.
+
+    DIR is a folder of zwidth conceal, or is filled first where --count or --strata is given. Writes
+    DIR/exam.json and DIR/exam.md with its pictures. Answers are kept as they come: an interrupted
+    exam goes on where it stopped. Delete DIR/answers and DIR/marks to sit it again.
+    """
+    console = Console(json_file)
+    making = count is not None or strata is not None
+    if not making and (seed is not None or seconds is not None):
+        raise ValueError("--seed and --seconds say how to make recordings; add --count or --strata")
+    announce(console)
+    with executor(cluster, processes) as runner:
+        if making:
+            asked = orders(folder, counts(count or 1, strata), seed or 0, seconds)
+            with progress("concealing", len(asked)) as advance:
+                conceal(folder, asked, runner, lambda name: advance(now=name))
+        total = len(list((folder / "keys").glob("*.json")))
+        with progress("diagnosing", total) as advance:
+            every = sit_all(folder, runner, lambda name: advance(now=name))
+        with progress("marking", total) as advance:
+            marks, fits = mark_all(folder, every, runner, lambda name: advance(now=name))
+    found = result(marks, fits)
+    console.say(f"wrote {write_text(folder / 'exam.json', json_text(found))}")
+    facts = {"command": _line(folder, processes, page_file), "seed": _seed(folder)}
+    for path in [folder / "exam.md", *([page_file] if page_file else [])]:
+        for written in _write(path, found, facts):
+            console.say(f"wrote {written}")
+    columns = [Column("asked", False), Column("goal"), Column("seen", False), Column("reached")]
+    rows = [[cell.strip("*") for cell in row] for row in goals(found)]
+    console.table(f"\n{found['recordings']} recordings", columns, rows)
+    console.result(found)
+
+
+def _write(path: Path, found: dict[str, Any], facts: dict[str, Any]) -> list[Path]:
+    """Write the page and its pictures beside it."""
+    pictures = {
+        "confusion": confusion_figure(found["confusion"]),
+        "magnitude": magnitude_figure(found["by_magnitude"]),
+    }
+    written: list[Path] = []
+    names: dict[str, str] = {}
+    for name, figure in pictures.items():
+        stem = path.with_name(f"{path.stem}_{name}")
+        written += save_figure(figure, stem)
+        names[name] = f"{stem.name}.png"
+    return [write_text(path, page(found, facts, names)), *written]
+
+
+def _seed(folder: Path) -> str:
+    """The seed as it stands beside the keys."""
+    listed = folder / "keys" / "made.txt"
+    seeds = {line.split()[2] for line in listed.read_text(encoding="utf-8").splitlines()}
+    return " and ".join(sorted(seeds))
+
+
+def _line(folder: Path, processes: int | None, page_file: Path | None) -> str:
+    """The command line that makes and takes this exam, from what stands beside the keys."""
+    lines = (folder / "keys" / "made.txt").read_text(encoding="utf-8").splitlines()
+    classes = [line.split()[1] for line in lines]
+    asked = ",".join(f"{name}={classes.count(name)}" for name in dict.fromkeys(sorted(classes)))
+    seconds = lines[0].split()[4]
+    words = ["zwidth", "exam", folder.name, "--strata", asked, "--seed", _seed(folder)]
+    words += [] if seconds == "None" else ["--seconds", seconds]
+    words += [] if processes is None else ["--processes", str(processes)]
+    return shlex.join(words + ([] if page_file is None else ["--page", str(page_file)]))

@@ -1,0 +1,72 @@
+"""What single effects were taken for, and how often rightly, against their size."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from zwidth.figures.style import STYLE
+
+
+def confusion_figure(found: Mapping[str, Any]) -> Figure:
+    """Return concealed effects (rows) against the effect named first (columns), in counts.
+
+    found: `confusion` in the JSON of `zwidth exam`. Colour is the share of the row.
+    """
+    rows, columns = found["rows"], found["columns"]
+    counts = np.array(found["counts"], dtype=np.float64).reshape(len(rows), len(columns))
+    shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)
+    with rc_context(STYLE):
+        figure = Figure(
+            figsize=(0.36 * len(columns) + 3.0, 0.30 * len(rows) + 2.6), layout="constrained"
+        )
+        axes = figure.subplots()
+        axes.grid(visible=False)
+        axes.imshow(shares, cmap="Blues", vmin=0.0, vmax=1.0, aspect="auto")
+        for (i, j), count in np.ndenumerate(counts):
+            if count:
+                colour = "white" if shares[i, j] > 0.6 else "black"
+                axes.text(j, i, f"{count:.0f}", ha="center", va="center", color=colour, fontsize=8)
+        _name(axes, rows, columns)
+    return figure
+
+
+def _name(axes: Axes, rows: Sequence[str], columns: Sequence[str]) -> None:
+    axes.set_xticks(range(len(columns)), [_words(c) for c in columns], rotation=60, ha="right")
+    axes.set_yticks(range(len(rows)), [_words(r) for r in rows])
+    axes.set_xlabel("named first")
+    axes.set_ylabel("concealed")
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def magnitude_figure(found: Sequence[Mapping[str, Any]]) -> Figure:
+    """Return shares with exact 95 % intervals against the magnitude in units of the limit.
+
+    found: `by_magnitude` in the JSON of `zwidth exam`.
+    """
+    with rc_context(STYLE):
+        figure = Figure(figsize=(6.4, 3.8), layout="constrained")
+        axes = figure.subplots()
+        for key, label, colour, shift in (
+            ("first_where_apart", "named first, where it stands apart", "#004488", 0.97),
+            ("in_class", "in the class named", "#DDAA33", 1.03),
+        ):
+            bins = [row for row in found if row[key]["count"]]
+            x = shift * np.array([np.sqrt(row["from"] * row["to"]) for row in bins])
+            y = np.array([row[key]["share"] for row in bins])
+            ends = np.array([row[key]["ci95"] for row in bins]).reshape(-1, 2)
+            reach = np.abs(ends.T - y)
+            axes.errorbar(x, y, reach, fmt="o-", color=colour, label=label, capsize=2)
+        axes.set_xscale("log")
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.set_ylim(0.0, 1.03)
+        axes.set_xlabel("magnitude, in units of the limit (5 sigma)")
+        axes.set_ylabel("share")
+        axes.legend(loc="lower right", frameon=False)
+    return figure
