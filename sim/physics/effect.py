@@ -109,6 +109,10 @@ class Physics:
                 )
         object.__setattr__(self, "values", MappingProxyType(dict(self.values)))
 
+    def __reduce__(self) -> tuple[type["Physics"], tuple[Effect, str, dict[str, float]]]:
+        """A view that cannot be changed cannot be pickled either: pickle the values."""
+        return Physics, (self.effect, self.at, dict(self.values))
+
     def vector(self) -> np.ndarray:
         """Return the values in the order of the declaration, shape (parameters,)."""
         return np.array([self.values[p.name] for p in self.effect.parameters])
