@@ -86,33 +86,50 @@ def open_loop(device: Device) -> Loop:
             f"interface.delay is {whole} periods; the linear theory takes up to {MOST_TICKS}:"
             " shorten delay_s or lengthen period_s"
         )
-    n, depth = plant.size, whole + (remainder > 0.0)
+    late, newer = hold(plant, period - remainder)
+    transition, older = late, None
+    if remainder > 0.0:
+        transition = hold(plant, period)[0]
+        older = late @ hold(plant, remainder)[1][:, 0]
+    loop = wired(transition, newer[:, 0], older, whole, period, smoothing)
+    shift = loop.shift
+    grounded = plant.matrices.stiffness
+    if np.all(np.abs(grounded.sum(axis=1)) <= 1e-14 * np.diag(grounded)):
+        shift[: plant.dof] = shift[plant.size + whole + (remainder > 0.0)] = 1.0
+    return loop
+
+
+def wired(
+    transition: Floats, newer: Floats, older: Floats | None, whole: int, period: float,
+    smoothing: float = 1.0,
+) -> Loop:  # fmt: skip
+    """Return the loop around a device whose position is its first state, shift left zero.
+
+    transition (n, n) over a period; newer, older (n,): what the commands add that are `whole` and
+    whole + 1 ticks old, older None without remainder.
+    """
+    n, depth = transition.shape[0], whole + (older is not None)
     last_reading = n + depth
     size = last_reading + 1 + (smoothing < 1.0)
-
     a = np.zeros((size, size))
     b, reading, velocity, shift = np.zeros((4, size))
-    a[:n, :n] = hold(plant, period)[0]
+    a[:n, :n] = transition
     for i in range(1, depth):
         a[n + i, n + i - 1] = 1.0
     if depth > 0:
         b[n] = 1.0
-    late, newer = hold(plant, period - remainder)
     if whole == 0:
-        b[:n] = newer[:, 0]
+        b[:n] = newer
     else:
-        a[:n, n + whole - 1] = newer[:, 0]
-    if remainder > 0.0:
-        a[:n, n + whole] = late @ hold(plant, remainder)[1][:, 0]
+        a[:n, n + whole - 1] = newer
+    if older is not None:
+        a[:n, n + whole] = older
     reading[0] = 1.0
     a[last_reading] = reading
     velocity[0], velocity[last_reading] = smoothing / period, -smoothing / period
     if smoothing < 1.0:
         velocity[-1] = 1.0 - smoothing
         a[-1] = velocity
-    grounded = plant.matrices.stiffness
-    if np.all(np.abs(grounded.sum(axis=1)) <= 1e-14 * np.diag(grounded)):
-        shift[: plant.dof] = shift[last_reading] = 1.0
     return Loop(a, b, reading, velocity, shift, period)
 
 

@@ -26,7 +26,6 @@ from zwidth.commands.paper import command
 from zwidth.covariance import Covariance, load_covariance, save_covariance
 from zwidth.paper.appendix import ROUNDED, appendix
 from zwidth.paper.content import Picture, Section, Table
-from zwidth.paper.explained import flank_damping
 from zwidth.paper.report import draw, save_pictures, save_report, symbols
 from zwidth.paper.sections import SECTIONS
 from zwidth.results import UNSET, Point
@@ -253,14 +252,3 @@ def test_the_paddle_is_its_builders_numbers():
     assert [p.damping for p in paddle_boundary()] == sorted(p.damping for p in paddle_boundary())
     assert paddle_boundary()[0].stiffness == 4.0
     assert replace(device, name="x") != device
-
-
-def test_the_flank_is_where_the_boundary_falls_to_that_stiffness():
-    """Mutation: search below the corner, where K_CR rises through it too."""
-    damping = flank_damping(PHANTOM, 20.0)
-    top = corner(PHANTOM)
-    assert damping is not None
-    assert top is not None
-    assert damping > top.damping
-    assert critical_stiffness(PHANTOM, damping).stiffness == pytest.approx(20.0, rel=1e-3)
-    assert flank_damping(PHANTOM, 40.0) is None
