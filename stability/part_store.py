@@ -67,18 +67,23 @@ class PartStore:
         return found
 
     def write(self, number: int, points: NDArray[np.int64], found: Fates) -> None:
-        """Write a part, whole or not at all; raises OSError."""
+        """Write a part, whole or not at all; raises OSError.
+
+        A power cut may take the last of them, which are then run again: to wait for the disk at
+        every part would take ten times as long as to write it.
+        """
         buffer = io.BytesIO()
         np.savez(buffer, points=points, **{f.name: getattr(found, f.name) for f in fields(found)})
-        write_whole(self._file(number), buffer.getvalue())
+        write_whole(self._file(number), buffer.getvalue(), wait=False)
 
     def _file(self, number: int) -> Path:
         return self.folder / f"part-{number:05d}.npz"
 
 
-def write_whole(file: Path, content: bytes) -> None:
+def write_whole(file: Path, content: bytes, wait: bool = True) -> None:
     """Write a file that is seen whole or not at all; raises OSError.
 
+    wait: until the disk has it, so that it is whole after a power cut, too.
     The draft's name is always the same, so what a killed process left of it is written over.
     """
     draft = file.with_name(f".{file.name}.draft")
@@ -86,7 +91,8 @@ def write_whole(file: Path, content: bytes) -> None:
         with draft.open("wb") as stream:
             stream.write(content)
             stream.flush()
-            os.fsync(stream.fileno())
+            if wait:
+                os.fsync(stream.fileno())
         draft.replace(file)
     except OSError as error:
         with suppress(OSError):
