@@ -161,21 +161,24 @@ def _lowest(duration: float) -> float:
     return max(FROM_HZ, 2.0 / duration)
 
 
+# Twice each, so that the part of a recording that is fitted to and the part that it is judged by
+# hold every kind of motion.
+SESSION: tuple[tuple[float, Signal], ...] = (
+    (SMALL, full_multisine),
+    (1.0, full_multisine),
+    (1.0, slow_triangle),
+    (1.0, steps),
+)
 # name -> parts one after the other, equally long: (share of the strength, signal)
 LIBRARY: Mapping[str, tuple[tuple[float, Signal], ...]] = {
     "small_multisine": ((SMALL, full_multisine),),
     "large_multisine": ((1.0, full_multisine),),
-    "two_level_multisine": ((2.0 * SMALL, full_multisine), (1.0, full_multisine)),
+    "two_level_multisine": ((2.0 * SMALL, full_multisine), (1.0, full_multisine)) * 2,
     "slow_triangle": ((1.0, slow_triangle),),
     "random_steps": ((1.0, steps),),
     "white_noise": ((1.0, white_noise),),
     "chirp": ((1.0, rising_chirp),),
-    "standard_session": (
-        (SMALL, full_multisine),
-        (1.0, full_multisine),
-        (1.0, slow_triangle),
-        (1.0, steps),
-    ),
+    "standard_session": SESSION * 2,
 }
 
 
