@@ -66,6 +66,12 @@ class Start:
     def scaled(self, factor: float) -> "Start | None":
         """Return the start with the effect a factor as strong, None where that has no meaning."""
         names = MAGNITUDE.get(self.physics.effect.name)
+        if self.physics.effect.name == "gain_asymmetry":  # from one on
+            ratio = 1.0 + factor * (self.physics.values["ratio"] - 1.0)
+            changed = (
+                replace(self.physics, values={"ratio": ratio}) if 1e-3 <= ratio <= 1e3 else None
+            )
+            return changed and Start(changed, {"ratio": factor * self.scales["ratio"]})
         if names is None:
             return None
         values = {k: v * factor if k in names else v for k, v in self.physics.values.items()}

@@ -22,6 +22,7 @@ from diagnosis.limits import (
 )
 from diagnosis.parameters import Model
 from diagnosis.rehearsal import known_observer, rehearse
+from diagnosis.screen import screen
 from sim.physics import make_physics
 from sim.physics.effect import Physics
 from tests.diagnosis_examples import ENCODER_NOISE, FORCE_NOISE, phantom
@@ -199,3 +200,21 @@ def test_lost_commands_count_by_their_number():
     assert found[0] > SHOWN
     assert found[1] == pytest.approx(np.sqrt(2.0) * found[0])
     assert found[2] == 0.0
+
+
+def test_a_small_gain_asymmetry_is_screened_at_its_own_strength():
+    """At 15 sigma it is a third of a percent, and the starts are one percent and more: what a
+    start could explain is seen only if the screen may weaken it.
+
+    Mutation that breaks it: no factor for a ratio.
+    """
+    at_limit = limit(prepared(), make_physics("gain_asymmetry", "command", ratio=1.01))
+    assert at_limit is not None
+    physics = strengthened(at_limit, 3.0)
+    assert physics is not None
+    e = rehearse(phantom().with_physics(physics), recording().command, SEEN, seed=1)
+    problem = Problem([e], known_observer(phantom(), e, SEEN))
+    best, second = screen(problem, problem.fit(Model(phantom())), candidates(phantom(), [e]))[:2]
+    assert best.start.label == "gain_asymmetry@command"
+    assert np.sqrt(best.score) == pytest.approx(3.0 * SHOWN, abs=3.0)
+    assert best.score > second.score + SHOWN**2
