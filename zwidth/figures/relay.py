@@ -1,13 +1,29 @@
-"""Fig. 8, a relay experiment in steady state, and the relay's bias over conditions."""
+"""Fig. 8, a relay experiment in steady state, and the relay's bias over conditions and physics."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
 
 from identification.relay import Waveform
 from zwidth.figures.style import STYLE
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """One quantity changed: its values, K by relay and true K, each (n,), NaN for none."""
+
+    label: str
+    values: Floats
+    relay: Floats
+    true: Floats
+    logarithmic: bool = False
 
 
 def relay_figure(wave: Waveform) -> Figure:
@@ -50,4 +66,32 @@ def relay_bias_figure(
         axes.set_xticks(shown, [f"{t:g}" for t in shown])
         axes.set_xticks([], minor=True)
         axes.set_xlabel("$K$ by relay over the linear boundary")
+    return figure
+
+
+def relay_sweeps_figure(sweeps: Sequence[Sweep], linear: float) -> Figure:
+    """Return one panel a sweep: K by relay and by bisection over what is changed."""
+    with rc_context(STYLE):
+        figure = Figure(figsize=(7.2, 3.3), layout="constrained")
+        panels = figure.subplots(1, len(sweeps), sharey=True, squeeze=False)[0]
+        for axes, sweep in zip(panels, sweeps, strict=True):
+            axes.axhline(linear, color="0.5", linewidth=1.0, linestyle=(0, (5, 2)))
+            axes.plot(sweep.values, sweep.true, color="#004488", marker=".", markersize=5)
+            axes.plot(sweep.values, sweep.relay, linestyle="none", marker="o", markersize=7,
+                      markerfacecolor="none", markeredgecolor="#BB5566",
+                      markeredgewidth=1.4)  # fmt: skip
+            if sweep.logarithmic:
+                axes.set_xscale("log")
+            else:
+                axes.locator_params(axis="x", nbins=4)
+            axes.set_xlabel(sweep.label)
+        panels[0].set_ylabel("$K$ [N m/rad]")
+        panels[0].set_ylim(bottom=0.0)
+        handles = [
+            Line2D([], [], color="#BB5566", linestyle="none", marker="o", markerfacecolor="none",
+                   label="relay"),
+            Line2D([], [], color="#004488", marker=".", label="bisection, same physics"),
+            Line2D([], [], color="0.5", linewidth=1.0, linestyle=(0, (5, 2)), label="linear"),
+        ]  # fmt: skip
+        figure.legend(handles=handles, loc="outside upper left", ncols=3, frameon=False, fontsize=9)
     return figure

@@ -1,46 +1,32 @@
 """Fig. 8 and the relay experiment in all conditions of Table II, with what its method adds."""
 
-from dataclasses import dataclass, replace
-
-import numpy as np
-
 from identification.cycles import RelayCondition, relay_conditions
-from identification.relay import RelayResult, RelayTest, relay_run, waveform
+from identification.relay import relay_run, waveform
 from scenarios.table_2 import MeasuredPoint, table_2
-from sim.device import Device
-from sim.physics import make_physics
 from stability.linear import critical_stiffness
 from zwidth.figures.relay import relay_bias_figure, relay_figure
 from zwidth.paper.content import Picture, Section, Table, number
+from zwidth.paper.relay_physics import physics_parts
 from zwidth.paper.theory import ms, phantom
 
 STARTS = 20
 SHOWN_S = 0.4
-FRICTION = (0.0, 0.002, 0.005, 0.01)
-ENCODER = (0.0, 1e-4, 3e-4, 1e-3)
-LIMIT = (0.06, 0.08, 0.12)
 COMMAND = "zwidth relay phantom_1_0 --starts 20"
-OWN = "zwidth paper --section relay"
-
-
-@dataclass(frozen=True)
-class Changed:
-    """The relay's answer on a device that is changed: by what, and beside which boundary."""
-
-    change: str
-    result: RelayResult
-    linear: float
 
 
 def section() -> Section:
     """Return Fig. 8, the table of conditions and the study of the method."""
     wave = waveform(phantom(0.008), 0.08, SHOWN_S)
     eight = relay_run(phantom(0.008), 0.08)
-    rows = list(table_2())
+    rows = _as_meant_and_as_printed()
     conditions = relay_conditions(
         [phantom(row.delay) for row in rows], [row.place for row in rows], STARTS
     )
-    diverging = sum(c.reference.verdict == "diverges" for c in conditions)
+    diverging = [
+        f"{ms(row.delay)} {row.place:g}" + _as_printed(row)
+        for row, condition in sorted(zip(rows, conditions, strict=True), key=_order)
+        if condition.reference.verdict == "diverges"
+    ]
     return Section(
         "Fig. 8 and the relay: what the method measures, and how far off",
         (
@@ -56,17 +42,18 @@ def section() -> Section:
             "The relay is a measuring instrument with errors of its own. Its cycle is mostly a"
             " whole number of ticks, so its frequency, and with it K, comes in steps; a loop may"
             " have several cycles, and the start decides; and where no K is stable the loop has no"
-            f" cycle to find: {diverging} of the {len(rows)} conditions diverge on the model of"
-            " Table I, although the real device oscillated steadily in all of them (with B = 0.5 as"
-            " printed,"
-            f" {diverging + 1}). And where a vibration mode already makes the loop unstable, the"
+            f" cycle to find. {len(diverging)} conditions diverge on the model of Table I, although"
+            f" the real device oscillated steadily in all of them: {', '.join(diverging)}. A"
+            " divergence is a verdict on the loop, not a number. And where a vibration mode already"
+            " makes the loop unstable, the"
             " relay can stay on the slow oscillation and read a stiffness that no wall has: at 4 ms"
             f" and B = 0.23 it reads {number(_beyond(rows, conditions))} on a model whose boundary"
             f" is {number(critical_stiffness(phantom(0.004), 0.23).stiffness)}.",
             Table(
                 "All conditions of Table II on Table I's model. K and f from the reference start"
                 f" (m1 at 1 mrad, at rest); cycles: over {STARTS} random starts, K with its share."
-                " A row printed with a misprinted B runs at the B that is meant.",
+                " Rows with a misprinted B run at the B that is meant, and the one printed as 0.5"
+                " there too.",
                 ["delay", "B", "theirs K", "theirs f", "relay K", "relay f", "linear K", "cycles",
                  "diverge"],
                 [_row(row, c) for row, c in zip(rows, conditions, strict=True)],
@@ -78,16 +65,21 @@ def section() -> Section:
                 " condition with a stable K: ring, reference start; dots, all cycles found.",
                 COMMAND,
             ),
-            Table(
-                "The same instrument on a device with dry friction, an encoder step or a weak"
-                " amplifier, at 8 ms and B = 0.08. Friction is read as stiffness that the wall does"
-                " not have, because at the relay's small amplitude it damps; an encoder step moves"
-                " the switching; a limit cuts the damper's share of the command.",
-                ["what is changed", "relay K", "relay f [Hz]", "over the linear boundary"],
-                [_changed_row(c) for c in _changed()], OWN,
-            ),
+            *physics_parts(),
         ),
     )  # fmt: skip
+
+
+def _as_meant_and_as_printed() -> list[MeasuredPoint]:
+    """All rows at the B that is meant, and misprinted ones where no other row stands."""
+    rows = list(table_2())
+    places = {(row.delay, row.place) for row in rows}
+    printed = [row for row in rows if (row.delay, row.damping) not in places]
+    return [*rows, *(row._replace(judged=None) for row in printed)]
+
+
+def _as_printed(row: MeasuredPoint) -> str:
+    return "" if row.judged is not None else " as printed"
 
 
 def _beyond(rows: list[MeasuredPoint], conditions: list[RelayCondition]) -> float | None:
@@ -101,6 +93,7 @@ def _row(row: MeasuredPoint, condition: RelayCondition) -> list[str]:
     linear = critical_stiffness(phantom(row.delay), row.place).stiffness
     meant = row.damping_meant is not None
     damping = f"{row.place:g} (printed {row.damping:g})" if meant else f"{row.damping:g}"
+    damping += _as_printed(row)
     cycles = [f"{c.stiffness:.2f} ({100.0 * c.share:.0f} %)" for c in condition.cycles[:3]]
     more = len(condition.cycles) - 3
     verdict = result.verdict if result.stiffness is None else number(result.stiffness)
@@ -132,37 +125,3 @@ def _bias(
 
 def _order(pair: tuple[MeasuredPoint, RelayCondition]) -> tuple[float, float]:
     return pair[0].delay, pair[0].place
-
-
-def _changed() -> list[Changed]:
-    device = phantom(0.008)
-    linear = critical_stiffness(device, 0.08).stiffness or np.nan
-    plain, fine = RelayTest(), replace(RelayTest(), substeps=10)
-    tried: list[tuple[str, Device, RelayTest]] = [
-        (
-            f"Coulomb friction {level:g} N m at m1" if level else "nothing",
-            device.with_physics(make_physics("coulomb_friction", "m1", level=level)),
-            fine,
-        )
-        for level in FRICTION
-    ]
-    tried += [
-        (f"encoder step {step:g} rad", device.with_interface(encoder_step=step), plain)
-        for step in ENCODER
-        if step
-    ]
-    tried += [
-        (f"command limit {limit:g} N m", device.with_interface(command_limit=limit), plain)
-        for limit in LIMIT
-    ]
-    return [Changed(name, relay_run(d, 0.08, test=test), linear) for name, d, test in tried]
-
-
-def _changed_row(changed: Changed) -> list[str]:
-    result = changed.result
-    if result.stiffness is None:
-        return [changed.change, result.verdict, "", ""]
-    return [
-        changed.change, number(result.stiffness), f"{result.frequency_hz:.2f}",
-        f"{100.0 * (result.stiffness / changed.linear - 1.0):+.1f} %",
-    ]  # fmt: skip
