@@ -101,7 +101,7 @@ MAP = """() => {
           Array.from(data.amplitude[0].data ?? data.amplitude[0]).join(" ")].join(";")
 }"""
 RUN = """() => Array.from(Bokeh.documents[0].get_model_by_name("run").data.position).join(" ")"""
-WORDS = """() => Bokeh.documents[0].get_model_by_name("wall").text"""
+WORDS = """() => Bokeh.documents[0].get_model_by_name("wall").html"""
 PLACE = """([B, K]) => {
   const plane = Bokeh.index.find_one(Bokeh.documents[0].get_model_by_name("plane"))
   const box = plane.canvas_view.el.getBoundingClientRect()
@@ -166,14 +166,14 @@ PRESS = """async (key) => {
   return await new Promise(done => {
     let began = null
     const changed = async () => {
-      const said = text.text
+      const said = text.html
       await frame(); await frame()  // drawn in the first, seen in the second
       times.push([performance.now() - began, said])
       if (!said.includes("161 \u00d7")) return
-      text.properties.text.change.disconnect(changed)
+      text.properties.html.change.disconnect(changed)
       done(times)
     }
-    text.properties.text.change.connect(changed)
+    text.properties.html.change.connect(changed)
     let handle = document.activeElement
     while (handle.shadowRoot?.activeElement) handle = handle.shadowRoot.activeElement
     began = performance.now()

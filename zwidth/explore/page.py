@@ -9,6 +9,8 @@ from bokeh.document import Document
 from bokeh.events import DocumentReady
 from bokeh.model import DataModel
 from bokeh.models import Column, CustomJS, Div, Row, UIElement
+from bokeh.models.dom import HTML
+from bokeh.models.ui import Pane
 
 from sim.trace import Trace
 from stability.fate_map import units_of
@@ -56,17 +58,18 @@ class Page:
         self.controls = Controls(bench, view, user)
         self.address = Address(query=view.query())
         self.address.js_on_change("query", CustomJS(code=WRITE_ADDRESS))
-        names = ("title", "trouble", "progress", "wall", "saves", "besides")
-        self.said = {name: _said(name) for name in names}
-        self.said["trouble"].html_attributes = {"role": "alert"}
-        self.said["wall"].html_attributes = {"role": "status", "aria-live": "polite"}
+        self.title, self.trouble, self.besides = (_said(n) for n in ("title", "trouble", "besides"))
+        self.trouble.html_attributes = {"role": "alert"}
+        self.saves, self.progress, self.wall = (
+            HTML(name=n, html="") for n in ("saves", "progress", "wall")
+        )
         measured = bool(bench.measured(view))
         legend = _said("legend", words.legend(with_unit(plane.perceptible, force), measured))
         self.root = self._layout(legend)
 
     def _layout(self, legend: Div) -> Column:
         children = [
-            *self.controls.column(), self.said["besides"], self.said["saves"],
+            *self.controls.column(), self.besides, _pane(self.saves, 1),
             self.controls.files, self.controls.recording_from,
         ]  # fmt: skip
         controls = Column(
@@ -74,12 +77,12 @@ class Page:
             stylesheets=[INSET],
         )  # fmt: skip
         plane = _column(
-            1.45, self.controls.layers, self.plane.figure, legend, self.said["progress"]
+            1.45, self.controls.layers, self.plane.figure, legend, _pane(self.progress, 1)
         )
-        run = _column(1.1, self.said["wall"], *self.runs.over_time.values())
+        run = _column(1.1, _pane(self.wall, 3, live=True), *self.runs.over_time.values())
         more = _column(0.8, self.runs.phase_plane, self.runs.spectrum)
         body = Row(children=[controls, plane, run, more], sizing_mode="stretch_both", spacing=4)
-        top: list[UIElement] = [self.said["title"], self.said["trouble"], body]
+        top: list[UIElement] = [self.title, self.trouble, body]
         return Column(children=top, sizing_mode="stretch_both", min_height=560)
 
     def put_on(self, document: Document) -> None:
@@ -95,8 +98,8 @@ class Page:
         bench = self.bench
         self.controls.show(bench, view)
         device = bench.device(view)
-        self.said["title"].text = words.heading(bench.devices[view.device])
-        self.said["besides"].text = words.of_the_device(device)
+        self.title.text = words.heading(bench.devices[view.device])
+        self.besides.text = words.of_the_device(device)
         assert view.damping_range is not None
         assert view.stiffness_range is not None
         self.plane.show_axes(view.damping_range, view.stiffness_range)
@@ -105,15 +108,15 @@ class Page:
         self.plane.show_measured(bench.measured(view), device.interface.delay)
         self.plane.show_choice(view.damping, view.stiffness)
         self.address.update(query=view.query())
-        self.said["saves"].text = SAVES.format(query=escape(view.query()))
+        self.saves.html = SAVES.format(query=escape(view.query()))
 
     def say_wall(self, html: str) -> None:
         """Say what becomes of the wall that is chosen."""
-        self.said["wall"].text = html
+        self.wall.html = html
 
     def say_progress(self, text: str) -> None:
         """Say what the plane shows and how far it is."""
-        self.said["progress"].text = f'<span style="color:#444">{escape(text)}</span>'
+        self.progress.html = f'<span style="color:#444">{escape(text)}</span>'
 
     def say_recording(self, names: Sequence[str], trace: Trace) -> None:
         """Say which recording lies beside the run."""
@@ -123,7 +126,7 @@ class Page:
 
     def complain(self, text: str) -> None:
         """Say what went wrong, or with no text that nothing does any more."""
-        trouble = self.said["trouble"]
+        trouble = self.trouble
         trouble.text = f'<b style="color:#8b0000">{escape(text)}</b>' if text else ""
         trouble.visible = bool(text)
 
@@ -135,6 +138,13 @@ def beside(view: View) -> View:
 
 def _said(name: str, text: str = "") -> Div:
     return Div(name=name, text=text, sizing_mode="stretch_width", stylesheets=[NARROW])
+
+
+def _pane(content: HTML, lines: int, live: bool = False) -> Pane:
+    """Return a place of fixed height for what changes often: a Div would lay out the page anew."""
+    style = f":host {{ height: {1.3 * lines + 0.2}em; overflow-y: auto; }}"
+    attributes = {"role": "status", "aria-live": "polite"} if live else {}
+    return Pane(elements=[content], stylesheets=[NARROW, style], html_attributes=attributes)
 
 
 def _column(share: float, *children: UIElement) -> Column:

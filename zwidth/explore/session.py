@@ -37,6 +37,7 @@ class Session:
         self.document, self.bench, self.view = document, bench, view
         self.recording = bench.recording
         self.drawn: Drawn | None = None
+        self.run_waits = False
         self.planes, self.runs = (Newest(self._failed) for _ in range(2))
         try:
             view = self._with_axes(view)
@@ -100,7 +101,7 @@ class Session:
         self.page.complain("")
         self.page.say_recording(names, self.recording)
         self._show_recording()
-        self.runs.ask(partial(self._compute_run, self.view))
+        self._ask_for_run()
 
     def _with_axes(self, view: View) -> View:
         known = view.damping_range is not None and view.stiffness_range is not None
@@ -123,23 +124,25 @@ class Session:
     def _show(self, before: View, view: View) -> None:
         self.view = view
         self.page.show_view(view)
+        self.run_waits = self.run_waits or _differ(before, view, OF_THE_RUN)
         if self.drawn is None or _differ(before, view, OF_THE_PLANE):
             self.planes.ask(partial(self._compute_plane, view, self.bench.plane(view)))
         elif before.layer != view.layer:
             self._show_plane(self.drawn)
-        if _differ(before, view, OF_THE_RUN):
-            self.runs.ask(partial(self._compute_run, view))
+        if self.run_waits and not _differ(before, view, OF_THE_PLANE):
+            self._ask_for_run()
         elif before.time_range != view.time_range:
             self.page.runs.show_span(view.time_range)
         if before.recording_from != view.recording_from or before == View():
             self._show_recording()
 
     def _compute_plane(self, view: View, plane: Plane) -> Iterator[None]:
-        shown = began = perf_counter()
+        began = perf_counter()
+        due = began + PATIENCE_S
         for latest in sketch(plane):
             now = perf_counter()
-            if latest.finished or now - shown > PATIENCE_S:
-                shown = now
+            if latest.finished or now > due:
+                due = now + max(PATIENCE_S, now - began)  # fewer and fewer: each costs the browser
                 drawn = Drawn(view, latest.filled(), latest.middle, latest.finished, now - began)
                 self._later(partial(self._show_plane, drawn))
             yield
@@ -158,6 +161,12 @@ class Session:
         self.page.plane.show_map(drawn.result, self.view.layer)
         said = words.of_the_plane(drawn.result, drawn.middle, drawn.finished)
         self.page.say_progress(f"{said}, {drawn.seconds:.2g} s")
+        if self.run_waits:  # until the first picture is seen, which is what one waits for
+            self._ask_for_run()
+
+    def _ask_for_run(self) -> None:
+        self.run_waits = False
+        self.runs.ask(partial(self._compute_run, self.view))
 
     def _show_run(self, found: Look, other: Look | None) -> None:
         if _differ(found.view, self.view, OF_THE_RUN):
