@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.exam.drawing import seen
+from diagnosis.exam.hidden import seen
 from diagnosis.experiment import Experiment
 from diagnosis.predictor import choose_observer, free_run_errors, observer_for
 from diagnosis.search import refit

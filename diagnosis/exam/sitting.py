@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 
 from diagnosis.diagnose import diagnose
-from diagnosis.exam.drawing import seen
+from diagnosis.exam.hidden import seen
 from logs.recording import read_recording
 from scenarios.concealed.handout import description_file, recording_files
 from scenarios.concealed.sealing import digest

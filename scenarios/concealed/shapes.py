@@ -13,13 +13,19 @@ from sim.physics.effect import Physics
 
 @dataclass(frozen=True)
 class Motion:
-    """rms force, largest command, rms speed, rms position and span of m1, rms stretch of links."""
+    """How a recording moves.
+
+    rms force, largest command and largest change of it per second; of m1 rms speed, rms position,
+    span and farthest position; rms stretch of each link.
+    """
 
     force: float
     peak: float
+    slew: float
     speed: float
     position: float
     span: float
+    farthest: float
     stretch: tuple[float, ...]
 
 
@@ -30,8 +36,10 @@ def motion_of(made: Made, device: Device) -> Motion:
     command = made.trace["command"]
     links = made.states[:, : n - 1] - made.states[:, 1:n]
     return Motion(
-        _rms(command), float(np.abs(command).max()), _rms(v), _rms(q - q.mean()),
-        float(np.ptp(q)), tuple(_rms(links[:, i]) for i in range(n - 1)),
+        _rms(command), float(np.abs(command).max()),
+        float(np.abs(np.diff(command)).max()) / device.interface.period,
+        _rms(v), _rms(q - q.mean()), float(np.ptp(q)), float(np.abs(q).max()),
+        tuple(_rms(links[:, i]) for i in range(n - 1)),
     )  # fmt: skip
 
 

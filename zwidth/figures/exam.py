@@ -63,8 +63,11 @@ def magnitude_figure(found: Sequence[Mapping[str, Any]]) -> Figure:
             ends = np.array([row[key]["ci95"] for row in bins]).reshape(-1, 2)
             reach = np.abs(ends.T - y)
             axes.errorbar(x, y, reach, fmt="o-", color=colour, label=label, capsize=2)
+        edges = sorted({end for row in found for end in (row["from"], row["to"])}) or [1.0, 100.0]
         axes.set_xscale("log")
-        axes.xaxis.set_major_formatter("{x:g}")
+        axes.set_xlim(edges[0], edges[-1])
+        axes.set_xticks(edges, [f"{edge:.3g}" for edge in edges], minor=False)
+        axes.minorticks_off()
         axes.set_ylim(0.0, 1.03)
         axes.set_xlabel("magnitude, in units of the limit (5 sigma)")
         axes.set_ylabel("share")

@@ -1,0 +1,54 @@
+"""A concealed effect, and the rig, bare of it, in which it is to be concealed."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from diagnosis.exam.strata import Stratum
+from diagnosis.experiment import Experiment, experiment
+from diagnosis.reference import Reference
+from scenarios.concealed.rig import Rig
+from scenarios.concealed.shapes import Motion
+from sim.device import Device
+from sim.trace import Trace
+
+SEEN = 5.0  # sigma at which an effect is at its limit
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """A concealed effect: its magnitude, and how many times the limit that is.
+
+    sigma: at which it stands above what a refit absorbs, alone; sigma_beside: and above what the
+    other concealed effects' sizes absorb. rivals: effect@place -> its distance from this effect, in
+    sigma, up to `NEAR`, nearest first.
+    """
+
+    effect: str
+    at: str
+    values: dict[str, float]
+    magnitude: float | None
+    times_limit: float
+    sigma: float
+    sigma_beside: float
+    rivals: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A rig on which nothing is concealed yet, what its recording could show, and how it moves."""
+
+    rig: Rig
+    known: Reference
+    motion: Motion
+
+
+def seen(trace: Trace, device: Device) -> Experiment:
+    """Return a trace as a diagnosis takes it."""
+    return experiment(trace, device.interface.period, device.chain.masses.size)
+
+
+def draw_times(random: np.random.Generator, stratum: Stratum) -> float:
+    """Return how many times the limit an effect is to have, log-uniform."""
+    low, high = np.log(stratum.least), np.log(stratum.most)
+    return float(np.exp(random.uniform(low, high)))

@@ -1,0 +1,129 @@
+"""Concealing effects of the library, each at its multiple of the limit.
+
+Limits hold on the recording without the effect. An effect may move the device elsewhere (a weight
+that turns it by a radian), so the sigma at which it stands is taken once more on the recording as
+it was made, and a rig where the two differ by half is given up.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from diagnosis.exam.hidden import SEEN, Hidden, Stage, draw_times, seen
+from diagnosis.exam.strata import Stratum
+from diagnosis.experiment import Experiment
+from diagnosis.fit import Problem
+from diagnosis.limits import limit, sigma
+from diagnosis.magnitude import magnitude, strengthened
+from diagnosis.parameters import Model
+from diagnosis.reference import Reference
+from diagnosis.separation import separation
+from scenarios.concealed.rig import Rig, record
+from scenarios.concealed.shapes import draw_physics, places
+from sim.device import Device
+from sim.physics.effect import Physics
+from sim.trace import Trace
+
+BESIDE = 0.6  # share of its sigma that an effect must keep beside others
+AGREE = (0.5, 2.0)  # of the limit's sigma, the one in the recording as it was made
+NEAR = 15.0  # sigma, beyond which a rival need not be written down
+DRY = ("coulomb_friction", "stribeck_friction", "presliding_friction", "directional_friction")
+"""Laws of one and the same friction: a mass has one of them."""
+
+Made = tuple[Rig, Trace, tuple[Hidden, ...]]
+
+
+def conceal_effects(
+    stratum: Stratum, first: str, random: np.random.Generator, stage: Stage
+) -> Made | None:
+    """Return rig, recording and what is concealed in it, `first` and others; None where it fails.
+
+    Raises RunAway where the device leaves all bounds.
+    """
+    known, rig = stage.known, stage.rig
+    found: list[tuple[Physics, float]] = []
+    for name, at in _chosen(stratum, first, random, rig.device):
+        shape = draw_physics(random, name, at, rig.device, stage.motion)
+        sized = _sized(known, shape, draw_times(random, stratum))
+        if sized is None:
+            return None
+        found.append(sized)
+    physics = [p for p, _ in found]
+    alone = [sigma(known, p) for p in physics]
+    beside = _beside(known, physics) if len(physics) > 1 else alone
+    if any(b < BESIDE * a or not a >= SEEN * 0.8 for a, b in zip(alone, beside, strict=True)):
+        return None
+    rig = replace(rig, device=rig.device.with_physics(*physics))
+    trace = record(rig).trace
+    stands = _as_made(known, seen(trace, rig.device), physics)
+    for p, a, s in zip(physics, beside, stands, strict=True):
+        # Which commands are lost the engine cannot know; what has no magnitude has no limit.
+        free = p.effect.name == "dropped_samples" or magnitude(p, known.peak) is None
+        if not (free or AGREE[0] * a <= s <= AGREE[1] * a):
+            return None
+    hidden = tuple(
+        Hidden(
+            p.effect.name, p.at, dict(p.values), magnitude(p, known.peak), times, a, b,
+            {k: d for k, d in separation(known, p).items() if d < NEAR},
+        )
+        for (p, times), a, b in zip(found, alone, beside, strict=True)
+    )  # fmt: skip
+    return rig, trace, hidden
+
+
+def _chosen(
+    stratum: Stratum, first: str, random: np.random.Generator, device: Device
+) -> list[tuple[str, str]]:
+    """Effects and places: one friction law a mass, each effect once."""
+    possible = [place for place in places(device) if place[0] != "rectified_sensor"]
+    ats = [at for name, at in places(device) if name == first]
+    chosen = [(first, str(random.choice(ats)))]
+    while len(chosen) < stratum.effects:
+        taken = {name for name, _ in chosen}
+        dry = {at for name, at in chosen if name in DRY}
+        left = [p for p in possible if p[0] not in taken and not (p[0] in DRY and p[1] in dry)]
+        chosen.append(left[int(random.integers(len(left)))])
+    return chosen
+
+
+def _sized(known: Reference, shape: Physics, times: float) -> tuple[Physics, float] | None:
+    """Return the effect at that many times its limit; one without a magnitude as it is."""
+    if magnitude(shape, known.peak) is None:
+        return shape, sigma(known, shape) / SEEN
+    smallest = limit(known, shape)
+    strong = None if smallest is None else strengthened(smallest, times, known.peak)
+    return None if strong is None else (strong, times)
+
+
+def _beside(known: Reference, physics: Sequence[Physics]) -> list[float]:
+    """Return the sigma of each effect above what a refit and the other effects' sizes absorb."""
+    off = known.off(*(p.effect.name for p in physics))
+    columns = np.column_stack([off(known.signature(p)) for p in physics])
+    found: list[float] = []
+    for i in range(columns.shape[1]):
+        others = np.delete(columns, i, axis=1)
+        share = np.linalg.lstsq(others, columns[:, i])[0]
+        found.append(float(np.linalg.norm(columns[:, i] - others @ share)))
+    return found
+
+
+def _as_made(known: Reference, made: Experiment, physics: Sequence[Physics]) -> list[float]:
+    """Return at how many sigma each effect stands in the recording as it was made.
+
+    That is how much worse the true device predicts it without this effect, off the refit's span.
+    """
+    problem = Problem([made], known.problem.observer)
+    off = known.off(*(p.effect.name for p in physics))
+
+    def innovations(kept: Sequence[Physics]) -> np.ndarray:
+        model = Model(known.device.with_physics(*kept))
+        return problem.weighted(model, np.zeros(model.linear_count))
+
+    whole = innovations(physics)
+    found: list[float] = []
+    for gone in physics:
+        moved = innovations([p for p in physics if p is not gone]) - whole
+        padded = np.concatenate([moved, np.zeros(known.jacobian.shape[0] - moved.size)])
+        found.append(float(np.linalg.norm(off(padded))))
+    return found
