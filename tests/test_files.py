@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from zwidth.errors import Status, explain
-from zwidth.files import json_text, replacing, write_text
+from zwidth.files import check_folder, json_text, replacing, write_text
 
 
 def test_folders_are_made_and_no_draft_stays(tmp_path: Path):
@@ -60,3 +60,21 @@ def test_a_folder_in_the_way_is_bad_input(tmp_path: Path):
 def test_json_has_no_nan():
     with pytest.raises(ValueError, match="not JSON compliant"):
         json_text({"x": math.nan})
+
+
+def test_a_folder_that_can_be_written_to_is_left_as_it_was(tmp_path: Path):
+    """Mutation: the folders that the trial made are not removed."""
+    check_folder(tmp_path / "a" / "b")
+    check_folder(tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_cannot_be_made_is_an_error_and_leaves_nothing(tmp_path: Path):
+    """Mutation: permissions asked (os.access) instead of tried."""
+    (tmp_path / "file").write_text("")
+    with pytest.raises(NotADirectoryError):
+        check_folder(tmp_path / "file" / "out")
+    if Path("/proc/self").exists():
+        with pytest.raises(OSError, match="/proc/zwidth"):
+            check_folder(Path("/proc/zwidth"))
+    assert [p.name for p in tmp_path.iterdir()] == ["file"]

@@ -1,8 +1,12 @@
 """Lists of numbers after one flag, and the sentence that refuses a wrong one."""
 
+from importlib import import_module
+from pathlib import Path
+
 import click
 import pytest
 
+from zwidth import cli, options
 from zwidth.errors import Status, explain
 from zwidth.options import ManyNumbers, Quantities, Quantity, spread
 
@@ -72,3 +76,37 @@ def test_other_options_keep_their_words():
     assert spread(["--x", "1", "2", "--y", "3", "4"], {"--x"}) == [
         *("--x", "1", "--x", "2", "--y", "3", "4")
     ]
+
+
+COMMANDS_WITH_OUT = [
+    ["paper"],
+    ["boundary", "phantom_1_0"],
+    ["map", "phantom_1_0"],
+    ["simulate", "wall.toml"],
+    ["identify", "recording.toml"],
+    ["relay", "phantom_1_0"],
+    ["diagnose", "recording.toml", "--device", "phantom_1_0"],
+]
+
+
+@pytest.mark.parametrize("line", COMMANDS_WITH_OUT, ids=lambda line: line[0])
+def test_a_folder_that_cannot_be_written_to_is_refused_before_anything_is_done(
+    line: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    """Mutation: `--out` without its callback computes first, or blames the missing recording."""
+    (tmp_path / "file").write_text("")
+    out = tmp_path / "file" / "out"
+    assert cli.run([*line, "--out", str(out)]) == Status.BAD_INPUT
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.startswith(f"error: invalid value for '--out': {out} cannot be written to")
+    assert said.err.count("\n") == 1
+
+
+def test_every_command_that_writes_a_folder_asks_for_it_in_one_way():
+    """Mutation: an `--out` of a command's own."""
+    for name in cli.COMMANDS:
+        command = import_module(f"zwidth.commands.{name}").command
+        for option in command.params:
+            if "--out" in option.opts:
+                assert option.callback is options._writable, name  # pyright: ignore[reportPrivateUsage]

@@ -5,7 +5,24 @@ import os
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import IO, Any
+
+
+def check_folder(path: Path) -> None:
+    """Raise OSError unless files can be written into a folder, there or not.
+
+    Tried and not asked: what permissions say is not what a file system does. Leaves nothing behind.
+    """
+    missing = [folder for folder in (path, *path.parents) if not folder.exists()]
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        with TemporaryFile(dir=path):
+            pass
+    finally:
+        for folder in missing:
+            with suppress(OSError):
+                folder.rmdir()
 
 
 @contextmanager

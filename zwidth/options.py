@@ -9,6 +9,8 @@ from typing import Any
 
 import click
 
+from zwidth.files import check_folder
+
 # What begins like a number is meant as one: `--delay-ms 2 4x` is a wrong delay, not a device "4x".
 LIKE_A_NUMBER = re.compile(r"[+-]?(\d|\.\d|nan\b|inf)", re.IGNORECASE)
 
@@ -112,12 +114,26 @@ cluster_option = click.option(
 
 
 def out_option(default: str) -> Callable[[Any], Any]:
-    """Return ``--out DIR`` with the default folder of the command."""
+    """Return ``--out DIR`` with the default folder of the command.
+
+    A folder that cannot be written to is refused before anything is computed.
+    """
     return click.option(
         "--out",
         metavar="DIR",
         type=click.Path(file_okay=False, path_type=Path),
         default=default,
         show_default=True,
+        callback=_writable,
         help="Folder for the files that the command writes; it is made.",
     )
+
+
+def _writable(ctx: click.Context, param: click.Parameter, value: Path) -> Path:
+    try:
+        check_folder(value)
+    except OSError as error:
+        raise click.BadParameter(
+            f"{value} cannot be written to ({error.strerror}); give a folder that can.", ctx, param
+        ) from None
+    return value
