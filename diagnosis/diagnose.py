@@ -18,7 +18,8 @@ from diagnosis.locate import locate
 from diagnosis.parameters import Model, linear_parameters, values_of
 from diagnosis.result import Diagnosis, Estimate, Finding, Residuals, Rival, Verdict
 from diagnosis.screen import Complement, screen
-from diagnosis.search import THRESHOLD, Say, Searched, Step, fit_without, search
+from diagnosis.search import Searched, fit_without, search
+from diagnosis.trials import THRESHOLD, Say, Step
 from diagnosis.uncertainty import Z95, covariance, inflation
 from sim.device import Device, place_label
 from sim.physics.effect import Physics

@@ -40,6 +40,7 @@ class Experiment:
     swing: rms of the first output about its mean, in the whole recording. What was found out about
     the recording itself: sensor_error (ticks,) is what its steps add to the first output, dropped
     (ticks,) are the commands that were not delivered; both count where a model has that effect.
+    start: what to add to positions and velocities (2n,) that the observer begins with.
     """
 
     period: float
@@ -50,6 +51,7 @@ class Experiment:
     swing: float = 1.0
     sensor_error: Floats | None = None
     dropped: NDArray[np.bool_] | None = None
+    start: Floats | None = None
 
     @property
     def ticks(self) -> int:
@@ -71,6 +73,7 @@ class Experiment:
             measured=self.measured[cut],
             sensor_error=None if self.sensor_error is None else self.sensor_error[cut],
             dropped=None if self.dropped is None else self.dropped[cut],
+            start=self.start if start == 0 else None,
         )
 
     def split(self, share: float = 0.7) -> "tuple[Experiment, Experiment]":

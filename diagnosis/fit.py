@@ -73,6 +73,13 @@ class Problem:
         prior = np.array([xi for p, xi in zip(model.parameters, x, strict=True) if p.prior])
         return np.concatenate([self.weighted(model, x), prior])
 
+    def at(self, model: Model, x: Floats) -> Fitted:
+        """Return a model as it stands at x, not fitted."""
+        residual = self.residual(model, x)
+        samples = residual.size - sum(p.prior for p in model.parameters)
+        slopes = self.jacobian(model, x, residual)
+        return Fitted(model, x, float(residual @ residual), residual, slopes, samples)
+
     def jacobian(
         self, model: Model, x: Floats, at: Floats | None = None, known: Floats | None = None
     ) -> Floats:

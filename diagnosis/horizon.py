@@ -11,7 +11,8 @@ import numpy as np
 
 from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted, Problem
-from diagnosis.predictor import Observer, deviation, free_run_errors, observer_for
+from diagnosis.predictor import free_run_errors
+from diagnosis.settle import prepared_for
 
 SLOWER = (1e3, 1e1, 1e-1, 1e-3)
 BETTER = 0.8  # of the free run's error
@@ -32,7 +33,10 @@ def longer_view(
     for ratio in SLOWER:
         if ratio >= problem.observer.ratio:
             continue
-        tried = _at_ratio(experiments, best[1], ratio)
+        try:
+            tried = _at_ratio(experiments, best[1], ratio)
+        except np.linalg.LinAlgError:  # so slow that it does not hold a device without springs
+            continue
         found = free_run_error(experiments, *tried)
         if found < error:
             best, error = tried, found
@@ -52,14 +56,7 @@ def free_run_error(experiments: Sequence[Experiment], problem: Problem, fitted: 
 def _at_ratio(
     experiments: Sequence[Experiment], fitted: Fitted, ratio: float
 ) -> tuple[Problem, Fitted]:
-    model, x = fitted.model, fitted.x
-    problem = None
-    for _ in range(2):  # the second time with the deviations of the first
-        device = model.acting(x)
-        seen = [model.seen(e, x) for e in experiments]
-        gain = observer_for(device, seen[0], ratio)
-        problem = Problem(experiments, Observer(gain, deviation(device, seen, gain), ratio))
-        fitted = problem.fit(model, x)
-        x = fitted.x
-    assert problem is not None
-    return problem, fitted
+    problem = prepared_for(experiments, fitted.model, fitted.x, ratio)
+    fitted = problem.fit(fitted.model, fitted.x)
+    problem = prepared_for(problem.experiments, fitted.model, fitted.x, ratio)
+    return problem, problem.fit(fitted.model, fitted.x)

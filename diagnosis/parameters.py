@@ -20,6 +20,7 @@ from sim.physics.effect import Physics
 Floats = NDArray[np.float64]
 MASS_SCALE, SPRING_SCALE, DAMPER_SCALE, GAIN_SCALE = 0.2, 0.2, 0.5, 0.05
 ORIGIN_SCALE = 0.1  # of the rms motion: where a spring to ground is at rest
+FARTHEST = 4.0  # scales that a mass, spring or gain may move: a mass that doubles mimics friction
 DAMPER_FLOOR = 0.1  # of the mean damper: what a damper of nearly zero may change by
 
 IN_RECORDING = ("dropped_samples", "rectified_sensor")  # taken off the recording, not simulated
@@ -203,14 +204,17 @@ def linear_parameters(device: Device) -> list[Parameter]:
     def damper(name: str, kind: str, i: int, value: float) -> Parameter:
         return Parameter(name, kind, i, DAMPER_SCALE * max(abs(value), floor))
 
-    found = [Parameter(f"m{i + 1}", "mass", i, MASS_SCALE) for i in range(n)]
+    found = [Parameter(f"m{i + 1}", "mass", i, MASS_SCALE, -FARTHEST, FARTHEST) for i in range(n)]
     found += [damper(f"b{i + 1}", "damper", i, chain.ground_dampers[i]) for i in range(n)]
-    found += [Parameter(f"k{i + 1}{i + 2}", "spring", i, SPRING_SCALE) for i in range(n - 1)]
+    found += [
+        Parameter(f"k{i + 1}{i + 2}", "spring", i, SPRING_SCALE, -FARTHEST, FARTHEST)
+        for i in range(n - 1)
+    ]
     found += [damper(f"b{i + 1}{i + 2}", "link", i, chain.link_dampers[i]) for i in range(n - 1)]
     if chain.ground_spring > 0.0:
-        found.append(Parameter("k0", "k0", 0, SPRING_SCALE))
+        found.append(Parameter("k0", "k0", 0, SPRING_SCALE, -FARTHEST, FARTHEST))
         found.append(Parameter("origin", "origin", 0, ORIGIN_SCALE, prior=False))
-    return [*found, Parameter("gain", "gain", 0, GAIN_SCALE)]
+    return [*found, Parameter("gain", "gain", 0, GAIN_SCALE, -FARTHEST, FARTHEST)]
 
 
 def values_of(model: Model, x: Floats) -> dict[str, float]:

@@ -8,7 +8,7 @@ inside a fit: a fit that may change its own noise cheats with it.
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +25,7 @@ from sim.predict import predict
 from sim.run import Start, start_memory
 
 Floats = NDArray[np.float64]
+BEGINNING = 2000  # ticks by which the state at the start is judged
 SETTLING = 100  # ticks left out at the start, until the observer has found the state
 RATIOS = np.geomspace(1e-3, 1e9, 25)
 
@@ -78,7 +79,10 @@ def prepared(device: Device, fineness: Fineness = FINAL) -> Prepared:
 
 
 def observer_memory(eq: Equations, experiment: Experiment) -> Memory:
-    """Return the memory at the first sample: masses at the first position, speed by slope."""
+    """Return the memory at the first sample: masses at the first position, speed by slope.
+
+    What the recording is known to begin with besides (`begun`) is added.
+    """
     position = velocity = 0.0
     for o, output in enumerate(experiment.outputs):
         y = experiment.measured[:, o]
@@ -87,7 +91,12 @@ def observer_memory(eq: Equations, experiment: Experiment) -> Memory:
             velocity = float(np.polyfit(np.arange(10) * eq.period, y[:10], 1)[0])
             break
         velocity = float(y[:5].mean())
-    return start_memory(eq, none(), Start(position, velocity), 0)
+    memory = start_memory(eq, none(), Start(position, velocity), 0)
+    if experiment.start is not None:
+        n = experiment.start.size // 2
+        memory.x[:n] += experiment.start[:n]
+        memory.x[eq.dof : eq.dof + n] += experiment.start[n:]
+    return memory
 
 
 def innovations(
@@ -110,6 +119,36 @@ def innovations(
         _padded(gain, device, eq), forces, memory, scratch(eq), _saved(memory), out,
     )  # fmt: skip
     return out
+
+
+def begun(device: Device, experiment: Experiment, observer: "Observer") -> Experiment:
+    """Return the recording with the state that the observer should begin with.
+
+    An observer that trusts its model forgets a wrong beginning slowly, and the innovations until
+    then look like physics. They are linear in the beginning: e = e_0 + C x_0, solved for x_0 by
+    least squares over the first `BEGINNING` ticks, C by the device without its nonlinear physics.
+    """
+    first = replace(experiment.part(0, min(BEGINNING, experiment.ticks)), start=None)
+    own = (innovations(device, first, observer.gain) / observer.deviation).ravel()
+    linear = device.without_physics() if device.physics else device
+    ready = prepared(linear)
+    dof = device.chain.masses.size
+    still = replace(
+        first, command=np.zeros(first.ticks), measured=np.zeros(first.measured.shape),
+        sensor_error=None, dropped=None,
+    )  # fmt: skip
+    columns: list[Floats] = []
+    scale = np.repeat([1.0, 1.0 / experiment.period], dof) * float(observer.deviation[0])
+    for i in range(2 * dof):
+        unit = np.zeros(2 * dof)
+        unit[i] = scale[i]
+        answer = innovations(linear, replace(still, start=unit), observer.gain, ready=ready)
+        columns.append((answer / observer.deviation).ravel())
+    matrix = np.column_stack(columns)
+    if not (np.all(np.isfinite(matrix)) and np.all(np.isfinite(own))):
+        return replace(experiment, start=None)
+    solved, *_ = np.linalg.lstsq(matrix, -own, rcond=1e-6)
+    return replace(experiment, start=scale * solved)
 
 
 def _saved(memory: Memory) -> Floats:

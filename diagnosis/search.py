@@ -1,79 +1,36 @@
-"""Name the physics: forward steps with swaps and removal, each by a joint fit.
+"""Name the physics: forward steps with second opinions, swaps and removal.
 
-A step screens every effect at every place, fits the most promising jointly with the linear
-parameters from their best starts, and takes the one with the highest evidence: chi-square gained
-less ln(samples) a parameter. It is believed only if it gains more than `THRESHOLD`, which is what
-the best of some two hundred starts gains on white noise less than once in a hundred recordings,
-widened by the spectrum of the residual (a coloured residual makes every gain look larger). Simplest
-first: a richer effect must beat a simpler one by five sigma.
+After a step has taken an effect (`diagnosis.trials`), observer and fit are settled; an observer
+that takes all motion for physics and none for disturbance is asked as well, and the likelier answer
+is kept; effects that no longer pay are removed; and each of several is exchanged for what may
+explain more in its place, up to three effects.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.candidates import CONTAINED, MAGNITUDE, Start, candidates
+from diagnosis.candidates import MAGNITUDE
 from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted, Problem
 from diagnosis.horizon import longer_view
-from diagnosis.lattice import STEPPED, sharpened, stepped_trials
+from diagnosis.lattice import sharpened
 from diagnosis.parameters import Model, effect_labels
-from diagnosis.predictor import FINAL, Observer, choose_observer
-from diagnosis.screen import screen
+from diagnosis.predictor import FINAL
+from diagnosis.settle import prepared_for, refit, settle
+from diagnosis.trials import FIVE_SIGMA, THRESHOLD, Say, Step, Trial, take
 from diagnosis.uncertainty import covariance, inflation
-from diagnosis.waves import wave_starts
 from sim.device import Device, place_label
-from sim.physics.effect import Physics
 
 Floats = NDArray[np.float64]
-THRESHOLD = 30.0
-FIVE_SIGMA = 25.0
-FITTED = 8  # candidates fitted a step
-WORTH = 10.0  # first-order chi-square that is worth a fit
-FIRST_ROUNDS = 4  # of a fit, after which only the candidates near the best go on
-FURTHER_ROUNDS = 8
-STILL_NEAR = 100.0  # chi-square behind the best
 MOST = 3  # effects
 SURE = 4.0  # standard errors that an effect must be away from nothing
-MOSTLY = 0.8  # of what a richer effect gains: then the simple one comes first
-REFITS = 6
 SWAP_GAIN = 4.0  # chi-square by which an effect as simple must be better to replace one
 SHARPENED = 3  # times that an encoder's error is predicted again
-SETTLED = 1.02  # chi2 per sample at which the observer and the refit agree
-Say = Callable[[str], None]
-
-
-@dataclass(frozen=True)
-class Trial:
-    """A candidate's joint fit. gained: chi2 of the model before, less this one's.
-
-    price: chi-square that the search for its period costs. experiments: the recordings as it sees
-    them, None where no different.
-    """
-
-    label: str
-    fitted: Fitted
-    gained: float
-    parameters: int
-    on_bound: str = ""
-    price: float = 0.0
-    experiments: Sequence[Experiment] | None = None
-
-    @property
-    def effect(self) -> str:
-        """The effect's name."""
-        return self.label.split("@")[0]
-
-
-@dataclass(frozen=True)
-class Step:
-    """One round of the search: trials, best evidence first; taken is the one believed, if any."""
-
-    trials: tuple[Trial, ...]
-    taken: Trial | None
-    inflation: float
+SLOWER = 1e-3  # of the observer's ratio, for the second opinion
+LIKELIER = 25.0  # of -2 log likelihood, by which a second opinion must be better
 
 
 @dataclass(frozen=True)
@@ -87,36 +44,12 @@ class Searched:
     interrupted: bool = False
 
 
-def refit(
-    device: Device, experiments: Sequence[Experiment], effects: tuple[Physics, ...] = ()
-) -> tuple[Problem, Fitted]:
-    """Fit the linear parameters, choosing the observer anew between fits until both agree."""
-    model = Model(device, effects, tuple({} for _ in effects))
-    return settle(experiments, model, np.zeros(model.linear_count))
-
-
-def settle(experiments: Sequence[Experiment], model: Model, x: Floats) -> tuple[Problem, Fitted]:
-    """Fit a model from x, choosing the observer anew between fits until both agree."""
-    for _ in range(REFITS):
-        problem = Problem(experiments, observer(experiments, model, x))
-        fitted = problem.fit(model, x)
-        x = fitted.x
-        if abs(fitted.chi2 / fitted.samples - 1.0) < SETTLED - 1.0:
-            break
-    problem = Problem(experiments, observer(experiments, model, x))
-    return problem, problem.fit(model, x)
-
-
-def observer(experiments: Sequence[Experiment], model: Model, x: Floats) -> Observer:
-    """Return the observer for the recordings as the model at x sees them."""
-    return choose_observer(model.acting(x), [model.seen(e, x) for e in experiments])
-
-
 def search(
     device: Device, experiments: Sequence[Experiment], say: Say = lambda _: None
 ) -> Searched:
     """Search for missing physics in the experiments (the part to fit on)."""
     problem, linear = refit(device, experiments)
+    experiments = problem.experiments
     size = np.sqrt(linear.chi2 / linear.samples)
     say(f"linear refit: innovations {size:.3f} of their noise model")
     current, steps, interrupted = linear, list[Step](), False
@@ -126,7 +59,21 @@ def search(
             steps.append(step)
             if step.taken is None:
                 break
-            problem, settled = settled_on(step.taken, experiments)
+            before = current
+            try:
+                problem, settled = settled_on(step.taken, experiments)
+            except ValueError as error:  # it fits where the observer was chosen, and nowhere else
+                say(f"{step.taken.label} is left out: {error}")
+                steps[-1] = replace(step, taken=None)
+                break
+            other = second_opinion(problem, before, experiments, say)
+            if other is not None:
+                found, slow, slow_fit = other
+                more = (slow_fit.x.size - settled.x.size) * np.log(settled.samples)
+                if unlikelihood(slow, slow_fit) + more + LIKELIER < unlikelihood(problem, settled):
+                    say(f"an observer that trusts the model more prefers {found.taken.label}")
+                    steps[-1], step = found, found
+                    problem, settled = slow, slow_fit
             experiments = problem.experiments
             current = prune(problem, settled)
             if step.taken.label not in effect_labels(current.model.effects):
@@ -145,6 +92,33 @@ def search(
     current = problem.fit(current.model, current.x)
     baseline = problem.fit(Model(device), linear.x)
     return Searched(problem, baseline, current, tuple(steps), interrupted)
+
+
+def second_opinion(
+    problem: Problem, current: Fitted, experiments: Sequence[Experiment], say: Say
+) -> tuple[Step, Problem, Fitted] | None:
+    """Ask an observer that follows the measurement far less, None where it believes nothing.
+
+    Strong friction looks like a large disturbance to a model without it; the observer chosen for
+    that model follows every stop, and under it no friction is much better than another.
+    """
+    ratio = SLOWER * problem.observer.ratio
+    try:
+        slow = prepared_for(experiments, current.model, current.x, ratio)
+    except np.linalg.LinAlgError:  # so slow that it does not hold a device without springs
+        return None
+    refitted = slow.fit(current.model, current.x)
+    step = take(slow, refitted, slow.experiments, lambda _: None)
+    if step.taken is None:
+        return None
+    return step, *settled_on(step.taken, slow.experiments)
+
+
+def unlikelihood(problem: Problem, fitted: Fitted) -> float:
+    """Return -2 log likelihood of the innovations, their deviations concentrated out."""
+    white = fitted.white.reshape(-1, problem.observer.deviation.size)
+    spread = problem.observer.deviation**2 * np.mean(white**2, axis=0)
+    return float(white.shape[0] * np.sum(np.log(spread)))
 
 
 def settled_on(trial: Trial, experiments: Sequence[Experiment]) -> tuple[Problem, Fitted]:
@@ -204,80 +178,6 @@ def fit_without(problem: Problem, fitted: Fitted, index: int) -> Fitted:
     gone = place_label(fitted.model.effects[index])
     keep = np.array([label != gone for label in labels])
     return problem.fit(fitted.model.without_effect(index), fitted.x[keep])
-
-
-def take(problem: Problem, current: Fitted, experiments: Sequence[Experiment], say: Say) -> Step:
-    """Try every candidate on top of a fitted model."""
-    built = current.model.build(current.x)
-    starts = [s for s in candidates(built, experiments) if s.physics.effect.name not in STEPPED]
-    waves, prices = wave_starts(problem, current)
-    screened = screen(problem, current, [*starts, *waves])
-    wide = inflation(current.white)
-    near = [one for one in screened[:FITTED] if one.score > WORTH] or screened[:1]
-    trials = [_tried(problem, current, one.start, prices, FIRST_ROUNDS) for one in near]
-    most = max((t.gained for t in trials), default=0.0)
-    trials = [
-        _further(problem, current, t) if most - t.gained < STILL_NEAR * wide else t for t in trials
-    ]
-    for t in stepped_trials(problem, current, experiments):
-        say(f"{t.label}: chi-square gained {t.gained:.0f}")
-        trials.append(Trial(t.label, t.fitted, t.gained, 1, "", t.price, t.problem.experiments))
-    for t in trials:
-        if t.on_bound and t.gained > THRESHOLD * wide:
-            say(f"{t.label} is left out: its {t.on_bound} runs to the end of what is allowed")
-    trials = [t for t in trials if not t.on_bound]
-    trials.sort(key=lambda t: evidence(t, current.samples), reverse=True)
-    if not trials:
-        return Step((), None, wide)
-    best = _simplest(trials, wide)
-    say(f"best candidate {best.label}: chi-square gained {best.gained:.0f}")
-    believed = best.gained > (THRESHOLD + best.price) * wide + 2.0 * best.parameters
-    return Step(tuple(trials), best if believed else None, wide)
-
-
-def _tried(
-    problem: Problem, current: Fitted, start: Start, prices: Mapping[str, float], rounds: int
-) -> Trial:
-    model = current.model.with_effect(start.physics, start.scales)
-    extra = len(model.parameters) - current.x.size
-    x = np.concatenate([current.x, np.zeros(extra)])
-    fitted = problem.fit(model, x, rounds, current.jacobian)
-    gained = current.chi2 - fitted.chi2
-    price = prices.get(start.physics.effect.name, 0.0)
-    return Trial(start.label, fitted, gained, extra, at_bound(fitted), price)
-
-
-def _further(problem: Problem, current: Fitted, trial: Trial) -> Trial:
-    """Fit a trial that may be the best to its end."""
-    fitted = problem.fit(trial.fitted.model, trial.fitted.x, FURTHER_ROUNDS, current.jacobian)
-    gained = current.chi2 - fitted.chi2
-    return replace(trial, fitted=fitted, gained=gained, on_bound=at_bound(fitted))
-
-
-def at_bound(fitted: Fitted) -> str:
-    """Return the parameter of the last effect that stands on its upper bound, "" for none."""
-    last = len(fitted.model.effects) - 1
-    for p, x in zip(fitted.model.parameters, fitted.x, strict=True):
-        if p.kind == "effect" and p.index == last and x > p.upper - 1e-3 * max(1.0, abs(p.upper)):
-            return p.key
-    return ""
-
-
-def evidence(trial: Trial, samples: int) -> float:
-    """Chi-square gained less the price of the parameters."""
-    return trial.gained - trial.price - trial.parameters * float(np.log(samples))
-
-
-def _simplest(trials: Sequence[Trial], wide: float) -> Trial:
-    """The trial with the fewest parameters among those within five sigma of the best."""
-    top = trials[0]
-    if top.effect == "directional_friction":  # Coulomb and a constant force come before it
-        plain = [t for t in trials if top.effect in CONTAINED.get(t.effect, ())]
-        most = max(plain, key=lambda t: t.gained, default=top)
-        if most.gained > MOSTLY * top.gained:
-            return most
-    near = [t for t in trials if top.gained - t.gained < FIVE_SIGMA * wide]
-    return min(near, key=lambda t: (t.parameters, -t.gained))
 
 
 def prune(problem: Problem, fitted: Fitted) -> Fitted:

@@ -54,7 +54,9 @@ def response(problem: Problem, fitted: Fitted, place: str) -> Floats:
         measured[0, 0] = 1.0
     else:
         force[0, int(place[1]) - 1] = 1.0
-    still = replace(first, command=command, measured=measured, sensor_error=None, dropped=None)
+    still = replace(
+        first, command=command, measured=measured, sensor_error=None, dropped=None, start=None
+    )
     return innovations(device, still, problem.observer.gain, force, ready) / (
         problem.observer.deviation
     )

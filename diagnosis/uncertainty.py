@@ -7,6 +7,8 @@ from scipy.signal import welch
 from diagnosis.fit import Fitted
 
 Floats = NDArray[np.float64]
+DEAD = 1e-9  # of the largest slope
+BAND = 64  # samples a segment
 Z95 = 1.959963984540054
 
 
@@ -15,7 +17,8 @@ def covariance(fitted: Fitted) -> Floats:
 
     With A = (J'J)^-1 J', x errs by A r: cov = A cov(r) A', cov(r) from the residual's spectrum by
     transforming the rows of A (a circulant approximation, good for rows much longer than the
-    residual's memory).
+    residual's memory). A parameter that moves nothing (the level of a friction that never lets go)
+    has an infinite variance.
     """
     rows = np.linalg.pinv(fitted.jacobian)
     white, prior = rows[:, : fitted.samples], rows[:, fitted.samples :]
@@ -24,7 +27,11 @@ def covariance(fitted: Fitted) -> Floats:
     twice = np.full(spectra.shape[1], 2.0)
     twice[0] = 1.0
     coloured = np.real((np.conj(spectra) * (power * twice)) @ spectra.T) / fitted.samples
-    return coloured + prior @ prior.T
+    found = coloured + prior @ prior.T
+    size = np.linalg.norm(fitted.jacobian, axis=0)
+    dead = np.flatnonzero(size < DEAD * size.max())
+    found[dead, dead] = np.inf
+    return found
 
 
 def _smooth_spectrum(white: Floats) -> Floats:
@@ -37,7 +44,10 @@ def _smooth_spectrum(white: Floats) -> Floats:
 def inflation(white: Floats) -> float:
     """How much larger a chi-square gain may be by colour alone: the residual's spectrum's maximum.
 
-    Over a spectrum smoothed to 32 bands; 1 for a white residual of unit variance, never below 1.
+    Over a spectrum of 32 bands, each with a relative error of 1 / sqrt(segments), whose maximum lies
+    about 2.2 errors above its mean where the residual is white: that much is taken off. Never below
+    1.
     """
-    _, power = welch(white, nperseg=min(64, white.size))
-    return max(1.0, float(power[1:].max() / 2.0))
+    _, power = welch(white, nperseg=min(BAND, white.size))
+    chance = 1.0 + 2.2 * float(np.sqrt(BAND / white.size))
+    return max(1.0, float(power[1:].max() / 2.0) / chance)

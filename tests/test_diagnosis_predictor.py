@@ -11,7 +11,7 @@ from diagnosis.experiment import Experiment, ExperimentError, Output, experiment
 from diagnosis.hold import smooth, was_smooth
 from diagnosis.predictor import SETTLING, choose_observer, innovations, observer_for
 from diagnosis.screen import Complement
-from diagnosis.search import refit
+from diagnosis.settle import refit
 from diagnosis.uncertainty import inflation
 from sim.chain import make_chain
 from sim.device import Device

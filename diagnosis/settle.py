@@ -1,0 +1,58 @@
+"""Observer and fit in turn, until both agree: the observer never changes inside a fit."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.experiment import Experiment
+from diagnosis.fit import Fitted, Problem
+from diagnosis.parameters import Model
+from diagnosis.predictor import Observer, begun, choose_observer, deviation, observer_for
+from sim.device import Device
+from sim.physics.effect import Physics
+
+Floats = NDArray[np.float64]
+REFITS = 6
+SETTLED = 1.02  # chi2 per sample at which the observer and the refit agree
+
+
+def refit(
+    device: Device, experiments: Sequence[Experiment], effects: tuple[Physics, ...] = ()
+) -> tuple[Problem, Fitted]:
+    """Fit the linear parameters, choosing the observer anew between fits until both agree."""
+    model = Model(device, effects, tuple({} for _ in effects))
+    return settle(experiments, model, np.zeros(model.linear_count))
+
+
+def settle(experiments: Sequence[Experiment], model: Model, x: Floats) -> tuple[Problem, Fitted]:
+    """Fit a model from x, choosing the observer anew between fits until both agree."""
+    for _ in range(REFITS):
+        problem = prepared_for(experiments, model, x)
+        fitted = problem.fit(model, x)
+        experiments, x = problem.experiments, fitted.x
+        if abs(fitted.chi2 / fitted.samples - 1.0) < SETTLED - 1.0:
+            break
+    problem = prepared_for(experiments, model, x)
+    return problem, problem.fit(model, x)
+
+
+def prepared_for(
+    experiments: Sequence[Experiment], model: Model, x: Floats, ratio: float | None = None
+) -> Problem:
+    """Return the problem of a model at x: observer (None: the likeliest), beginnings, deviations.
+
+    Raises LinAlgError where there is no observer of that ratio.
+    """
+    device = model.acting(x)
+    seen = [model.seen(e, x) for e in experiments]
+    if ratio is None:
+        chosen = choose_observer(device, seen)
+    else:
+        gain = observer_for(device, seen[0], ratio)
+        chosen = Observer(gain, deviation(device, seen, gain), ratio)
+    starts = [begun(device, e, chosen).start for e in seen]
+    known = [replace(e, start=s) for e, s in zip(experiments, starts, strict=True)]
+    seen = [model.seen(e, x) for e in known]
+    return Problem(known, replace(chosen, deviation=deviation(device, seen, chosen.gain)))

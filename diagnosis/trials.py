@@ -1,0 +1,169 @@
+"""One step of the search: every effect on top of a fitted model, screened, fitted, ranked.
+
+Most are screened out by their first-order gain; the best few are fitted jointly with the linear
+parameters, first with the slopes known already, those near the best to the end. The one with the
+highest evidence, chi-square gained less ln(samples) a parameter, is taken; it is believed only if
+it gains more than `THRESHOLD`, which is what the best of some two hundred starts gains on white
+noise less than once in a hundred recordings, widened by the spectrum of the residual (a coloured
+residual makes every gain look larger). Simplest first: a richer effect must beat a simpler one by
+five sigma.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.candidates import CONTAINED, Start, candidates
+from diagnosis.experiment import Experiment
+from diagnosis.fit import Fitted, Problem
+from diagnosis.lattice import STEPPED, stepped_trials
+from diagnosis.screen import screen
+from diagnosis.uncertainty import inflation
+from diagnosis.waves import wave_starts
+
+Floats = NDArray[np.float64]
+THRESHOLD = 30.0
+FIVE_SIGMA = 25.0
+FITTED = 8  # candidates fitted a step
+STRAIGHTENED = 4  # of them from the device file, where the refit is bent
+WORTH = 10.0  # first-order chi-square that is worth a fit
+FIRST_ROUNDS = 4  # of a fit, after which only the candidates near the best go on
+FURTHER_ROUNDS = 8
+BENT = 2.0  # prior deviations: a refit so far off may have bent itself to what is missing
+STILL_NEAR = 100.0  # chi-square behind the best
+MOSTLY = 0.8  # of what a richer effect gains: then the simple one comes first
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A candidate's joint fit. gained: chi2 of the model before, less this one's.
+
+    price: chi-square that the search for its period costs. experiments: the recordings as it sees
+    them, None where no different.
+    """
+
+    label: str
+    fitted: Fitted
+    gained: float
+    parameters: int
+    on_bound: str = ""
+    price: float = 0.0
+    experiments: Sequence[Experiment] | None = None
+
+    @property
+    def effect(self) -> str:
+        """The effect's name."""
+        return self.label.split("@")[0]
+
+
+@dataclass(frozen=True)
+class Step:
+    """One round of the search: trials, best evidence first; taken is the one believed, if any."""
+
+    trials: tuple[Trial, ...]
+    taken: Trial | None
+    inflation: float
+
+
+def take(problem: Problem, current: Fitted, experiments: Sequence[Experiment], say: Say) -> Step:
+    """Try every candidate on top of a fitted model."""
+    built = current.model.build(current.x)
+    starts = [s for s in candidates(built, experiments) if s.physics.effect.name not in STEPPED]
+    waves, prices = wave_starts(problem, current)
+    screened = screen(problem, current, [*starts, *waves])
+    wide = inflation(current.white)
+    near = [one for one in screened[:FITTED] if one.score > WORTH] or screened[:1]
+    trials = [_tried(problem, current, current, one.start, prices) for one in near]
+    straight = _straight(problem, current)
+    if straight is not None:
+        again = screen(problem, straight, starts)[:STRAIGHTENED]
+        trials += [_tried(problem, current, straight, one.start, prices) for one in again]
+        trials = _best_of_each(trials)
+    most = max((t.gained for t in trials), default=0.0)
+    trials = [
+        _further(problem, current, t) if most - t.gained < STILL_NEAR * wide else t for t in trials
+    ]
+    for t in stepped_trials(problem, current, experiments):
+        say(f"{t.label}: chi-square gained {t.gained:.0f}")
+        trials.append(Trial(t.label, t.fitted, t.gained, 1, "", t.price, t.problem.experiments))
+    for t in trials:
+        if t.on_bound and t.gained > THRESHOLD * wide:
+            say(f"{t.label} is left out: its {t.on_bound} runs to the end of what is allowed")
+    trials = [t for t in trials if not t.on_bound]
+    trials.sort(key=lambda t: evidence(t, current.samples), reverse=True)
+    if not trials:
+        return Step((), None, wide)
+    best = _simplest(trials, wide)
+    say(f"best candidate {best.label}: chi-square gained {best.gained:.0f}")
+    believed = best.gained > (THRESHOLD + best.price) * wide + 2.0 * best.parameters
+    return Step(tuple(trials), best if believed else None, wide)
+
+
+def _straight(problem: Problem, current: Fitted) -> Fitted | None:
+    """Return the model with the linear parameters of the device file, where the fit is far off.
+
+    A refit that can mimic what is missing hides it from a search that starts there.
+    """
+    linear = np.array([p.prior for p in current.model.parameters])
+    if np.abs(current.x[linear]).max(initial=0.0) < BENT:
+        return None
+    return problem.at(current.model, np.where(linear, 0.0, current.x))
+
+
+def _best_of_each(trials: Sequence[Trial]) -> list[Trial]:
+    best: dict[str, Trial] = {}
+    for t in trials:
+        if t.label not in best or t.gained > best[t.label].gained:
+            best[t.label] = t
+    return list(best.values())
+
+
+def _tried(
+    problem: Problem, current: Fitted, at: Fitted, start: Start, prices: Mapping[str, float]
+) -> Trial:
+    """Fit an effect on top of a model, from where it stands at `at`."""
+    model = current.model.with_effect(start.physics, start.scales)
+    extra = len(model.parameters) - current.x.size
+    known = at.jacobian if at is current else None
+    fitted = problem.fit(model, np.concatenate([at.x, np.zeros(extra)]), FIRST_ROUNDS, known)
+    gained = current.chi2 - fitted.chi2
+    price = prices.get(start.physics.effect.name, 0.0)
+    return Trial(start.label, fitted, gained, extra, at_bound(fitted), price)
+
+
+def _further(problem: Problem, current: Fitted, trial: Trial) -> Trial:
+    """Fit a trial that may be the best to its end."""
+    near = np.abs(trial.fitted.x[: current.x.size] - current.x).max(initial=0.0) < 1.0
+    known = current.jacobian if near else None
+    fitted = problem.fit(trial.fitted.model, trial.fitted.x, FURTHER_ROUNDS, known)
+    gained = current.chi2 - fitted.chi2
+    return replace(trial, fitted=fitted, gained=gained, on_bound=at_bound(fitted))
+
+
+def at_bound(fitted: Fitted) -> str:
+    """Return the parameter of the last effect that stands on its upper bound, "" for none."""
+    last = len(fitted.model.effects) - 1
+    for p, x in zip(fitted.model.parameters, fitted.x, strict=True):
+        if p.kind == "effect" and p.index == last and x > p.upper - 1e-3 * max(1.0, abs(p.upper)):
+            return p.key
+    return ""
+
+
+def evidence(trial: Trial, samples: int) -> float:
+    """Chi-square gained less the price of the parameters."""
+    return trial.gained - trial.price - trial.parameters * float(np.log(samples))
+
+
+def _simplest(trials: Sequence[Trial], wide: float) -> Trial:
+    """The trial with the fewest parameters among those within five sigma of the best."""
+    top = trials[0]
+    if top.effect == "directional_friction":  # Coulomb and a constant force come before it
+        plain = [t for t in trials if top.effect in CONTAINED.get(t.effect, ())]
+        most = max(plain, key=lambda t: t.gained, default=top)
+        if most.gained > MOSTLY * top.gained:
+            return most
+    near = [t for t in trials if top.gained - t.gained < FIVE_SIGMA * wide]
+    return min(near, key=lambda t: (t.parameters, -t.gained))
