@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
+NOISY = ("distributed", "distributed.client", "tornado.application")
 PROCESS = uuid4().hex  # of this process: whoever has another one is a worker
 LOOK_EVERY = 0.5  # [s] for lost workers and a lost scheduler
 ANSWER_WITHIN = 10.0  # [s] a scheduler and the first worker, when one connects
@@ -67,7 +68,7 @@ class Cluster:
             raise ValueError(
                 "a cluster needs the package distributed; pip install 'zwidth[cluster]'"
             ) from None
-        for name in ("distributed", "tornado"):  # what matters of it is said in a sentence of ours
+        for name in NOISY:  # what matters of it is said in a sentence of ours
             logging.getLogger(name).setLevel(logging.CRITICAL)
         file = self.address.endswith(".json")
         try:
@@ -120,30 +121,33 @@ class Cluster:
         try:
             while watch.scheduler_knows(flying):
                 for key, task in islice(waiting, max(0, AHEAD * watch.cores - len(flying))):
-                    future = client.submit(work, task, key=f"{key}-{mark}", pure=False)
+                    future = client.submit(work, task, key=f"{key}+{mark}", pure=False)
                     flying[future] = key
                     future.add_done_callback(finished.put)
                 if not flying:
                     return
-                with suppress(queue.Empty):
+                try:
                     future = finished.get(timeout=LOOK_EVERY)
-                    try:
-                        result = future.result(self.patience)
-                    except TimeoutError:  # finished, but lost with its worker, the last one
-                        finished.put(future)
-                        continue
-                    except (CancelledError, OSError):
-                        if future.status == "error":  # the task's own
-                            raise
-                        return
-                    key = flying.pop(future)
-                    del left[key]
-                    yield key, result
+                except queue.Empty:
+                    continue
+                if future.status == "error":
+                    failure: Any = future.exception(self.patience)
+                    raise failure
+                try:
+                    result = future.result(self.patience)
+                except TimeoutError:  # finished, but lost with its worker, the last one
+                    finished.put(future)
+                    continue
+                except (CancelledError, OSError):
+                    return
+                key = flying.pop(future)
+                del left[key]
+                yield key, result
         except KilledWorker as error:
             raise ChildProcessError(
                 errno.ECHILD,
-                f"{error.allowed_failures + 1} workers died over {error.task}; look at the memory"
-                " they need; what came back is kept",
+                f"{error.allowed_failures + 1} workers died over {str(error.task).split('+')[0]!r};"
+                " look at the memory they need; what came back is kept",
             ) from None
         finally:
             with suppress(Exception):  # the scheduler may be gone, and with it what is cancelled
