@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from urllib.parse import parse_qs
 
 import numpy as np
@@ -244,7 +245,7 @@ def test_an_augmented_device_differs_by_its_sliders():
 
 
 def test_errors_are_sentences(
-    tmp_path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
     broken = tmp_path / "broken.toml"
     broken.write_text("name = ")

@@ -159,6 +159,73 @@ def test_a_view_is_changed_looked_at_and_saved(browser: Browser, address: str, t
     other.close()
 
 
+FOCUS = """() => {
+  let at = document.activeElement
+  while (at?.shadowRoot?.activeElement) at = at.shadowRoot.activeElement
+  return [at?.getAttribute("role") ?? at?.tagName, at?.getAttribute("aria-label")
+          ?? at?.labels?.[0]?.textContent ?? at?.textContent ?? ""].join(" ").trim()
+}"""
+RECORDED = """() => Bokeh.documents[0].get_model_by_name("recorded").data.position.length"""
+
+
+def test_a_laptop_shows_it_all_and_its_keyboard_reaches_it(
+    browser: Browser, address: str, tmp_path: Path
+):
+    page = opened(browser, address + "?encoder_step=0.0001&command_limit=0.5")
+    beyond = "[scrollWidth - innerWidth, scrollHeight - innerHeight]"
+    assert max(page.evaluate(f"() => {{ with (document.documentElement) return {beyond} }}")) <= 0
+    met = list[str]()
+    while "BUTTON Frequency" not in met and len(met) < 60:
+        page.keyboard.press("Tab")
+        met.append(page.evaluate(FOCUS))
+    wanted = [
+        "slider Encoder step", "slider Command limit", "slider Delay", "slider Friction at m1",
+        "slider Start amplitude", "BUTTON Sliders back to the device's own",
+        "INPUT The wall only pushes", "INPUT K [N m/rad]", "INPUT B [N m s/rad]", "A log (MCAP)",
+        "A scenario", "INPUT Drop a recording, to lie beside:", "BUTTON Verdict",
+        "BUTTON Amplitude", "BUTTON Frequency",
+    ]  # fmt: skip
+    assert [one for one in met if one in wanted] == wanted
+
+    page.keyboard.press("Enter")
+    page.wait_for_function("location.search.includes('layer=frequency')")
+    before = page.evaluate(RUN)
+    page.get_by_label("K [N m/rad]").fill("33")
+    page.keyboard.press("Enter")
+    page.wait_for_function("location.search.includes('K=33')")
+    page.wait_for_function(f"before => ({RUN})() !== before", arg=before)
+    page.get_by_label("The wall only pushes").press("Space")
+    page.wait_for_function("location.search.includes('one_sided=1')")
+
+    with page.expect_download() as saving:
+        page.get_by_role("link", name="log (MCAP)").click()
+    saving.value.save_as(log := tmp_path / "run.mcap")
+    (wrong := tmp_path / "wrong.csv").write_text("a,b\n1,2\n")
+    chooser = page.get_by_label("Drop a recording")
+    chooser.set_input_files(wrong)
+    expect(page.get_by_text("wrong.csv was not written by zwidth")).to_be_visible()
+    assert page.evaluate(RECORDED) == 0
+    chooser.set_input_files(log)
+    page.wait_for_function(f"() => ({RECORDED})() > 0")
+    expect(page.get_by_text("Beside: run.mcap")).to_be_visible()
+    page.close()
+
+
+def test_a_tab_closed_while_it_computes_disturbs_no_other(browser: Browser, address: str):
+    stays = opened(browser, address)
+    for _ in range(3):
+        goes = browser.new_page()
+        goes.goto(address + "?friction=0.003&encoder_step=0.0001")
+        goes.wait_for_function("() => Bokeh.documents.length > 0")
+        goes.close()
+    slider = stays.get_by_role("slider", name="Delay")
+    before = stays.evaluate(MAP)
+    slider.press("ArrowRight")
+    stays.wait_for_function(f"before => ({MAP})() !== before", arg=before)
+    finished(stays)
+    stays.close()
+
+
 PRESS = """async (key) => {
   const text = Bokeh.documents[0].get_model_by_name("progress")
   const frame = () => new Promise(done => requestAnimationFrame(done))

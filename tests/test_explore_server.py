@@ -17,6 +17,7 @@ import pytest
 pytest.importorskip("bokeh", reason="needs the extra zwidth[explore]")
 
 from bokeh.document import Document
+from bokeh.server.callbacks import NextTickCallback
 
 from logs.recording import read_recording
 from scenarios.replay import replay
@@ -173,13 +174,19 @@ def test_a_port_in_use_is_one_sentence(port: int, capsys: pytest.CaptureFixture[
     gc.collect()  # tornado leaves the socket that it could not bind to the collector
 
 
+def shown(document: Document) -> None:
+    """Do what waits to be shown on a page without a browser."""
+    for callback in document.session_callbacks:
+        assert isinstance(callback, NextTickCallback)
+        document.remove_next_tick_callback(callback)
+        callback.callback()
+
+
 def settled(session: Session, document: Document) -> None:
     """Wait until a page without a browser has shown everything."""
     deadline = time.monotonic() + 60
     while time.monotonic() < deadline:
-        for callback in document.session_callbacks:
-            document.remove_next_tick_callback(callback)
-            callback.callback()
+        shown(document)
         if session.drawn and session.drawn.finished and session.page.wall.html:
             return
         time.sleep(0.01)
@@ -261,9 +268,7 @@ def test_an_error_in_the_background_is_told(monkeypatch: pytest.MonkeyPatch):
     session.page.put_on(document)
     deadline = time.monotonic() + 30
     while not session.page.trouble.text and time.monotonic() < deadline:
-        for callback in document.session_callbacks:
-            document.remove_next_tick_callback(callback)
-            callback.callback()
+        shown(document)
         time.sleep(0.01)
     session.close()
     assert "internal error, ZeroDivisionError: of what" in session.page.trouble.text

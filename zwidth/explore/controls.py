@@ -111,6 +111,11 @@ class Controls:
             self.devices, *self.sliders.widgets.values(), self.reset, self.one_sided, walls,
         ]  # fmt: skip
 
+    def nameless(self) -> dict[str, UIElement]:
+        """Return the widgets that Bokeh gives no accessible name, each by the name it needs."""
+        names: dict[str, UIElement] = {str(s.title): s for s in self.sliders.widgets.values()}
+        return names | {str(self.one_sided.label): self.one_sided}
+
     def show(self, bench: Bench, view: View) -> None:
         """Set every widget to a view."""
         self._showing = True

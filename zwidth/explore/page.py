@@ -30,11 +30,11 @@ SAVES = (
     ' <a href="run.toml?{query}" download>scenario</a>'
 )
 WRITE_ADDRESS = "history.replaceState(null, '', '?' + cb_obj.query)"
-# Bokeh gives the handle of a slider no name, which readers of the screen need.
+# Bokeh gives sliders and checkboxes no name, which readers of the screen need.
 AT_FIRST = """
-for (const slider of Object.values(sliders)) {
-  const handle = Bokeh.index.find_one(slider)?.el.shadowRoot?.querySelector(".noUi-handle")
-  handle?.setAttribute("aria-label", slider.title)
+for (const [name, widget] of Object.entries(widgets)) {
+  const inside = Bokeh.index.find_one(widget)?.el.shadowRoot
+  inside?.querySelector(".noUi-handle, input")?.setAttribute("aria-label", name)
 }
 history.replaceState(null, "", "?" + address.query)
 """
@@ -90,7 +90,7 @@ class Page:
         document.title = f"{self.bench.devices[0].name} \u2013 zwidth explore"
         document.add_root(self.root)
         document.add_root(self.address)
-        given = {"sliders": dict(self.controls.sliders.widgets), "address": self.address}
+        given = {"widgets": self.controls.nameless(), "address": self.address}
         document.js_on_event(DocumentReady, CustomJS(args=given, code=AT_FIRST))
 
     def show_view(self, view: View) -> None:

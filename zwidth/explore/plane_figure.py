@@ -73,7 +73,7 @@ class PlaneFigure:
             ("B, K", "$x{0.0000}, $y{0.00}"), ("", "@fate{custom}"),
             ("amplitude", f"@amplitude{{0.00e+0}} {unit}"), ("frequency", "@frequency{0.0} Hz"),
         ]  # fmt: skip
-        said = {"@fate": CustomJSHover(code=FATE_WORDS)}
+        said: dict[str, Any] = {"@fate": CustomJSHover(code=FATE_WORDS)}
         self.figure.add_tools(HoverTool(renderers=[drawn], tooltips=words, formatters=said))
 
     def _lines(self) -> None:
