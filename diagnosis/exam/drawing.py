@@ -14,7 +14,7 @@ from diagnosis.exam.of_no_library import conceal_outside
 from diagnosis.exam.strata import Stratum
 from diagnosis.experiment import Experiment
 from diagnosis.reference import reference
-from diagnosis.search import refit
+from diagnosis.settle import refit
 from scenarios.concealed.devices import draw_device, mistaken
 from scenarios.concealed.excitation import draw_drive
 from scenarios.concealed.outside import OUTSIDE

@@ -1,8 +1,9 @@
 """How much of what perfect knowledge gives a diagnosis gave: free runs over data not fitted to.
 
-The last 30 % of the recording are predicted in windows of half a second by four devices: the device
-file's, that with linear parameters refitted, the augmented one, and the true one, each with the
-observer that belongs to it at one and the same noise, chosen under the true device. Of rms errors
+The last 30 % of the recording are predicted in windows of half a second (a third of it, if that is
+less) by four devices: the device file's, that with linear parameters refitted, the augmented one,
+and the true one, each with the observer that belongs to it at one and the same noise, chosen under
+the true device. Of rms errors
 
     share = (before - after) / (before - perfect).
 """
@@ -17,7 +18,7 @@ import numpy as np
 from diagnosis.exam.hidden import seen
 from diagnosis.experiment import Experiment
 from diagnosis.predictor import choose_observer, free_run_errors, observer_for
-from diagnosis.search import refit
+from diagnosis.settle import refit
 from logs.recording import read_recording
 from scenarios.concealed.handout import description_file, recording_files
 from sim.device import Device
@@ -82,5 +83,6 @@ def _as_seen(e: Experiment, gain: float | None, origin: float | None) -> Experim
 
 def _error(device: Device, e: Experiment, ratio: float) -> float:
     gain = observer_for(device, e, ratio)
-    errors, _ = free_run_errors(device, e, gain, round(WINDOW / e.period))
+    window = min(round(WINDOW / e.period), e.ticks // 3)
+    errors, _ = free_run_errors(device, e, gain, window)
     return float(np.sqrt(np.mean(errors[:, 0] ** 2)))
