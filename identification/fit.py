@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from identification.coordinates import MAX_MODES, Coordinates, parameters
 from identification.problem import Data
 from identification.response import FrequencyResponse, RecordingError, frequency_response
-from identification.search import Found, Search
+from identification.search import REJECTED, Found, Search
 from sim.modal import ModalModel
 from sim.trace import Trace
 
@@ -93,8 +93,14 @@ def fit_response(
 def fit_data(data: Data, modes: int | None = None, delay: float | None = 0.0) -> Fit:
     """Fit a recording whose frequency response is known already; see `fit_response`."""
     period = data.measured.windows.period
-    counts = range(1, MAX_MODES + 1) if modes is None else (modes,)
-    fits = [_fit(data, Coordinates(count, period, delay)) for count in counts]
+    if modes is not None:
+        return _fit(data, Coordinates(modes, period, delay))
+    fits: list[Fit] = []
+    for count in range(1, MAX_MODES + 1):
+        fits.append(_fit(data, Coordinates(count, period, delay)))
+        richer_is_rejected = len(fits) > 1 and propose(fits) < len(fits) - 1
+        if richer_is_rejected and fits[-2].misfit <= REJECTED:
+            break
     return fits[propose(fits)]
 
 

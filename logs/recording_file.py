@@ -18,7 +18,7 @@
     [[output]]                  # channel QUANTITY_AT, such as `position_m1`
     signal = "qm"
     quantity = "position"       # position | velocity | acceleration
-    at = "m1"                   # m1 | m2 | m3 | m4
+    at = "m1"                   # m1 to m5
     [use]                       # optional
     from_s = 0.0
     to_s = 20.0
@@ -59,7 +59,7 @@ INPUT_KEYS = (
 )
 OUTPUT_KEYS = (*INPUT_KEYS, "quantity", "at")
 QUANTITIES = tuple(quantity for quantity in SI if quantity != "command")
-PLACES = ("m1", "m2", "m3", "m4")
+PLACES = ("m1", "m2", "m3", "m4", "m5")
 
 
 @dataclass(frozen=True)

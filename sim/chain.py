@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-MAX_MASSES = 4
+MAX_MASSES = 5
 
 
 class Chain(NamedTuple):
-    """A chain of n = 1..4 masses; make it with `make_chain`, which validates.
+    """A chain of n = 1..5 masses; make it with `make_chain`, which validates.
 
     masses [kg m2 | kg] (n,), ground_dampers [N m s/rad | N s/m] (n,), ground_spring k0 at m1
     [N m/rad | N/m], link_springs (n-1,), link_dampers (n-1,).

@@ -29,6 +29,10 @@ TABLE_1 = PHANTOM.modal
 THREE = ModalModel(
     1.2e-3, 0.006, (Mode(290, 40, 230, 35), Mode(700, 90, 420, 60), Mode(1500, 200, 1000, 120))
 )
+FOUR = ModalModel(
+    1.2e-3, 0.006, (Mode(290, 40, 230, 35), Mode(560, 60, 420, 50), Mode(1000, 90, 800, 80),
+                    Mode(1600, 150, 1300, 120))
+)  # fmt: skip
 ONE = ModalModel(2e-3, 0.01, (Mode(500, 60, 400, 50),))
 
 
@@ -115,7 +119,7 @@ def test_table_1_comes_back_inside_its_intervals():
     assert np.sqrt(np.diag(fit.covariance)).max() < 0.01
 
 
-@pytest.mark.parametrize(("model", "modes"), [(ONE, 1), (TABLE_1, 2), (THREE, 3)])
+@pytest.mark.parametrize(("model", "modes"), [(ONE, 1), (TABLE_1, 2), (THREE, 3), (FOUR, 4)])
 def test_proposal_is_the_number_of_modes(model: ModalModel, modes: int) -> None:
     """Mutation: `len(f.names)` dropped from the criterion proposes 3 for one mode."""
     fit = fit_response(record(model, 3))
@@ -179,7 +183,7 @@ def test_gaps_missing_channels_and_bad_arguments_are_refused(trace: Trace) -> No
         fit_response(trace.with_channels(trace.channels, t))
     with pytest.raises(RecordingError, match="no channel 'torque'; it has command, position_m1"):
         fit_response(trace, command="torque")
-    with pytest.raises(ValueError, match="modes is 9; allowed is 1 to 3"):
+    with pytest.raises(ValueError, match="modes is 9; allowed is 1 to 4"):
         fit_response(trace, 9)
     with pytest.raises(ValueError, match="delay is -1"):
         fit_response(trace, delay=-1.0)

@@ -23,6 +23,11 @@ CHAIN_OF_FOUR = make_chain(
     [2e-4, 3e-4, 4e-4, 1e-4], [1e-2, 0.0, 2e-3, 1e-3], 1.5, [80.0, 150.0, 40.0], [1e-2, 0.0, 2e-2]
 )
 
+CHAIN_OF_FIVE = make_chain(
+    [2e-4, 3e-4, 4e-4, 1e-4, 2e-4], [1e-2, 0.0, 2e-3, 1e-3, 5e-4], 0.0, [80.0, 150.0, 40.0, 90.0],
+    [1e-2, 0.0, 2e-2, 5e-3],
+)  # fmt: skip
+
 
 def lagging(time_constant: float) -> Device:
     return phantom().with_physics(
@@ -35,6 +40,7 @@ DEVICES = {
     "three masses": phantom(),
     "three masses, lag": lagging(4e-4),
     "four masses, ground spring": Device("four", "-", True, CHAIN_OF_FOUR, Interface()),
+    "five masses": Device("five", "-", True, CHAIN_OF_FIVE, Interface()),
 }
 
 
