@@ -33,7 +33,7 @@ COMMANDS = {
     "diagnose": (
         "Say why recordings differ from the simulation of a device, and what physics is missing."
     ),
-    "plan": "Say what a recording would show of every effect, before it is made.",
+    "plan": "Say what a recording would show, before it is made.",
     "conceal": "Make recordings in which physics is concealed, with sealed keys.",
     "exam": "Diagnose concealed recordings, open the seals, and score.",
     "identify": "Fit a device to a recording of its command and position.",
