@@ -118,7 +118,12 @@ class Setup:
     ledger_names: Sequence[str]
 
     def blocks(self, ticks: int = BLOCK_TICKS) -> Iterator[tuple[Trace, Trace | None, Outcome]]:
-        """Yield (trace, fine trace or None, outcome so far) for every `ticks` ticks."""
+        """Yield (trace, fine trace or None, outcome so far) for every `ticks` ticks.
+
+        Once: the memory is then that of the end. Raises ValueError when it is asked for again.
+        """
+        if self.memory.counters[0] != 0:
+            raise ValueError("this run has begun already; prepare it anew to run it again")
         for first in range(0, self.ticks, ticks):
             count = min(ticks, self.ticks - first)
             record = np.zeros((count, len(self.channel_units)))

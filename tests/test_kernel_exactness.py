@@ -234,3 +234,16 @@ def test_blocks_are_the_run() -> None:
         joined = np.concatenate([trace[name] for trace, _, _ in pieces])
         assert np.array_equal(joined, whole.trace[name])
     assert np.array_equal(np.concatenate([trace.t for trace, _, _ in pieces]), whole.trace.t)
+
+
+def test_a_run_is_run_once() -> None:
+    """Blocks asked for again would go on from the end, under times that begin anew: an error.
+
+    Mutation: the check of `counters` left out.
+    """
+    from sim.run import prepare
+
+    setup = prepare(phantom(), wall(12.0, 0.03), duration=0.1, start=Start(1e-3))
+    next(iter(setup.blocks(50)))
+    with pytest.raises(ValueError, match="has begun already; prepare it anew"):
+        list(setup.blocks(50))
