@@ -28,7 +28,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-compiled = njit(cache=True, error_model="numpy", nogil=True)
+jit = njit(cache=True, error_model="numpy", nogil=True)
 
 
 class Truth(NamedTuple):
@@ -67,7 +67,7 @@ class Truth(NamedTuple):
     sensor: Floats
 
 
-@compiled
+@jit
 def rounded(value, step):
     """Nearest multiple of a step, half away from zero; a step of 0 rounds nothing."""
     if step <= 0.0:
@@ -76,7 +76,7 @@ def rounded(value, step):
     return sign * step * math.floor(abs(value) / step + 0.5)
 
 
-@compiled
+@jit
 def read(truth, position, noise):
     """What the encoder says of m1's position."""
     amplitude, period, phase, rectified, step = truth.sensor
@@ -87,7 +87,7 @@ def read(truth, position, noise):
     return rounded(position + noise, step)
 
 
-@compiled
+@jit
 def drive(truth, wanted, before):
     """What the amplifier makes of a command; `before` is what it gave last."""
     step, band, ratio, limit, slew = truth.amplifier[1:]
@@ -103,13 +103,13 @@ def drive(truth, wanted, before):
     return min(max(level, before - slew), before + slew)
 
 
-@compiled
+@jit
 def between(x, offset, i, j):
     """Difference of two entries; j < 0 is ground."""
     return x[offset + i] - x[offset + j] if j >= 0 else x[offset + i]
 
 
-@compiled
+@jit
 def dry_level(row, v):
     """g(v) of a bristle [N m | N]."""
     level, static = (row[3], row[4]) if v >= 0.0 else (row[5], row[6])
@@ -118,7 +118,7 @@ def dry_level(row, v):
     return level + (static - level) * math.exp(-((v / row[7]) ** 2))
 
 
-@compiled
+@jit
 def bend(row, z, v, h):
     """Bristle after a time h at constant speed."""
     g = dry_level(row, v)
@@ -128,7 +128,7 @@ def bend(row, z, v, h):
     return end + (z - end) * math.exp(-row[1] * abs(v) / g * h)
 
 
-@compiled
+@jit
 def bristle_force(row, z, v):
     """Friction of a bristle."""
     g = dry_level(row, v)
@@ -137,7 +137,7 @@ def bristle_force(row, z, v):
     return -(row[1] * z + row[2] * (v - row[1] * abs(v) * z / g))
 
 
-@compiled
+@jit
 def link_force(row, t, q, v, pin):
     """What a link pulls with at stretch q; the pin of its free play stands where it stands."""
     k = row[2]
@@ -154,7 +154,7 @@ def link_force(row, t, q, v, pin):
     return hard
 
 
-@compiled
+@jit
 def next_pin(row, pin, before, after, h):
     """Pin after a step: k (q - z) + c (q' - z') = 0 while free, by the implicit Euler rule."""
     half = 0.5 * row[5]
@@ -166,7 +166,7 @@ def next_pin(row, pin, before, after, h):
     return min(max(moved, -half), half)
 
 
-@compiled
+@jit
 def on_m1(truth, t, q, v):
     """All forces on m1 that depend on its own motion or on time alone."""
     turn = 2.0 * math.pi
@@ -188,7 +188,7 @@ def on_m1(truth, t, q, v):
     return f
 
 
-@compiled
+@jit
 def derivative(truth, t, x, held, dry, pins, process, out):
     """Rates of x = [positions, velocities, amplifier's force, Bouc-Wen's z of each]."""
     n = truth.masses.size
@@ -233,7 +233,7 @@ def derivative(truth, t, x, held, dry, pins, process, out):
         out[n + i] /= truth.masses[i]
 
 
-@compiled
+@jit
 def runge_kutta(truth, t, h, x, held, dry, pins, process, k, stage):
     """One classical step of fourth order, in place; k (4, states) and stage are working space."""
     derivative(truth, t, x, held, dry, pins, process, k[0])
@@ -250,7 +250,7 @@ def runge_kutta(truth, t, h, x, held, dry, pins, process, k, stage):
         x[i] += h / 6.0 * (k[0, i] + 2.0 * k[1, i] + 2.0 * k[2, i] + k[3, i])
 
 
-@compiled
+@jit
 def step(truth, t, h, x, z, pins, held, process, dry, stretch, k, stage):
     """Bristles by half, masses, bristles by half, pins."""
     n = truth.masses.size
@@ -275,7 +275,7 @@ def step(truth, t, h, x, z, pins, held, process, dry, stretch, k, stage):
         x[2 * n + 1 + e] = min(max(x[2 * n + 1 + e], -1.0), 1.0)
 
 
-@compiled
+@jit
 def integrate(truth, period, steps, wanted, feedback, jitter, lost, process, noise, states):
     """Move the device from rest; return (commands, readings, ticks done), each (ticks,).
 

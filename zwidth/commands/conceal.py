@@ -36,7 +36,7 @@ def command(
     out: Path,
     json_file: str | None,
 ) -> None:
-    """Make recordings in which physics is concealed, with keys that are sealed.
+    """Make recordings in which physics is concealed, with sealed keys.
 
     DIR/recordings holds what a diagnosis gets: a CSV, its description and a device file each, which
     give nothing away. DIR/keys holds what is concealed; keep it apart until the diagnoses are in.

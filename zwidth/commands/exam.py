@@ -42,7 +42,7 @@ def command(
     page_file: Path | None,
     json_file: str | None,
 ) -> None:
-    """Diagnose concealed recordings, open their seals, and say how often what was right.
+    """Diagnose concealed recordings, open the seals, and score.
 
     DIR is a folder of zwidth conceal, or is filled first where --count or --strata is given. Writes
     DIR/exam.json and DIR/exam.md with its pictures. Answers are kept as they come: an interrupted
