@@ -1,9 +1,10 @@
 """A hand that holds the device: mass, spring and damper to ground at the last mass of the chain.
 
 The finger is measured at its tip, so on a rotary device all three act at a lever: times its square.
-The ranges are those of the index finger in extension, 2 to 20 N (A. Z. Hajian and R. D. Howe,
+The ranges are ascribed to the index finger in extension at 2 to 20 N (A. Z. Hajian and R. D. Howe,
 Identification of the mechanical impedance at the human finger tip, J. Biomechanical Engineering
-119, 109-114, 1997). The band of K_CR is taken over the corners of the ranges and their middle, at
+119, 109-114, 1997): finger, forces and model are as in its abstract, the numbers themselves are yet
+to be verified in the paper. The band of K_CR is taken over the corners of the ranges and their middle, at
 each damping. Limits: nothing between hand and device gives, the hand does not react.
 """
 

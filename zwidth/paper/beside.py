@@ -12,7 +12,7 @@ from zwidth.paper.content import Picture, Section, Table
 from zwidth.paper.identification import experiment
 from zwidth.paper.theory import COLOUR, DELAYS, lines, ms, phantom
 
-LEVER = 0.14  # [m], length of the device's forearm link: the stylus tip's distance in mid workspace
+LEVER = 0.14  # [m], length of either link of the device; where the tip stands depends on the pose
 GRID = 25
 DRAWS = 40
 COMMAND = (
@@ -53,9 +53,10 @@ def section() -> Section:
             "Stability with nobody holding the device is one question; the next are what no"
             " passive hand can make unstable (Colgate and Schenkel, here with the delay, exact over"
             " frequency), and what a real finger does. The finger is a mass, a spring and a damper"
-            " at m3, each over the range that Hajian and Howe measured at the index finger (1997):"
+            " at m3, each over the range ascribed to the index finger by Hajian and Howe (1997):"
             f" {1e3 * MASS.low:g} to {1e3 * MASS.high:g} g, {DAMPING.low:g} to {DAMPING.high:g}"
-            f" N s/m, {STIFFNESS.low:g} to {STIFFNESS.high:g} N/m, at {LEVER:g} m from the axis.",
+            f" N s/m, {STIFFNESS.low:g} to {STIFFNESS.high:g} N/m (numbers yet to be verified in"
+            f" that paper), at {LEVER:g} m from the axis, a link's length.",
             Picture(
                 "beside", beside_figure(panels),
                 "K_CR of the free device (line), with a finger (light band), by the 95 % covariance"
