@@ -4,8 +4,8 @@ The finger is measured at its tip, so on a rotary device all three act at a leve
 The ranges are ascribed to the index finger in extension at 2 to 20 N (A. Z. Hajian and R. D. Howe,
 Identification of the mechanical impedance at the human finger tip, J. Biomechanical Engineering
 119, 109-114, 1997): finger, forces and model are as in its abstract, the numbers themselves are yet
-to be verified in the paper. The band of K_CR is taken over the corners of the ranges and their middle, at
-each damping. Limits: nothing between hand and device gives, the hand does not react.
+to be verified in the paper. The band of K_CR is taken over the corners of the ranges and their
+middle, at each damping. Limits: nothing between hand and device gives, the hand does not react.
 """
 
 from collections.abc import Iterable

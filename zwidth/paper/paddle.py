@@ -62,9 +62,9 @@ def section() -> Section:
         "A measured boundary on another device: a haptic paddle",
         (
             "One rigid lever, sampled at 200 Hz, with dry friction: the paper's question on a"
-            " device on which nothing was fitted. Inertia, weight and stiction are its builders'; the"
-            " motor's viscous friction (2.4e-4 N m s/rad; twice as much moves K by 0.03) is yet to"
-            " be verified, and the delay of one period is an assumption.",
+            " device on which nothing was fitted. Inertia, weight and stiction are its builders';"
+            " the motor's viscous friction (2.4e-4 N m s/rad; twice as much moves K by 0.03) is yet"
+            " to be verified, and the delay of one period is an assumption.",
             Picture(
                 "paddle", figure,
                 "Boundary of the paddle: measured (points), linear theory without friction (grey),"

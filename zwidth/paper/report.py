@@ -1,6 +1,5 @@
 """The report as one HTML file: every picture inside it, nothing fetched from elsewhere."""
 
-import base64
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,11 +7,11 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from zwidth.files import write_text, write_with
 from zwidth.paper.content import Picture, Section, Table
+from zwidth.report_page import embedded, page
 
 FORMATS = ("png", "svg")
 DPI = 150
@@ -35,7 +34,7 @@ class Drawn:
     @property
     def data(self) -> str:
         """The picture as an address that holds it."""
-        return "data:image/svg+xml;base64," + base64.b64encode(self.files["svg"]).decode()
+        return embedded(self.files["svg"])
 
 
 @dataclass(frozen=True)
@@ -76,16 +75,8 @@ def save_pictures(section: DrawnSection, out: Path) -> list[Path]:
 
 def save_report(sections: Sequence[DrawnSection], missing: Sequence[str], path: Path) -> Path:
     """Write the report; missing: titles of sections that were not computed. Returns the path."""
-    environment = Environment(
-        loader=PackageLoader("zwidth.paper", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["symbols"] = symbols
-    template = environment.get_template("report.html")
-    return write_text(path, template.render(sections=sections, missing=missing))
+    text = page("paper/report.html", {"symbols": symbols}, sections=sections, missing=missing)
+    return write_text(path, text)
 
 
 def symbols(text: str) -> Markup:

@@ -1,0 +1,27 @@
+"""Reports as HTML pages that hold everything and fetch nothing: one style, pictures inside."""
+
+import base64
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+
+def page(template: str, filters: dict[str, Any], **values: Any) -> str:
+    """Return a template of this package, filled in; it includes `report_style.css`.
+
+    template: path inside `zwidth/`; filters: name -> function, for this page.
+    """
+    environment = Environment(
+        loader=PackageLoader("zwidth", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters.update(filters)
+    return environment.get_template(template).render(**values)
+
+
+def embedded(svg: bytes) -> str:
+    """Return a picture as an address that holds it."""
+    return "data:image/svg+xml;base64," + base64.b64encode(svg).decode()
