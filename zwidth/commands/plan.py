@@ -29,7 +29,7 @@ from zwidth.figures.style import save_figure
 from zwidth.options import Quantity, json_option, out_option
 
 PROCESS = 0.002  # of the largest command: the process noise where none is given
-LONGEST = 600_000  # ticks
+LONGEST = 120_000  # ticks: a hundred signatures as long are held at once
 EFFECT_PLACES = sum(len(effect.places) for effect in EFFECTS.values())
 Floats = NDArray[np.float64]
 
