@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from diagnosis.held_out import held_out
 from diagnosis.hold import smooth, was_smooth
 from diagnosis.lattice import STEPPED, step_interval
 from diagnosis.locate import locate
+from diagnosis.next_experiment import NextExperiment, next_experiment
 from diagnosis.parameters import Model, linear_parameters, values_of
 from diagnosis.result import Diagnosis, Estimate, Finding, Residuals, Rival, Verdict
 from diagnosis.screen import Complement, screen
@@ -89,8 +91,43 @@ def diagnose(
     )
     return Diagnosis(
         verdict, sentence, findings, refit, located, one, free, bounds, faults, final_device,
-        residuals, found.interrupted, facts,
+        residuals, found, tuple(acted), found.interrupted, facts,
     )  # fmt: skip
+
+
+def separating(found: Diagnosis, out: Path) -> NextExperiment | None:
+    """Choose and write the excitation that tells the first doubtful finding from its nearest rival.
+
+    None where nothing is doubtful, or no excitation of the library tells them apart.
+    """
+    searched = found.searched
+    final = searched.final
+    for i, finding in enumerate(found.findings):
+        if not finding.confusable_with:
+            continue
+        near = finding.confusable_with[0]
+        label = f"{near.effect}@{near.at}"
+        kept = final.model.without_effect(i)
+        names = [p.name.split(".")[0] for p in final.model.parameters]
+        x = final.x[[name != f"{finding.effect}@{finding.at}" for name in names]]
+        trials = [t for s in searched.steps for t in s.trials if t.label == label]
+        if not trials:
+            continue
+        a = _as_fitted(f"{finding.effect}@{finding.at}", final)
+        b = _as_fitted(label, max(trials, key=lambda t: t.gained).fitted)
+        observer = searched.problem.observer
+        return next_experiment(kept.acting(x), a, b, found.experiments, observer, out)
+    return None
+
+
+def _as_fitted(label: str, fitted: Fitted) -> Physics:
+    """An effect of a model with its fitted values."""
+    index = [place_label(p) for p in fitted.model.effects].index(label)
+    values = dict(fitted.model.effects[index].values)
+    for p, x in zip(fitted.model.parameters, fitted.x, strict=True):
+        if p.kind == "effect" and p.index == index:
+            values[p.key] += p.scale * float(x)
+    return replace(fitted.model.effects[index], values=values)
 
 
 def _as_they_acted(

@@ -64,7 +64,7 @@ class Problem:
         parts: list[Floats] = []
         for e in self.experiments:
             out = innovations(device, model.seen(e, x), self.observer.gain, ready=ready)
-            parts.append((out[SETTLING:] / self.observer.deviation).ravel())
+            parts.append(self.observer.weigh(out)[SETTLING:].ravel())
         joined = np.concatenate(parts)
         return np.clip(np.nan_to_num(joined, nan=WORST, posinf=WORST, neginf=-WORST), -WORST, WORST)
 

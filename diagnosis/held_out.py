@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from diagnosis.experiment import Experiment
 from diagnosis.horizon import window
 from diagnosis.parameters import Model
-from diagnosis.predictor import SETTLING, free_run_errors, innovations
+from diagnosis.predictor import SETTLING, deviation, free_run_errors, innovations
 from diagnosis.result import HeldOut
 from diagnosis.search import Searched
 from sim.device import Device
@@ -42,7 +42,9 @@ def held_out(
         runs = [free_run_errors(built, e, gain, window(e)) for e in scaled]
         windows = _rms([signal[:, 0] for _, signal in runs])
         free.append(_rms([error[:, 0] for error, _ in runs]) / windows)
-    noise = float(found.problem.observer.deviation[0])
+    model, x = models[-1]
+    fitted_on = [model.seen(e, x) for e in found.problem.experiments]
+    noise = float(deviation(model.acting(x), fitted_on, gain)[0])
     return (
         HeldOut(one[0], one[1], one[2], noise / swing),
         HeldOut(free[0], free[1], free[2], noise / windows),

@@ -35,7 +35,7 @@ def longer_view(
             continue
         try:
             tried = _at_ratio(experiments, best[1], ratio)
-        except np.linalg.LinAlgError:  # so slow that it does not hold a device without springs
+        except ValueError:  # so slow that it does not hold a device without springs
             continue
         found = free_run_error(experiments, *tried)
         if found < error:

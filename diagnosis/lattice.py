@@ -33,7 +33,7 @@ from sim.physics import make_physics
 
 Floats = NDArray[np.float64]
 STEPPED = ("command_step", "encoder_step", "dropped_samples")
-PROMISING = 10.0  # chi-square by which a wave must stand above the highest of noise
+PROMISING = 4.0  # chi-square by which a wave must stand above the highest of noise
 AROUND = 41  # steps tried around a peak, two lines to either side
 DELIVERED = 3.0  # log odds from which a command counts as lost
 FINEST_SHARE = 1e-6  # of the span, of a step that is looked for

@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_discrete_are
+from scipy.linalg import solve_discrete_are, solve_toeplitz
+from scipy.signal import lfilter
 
 from controllers.none import none
 from diagnosis.experiment import Experiment
@@ -25,9 +26,10 @@ from sim.predict import predict
 from sim.run import Start, start_memory
 
 Floats = NDArray[np.float64]
+ORDER = 8  # of the autoregression that whitens
 BEGINNING = 2000  # ticks by which the state at the start is judged
 SETTLING = 100  # ticks left out at the start, until the observer has found the state
-RATIOS = np.geomspace(1e-3, 1e9, 25)
+RATIOS = np.geomspace(1e-7, 1e9, 33)
 
 
 @dataclass(frozen=True)
@@ -35,12 +37,47 @@ class Observer:
     """Gain (states, o), and the innovations' standard deviations (o,) it goes with.
 
     ratio: process force variance a tick, over measurement variance, in units of (noise unit per
-    force step of the rigid body), as `observer_for` takes it.
+    force step of the rigid body), as `observer_for` takes it. whitening: (o, order + 1) filters
+    1, a_1, .. that make the innovations white where noise is coloured, None for none; deviation is
+    that of the filtered ones.
     """
 
     gain: Floats
     deviation: Floats
     ratio: float
+    whitening: Floats | None = None
+
+    def weigh(self, innovations: Floats) -> Floats:
+        """Return innovations (ticks, o) whitened, in units of their deviation."""
+        if self.whitening is None:
+            return innovations / self.deviation
+        with np.errstate(all="ignore"):  # infinite after an overflow
+            columns = [
+                lfilter(filter_, [1.0], innovations[:, o]) / self.deviation[o]
+                for o, filter_ in enumerate(self.whitening)
+            ]
+        return np.column_stack(columns)
+
+
+def whitened(observer: Observer, innovations: Sequence[Floats]) -> Observer:
+    """Return the observer with the filters that whiten innovations (ticks, o) of recordings.
+
+    Autoregression of order `ORDER` by Yule and Walker. Like the gain, it is estimated between fits
+    and never inside one. Colour that missing physics leaves is whitened too, which costs some of
+    its weight and none of its shape, and goes when the physics is found.
+    """
+    kept = [e[SETTLING:] for e in innovations]
+    filters: list[Floats] = []
+    for o in range(observer.deviation.size):
+        pieces = [e[:, o] for e in kept]
+        total = sum(p.size for p in pieces)
+        lags = np.array(
+            [sum(float(p[: p.size - k] @ p[k:]) for p in pieces) / total for k in range(ORDER + 1)]
+        )
+        filters.append(np.concatenate([[1.0], -solve_toeplitz(lags[:-1], lags[1:])]))
+    plain = replace(observer, whitening=np.array(filters), deviation=np.ones(len(filters)))
+    white = np.concatenate([plain.weigh(e)[SETTLING:] for e in innovations])
+    return replace(plain, deviation=np.sqrt(np.mean(white**2, axis=0)))
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.candidates import CONTAINED
+from diagnosis.experiment import Experiment
 from diagnosis.gate import Fault
 from diagnosis.locate import Located
+from diagnosis.next_experiment import NextExperiment
+from diagnosis.search import Searched
 from sim.device import Device
 
 Floats = NDArray[np.float64]
@@ -95,7 +98,10 @@ class Residuals:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The whole answer. device: augmented by what was found, with refitted linear parameters."""
+    """The whole answer. device: augmented by what was found, with refitted linear parameters.
+
+    searched: the way there; experiments: the recordings whole, as they were taken.
+    """
 
     verdict: Verdict
     sentence: str
@@ -108,8 +114,11 @@ class Diagnosis:
     faults: tuple[Fault, ...]
     device: Device
     residuals: Residuals
+    searched: Searched
+    experiments: tuple[Experiment, ...]
     interrupted: bool = False
     facts: dict[str, Any] = field(default_factory=dict[str, Any])
+    next_experiment: NextExperiment | None = None
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON of `zwidth diagnose`."""
@@ -142,7 +151,7 @@ class Diagnosis:
             "fit": {"held_out": one, "one_step": one, "free_run": free},
             "upper_bounds": self.upper_bounds,
             "faults": [vars(f) for f in self.faults],
-            "next_experiment": None,
+            "next_experiment": self.next_experiment and self.next_experiment.as_json(),
             "interrupted": self.interrupted,
             "facts": self.facts,
         }

@@ -20,7 +20,7 @@ from diagnosis.lattice import sharpened
 from diagnosis.parameters import Model, effect_labels
 from diagnosis.predictor import FINAL
 from diagnosis.settle import prepared_for, refit, settle
-from diagnosis.trials import FIVE_SIGMA, THRESHOLD, Say, Step, Trial, take
+from diagnosis.trials import FIVE_SIGMA, THRESHOLD, Say, Step, Trial, richer_trials, take
 from diagnosis.uncertainty import covariance, inflation
 from sim.device import Device, place_label
 
@@ -57,30 +57,32 @@ def search(
         while len(current.model.effects) < MOST:
             step = take(problem, current, experiments, say)
             steps.append(step)
-            if step.taken is None:
+            taken = step.taken
+            if taken is None:
                 break
             before = current
             try:
-                problem, settled = settled_on(step.taken, experiments)
+                problem, settled = settled_on(taken, experiments)
             except ValueError as error:  # it fits where the observer was chosen, and nowhere else
-                say(f"{step.taken.label} is left out: {error}")
+                say(f"{taken.label} is left out: {error}")
                 steps[-1] = replace(step, taken=None)
                 break
-            other = second_opinion(problem, before, experiments, say)
+            other = second_opinion(problem, before, experiments)
             if other is not None:
                 found, slow, slow_fit = other
                 more = (slow_fit.x.size - settled.x.size) * np.log(settled.samples)
                 if unlikelihood(slow, slow_fit) + more + LIKELIER < unlikelihood(problem, settled):
-                    say(f"an observer that trusts the model more prefers {found.taken.label}")
-                    steps[-1], step = found, found
+                    say("an observer that trusts the model more is likelier, and is followed")
+                    steps[-1], taken = found, found.taken or taken
                     problem, settled = slow, slow_fit
             experiments = problem.experiments
             current = prune(problem, settled)
-            if step.taken.label not in effect_labels(current.model.effects):
+            if taken.label not in effect_labels(current.model.effects):
                 break
             if len(current.model.effects) > 1:
                 problem, current, swaps = swapped(problem, current, say)
                 steps += swaps
+                problem, current = merged(problem, current, say)
                 experiments = problem.experiments
     except KeyboardInterrupt:
         say("interrupted: what was found until now is judged; once more to leave")
@@ -95,7 +97,7 @@ def search(
 
 
 def second_opinion(
-    problem: Problem, current: Fitted, experiments: Sequence[Experiment], say: Say
+    problem: Problem, current: Fitted, experiments: Sequence[Experiment]
 ) -> tuple[Step, Problem, Fitted] | None:
     """Ask an observer that follows the measurement far less, None where it believes nothing.
 
@@ -105,13 +107,11 @@ def second_opinion(
     ratio = SLOWER * problem.observer.ratio
     try:
         slow = prepared_for(experiments, current.model, current.x, ratio)
-    except np.linalg.LinAlgError:  # so slow that it does not hold a device without springs
+        refitted = slow.fit(current.model, current.x)
+        step = take(slow, refitted, slow.experiments, lambda _: None)
+        return None if step.taken is None else (step, *settled_on(step.taken, slow.experiments))
+    except ValueError:  # so slow that it does not hold the device
         return None
-    refitted = slow.fit(current.model, current.x)
-    step = take(slow, refitted, slow.experiments, lambda _: None)
-    if step.taken is None:
-        return None
-    return step, *settled_on(step.taken, slow.experiments)
 
 
 def unlikelihood(problem: Problem, fitted: Fitted) -> float:
@@ -158,6 +158,35 @@ def swapped(problem: Problem, current: Fitted, say: Say) -> tuple[Problem, Fitte
         if len(current.model.effects) < 2:
             break
     return problem, current, steps
+
+
+def merged(problem: Problem, current: Fitted, say: Say) -> tuple[Problem, Fitted]:
+    """Put one effect for two where one of them is its special case and it explains as much.
+
+    Coulomb friction with a drag may be Stribeck friction, with a constant force directional: the
+    simpler one, found first, bars the richer, and what is left then looks like something else.
+    """
+    wide = inflation(current.white)
+    price = wide * float(np.log(current.samples))
+    best: Trial | None = None
+    paid = current.chi2 + price * current.x.size
+    for i, one in enumerate(current.model.effects):
+        for j in range(len(current.model.effects)):
+            if i == j:
+                continue
+            rest = fit_without(problem, fit_without(problem, current, max(i, j)), min(i, j))
+            for trial in richer_trials(problem, rest, one):
+                cost = trial.fitted.chi2 + price * trial.fitted.x.size
+                if cost < paid and not trial.on_bound:
+                    best, paid = trial, cost
+    if best is None:
+        return problem, current
+    say(f"{best.label} in place of two effects")
+    try:
+        problem, settled = settled_on(best, problem.experiments)
+    except ValueError:
+        return problem, current
+    return problem, prune(problem, settled)
 
 
 def _extra(full: Fitted, part: Fitted) -> int:

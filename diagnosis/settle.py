@@ -9,7 +9,15 @@ from numpy.typing import NDArray
 from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted, Problem
 from diagnosis.parameters import Model
-from diagnosis.predictor import Observer, begun, choose_observer, deviation, observer_for
+from diagnosis.predictor import (
+    Observer,
+    begun,
+    choose_observer,
+    deviation,
+    innovations,
+    observer_for,
+    whitened,
+)
 from sim.device import Device
 from sim.physics.effect import Physics
 
@@ -54,5 +62,5 @@ def prepared_for(
         chosen = Observer(gain, deviation(device, seen, gain), ratio)
     starts = [begun(device, e, chosen).start for e in seen]
     known = [replace(e, start=s) for e, s in zip(experiments, starts, strict=True)]
-    seen = [model.seen(e, x) for e in known]
-    return Problem(known, replace(chosen, deviation=deviation(device, seen, chosen.gain)))
+    errors = [innovations(device, model.seen(e, x), chosen.gain) for e in known]
+    return Problem(known, whitened(chosen, errors))

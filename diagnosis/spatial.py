@@ -57,9 +57,8 @@ def response(problem: Problem, fitted: Fitted, place: str) -> Floats:
     still = replace(
         first, command=command, measured=measured, sensor_error=None, dropped=None, start=None
     )
-    return innovations(device, still, problem.observer.gain, force, ready) / (
-        problem.observer.deviation
-    )
+    answer = innovations(device, still, problem.observer.gain, force, ready)
+    return problem.observer.weigh(answer)
 
 
 def matched(problem: Problem, fitted: Fitted, place: str) -> list[Floats]:

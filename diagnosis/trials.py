@@ -22,6 +22,7 @@ from diagnosis.lattice import STEPPED, stepped_trials
 from diagnosis.screen import screen
 from diagnosis.uncertainty import inflation
 from diagnosis.waves import wave_starts
+from sim.physics.effect import Physics
 
 Floats = NDArray[np.float64]
 THRESHOLD = 30.0
@@ -100,6 +101,20 @@ def take(problem: Problem, current: Fitted, experiments: Sequence[Experiment], s
     say(f"best candidate {best.label}: chi-square gained {best.gained:.0f}")
     believed = best.gained > (THRESHOLD + best.price) * wide + 2.0 * best.parameters
     return Step(tuple(trials), best if believed else None, wide)
+
+
+def richer_trials(problem: Problem, current: Fitted, simple: Physics) -> list[Trial]:
+    """Fit every effect that contains a simple one, on top of a model without it."""
+    names = CONTAINED.get(simple.effect.name, set())
+    starts = [
+        start
+        for start in candidates(current.model.build(current.x), problem.experiments)
+        if start.physics.effect.name in names
+        and ("m1" if start.physics.at == "ground" else start.physics.at) == simple.at
+    ]
+    screened = screen(problem, current, starts) if starts else []
+    first = [_tried(problem, current, current, one.start, {}) for one in screened]
+    return [_further(problem, current, trial) for trial in first]
 
 
 def _straight(problem: Problem, current: Fitted) -> Fitted | None:

@@ -44,9 +44,9 @@ def _smooth_spectrum(white: Floats) -> Floats:
 def inflation(white: Floats) -> float:
     """How much larger a chi-square gain may be by colour alone: the residual's spectrum's maximum.
 
-    Over a spectrum of 32 bands, each with a relative error of 1 / sqrt(segments), whose maximum lies
-    about 2.2 errors above its mean where the residual is white: that much is taken off. Never below
-    1.
+    Over a spectrum of 32 bands, each with a relative error of 1 / sqrt(segments); their maximum is
+    about 2.2 errors above the mean where the residual is white: that much is taken off. Never less
+    than one.
     """
     _, power = welch(white, nperseg=min(BAND, white.size))
     chance = 1.0 + 2.2 * float(np.sqrt(BAND / white.size))

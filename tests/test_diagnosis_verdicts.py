@@ -13,7 +13,7 @@ from sim.device import Device
 from sim.device_file import device_from_text, device_to_text
 from sim.physics import make_physics
 from tests.diagnosis_examples import phantom, record, shifted
-from zwidth.diagnosis_report import save_report
+from zwidth.diagnosis_report import Commands, save_report
 
 
 def missing(effect: str, at: str, seed: int, **values: float) -> Diagnosis:
@@ -58,7 +58,9 @@ def test_the_effect_is_named_with_its_parameter(
     as_json = json.loads(json.dumps(found.as_json()))
     assert as_json["findings"][0]["parameters"][key]["ci95"] == [estimate.lower, estimate.upper]
     assert sum(s["share"] for s in as_json["where"]["time"]) == pytest.approx(1.0)
-    page = save_report(found, ["r"], "zwidth diagnose r", tmp_path / "r.html").read_text()
+    page = save_report(
+        found, ["r"], Commands("zwidth diagnose r", "zwidth explore d"), tmp_path / "r.html"
+    ).read_text()
     assert found.sentence in page
     assert page.count("data:image/svg+xml;base64,") == 2
 

@@ -2,6 +2,7 @@
 
 import base64
 from collections.abc import Sequence
+from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 
@@ -9,7 +10,10 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
+from diagnosis.augmented_boundary import AugmentedBoundary
+from diagnosis.next_experiment import NextExperiment
 from diagnosis.result import Diagnosis, Estimate, HeldOut
+from zwidth.figures.augmented_boundary import augmented_boundary_figure
 from zwidth.figures.diagnosis import force_map_figure, residual_figure
 from zwidth.figures.style import STYLE
 from zwidth.files import write_text
@@ -24,8 +28,22 @@ WORDS = {
 }
 
 
-def save_report(diagnosis: Diagnosis, recordings: Sequence[str], command: str, path: Path) -> Path:
-    """Write the report; command: the line that computes it again. Returns the path."""
+@dataclass(frozen=True)
+class Commands:
+    """Lines to type: what computes the report again, what opens both devices side by side."""
+
+    again: str
+    explore: str
+
+
+def save_report(
+    diagnosis: Diagnosis,
+    recordings: Sequence[str],
+    commands: Commands,
+    path: Path,
+    boundary: AugmentedBoundary | None = None,
+) -> Path:
+    """Write the report; boundary: the stiffest wall before and after. Returns the path."""
     environment = Environment(
         loader=PackageLoader("zwidth", "."),
         autoescape=True,
@@ -40,7 +58,10 @@ def save_report(diagnosis: Diagnosis, recordings: Sequence[str], command: str, p
         d=diagnosis,
         verdict=WORDS[diagnosis.verdict.value],
         recordings=recordings,
-        command=command,
+        commands=commands,
+        boundary=boundary,
+        boundary_picture=_embedded(augmented_boundary_figure(boundary)) if boundary else "",
+        next_sentence=next_sentence(diagnosis.next_experiment),
         place=top.place,
         state=sorted(diagnosis.located.state, key=lambda s: -float(s["share"])),
         fits=(("one step ahead", diagnosis.one_step), ("free run", diagnosis.free_run)),
@@ -58,6 +79,19 @@ def improvement(fit: HeldOut) -> str:
     if fit.refit <= 1.02 * fit.after:
         return "the held-out free run is no better than with the refit alone"
     return f"the held-out free run errs {fit.refit / fit.after:.3g} times less than the refit alone"
+
+
+def next_sentence(planned: NextExperiment | None) -> str:
+    """Say what to record next, "" where nothing is in doubt."""
+    if planned is None:
+        return ""
+    a, b = planned.separates
+    sigma = f"{planned.separation_sigma:.3g} sigma"
+    words = planned.excitation.replace("_", " ")
+    return (
+        f"to tell {a} from {b}, record a {words}: it separates them by {sigma};"
+        f" {planned.scenario.name} plays it"
+    )
 
 
 def number(value: float) -> str:

@@ -2,20 +2,31 @@
 
 import math
 import shlex
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
 import click
 import numpy as np
 
-from diagnosis.diagnose import diagnose
+from diagnosis.augmented_boundary import AugmentedBoundary, augmented_boundary
+from diagnosis.diagnose import diagnose, separating
+from diagnosis.diagnosis_log import diagnosis_trace
 from diagnosis.experiment import Experiment, experiment
 from diagnosis.result import Diagnosis
+from logs.mcap_writer import write_log
 from logs.recording import read_recording
 from sim.device import Device
 from sim.device_file import device_to_text, load_device
 from zwidth.console import Column, Console
-from zwidth.diagnosis_report import estimate, improvement, number, save_report
+from zwidth.diagnosis_report import (
+    Commands,
+    estimate,
+    improvement,
+    next_sentence,
+    number,
+    save_report,
+)
 from zwidth.files import write_text
 from zwidth.options import json_option, out_option
 
@@ -49,8 +60,10 @@ def command(
 
     RECORDING is a recording TOML or a log that zwidth wrote; several are diagnosed together.
 
-    Writes NAME.diagnosis.html, the report, and NAME.augmented.toml, the device with what was found,
-    which every command takes. Ctrl-C ends the search and judges what was found until then.
+    Writes NAME.diagnosis.html, the report; NAME.augmented.toml, the device with what was found,
+    which every command takes; NAME.diagnosis.mcap, residual, missing force and predictions, which
+    opens beside the recording; and NAME.next.toml, what to record where rivals are left. Ctrl-C
+    ends the search and judges what was found until then.
     """
     console = Console(json_file)
     device = load_device(name)
@@ -59,17 +72,61 @@ def command(
     found = diagnose(device, fit_on, judge_by, lambda text: console.say(f"... {text}"))
     _say(console, found)
     stem = recordings[0].stem
+    found = replace(found, next_experiment=separating(found, out / f"{stem}.next.toml"))
+    if found.next_experiment is not None:
+        console.say(f"\n{next_sentence(found.next_experiment)}")
+    bounds = _boundary(console, device, found)
     augmented = write_text(out / f"{stem}.augmented.toml", device_to_text(found.device))
+    logs = [
+        _log(found, e, path, out) for e, path in zip(found.experiments, recordings, strict=True)
+    ]
     line = shlex.join(["zwidth", "diagnose", *map(str, recordings), "--device", name])
+    view = shlex.join(["zwidth", "explore", name, "--compare", str(augmented)])
     report = save_report(
-        found, [path.name for path in recordings], line, out / f"{stem}.diagnosis.html"
+        found,
+        [path.name for path in recordings],
+        Commands(line, view),
+        out / f"{stem}.diagnosis.html",
+        bounds,
     )
-    console.say(f"wrote {augmented}")
-    console.say(f"wrote {report}")
-    files = {"augmented_device": str(augmented), "report": str(report)}
-    console.result(_plain(found.as_json() | {"device": device.name} | files))
+    for path in (augmented, *logs, report):
+        console.say(f"wrote {path}")
+    files = {
+        "augmented_device": str(augmented),
+        "report": str(report),
+        "logs": [str(p) for p in logs],
+    }
+    more = {"boundary": bounds and bounds.as_json(), "device": device.name}
+    console.result(_plain(found.as_json() | more | files))
     if found.interrupted:
         raise KeyboardInterrupt
+
+
+def _boundary(console: Console, device: Device, found: Diagnosis) -> AugmentedBoundary | None:
+    """The stiffest wall before and after; None where nothing was found or there is no such wall."""
+    if not found.findings:
+        return None
+    names = " and ".join(f"{f.effect} at {f.at}" for f in found.findings)
+    try:
+        bounds = augmented_boundary(device, found.device, names)
+    except ValueError as error:
+        console.warn(f"no boundary before and after: {error}")
+        return None
+    if bounds is not None:
+        console.say(bounds.sentence)
+    return bounds
+
+
+def _log(found: Diagnosis, e: Experiment, recording: Path, out: Path) -> Path:
+    place = max(found.located.entry, key=lambda share: float(share["share"]))["name"]
+    searched = found.searched
+    trace = diagnosis_trace(
+        searched.problem, searched.refit, searched.final, e, place=str(place),
+        start_s=float(read_recording(recording).t[0]), rotary=found.device.rotary,
+    )  # fmt: skip
+    path = out / f"{recording.stem}.diagnosis.mcap"
+    write_log(path, trace)
+    return path
 
 
 def _read(console: Console, path: Path, device: Device) -> Experiment:
