@@ -38,6 +38,7 @@ AROUND = 41  # steps tried around a peak, two lines to either side
 DELIVERED = 3.0  # log odds from which a command counts as lost
 FINEST_SHARE = 1e-6  # of the span, of a step that is looked for
 ROUNDS = 3
+MOST_LOST = 0.1  # of the commands: more of them are a delay and no accident
 SPREADS = (0.0, 0.03, 0.07, 0.12, 0.18, 0.25, 0.35)  # of a step
 
 
@@ -269,9 +270,12 @@ def dropped_samples(
         there = Problem(seen, problem.observer)
         physics = make_physics("dropped_samples", "clock", rate=rate)
         current = there.fit(model.with_effect(physics, {}), fitted.x)
-    if current is fitted or gained < 2.0 * PROMISING:
+    lost = sum(int(d.sum()) for d in dropped)
+    if current is fitted or gained < 2.0 * PROMISING or rate > MOST_LOST or lost == 0:
         return None
-    return Stepped("dropped_samples@clock", there, current, gained, 0.0)
+    # Which ones are lost was chosen among all: each costs its odds.
+    chosen = fitted.chi2 - current.chi2 - 2.0 * lost * float(np.log((1.0 - rate) / rate))
+    return Stepped("dropped_samples@clock", there, current, min(gained, chosen), 0.0)
 
 
 def _rate(ratios: Floats) -> tuple[float, float]:

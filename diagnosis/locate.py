@@ -20,6 +20,7 @@ from scipy.signal import fftconvolve, welch
 
 from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted, Problem
+from diagnosis.lattice import predicted
 from diagnosis.predictor import SETTLING
 from diagnosis.screen import Complement
 from diagnosis.spatial import response
@@ -65,8 +66,9 @@ def locate(problem: Problem, fitted: Fitted) -> Located:
     white = fitted.white.reshape(-1, first.measured.shape[1])
     time = _time(white, first.period)
     frequency = _frequency(white, first.period)
-    state = _state(problem, white)
-    maps = force_maps(problem, fitted)
+    moved = motions(problem, fitted)
+    state = _state(problem, white, moved)
+    maps = force_maps(problem, fitted, moved)
     entry = _entry(maps)
     return Located(_sentence(state, entry, maps), time, frequency, state, entry, maps)
 
@@ -99,21 +101,28 @@ def _frequency(white: Floats, period: float) -> list[Share]:
     ]
 
 
-def _motion(e: Experiment) -> tuple[Floats, Floats]:
-    """Position and velocity of the first output's mass, smoothed over five samples."""
-    y = e.measured[:, 0]
-    smooth = np.convolve(np.pad(y, 2, mode="edge"), np.full(5, 0.2), "valid")
-    if e.outputs[0].quantity == "position":
-        return y, np.gradient(smooth) / e.period
-    return np.cumsum(y - y.mean()) * e.period, smooth
+def motions(problem: Problem, fitted: Fitted) -> list[tuple[Floats, Floats]]:
+    """Return position and velocity of the first output's mass, of every recording, as predicted.
+
+    From what the observer expected before each sample, over the last five of them: a motion taken
+    from the samples themselves holds their noise, and the residual would follow it by itself.
+    """
+    found: list[tuple[Floats, Floats]] = []
+    last = np.full(5, 0.2)
+    for e, y in zip(problem.experiments, predicted(problem, fitted), strict=True):
+        smooth = np.convolve(np.pad(y, (4, 0), mode="edge"), last, "valid")
+        if e.outputs[0].quantity == "position":
+            found.append((y, np.diff(smooth, prepend=smooth[0]) / e.period))
+        else:
+            found.append((np.cumsum(y - y.mean()) * e.period, smooth))
+    return found
 
 
-def _state(problem: Problem, white: Floats) -> list[Share]:
+def _state(problem: Problem, white: Floats, moved: Sequence[tuple[Floats, Floats]]) -> list[Share]:
     """Excess energy near reversals of velocity, at high speed, at large command, elsewhere."""
     energy = (white**2).mean(axis=1) - 1.0
     near, fast, strong = [], [], []
-    for e in problem.experiments:
-        _, v = _motion(e)
+    for e, (_, v) in zip(problem.experiments, moved, strict=True):
         turn = np.zeros(e.ticks)
         turn[1:] = np.diff(np.sign(v)) != 0
         width = max(1, round(NEAR_REVERSAL_S / e.period))
@@ -136,7 +145,9 @@ def _state(problem: Problem, white: Floats) -> list[Share]:
     ]
 
 
-def force_maps(problem: Problem, fitted: Fitted) -> tuple[ForceMap, ...]:
+def force_maps(
+    problem: Problem, fitted: Fitted, moved: Sequence[tuple[Floats, Floats]]
+) -> tuple[ForceMap, ...]:
     """Return the missing force at every place against every state."""
     device = fitted.model.acting(fitted.x)
     off = Complement(fitted.jacobian)
@@ -159,7 +170,8 @@ def force_maps(problem: Problem, fitted: Fitted) -> tuple[ForceMap, ...]:
     found: list[ForceMap] = []
     for name, place in places:
         for against in STATES:
-            values = [_against(e, against) for e in problem.experiments]
+            pairs = zip(problem.experiments, moved, strict=True)
+            values = [_against(e, motion, against) for e, motion in pairs]
             edges = np.quantile(np.concatenate(values), np.linspace(0.0, 1.0, BINS + 1))
             edges = np.unique(edges)
             edges[-1] += 1e-12 + 1e-9 * abs(edges[-1])
@@ -174,9 +186,8 @@ def force_maps(problem: Problem, fitted: Fitted) -> tuple[ForceMap, ...]:
     return tuple(found)
 
 
-def _against(e: Experiment, state: str) -> Floats:
-    position, velocity = _motion(e)
-    return {"position": position, "velocity": velocity, "command": e.command}[state]
+def _against(e: Experiment, motion: tuple[Floats, Floats], state: str) -> Floats:
+    return {"position": motion[0], "velocity": motion[1], "command": e.command}[state]
 
 
 def _entry(maps: Sequence[ForceMap]) -> list[Share]:

@@ -57,16 +57,12 @@ def search(
         while len(current.model.effects) < MOST:
             step = take(problem, current, experiments, say)
             steps.append(step)
-            taken = step.taken
-            if taken is None:
-                break
             before = current
-            try:
-                problem, settled = settled_on(taken, experiments)
-            except ValueError as error:  # it fits where the observer was chosen, and nowhere else
-                say(f"{taken.label} is left out: {error}")
-                steps[-1] = replace(step, taken=None)
+            taken, settled_pair = first_that_settles(step, experiments, say)
+            steps[-1] = replace(step, taken=taken)
+            if taken is None or settled_pair is None:
                 break
+            problem, settled = settled_pair
             other = second_opinion(problem, before, experiments)
             if other is not None:
                 found, slow, slow_fit = other
@@ -94,6 +90,21 @@ def search(
     current = problem.fit(current.model, current.x)
     baseline = problem.fit(Model(device), linear.x)
     return Searched(problem, baseline, current, tuple(steps), interrupted)
+
+
+def first_that_settles(
+    step: Step, experiments: Sequence[Experiment], say: Say
+) -> tuple[Trial | None, tuple[Problem, Fitted] | None]:
+    """Return what a step takes, settled; the next best that is believed where that fails.
+
+    A model may fit under the observer it was tried with and under no other.
+    """
+    for trial in step.believed:
+        try:
+            return trial, settled_on(trial, experiments)
+        except ValueError as error:
+            say(f"{trial.label} is left out: {error}")
+    return None, None
 
 
 def second_opinion(

@@ -62,11 +62,15 @@ class Trial:
 
 @dataclass(frozen=True)
 class Step:
-    """One round of the search: trials, best evidence first; taken is the one believed, if any."""
+    """One round of the search: trials, best evidence first.
+
+    believed: those that gain more than chance, best first; taken: the one believed most, if any.
+    """
 
     trials: tuple[Trial, ...]
     taken: Trial | None
     inflation: float
+    believed: tuple[Trial, ...] = ()
 
 
 def take(problem: Problem, current: Fitted, experiments: Sequence[Experiment], say: Say) -> Step:
@@ -99,8 +103,11 @@ def take(problem: Problem, current: Fitted, experiments: Sequence[Experiment], s
         return Step((), None, wide)
     best = _simplest(trials, wide)
     say(f"best candidate {best.label}: chi-square gained {best.gained:.0f}")
-    believed = best.gained > (THRESHOLD + best.price) * wide + 2.0 * best.parameters
-    return Step(tuple(trials), best if believed else None, wide)
+    order = [best, *(t for t in trials if t is not best)]
+    believed = tuple(
+        t for t in order if t.gained > (THRESHOLD + t.price) * wide + 2.0 * t.parameters
+    )
+    return Step(tuple(trials), believed[0] if believed else None, wide, believed)
 
 
 def richer_trials(problem: Problem, current: Fitted, simple: Physics) -> list[Trial]:
