@@ -6,7 +6,7 @@ import pytest
 from scenarios.table_2 import MeasuredPoint
 from stability.decomposition import from_plant, sampled
 from zwidth.paper.fig_10 import ratio, revised
-from zwidth.paper.table_2_fit import fit, misfit, sampled_plant
+from zwidth.paper.table_2_fit import Held, fit, misfit
 from zwidth.paper.table_2_study import good_rows, read, study
 from zwidth.paper.table_2_theories import CANDIDATES, RATIO, theory
 
@@ -74,7 +74,7 @@ def test_the_sampled_plant_is_that_of_the_device() -> None:
     z = np.exp(2j * np.pi * np.array([5.0, 40.0, 200.0]) * tried.period)
     device = tried.device(0.002)
     for damper in (0.0, 0.004):
-        plant = sampled_plant(tried, 0.002 + tried.delay, damper).response(z)
+        plant = Held(tried).plant(0.002 + tried.delay, damper).response(z)
         chain = device.chain._replace(
             ground_dampers=device.chain.ground_dampers + np.array([damper, 0.0, 0.0])
         )

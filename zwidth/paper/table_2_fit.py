@@ -88,32 +88,42 @@ def misfit(free: Sequence[str], x: Floats, rows: Sequence[MeasuredPoint]) -> Flo
     for row in rows:
         damper = tried.rho * row.stiffness / (2.0 * np.pi * row.frequency)
         groups.setdefault((row.delay + tried.delay, damper), []).append(row)
+    held = Held(tried)
     return np.concatenate([
-        _misfit(tried, sampled_plant(tried, *key), some) for key, some in groups.items()
+        _misfit(tried, held.plant(*key), some) for key, some in groups.items()
     ])  # fmt: skip
 
 
-def sampled_plant(tried: Theory, delay: float, damper: float) -> Sampled:
-    """Return the plant of a theory at a delay [s], with one more damper to ground at m1."""
-    a, b, _ = state_space(tried.model)
-    first = np.roll(np.arange(b.size), 2)  # position and velocity of m1 come last
-    a, b = a[np.ix_(first, first)], tried.gain * b[first]
-    a[:, 1] -= damper / tried.gain * b
-    interface = Interface(period=tried.period, delay=delay)
-    whole, remainder = interface.delay_ticks
-    late, newer = _held(a, b, tried.period - remainder)
-    if remainder == 0.0:
-        return Sampled(late, newer, None, whole)
-    older = late @ _held(a, b, remainder)[1]
-    return Sampled(_held(a, b, tried.period)[0], newer, older, whole)
+class Held:
+    """The plant of a theory under held inputs, each duration and damper computed once."""
 
+    def __init__(self, tried: Theory) -> None:
+        a, b, _ = state_space(tried.model)
+        first = np.roll(np.arange(b.size), 2)  # position and velocity of m1 come last
+        self.a, self.b = a[np.ix_(first, first)], tried.gain * b[first]
+        self.tried = tried
+        self._known: dict[tuple[float, float], tuple[Floats, Floats]] = {}
 
-def _held(a: Floats, b: Floats, duration: float) -> tuple[Floats, Floats]:
-    size = b.size
-    block = np.zeros((size + 1, size + 1))
-    block[:size, :size], block[:size, size] = a, b
-    full = np.asarray(expm(block * duration), dtype=np.float64)
-    return full[:size, :size], full[:size, size]
+    def plant(self, delay: float, damper: float) -> Sampled:
+        """Return the plant at a delay [s], with one more damper to ground at m1."""
+        period = self.tried.period
+        whole, remainder = Interface(period=period, delay=delay).delay_ticks
+        late, newer = self._held(period - remainder, damper)
+        if remainder == 0.0:
+            return Sampled(late, newer, None, whole)
+        older = late @ self._held(remainder, damper)[1]
+        return Sampled(self._held(period, damper)[0], newer, older, whole)
+
+    def _held(self, duration: float, damper: float) -> tuple[Floats, Floats]:
+        """Return (Phi, Gamma) over a duration [s]."""
+        if (duration, damper) not in self._known:
+            size = self.b.size
+            block = np.zeros((size + 1, size + 1))
+            block[:size, :size], block[:size, size] = self.a, self.b
+            block[:size, 1] -= damper / self.tried.gain * self.b
+            full = np.asarray(expm(block * duration), dtype=np.float64)
+            self._known[duration, damper] = full[:size, :size], full[:size, size]
+        return self._known[duration, damper]
 
 
 def _misfit(tried: Theory, plant: Sampled, rows: Sequence[MeasuredPoint]) -> Floats:
@@ -134,17 +144,21 @@ def _misfit(tried: Theory, plant: Sampled, rows: Sequence[MeasuredPoint]) -> Flo
         _others(every, known)
         for every, known in zip(np.linalg.eigvals(closed), measured.z, strict=True)
     ]
+    return np.concatenate([
+        left.real / spread, left.imag / spread, np.array(growth) / tried.period,
+        *(_reading_errors(plant, measured.only(fast), left[fast]) if fast.any() else ()),
+    ])  # fmt: skip
+
+
+def _reading_errors(plant: Sampled, measured: "Walls", left: Complexes) -> tuple[Floats, Floats]:
+    """Return the errors of K and f that would be read, to first order, over their spread."""
     by_stiffness = _slope(plant, measured, "stiffness")
     by_frequency = _slope(plant, measured, "frequency")
     area = _cross(by_stiffness, by_frequency)
-    readings = (
-        _cross(by_frequency, left) / area / READING,
-        _cross(left, by_stiffness) / area / READING_HZ,
+    return (
+        np.arcsinh(_cross(by_frequency, left) / area / READING),
+        np.arcsinh(_cross(left, by_stiffness) / area / READING_HZ),
     )
-    return np.concatenate([
-        left.real / spread, left.imag / spread, np.array(growth) / tried.period,
-        *(np.arcsinh(error[fast]) for error in readings),
-    ])  # fmt: skip
 
 
 class Walls(NamedTuple):
@@ -169,6 +183,12 @@ class Walls(NamedTuple):
     def passed(self) -> Floats:
         """N of each row."""
         return passed_share(command_share(self.wall, self.stiffness, self.tried.ratio))
+
+    def only(self, chosen: NDArray[np.bool_]) -> "Walls":
+        """Return some of the rows."""
+        return Walls(
+            self.frequency[chosen], self.stiffness[chosen], self.damping[chosen], self.tried
+        )
 
     def error(self, plant: Sampled) -> Complexes:
         """Return ln(-N (K + B w) P)."""
