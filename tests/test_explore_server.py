@@ -157,7 +157,10 @@ def test_a_link_that_asks_for_nothing_is_refused_in_a_sentence(port: int, query:
 
 def test_every_address_opens_a_page(port: int):
     """A view that cannot be is left out, not a page that fails."""
-    for query in ("delay_s=1000", "K=1e14&B=1e14", "K_range=0,1e-300", "%ff=%ff", "start=1e14"):
+    for query in (
+        "delay_s=1000", "K=1e14&B=1e14", "K_range=0,1e-300", "%ff=%ff", "start=1e14",
+        "t_range=0,1&recording_from_s=3&layer=frequency&one_sided=1",
+    ):  # fmt: skip
         status, _ = get(port, f"/?{query}")
         assert status == 200, query
 

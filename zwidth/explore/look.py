@@ -1,12 +1,13 @@
 """The run of one wall: what becomes of it, its samples, and its spectrum over a part of them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import periodogram
 
-from sim.run import Outcome, Run
+from sim.run import Outcome
 from sim.trace import Trace
 from stability.fates import Fates, evaluate
 from zwidth.explore.bench import Bench
@@ -90,6 +91,13 @@ def spectrum(drawn: dict[str, Floats]) -> dict[str, Floats]:
     return {"frequency": frequency[1:], "amplitude": np.where(height > 0.0, height, np.nan)}
 
 
-def completed(run: Run | Look) -> bool:
-    """Whether a run went on to its end."""
-    return run.outcome is Outcome.COMPLETED
+def fitting(run: Floats, others: Sequence[Floats]) -> tuple[float, float]:
+    """Return an axis for a run; what else lies there counts up to three times its size."""
+    most = float(np.nanmax(np.abs(run), initial=0.0))
+    seen = [np.clip(v, -3.0 * most, 3.0 * most) if most > 0.0 else v for v in (run, *others)]
+    known = np.concatenate([v[np.isfinite(v)] for v in seen])
+    if known.size == 0:
+        return 0.0, 1.0
+    low, high = float(known.min()), float(known.max())
+    margin = 0.05 * (high - low) or 0.1 * abs(high) or 1.0
+    return low - margin, high + margin

@@ -58,7 +58,9 @@ class Page:
         self.controls = Controls(bench, view, user)
         self.address = Address(query=view.query())
         self.address.js_on_change("query", CustomJS(code=WRITE_ADDRESS))
-        self.title, self.trouble, self.besides = (_said(n) for n in ("title", "trouble", "besides"))
+        self.title, self.trouble, self.besides, self.whose = (
+            _said(name) for name in ("title", "trouble", "besides", "whose")
+        )
         self.trouble.html_attributes = {"role": "alert"}
         self.saves, self.progress, self.wall = (
             HTML(name=n, html="") for n in ("saves", "progress", "wall")
@@ -80,7 +82,7 @@ class Page:
             1.45, self.controls.layers, self.plane.figure, legend, _pane(self.progress, 1)
         )
         run = _column(1.1, _pane(self.wall, 3, live=True), *self.runs.over_time.values())
-        more = _column(0.8, self.runs.phase_plane, self.runs.spectrum)
+        more = _column(0.8, self.whose, self.runs.phase_plane, self.runs.spectrum)
         body = Row(children=[controls, plane, run, more], sizing_mode="stretch_both", spacing=4)
         top: list[UIElement] = [self.title, self.trouble, body]
         return Column(children=top, sizing_mode="stretch_both", min_height=560)
@@ -113,6 +115,10 @@ class Page:
     def say_wall(self, html: str) -> None:
         """Say what becomes of the wall that is chosen."""
         self.wall.html = html
+
+    def say_runs(self, html: str) -> None:
+        """Say whose line is whose."""
+        self.whose.update(text=html, visible=bool(html))
 
     def say_progress(self, text: str) -> None:
         """Say what the plane shows and how far it is."""

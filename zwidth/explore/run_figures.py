@@ -18,7 +18,7 @@ from bokeh.models import (
 from bokeh.plotting import figure
 from numpy.typing import NDArray
 
-from zwidth.explore.look import spectrum, within
+from zwidth.explore.look import fitting, spectrum, within
 from zwidth.explore.stops import prefix
 from zwidth.explore.view import Span as Times
 
@@ -50,6 +50,7 @@ class RunFigures:
         self.seconds = seconds
         self.units = {"position": angle, "velocity": f"{angle}/s", "command": force, "energy": "J"}
         self.runs: dict[str, Drawn] = dict.fromkeys(LOOKS, NOTHING)
+        self.scales = dict.fromkeys(QUANTITIES, 1.0)
         self.time = {name: ColumnDataSource(dict[str, Any](NOTHING), name=name) for name in LOOKS}
         self.phase = {name: ColumnDataSource({"position": [], "velocity": []}) for name in LOOKS}
         self.spectra = {
@@ -57,19 +58,26 @@ class RunFigures:
         }
         self.frequencies = Range1d(start=LOWEST_HZ, end=500.0)
         self.axis = Range1d(start=0.0, end=seconds)
-        self.over_time = {name: self._over_time(name) for name in HEIGHTS}
+        heights = {name: Range1d(start=0.0, end=1.0) for name in ("position", "command", "energy")}
+        across = {name: Range1d(start=0.0, end=1.0) for name in ("position", "velocity")}
+        self.axes = {
+            name: [group[name] for group in (heights, across) if name in group]
+            for name in (*heights, "velocity")
+        }
+        self.over_time = {name: self._over_time(name, heights.get(name)) for name in HEIGHTS}
         self._explain_time()
-        self.phase_plane = self._phase_plane()
+        self.phase_plane = self._phase_plane(across["position"], across["velocity"])
         self.spectrum = self._spectrum()
         first = self.over_time["position"]
         first.on_event(RangesUpdate, lambda event: _range(event, zoomed))
         first.on_event(Reset, lambda _: zoomed(None))
 
-    def _over_time(self, name: str) -> figure:
+    def _over_time(self, name: str, height: Range1d | None) -> figure:
         wheel = WheelZoomTool(dimensions="width")
         tools = [wheel, PanTool(dimensions="width"), ResetTool()]
         drawn = figure(
-            x_range=self.axis, tools=tools, active_scroll=wheel, toolbar_location=None,
+            x_range=self.axis, y_range=height or Range1d(start=-0.2, end=1.2),
+            tools=tools, active_scroll=wheel, toolbar_location=None,
             sizing_mode="stretch_both", min_height=22 * HEIGHTS[name],
             styles={"flex": str(HEIGHTS[name])}, name=name, y_axis_label=name,
             html_attributes={"aria-label": f"{name} over time"},
@@ -94,7 +102,6 @@ class RunFigures:
             orientation="horizontal", label_text_font_size="11px", padding=0, margin=0, spacing=8,
             border_line_alpha=0.0, glyph_height=10, label_height=10,
         )  # fmt: skip
-        contact.y_range = Range1d(start=-0.2, end=1.2)
         contact.yaxis.ticker = [0, 1]
         self.limits = [
             Span(dimension="width", line_color="#777777", line_dash="dashed", visible=False)
@@ -103,10 +110,11 @@ class RunFigures:
         for limit in self.limits:
             self.over_time["command"].add_layout(limit)
 
-    def _phase_plane(self) -> figure:
+    def _phase_plane(self, positions: Range1d, velocities: Range1d) -> figure:
         drawn = figure(
             sizing_mode="stretch_both", min_width=240, min_height=200, toolbar_location=None,
-            tools="", name="phase", html_attributes={"aria-label": "phase plane of m1"},
+            tools="", name="phase", x_range=positions, y_range=velocities,
+            html_attributes={"aria-label": "phase plane of m1"},
         )  # fmt: skip
         for which, (colour, dash) in LOOKS.items():
             drawn.line(
@@ -138,11 +146,12 @@ class RunFigures:
         """Draw some of the runs that lie on each other (None takes one away) in a time span."""
         for which, drawn in runs.items():
             self.runs[which] = NOTHING if drawn is None else drawn
-        scales = {name: self._scale(name) for name in QUANTITIES}
+        self.scales = {name: self._scale(name) for name in QUANTITIES}
         for which, drawn in self.runs.items():
-            scaled = {n: scales[q] * drawn[n] for q, names in QUANTITIES.items() for n in names}
+            scaled = {
+                n: self.scales[q] * drawn[n] for q, names in QUANTITIES.items() for n in names
+            }
             self.time[which].data = {"t": drawn["t"], **scaled}
-        self.scales = scales
         self.show_span(span)
 
     def show_span(self, span: Times | None) -> None:
@@ -153,6 +162,19 @@ class RunFigures:
             part = within(drawn, span)
             self.phase[which].data = {n: self.scales[n] * part[n] for n in ("position", "velocity")}
             self.spectra[which].data = dict(spectrum(part))
+        self._fit(span)
+
+    def _fit(self, span: Times | None) -> None:
+        """Fit the axes to the run, and to the others where they are not much larger."""
+        parts = {which: within(drawn, span) for which, drawn in self.runs.items()}
+        for name, axes in self.axes.items():
+            values = {
+                which: self.scales[name] * np.concatenate([part[n] for n in QUANTITIES[name]])
+                for which, part in parts.items()
+            }
+            low, high = fitting(values.pop(RUN), list(values.values()))
+            for axis in axes:
+                axis.update(start=low, end=high)
 
     def show_theory(self, ultimate: float | None, limit: float, nyquist: float) -> None:
         """Mark the frequency on the linear boundary at this B, and the amplifier's limit."""

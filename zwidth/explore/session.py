@@ -5,29 +5,24 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any
 
 from bokeh.document import Document
 
 from sim.trace import Trace
-from stability.fate_map import FateMap
 from stability.plane import Plane
 from stability.sketch import sketch
 from zwidth.explore import words
 from zwidth.explore.background import Newest
 from zwidth.explore.bench import SECONDS, Bench
+from zwidth.explore.drawn import Drawn
 from zwidth.explore.dropped import read_dropped
 from zwidth.explore.look import Look, columns, look
 from zwidth.explore.page import Page, beside
 from zwidth.explore.run_figures import BESIDE, LOOKS, RECORDED, RUN
-from zwidth.explore.view import Span, View
+from zwidth.explore.view import OF_THE_PLANE, OF_THE_RUN, Span, View, differ
 
 PATIENCE_S = 0.12  # [s] after which a picture that is not finished yet is shown
-OF_THE_PLANE = (
-    "device", "delay", "encoder_step", "command_limit", "friction", "start", "one_sided",
-    "damping_range", "stiffness_range",
-)  # fmt: skip
-OF_THE_RUN = (*OF_THE_PLANE[:7], "stiffness", "damping")
 
 
 class Session:
@@ -124,12 +119,12 @@ class Session:
     def _show(self, before: View, view: View) -> None:
         self.view = view
         self.page.show_view(view)
-        self.run_waits = self.run_waits or _differ(before, view, OF_THE_RUN)
-        if self.drawn is None or _differ(before, view, OF_THE_PLANE):
+        self.run_waits = self.run_waits or differ(before, view, OF_THE_RUN)
+        if self.drawn is None or differ(before, view, OF_THE_PLANE):
             self.planes.ask(partial(self._compute_plane, view, self.bench.plane(view)))
         elif before.layer != view.layer:
             self._show_plane(self.drawn)
-        if self.run_waits and not _differ(before, view, OF_THE_PLANE):
+        if self.run_waits and not differ(before, view, OF_THE_PLANE):
             self._ask_for_run()
         elif before.time_range != view.time_range:
             self.page.runs.show_span(view.time_range)
@@ -154,8 +149,8 @@ class Session:
         other = None if alone else look(self.bench, beside(view))
         self._later(partial(self._show_run, found, other))
 
-    def _show_plane(self, drawn: "Drawn") -> None:
-        if _differ(drawn.view, self.view, OF_THE_PLANE):
+    def _show_plane(self, drawn: Drawn) -> None:
+        if differ(drawn.view, self.view, OF_THE_PLANE) or drawn.older_than(self.drawn):
             return
         self.drawn = drawn
         self.page.plane.show_map(drawn.result, self.view.layer)
@@ -169,13 +164,13 @@ class Session:
         self.runs.ask(partial(self._compute_run, self.view))
 
     def _show_run(self, found: Look, other: Look | None) -> None:
-        if _differ(found.view, self.view, OF_THE_RUN):
+        if differ(found.view, self.view, OF_THE_RUN):
             return
         drawn = None if other is None else columns(other.trace)
         self.page.runs.show({RUN: columns(found.trace), BESIDE: drawn}, self.view.time_range)
         line, plane = self.bench.line(self.view), self.bench.plane(self.view)
-        said = words.of_the_wall(found, plane, line)
-        self.page.say_wall(said + words.of_the_runs(LOOKS, self._names()))
+        self.page.say_wall(words.of_the_wall(found, plane, line))
+        self.page.say_runs(words.of_the_runs(LOOKS, self._names()))
         assert self.view.damping is not None
         critical, interface = line.at(self.view.damping), plane.device.interface
         ultimate = None if critical is None else critical[1]
@@ -195,7 +190,7 @@ class Session:
 
     def _later(self, show: Any) -> None:
         """Show something from another thread; a page that has gone has nothing to show it on."""
-        with suppress(Exception):
+        with suppress(RuntimeError):
             self.document.add_next_tick_callback(show)
 
     def _failed(self, error: Exception) -> None:
@@ -203,19 +198,5 @@ class Session:
         self._later(partial(self.page.complain, f"{kind}{error}"))
 
 
-class Drawn(NamedTuple):
-    """A map of a view as far as it was computed after so many seconds."""
-
-    view: View
-    result: FateMap
-    middle: bool
-    finished: bool
-    seconds: float
-
-
 def _short(value: float) -> float:
     return float(f"{value:.4g}")
-
-
-def _differ(one: View, other: View, names: tuple[str, ...]) -> bool:
-    return any(getattr(one, name) != getattr(other, name) for name in names)

@@ -47,6 +47,19 @@ class View:
         return urlencode(pairs, safe=",")
 
 
+# What the plane, and what the run of the chosen wall, depend on.
+OF_THE_PLANE = (
+    "device", "delay", "encoder_step", "command_limit", "friction", "start", "one_sided",
+    "damping_range", "stiffness_range",
+)  # fmt: skip
+OF_THE_RUN = (*OF_THE_PLANE[:7], "stiffness", "damping")
+
+
+def differ(one: View, other: View, names: Sequence[str]) -> bool:
+    """Whether two views differ in any of these parts."""
+    return any(getattr(one, name) != getattr(other, name) for name in names)
+
+
 def _text(value: object) -> str:
     if isinstance(value, tuple):
         return ",".join(_text(v) for v in value)  # pyright: ignore[reportUnknownVariableType]

@@ -17,8 +17,8 @@ from zwidth.figures.map import COLOURS, NAMES, PREDICTED
 
 SHORT = {
     Fate.RESTS: "rest",
-    Fate.IMPERCEPTIBLE_CYCLE: "oscillate unfelt",
-    Fate.CYCLE: "oscillate",
+    Fate.IMPERCEPTIBLE_CYCLE: "buzz unfelt",
+    Fate.CYCLE: "buzz",
     Fate.GROWS: "grow",
     Fate.UNDECIDED: "undecided",
 }
@@ -80,12 +80,14 @@ def _seen(found: Look, plane: Plane, fate: Fate, limited: bool) -> str:
 def of_the_plane(result: FateMap, middle: bool, finished: bool) -> str:
     """Return the shares of the fates and how far the picture is, as plain text."""
     shares = [(f, float(np.mean(result.fates.fate == f))) for f in Fate]
-    said = " \u00b7 ".join(
-        f"{100.0 * share:.0f} % {SHORT[f]}" for f, share in shares if share > 0.0
-    )
+    said = " \u00b7 ".join(f"{_percent(share)} {SHORT[f]}" for f, share in shares if share > 0.0)
     grid = "161 \u00d7 161" if finished else "41 \u00d7 41" if middle else "11 \u00d7 11"
     state = f"{grid}, {result.runs} runs" + ("" if finished else ", refining \u2026")
     return f"{said}; {state}"
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.0f} %" if share >= 0.01 else "< 1 %"
 
 
 def legend(perceptible: str, measured: bool) -> str:
@@ -118,7 +120,7 @@ def of_the_runs(looks: Mapping[str, tuple[str, str]], names: Mapping[str, str]) 
         RUN_MARK.format(looks[run][0], "\u2501" if looks[run][1] == "solid" else "\u2505", name)
         for run, name in ((run, escape(name)) for run, name in names.items())
     ]
-    return f"<br>{' &ensp;'.join(entries)}"
+    return "<br>".join(entries)
 
 
 def of_the_device(device: Device) -> str:
