@@ -11,7 +11,7 @@ from diagnosis.candidates import Start, candidates, magnitudes
 from diagnosis.experiment import Experiment
 from diagnosis.fit import WORST, Problem
 from diagnosis.parameters import Model
-from diagnosis.predictor import SETTLING, choose_observer, innovations, prepared
+from diagnosis.predictor import SETTLING, choose_observer, innovations, prepared, whitened
 from diagnosis.rehearsal import Noise, known_observer
 from diagnosis.screen import Complement
 from sim.device import Device, place_label
@@ -96,8 +96,9 @@ def weighted(problem: Problem, device: Device) -> Floats:
         samples = sum((e.ticks - SETTLING) * len(e.outputs) for e in problem.experiments)
         return np.full(samples, WORST)
     with np.errstate(all="ignore"):
-        every = [innovations(device, e, gain, ready=ready)[SETTLING:] for e in problem.experiments]
-        joined = np.concatenate([(one / problem.observer.deviation).ravel() for one in every])
+        out = [innovations(device, e, gain, ready=ready) for e in problem.experiments]
+        every = [problem.observer.weigh(one)[SETTLING:] for one in out]
+        joined = np.concatenate([one.ravel() for one in every])
     return np.clip(np.nan_to_num(joined, nan=WORST, posinf=WORST, neginf=-WORST), -WORST, WORST)
 
 
@@ -107,10 +108,13 @@ def reference(
     """Prepare a device on experiments.
 
     device: the true one as far as it is known; effects that it has count as known. noise: where it
-    is None the observer is chosen by the likelihood of the recordings under this device.
+    is None the observer is chosen by the likelihood of the recordings under this device, and colour
+    that is left is whitened: the recordings must hold nothing that the device does not have.
     """
     if noise is None:
-        observer = choose_observer(device, experiments)
+        chosen = choose_observer(device, experiments)
+        errors = [innovations(device, e, chosen.gain) for e in experiments]
+        observer = whitened(chosen, errors)
     else:
         observer = known_observer(device, experiments[0], noise)
     # An encoder's rounding of what is predicted would turn every small difference into noise.
