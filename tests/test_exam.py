@@ -144,9 +144,7 @@ def test_a_change_is_found(folder: Path, tmp_path: Path, changed: str) -> None:
     (made / "answers").mkdir()
     name = "r0001"
     files = recording_files(made, name)
-    digests = {
-        "sha256": dict.fromkeys(files, ""), "diagnosis": None, "seconds": 1.0, "samples": 9
-    }  # fmt: skip
+    digests = {"sha256": dict.fromkeys(files, "")}
     (made / "answers" / f"{name}.json").write_text(json.dumps(digests))
     if changed in files:
         text = files[changed].read_text()
@@ -190,7 +188,7 @@ def test_a_seal_does_not_depend_on_the_order_of_names() -> None:
 def answered(*findings: dict[str, Any], verdict: str = "identified") -> dict[str, Any]:
     refit = {"m1": {"nominal": 1.0, "value": 1.1, "ci95": [1.0, 1.2]}}
     said = {"verdict": verdict, "findings": list(findings), "linear_refit": refit}
-    return {"diagnosis": said, "seconds": 4.0, "samples": 10000}
+    return {"diagnosis": said, "seconds": 4.0, "core_seconds": 4.0, "samples": 10000}
 
 
 def finding(effect: str, at: str, rivals: dict[str, float], **parameters: Any) -> dict[str, Any]:
@@ -227,7 +225,7 @@ def test_marks() -> None:
     assert m.linear == {"m1": False}
     near = FRICTION | {"rivals": {"dead_band@command": 4.0}}
     assert mark(key_of(near), answered(wrong), {}).effects[0].right
-    failed = {"diagnosis": None, "seconds": 1.0, "samples": 9, "error": "..."}
+    failed = {"diagnosis": None, "seconds": 1.0, "core_seconds": 1.0, "samples": 9, "error": "..."}
     assert mark(key_of(FRICTION), failed, {}).verdict == "error"
 
 

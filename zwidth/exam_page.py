@@ -21,6 +21,7 @@ def page(found: Mapping[str, Any], facts: Mapping[str, Any], pictures: Mapping[s
         _effects(found, pictures),
         _several(found),
         _silent(found),
+        _misses(found["marks"]),
         _numbers(found),
     ]
     return "\n\n".join(parts) + "\n"
@@ -48,7 +49,8 @@ of recording and device file, and the exam refuses to mark what does not fit.
 absorbs (`diagnosis/limits.py`). An effect *stands apart* where the computed separation from every
 rival is at least five sigma (`diagnosis/separation.py`): there it must be named first, at its
 place. Elsewhere it must stand in the class that is named: the finding and its rivals within five
-sigma. A rival that merely contains the effect does not count against it. Intervals are
+sigma. A rival that merely contains the effect does not count against it. The limit is that of the
+whole recording; a diagnosis fits on 70 % of it, where five sigma are 4.2. Intervals are
 Clopper-Pearson, 95 %."""
 
 
@@ -179,6 +181,31 @@ def _silent(found: Mapping[str, Any]) -> str:
     )
 
 
+def _misses(marks: Sequence[Mapping[str, Any]]) -> str:
+    """Every effect of the library that was not told, and what was said instead."""
+    rows: list[list[str]] = []
+    for m in marks:
+        wanting = [e for e in m["effects"] if not _told(e, len(m["effects"]) > 1)]
+        for e in wanting:
+            place = "" if e["apart"] else ", does not stand apart"
+            rows.append(
+                [m["recording"], m["stratum"],
+                 f"`{e['effect']}` at {e['at']}, {e['times_limit']:.3g} times{place}",
+                 "named" if e["in_class"] else "not named",
+                 m["first"].replace("@", " at ") or "nothing", f"`{m['verdict']}`"]
+            )  # fmt: skip
+    if not rows:
+        return "## What was missed\n\nNothing."
+    heading = ("recording", "class", "concealed", "as a rival", "named first", "verdict")
+    return "## What was missed\n\n" + table(heading, rows)
+
+
+def _told(e: Mapping[str, Any], several: bool) -> bool:
+    if not e["apart"]:
+        return bool(e["in_class"])
+    return bool(e["found"] if several else e["first"])
+
+
 def _numbers(found: Mapping[str, Any]) -> str:
     share, beyond = found["held_out"]["share"], found["held_out"]["share_beyond_refit"]
     seconds = found["seconds"]
@@ -189,7 +216,8 @@ def _numbers(found: Mapping[str, Any]) -> str:
         _held_out("the linear refit", beyond),
         f"A diagnosis took {seconds['median']:.1f} s in the median and {seconds['most']:.1f} s at"
         f" most, per 10 s of recording {seconds['median_of_10_s']:.1f} s in the median and"
-        f" {seconds['ninth_decile_of_10_s']:.1f} s in the ninth decile.",
+        f" {seconds['ninth_decile_of_10_s']:.1f} s in the ninth decile; it kept one core busy for"
+        f" {seconds['core_seconds_of_10_s']:.1f} s of 10 s of recording, in the median.",
     ]
     if found["errors"]:
         lines.append(f"Diagnoses that ended with an error: {', '.join(found['errors'])}.")

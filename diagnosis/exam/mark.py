@@ -56,6 +56,7 @@ class Mark:
     outside: str
     linear: Mapping[str, bool]
     seconds: float
+    core_seconds: float
     samples: int
 
 
@@ -86,6 +87,7 @@ def mark(key: Mapping[str, Any], answer: Mapping[str, Any], truth: Mapping[str, 
         outside,
         linear,
         float(answer["seconds"]),
+        float(answer["core_seconds"]),
         int(answer["samples"]),
     )
 

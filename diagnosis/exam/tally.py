@@ -185,12 +185,14 @@ def _quantiles(values: Sequence[float | None]) -> dict[str, Any]:
 
 
 def _seconds(marks: Sequence[Mark]) -> dict[str, Any]:
-    """Time of a diagnosis as it was, and per 10 s of recording at 1 kHz."""
+    """Time of a diagnosis as it was, and per 10 s of recording at 1 kHz; and of all cores."""
     times = np.array([m.seconds for m in marks])
     scaled = np.array([m.seconds / m.samples * 1e4 for m in marks])
+    cores = np.array([m.core_seconds / m.samples * 1e4 for m in marks])
     return {
         "median": float(np.median(times)),
         "most": float(times.max()),
         "median_of_10_s": float(np.median(scaled)),
         "ninth_decile_of_10_s": float(np.quantile(scaled, 0.9)),
+        "core_seconds_of_10_s": float(np.median(cores)),
     }
