@@ -9,6 +9,7 @@ from zwidth.paper.appendix import appendix
 from zwidth.paper.content import Picture, Section, Table, number
 from zwidth.paper.theory import COLOUR, DELAYS, lines, ms, phantom
 
+OURS = 3.2  # width of a line that another is drawn upon
 FIG_6 = "zwidth boundary phantom_1_0 --delay-ms 2 4 8"
 
 
@@ -19,7 +20,7 @@ def section() -> Section:
         device = phantom(delay)
         last = last_stable_damping(device) or 0.0
         printed = appendix(delay, last)
-        ours.append(Curve(*lines(device), COLOUR[delay]))
+        ours.append(Curve(*lines(device), COLOUR[delay], width=OURS))
         theirs.append(
             Curve(printed.damping, printed.stiffness, printed.frequency_hz, "black", THEIRS, 1.0)
         )
@@ -64,7 +65,7 @@ def _fig_7() -> tuple[Picture, str]:
     inside = without[0] <= 0.2
     figure = curves_figure(
         [
-            Curve(*with_modes, COLOUR[0.002]),
+            Curve(*with_modes, COLOUR[0.002], width=OURS),
             Curve(without[0][inside], without[1][inside], without[2][inside], "0.45"),
             Curve(printed.damping, printed.stiffness, printed.frequency_hz, "black", THEIRS, 1.0),
         ],

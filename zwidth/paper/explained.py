@@ -72,7 +72,7 @@ def section() -> Section:
                 [_row(row, c) for row, c in zip(table_2(), conditions, strict=True)], RELAY,
             ),
             _simulated(conditions),
-            _undecided(every),
+            _undecided(every, conditions),
         ),
     )  # fmt: skip
 
@@ -175,13 +175,20 @@ def _simulated(conditions: list[RelayCondition]) -> str:
     )
 
 
-def _undecided(every: dict[str, Judged]) -> str:
+def _undecided(every: dict[str, Judged], conditions: list[RelayCondition]) -> str:
     gain = every[GAIN].fitted
+    low = [
+        row.frequency - condition.cycles[0].frequency_hz
+        for row, condition in zip(table_2(), conditions, strict=True)
+        if condition.cycles and min(row.frequency, condition.cycles[0].frequency_hz) > JUMPED_HZ
+    ]
     return (
         "What 24 rows do not decide: whether the device is heavier and more damped or its motor"
         f" weaker (a gain error in place of both fits K alike, {gain.part_1:.2f} and"
         f" {gain.part_2:.2f}, and f worse, {gain.frequency_hz:.2f} Hz); where the limit sits"
         " (amplifier, motor, program), and at how many N m, because the relay's force is not"
         " printed (phantom_1_0_table2 assumes 0.05 N m); and what makes the 2 ms series 13 to 15 %"
-        " larger than the others at equal frequency, which no candidate here does."
+        " larger than the others at equal frequency, which no candidate here does. After the jump"
+        f" the winner's f is {min(low):.0f} to {max(low):.0f} Hz too low: its modes are Table I's,"
+        " and the real second mode is higher."
     )

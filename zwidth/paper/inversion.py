@@ -75,9 +75,10 @@ def section() -> Section:
             f" {first.damping:.4f} N m s/rad more than the model's 0.0058. At the modes"
             f" ({min(m.frequency for m in fast):.0f} to {max(m.frequency for m in fast):.0f} Hz) it"
             f" leads the model by {min(leads):.0f} to {max(leads):.0f} degrees and moves"
-            f" {min(sizes):.2f} to {max(sizes):.2f} as much: the second mode is not quite the"
-            " fitted one, which is why the measured B_t are larger. And the three delays do not"
-            " describe one linear device: between 24 and 28 Hz the size is"
+            f" {min(sizes):.2f} to {max(sizes):.2f} as much. The phase says that the second mode is"
+            " not quite the fitted one; the size, that something limits these oscillations (next"
+            " section). And the three delays do not describe one linear device: between 24 and 28"
+            " Hz the size is"
             f" {np.mean(near[0.002]):.2f} of the model's at 2 ms and {np.mean(near[0.004]):.2f} at"
             " 4 ms, so something else than Table I's linear model acts, by amplitude or by delay.",
             Table(

@@ -80,7 +80,10 @@ def _pieces() -> list[Piece]:
         assert last is not None
         dampings = np.union1d(
             np.linspace(0.0, last * (1.0 - 1e-6), GRID),
-            np.linspace(top.damping * (1.0 - 1e-6), last * (1.0 - 1e-6), GRID // 3),
+            [
+                top.damping * (1.0 - 1e-6),
+                *np.linspace(top.damping * (1.0 + 1e-6), last * (1.0 - 1e-6), GRID // 3),
+            ],
         )
         found = [p for p in boundary(device, dampings) if p.stable]
         named = [(p, critical_mode(device, p) or "") for p in found]
