@@ -11,7 +11,7 @@ from scipy.stats import binomtest
 from diagnosis.candidates import MAGNITUDE, candidates
 from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted
-from diagnosis.gate import Fault, corrected, examine
+from diagnosis.gate import ON_LATTICE, Fault, corrected, examine
 from diagnosis.held_out import held_out
 from diagnosis.hold import smooth, was_smooth
 from diagnosis.lattice import STEPPED, step_interval
@@ -24,6 +24,7 @@ from diagnosis.search import Searched, fit_without, search
 from diagnosis.trials import THRESHOLD, Say, Step
 from diagnosis.uncertainty import Z95, covariance, inflation
 from sim.device import Device, place_label
+from sim.physics import make_physics
 from sim.physics.effect import Physics
 
 Floats = NDArray[np.float64]
@@ -33,6 +34,8 @@ UNITS = {
     "gain": ("", ""), "origin": ("rms motions", "rms motions"),
 }  # fmt: skip
 SHIFTED = 5.0  # sigma by which a linear parameter must differ to be a finding
+SAME_STEP = 0.01  # relative difference of steps that are the same
+MATTERS = 0.1  # of the noise: a step below is a way to write numbers
 UNEXPLAINED = 0.35  # share of chi-square excess that may remain under an identified verdict
 
 
@@ -70,6 +73,11 @@ def diagnose(
     say("held-out data")
     one, free = held_out(device, found, judge_by)
     findings = _findings(found)
+    steps = _encoder(device, found, acted, faults)
+    if steps is not None:
+        findings = (*findings, steps)
+        step = make_physics("encoder_step", "sensor", step=steps.parameters["step"].value)
+        final_device = final_device.with_physics(step)
     refit = _linear(device, found.final)
     bounds = {} if findings else _upper_bounds(found)
     verdict, sentence = _verdict(found, findings, refit, located.sentence)
@@ -170,6 +178,30 @@ def _findings(found: Searched) -> tuple[Finding, ...]:
         rivals = _rivals(label, found.steps, wide)
         findings.append(Finding(physics.effect.name, physics.at, estimates, sigma, rivals))
     return tuple(findings)
+
+
+def _encoder(
+    device: Device, found: Searched, acted: Sequence[Experiment], faults: Sequence[Fault]
+) -> Finding | None:
+    """The encoder's step that the samples themselves show, where the device does not know it.
+
+    Values that were not counted would all lie within `ON_LATTICE` of a lattice with the odds of
+    (2 ON_LATTICE)^n: that gives the sigma. A step far below the noise is no matter of physics.
+    """
+    position = next((o for o in acted[0].outputs if o.quantity == "position"), None)
+    seen = [f.value for f in faults if f.kind == "encoder_step"]
+    if position is None or not seen or found.final.model.has("encoder_step"):
+        return None
+    step, known = max(seen), device.interface.encoder_step
+    noise = float(found.problem.observer.deviation[acted[0].outputs.index(position)])
+    if abs(step - known) < SAME_STEP * known or step < MATTERS * noise:
+        return None
+    values = sum(e.ticks for e in acted)
+    sigma = float(np.sqrt(-2.0 * values * np.log(2.0 * ON_LATTICE)))
+    unit = "rad" if device.rotary else "m"
+    half = step * ON_LATTICE / values
+    estimate = Estimate(step, step - half, step + half, unit)
+    return Finding("encoder_step", "sensor", {"step": estimate}, sigma, ())
 
 
 def _step_estimate(found: Searched, physics: Physics) -> dict[str, Estimate]:

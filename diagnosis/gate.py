@@ -22,6 +22,8 @@ BETTER = 1.5  # factor of the rms error that makes another sign or scale a fault
 REPEATS = 0.02
 POWER = 0.1
 CLIPPED = 0.005
+ON_LATTICE = 0.1  # of a step, by which a value may lie beside it
+FEW = 10  # neighbouring values that are one step apart
 
 
 @dataclass(frozen=True)
@@ -165,15 +167,18 @@ def encoder_step_seen(y: Floats) -> float | None:
     """Return the step of which all values are multiples (up to an offset), None for none.
 
     The smallest difference between distinct values is a multiple of the step; it is the step if all
-    differences are whole multiples of it.
+    differences are whole multiples of it, and enough of them are the step itself.
     """
     levels = np.unique(y)
-    if levels.size > 0.5 * y.size or levels.size < 3:
+    if levels.size < 3:
         return None
     gaps = np.diff(levels)
     smallest = gaps.min()
     near = gaps[gaps < 1.5 * smallest]
     step = float(near.mean())
+    span = float(levels[-1] - levels[0])
+    step = span / max(1.0, np.round(span / step))
     counts = (levels - levels[0]) / step
     wrong = np.abs(counts - np.round(counts)).max()
-    return step if wrong < 0.1 else None
+    often = near.size >= min(FEW, levels.size // 2)
+    return step if wrong < ON_LATTICE and often else None

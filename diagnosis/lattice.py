@@ -28,7 +28,7 @@ from diagnosis.fit import Fitted, Problem
 from diagnosis.parameters import Model, delivered
 from diagnosis.predictor import SETTLING, innovations
 from diagnosis.screen import Complement
-from diagnosis.spatial import matched, peaks, response
+from diagnosis.spatial import matched, pulls, response, step_peaks
 from sim.physics import make_physics
 
 Floats = NDArray[np.float64]
@@ -73,7 +73,7 @@ def command_step(problem: Problem, fitted: Fitted) -> Stepped | None:
     if levels < 50:  # a command of few levels shows no lattice
         return None
     size = float(np.sqrt(np.mean(np.concatenate(over) ** 2)))
-    found, lines = peaks(matched(problem, fitted, "command"), over, 3e-4 * size)
+    found, lines = step_peaks(pulls(problem, fitted, "command"), over, 1e-3 * size, -1.0)
     moved = _Moved(fitted)
 
     def chi2(step: float) -> float:
@@ -100,7 +100,7 @@ def encoder_step(
     positions = predicted(problem, fitted)
     span = max(float(np.ptp(q)) for q in positions)
     finest = max(0.3 * float(problem.observer.deviation[0]), FINEST_SHARE * span)
-    found, lines = peaks(matched(problem, fitted, "sensor"), positions, finest)
+    found, lines = step_peaks(pulls(problem, fitted, "sensor"), positions, finest, 1.0, 0.12)
 
     physics = make_physics("encoder_step", "sensor", step=1.0)
     tried = replace(model.with_effect(physics, {}), sensor_error_known=True)

@@ -6,13 +6,15 @@ q_k / period + phase) over a quantity q the chi-square gained is 2 |G|^2 / n wit
 
     G(1 / period) = sum g_k exp(-2 pi i q_k / period),    n = |F exp(2 pi i q / period)|^2.
 
-Under white r the expectation of |G|^2 is n, so the spectrum's own running median tells n. All
-periods at once by one FFT over bins of q: it finds lattices of steps and waves that no list of
-starting values would meet. Limits: what a refit absorbs is not taken off (it has long periods), and
-r must be nearly white.
+Under white r the expectation of |G|^2 is n, so the running median of the spectrum of drawn white
+noise tells n (that of r itself would hold what is sought, whose line is broad where q is visited
+unevenly). All periods at once by one FFT over bins of q: it finds lattices of steps and waves that
+no list of starting values would meet. Limits: what a refit absorbs is not taken off (it has long
+periods), and r must be nearly white.
 """
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +25,13 @@ from diagnosis.fit import Fitted, Problem
 from diagnosis.predictor import SETTLING, innovations, prepared
 
 Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
 LONGEST = 2000  # ticks of response kept
-MEDIAN = 201  # lines of the running median that stands for the noise
+HARMONICS = 5  # of a saw
+SEED = 0
+FINER = 8  # lines a reciprocal span
+MOST_BINS = 24  # powers of two
+MEDIAN = 801  # lines of the running median that stands for the noise
 MEDIAN_OF_EXPONENTIAL = float(np.log(2.0))
 
 
@@ -61,6 +68,20 @@ def response(problem: Problem, fitted: Fitted, place: str) -> Floats:
     return problem.observer.weigh(answer)
 
 
+class Pull(NamedTuple):
+    """g (ticks,) of the residual and of drawn white noise."""
+
+    found: Floats
+    chance: Floats
+
+
+def pulls(problem: Problem, fitted: Fitted, place: str) -> list[Pull]:
+    """Return g of every experiment for what enters at a place, and that of white noise."""
+    drawn = np.random.default_rng(SEED).standard_normal(fitted.residual.size)
+    chance = matched(problem, replace(fitted, residual=drawn), place)
+    return [Pull(*pair) for pair in zip(matched(problem, fitted, place), chance, strict=True)]
+
+
 def matched(problem: Problem, fitted: Fitted, place: str) -> list[Floats]:
     """Return g (ticks,) of every experiment for what enters at a place, as in `response`."""
     answer = response(problem, fitted, place)
@@ -79,31 +100,82 @@ def matched(problem: Problem, fitted: Fitted, place: str) -> list[Floats]:
 
 
 def peaks(
-    pulls: list[Floats], over: list[Floats], finest: float, count: int = 3
+    pulls: list[Pull], over: list[Floats], finest: float, count: int = 3
 ) -> tuple[list[Peak], int]:
     """Return the strongest waves over a quantity with periods above `finest`, and lines looked at.
 
-    pulls: `matched`; over: the quantity at every tick, as long. A wave is seen at least twice.
+    pulls: as `pulls` returns them; over: the quantity at every tick, as long. A wave is seen at
+    least twice.
     """
+    spectrum = _spectrum(pulls, over, finest)
+    if spectrum is None:
+        return [], 0
+    lines, waves, level, span = spectrum
+    usable = (lines >= 2 * FINER) & (lines <= FINER * span / finest) & (level > 0.0)
+    gained = np.where(usable, 2.0 * np.abs(waves) ** 2 / np.where(usable, level, 1.0), 0.0)
+    return _highest(gained, span, count), int(np.count_nonzero(usable)) // FINER
+
+
+def step_peaks(
+    pulls: list[Pull],
+    over: list[Floats],
+    finest: float,
+    sign: float,
+    spread: float = 0.0,
+    count: int = 3,
+) -> tuple[list[Peak], int]:
+    """Return the likeliest steps of a quantity above `finest`, and lines looked at.
+
+    The error of a step is a saw whose harmonics all have known size and phase, so
+
+        gained = 2 sign sum c_j S_j - sum c_j^2 n_j / 2,    c_j = (-1)^j step / (pi j),
+
+    S_j the sine part of G at j / step. sign: 1 where the error is in what was recorded, -1 where it
+    is to be added to the model. spread: of what the quantity is known by, over the step.
+    """
+    spectrum = _spectrum(pulls, over, finest / HARMONICS)
+    if spectrum is None:
+        return [], 0
+    lines, waves, level, span = spectrum
+    last = int(min(FINER * span / finest, (lines.size - 1) // HARMONICS))
+    k = np.arange(2 * FINER, last + 1)
+    gained = np.zeros(lines.size)
+    for j in range(1, HARMONICS + 1):
+        blur = np.exp(-2.0 * (np.pi * j * spread) ** 2)
+        c = (-1.0) ** j * FINER * span / (k * np.pi * j) * blur
+        gained[k] += -2.0 * sign * c * waves[j * k].imag - 0.5 * c**2 * level[j * k]
+    return _highest(gained, span, count), k.size // FINER
+
+
+def _spectrum(
+    pulls: list[Pull], over: list[Floats], finest: float
+) -> tuple[NDArray[np.int64], Complexes, Floats, float] | None:
+    """Lines k, G and its expected power under noise at k / (FINER span), and the span."""
     low = min(float(q.min()) for q in over)
     span = max(float(q.max()) for q in over) - low
     if not span > 4.0 * finest:
-        return [], 0
-    bins = 1 << int(np.ceil(np.log2(4.0 * span / finest)))
-    total = np.zeros(bins)
-    for g, q in zip(pulls, over, strict=True):
-        index = np.minimum(((q - low) / span * (bins // 2)).astype(np.int64), bins - 1)
-        total += np.bincount(index, g, bins)
-    power = np.abs(np.fft.rfft(total)) ** 2  # lines at k / (2 span)
-    lines = np.arange(power.size)
-    usable = (lines >= 4) & (lines <= 2.0 * span / finest)
+        return None
+    bins = 1 << min(MOST_BINS, int(np.ceil(np.log2(4.0 * FINER * span / finest))))
+    total, chance = np.zeros(bins), np.zeros(bins)
+    width = FINER * span / bins
+    for pull, q in zip(pulls, over, strict=True):
+        index = np.minimum(((q - low) / width).astype(np.int64), bins - 1)
+        total += np.bincount(index, pull.found, bins)
+        chance += np.bincount(index, pull.chance, bins)
+    waves = np.fft.rfft(total)
+    lines = np.arange(waves.size)
+    waves *= np.exp(-2j * np.pi * lines / (FINER * span) * (low + 0.5 * width))
+    power = np.abs(np.fft.rfft(chance)) ** 2
     level = median_filter(power, min(MEDIAN, power.size), mode="nearest") / MEDIAN_OF_EXPONENTIAL
-    gained = np.where(usable & (level > 0.0), 2.0 * power / np.where(level > 0.0, level, 1.0), 0.0)
+    return lines, waves, level, span
+
+
+def _highest(gained: Floats, span: float, count: int) -> list[Peak]:
     found: list[Peak] = []
     for _ in range(count):
         k = int(np.argmax(gained))
         if gained[k] <= 0.0:
             break
-        found.append(Peak(2.0 * span / k, float(gained[k])))
-        gained[max(0, k - 3) : k + 4] = 0.0
-    return found, int(np.count_nonzero(usable))
+        found.append(Peak(FINER * span / k, float(gained[k])))
+        gained[max(0, k - FINER) : k + FINER + 1] = 0.0
+    return found

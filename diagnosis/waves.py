@@ -5,7 +5,7 @@ import math
 from diagnosis.candidates import Start, magnitudes
 from diagnosis.fit import Fitted, Problem
 from diagnosis.lattice import predicted
-from diagnosis.spatial import matched, peaks
+from diagnosis.spatial import peaks, pulls
 from sim.physics import make_physics
 
 WAVES = {"force_ripple": ("m1", "m1"), "encoder_eccentricity": ("sensor", "sensor")}
@@ -28,7 +28,7 @@ def wave_starts(problem: Problem, fitted: Fitted) -> tuple[list[Start], dict[str
         if fitted.model.has(name) or any(p.effect.name == name for p in device.physics):
             continue
         finest = max(FINEST * span, 6.0 * float(problem.observer.deviation[0]))
-        found, lines = peaks(matched(problem, fitted, place), positions, finest)
+        found, lines = peaks(pulls(problem, fitted, place), positions, finest)
         prices[name] = 2.0 * math.log(max(lines, 1))
         a = amplitudes[name]
         for peak in found:
