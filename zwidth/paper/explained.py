@@ -54,7 +54,7 @@ def section() -> Section:
             ),
             Table(
                 "Judged by rows left out of the fit, beside the paper's theory; in brackets the"
-                " share of the paper's error.",
+                " share of the paper's error. The winner is the theory whose worse part is least.",
                 ["theory", "K, part I", "K, part II", "f, part I [Hz]", "no wall"],
                 [
                     [f"{PAPER}, not fitted", *_cells(paper)],
