@@ -57,7 +57,9 @@ def test_a_folder_changes_nothing_and_is_read_again(tmp_path: Path, whole: FateM
     assert {p: p.stat().st_mtime_ns for p in tmp_path.iterdir()} == stamps
 
 
-@pytest.mark.parametrize("damage", ["missing", "empty", "cut", "flipped", "noise", "another part"])
+@pytest.mark.parametrize(
+    "damage", ["missing", "empty", "cut", "flipped", "noise", "another part", "one value for all"]
+)
 def test_a_damaged_part_is_run_again(tmp_path: Path, whole: FateMap, damage: str) -> None:
     """Mutation: `zipfile.BadZipFile` left out of `UNREADABLE`, or shapes not looked at."""
     make_map(plane(), COARSE, LEVELS, tmp_path)
@@ -65,6 +67,10 @@ def test_a_damaged_part_is_run_again(tmp_path: Path, whole: FateMap, damage: str
     content = bytearray(part.read_bytes())
     if damage == "missing":
         part.unlink()
+    elif damage == "one value for all":
+        with np.load(part) as whole_part:
+            values = {name: values[:1] for name, values in whole_part.items()}
+            np.savez(part, **values | {"points": whole_part["points"]})
     else:
         content[len(content) // 2] ^= 0x10
         part.write_bytes(
@@ -82,7 +88,7 @@ def test_a_damaged_part_is_run_again(tmp_path: Path, whole: FateMap, damage: str
 def test_killed_at_any_moment_it_ends_the_same(tmp_path: Path, whole: FateMap) -> None:
     """kill -9 again and again, at moments that fall anywhere; at the end not one bit differs.
 
-    Mutation: parts written in place instead of by `write_whole`, flushed before they are full.
+    No single mutation breaks it: parts are written whole, and damaged ones are run again.
     """
     code = (
         "import sys; from pathlib import Path; sys.path[:0] = ['.', 'tests'];"

@@ -100,7 +100,7 @@ def test_springs_dampers_and_limit() -> None:
 def test_dry_friction(levels: dict[int, float]) -> None:
     """To 0.25 % of the range, at m1 and at m1 and m3; half the step halves the difference.
 
-    Mutations: friction at 0.97 of its level; the stuck mass not locked but held by its velocity.
+    Mutation: friction at 0.97 of its level.
     """
     physics = [coulomb(level, f"m{i + 1}") for i, level in levels.items()]
     exact = ours(0.1, *physics, substeps=200)

@@ -68,7 +68,8 @@ def test_passive_up_to_the_bound_of_abbott_and_okamura() -> None:
 def test_a_quantised_wall_holds_a_load_that_friction_completes(part: float) -> None:
     """Truth 5: rest under F0 = (3 + part) K Delta iff f_c >= part K Delta, to 1e-6 of K Delta.
 
-    Thresholds 0, 0.5 and 1 times K Delta / 2 for part = 0, 1/4, 1/2. At rest: not one bit moves.
+    Thresholds 0, 0.5 and 1 times K Delta / 2 for part = 0, 1/4, 1/2. At rest: not one bit moves. It
+    starts at 2.6 steps, which the encoder reads as 3.
     Mutation: the encoder rounds down (`encoder_floor`).
     """
     stiffness = 20.0
@@ -78,7 +79,7 @@ def test_a_quantised_wall_holds_a_load_that_friction_completes(part: float) -> N
         if level < 0.0:
             continue
         device = one_mass(1e-3, 0.0, 0.0, coulomb(level), encoder_step=STEP)
-        start = 3.0 * STEP
+        start = 2.6 * STEP
         run = simulate(
             device, wall(stiffness, 0.0), duration=0.05, start=Start(start), disturbance=load,
             substeps=4,
