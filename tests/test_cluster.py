@@ -29,6 +29,9 @@ ROOT = Path(__file__).parents[1]
 MAP = ["map", "phantom_1_0", "--encoder-step", "1e-4", "--seconds", "0.5", "--levels", "0"]
 
 
+posix = pytest.mark.skipif(os.name != "posix", reason="kill -9 is POSIX")
+
+
 @pytest.fixture(autouse=True)
 def small_and_impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fate_map, "CHUNK", 4)
@@ -75,6 +78,7 @@ class Interference:
             self.deed()
 
 
+@posix
 def test_a_worker_killed_on_the_way_costs_its_part_only(
     tmp_path: Path, two: Any, whole: FateMap
 ) -> None:
@@ -258,6 +262,7 @@ def test_what_a_task_raises_is_raised_here(two: Any) -> None:
     assert {key: result for key, (result, _) in found.items()} == {str(i): i * i for i in range(8)}
 
 
+@posix
 def test_a_task_that_kills_every_worker_is_named(two: Any) -> None:
     says = "4 workers died over 'a'; look at the memory"
     with Cluster(two.scheduler_address) as runner, pytest.raises(ChildProcessError, match=says):
