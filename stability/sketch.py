@@ -72,7 +72,8 @@ def sketch(plane: Plane, workers: int | None = None) -> Iterator[Sketch]:
         while first < points.size:
             some = points[first : first + chunk]
             began = time.perf_counter()
-            fates.put(some, evaluate(plane, x[some % size], y[some // size], workers))
+            with np.errstate(over="ignore"):  # of what grows without end
+                fates.put(some, evaluate(plane, x[some % size], y[some // size], workers))
             took = time.perf_counter() - began
             chunk = int(np.clip(some.size * CHUNK_S / max(took, 1e-6), FEWEST, MOST))
             first += some.size

@@ -7,7 +7,7 @@ from urllib.parse import parse_qs
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 pytest.importorskip("bokeh", reason="needs the extra zwidth[explore]")
@@ -92,6 +92,7 @@ def test_what_is_wrong_in_an_address_is_named_and_left_out(query: str, said: str
     assert said in complaints[0]
 
 
+@example(own=None, present=1.00001, nothing=None)
 @given(own=st.none() | positive, present=positive, nothing=st.none() | st.just(0.0))
 def test_a_slider_has_a_stop_at_every_value_it_may_have(
     own: float | None, present: float, nothing: float | None
@@ -119,7 +120,7 @@ def small_plane() -> Plane:
 
 
 def test_a_sketch_ends_as_the_same_map_however_it_was_cut(monkeypatch: pytest.MonkeyPatch):
-    """Mutation: a stage that leaves out its last chunk."""
+    """Mutation: the last picture not marked as finished."""
     *_, last = sketch(small_plane())
     monkeypatch.setattr(sketching, "MOST", 64)
     pieces = list[tuple[int, bool, bool]]()
@@ -134,6 +135,7 @@ def test_a_sketch_ends_as_the_same_map_however_it_was_cut(monkeypatch: pytest.Mo
 
 
 def test_a_sketch_is_what_the_runs_say():
+    """Mutation: the middle lattice five points short."""
     plane = small_plane()
     middle = next(s for s in sketch(plane) if s.middle)
     drawn = middle.filled()

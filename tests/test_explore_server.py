@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Generator
 from contextlib import closing
+from dataclasses import replace
 from http.client import HTTPConnection
 from pathlib import Path
 
@@ -23,6 +24,7 @@ from logs.recording import read_recording
 from scenarios.replay import replay
 from scenarios.scenario_file import load_scenario
 from sim.device_file import load_device
+from sim.trace import Trace
 from zwidth.cli import run
 from zwidth.explore import session as sessions
 from zwidth.explore.background import Newest
@@ -30,7 +32,7 @@ from zwidth.explore.bench import Bench
 from zwidth.explore.dropped import read_dropped
 from zwidth.explore.server import listen
 from zwidth.explore.session import Session
-from zwidth.explore.view import View
+from zwidth.explore.view import View, read_query
 
 BENCH = Bench([load_device("phantom_1_0")])
 WALL = "K=12&B=0.04&encoder_step=0.0001"
@@ -211,6 +213,24 @@ def test_two_pages_know_nothing_of_each_other():
     assert first.view.encoder_step == 1e-3
     first.close()
     second.close()
+
+
+def test_a_page_shows_the_recording_it_was_started_with_and_says_what_it_left_out():
+    """What stands in an address is text, whatever it looks like."""
+    shape = np.arange(5000) * 1e-3
+    recorded = Trace(shape, {"position_m1": np.sin(shape)}, {"position_m1": "rad"}, "recorded")
+    document = Document()
+    view, complaints = read_query({"layer": ["<b>"]})
+    bench = Bench(BENCH.devices, recorded)
+    session = Session(document, bench, replace(view, recording_from=2.0), complaints)
+    session.page.put_on(document)
+    settled(session, document)
+    shown = session.page.runs.runs["recorded"]
+    assert shown["t"][0] == 0.0
+    assert shown["position"][0] == np.sin(2.0)
+    assert "recording" in session.page.whose.text
+    assert "layer = &#x27;&lt;b&gt;&#x27;" in session.page.trouble.text
+    session.close()
 
 
 def working() -> set[threading.Thread]:

@@ -35,7 +35,9 @@ def look(bench: Bench, view: View) -> Look:
     setup = scenario.prepare()
     (trace, _, outcome), *_ = setup.blocks(setup.ticks)
     point = np.array([view.damping]), np.array([view.stiffness])
-    return Look(view, trace, outcome, evaluate(bench.plane(view), *point, workers=1))
+    with np.errstate(over="ignore"):  # of what grows without end
+        fates = evaluate(bench.plane(view), *point, workers=1)
+    return Look(view, trace, outcome, fates)
 
 
 def columns(trace: Trace, shift: float = 0.0, until: float = np.inf) -> dict[str, Floats]:
