@@ -1,7 +1,7 @@
 """The pipeline from gate to verdict, in the order of docs/diagnosis.md."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from diagnosis.gate import ON_LATTICE, Fault, corrected, examine
 from diagnosis.held_out import held_out
 from diagnosis.hold import smooth, was_smooth
 from diagnosis.lattice import STEPPED, step_interval
+from diagnosis.leftover import leftover
 from diagnosis.locate import locate
 from diagnosis.next_experiment import NextExperiment, next_experiment
 from diagnosis.parameters import Model, linear_parameters, values_of
@@ -36,7 +37,7 @@ UNITS = {
 SHIFTED = 5.0  # sigma by which a linear parameter must differ to be a finding
 SAME_STEP = 0.01  # relative difference of steps that are the same
 MATTERS = 0.1  # of the noise: a step below is a way to write numbers
-UNEXPLAINED = 0.35  # share of chi-square excess that may remain under an identified verdict
+UNEXPLAINED = 0.05  # share of chi-square excess that may remain under an identified verdict
 
 
 def diagnose(
@@ -80,7 +81,8 @@ def diagnose(
         final_device = final_device.with_physics(step)
     refit = _linear(device, found.final)
     bounds = {} if findings else _upper_bounds(found)
-    verdict, sentence = _verdict(found, findings, refit, located.sentence)
+    left = _left(found)
+    verdict, sentence = _verdict(found, findings, refit, left)
     wrong = [f for f in faults if f.wrong]
     if wrong:
         verdict, sentence = (
@@ -91,6 +93,8 @@ def diagnose(
         "chi2_per_sample": {"refit": found.refit.chi2 / found.refit.samples,
                             "final": found.final.chi2 / found.final.samples},
         "samples": found.final.samples,
+        "left_chi2": left.gained,
+        "explained_chi2": found.refit.chi2 - found.final.chi2,
         "comparisons": sum(len(s.trials) for s in found.steps),
     }  # fmt: skip
     shape = (-1, len(acted[0].outputs))
@@ -271,19 +275,39 @@ def _upper_bounds(found: Searched) -> dict[str, dict[str, float]]:
     return bounds
 
 
+@dataclass(frozen=True)
+class Left:
+    """What the final model leaves: chi-square that an unknown force would gain, 0 for chance."""
+
+    gained: float
+    sentence: str
+
+
+def _left(found: Searched) -> Left:
+    """Hold the final residual against forces that follow one state, and that repeat or sway."""
+    wide = inflation(found.final.white)
+    located = locate(found.problem, found.final)
+    top = max(located.maps, key=lambda m: m.gained)
+    line = leftover(found.problem, found.final)
+    rotary = found.final.model.nominal.rotary
+    if line.gained > max(line.chance * wide, top.gained):
+        return Left(line.gained, line.sentence(rotary))
+    if top.gained > 2.0 * THRESHOLD * wide:
+        return Left(top.gained, located.sentence)
+    return Left(0.0, "")
+
+
 def _verdict(
     found: Searched,
     findings: tuple[Finding, ...],
     refit: dict[str, tuple[float, Estimate]],
-    where: str,
+    left: Left,
 ) -> tuple[Verdict, str]:
-    left = locate(found.problem, found.final)
-    unknown = max((m.gained for m in left.maps), default=0.0)
-    explained = found.refit.chi2 - found.final.chi2
-    wide = inflation(found.final.white)
-    if unknown > 2.0 * THRESHOLD * wide and unknown > UNEXPLAINED * max(explained, 1.0):
+    explained = max(found.refit.chi2 - found.final.chi2, 1.0)
+    if left.gained > 0.0 and (not findings or left.gained > UNEXPLAINED * explained):
+        beyond = f" beyond {' and '.join(f.effect for f in findings)}" if findings else ""
         return Verdict.UNKNOWN_PHYSICS, (
-            "something is missing that no effect of the library explains: " + where
+            f"something is missing{beyond} that no effect of the library explains: {left.sentence}"
         )
     if findings:
         names = " and ".join(f"{f.effect} at {f.at}" for f in findings)

@@ -13,7 +13,7 @@ and fit are repeated (`sharpened`).
 
 dropped_samples: a command lost at tick k moves the force by d = u_(k-1) - u_k for one tick. Its
 log likelihood ratio is L_k = -g_k d_k - d_k^2 n / 2 (g: `matched`, n: energy of the response to one
-tick), and that of a rate p over the whole recording sum log(1 - p + p exp(L_k)).
+tick), and it is lost where L_k exceeds the odds against; the likeliest first, its echo taken off g.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,7 +21,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted, Problem
@@ -38,6 +37,8 @@ AROUND = 41  # steps tried around a peak, two lines to either side
 DELIVERED = 3.0  # log odds from which a command counts as lost
 FINEST_SHARE = 1e-6  # of the span, of a step that is looked for
 ROUNDS = 3
+FIRST_RATE = 1e-3  # of lost commands, before any is seen
+MEMORY = 400  # ticks that a lost command is remembered
 MOST_LOST = 0.1  # of the commands: more of them are a delay and no accident
 SPREADS = (0.0, 0.03, 0.07, 0.12, 0.18, 0.25, 0.35)  # of a step
 
@@ -243,47 +244,45 @@ def dropped_samples(
     model = fitted.model
     if model.has("dropped_samples"):
         return None
-    energy = float(np.sum(response(problem, fitted, "command") ** 2))
+    answer = response(problem, fitted, "command")[:MEMORY]
+    reach = answer.shape[0]
+    echo = np.sum([np.correlate(answer[:, o], answer[:, o], "full")
+                   for o in range(answer.shape[1])], axis=0)[reach - 1 :]  # fmt: skip
     dropped = [np.zeros(e.ticks, dtype=np.bool_) for e in experiments]
-    current, there, rate, gained = fitted, problem, 0.0, 0.0
+    current, there, rate, lost = fitted, problem, FIRST_RATE, 0
+    ticks = sum(e.ticks for e in experiments)
     for _ in range(ROUNDS):
-        ratios: list[Floats] = []
-        for e, g, lost in zip(
-            experiments, matched(there, current, "command"), dropped, strict=True
-        ):
-            arrived = delivered(e.command, lost)
-            change = np.concatenate([[0.0], arrived[:-1] - e.command[1:]])
-            # of one that counts as lost, what it would be worth to deliver it, with its sign turned
-            back = np.where(lost, -change, change)
-            ratio = -g * back - 0.5 * back**2 * energy
-            ratio[:SETTLING] = -np.inf
-            ratios.append(np.where(lost, -ratio, ratio))
-        joined = np.concatenate(ratios)
-        rate, gained = _rate(joined)
-        if gained < 2.0 * PROMISING:
+        pull = matched(there, current, "command")
+        for e, g, d in zip(experiments, pull, dropped, strict=True):
+            _pursue(e.command, g, d, echo, float(np.log(rate / (1.0 - rate))))
+        found = sum(int(d.sum()) for d in dropped)
+        if found == lost or found > MOST_LOST * ticks:
             break
-        prior = np.log(rate / (1.0 - rate))
-        dropped = [r + prior > DELIVERED for r in ratios]
-        if not any(d.any() for d in dropped):
-            break
-        seen = [replace(e, dropped=d) for e, d in zip(experiments, dropped, strict=True)]
+        lost, rate = found, found / ticks
+        seen = [replace(e, dropped=d.copy()) for e, d in zip(experiments, dropped, strict=True)]
         there = Problem(seen, problem.observer)
         physics = make_physics("dropped_samples", "clock", rate=rate)
         current = there.fit(model.with_effect(physics, {}), fitted.x)
-    lost = sum(int(d.sum()) for d in dropped)
-    if current is fitted or gained < 2.0 * PROMISING or rate > MOST_LOST or lost == 0:
+    if lost == 0 or lost > MOST_LOST * ticks:
         return None
     # Which ones are lost was chosen among all: each costs its odds.
-    chosen = fitted.chi2 - current.chi2 - 2.0 * lost * float(np.log((1.0 - rate) / rate))
-    return Stepped("dropped_samples@clock", there, current, min(gained, chosen), 0.0)
+    gained = fitted.chi2 - current.chi2 - 2.0 * lost * float(np.log((1.0 - rate) / rate))
+    return Stepped("dropped_samples@clock", there, current, gained, 0.0)
 
 
-def _rate(ratios: Floats) -> tuple[float, float]:
-    """Return the likeliest rate and twice its log likelihood ratio against none."""
+def _pursue(command: Floats, g: Floats, lost: NDArray[np.bool_], echo: Floats, odds: float) -> None:
+    """Mark lost commands in `lost`, the likeliest first, each with its echo taken off g.
 
-    def loss(log_rate: float) -> float:
-        rate = float(np.exp(log_rate))
-        return -float(np.sum(np.logaddexp(np.log1p(-rate), log_rate + ratios)))
-
-    found = minimize_scalar(loss, bounds=(np.log(0.1 / ratios.size), np.log(0.5)), method="bounded")
-    return float(np.exp(found.x)), -2.0 * float(found.fun)
+    Neighbours of a lost command look lost as well, until what it did is taken off.
+    """
+    g = g.copy()
+    while int(lost.sum()) <= MOST_LOST * command.size:
+        change = np.concatenate([[0.0], delivered(command, lost)[:-1] - command[1:]])
+        ratio = np.where(lost, -np.inf, -g * change - 0.5 * change**2 * echo[0])
+        ratio[:SETTLING] = -np.inf
+        k = int(np.argmax(ratio))
+        if ratio[k] + odds < DELIVERED:
+            return
+        lost[k] = True
+        low, high = max(0, k - echo.size + 1), min(g.size, k + echo.size)
+        g[low:high] += change[k] * echo[np.abs(np.arange(low, high) - k)]

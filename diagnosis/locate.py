@@ -33,7 +33,7 @@ TELLING = 0.25  # share of the excess that is worth a sentence
 SLICES = 20
 BANDS = (0.5, 2.0, 5.0, 10.0, 20.0, 40.0, 80.0, 160.0, 320.0)
 NEAR_REVERSAL_S = 0.012
-STATES = ("position", "velocity", "command")
+STATES = ("position", "velocity", "command", "time")
 
 
 @dataclass(frozen=True)
@@ -187,6 +187,8 @@ def force_maps(
 
 
 def _against(e: Experiment, motion: tuple[Floats, Floats], state: str) -> Floats:
+    if state == "time":
+        return e.period * np.arange(e.ticks)
     return {"position": motion[0], "velocity": motion[1], "command": e.command}[state]
 
 

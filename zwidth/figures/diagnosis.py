@@ -17,17 +17,17 @@ SLICES = 60
 
 
 def force_map_figure(located: Located, rotary: bool) -> Figure:
-    """Return the missing force at the likeliest place against position, velocity and command.
+    """Return the missing force at the likeliest place against position, velocity, command and time.
 
     Bars: one standard error. A flat line at zero means that nothing is missing there.
     """
     top = max(located.maps, key=lambda m: m.gained)
     force, length = ("N m", "rad") if rotary else ("N", "m")
-    units = {"position": length, "velocity": f"{length}/s", "command": force}
+    units = {"position": length, "velocity": f"{length}/s", "command": force, "time": "s"}
     maps = [m for m in located.maps if m.place == top.place]
     with rc_context(STYLE):
-        figure = Figure(figsize=(7.2, 2.9), layout="constrained")
-        panels = np.atleast_1d(figure.subplots(1, len(maps)))
+        figure = Figure(figsize=(7.2, 5.0), layout="constrained")
+        panels = figure.subplots(2, 2, squeeze=False).ravel()
         for axes, m in zip(panels, maps, strict=True):
             middle = 0.5 * (m.edges[1:] + m.edges[:-1])
             axes.axhline(0.0, color="0.6", linewidth=0.8)
@@ -39,7 +39,8 @@ def force_map_figure(located: Located, rotary: bool) -> Figure:
             axes.set_title(f"chi-square {m.gained:.0f}", fontsize=9)
             axes.ticklabel_format(axis="y", scilimits=(-3, 3))
             axes.locator_params(axis="x", nbins=4)
-        panels[0].set_ylabel(f"missing force at {top.place} [{force}]")
+        for axes in panels[::2]:
+            axes.set_ylabel(f"missing force at {top.place} [{force}]")
     return figure
 
 

@@ -1,0 +1,176 @@
+"""Is anything left that no effect of the library explains? A bank of forces of unknown cause.
+
+A device that sways, warms or swings has forces f = a q cos(phase + 2 pi s / period): q one of
+
+    1, velocity, acceleration of a mass, or deflection and its rate of a link,
+
+s time or the position of m1. With g = F' r (`diagnosis.spatial`) the chi-square that such a force
+would gain is 2 |G|^2 / n, G the spectrum of g q over s: one FFT for all periods, n from drawn white
+noise. The best of all lines of all families is held against what the best of as many lines of white
+noise exceeds once in `ODDS` recordings. Slow warming is a line of low frequency. Limits: q is what
+the observer predicts, and what a refit absorbs (periods as long as the recording) is not taken off.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from diagnosis.experiment import Output
+from diagnosis.fit import Fitted, Problem
+from diagnosis.predictor import SETTLING, innovations
+from diagnosis.spatial import MEDIAN_OF_EXPONENTIAL, Pull, pulls
+
+Floats = NDArray[np.float64]
+ODDS = 2000.0
+FASTEST_HZ = 40.0  # at which a parameter sways
+FINEST = 60.0  # periods over the travel
+SMOOTH = 101  # lines of the running median
+
+
+@dataclass(frozen=True)
+class Leftover:
+    """The strongest line. gained: its chi-square; chance: what noise reaches once in `ODDS`.
+
+    at: "m1".. or "link12"..; follows: q; over: "time" or "position"; period [s, rad or m].
+    """
+
+    gained: float
+    chance: float
+    at: str
+    follows: str
+    over: str
+    period: float
+
+    @property
+    def significant(self) -> bool:
+        """Whether it is more than chance."""
+        return self.gained > self.chance
+
+    def sentence(self, rotary: bool) -> str:
+        """Say what is left."""
+        unit = "s" if self.over == "time" else "rad" if rotary else "m"
+        q = "" if self.follows == "1" else f" proportional to the {self.follows}"
+        return (
+            f"a force at {self.at}{q} that repeats over {self.over} every {self.period:.3g} {unit}"
+            f" would gain a chi-square of {self.gained:.0f} (chance: {self.chance:.0f})"
+        )
+
+
+def leftover(problem: Problem, fitted: Fitted) -> Leftover:
+    """Return the strongest line in what a fitted model leaves."""
+    states = predicted_states(problem, fitted)
+    n = states[0].shape[1] // 2
+    period = problem.experiments[0].period
+    at = {f"m{i + 1}": pulls(problem, fitted, f"m{i + 1}") for i in range(n)}
+    for i in range(n - 1):
+        pair = zip(at[f"m{i + 1}"], at[f"m{i + 2}"], strict=True)
+        at[f"link{i + 1}{i + 2}"] = [Pull(a.found - b.found, a.chance - b.chance) for a, b in pair]
+    positions = [x[:, 0] for x in states]
+    lines = 0
+    best: tuple[float, str, str, str, float] = (0.0, "m1", "1", "time", 1.0)
+    for place, pull in at.items():
+        for name, factor in _factors(place, states, n, period).items():
+            for over in ("time", "position"):
+                if name == "1" and over == "position":  # the library has ripple and springs
+                    continue
+                gained, periods = _over(pull, factor, over, name, positions, period)
+                lines += gained.size
+                k = int(np.argmax(gained)) if gained.size else 0
+                if gained.size and gained[k] > best[0]:
+                    best = (float(gained[k]), place, name, over, float(periods[k]))
+    chance = 2.0 * float(np.log(max(lines, 1) * ODDS))
+    return Leftover(best[0], chance, *best[1:])
+
+
+def _factors(place: str, states: list[Floats], n: int, period: float) -> dict[str, list[Floats]]:
+    """Q at every tick of every recording, by name."""
+    if place.startswith("link"):
+        i = int(place[4]) - 1
+        return {
+            "deflection": [x[:, i] - x[:, i + 1] for x in states],
+            "rate of deflection": [x[:, n + i] - x[:, n + i + 1] for x in states],
+        }
+    i = int(place[1]) - 1
+    return {
+        "1": [np.ones(x.shape[0]) for x in states],
+        "velocity": [x[:, n + i] for x in states],
+        "acceleration": [np.gradient(x[:, n + i]) / period for x in states],
+    }
+
+
+def _over(
+    pull: list[Pull],
+    factor: list[Floats],
+    over: str,
+    name: str,
+    positions: list[Floats],
+    period: float,
+) -> tuple[Floats, Floats]:
+    """Chi-square of every line, and its period."""
+    if over == "time":
+        ticks = sum(q.size for q in factor)
+        found = np.concatenate([p.found * q for p, q in zip(pull, factor, strict=True)])
+        chance = np.concatenate([p.chance * q for p, q in zip(pull, factor, strict=True)])
+        fastest = 0.45 / period if name == "1" else min(FASTEST_HZ, 0.1 / period)
+        frequency = np.fft.rfftfreq(ticks, period)
+        kept = (np.arange(frequency.size) > 0) & (frequency < fastest)
+        return _lines(
+            np.fft.rfft(found), np.fft.rfft(chance), kept, 1.0 / np.maximum(frequency, 1e-12)
+        )
+    low = min(float(q.min()) for q in positions)
+    span = max(float(q.max()) for q in positions) - low
+    if not span > 0.0:
+        return np.zeros(0), np.zeros(0)
+    bins = 4096
+    width = 2.0 * span / bins
+    found, chance = np.zeros(bins), np.zeros(bins)
+    for p, q, x in zip(pull, factor, positions, strict=True):
+        index = np.minimum(((x - low) / width).astype(np.int64), bins - 1)
+        found += np.bincount(index, p.found * q, bins)
+        chance += np.bincount(index, p.chance * q, bins)
+    number = np.arange(bins // 2 + 1)
+    kept = (number >= 1) & (number <= 2.0 * FINEST)
+    return _lines(np.fft.rfft(found), np.fft.rfft(chance), kept, 2.0 * span / np.maximum(number, 1))
+
+
+def _lines(
+    found: NDArray[np.complex128],
+    chance: NDArray[np.complex128],
+    kept: NDArray[np.bool_],
+    periods: Floats,
+) -> tuple[Floats, Floats]:
+    power = np.abs(chance[kept]) ** 2
+    size = min(SMOOTH, power.size)
+    if size < 5:
+        return np.zeros(0), np.zeros(0)
+    level = median_filter(power, size, mode="nearest") / MEDIAN_OF_EXPONENTIAL
+    gained = 2.0 * np.abs(found[kept]) ** 2 / np.where(level > 0.0, level, np.inf)
+    return gained, periods[kept]
+
+
+def predicted_states(problem: Problem, fitted: Fitted) -> list[Floats]:
+    """Return positions and velocities (ticks, 2n) of all masses as the observer predicts them.
+
+    By outputs that correct nothing: their innovation, measured as zero, is the state turned round.
+    """
+    device = fitted.model.acting(fitted.x)
+    n = device.chain.masses.size
+    further = tuple(Output(q, i) for q in ("position", "velocity") for i in range(n))
+    gain = problem.observer.gain
+    found: list[Floats] = []
+    sensors = [p.effect.name for p in device.physics if p.effect.hook == "sensor"]
+    bare = device.without_physics(*sensors) if sensors else device
+    for e in problem.experiments:
+        seen = fitted.model.seen(e, fitted.x)
+        wide = replace(
+            seen,
+            outputs=(*seen.outputs, *further),
+            measured=np.hstack([seen.measured, np.zeros((seen.ticks, 2 * n))]),
+        )
+        still = np.hstack([gain, np.zeros((gain.shape[0], 2 * n))])
+        state = -innovations(bare, wide, still)[:, len(seen.outputs) :]
+        state[:SETTLING] = 0.0
+        found.append(state)
+    return found
