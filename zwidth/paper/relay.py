@@ -9,9 +9,9 @@ from zwidth.paper.content import Picture, Section, Table, number
 from zwidth.paper.relay_physics import physics_parts
 from zwidth.paper.theory import ms, phantom
 
-STARTS = 20
+STARTS = 50
 SHOWN_S = 0.4
-COMMAND = "zwidth relay phantom_1_0 --starts 20"
+COMMAND = "zwidth relay phantom_1_0 --starts 50"
 
 
 def section() -> Section:
