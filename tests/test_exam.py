@@ -14,6 +14,7 @@ from diagnosis.exam.conceal import conceal, make, orders
 from diagnosis.exam.drawing import draw
 from diagnosis.exam.hidden import seen
 from diagnosis.exam.mark import linear_truth, mark, stands_apart
+from diagnosis.exam.of_library import DRY, chosen
 from diagnosis.exam.perfect import HeldOut
 from diagnosis.exam.strata import STRATA, counts
 from diagnosis.exam.take import mark_all, open_seal, sit_all
@@ -22,11 +23,14 @@ from diagnosis.fit import Problem
 from diagnosis.parameters import Model
 from diagnosis.reference import reference
 from scenarios.concealed.handout import key_file, names, recording_files
+from scenarios.concealed.outside import OUTSIDE
 from scenarios.concealed.rig import record
 from scenarios.concealed.sealing import SealError, canonical, seal
+from scenarios.concealed.shapes import places
 from sim.chain import make_chain
 from sim.physics import NAMES
 from stability.executor import Local
+from tests.physics_examples import phantom
 from zwidth.cli import zwidth
 from zwidth.exam_page import ratio
 
@@ -135,6 +139,30 @@ def test_an_effect_stands_as_high_in_the_recording_as_its_limit_says() -> None:
     stands = np.linalg.norm(known.off(hidden.effect)(padded))
     assert stands == pytest.approx(hidden.sigma, rel=0.1)
     assert hidden.sigma == pytest.approx(10.0, rel=0.1)
+
+
+def test_what_is_in_no_library_stands_out() -> None:
+    """5 to 50 times the strength at five sigma, as seen on the recordings themselves."""
+    made = draw(STRATA["unknown"], 9, 4, list(OUTSIDE).index("hum"), seconds=2.0)
+    assert made.rig.outside is not None
+    assert made.rig.outside.name == "hum"
+    assert made.rig.device.physics == ()
+    (hidden,) = made.hidden
+    assert 5.0 <= hidden.times_limit <= 50.0
+    assert hidden.sigma == pytest.approx(5.0 * hidden.times_limit, rel=0.1)
+
+
+def test_several_effects_are_of_several_kinds() -> None:
+    """Each effect once, one friction law a mass; breaks where the masses are not looked at."""
+    device = phantom()
+    for seed in range(200):
+        random = np.random.default_rng(seed)
+        several = chosen(STRATA["three_5x"], "coulomb_friction", random, device)
+        assert several[0][0] == "coulomb_friction"
+        assert len({name for name, _ in several}) == 3
+        assert set(several) <= set(places(device))
+        dry = [at for name, at in several if name in DRY]
+        assert len(set(dry)) == len(dry)
 
 
 @pytest.mark.parametrize("changed", ["key", "salt", "recording", "device", "seal"])

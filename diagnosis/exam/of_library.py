@@ -43,7 +43,7 @@ def conceal_effects(
     """
     known, rig = stage.known, stage.rig
     found: list[tuple[Physics, float]] = []
-    for name, at in _chosen(stratum, first, random, rig.device):
+    for name, at in chosen(stratum, first, random, rig.device):
         shape = draw_physics(random, name, at, rig.device, stage.motion)
         sized = _sized(known, shape, draw_times(random, stratum))
         if sized is None:
@@ -72,19 +72,19 @@ def conceal_effects(
     return rig, trace, hidden
 
 
-def _chosen(
+def chosen(
     stratum: Stratum, first: str, random: np.random.Generator, device: Device
 ) -> list[tuple[str, str]]:
-    """Effects and places: one friction law a mass, each effect once."""
+    """Return effects and places, `first` first: one friction law a mass, each effect once."""
     possible = [place for place in places(device) if place[0] != "rectified_sensor"]
     ats = [at for name, at in places(device) if name == first]
-    chosen = [(first, str(random.choice(ats)))]
-    while len(chosen) < stratum.effects:
-        taken = {name for name, _ in chosen}
-        dry = {at for name, at in chosen if name in DRY}
+    found = [(first, str(random.choice(ats)))]
+    while len(found) < stratum.effects:
+        taken = {name for name, _ in found}
+        dry = {at for name, at in found if name in DRY}
         left = [p for p in possible if p[0] not in taken and not (p[0] in DRY and p[1] in dry)]
-        chosen.append(left[int(random.integers(len(left)))])
-    return chosen
+        found.append(left[int(random.integers(len(left)))])
+    return found
 
 
 def _sized(known: Reference, shape: Physics, times: float) -> tuple[Physics, float] | None:
