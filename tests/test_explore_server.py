@@ -25,6 +25,8 @@ from scenarios.replay import replay
 from scenarios.scenario_file import load_scenario
 from sim.device_file import load_device
 from sim.trace import Trace
+from stability.plane import Plane
+from stability.sketch import Sketch, sketch
 from zwidth.cli import run
 from zwidth.explore import session as sessions
 from zwidth.explore.background import Newest
@@ -217,8 +219,8 @@ def test_two_pages_know_nothing_of_each_other():
 
 def test_a_page_shows_the_recording_it_was_started_with_and_says_what_it_left_out():
     """What stands in an address is text, whatever it looks like."""
-    shape = np.arange(5000) * 1e-3
-    recorded = Trace(shape, {"position_m1": np.sin(shape)}, {"position_m1": "rad"}, "recorded")
+    t = np.linspace(0.0, 5.0, 5001, dtype=np.float64)
+    recorded = Trace(t, {"position_m1": np.sin(t)}, {"position_m1": "rad"}, "recorded")
     document = Document()
     view, complaints = read_query({"layer": ["<b>"]})
     bench = Bench(BENCH.devices, recorded)
@@ -233,26 +235,47 @@ def test_a_page_shows_the_recording_it_was_started_with_and_says_what_it_left_ou
     session.close()
 
 
-def working() -> set[threading.Thread]:
-    return {t for t in threading.enumerate() if t.name.startswith("explore")}
-
-
-def test_a_page_that_is_closed_while_it_computes_leaves_no_work_behind():
+def test_a_page_that_is_closed_while_it_computes_leaves_no_work_behind(
+    monkeypatch: pytest.MonkeyPatch,
+):
     """Mutation: `close` that does not change the ticket."""
-    others = working()
+    started, ended = threading.Event(), threading.Event()
+    deadline = time.monotonic() + 10
+
+    def endless(plane: Plane) -> Generator[Sketch]:
+        one = next(iter(sketch(plane)))
+        try:
+            while time.monotonic() < deadline:
+                started.set()
+                yield one
+        finally:
+            ended.set()
+
+    monkeypatch.setattr(sessions, "sketch", endless)
     document = Document()
-    session = Session(document, BENCH, View(friction=2e-3, encoder_step=1e-4), [])
+    session = Session(document, BENCH, View(), [])
     session.page.put_on(document)
-    deadline = time.monotonic() + 60
-    while not document.session_callbacks and time.monotonic() < deadline:
-        time.sleep(0.005)
-    mine = working() - others
+    assert started.wait(10)
     session.close()
     session.change(friction=3e-3)  # what was on its way from the browser
-    while mine & working():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
-    assert session.drawn is None
+    assert ended.wait(10)
+    assert time.monotonic() < deadline
+
+
+def test_a_picture_that_comes_late_does_not_replace_a_newer_one():
+    """Mutation: `older_than` always false."""
+    document = Document()
+    session = Session(document, BENCH, View(), [])
+    session.page.put_on(document)
+    settled(session, document)
+    newest = session.drawn
+    assert newest is not None
+    late = newest._replace(finished=False, seconds=0.5 * newest.seconds)
+    session._show_plane(late)
+    assert session.drawn is newest
+    session._show_plane(late._replace(seconds=2.0 * newest.seconds))
+    assert session.drawn is not newest
+    session.close()
 
 
 def test_only_the_newest_request_is_finished():
