@@ -17,6 +17,7 @@ from zwidth.paper.theory import COLOUR, DELAYS, SHAPE, Floats, ms, phantom
 REVISED = "phantom_1_0_table2"
 BEYOND = 1.04  # of the last damping that was measured
 POINTS = 160
+PLUS_MINUS = "\N{PLUS-MINUS SIGN}"
 OWN = "zwidth paper --section fig_10"
 
 
@@ -51,9 +52,9 @@ def _misprints(rows: list[MeasuredPoint]) -> str:
     """Say how the misprints are found, and which they are."""
     found = [(row, row.judged) for row in rows if row.judged is not None]
     wrong = [(row, verdict) for row, verdict in found if verdict.misprint]
-    named = " and ".join(
-        f"{row.damping:g} at {ms(row.delay)} ({row.frequency:g} Hz), where they imply"
-        f" {verdict.damping:.3f} +- {verdict.spread:.3f}: {verdict.meant:g} is meant"
+    named = ", and ".join(
+        f"{row.damping:g} at {ms(row.delay)} ({row.frequency:g} Hz), where the others imply"
+        f" {verdict.damping:.3f} {PLUS_MINUS} {verdict.spread:.3f}: {verdict.meant:g} is meant"
         for row, verdict in wrong
     )
     least = min(abs(verdict.score) for _, verdict in wrong)
@@ -74,7 +75,7 @@ def _row(row: MeasuredPoint) -> list[str]:
     linear = critical_stiffness(phantom(row.delay), row.place).stiffness
     verdict, implied, score = "", "", ""
     if row.judged is not None:
-        implied = f"{row.judged.damping:.3f} +- {row.judged.spread:.3f}"
+        implied = f"{row.judged.damping:.3f} {PLUS_MINUS} {row.judged.spread:.3f}"
         score = f"{row.judged.score:+.1f}"
         verdict = f"misprint, read as {row.judged.meant:g}" if row.judged.misprint else ""
     return [

@@ -51,11 +51,12 @@ def section() -> Section:
                 "Fig. 3. Discrete-time Bode diagram: response of the simulated device to white"
                 " noise, 0.7 to 300 Hz over 30 s, windows of 4096 samples (points); the model"
                 " fitted to it (solid, ours) and Table I (dashed, theirs). Their own recording is"
-                f" not published; ours has {1e6 * NOISE:.0f} urad rms of noise at the sensor.",
+                f" not published; ours has {1e6 * NOISE:.0f} \N{MICRO SIGN}rad rms of noise at its"
+                " sensor.",
                 COMMAND,
             ),
             f"The data ask for {len(fit.model.modes)} modes. Of the {len(fit.names)} parameters of"
-            f" Table I {inside} lie inside their own 95 % interval here (19 in 20 are meant to).",
+            f" Table I, {inside} lie inside their own 95 % interval here (19 in 20 are meant to).",
             Table(
                 "Table I recovered from the recording, started from the data alone.",
                 ["parameter", "unit", "Table I", "fitted", "95 % interval", "inside"],
