@@ -44,7 +44,7 @@ def orders(
     found: list[Order] = []
     for i, j in enumerate(shuffled):
         stratum, rank = ranked[int(j)]
-        found.append(Order(str(folder), f"r{i + 1:04d}", stratum, seed, i, rank, seconds))
+        found.append(Order(str(folder.resolve()), f"r{i + 1:04d}", stratum, seed, i, rank, seconds))
     return found
 
 

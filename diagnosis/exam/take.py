@@ -34,7 +34,9 @@ def sit_all(folder: Path, executor: Executor, done: Said = lambda _: None) -> li
             f"{folder} holds no concealed recordings; make some there by zwidth conceal"
         )
     (folder / "answers").mkdir(exist_ok=True)
-    papers = {n: Paper(str(folder), n) for n in every if not _answer_file(folder, n).exists()}
+    papers = {
+        n: Paper(str(folder.resolve()), n) for n in every if not _answer_file(folder, n).exists()
+    }
     for name, answer in executor.run(sit, papers):
         write_whole(_answer_file(folder, name), json.dumps(answer, indent=1) + "\n")
         done(name)
@@ -73,7 +75,7 @@ def open_seal(folder: Path, name: str) -> Opened:
             raise SealError(
                 f"the answer to {name} is about another {path.name}; delete the answer and repeat"
             )
-    return Opened(str(folder), name, key, answer)
+    return Opened(str(folder.resolve()), name, key, answer)
 
 
 def fit_of(opened: Opened) -> dict[str, float] | None:
