@@ -11,8 +11,8 @@ COVERED, HELD_OUT, SECONDS = (0.92, 0.98), 0.95, 10.0
 def page(found: Mapping[str, Any], facts: Mapping[str, Any], pictures: Mapping[str, str]) -> str:
     """Return Markdown.
 
-    found: the JSON of `zwidth exam`. facts: command, seed, processes, processor. pictures: name ->
-    path, relative to the page.
+    found: the JSON of `zwidth exam`. facts: command, seed, length of the recordings. pictures: name
+    -> path, relative to the page.
     """
     parts = [
         _head(found, facts),
@@ -32,7 +32,7 @@ def _head(found: Mapping[str, Any], facts: Mapping[str, Any]) -> str:
 
     {facts["command"]}
 
-{found["recordings"]} recordings of 10 to 20 s at 1 kHz, seed {facts["seed"]}, fixed before the run.
+{found["recordings"]} recordings of {facts["length"]} at 1 kHz, seed {facts["seed"]}.
 Devices (chains of one to four masses, rotary and linear, free or tied to ground, the PHANToM of
 Table I), drives (noise, multisine, steps, slow triangles, sessions of all; open and closed loop),
 noise (white and coloured, of force and of reading), encoder steps and jitter are drawn. Device

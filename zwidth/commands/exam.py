@@ -65,7 +65,12 @@ def command(
             marks, fits = mark_all(folder, every, runner, lambda name: advance(now=name))
     found = result(marks, fits)
     console.say(f"wrote {write_text(folder / 'exam.json', json_text(found))}")
-    facts = {"command": _line(folder, processes, page_file), "seed": _seed(folder)}
+    made = _made(folder)
+    facts = {
+        "command": _line(folder, made, processes, page_file),
+        "seed": made[0][2],
+        "length": "10 to 20 s" if made[0][4] == "None" else f"{made[0][4]} s",
+    }
     for path in [folder / "exam.md", *([page_file] if page_file else [])]:
         for written in _write(path, found, facts):
             console.say(f"wrote {written}")
@@ -90,20 +95,19 @@ def _write(path: Path, found: dict[str, Any], facts: dict[str, Any]) -> list[Pat
     return [write_text(path, page(found, facts, names)), *written]
 
 
-def _seed(folder: Path) -> str:
-    """The seed as it stands beside the keys."""
-    listed = folder / "keys" / "made.txt"
-    seeds = {line.split()[2] for line in listed.read_text(encoding="utf-8").splitlines()}
-    return " and ".join(sorted(seeds))
+def _made(folder: Path) -> list[list[str]]:
+    """Return name, class, seed, rank and length of each recording, as they stand by the keys."""
+    listed = (folder / "keys" / "made.txt").read_text(encoding="utf-8")
+    return [line.split() for line in listed.splitlines()]
 
 
-def _line(folder: Path, processes: int | None, page_file: Path | None) -> str:
-    """The command line that makes and takes this exam, from what stands beside the keys."""
-    lines = (folder / "keys" / "made.txt").read_text(encoding="utf-8").splitlines()
-    classes = [line.split()[1] for line in lines]
-    asked = ",".join(f"{name}={classes.count(name)}" for name in dict.fromkeys(sorted(classes)))
-    seconds = lines[0].split()[4]
-    words = ["zwidth", "exam", folder.name, "--strata", asked, "--seed", _seed(folder)]
-    words += [] if seconds == "None" else ["--seconds", seconds]
+def _line(
+    folder: Path, made: list[list[str]], processes: int | None, page_file: Path | None
+) -> str:
+    """Return the command line that makes and takes this exam."""
+    classes = [entry[1] for entry in made]
+    asked = ",".join(f"{name}={classes.count(name)}" for name in sorted(set(classes)))
+    words = ["zwidth", "exam", folder.name, "--strata", asked, "--seed", made[0][2]]
+    words += [] if made[0][4] == "None" else ["--seconds", made[0][4]]
     words += [] if processes is None else ["--processes", str(processes)]
     return shlex.join(words + ([] if page_file is None else ["--page", str(page_file)]))

@@ -71,5 +71,5 @@ def magnitude_figure(found: Sequence[Mapping[str, Any]]) -> Figure:
         axes.set_ylim(0.0, 1.03)
         axes.set_xlabel("magnitude, in units of the limit (5 sigma)")
         axes.set_ylabel("share")
-        axes.legend(loc="lower right", frameon=False)
+        figure.legend(loc="outside upper left", ncols=2, frameon=False)
     return figure
