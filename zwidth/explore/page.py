@@ -79,10 +79,10 @@ class Page:
             stylesheets=[INSET],
         )  # fmt: skip
         plane = _column(
-            1.45, self.controls.layers, self.plane.figure, legend, _pane(self.progress, 1)
+            1.45, 430, self.controls.layers, self.plane.figure, legend, _pane(self.progress, 1)
         )
-        run = _column(1.1, _pane(self.wall, 3, live=True), *self.runs.over_time.values())
-        more = _column(0.8, self.whose, self.runs.phase_plane, self.runs.spectrum)
+        run = _column(1.1, 310, _pane(self.wall, 3, live=True), *self.runs.over_time.values())
+        more = _column(0.8, 250, self.whose, self.runs.phase_plane, self.runs.spectrum)
         body = Row(children=[controls, plane, run, more], sizing_mode="stretch_both", spacing=4)
         top: list[UIElement] = [self.title, self.trouble, body]
         return Column(children=top, sizing_mode="stretch_both", min_height=560)
@@ -153,6 +153,9 @@ def _pane(content: HTML, lines: int, live: bool = False) -> Pane:
     return Pane(elements=[content], stylesheets=[NARROW, style], html_attributes=attributes)
 
 
-def _column(share: float, *children: UIElement) -> Column:
+def _column(share: float, least: int, *children: UIElement) -> Column:
+    """Return a column that takes a share of the width, and pixels at least."""
     flex = dict[str, str | None](flex=f"{share} 1 0")
-    return Column(children=list(children), sizing_mode="stretch_both", spacing=2, styles=flex)
+    return Column(
+        children=list(children), sizing_mode="stretch_both", spacing=2, styles=flex, min_width=least
+    )

@@ -14,6 +14,7 @@ from zwidth.figures.map import COLOURS
 
 Floats = NDArray[np.float64]
 Colours = NDArray[np.uint32]
+LOWEST_SHOWN = 2.0  # percent of the points: a few that nearly rest would stretch the scale
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +37,7 @@ def picture(result: FateMap, layer: Layer) -> Picture:
     ground = by_fate[np.where(quiet, int(Fate.UNDECIDED), fate)]
     if not known.any():
         return Picture(ground, None)
-    low, high = float(values[known].min()), float(values[known].max())
+    low, high = (float(v) for v in np.percentile(values[known], [LOWEST_SHOWN, 100.0]))
     high = max(high, 1.01 * low)
     place = np.log(np.where(known, values, low) / low) / math.log(high / low)
     palette = np.array([_packed(colour) for colour in Cividis256], dtype=np.uint32)

@@ -52,7 +52,7 @@ def of_the_wall(found: Look, plane: Plane, line: Line) -> str:
     else:
         word = "stable" if stable else "unstable"
         limit, frequency = with_unit(critical[0], units_of(plane, "K")), critical[1]
-        theory = f"{word} (up to K = {limit} at this B, then {frequency:.3g} Hz)"
+        theory = f"{word} (its limit at this B: K = {limit}, {frequency:.3g} Hz)"
     surprise = stable == (fate in (Fate.CYCLE, Fate.GROWS, Fate.IMPERCEPTIBLE_CYCLE))
     verb = "<b>but</b> linear theory says" if surprise else "linear theory:"
     return f"<b>{escape(wall)}</b> {escape(seen)}; {verb} {escape(theory)}."
