@@ -27,7 +27,7 @@ from diagnosis.fit import Fitted, Problem
 from diagnosis.parameters import Model, delivered
 from diagnosis.predictor import SETTLING, innovations
 from diagnosis.screen import Complement
-from diagnosis.spatial import matched, pulls, response, step_peaks
+from diagnosis.spatial import matched, peaks, pulls, response, step_peaks
 from sim.physics import make_physics
 
 Floats = NDArray[np.float64]
@@ -37,6 +37,7 @@ AROUND = 41  # steps tried around a peak, two lines to either side
 DELIVERED = 3.0  # log odds from which a command counts as lost
 FINEST_SHARE = 1e-6  # of the span, of a step that is looked for
 ROUNDS = 3
+SPREAD = 0.15  # of a step, by which positions are known at first
 FIRST_RATE = 1e-3  # of lost commands, before any is seen
 MEMORY = 400  # ticks that a lost command is remembered
 MOST_LOST = 0.1  # of the commands: more of them are a delay and no accident
@@ -101,14 +102,16 @@ def encoder_step(
     positions = predicted(problem, fitted)
     span = max(float(np.ptp(q)) for q in positions)
     finest = max(0.3 * float(problem.observer.deviation[0]), FINEST_SHARE * span)
-    found, lines = step_peaks(pulls(problem, fitted, "sensor"), positions, finest, 1.0, 0.12)
-
+    pull = pulls(problem, fitted, "sensor")
+    # A slow observer follows the steps in part, so their size in the residual is not known.
+    found, lines = peaks(pull, positions, finest)
+    found += step_peaks(pull, positions, finest, 1.0, SPREAD)[0]
     physics = make_physics("encoder_step", "sensor", step=1.0)
     tried = replace(model.with_effect(physics, {}), sensor_error_known=True)
     loss = _StepLoss(problem, fitted, tried, experiments, positions)
     price = 2.0 * np.log(max(lines, 1))
     periods = [p.period for p in found if p.gained > price + PROMISING]
-    best = _best(periods, span, lambda step: loss.chi2(step, 0.15))
+    best = _best(periods, span, lambda step: loss.chi2(step, SPREAD))
     if best is None:
         return None
     there = Problem(loss.in_steps(best, loss.spread(best)), problem.observer)

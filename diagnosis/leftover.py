@@ -72,6 +72,8 @@ def leftover(problem: Problem, fitted: Fitted) -> Leftover:
     best: tuple[float, str, str, str, float] = (0.0, "m1", "1", "time", 1.0)
     for place, pull in at.items():
         for name, factor in _factors(place, states, n, period).items():
+            for q in factor:  # a spike where the observer settles would be on every line
+                q[: SETTLING + 5] = 0.0
             for over in ("time", "position"):
                 if name == "1" and over == "position":  # the library has ripple and springs
                     continue
@@ -145,7 +147,7 @@ def _lines(
     size = min(SMOOTH, power.size)
     if size < 5:
         return np.zeros(0), np.zeros(0)
-    level = median_filter(power, size, mode="nearest") / MEDIAN_OF_EXPONENTIAL
+    level = median_filter(power, size, mode="reflect") / MEDIAN_OF_EXPONENTIAL
     gained = 2.0 * np.abs(found[kept]) ** 2 / np.where(level > 0.0, level, np.inf)
     return gained, periods[kept]
 
@@ -171,6 +173,5 @@ def predicted_states(problem: Problem, fitted: Fitted) -> list[Floats]:
         )
         still = np.hstack([gain, np.zeros((gain.shape[0], 2 * n))])
         state = -innovations(bare, wide, still)[:, len(seen.outputs) :]
-        state[:SETTLING] = 0.0
         found.append(state)
     return found

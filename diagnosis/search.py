@@ -151,21 +151,27 @@ def swapped(problem: Problem, current: Fitted, say: Say) -> tuple[Problem, Fitte
     effect beside all others.
     """
     steps: list[Step] = []
-    index = 0
-    while index < len(current.model.effects) and len(steps) <= 2 * MOST:
+    index = exchanged = 0
+    while index < len(current.model.effects):
         label = place_label(current.model.effects[index])
         without = fit_without(problem, current, index)
         step = take(problem, without, problem.experiments, say)
         own = Trial(label, current, without.chi2 - current.chi2, _extra(current, without))
         best = step.taken
-        if best is None or best.label == label or not _clearly(best, own, step.inflation):
+        stays = best is None or best.label == label or exchanged >= MOST
+        if stays or best is None or not _clearly(best, own, step.inflation):
             steps.append(replace(step, taken=own))
             index += 1
             continue
         say(f"{best.label} in place of {label}")
-        problem, current = settled_on(best, problem.experiments)
+        try:
+            problem, current = settled_on(best, problem.experiments)
+        except ValueError:
+            steps.append(replace(step, taken=own))
+            index += 1
+            continue
         current = prune(problem, current)
-        steps, index = [], 0
+        steps, index, exchanged = [], 0, exchanged + 1
         if len(current.model.effects) < 2:
             break
     return problem, current, steps

@@ -166,7 +166,7 @@ def _spectrum(
     lines = np.arange(waves.size)
     waves *= np.exp(-2j * np.pi * lines / (FINER * span) * (low + 0.5 * width))
     power = np.abs(np.fft.rfft(chance)) ** 2
-    level = median_filter(power, min(MEDIAN, power.size), mode="nearest") / MEDIAN_OF_EXPONENTIAL
+    level = median_filter(power, min(MEDIAN, power.size), mode="reflect") / MEDIAN_OF_EXPONENTIAL
     return lines, waves, level, span
 
 

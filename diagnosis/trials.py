@@ -96,7 +96,7 @@ def take(problem: Problem, current: Fitted, experiments: Sequence[Experiment], s
         trials.append(Trial(t.label, t.fitted, t.gained, 1, "", t.price, t.problem.experiments))
     for t in trials:
         if t.on_bound and t.gained > THRESHOLD * wide:
-            say(f"{t.label} is left out: its {t.on_bound} runs to the end of what is allowed")
+            say(f"{t.label} is left out: its {t.on_bound} runs out of what physics allows")
     trials = [t for t in trials if not t.on_bound]
     trials.sort(key=lambda t: evidence(t, current.samples), reverse=True)
     if not trials:
@@ -166,11 +166,20 @@ def _further(problem: Problem, current: Fitted, trial: Trial) -> Trial:
 
 
 def at_bound(fitted: Fitted) -> str:
-    """Return the parameter of the last effect that stands on its upper bound, "" for none."""
+    """Return the parameter of the last effect that physics does not allow, "" for none.
+
+    It stands on its upper bound; or friction sticks less than it slides.
+    """
     last = len(fitted.model.effects) - 1
+    physics = fitted.model.effects[last]
+    values = dict(physics.values)
     for p, x in zip(fitted.model.parameters, fitted.x, strict=True):
-        if p.kind == "effect" and p.index == last and x > p.upper - 1e-3 * max(1.0, abs(p.upper)):
-            return p.key
+        if p.kind == "effect" and p.index == last:
+            values[p.key] += p.scale * float(x)
+            if x > p.upper - 1e-3 * max(1.0, abs(p.upper)):
+                return p.key
+    if physics.effect.name == "stribeck_friction" and values["static_level"] < values["level"]:
+        return "static_level"
     return ""
 
 

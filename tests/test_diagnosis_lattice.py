@@ -1,0 +1,190 @@
+"""What no slope leads to: steps, waves and lost commands, and what sways or repeats."""
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from controllers.excitation import noise
+from controllers.recorded import recorded
+from diagnosis.experiment import Experiment
+from diagnosis.fit import Fitted, Problem
+from diagnosis.gate import encoder_step_seen
+from diagnosis.lattice import command_step, dropped_samples, encoder_step, mean_error
+from diagnosis.leftover import leftover
+from diagnosis.parameters import Model, delivered
+from diagnosis.predictor import Observer, begun, innovations, whitened
+from diagnosis.settle import refit
+from diagnosis.waves import wave_starts
+from sim.physics import make_physics
+from sim.run import simulate
+from tests.diagnosis_examples import ENCODER_NOISE, FORCE_NOISE, OUTPUTS, phantom, record
+
+SECONDS = 4.0
+
+
+def driven(force: np.ndarray | None = None, colour: float = 0.0) -> Experiment:
+    """The clean PHANToM under white torque, and a force at m1 that nobody knows of."""
+    random = np.random.default_rng(11)
+    command = noise(duration=SECONDS, seed=11)
+    push = FORCE_NOISE * random.standard_normal(command.size)
+    run = simulate(
+        phantom(), recorded(command), duration=SECONDS,
+        disturbance=push if force is None else push + force,
+    )  # fmt: skip
+    white = ENCODER_NOISE * random.standard_normal(command.size)
+    for k in range(1, white.size):
+        white[k] += colour * white[k - 1]
+    position = run.trace["position_m1"] + white
+    return Experiment(0.001, command, position[:, None], OUTPUTS)
+
+
+@lru_cache
+def clean() -> tuple[Problem, Fitted]:
+    return refit(phantom(), [driven()])
+
+
+def of(effect: str, at: str, **values: float) -> tuple[Problem, Fitted]:
+    truth = phantom().with_physics(make_physics(effect, at, **values))
+    return refit(phantom(), [record(truth, SECONDS, seed=12)])
+
+
+def test_a_clean_recording_has_no_steps_no_losses_and_nothing_left():
+    """Mutation that breaks it: the odds of a lost command left out."""
+    problem, fitted = clean()
+    for trial in (
+        command_step(problem, fitted),
+        encoder_step(problem, fitted, problem.experiments),
+        dropped_samples(problem, fitted, problem.experiments),
+    ):
+        assert trial is None or trial.gained < 30.0 + trial.price
+    assert not leftover(problem, fitted).significant
+
+
+def test_steps_of_the_command_are_found_by_what_they_repeat():
+    """Mutation that breaks it: the sign of the saw turned."""
+    problem, fitted = of("command_step", "command", step=5e-3)
+    trial = command_step(problem, fitted)
+    assert trial is not None
+    assert trial.gained > 30.0 + trial.price
+    step = next(p for p in trial.fitted.model.effects).values["step"]
+    assert step == pytest.approx(5e-3, rel=1e-3)
+
+
+def test_steps_of_the_sensor_are_found_under_noise():
+    """Mutation that breaks it: the error added to the recording instead of taken off."""
+    clean_one = driven()
+    random = np.random.default_rng(13)
+    y = 4e-4 * np.round(clean_one.measured / 4e-4)
+    noisy = replace(clean_one, measured=y + 1e-5 * random.standard_normal(y.shape))
+    problem, fitted = refit(phantom(), [noisy])
+    trial = encoder_step(problem, fitted, problem.experiments)
+    assert trial is not None
+    assert trial.gained > 30.0 + trial.price
+    step = next(p for p in trial.fitted.model.effects).values["step"]
+    assert step == pytest.approx(4e-4, rel=1e-3)
+
+
+def test_the_mean_error_of_a_step_is_the_blurred_saw():
+    """The series against the definition, and against a mean over drawn positions.
+
+    Mutation that breaks it: (-1)^n left out.
+    """
+    x = np.linspace(-2.3, 2.3, 501)
+    assert mean_error(x, 1.0, 0.0) == pytest.approx(np.round(x) - x)
+    drawn = x + 0.2 * np.random.default_rng(1).standard_normal((20000, 1))
+    mean = (np.round(drawn) - drawn).mean(axis=0)
+    assert mean_error(x, 1.0, 0.2) == pytest.approx(mean, abs=0.02)
+
+
+def test_lost_commands_are_found_one_by_one():
+    """Mutations that break it: the echo of a lost command not taken off; one tick late."""
+    command = noise(duration=SECONDS, seed=14)
+    lost = np.zeros(command.size, dtype=np.bool_)
+    large = 150 + np.flatnonzero(np.abs(np.diff(command))[150:] > 0.3) + 1  # the others hide
+    lost[large[[3, 30, 60, 90]]] = True
+    lost[large[30] + 1] = True  # two in a row
+    arrived = delivered(command, lost)
+    assert arrived[large[30] + 1] == command[large[30] - 1]
+    run = simulate(phantom(), recorded(arrived), duration=SECONDS)
+    random = np.random.default_rng(15)
+    y = run.trace["position_m1"] + ENCODER_NOISE * random.standard_normal(command.size)
+    problem, fitted = refit(phantom(), [Experiment(0.001, command, y[:, None], OUTPUTS)])
+    trial = dropped_samples(problem, fitted, problem.experiments)
+    assert trial is not None
+    marked = trial.problem.experiments[0].dropped
+    assert marked is not None
+    assert set(np.flatnonzero(marked)) == set(np.flatnonzero(lost))
+
+
+def test_a_ripple_is_started_at_the_period_that_the_residual_shows():
+    """Mutation that breaks it: the spectrum over time instead of position."""
+    problem, fitted = of("force_ripple", "m1", amplitude=3e-3, period=0.04, phase=1.0)
+    starts, prices = wave_starts(problem, fitted)
+    found = [s.physics.values["period"] for s in starts if s.physics.effect.name == "force_ripple"]
+    assert min(abs(p / 0.04 - 1.0) for p in found) < 0.05
+    assert prices["force_ripple"] > 5.0
+
+
+def test_a_hum_and_a_stiffness_that_sways_are_left_over():
+    """Mutations that break it: only one kind of q; time taken for position."""
+    t = 0.001 * np.arange(round(1000 * SECONDS))
+    hum = leftover(*refit(phantom(), [driven(1e-3 * np.sin(2.0 * np.pi * 77.0 * t))]))
+    assert hum.significant
+    assert (hum.follows, hum.over) == ("1", "time")
+    assert 1.0 / hum.period == pytest.approx(77.0, rel=0.01)
+    free = driven()
+    speed = np.gradient(np.convolve(free.measured[:, 0], np.full(9, 1.0 / 9.0), "same"), 0.001)
+    force = -5e-3 * speed * np.cos(2.0 * np.pi * 3.0 * t)
+    sway = leftover(*refit(phantom(), [driven(force)]))
+    assert sway.significant
+    assert sway.follows in ("velocity", "rate of deflection")  # the chain moves as one at 3 Hz
+    assert 1.0 / sway.period == pytest.approx(3.0, rel=0.1)
+    assert "proportional to the" in sway.sentence(rotary=True)
+
+
+def test_coloured_noise_is_whitened_and_its_power_kept():
+    """Whitened innovations have no correlation left. Mutation: the filter's sign turned."""
+    problem, fitted = refit(phantom(), [driven(colour=0.8)])
+    assert problem.observer.whitening is not None
+    white = fitted.white
+    r = np.array([float(white[k:] @ white[: white.size - k]) for k in (1, 2, 3)])
+    assert np.abs(r).max() / float(white @ white) < 4.0 / np.sqrt(white.size)
+    plain = Observer(problem.observer.gain, np.ones(1), 1.0)
+    drawn = np.random.default_rng(3).standard_normal((5000, 1))
+    same = whitened(plain, [drawn])
+    assert same.deviation[0] == pytest.approx(1.0, rel=0.05)
+
+
+def test_the_state_at_the_start_is_solved_for():
+    """A recording cut out of a motion: innovations settle at once.
+
+    Mutation that breaks it: the solution added with its sign turned.
+    """
+    problem, fitted = clean()
+    device = fitted.model.acting(fitted.x)
+    cut = problem.experiments[0].part(700, 2500)
+    slow = Observer(0.05 * problem.observer.gain, problem.observer.deviation, 1.0)
+    before = innovations(device, cut, slow.gain)[:200]
+    after = innovations(device, begun(device, cut, slow), slow.gain)[:200]
+    assert np.sqrt(np.mean(after**2)) < 0.2 * np.sqrt(np.mean(before**2))
+
+
+def test_a_lattice_of_many_levels_is_seen():
+    """Mutation that breaks it: levels that hardly repeat taken for continuous ones."""
+    random = np.random.default_rng(5)
+    walk = np.cumsum(random.standard_normal(6000)) * 3e-4
+    assert encoder_step_seen(1e-6 * np.round(walk / 1e-6)) == pytest.approx(1e-6, rel=1e-6)
+    assert encoder_step_seen(walk) is None
+
+
+def test_a_model_takes_lost_commands_off_the_recording():
+    """Mutation that breaks it: the effect also simulated, with losses of its own."""
+    e = replace(driven(), dropped=np.arange(4000) == 7)
+    physics = make_physics("dropped_samples", "clock", rate=0.01)
+    model = Model(phantom()).with_effect(physics, {})
+    x = np.zeros(model.linear_count)
+    assert model.seen(e, x).command[7] == e.command[6]
+    assert not model.acting(x).physics
+    assert model.build(x).physics[0].effect.name == "dropped_samples"
