@@ -212,6 +212,44 @@ def test_a_laptop_shows_it_all_and_its_keyboard_reaches_it(
     page.close()
 
 
+AXES = """name => {
+  const view = Bokeh.index.find_one(Bokeh.documents[0].get_model_by_name(name))
+  const {x, y, width, height} = view.canvas_view.el.getBoundingClientRect()
+  return [x + view.frame.bbox.left, y + view.frame.bbox.top,
+          view.frame.bbox.width, view.frame.bbox.height]
+}"""
+
+
+def test_what_is_zoomed_to_is_computed_and_stands_in_the_address(browser: Browser, address: str):
+    page = opened(browser, address + "?command_limit=0.5")
+    before = page.evaluate(MAP)
+    page.locator("[title^='Box Zoom']").first.click()
+    x, y, width, height = page.evaluate(AXES, "plane")
+    page.mouse.move(x + 0.5 * width, y + 0.1 * height)
+    page.mouse.down()
+    page.mouse.move(x + 0.75 * width, y + 0.5 * height, steps=4)
+    page.mouse.up()
+    page.wait_for_function(f"before => ({MAP})() !== before", arg=before)
+    finished(page)
+    low, high = (float(k) for k in query(page)["K_range"].split(","))
+    assert (low, high) == pytest.approx((25.0, 45.0), abs=1.0)
+    page.locator("[title^='Fit the axes']").first.click()
+    page.wait_for_function("!location.search.includes('K_range=2')")
+    finished(page)
+    assert query(page)["K_range"] == "0.0,50.0"
+
+    x, y, width, height = page.evaluate(AXES, "position")
+    page.mouse.move(x + 0.25 * width, y + 0.5 * height)
+    page.mouse.wheel(0, -600)
+    page.wait_for_function("location.search.includes('t_range=')")
+    start, stop = (float(t) for t in query(page)["t_range"].split(","))
+    assert 0.0 < start < 1.0 < stop < 4.0
+    for _ in range(6):
+        page.mouse.wheel(0, 600)
+    page.wait_for_function("!location.search.includes('t_range=')")
+    page.close()
+
+
 def test_a_tab_closed_while_it_computes_disturbs_no_other(browser: Browser, address: str):
     stays = opened(browser, address)
     for _ in range(3):

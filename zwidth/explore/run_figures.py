@@ -5,13 +5,12 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from bokeh.events import RangesUpdate, Reset
+from bokeh.events import RangesUpdate
 from bokeh.models import (
     ColumnDataSource,
     HoverTool,
     PanTool,
     Range1d,
-    ResetTool,
     Span,
     WheelZoomTool,
 )
@@ -70,11 +69,10 @@ class RunFigures:
         self.spectrum = self._spectrum()
         first = self.over_time["position"]
         first.on_event(RangesUpdate, lambda event: _range(event, zoomed))
-        first.on_event(Reset, lambda _: zoomed(None))
 
     def _over_time(self, name: str, height: Range1d | None) -> figure:
         wheel = WheelZoomTool(dimensions="width")
-        tools = [wheel, PanTool(dimensions="width"), ResetTool()]
+        tools = [wheel, PanTool(dimensions="width")]
         drawn = figure(
             x_range=self.axis, y_range=height or Range1d(start=-0.2, end=1.2),
             tools=tools, active_scroll=wheel, toolbar_location=None,
