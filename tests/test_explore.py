@@ -240,6 +240,11 @@ def test_an_augmented_device_differs_by_its_sliders():
     assert bench.plane(bench.fitted(View())).setting("friction") == 0.0
     assert bench.plane(bench.fitted(View(device=1))).setting("friction") == 3e-3
     assert bench.plane(bench.fitted(View(device=1, friction=0.0))).setting("friction") == 0.0
+    assert bench.names == [PHANTOM.name, "with coulomb friction at m1"]
+    twice = Bench([PHANTOM, PHANTOM, PHANTOM.with_interface(encoder_step=1.0), PHANTOM])
+    assert twice.names[1:] == [
+        "with other parameters", "with encoder step", "with other parameters (4)",
+    ]  # fmt: skip
     line = explore_command("nominal device.toml", ["found.toml"], "run 1.mcap")
     assert line == (
         "zwidth explore 'nominal device.toml' --compare found.toml --recording 'run 1.mcap'"

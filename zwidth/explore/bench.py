@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
+from functools import cache, cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from controllers.wall import wall
 from scenarios import paddle, table_2
 from scenarios.scenario import Scenario, one_is_exact
-from sim.device import Device
+from sim.device import Device, place_label
 from sim.device_file import load_device
+from sim.interface import INTERFACE_FIELDS
 from sim.run import Start
 from sim.trace import Trace
 from stability.bisection import Trial
@@ -73,6 +74,18 @@ class Bench:
             raise ValueError("one device is rotary and another is not; compare devices of one kind")
         for number in range(len(self.devices)):
             self.plane(View(device=number, damping_range=(0.0, 1.0), stiffness_range=(0.0, 1.0)))
+
+    @cached_property
+    def names(self) -> list[str]:
+        """Names by which people can tell the devices apart, for instance by what was found."""
+        first = self.devices[0]
+        found = [first.name]
+        for device in self.devices[1:]:
+            name = device.name
+            if name in found:
+                name = f"with {added(first, device) or 'other parameters'}"
+            found.append(name if name not in found else f"{name} ({len(found) + 1})")
+        return found
 
     def device(self, view: View) -> Device:
         """Return the device of a view, changed as its sliders say."""
@@ -154,6 +167,16 @@ class Bench:
             max([float(line.damping[-1]), *(p.damping for p in here)]),
             max([line.top, *(p.stiffness for p in here)]),
         )
+
+
+def added(before: Device, after: Device) -> str:
+    """Return what a device has that another has not, or has otherwise, in words."""
+    effects = {place_label(p): p for p in before.physics}
+    words = [place_label(p) for p in after.physics if effects.get(place_label(p)) != p]
+    words += [
+        f for f in INTERFACE_FIELDS if getattr(before.interface, f) != getattr(after.interface, f)
+    ]
+    return ", ".join(w.replace("_", " ").replace("@", " at ") for w in words)
 
 
 def _rounded(value: float) -> float:

@@ -21,6 +21,7 @@ from zwidth.explore.view import LAYERS, Span, View
 
 LAYER_NAMES = {"fate": "Verdict", "amplitude": "Amplitude", "frequency": "Frequency"}
 OF_SLIDERS = ("delay", "encoder_step", "command_limit", "friction", "start")
+LONG_LABELS = ".bk-btn { white-space: normal; padding: 4px 8px; }"
 DROP = "input { border: 1px dashed #777; padding: 6px; width: 100%; }"
 
 
@@ -59,8 +60,10 @@ class Controls:
         plane = bench.plane(view)
         self.sliders = Sliders(plane, lambda name, value: user.change(**{name: value}))
         self.layers = _buttons([LAYER_NAMES[n] for n in LAYERS], "What the colours show")
-        self.devices = _buttons([d.name for d in bench.devices], "Device")
-        self.devices.update(orientation="vertical", visible=len(bench.devices) > 1)
+        self.devices = _buttons(bench.names, "Device")
+        self.devices.update(
+            orientation="vertical", visible=len(bench.devices) > 1, stylesheets=[LONG_LABELS]
+        )
         self.reset = Button(label="Sliders back to the device's own", sizing_mode="stretch_width")
         self.one_sided = Checkbox(label="The wall only pushes")
         self.stiffness, self.damping = (_number(f"{q} [{units_of(plane, q)}]") for q in "KB")

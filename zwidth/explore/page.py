@@ -89,7 +89,7 @@ class Page:
 
     def put_on(self, document: Document) -> None:
         """Make this the content of a document."""
-        document.title = f"{self.bench.devices[0].name} \u2013 zwidth explore"
+        document.title = f"{self.bench.names[0]} \u2013 zwidth explore"
         document.add_root(self.root)
         document.add_root(self.address)
         given = {"widgets": self.controls.nameless(), "address": self.address}
@@ -100,7 +100,7 @@ class Page:
         bench = self.bench
         self.controls.show(bench, view)
         device = bench.device(view)
-        self.title.text = words.heading(bench.devices[view.device])
+        self.title.text = words.heading(bench, view)
         self.besides.text = words.of_the_device(device)
         assert view.damping_range is not None
         assert view.stiffness_range is not None

@@ -178,9 +178,9 @@ class Session:
 
     def _names(self) -> dict[str, str]:
         """Return whose runs lie on each other."""
-        names = {RUN: self.bench.devices[self.view.device].name}
+        names = {RUN: self.bench.names[self.view.device]}
         if len(self.bench.devices) > 1:
-            names[BESIDE] = self.bench.devices[beside(self.view).device].name
+            names[BESIDE] = self.bench.names[beside(self.view).device]
         return names if self.recording is None else names | {RECORDED: "recording"}
 
     def _show_recording(self) -> None:

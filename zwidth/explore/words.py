@@ -10,9 +10,10 @@ from sim.device import Device, place_label
 from stability.fate_map import FateMap, units_of
 from stability.fates import Fate
 from stability.plane import Plane, is_friction_at_m1
-from zwidth.explore.bench import Line
+from zwidth.explore.bench import Bench, Line
 from zwidth.explore.look import Look
 from zwidth.explore.stops import with_unit
+from zwidth.explore.view import View
 from zwidth.figures.map import COLOURS, NAMES, PREDICTED
 
 SHORT = {
@@ -24,10 +25,13 @@ SHORT = {
 }
 
 
-def heading(device: Device) -> str:
+def heading(bench: Bench, view: View) -> str:
     """Return what stands at the top: which device this is, and what to do, as HTML."""
+    name = bench.devices[view.device].name
+    if (shown := bench.names[view.device]) != name:
+        name = f"{name}, {shown}"
     return (
-        f'<h1 style="font-size:17px;margin:0;display:inline">{escape(device.name)}</h1>&emsp;'
+        f'<h1 style="font-size:17px;margin:0;display:inline">{escape(name)}</h1>&emsp;'
         "Each point is a virtual wall, its colour what a run does in the end. <b>Click a wall</b>"
         " to see its run. <b>Move a slider</b> to change the device: give it an encoder step, and"
         " stable walls begin to buzz."
