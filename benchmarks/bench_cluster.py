@@ -135,12 +135,14 @@ def main() -> None:
     parts()
     local = ["--host", "127.0.0.1", "--no-dashboard"]
     prefix = [sys.executable, "-m"]
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     commands = [["distributed.cli.dask_scheduler", "--port", str(PORT), *local]]
     worker = ["distributed.cli.dask_worker", f"tcp://127.0.0.1:{PORT}", *local]
     commands += [[*worker, "--no-nanny", "--nthreads", "1"]] * 2
     root = Path(__file__).parents[1]
-    started = [subprocess.Popen([*prefix, *c], cwd=root, **quiet) for c in commands]
+    null = subprocess.DEVNULL
+    started = [
+        subprocess.Popen([*prefix, *c], cwd=root, stdout=null, stderr=null) for c in commands
+    ]
     try:
         tasks([psutil.Process(p.pid) for p in started])
     finally:
