@@ -21,6 +21,8 @@ sync_api = pytest.importorskip("playwright.sync_api", reason="playwright drives 
 from playwright.sync_api import Browser, Page, expect  # noqa: E402
 
 from scenarios.scenario_file import load_scenario  # noqa: E402
+from sim.device_file import load_device, save_device  # noqa: E402
+from sim.physics import make_physics  # noqa: E402
 from zwidth.cli import run  # noqa: E402
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
@@ -248,6 +250,23 @@ def test_what_is_zoomed_to_is_computed_and_stands_in_the_address(browser: Browse
         page.mouse.wheel(0, 600)
     page.wait_for_function("!location.search.includes('t_range=')")
     page.close()
+
+
+def test_a_device_with_and_without_what_was_found(browser: Browser, tmp_path: Path):
+    found = make_physics("coulomb_friction", "m1", level=2e-3)
+    save_device(load_device("phantom_1_0").with_physics(found), file := tmp_path / "found.toml")
+    with served("phantom_1_0", "--compare", str(file)) as url:
+        page = opened(browser, url + "?K=27&B=0.05")
+        without, shown = page.evaluate(MAP), page.evaluate(RUN)
+        page.get_by_role("button", name="with coulomb friction at m1").click()
+        page.wait_for_function("location.search.includes('device=1')")
+        page.wait_for_function(f"before => ({MAP})() !== before", arg=without)
+        finished(page)
+        page.wait_for_function(f"before => ({RUN})() !== before", arg=shown)
+        expect(page.get_by_text("2 mN m (the device's)")).to_be_visible()
+        other = page.evaluate(RUN.replace('"run"', '"beside"'))
+        assert len(other.split(" ")) == len(shown.split(" "))
+        page.close()
 
 
 def test_a_tab_closed_while_it_computes_disturbs_no_other(browser: Browser, address: str):

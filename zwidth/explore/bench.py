@@ -3,23 +3,21 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property, lru_cache
-from typing import NamedTuple
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from controllers.wall import wall
-from scenarios import paddle, table_2
 from scenarios.scenario import Scenario, one_is_exact
 from sim.device import Device, place_label
-from sim.device_file import load_device
 from sim.interface import INTERFACE_FIELDS
 from sim.run import Start
 from sim.trace import Trace
 from stability.bisection import Trial
 from stability.linear import boundary, last_stable_damping
 from stability.plane import Axis, Plane, with_friction
+from zwidth.explore.measured import MeasuredPoint, measured_on
 from zwidth.explore.view import Span, View
 
 Floats = NDArray[np.float64]
@@ -28,15 +26,6 @@ SUBSTEPS = 10
 LINE_POINTS = 61
 WITHOUT_BOUNDARY = (0.1, 50.0)  # B and K up to which axes go where no wall is stable
 LOST = 100.0  # starts, or ten encoder steps, at which a run that nothing limits is cut off
-
-
-class MeasuredPoint(NamedTuple):
-    """A wall measured at the edge of stability, at a delay [s]; frequency [Hz] where known."""
-
-    damping: float
-    stiffness: float
-    delay: float
-    frequency: float | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,17 +119,7 @@ class Bench:
 
     def measured(self, view: View) -> list[MeasuredPoint]:
         """Return the points measured on the real device, or on the first one's."""
-        names = {self.devices[view.device].name, self.devices[0].name}
-        if _shipped(table_2.DEVICE).name in names:
-            return [
-                MeasuredPoint(p.place, p.stiffness, p.delay, p.frequency) for p in table_2.table_2()
-            ]
-        if _shipped(paddle.DEVICE).name in names:
-            delay = _shipped(paddle.DEVICE).interface.delay
-            return [
-                MeasuredPoint(p.damping, p.stiffness, delay, None) for p in paddle.paddle_boundary()
-            ]
-        return []
+        return measured_on({self.devices[view.device].name, self.devices[0].name})
 
     def fitted(self, view: View) -> View:
         """Return the view with axes around the boundary and what was measured at its delay."""
@@ -181,11 +160,6 @@ def added(before: Device, after: Device) -> str:
 
 def _rounded(value: float) -> float:
     return float(f"{value:.2g}")
-
-
-@cache
-def _shipped(name: str) -> Device:
-    return load_device(name)
 
 
 def _fits(extent: float, span: Span) -> bool:

@@ -22,7 +22,8 @@ from bokeh.plotting import figure
 from stability.fate_map import FateMap, units_of
 from stability.fates import Fate
 from stability.plane import Plane
-from zwidth.explore.bench import Line, MeasuredPoint
+from zwidth.explore.bench import Line
+from zwidth.explore.measured import MeasuredPoint
 from zwidth.explore.picture import picture
 from zwidth.explore.view import Layer, Span
 from zwidth.figures.map import NAMES, PREDICTED
