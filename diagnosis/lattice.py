@@ -84,7 +84,7 @@ def command_step(problem: Problem, fitted: Fitted) -> Stepped | None:
 
     price = 2.0 * np.log(max(lines, 1))
     best = _best([p.period for p in found if p.gained > price + PROMISING], span, chi2)
-    if best is None:
+    if best is None or chi2(best) > moved.chi2(fitted.white):
         return None
     physics = make_physics("command_step", "command", step=best)
     again = problem.fit(model.with_effect(physics, {}), x)
@@ -101,7 +101,7 @@ def encoder_step(
         return None
     positions = predicted(problem, fitted)
     span = max(float(np.ptp(q)) for q in positions)
-    finest = max(0.3 * float(problem.observer.deviation[0]), FINEST_SHARE * span)
+    finest = max(float(problem.observer.deviation[0]), FINEST_SHARE * span)
     pull = pulls(problem, fitted, "sensor")
     # A slow observer follows the steps in part, so their size in the residual is not known.
     found, lines = peaks(pull, positions, finest)
@@ -112,7 +112,7 @@ def encoder_step(
     price = 2.0 * np.log(max(lines, 1))
     periods = [p.period for p in found if p.gained > price + PROMISING]
     best = _best(periods, span, lambda step: loss.chi2(step, SPREAD))
-    if best is None:
+    if best is None or loss.chi2(best, SPREAD) > loss.moved.chi2(fitted.white):
         return None
     there = Problem(loss.in_steps(best, loss.spread(best)), problem.observer)
     again = there.fit(with_step(tried, "encoder_step", best), x)

@@ -63,7 +63,7 @@ def search(
             if taken is None or settled_pair is None:
                 break
             problem, settled = settled_pair
-            other = second_opinion(problem, before, experiments)
+            other = None if before.model.effects else second_opinion(problem, before, experiments)
             if other is not None:
                 found, slow, slow_fit = other
                 more = (slow_fit.x.size - settled.x.size) * np.log(settled.samples)

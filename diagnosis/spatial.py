@@ -30,7 +30,7 @@ LONGEST = 2000  # ticks of response kept
 HARMONICS = 5  # of a saw
 SEED = 0
 FINER = 8  # lines a reciprocal span
-MOST_BINS = 24  # powers of two
+MOST_BINS = 20  # powers of two: finer waves over a long way are not looked for
 MEDIAN = 801  # lines of the running median that stands for the noise
 MEDIAN_OF_EXPONENTIAL = float(np.log(2.0))
 
