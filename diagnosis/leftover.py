@@ -5,28 +5,31 @@ A device that sways, warms or swings has forces f = a q cos(phase + 2 pi s / per
     1, velocity, acceleration of a mass, or deflection and its rate of a link,
 
 s time or the position of m1. With g = F' r (`diagnosis.spatial`) the chi-square that such a force
-would gain is 2 |G|^2 / n, G the spectrum of g q over s: one FFT for all periods, n from drawn white
-noise. The best of all lines of all families is held against what the best of as many lines of white
-noise exceeds once in `ODDS` recordings. Slow warming is a line of low frequency. Limits: q is what
-the observer predicts, and what a refit absorbs (periods as long as the recording) is not taken off.
+would gain is 2 |G|^2 / n, G the spectrum of g q over s: one FFT for all periods, n the mean of
+|G|^2 over `DRAWS` drawn white residuals. The best of all lines of all families is held against what
+the best of as many lines of white noise exceeds once in `ODDS` recordings. Slow warming is a line
+of low frequency. Limits: q is what the observer predicts, and what a refit absorbs (periods as long
+as the recording) is not taken off.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
+from scipy.ndimage import uniform_filter1d
 
 from diagnosis.experiment import Output
 from diagnosis.fit import Fitted, Problem
 from diagnosis.predictor import SETTLING, innovations
-from diagnosis.spatial import MEDIAN_OF_EXPONENTIAL, Pull, pulls
+from diagnosis.spatial import matched
 
 Floats = NDArray[np.float64]
 ODDS = 2000.0
 FASTEST_HZ = 40.0  # at which a parameter sways
 FINEST = 60.0  # periods over the travel
-SMOOTH = 101  # lines of the running median
+DRAWS = 24  # of white noise
+SMOOTH = 5  # lines over which its power is averaged besides
+BINS = 4096  # over twice the travel
 
 
 @dataclass(frozen=True)
@@ -63,10 +66,16 @@ def leftover(problem: Problem, fitted: Fitted) -> Leftover:
     states = predicted_states(problem, fitted)
     n = states[0].shape[1] // 2
     period = problem.experiments[0].period
-    at = {f"m{i + 1}": pulls(problem, fitted, f"m{i + 1}") for i in range(n)}
+    drawn = [_drawn(fitted, seed) for seed in range(DRAWS)]
+    at = {
+        f"m{i + 1}": [matched(problem, one, f"m{i + 1}") for one in (fitted, *drawn)]
+        for i in range(n)
+    }
     for i in range(n - 1):
-        pair = zip(at[f"m{i + 1}"], at[f"m{i + 2}"], strict=True)
-        at[f"link{i + 1}{i + 2}"] = [Pull(a.found - b.found, a.chance - b.chance) for a, b in pair]
+        both = zip(at[f"m{i + 1}"], at[f"m{i + 2}"], strict=True)
+        at[f"link{i + 1}{i + 2}"] = [
+            [a - b for a, b in zip(one, two, strict=True)] for one, two in both
+        ]
     positions = [x[:, 0] for x in states]
     lines = 0
     best: tuple[float, str, str, str, float] = (0.0, "m1", "1", "time", 1.0)
@@ -102,54 +111,48 @@ def _factors(place: str, states: list[Floats], n: int, period: float) -> dict[st
     }
 
 
+def _drawn(fitted: Fitted, seed: int) -> Fitted:
+    """The fit with white noise for a residual."""
+    white = np.random.default_rng(seed).standard_normal(fitted.residual.size)
+    return replace(fitted, residual=white)
+
+
 def _over(
-    pull: list[Pull],
+    pull: list[list[Floats]],
     factor: list[Floats],
     over: str,
     name: str,
     positions: list[Floats],
     period: float,
 ) -> tuple[Floats, Floats]:
-    """Chi-square of every line, and its period."""
+    """Chi-square of every line, and its period. pull: g of the residual, then of drawn noise."""
     if over == "time":
-        ticks = sum(q.size for q in factor)
-        found = np.concatenate([p.found * q for p, q in zip(pull, factor, strict=True)])
-        chance = np.concatenate([p.chance * q for p, q in zip(pull, factor, strict=True)])
+        products = [np.concatenate([g * q for g, q in zip(p, factor, strict=True)]) for p in pull]
         fastest = 0.45 / period if name == "1" else min(FASTEST_HZ, 0.1 / period)
-        frequency = np.fft.rfftfreq(ticks, period)
+        frequency = np.fft.rfftfreq(products[0].size, period)
         kept = (np.arange(frequency.size) > 0) & (frequency < fastest)
-        return _lines(
-            np.fft.rfft(found), np.fft.rfft(chance), kept, 1.0 / np.maximum(frequency, 1e-12)
-        )
-    low = min(float(q.min()) for q in positions)
-    span = max(float(q.max()) for q in positions) - low
+        return _lines(products, kept, 1.0 / np.maximum(frequency, frequency[1]))
+    low = min(float(x.min()) for x in positions)
+    span = max(float(x.max()) for x in positions) - low
     if not span > 0.0:
         return np.zeros(0), np.zeros(0)
-    bins = 4096
-    width = 2.0 * span / bins
-    found, chance = np.zeros(bins), np.zeros(bins)
-    for p, q, x in zip(pull, factor, positions, strict=True):
-        index = np.minimum(((x - low) / width).astype(np.int64), bins - 1)
-        found += np.bincount(index, p.found * q, bins)
-        chance += np.bincount(index, p.chance * q, bins)
-    number = np.arange(bins // 2 + 1)
+    width = 2.0 * span / BINS
+    places = [np.minimum(((x - low) / width).astype(np.int64), BINS - 1) for x in positions]
+    binned = [
+        np.sum([np.bincount(i, g * q, BINS) for i, g, q in zip(places, p, factor, strict=True)], 0)
+        for p in pull
+    ]
+    number = np.arange(BINS // 2 + 1)
     kept = (number >= 1) & (number <= 2.0 * FINEST)
-    return _lines(np.fft.rfft(found), np.fft.rfft(chance), kept, 2.0 * span / np.maximum(number, 1))
+    return _lines(binned, kept, 2.0 * span / np.maximum(number, 1))
 
 
 def _lines(
-    found: NDArray[np.complex128],
-    chance: NDArray[np.complex128],
-    kept: NDArray[np.bool_],
-    periods: Floats,
+    products: list[Floats], kept: NDArray[np.bool_], periods: Floats
 ) -> tuple[Floats, Floats]:
-    power = np.abs(chance[kept]) ** 2
-    size = min(SMOOTH, power.size)
-    if size < 5:
-        return np.zeros(0), np.zeros(0)
-    level = median_filter(power, size, mode="reflect") / MEDIAN_OF_EXPONENTIAL
-    gained = 2.0 * np.abs(found[kept]) ** 2 / np.where(level > 0.0, level, np.inf)
-    return gained, periods[kept]
+    power = [np.abs(np.fft.rfft(z)[kept]) ** 2 for z in products]
+    level = uniform_filter1d(np.mean(power[1:], axis=0), SMOOTH, mode="reflect")
+    return 2.0 * power[0] / np.where(level > 0.0, level, np.inf), periods[kept]
 
 
 def predicted_states(problem: Problem, fitted: Fitted) -> list[Floats]:
