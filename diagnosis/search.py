@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from diagnosis.candidates import MAGNITUDE
 from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted, Problem
-from diagnosis.horizon import longer_view
+from diagnosis.horizon import BETTER, free_run_error, longer_view
 from diagnosis.lattice import sharpened
 from diagnosis.parameters import Model, effect_labels
 from diagnosis.predictor import FINAL
@@ -53,6 +53,7 @@ def search(
     size = np.sqrt(linear.chi2 / linear.samples)
     say(f"linear refit: innovations {size:.3f} of their noise model")
     current, steps, interrupted = linear, list[Step](), False
+    slower = trusted = False  # the observer that trusts the model was followed: now; once
     try:
         while len(current.model.effects) < MOST:
             step = take(problem, current, experiments, say)
@@ -63,19 +64,19 @@ def search(
             if taken is None or settled_pair is None:
                 break
             problem, settled = settled_pair
-            other = None if before.model.effects else second_opinion(problem, before, experiments)
-            if other is not None:
-                found, slow, slow_fit = other
-                more = (slow_fit.x.size - settled.x.size) * np.log(settled.samples)
-                if unlikelihood(slow, slow_fit) + more + LIKELIER < unlikelihood(problem, settled):
-                    say("an observer that trusts the model more is likelier, and is followed")
-                    steps[-1], taken = found, found.taken or taken
-                    problem, settled = slow, slow_fit
+            asked = slower or not before.model.effects
+            other = second_opinion(problem, before, experiments) if asked else None
+            slower = other is not None and other.better_than(problem, settled)
+            trusted = trusted or slower
+            if other is not None and slower:
+                say(f"an observer that trusts the model more takes {other.trial.label}")
+                steps[-1], taken = other.step, other.trial
+                problem, settled = other.problem, other.settled
             experiments = problem.experiments
             current = prune(problem, settled)
             if taken.label not in effect_labels(current.model.effects):
                 break
-            if len(current.model.effects) > 1:
+            if len(current.model.effects) > 1 and not trusted:  # the fast one would take it back
                 problem, current, swaps = swapped(problem, current, say)
                 steps += swaps
                 problem, current = merged(problem, current, say)
@@ -107,9 +108,29 @@ def first_that_settles(
     return None, None
 
 
+@dataclass(frozen=True)
+class Opinion:
+    """What a slow observer takes: its trial, as fitted under it (slow), and settled again."""
+
+    step: Step
+    trial: Trial
+    slow: Problem
+    problem: Problem
+    settled: Fitted
+
+    def better_than(self, problem: Problem, settled: Fitted) -> bool:
+        """Whether it is likelier one step ahead, or runs free with clearly less error."""
+        more = (self.settled.x.size - settled.x.size) * float(np.log(settled.samples))
+        own = unlikelihood(self.problem, self.settled) + more + LIKELIER
+        if own < unlikelihood(problem, settled):
+            return True
+        free = free_run_error(self.slow.experiments, self.slow, self.trial.fitted)
+        return free < BETTER * free_run_error(problem.experiments, problem, settled)
+
+
 def second_opinion(
     problem: Problem, current: Fitted, experiments: Sequence[Experiment]
-) -> tuple[Step, Problem, Fitted] | None:
+) -> Opinion | None:
     """Ask an observer that follows the measurement far less, None where it believes nothing.
 
     Strong friction looks like a large disturbance to a model without it; the observer chosen for
@@ -119,8 +140,11 @@ def second_opinion(
     try:
         slow = prepared_for(experiments, current.model, current.x, ratio)
         refitted = slow.fit(current.model, current.x)
-        step = take(slow, refitted, slow.experiments, lambda _: None)
-        return None if step.taken is None else (step, *settled_on(step.taken, slow.experiments))
+        slow = prepared_for(slow.experiments, current.model, refitted.x, ratio)
+        step = take(slow, slow.fit(current.model, refitted.x), slow.experiments, lambda _: None)
+        if step.taken is None:
+            return None
+        return Opinion(step, step.taken, slow, *settled_on(step.taken, slow.experiments))
     except ValueError:  # so slow that it does not hold the device
         return None
 

@@ -10,6 +10,7 @@ from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted, Problem
 from diagnosis.parameters import Model
 from diagnosis.predictor import (
+    SETTLING,
     Observer,
     begun,
     choose_observer,
@@ -49,9 +50,11 @@ def settle(experiments: Sequence[Experiment], model: Model, x: Floats) -> tuple[
 def prepared_for(
     experiments: Sequence[Experiment], model: Model, x: Floats, ratio: float | None = None
 ) -> Problem:
-    """Return the problem of a model at x: observer (None: the likeliest), beginnings, deviations.
+    """Return the problem of a model at x: observer, beginnings, deviations.
 
-    Raises LinAlgError where there is no observer of that ratio.
+    ratio: None for the likeliest observer, whose innovations are whitened. Those of an observer
+    that was asked for are not: whitened, every observer sees the same. Raises LinAlgError where
+    there is no observer of that ratio.
     """
     device = model.acting(x)
     seen = [model.seen(e, x) for e in experiments]
@@ -63,4 +66,7 @@ def prepared_for(
     starts = [begun(device, e, chosen).start for e in seen]
     known = [replace(e, start=s) for e, s in zip(experiments, starts, strict=True)]
     errors = [innovations(device, model.seen(e, x), chosen.gain) for e in known]
-    return Problem(known, whitened(chosen, errors))
+    if ratio is None:
+        return Problem(known, whitened(chosen, errors))
+    joined = np.concatenate([e[SETTLING:] for e in errors])
+    return Problem(known, replace(chosen, deviation=np.sqrt(np.mean(joined**2, axis=0))))
