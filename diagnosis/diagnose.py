@@ -37,7 +37,8 @@ UNITS = {
 SHIFTED = 5.0  # sigma by which a linear parameter must differ to be a finding
 SAME_STEP = 0.01  # relative difference of steps that are the same
 MATTERS = 0.1  # of the noise: a step below is a way to write numbers
-UNEXPLAINED = 0.05  # share of chi-square excess that may remain under an identified verdict
+UNEXPLAINED = 0.01  # share of the chi-square explained that may be left under a verdict by name
+COLOURED = 0.05  # the same where the observer was asked for, and chi-square is no statistic
 
 
 def diagnose(
@@ -304,7 +305,8 @@ def _verdict(
     left: Left,
 ) -> tuple[Verdict, str]:
     explained = max(found.refit.chi2 - found.final.chi2, 1.0)
-    if left.gained > 0.0 and (not findings or left.gained > UNEXPLAINED * explained):
+    share = COLOURED if found.problem.observer.whitening is None else UNEXPLAINED
+    if left.gained > 0.0 and (not findings or left.gained > share * explained):
         beyond = f" beyond {' and '.join(f.effect for f in findings)}" if findings else ""
         return Verdict.UNKNOWN_PHYSICS, (
             f"something is missing{beyond} that no effect of the library explains: {left.sentence}"

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from diagnosis.experiment import Experiment
-from diagnosis.predictor import SETTLING, innovations, observer_for
+from diagnosis.predictor import SETTLING, innovations, observer_near
 from sim.device import Device
 
 Floats = NDArray[np.float64]
@@ -109,7 +109,7 @@ def _best_scale(device: Device, e: Experiment) -> Fault | None:
     To first order the prediction is linear in the command: e = a - s b, with a the error without
     any command and b the command's own part, so the best s is a regression.
     """
-    gain = observer_for(device.without_physics() if device.physics else device, e, 1e-2)
+    gain = observer_near(device.without_physics() if device.physics else device, e, 1e-2)
 
     def error(command: Floats) -> Floats:
         moved = replace(e, command=command)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.experiment import Experiment
-from diagnosis.predictor import SETTLING, innovations, observer_for
+from diagnosis.predictor import SETTLING, innovations, observer_near
 from sim.device import Device
 
 Floats = NDArray[np.float64]
@@ -43,7 +43,7 @@ def was_smooth(device: Device, experiment: Experiment) -> float | None:
     above = np.fft.rfftfreq(experiment.ticks) > UPPER_BAND
     if float(power[above].sum()) > SHARE_ABOVE * float(power.sum()):
         return None
-    gain = observer_for(device, experiment, RATIO)
+    gain = observer_near(device, experiment, RATIO)
     with np.errstate(all="ignore"):
         held = float(np.std(innovations(device, experiment, gain)[SETTLING:-SETTLING, 0]))
         moved = float(np.std(innovations(device, smooth(experiment), gain)[SETTLING:-SETTLING, 0]))

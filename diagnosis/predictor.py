@@ -268,6 +268,18 @@ def observer_for(device: Device, experiment: Experiment, ratio: float) -> Floats
     return np.asarray(np.linalg.solve(innovation, c @ solution).T, dtype=np.float64)
 
 
+def observer_near(device: Device, experiment: Experiment, ratio: float) -> Floats:
+    """Return the gain for a ratio, or for the nearest one for which there is an observer.
+
+    The Riccati equation of a light mass on a stiff link may be too badly scaled for one ratio and
+    not for the next. Raises LinAlgError where there is none within six decades.
+    """
+    for decades in (0, 1, -1, 2, -2, 3, -3, 4, -4, 5, -5):
+        with suppress(np.linalg.LinAlgError):
+            return observer_for(device, experiment, ratio * 10.0**decades)
+    return observer_for(device, experiment, ratio * 1e6)
+
+
 def _noise_scale(experiment: Experiment) -> Floats:
     """Relative noise of the outputs: velocities are noisier than positions by 1/T."""
     return np.array(
