@@ -21,7 +21,7 @@ from diagnosis.parameters import Model, effect_labels
 from diagnosis.predictor import FINAL
 from diagnosis.settle import prepared_for, refit, settle
 from diagnosis.trials import FIVE_SIGMA, THRESHOLD, Say, Step, Trial, richer_trials, take
-from diagnosis.uncertainty import covariance, inflation
+from diagnosis.uncertainty import covariance, inflation, over_creases
 from sim.device import Device, place_label
 
 Floats = NDArray[np.float64]
@@ -88,7 +88,7 @@ def search(
         problem, current = longer_view(experiments, problem, current)
         current = prune(problem, current)
     problem = Problem(problem.experiments, problem.observer, FINAL)
-    current = problem.fit(current.model, current.x)
+    current = over_creases(problem, problem.fit(current.model, current.x))
     baseline = problem.fit(Model(device), linear.x)
     return Searched(problem, baseline, current, tuple(steps), interrupted)
 

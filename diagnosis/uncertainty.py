@@ -1,13 +1,17 @@
 """How sure a fit is where its residual is not white."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
-from diagnosis.fit import Fitted
+from diagnosis.fit import Fitted, Problem
 
 Floats = NDArray[np.float64]
 DEAD = 1e-9  # of the largest slope
+CREASES = 2  # times that slopes and errors are computed in turn
+WIDEST = 0.5  # in x
 BAND = 64  # samples a segment
 Z95 = 1.959963984540054
 
@@ -39,6 +43,40 @@ def _smooth_spectrum(white: Floats) -> Floats:
     frequency, power = welch(white, nperseg=min(256, white.size))
     power[0] = power[1]
     return np.interp(np.fft.rfftfreq(white.size), frequency, 0.5 * power)
+
+
+def over_creases(problem: Problem, fitted: Fitted) -> Fitted:
+    """Return the fit with slopes along its principal directions, over its own errors.
+
+    Friction makes creases: a stop that a parameter moves from one substep to the next. Over a tiny
+    difference each is a cliff; and where parameters can hardly be told apart (all masses, dampers,
+    springs and the gain together), the cliffs of each column alone pass for what tells them apart.
+    So with J = U S V', D_k = (r(x + h v_k) - r(x - h v_k)) / 2 h over h = 1 / S_k, the error along
+    v_k, and J = D V'.
+    """
+    if not fitted.model.acting(fitted.x).physics:
+        return fitted
+    for _ in range(CREASES):
+        _, size, directions = np.linalg.svd(fitted.jacobian, full_matrices=False)
+        slopes = [
+            _along(problem, fitted, v, float(s), s > DEAD * size[0])
+            for s, v in zip(size, directions, strict=True)
+        ]
+        fitted = replace(fitted, jacobian=np.column_stack(slopes) @ directions)
+    return fitted
+
+
+def _along(problem: Problem, fitted: Fitted, v: Floats, size: float, alive: bool) -> Floats:
+    """Slope of the residual along a direction, over the error along it; J v near a bound."""
+    parameters = fitted.model.parameters
+    reach = min(1.0 / size, WIDEST / float(np.abs(v).max())) if alive else 0.0
+    ends = [fitted.x - reach * v, fitted.x + reach * v]
+    lower = np.array([p.lower for p in parameters])
+    upper = np.array([p.upper for p in parameters])
+    if reach == 0.0 or any(np.any(x < lower) or np.any(x > upper) for x in ends):
+        return fitted.jacobian @ v
+    low, high = (problem.residual(fitted.model, x) for x in ends)
+    return (high - low) / (2.0 * reach)
 
 
 def inflation(white: Floats) -> float:
