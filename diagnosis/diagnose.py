@@ -19,6 +19,7 @@ from diagnosis.leftover import leftover
 from diagnosis.locate import locate
 from diagnosis.next_experiment import NextExperiment, next_experiment
 from diagnosis.parameters import Model, linear_parameters, values_of
+from diagnosis.rectified import unfolded
 from diagnosis.result import Diagnosis, Estimate, Finding, Residuals, Rival, Verdict
 from diagnosis.screen import Complement, screen
 from diagnosis.search import Searched, fit_without, search
@@ -55,6 +56,8 @@ def diagnose(
     swing = max(e.swing for e in experiments)  # one origin for all
     experiments = [replace(e, swing=swing) for e in experiments]
     validate = None if validate is None else [replace(e, swing=swing) for e in validate]
+    experiments, folded = _folded_out(device, experiments)
+    validate = None if validate is None else _folded_out(device, validate)[0]
     faults = examine(device, experiments)
     acted, notes = _as_they_acted(device, corrected(experiments, faults))
     faults = (*faults, *notes)
@@ -80,6 +83,11 @@ def diagnose(
         findings = (*findings, steps)
         step = make_physics("encoder_step", "sensor", step=steps.parameters["step"].value)
         final_device = final_device.with_physics(step)
+    if folded > 1.0:
+        # n samples whose deviation is a factor larger without it
+        sigma = float(np.sqrt(2.0 * sum(e.ticks for e in fit_on) * np.log(folded)))
+        findings = (*findings, Finding("rectified_sensor", "sensor", {}, sigma, ()))
+        final_device = final_device.with_physics(make_physics("rectified_sensor", "sensor"))
     refit = _linear(device, found.final)
     bounds = {} if findings else _upper_bounds(found)
     left = _left(found)
@@ -106,6 +114,17 @@ def diagnose(
         verdict, sentence, findings, refit, located, one, free, bounds, faults, final_device,
         residuals, found, tuple(acted), found.interrupted, facts,
     )  # fmt: skip
+
+
+def _folded_out(
+    device: Device, experiments: Sequence[Experiment]
+) -> tuple[list[Experiment], float]:
+    """Fold out what a sensor reported as absolute values; by which factor that is better, or 1."""
+    if any(p.effect.name == "rectified_sensor" for p in device.physics):
+        return list(experiments), 1.0
+    tried = [unfolded(device, e) for e in experiments]
+    kept = [e if t is None else t.experiment for e, t in zip(experiments, tried, strict=True)]
+    return kept, max((t.factor for t in tried if t is not None), default=1.0)
 
 
 def separating(found: Diagnosis, out: Path) -> NextExperiment | None:

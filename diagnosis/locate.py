@@ -188,7 +188,7 @@ def force_maps(
 
 def _against(e: Experiment, motion: tuple[Floats, Floats], state: str) -> Floats:
     if state == "time":
-        return e.period * np.arange(e.ticks)
+        return np.asarray(e.period * np.arange(e.ticks), dtype=np.float64)
     return {"position": motion[0], "velocity": motion[1], "command": e.command}[state]
 
 

@@ -15,6 +15,7 @@ from diagnosis.lattice import command_step, dropped_samples, encoder_step, mean_
 from diagnosis.leftover import leftover
 from diagnosis.parameters import Model, delivered
 from diagnosis.predictor import Observer, begun, innovations, whitened
+from diagnosis.rectified import unfolded
 from diagnosis.settle import refit
 from diagnosis.waves import wave_starts
 from sim.physics import make_physics
@@ -188,3 +189,21 @@ def test_a_model_takes_lost_commands_off_the_recording():
     assert model.seen(e, x).command[7] == e.command[6]
     assert not model.acting(x).physics
     assert model.build(x).physics[0].effect.name == "dropped_samples"
+
+
+def test_absolute_values_are_folded_out():
+    """A motion that crosses zero, its readings rectified; the plain motion stays as it is.
+
+    Mutation that breaks it: the sign continued by the last sample alone.
+    """
+    t = 0.001 * np.arange(3000)
+    command = 0.1 * np.sin(2.0 * np.pi * 1.5 * t + 0.4) + 0.05 * np.sin(2.0 * np.pi * 7.0 * t)
+    command -= 0.04
+    run = simulate(phantom(), recorded(command), duration=3.0)
+    x = run.trace["position_m1"] - run.trace["position_m1"].mean()
+    y = x + 1e-5 * np.random.default_rng(2).standard_normal(x.size)
+    plain = Experiment(0.001, command, y[:, None], OUTPUTS)
+    folded = unfolded(phantom(), replace(plain, measured=np.abs(y)[:, None]))
+    assert folded is not None
+    assert folded.experiment.measured[:, 0] == pytest.approx(y, abs=1e-4)
+    assert unfolded(phantom(), plain) is None

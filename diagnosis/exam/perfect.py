@@ -17,7 +17,7 @@ import numpy as np
 
 from diagnosis.exam.hidden import seen
 from diagnosis.experiment import Experiment
-from diagnosis.predictor import choose_observer, free_run_errors, observer_for
+from diagnosis.predictor import choose_observer, free_run_errors, observer_near
 from diagnosis.settle import refit
 from logs.recording import read_recording
 from scenarios.concealed.handout import description_file, recording_files
@@ -82,7 +82,7 @@ def _as_seen(e: Experiment, gain: float | None, origin: float | None) -> Experim
 
 
 def _error(device: Device, e: Experiment, ratio: float) -> float:
-    gain = observer_for(device, e, ratio)
+    gain = observer_near(device, e, ratio)
     window = min(round(WINDOW / e.period), e.ticks // 3)
     errors, _ = free_run_errors(device, e, gain, window)
     return float(np.sqrt(np.mean(errors[:, 0] ** 2)))
