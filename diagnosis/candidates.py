@@ -76,6 +76,9 @@ class Start:
             return None
         values = {k: v * factor if k in names else v for k, v in self.physics.values.items()}
         scales = {k: v * factor if k in names else v for k, v in self.scales.items()}
+        bounds = {p.name: (p.lower, p.upper) for p in self.physics.effect.parameters}
+        if not all(bounds[k][0] <= v <= bounds[k][1] for k, v in values.items()):
+            return None
         return Start(replace(self.physics, values=values), scales)
 
 
