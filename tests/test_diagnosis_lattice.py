@@ -137,7 +137,7 @@ def test_a_hum_and_a_stiffness_that_sways_are_left_over():
     assert 1.0 / hum.period == pytest.approx(77.0, rel=0.01)
     free = driven()
     speed = np.gradient(np.convolve(free.measured[:, 0], np.full(9, 1.0 / 9.0), "same"), 0.001)
-    force = -5e-3 * speed * np.cos(2.0 * np.pi * 3.0 * t)
+    force = -1e-2 * speed * np.cos(2.0 * np.pi * 3.0 * t)
     sway = leftover(*refit(phantom(), [driven(force)]))
     assert sway.significant
     assert sway.follows in ("velocity", "rate of deflection")  # the chain moves as one at 3 Hz
