@@ -275,7 +275,7 @@ def observer_near(device: Device, experiment: Experiment, ratio: float) -> Float
     not for the next. Raises LinAlgError where there is none within six decades.
     """
     for decades in (0, 1, -1, 2, -2, 3, -3, 4, -4, 5, -5):
-        with suppress(np.linalg.LinAlgError):
+        with suppress(ValueError):  # LinAlgError is one
             return observer_for(device, experiment, ratio * 10.0**decades)
     return observer_for(device, experiment, ratio * 1e6)
 

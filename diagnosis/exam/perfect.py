@@ -55,24 +55,30 @@ class HeldOut:
 def held_out(
     folder: Path, name: str, key: Mapping[str, Any], answer: Mapping[str, Any]
 ) -> HeldOut | None:
-    """Return the errors; None without a diagnosis, or where the truth is no device of ours."""
+    """Return the errors; None without a diagnosis, or where the truth is no device of ours.
+
+    None too where no observer can be computed for one of the devices: nothing can be compared.
+    """
     if answer["diagnosis"] is None or key["outside"] is not None:
         return None
     nominal = load_device(recording_files(folder, name)["device"])
     truth = device_from_text(key["device"])
     recording = seen(read_recording(description_file(folder, name)), nominal)
     fit_on, judge_by = recording.split()
-    ratio = choose_observer(truth, [fit_on]).ratio
-    _, best = refit(nominal, [fit_on])
     linear = answer["diagnosis"]["linear_refit"]
     gain, origin = (linear[k]["value"] if k in linear else None for k in ("gain", "origin"))
     augmented = device_from_text(answer["device"])
-    return HeldOut(
-        _error(nominal, judge_by, ratio),
-        _error(best.model.build(best.x), best.model.seen(judge_by, best.x), ratio),
-        _error(augmented, _as_seen(judge_by, gain, origin), ratio),
-        _error(truth, judge_by, ratio),
-    )
+    try:
+        ratio = choose_observer(truth, [fit_on]).ratio
+        _, best = refit(nominal, [fit_on])
+        return HeldOut(
+            _error(nominal, judge_by, ratio),
+            _error(best.model.build(best.x), best.model.seen(judge_by, best.x), ratio),
+            _error(augmented, _as_seen(judge_by, gain, origin), ratio),
+            _error(truth, judge_by, ratio),
+        )
+    except ValueError:  # LinAlgError is one
+        return None
 
 
 def _as_seen(e: Experiment, gain: float | None, origin: float | None) -> Experiment:
