@@ -89,7 +89,7 @@ def next_sentence(planned: NextExperiment | None) -> str:
     sigma = f"{planned.separation_sigma:.3g} sigma"
     words = planned.excitation.replace("_", " ")
     return (
-        f"to tell {a} from {b}, record the excitation \"{words}\": it separates them by {sigma};"
+        f'to tell {a} from {b}, record the excitation "{words}": it separates them by {sigma};'
         f" {planned.scenario.name} plays it"
     )
 
