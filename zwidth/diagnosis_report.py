@@ -1,12 +1,10 @@
 """The report of a diagnosis as one HTML file: the verdict first, every picture inside it."""
 
-import base64
 from collections.abc import Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
@@ -17,6 +15,7 @@ from zwidth.figures.augmented_boundary import augmented_boundary_figure
 from zwidth.figures.diagnosis import force_map_figure, residual_figure
 from zwidth.figures.style import STYLE
 from zwidth.files import write_text
+from zwidth.report_page import embedded, page
 
 WORDS = {
     "nothing_missing": "Nothing missing",
@@ -44,17 +43,10 @@ def save_report(
     boundary: AugmentedBoundary | None = None,
 ) -> Path:
     """Write the report; boundary: the stiffest wall before and after. Returns the path."""
-    environment = Environment(
-        loader=PackageLoader("zwidth", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["number"] = number
-    environment.filters["estimate"] = estimate
     top = max(diagnosis.located.maps, key=lambda m: m.gained)
-    text = environment.get_template("diagnosis_report.html").render(
+    text = page(
+        "diagnosis_report.html",
+        {"number": number, "estimate": estimate},
         d=diagnosis,
         verdict=WORDS[diagnosis.verdict.value],
         recordings=recordings,
@@ -108,4 +100,4 @@ def _embedded(figure: Figure) -> str:
     stream = BytesIO()
     with rc_context(STYLE):
         figure.savefig(stream, format="svg", metadata={"Date": None})
-    return "data:image/svg+xml;base64," + base64.b64encode(stream.getvalue()).decode()
+    return embedded(stream.getvalue())
