@@ -16,6 +16,7 @@ from sim.device import Device, masses_needed, place_label
 from sim.physics import EFFECTS, make_physics
 from sim.physics.effect import Effect, Physics
 
+ECCENTRIC = (1.2, 0.9, 0.7, 0.5, 0.2, 0.07)  # of the travel; what is shorter the residual shows
 SHARES = (0.001, 0.004, 0.015, 0.06, 0.2)
 # Parameters that scale the effect's whole signature, to first order.
 MAGNITUDE = {
@@ -268,7 +269,7 @@ def _starts(effect: Effect, at: str, z: Magnitudes, device: Device) -> Iterator[
         for s in (1e-5, 1e-4, 1e-3):
             yield {"step": s * z.span}, {"step": 0.1 * s * z.span}
     elif name == "encoder_eccentricity":
-        for period in (0.5 * z.span, 0.2 * z.span, 0.07 * z.span, 2.0 * math.pi):
+        for period in (*(z.span * s for s in ECCENTRIC), 2.0 * math.pi):
             for phase in (0.0, 1.5707963):
                 yield (
                     {"amplitude": 1e-3 * z.span, "period": period, "phase": phase},

@@ -18,7 +18,7 @@ from diagnosis.lattice import STEPPED, step_interval
 from diagnosis.leftover import leftover
 from diagnosis.locate import locate
 from diagnosis.next_experiment import NextExperiment, next_experiment
-from diagnosis.parameters import Model, linear_parameters, values_of
+from diagnosis.parameters import Model, first_velocity, linear_parameters, values_of
 from diagnosis.rectified import unfolded
 from diagnosis.result import Diagnosis, Estimate, Finding, Residuals, Rival, Verdict
 from diagnosis.screen import Complement, screen
@@ -33,7 +33,7 @@ Floats = NDArray[np.float64]
 DAMPER, SPRING = ("N m s/rad", "N s/m"), ("N m/rad", "N/m")
 UNITS = {
     "mass": ("kg m2", "kg"), "damper": DAMPER, "link": DAMPER, "spring": SPRING, "k0": SPRING,
-    "gain": ("", ""), "origin": ("rms motions", "rms motions"),
+    "gain": ("", ""), "origin": ("rms motions", "rms motions"), "jitter": ("s", "s"),
 }  # fmt: skip
 SHIFTED = 5.0  # sigma by which a linear parameter must differ to be a finding
 SAME_STEP = 0.01  # relative difference of steps that are the same
@@ -88,7 +88,7 @@ def diagnose(
         sigma = float(np.sqrt(2.0 * sum(e.ticks for e in fit_on) * np.log(folded)))
         findings = (*findings, Finding("rectified_sensor", "sensor", {}, sigma, ()))
         final_device = final_device.with_physics(make_physics("rectified_sensor", "sensor"))
-    refit = _linear(device, found.final)
+    refit = _linear(device, found.final, acted)
     bounds = {} if findings else _upper_bounds(found)
     left = _left(found)
     verdict, sentence = _verdict(found, findings, refit, left)
@@ -248,7 +248,7 @@ def _rivals(label: str, steps: Sequence[Step], wide: float) -> tuple[Rival, ...]
     for step in reversed(steps):  # the last one saw what else is missing
         if step.taken is not None and step.taken.label == label:
             others = [
-                (t.label, float(np.sqrt(max(0.0, step.taken.gained - t.gained) / wide)))
+                (t.label, float(np.sqrt(max(0.0, step.taken.worth - t.worth) / wide)))
                 for t in step.trials
                 if t.label != label
             ]
@@ -262,14 +262,18 @@ def _rival(label: str, sigma: float) -> Rival:
     return Rival(effect, at, sigma)
 
 
-def _linear(device: Device, final: Fitted) -> dict[str, tuple[float, Estimate]]:
+def _linear(
+    device: Device, final: Fitted, experiments: Sequence[Experiment]
+) -> dict[str, tuple[float, Estimate]]:
     nominal = values_of(Model(device), np.zeros(len(linear_parameters(device))))
     fitted = values_of(final.model, final.x)
     spread = np.sqrt(np.diag(covariance(final)))
     result: dict[str, tuple[float, Estimate]] = {}
     for j, p in enumerate(linear_parameters(device)):
+        if p.kind == "jitter" and all(first_velocity(e) is None for e in experiments):
+            continue
         value, error = fitted[p.name], Z95 * p.scale * float(spread[j])
-        half = error if p.kind in ("damper", "link", "origin") else abs(value) * error
+        half = error if p.kind in ("damper", "link", "origin", "jitter") else abs(value) * error
         unit = UNITS[p.kind][0 if device.rotary else 1]
         result[p.name] = (nominal[p.name], Estimate(value, value - half, value + half, unit))
     return result
@@ -344,7 +348,7 @@ def _verdict(
     moved = [
         name
         for name, (nominal, e) in refit.items()
-        if abs(e.value - nominal) > SHIFTED / Z95 * 0.5 * (e.upper - e.lower)
+        if abs(e.value - nominal) > SHIFTED / Z95 * 0.5 * (e.upper - e.lower) and name != "jitter"
     ]
     if moved:
         return Verdict.LINEAR_PARAMETERS, (

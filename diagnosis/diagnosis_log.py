@@ -103,7 +103,7 @@ def missing_force(problem: Problem, fitted: Fitted, experiment: Experiment, plac
     """
     seen = fitted.model.seen(experiment, fitted.x)
     weighted = innovations(fitted.model.acting(fitted.x), seen, problem.observer.gain)
-    weighted = np.nan_to_num(weighted / problem.observer.deviation)
+    weighted = np.nan_to_num(problem.observer.weigh(weighted))
     weighted[:SETTLING] = 0.0
     answer = _answer(problem, fitted, place)
     size = next_fast_len(experiment.ticks + answer.shape[0], real=True)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from diagnosis.experiment import Experiment
-from diagnosis.parameters import Model
+from diagnosis.parameters import Model, first_velocity
 from diagnosis.predictor import (
     SEARCHING,
     SETTLING,
@@ -92,8 +92,14 @@ class Problem:
             STEP if xi + STEP <= p.upper else -STEP
             for p, xi in zip(model.parameters, x, strict=True)
         ]
+        parameters = model.parameters
+        reads_speed = any(first_velocity(e) is not None for e in self.experiments)
+        priors = [i for i, p in enumerate(parameters) if p.prior]
+        samples = base.size - len(priors)
 
         def column(i: int) -> Floats:
+            if parameters[i].kind == "jitter" and not reads_speed:
+                return np.eye(1, base.size, samples + priors.index(i))[0]
             moved = x.copy()
             moved[i] += steps[i]
             return (self.residual(model, moved) - base) / steps[i]

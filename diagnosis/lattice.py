@@ -269,8 +269,8 @@ def dropped_samples(
     if lost == 0 or lost > MOST_LOST * ticks:
         return None
     # Which ones are lost was chosen among all: each costs its odds.
-    gained = fitted.chi2 - current.chi2 - 2.0 * lost * float(np.log((1.0 - rate) / rate))
-    return Stepped("dropped_samples@clock", there, current, gained, 0.0)
+    price = 2.0 * lost * float(np.log((1.0 - rate) / rate))
+    return Stepped("dropped_samples@clock", there, current, fitted.chi2 - current.chi2, price)
 
 
 def _pursue(command: Floats, g: Floats, lost: NDArray[np.bool_], echo: Floats, odds: float) -> None:

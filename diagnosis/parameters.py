@@ -19,6 +19,7 @@ from sim.physics.effect import Physics
 
 Floats = NDArray[np.float64]
 MASS_SCALE, SPRING_SCALE, DAMPER_SCALE, GAIN_SCALE = 0.2, 0.2, 0.5, 0.05
+JITTER_SCALE = 0.01  # of the period: by how much commands arrive early or late
 ORIGIN_SCALE = 0.1  # of the rms motion: where a spring to ground is at rest
 FARTHEST = 4.0  # scales that a mass, spring or gain may move: a mass that doubles mimics friction
 DAMPER_FLOOR = 0.1  # of the mean damper: what a damper of nearly zero may change by
@@ -31,7 +32,9 @@ MOST_TICKS = {"actuator_lag": 8.0, "loop_delay": 16.0}
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number. kind: "mass", "spring", "damper", "k0", "gain" or "effect"; index in its array.
+    """One number; index in its array.
+
+    kind: "mass", "spring", "damper", "link", "k0", "origin", "gain", "jitter" or "effect".
 
     scale: of x. lower, upper: bounds of x. prior: whether x has a unit Gaussian prior.
     """
@@ -134,14 +137,18 @@ class Model:
 
         Lost commands left out, the command in its steps, then gain; errors of the sensor's steps
         taken off, origin moved. Steps are taken here and not in the device: inside a fit they would
-        turn every slope into noise.
+        turn every slope into noise. Commands that arrive early or late by j in the mean of |j|, as
+        often one as the other, are late by j / 2 or not yet over when m1's velocity is read at that
+        very instant, which in the mean adds j / 2 m1 of each command's change to the reading.
         """
-        gain, origin = 1.0, 0.0
+        gain, origin, jitter = 1.0, 0.0, 0.0
         for p, xi in zip(self.parameters, x, strict=True):
             if p.kind == "gain":
                 gain = float(np.exp(p.scale * xi))
             elif p.kind == "origin":
                 origin = p.scale * float(xi) * experiment.swing
+            elif p.kind == "jitter":
+                jitter = p.scale * float(xi)
         measured, command = experiment.measured, experiment.command
         if self.has("dropped_samples") and experiment.dropped is not None:
             command = delivered(command, experiment.dropped)
@@ -153,6 +160,10 @@ class Model:
         if origin != 0.0:
             still = np.array([o.quantity == "position" for o in experiment.outputs])
             measured = measured - origin * still
+        if jitter != 0.0 and (place := first_velocity(experiment)) is not None:
+            measured = measured.copy()
+            change = np.diff(arriving(self.nominal, gain * command), prepend=0.0)
+            measured[:, place] -= 0.5 * jitter / self.nominal.chain.masses[0] * change
         return replace(experiment, command=gain * command, measured=measured)
 
     def _command_steps(self) -> list[float]:
@@ -179,6 +190,18 @@ class Model:
     def label(self) -> str:
         """The effects by name, or "linear"."""
         return " + ".join(place_label(p) for p in self.effects) or "linear"
+
+
+def first_velocity(experiment: Experiment) -> int | None:
+    """Return which output is the velocity of m1, None for none."""
+    named = [o.name for o in experiment.outputs]
+    return named.index("velocity_m1") if "velocity_m1" in named else None
+
+
+def arriving(device: Device, command: Floats) -> Floats:
+    """Return the command (ticks,) that begins to act at each reading."""
+    whole, _ = device.interface.delay_ticks
+    return np.concatenate([np.zeros(whole), command])[: command.size]
 
 
 def delivered(command: Floats, dropped: NDArray[np.bool_]) -> Floats:
@@ -214,7 +237,11 @@ def linear_parameters(device: Device) -> list[Parameter]:
     if chain.ground_spring > 0.0:
         found.append(Parameter("k0", "k0", 0, SPRING_SCALE, -FARTHEST, FARTHEST))
         found.append(Parameter("origin", "origin", 0, ORIGIN_SCALE, prior=False))
-    return [*found, Parameter("gain", "gain", 0, GAIN_SCALE, -FARTHEST, FARTHEST)]
+    found.append(Parameter("gain", "gain", 0, GAIN_SCALE, -FARTHEST, FARTHEST))
+    if device.interface.delay_ticks[1] == 0.0:  # else no command arrives while one reads
+        scale = JITTER_SCALE * device.interface.period
+        found.append(Parameter("jitter", "jitter", 0, scale))
+    return found
 
 
 def values_of(model: Model, x: Floats) -> dict[str, float]:
@@ -231,6 +258,8 @@ def values_of(model: Model, x: Floats) -> dict[str, float]:
             values[p.name] = chain.ground_spring
         elif p.kind == "origin":
             values[p.name] = p.scale * float(x[j])  # in units of the rms motion
+        elif p.kind == "jitter":
+            values[p.name] = p.scale * float(x[j])
         else:
             values[p.name] = float(arrays[p.kind][p.index])
     return values

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_discrete_are, solve_toeplitz
+from scipy.linalg import solve_discrete_are
 from scipy.signal import lfilter
 
 from controllers.none import none
@@ -26,7 +26,7 @@ from sim.predict import predict
 from sim.run import Start, start_memory
 
 Floats = NDArray[np.float64]
-ORDER = 8  # of the autoregression that whitens
+ORDER = 8
 BEGINNING = 2000  # ticks by which the state at the start is judged
 SETTLING = 100  # ticks left out at the start, until the observer has found the state
 RATIOS = np.geomspace(1e-7, 1e9, 33)
@@ -37,9 +37,9 @@ class Observer:
     """Gain (states, o), and the innovations' standard deviations (o,) it goes with.
 
     ratio: process force variance a tick, over measurement variance, in units of (noise unit per
-    force step of the rigid body), as `observer_for` takes it. whitening: (o, order + 1) filters
-    1, a_1, .. that make the innovations white where noise is coloured, None for none; deviation is
-    that of the filtered ones.
+    force step of the rigid body), as `observer_for` takes it. whitening: W (o, o, order + 1) with
+    sum_k W_k e_(t-k) white, of unit variance, and of no correlation between outputs; None for none.
+    deviation is that of what the past of all outputs does not predict.
     """
 
     gain: Floats
@@ -53,31 +53,63 @@ class Observer:
             return innovations / self.deviation
         with np.errstate(all="ignore"):  # infinite after an overflow
             columns = [
-                lfilter(filter_, [1.0], innovations[:, o]) / self.deviation[o]
-                for o, filter_ in enumerate(self.whitening)
+                sum(
+                    (lfilter(w, [1.0], innovations[:, p]) for p, w in enumerate(row) if w.any()),
+                    np.zeros(innovations.shape[0]),
+                )
+                for row in self.whitening
             ]
         return np.column_stack(columns)
+
+    def cost(self, white: Floats) -> float:
+        """Return -2 log likelihood of weighed innovations (samples,), up to a constant.
+
+        The covariance left in them is concentrated out: n (ln det S_0 + ln det S), S_0 what `weigh`
+        divides by and S the covariance of what it returned.
+        """
+        rows = white.reshape(-1, self.deviation.size)
+        if self.whitening is None:
+            divided = 2.0 * np.sum(np.log(self.deviation))
+        else:
+            divided = -2.0 * np.linalg.slogdet(self.whitening[:, :, 0])[1]
+        return rows.shape[0] * float(divided) + _spread(rows)
+
+
+def _spread(rows: Floats) -> float:
+    """N ln det of the covariance of rows (n, o) about zero."""
+    return rows.shape[0] * float(np.linalg.slogdet(rows.T @ rows / rows.shape[0])[1])
 
 
 def whitened(observer: Observer, innovations: Sequence[Floats]) -> Observer:
     """Return the observer with the filters that whiten innovations (ticks, o) of recordings.
 
-    Autoregression of order `ORDER` by Yule and Walker. Like the gain, it is estimated between fits
-    and never inside one. Colour that missing physics leaves is whitened too, which costs some of
-    its weight and none of its shape, and goes when the physics is found.
+    Autoregression of order `ORDER` by Yule and Walker over all outputs at once: a disturbance moves
+    every mass, and two outputs taken for independent would count it twice. Like the gain, it is
+    estimated between fits and never inside one. Colour that missing physics leaves is whitened too,
+    which costs some of its weight and none of its shape, and goes when the physics is found.
     """
-    kept = [e[SETTLING:] for e in innovations]
-    filters: list[Floats] = []
-    for o in range(observer.deviation.size):
-        pieces = [e[:, o] for e in kept]
-        total = sum(p.size for p in pieces)
-        lags = np.array(
-            [sum(float(p[: p.size - k] @ p[k:]) for p in pieces) / total for k in range(ORDER + 1)]
-        )
-        filters.append(np.concatenate([[1.0], -solve_toeplitz(lags[:-1], lags[1:])]))
-    plain = replace(observer, whitening=np.array(filters), deviation=np.ones(len(filters)))
-    white = np.concatenate([plain.weigh(e)[SETTLING:] for e in innovations])
-    return replace(plain, deviation=np.sqrt(np.mean(white**2, axis=0)))
+    size = np.sqrt(np.mean(np.concatenate([e[SETTLING:] ** 2 for e in innovations]), axis=0))
+    kept = [e[SETTLING:] / size for e in innovations]
+    total = sum(k.shape[0] for k in kept)
+
+    # R_k = E e_t e_(t-k)' and R_k = sum_j A_j R_(k-j)
+    def together(lag: int) -> Floats:
+        return np.sum([k[lag:].T @ k[: k.shape[0] - lag] for k in kept], axis=0) / total
+
+    r = [together(lag) for lag in range(ORDER + 1)]
+    blocks = [
+        [r[k - j] if k >= j else r[j - k].T for k in range(1, ORDER + 1)]
+        for j in range(1, ORDER + 1)
+    ]
+    a = np.linalg.solve(np.block(blocks).T, np.hstack(r[1:]).T).T
+    o = size.size
+    filters = np.concatenate([np.eye(o)[:, :, None], -a.reshape(o, ORDER, o).swapaxes(1, 2)], 2)
+    plain = replace(observer, whitening=filters, deviation=np.ones(o))
+    white = np.concatenate([plain.weigh(e / size)[SETTLING:] for e in innovations])
+    covariance = white.T @ white / white.shape[0]
+    mixed = np.linalg.solve(np.linalg.cholesky(covariance), filters.reshape(o, -1))
+    whitening = mixed.reshape(filters.shape) / size[None, :, None]
+    return replace(observer, whitening=whitening, deviation=size * np.sqrt(np.diag(covariance)))
 
 
 @dataclass(frozen=True)
@@ -301,7 +333,9 @@ def choose_observer(device: Device, experiments: Sequence[Experiment]) -> Observ
             with suppress(np.linalg.LinAlgError, ValueError), np.errstate(all="ignore"):
                 gain = observer_for(device, experiments[0], float(RATIOS[i]))
                 kept = [innovations(device, e, gain, ready=ready)[SETTLING:] for e in experiments]
-                found = float(sum(k.shape[0] * np.log(np.mean(k**2, axis=0)).sum() for k in kept))
+                found = float(
+                    sum(k.shape[0] * np.linalg.slogdet(k.T @ k / k.shape[0])[1] for k in kept)
+                )
                 scores[i] = found if np.isfinite(found) else np.inf
         return scores[i]
 

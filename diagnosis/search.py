@@ -15,22 +15,19 @@ from numpy.typing import NDArray
 from diagnosis.candidates import MAGNITUDE
 from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted, Problem
-from diagnosis.horizon import BETTER, free_run_error, longer_view
-from diagnosis.lattice import sharpened
+from diagnosis.horizon import longer_view
 from diagnosis.parameters import Model, effect_labels
 from diagnosis.predictor import FINAL
-from diagnosis.settle import prepared_for, refit, settle
+from diagnosis.settle import refit
 from diagnosis.trials import FIVE_SIGMA, THRESHOLD, Say, Step, Trial, richer_trials, take
 from diagnosis.uncertainty import covariance, inflation, over_creases
+from diagnosis.views import Answer, answers, runs_freer, settled_on
 from sim.device import Device, place_label
 
 Floats = NDArray[np.float64]
 MOST = 3  # effects
 SURE = 4.0  # standard errors that an effect must be away from nothing
 SWAP_GAIN = 4.0  # chi-square by which an effect as simple must be better to replace one
-SHARPENED = 3  # times that an encoder's error is predicted again
-SLOWER = 1e-3  # of the observer's ratio, for the second opinion
-LIKELIER = 25.0  # of -2 log likelihood, by which a second opinion must be better
 
 
 @dataclass(frozen=True)
@@ -53,30 +50,26 @@ def search(
     size = np.sqrt(linear.chi2 / linear.samples)
     say(f"linear refit: innovations {size:.3f} of their noise model")
     current, steps, interrupted = linear, list[Step](), False
-    slower = trusted = False  # the observer that trusts the model was followed: now; once
+    trusted = False  # an observer that trusts the model was followed for its free runs
     try:
         while len(current.model.effects) < MOST:
-            step = take(problem, current, experiments, say)
-            steps.append(step)
-            before = current
-            taken, settled_pair = first_that_settles(step, experiments, say)
-            steps[-1] = replace(step, taken=taken)
-            if taken is None or settled_pair is None:
+            step, believed = answers(problem, current, experiments, say)
+            kept = surviving(believed)
+            if kept is None:
+                steps.append(replace(step, taken=None))
                 break
-            problem, settled = settled_pair
-            asked = slower or not before.model.effects
-            other = second_opinion(problem, before, experiments) if asked else None
-            slower = other is not None and other.better_than(problem, settled)
-            trusted = trusted or slower
-            if other is not None and slower:
-                say(f"an observer that trusts the model more takes {other.trial.label}")
-                steps[-1], taken = other.step, other.trial
-                problem, settled = other.problem, other.settled
+            answer, best = kept
+            freer = None if trusted else runs_freer(believed, answer, best)
+            if freer is not None:
+                say(f"an observer that trusts the model more takes {freer.trial.label}")
+                answer, best, trusted = freer, prune(freer.problem, freer.settled), True
+            say(f"taken: {answer.trial.label}")
+            steps.append(replace(answer.step, taken=answer.trial))
+            problem, current = answer.problem, best
             experiments = problem.experiments
-            current = prune(problem, settled)
-            if taken.label not in effect_labels(current.model.effects):
+            if answer.trial.label not in effect_labels(current.model.effects):
                 break
-            if len(current.model.effects) > 1 and not trusted:  # the fast one would take it back
+            if not trusted:  # the fast one would take it back
                 problem, current, swaps = swapped(problem, current, say)
                 steps += swaps
                 problem, current = merged(problem, current, say)
@@ -93,78 +86,13 @@ def search(
     return Searched(problem, baseline, current, tuple(steps), interrupted)
 
 
-def first_that_settles(
-    step: Step, experiments: Sequence[Experiment], say: Say
-) -> tuple[Trial | None, tuple[Problem, Fitted] | None]:
-    """Return what a step takes, settled; the next best that is believed where that fails.
-
-    A model may fit under the observer it was tried with and under no other.
-    """
-    for trial in step.believed:
-        try:
-            return trial, settled_on(trial, experiments)
-        except ValueError as error:
-            say(f"{trial.label} is left out: {error}")
-    return None, None
-
-
-@dataclass(frozen=True)
-class Opinion:
-    """What a slow observer takes: its trial, as fitted under it (slow), and settled again."""
-
-    step: Step
-    trial: Trial
-    slow: Problem
-    problem: Problem
-    settled: Fitted
-
-    def better_than(self, problem: Problem, settled: Fitted) -> bool:
-        """Whether it is likelier one step ahead, or runs free with clearly less error."""
-        more = (self.settled.x.size - settled.x.size) * float(np.log(settled.samples))
-        own = unlikelihood(self.problem, self.settled) + more + LIKELIER
-        if own < unlikelihood(problem, settled):
-            return True
-        free = free_run_error(self.slow.experiments, self.slow, self.trial.fitted)
-        return free < BETTER * free_run_error(problem.experiments, problem, settled)
-
-
-def second_opinion(
-    problem: Problem, current: Fitted, experiments: Sequence[Experiment]
-) -> Opinion | None:
-    """Ask an observer that follows the measurement far less, None where it believes nothing.
-
-    Strong friction looks like a large disturbance to a model without it; the observer chosen for
-    that model follows every stop, and under it no friction is much better than another.
-    """
-    ratio = SLOWER * problem.observer.ratio
-    try:
-        slow = prepared_for(experiments, current.model, current.x, ratio)
-        refitted = slow.fit(current.model, current.x)
-        slow = prepared_for(slow.experiments, current.model, refitted.x, ratio)
-        step = take(slow, slow.fit(current.model, refitted.x), slow.experiments, lambda _: None)
-        if step.taken is None:
-            return None
-        return Opinion(step, step.taken, slow, *settled_on(step.taken, slow.experiments))
-    except ValueError:  # so slow that it does not hold the device
-        return None
-
-
-def unlikelihood(problem: Problem, fitted: Fitted) -> float:
-    """Return -2 log likelihood of the innovations, their deviations concentrated out."""
-    white = fitted.white.reshape(-1, problem.observer.deviation.size)
-    spread = problem.observer.deviation**2 * np.mean(white**2, axis=0)
-    return float(white.shape[0] * np.sum(np.log(spread)))
-
-
-def settled_on(trial: Trial, experiments: Sequence[Experiment]) -> tuple[Problem, Fitted]:
-    """Settle observer and fit on a trial, and what it says of the recordings."""
-    experiments = trial.experiments or experiments
-    problem, settled = settle(experiments, trial.fitted.model, trial.fitted.x)
-    if settled.model.sensor_error_known:
-        for _ in range(SHARPENED):
-            experiments = sharpened(problem, settled, experiments)
-            problem, settled = settle(experiments, settled.model, settled.x)
-    return problem, settled
+def surviving(believed: Sequence[Answer]) -> tuple[Answer, Fitted] | None:
+    """Return the first answer whose effect stays when what no longer pays is removed."""
+    for answer in believed:
+        pruned = prune(answer.problem, answer.settled)
+        if answer.trial.label in effect_labels(pruned.model.effects):
+            return answer, pruned
+    return None
 
 
 def swapped(problem: Problem, current: Fitted, say: Say) -> tuple[Problem, Fitted, list[Step]]:
@@ -196,33 +124,35 @@ def swapped(problem: Problem, current: Fitted, say: Say) -> tuple[Problem, Fitte
             continue
         current = prune(problem, current)
         steps, index, exchanged = [], 0, exchanged + 1
-        if len(current.model.effects) < 2:
-            break
     return problem, current, steps
 
 
 def merged(problem: Problem, current: Fitted, say: Say) -> tuple[Problem, Fitted]:
-    """Put one effect for two where one of them is its special case and it explains as much.
+    """Put a richer effect in the place of one, or of two, that are its special case or part of it.
 
     Coulomb friction with a drag may be Stribeck friction, with a constant force directional: the
-    simpler one, found first, bars the richer, and what is left then looks like something else.
+    simpler one, found first, bars the richer, and what is left then looks like something else. One
+    for one must be better by five sigma.
     """
     wide = inflation(current.white)
     price = wide * float(np.log(current.samples))
     best: Trial | None = None
     paid = current.chi2 + price * current.x.size
     for i, one in enumerate(current.model.effects):
-        for j in range(len(current.model.effects)):
-            if i == j:
-                continue
-            rest = fit_without(problem, fit_without(problem, current, max(i, j)), min(i, j))
+        alone = fit_without(problem, current, i)
+        for trial in richer_trials(problem, alone, one):
+            cost = trial.fitted.chi2 + price * trial.fitted.x.size + FIVE_SIGMA * wide
+            if cost < paid and not trial.on_bound:
+                best, paid = trial, cost
+        for j in range(len(alone.model.effects)):
+            rest = fit_without(problem, alone, j)
             for trial in richer_trials(problem, rest, one):
                 cost = trial.fitted.chi2 + price * trial.fitted.x.size
                 if cost < paid and not trial.on_bound:
                     best, paid = trial, cost
     if best is None:
         return problem, current
-    say(f"{best.label} in place of two effects")
+    say(f"{best.label} is richer and explains more")
     try:
         problem, settled = settled_on(best, problem.experiments)
     except ValueError:

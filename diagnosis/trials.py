@@ -59,6 +59,11 @@ class Trial:
         """The effect's name."""
         return self.label.split("@")[0]
 
+    @property
+    def worth(self) -> float:
+        """Chi-square gained less the price of the search."""
+        return self.gained - self.price
+
 
 @dataclass(frozen=True)
 class Step:
@@ -73,8 +78,17 @@ class Step:
     believed: tuple[Trial, ...] = ()
 
 
-def take(problem: Problem, current: Fitted, experiments: Sequence[Experiment], say: Say) -> Step:
-    """Try every candidate on top of a fitted model."""
+def take(
+    problem: Problem,
+    current: Fitted,
+    experiments: Sequence[Experiment],
+    say: Say,
+    stepped: bool = True,
+) -> Step:
+    """Try every candidate on top of a fitted model.
+
+    stepped: also those that no slope leads to, which are told from white innovations only.
+    """
     built = current.model.build(current.x)
     starts = [s for s in candidates(built, experiments) if s.physics.effect.name not in STEPPED]
     waves, prices = wave_starts(problem, current)
@@ -91,7 +105,7 @@ def take(problem: Problem, current: Fitted, experiments: Sequence[Experiment], s
     trials = [
         _further(problem, current, t) if most - t.gained < STILL_NEAR * wide else t for t in trials
     ]
-    for t in stepped_trials(problem, current, experiments):
+    for t in stepped_trials(problem, current, experiments) if stepped else ():
         say(f"{t.label}: chi-square gained {t.gained:.0f}")
         trials.append(Trial(t.label, t.fitted, t.gained, 1, "", t.price, t.problem.experiments))
     for t in trials:
@@ -104,9 +118,7 @@ def take(problem: Problem, current: Fitted, experiments: Sequence[Experiment], s
     best = _simplest(trials, wide)
     say(f"best candidate {best.label}: chi-square gained {best.gained:.0f}")
     order = [best, *(t for t in trials if t is not best)]
-    believed = tuple(
-        t for t in order if t.gained > (THRESHOLD + t.price) * wide + 2.0 * t.parameters
-    )
+    believed = tuple(t for t in order if t.worth > THRESHOLD * wide + 2.0 * t.parameters)
     return Step(tuple(trials), believed[0] if believed else None, wide, believed)
 
 
@@ -185,7 +197,7 @@ def at_bound(fitted: Fitted) -> str:
 
 def evidence(trial: Trial, samples: int) -> float:
     """Chi-square gained less the price of the parameters."""
-    return trial.gained - trial.price - trial.parameters * float(np.log(samples))
+    return trial.worth - trial.parameters * float(np.log(samples))
 
 
 def _simplest(trials: Sequence[Trial], wide: float) -> Trial:
@@ -196,5 +208,5 @@ def _simplest(trials: Sequence[Trial], wide: float) -> Trial:
         most = max(plain, key=lambda t: t.gained, default=top)
         if most.gained > MOSTLY * top.gained:
             return most
-    near = [t for t in trials if top.gained - t.gained < FIVE_SIGMA * wide]
+    near = [t for t in trials if top.worth - t.worth < FIVE_SIGMA * wide]
     return min(near, key=lambda t: (t.parameters, -t.gained))

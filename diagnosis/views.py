@@ -1,0 +1,174 @@
+"""What is missing, asked under several observers and answered by likelihood.
+
+An observer chosen for a model that lacks physics takes part of the motion for disturbance, and a
+filter that whitens what is left takes its colour for noise: under both, the physics that is missing
+explains little (a ripple of 370 sigma gained a chi-square of 75). Without it the fast observer is
+nevertheless the likeliest one. So every candidate is tried under that observer, whitened, and under
+slower ones, not whitened, which take all motion for physics; and then judged by what is the same
+whatever the observer, the likelihood of the recording under the observer that is likeliest for the
+candidate itself:
+
+    cost = -2 log likelihood + priors + price of the search,    deviations concentrated out.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from diagnosis.experiment import Experiment
+from diagnosis.fit import Fitted, Problem
+from diagnosis.horizon import BETTER, free_run_error
+from diagnosis.lattice import sharpened
+from diagnosis.settle import prepared_for, settle
+from diagnosis.trials import FIVE_SIGMA, THRESHOLD, Say, Step, Trial, evidence, take
+from diagnosis.uncertainty import inflation
+
+SLOWER = (1e-2, 1e-4)  # of the observer's ratio
+ASKED = 5  # trials of each view whose likelihood is looked at
+SETTLED = 3  # of them all, settled
+HOPE = 10.0  # -2 log likelihood gained by a trial as it stands, to be worth settling
+SHARPENED = 3  # times that an encoder's error is predicted again
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A trial, settled under its own likeliest observer, and what it costs.
+
+    view: the problem under which it was fitted; slow: whether that was a slower observer's.
+    """
+
+    step: Step
+    trial: Trial
+    view: Problem
+    slow: bool
+    problem: Problem
+    settled: Fitted
+    cost: float
+
+
+def answers(
+    problem: Problem, current: Fitted, experiments: Sequence[Experiment], say: Say
+) -> tuple[Step, list[Answer]]:
+    """Return the step under the given observer, and the answers believed, the best first."""
+    own = cost(problem, current)
+    pool: list[Answer] = []
+    first: Step | None = None
+    for view, there, slow in _views(problem, current, experiments, say):
+        step = take(view, there, view.experiments, _silent if slow else say, stepped=not slow)
+        first = step if first is None else first
+        for trial in _worth(step, current):
+            try:
+                at, fitted = _standing(trial, view.experiments)
+            except ValueError:
+                continue
+            found = cost(at, fitted) + trial.price
+            pool.append(Answer(step, trial, view, slow, at, fitted, found))
+    assert first is not None
+    return first, _settled(pool, own, current, experiments, say)
+
+
+def _silent(_: str) -> None:
+    pass
+
+
+def _views(
+    problem: Problem, current: Fitted, experiments: Sequence[Experiment], say: Say
+) -> Iterator[tuple[Problem, Fitted, bool]]:
+    """The given observer, then slower ones that hold the device, with the model fitted again."""
+    yield problem, current, False
+    for share in SLOWER:
+        ratio = share * problem.observer.ratio
+        try:
+            slow = prepared_for(experiments, current.model, current.x, ratio)
+            refitted = slow.fit(current.model, current.x)
+            slow = prepared_for(slow.experiments, current.model, refitted.x, ratio)
+            yield slow, slow.fit(current.model, refitted.x), True
+        except ValueError:  # so slow that it does not hold the device
+            return
+
+
+def _settled(
+    pool: Sequence[Answer],
+    own: float,
+    current: Fitted,
+    experiments: Sequence[Experiment],
+    say: Say,
+) -> list[Answer]:
+    """Settle the likeliest few of different effects; those that are believed, the best first."""
+    wide, each = inflation(current.white), float(np.log(current.samples))
+
+    def weighed(answer: Answer) -> float:
+        return answer.cost + each * answer.trial.parameters
+
+    found: list[Answer] = []
+    tried: set[str] = set()
+    for answer in sorted(pool, key=weighed):
+        trial = answer.trial
+        if trial.label in tried or len(tried) == SETTLED or answer.cost > own - HOPE:
+            continue
+        tried.add(trial.label)
+        try:
+            problem, fitted = settled_on(trial, answer.view.experiments)
+        except ValueError as error:
+            say(f"{trial.label} is left out: {error}")
+            continue
+        paid = cost(problem, fitted) + trial.price
+        if own - paid > THRESHOLD * wide + 2.0 * trial.parameters:
+            found.append(replace(answer, problem=problem, settled=fitted, cost=paid))
+    if not found:
+        return []
+    found.sort(key=weighed)
+    near = [a for a in found if a.cost - found[0].cost < FIVE_SIGMA * wide]
+    best = min(near, key=lambda a: (a.trial.parameters, a.cost))
+    return [best, *(a for a in found if a is not best)]
+
+
+def cost(problem: Problem, fitted: Fitted) -> float:
+    """Return -2 log likelihood of the innovations, deviations concentrated out, and priors."""
+    prior = fitted.residual[fitted.samples :]
+    return problem.observer.cost(fitted.white) + float(prior @ prior)
+
+
+def settled_on(trial: Trial, experiments: Sequence[Experiment]) -> tuple[Problem, Fitted]:
+    """Settle observer and fit on a trial, and what it says of the recordings."""
+    experiments = trial.experiments or experiments
+    problem, settled = settle(experiments, trial.fitted.model, trial.fitted.x)
+    if settled.model.sensor_error_known:
+        for _ in range(SHARPENED):
+            experiments = sharpened(problem, settled, experiments)
+            problem, settled = settle(experiments, settled.model, settled.x)
+    return problem, settled
+
+
+def runs_freer(believed: Sequence[Answer], best: Answer, settled: Fitted) -> Answer | None:
+    """Return the answer of a slower observer whose free runs err clearly less than those of best.
+
+    Where what is missing is no white force, one sample ahead is not what tells.
+    """
+    limit = BETTER * free_run_error(best.problem.experiments, best.problem, settled)
+    for answer in believed:
+        if not answer.slow or answer.step.taken is not answer.trial:
+            continue
+        free = free_run_error(answer.view.experiments, answer.view, answer.trial.fitted)
+        if free < limit:
+            return answer
+    return None
+
+
+def _worth(step: Step, current: Fitted) -> list[Trial]:
+    ordered = sorted(step.trials, key=lambda t: evidence(t, current.samples), reverse=True)
+    kept = ordered[:ASKED]
+    return [*kept, *(t for t in step.believed[:1] if not any(t is k for k in kept))]
+
+
+def _standing(trial: Trial, experiments: Sequence[Experiment]) -> tuple[Problem, Fitted]:
+    """A trial as it stands, not fitted again, under its own likeliest observer."""
+    model, x = trial.fitted.model, trial.fitted.x
+    problem = prepared_for(trial.experiments or experiments, model, x)
+    residual = problem.residual(model, x)
+    samples = trial.fitted.samples
+    fitted = replace(
+        trial.fitted, residual=residual, chi2=float(residual @ residual), samples=samples
+    )
+    return problem, fitted
