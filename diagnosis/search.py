@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from diagnosis.candidates import MAGNITUDE
 from diagnosis.experiment import Experiment
@@ -26,7 +27,8 @@ from sim.device import Device, place_label
 
 Floats = NDArray[np.float64]
 MOST = 3  # effects
-SURE = 4.0  # standard errors that an effect must be away from nothing
+UNSURE = 6.3e-5  # odds that nothing looks as large as what is kept, four sigma of one magnitude
+FREE = 1e12  # variance, in x, of what the recording does not determine at all
 SWAP_GAIN = 4.0  # chi-square by which an effect as simple must be better to replace one
 
 
@@ -52,7 +54,9 @@ def search(
     current, steps, interrupted = linear, list[Step](), False
     trusted = False  # an observer that trusts the model was followed for its free runs
     try:
-        while len(current.model.effects) < MOST:
+        for _ in range(2 * MOST):
+            if len(current.model.effects) == MOST:
+                break
             step, believed = answers(problem, current, experiments, say)
             kept = surviving(believed)
             if kept is None:
@@ -141,23 +145,26 @@ def merged(problem: Problem, current: Fitted, say: Say) -> tuple[Problem, Fitted
     for i, one in enumerate(current.model.effects):
         alone = fit_without(problem, current, i)
         for trial in richer_trials(problem, alone, one):
-            cost = trial.fitted.chi2 + price * trial.fitted.x.size + FIVE_SIGMA * wide
-            if cost < paid and not trial.on_bound:
-                best, paid = trial, cost
+            asked = trial.fitted.chi2 + price * trial.fitted.x.size + FIVE_SIGMA * wide
+            if asked < paid and not trial.on_bound:
+                best, paid = trial, asked
         for j in range(len(alone.model.effects)):
             rest = fit_without(problem, alone, j)
             for trial in richer_trials(problem, rest, one):
-                cost = trial.fitted.chi2 + price * trial.fitted.x.size
-                if cost < paid and not trial.on_bound:
-                    best, paid = trial, cost
+                asked = trial.fitted.chi2 + price * trial.fitted.x.size
+                if asked < paid and not trial.on_bound:
+                    best, paid = trial, asked
     if best is None:
         return problem, current
-    say(f"{best.label} is richer and explains more")
     try:
-        problem, settled = settled_on(best, problem.experiments)
+        there, settled = settled_on(best, problem.experiments)
     except ValueError:
         return problem, current
-    return problem, prune(problem, settled)
+    kept = prune(there, settled)
+    if best.label not in effect_labels(kept.model.effects):
+        return problem, current
+    say(f"{best.label} is richer and explains more")
+    return there, kept
 
 
 def _extra(full: Fitted, part: Fitted) -> int:
@@ -194,17 +201,24 @@ def prune(problem: Problem, fitted: Fitted) -> Fitted:
 
 
 def may_be_zero(fitted: Fitted, index: int) -> bool:
-    """Whether all magnitudes of an effect lie within `SURE` of their errors of zero.
+    """Whether the magnitudes m of an effect are nothing within their errors, all together.
 
-    Chi-square alone deceives where the fit before it had stopped short of its minimum, as it does
-    on the creases that friction makes.
+    By Wald's m' C^-1 m, C their covariance: one of them may well be undetermined (a constant force
+    beside the origin of a spring) where another is sure. Chi-square alone deceives where the fit
+    before it had stopped short of its minimum, as it does on the creases that friction makes.
     """
     physics = fitted.model.effects[index]
     names = MAGNITUDE.get(physics.effect.name, ())
-    spread = np.sqrt(np.diag(covariance(fitted)))
-    found = [
-        abs(physics.values[p.key] + p.scale * float(x)) < SURE * p.scale * float(s)
-        for p, x, s in zip(fitted.model.parameters, fitted.x, spread, strict=True)
+    parameters = fitted.model.parameters
+    own = [
+        j for j, p in enumerate(parameters)
         if p.kind == "effect" and p.index == index and p.key in names
-    ]
-    return bool(found) and all(found)
+    ]  # fmt: skip
+    if not own:
+        return False
+    scales = np.array([parameters[j].scale for j in own])
+    size = np.array([physics.values[parameters[j].key] for j in own]) / scales + fitted.x[own]
+    spread = np.nan_to_num(covariance(fitted)[np.ix_(own, own)], posinf=FREE)
+    variance, axes = np.linalg.eigh(spread)
+    wald = float(np.sum((axes.T @ size) ** 2 / np.maximum(variance, np.finfo(float).tiny)))
+    return wald < float(chi2.isf(UNSURE, len(own)))

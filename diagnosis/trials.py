@@ -19,6 +19,7 @@ from diagnosis.candidates import CONTAINED, Start, candidates
 from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted, Problem
 from diagnosis.lattice import STEPPED, stepped_trials
+from diagnosis.modes import PRICE, mode_starts
 from diagnosis.screen import screen
 from diagnosis.uncertainty import inflation
 from diagnosis.waves import wave_starts
@@ -92,7 +93,10 @@ def take(
     built = current.model.build(current.x)
     starts = [s for s in candidates(built, experiments) if s.physics.effect.name not in STEPPED]
     waves, prices = wave_starts(problem, current)
-    screened = screen(problem, current, [*starts, *waves])
+    modes = mode_starts(problem, current)
+    prices = {**prices, "extra_mode": PRICE}
+    plain = [s for s in starts if s.physics.effect.name != "extra_mode"]
+    screened = screen(problem, current, [*plain, *waves, *modes])
     wide = inflation(current.white)
     near = [one for one in screened[:FITTED] if one.score > WORTH] or screened[:1]
     trials = [_tried(problem, current, current, one.start, prices) for one in near]

@@ -1,0 +1,108 @@
+"""Starts for a further mass on a spring: at the frequencies that the residual itself shows.
+
+A mass m on a spring and damper pulls its host with F = -m H(s) a, a the host's acceleration and
+
+    H = (2 z w s + w^2) / (s^2 + 2 z w s + w^2),
+
+linear in m for given w and z. So the chi-square that the best m > 0 gains is one convolution for
+each w and z, where a fit from the wrong w finds nothing: a resonance is narrow. Limits: a is the
+acceleration of the device without the mass, so starts are good while m is small beside the host.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import bilinear, fftconvolve, lfilter
+
+from diagnosis.candidates import Start
+from diagnosis.fit import Fitted, Problem
+from diagnosis.leftover import predicted_states
+from diagnosis.predictor import SETTLING
+from diagnosis.screen import Complement
+from diagnosis.spatial import response
+from sim.device import masses_needed, place_label
+from sim.physics import EFFECTS, make_physics
+
+Floats = NDArray[np.float64]
+LOWEST_HZ = 3.0
+HIGHEST = 0.4  # of the sampling rate
+FREQUENCIES = 32
+DAMPINGS = (0.03, 0.12, 0.5)  # of the critical one
+COUNT = 3  # starts a host
+HEAVIEST = 0.5  # of the host
+PRICE = 2.0 * math.log(FREQUENCIES)
+
+
+@dataclass(frozen=True)
+class Resonance:
+    """A mass of a frequency [rad/s] and damping ratio, and the chi-square it would gain."""
+
+    gained: float
+    mass: float
+    omega: float
+    ratio: float
+
+
+def mode_starts(problem: Problem, fitted: Fitted) -> list[Start]:
+    """Return the most promising further masses at every host that may have one."""
+    device = fitted.model.acting(fitted.x)
+    present = {place_label(p) for p in fitted.model.build(fitted.x).physics}
+    masses = device.chain.masses
+    off = Complement(fitted.jacobian)
+    base = off(fitted.residual)
+    starts: list[Start] = []
+    states = predicted_states(problem, fitted)
+    for at in EFFECTS["extra_mode"].places:
+        host = masses_needed(at) - 1
+        if host >= masses.size or f"extra_mode@{at}" in present:
+            continue
+        answer = response(problem, fitted, at)
+        speeds = [x[:, masses.size + host] for x in states]
+        found = sorted(
+            _resonances(problem, off, base, answer, speeds), key=lambda r: r.gained, reverse=True
+        )
+        kept: list[Resonance] = []
+        for one in found:
+            if all(abs(math.log(one.omega / k.omega)) > 0.3 for k in kept):
+                kept.append(one)
+        starts += [_start(at, one, float(masses[host])) for one in kept[:COUNT]]
+    return starts
+
+
+def _resonances(
+    problem: Problem, off: Complement, base: Floats, answer: Floats, speeds: list[Floats]
+) -> Iterator[Resonance]:
+    """Yield every frequency and damping at which a positive mass gains anything."""
+    period = problem.experiments[0].period
+    pulls = [-np.gradient(v) / period for v in speeds]
+    for pull in pulls:
+        pull[: SETTLING + 5] = 0.0
+    for hertz in np.geomspace(LOWEST_HZ, HIGHEST / period, FREQUENCIES):
+        for ratio in DAMPINGS:
+            omega = 2.0 * math.pi * float(hertz)
+            warped = 2.0 / period * math.tan(0.5 * omega * period)
+            top = [2.0 * ratio * warped, warped**2]
+            b, a = bilinear(top, [1.0, *top], 1.0 / period)
+            parts = [
+                fftconvolve(lfilter(b, a, pull)[:, None], answer, axes=0)[SETTLING : pull.size]
+                for pull in pulls
+            ]
+            joined = np.concatenate([p.ravel() for p in parts])
+            signature = off(np.concatenate([joined, np.zeros(base.size - joined.size)]))
+            size = float(signature @ signature)
+            along = -float(base @ signature)
+            if size > 0.0 and along > 0.0:
+                yield Resonance(along**2 / size, along / size, omega, ratio)
+
+
+def _start(at: str, one: Resonance, host: float) -> Start:
+    mass = min(one.mass, HEAVIEST * host)
+    stiffness, damping = mass * one.omega**2, 2.0 * one.ratio * one.omega * mass
+    values = {"mass": mass, "stiffness": stiffness, "damping": damping}
+    return Start(
+        make_physics("extra_mode", at, **values),
+        {"mass": 0.5 * mass, "stiffness": 0.5 * stiffness, "damping": damping},
+    )
