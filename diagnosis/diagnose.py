@@ -25,6 +25,7 @@ from diagnosis.screen import Complement, screen
 from diagnosis.search import Searched, fit_without, search
 from diagnosis.trials import THRESHOLD, Say, Step
 from diagnosis.uncertainty import Z95, covariance, inflation
+from diagnosis.unknown import unknown
 from sim.device import Device, place_label
 from sim.physics import make_physics
 from sim.physics.effect import Physics
@@ -39,6 +40,7 @@ SHIFTED = 5.0  # sigma by which a linear parameter must differ to be a finding
 SAME_STEP = 0.01  # relative difference of steps that are the same
 MATTERS = 0.1  # of the noise: a step below is a way to write numbers
 UNEXPLAINED = 0.01  # share of the chi-square explained that may be left under a verdict by name
+FREE_FORCE = 45.0  # -2 log likelihood that the best of some hundred shapes gains on no recording
 COLOURED = 0.05  # the same where the observer was asked for, and chi-square is no statistic
 
 
@@ -90,7 +92,7 @@ def diagnose(
         final_device = final_device.with_physics(make_physics("rectified_sensor", "sensor"))
     refit = _linear(device, found.final, acted)
     bounds = {} if findings else _upper_bounds(found)
-    left = _left(found)
+    left = _left(found, acted)
     verdict, sentence = _verdict(found, findings, refit, left)
     wrong = [f for f in faults if f.wrong]
     if wrong:
@@ -307,8 +309,12 @@ class Left:
     sentence: str
 
 
-def _left(found: Searched) -> Left:
-    """Hold the final residual against forces that follow one state, and that repeat or sway."""
+def _left(found: Searched, acted: Sequence[Experiment]) -> Left:
+    """Hold the final residual against forces that follow one state, and that repeat or sway.
+
+    Then all that was recorded, held-out data too, against forces of free shape under observers that
+    hide none: nothing of that is kept, and a stop may first be hit in what was held out.
+    """
     wide = inflation(found.final.white)
     located = locate(found.problem, found.final)
     top = max(located.maps, key=lambda m: m.gained)
@@ -318,6 +324,12 @@ def _left(found: Searched) -> Left:
         return Left(line.gained, line.sentence(rotary))
     if top.gained > 2.0 * THRESHOLD * wide:
         return Left(top.gained, located.sentence)
+    try:
+        free = unknown(acted, found.final)
+    except ValueError:  # no observer follows what was held out
+        return Left(0.0, "")
+    if free is not None and free.gained > FREE_FORCE * wide + free.unknowns:
+        return Left(free.gained, free.sentence)
     return Left(0.0, "")
 
 

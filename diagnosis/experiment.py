@@ -40,7 +40,8 @@ class Experiment:
     swing: rms of the first output about its mean, in the whole recording. What was found out about
     the recording itself: sensor_error (ticks,) is what its steps add to the first output, dropped
     (ticks,) are the commands that were not delivered; both count where a model has that effect.
-    start: what to add to positions and velocities (2n,) that the observer begins with.
+    start: what to add to positions and velocities (2n,) that the observer begins with. force
+    (ticks, n): a force of unknown cause on the masses, to see what it would explain.
     """
 
     period: float
@@ -52,6 +53,7 @@ class Experiment:
     sensor_error: Floats | None = None
     dropped: NDArray[np.bool_] | None = None
     start: Floats | None = None
+    force: Floats | None = None
 
     @property
     def ticks(self) -> int:
@@ -74,6 +76,7 @@ class Experiment:
             sensor_error=None if self.sensor_error is None else self.sensor_error[cut],
             dropped=None if self.dropped is None else self.dropped[cut],
             start=self.start if start == 0 else None,
+            force=None if self.force is None else self.force[cut],
         )
 
     def split(self, share: float = 0.7) -> "tuple[Experiment, Experiment]":

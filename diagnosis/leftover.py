@@ -79,7 +79,7 @@ def leftover(problem: Problem, fitted: Fitted) -> Leftover:
     lines = 0
     best: tuple[float, str, str, str, float] = (0.0, "m1", "1", "time", 1.0)
     for place in hums:
-        for name, factor in _factors(place, states, n, period).items():
+        for name, factor in factors(place, states, n, period).items():
             for q in factor:  # a spike where the observer settles would be on every line
                 q[: SETTLING + 5] = 0.0
             for over in ("time", "position"):
@@ -95,7 +95,7 @@ def leftover(problem: Problem, fitted: Fitted) -> Leftover:
     return Leftover(best[0], chance, *best[1:])
 
 
-def _factors(place: str, states: list[Floats], n: int, period: float) -> dict[str, list[Floats]]:
+def factors(place: str, states: list[Floats], n: int, period: float) -> dict[str, list[Floats]]:
     """Q at every tick of every recording, by name."""
     if place.startswith("link"):
         i = int(place[4]) - 1

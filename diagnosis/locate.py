@@ -171,7 +171,7 @@ def force_maps(
     for name, place in places:
         for against in STATES:
             pairs = zip(problem.experiments, moved, strict=True)
-            values = [_against(e, motion, against) for e, motion in pairs]
+            values = [state_of(e, motion, against) for e, motion in pairs]
             edges = np.quantile(np.concatenate(values), np.linspace(0.0, 1.0, BINS + 1))
             edges = np.unique(edges)
             edges[-1] += 1e-12 + 1e-9 * abs(edges[-1])
@@ -186,7 +186,8 @@ def force_maps(
     return tuple(found)
 
 
-def _against(e: Experiment, motion: tuple[Floats, Floats], state: str) -> Floats:
+def state_of(e: Experiment, motion: tuple[Floats, Floats], state: str) -> Floats:
+    """Return the values (ticks,) of a state of `STATES`."""
     if state == "time":
         return np.asarray(e.period * np.arange(e.ticks), dtype=np.float64)
     return {"position": motion[0], "velocity": motion[1], "command": e.command}[state]

@@ -177,11 +177,14 @@ def innovations(
 ) -> Floats:
     """Return innovations (ticks, o); infinite from where the prediction overflowed.
 
-    external: forces (ticks, n) added to the device's own.
+    external: forces (ticks, n) added to the device's own, in place of those of the recording.
     """
     eq, fine = prepared(device) if ready is None else ready
     memory = observer_memory(eq, experiment)
-    forces = np.zeros((0, eq.dof)) if external is None else external
+    external = experiment.force if external is None else external
+    forces = np.zeros((0, eq.dof))
+    if external is not None:
+        forces = np.pad(external, ((0, 0), (0, eq.dof - external.shape[1])))
     out = np.full(experiment.measured.shape, np.inf)
     predict(
         eq, fine, experiment.places(eq.dof), experiment.command, experiment.measured,
@@ -204,7 +207,7 @@ def begun(device: Device, experiment: Experiment, observer: "Observer") -> Exper
     dof = device.chain.masses.size
     still = replace(
         first, command=np.zeros(first.ticks), measured=np.zeros(first.measured.shape),
-        sensor_error=None, dropped=None,
+        sensor_error=None, dropped=None, force=None,
     )  # fmt: skip
     columns: list[Floats] = []
     scale = np.repeat([1.0, 1.0 / experiment.period], dof) * float(observer.deviation[0])

@@ -62,8 +62,9 @@ def response(problem: Problem, fitted: Fitted, place: str) -> Floats:
     else:
         force[0, int(place[1]) - 1] = 1.0
     still = replace(
-        first, command=command, measured=measured, sensor_error=None, dropped=None, start=None
-    )
+        first, command=command, measured=measured, sensor_error=None, dropped=None, start=None,
+        force=None,
+    )  # fmt: skip
     answer = innovations(device, still, problem.observer.gain, force, ready)
     return problem.observer.weigh(answer)
 

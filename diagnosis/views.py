@@ -54,7 +54,7 @@ def answers(
     own = cost(problem, current)
     pool: list[Answer] = []
     first: Step | None = None
-    for view, there, slow in _views(problem, current, experiments, say):
+    for view, there, slow in views(problem, current, experiments, say):
         step = take(view, there, view.experiments, _silent if slow else say, stepped=not slow)
         first = step if first is None else first
         for trial in _worth(step, current):
@@ -72,7 +72,7 @@ def _silent(_: str) -> None:
     pass
 
 
-def _views(
+def views(
     problem: Problem, current: Fitted, experiments: Sequence[Experiment], say: Say
 ) -> Iterator[tuple[Problem, Fitted, bool]]:
     """The given observer, then slower ones that hold the device, with the model fitted again."""
