@@ -17,6 +17,7 @@ from sim.physics import EFFECTS, make_physics
 from sim.physics.effect import Effect, Physics
 
 ECCENTRIC = (1.2, 0.9, 0.7, 0.5, 0.2, 0.07)  # of the travel; what is shorter the residual shows
+QUARTER = 0.5 * math.pi
 SHARES = (0.001, 0.004, 0.015, 0.06, 0.2)
 # Parameters that scale the effect's whole signature, to first order.
 MAGNITUDE = {
@@ -207,11 +208,11 @@ def _starts(effect: Effect, at: str, z: Magnitudes, device: Device) -> Iterator[
             yield {"stiffness": s * f / q}, {"stiffness": s * f / q}
     elif name == "gravity_pendulum":
         for s in (0.01, 0.1, 0.5):
-            for angle in (0.0, 1.5, -1.5, 3.0):
+            for angle in (0.0, QUARTER):
                 yield {"level": s * f, "angle": angle}, {"level": s * f, "angle": 0.5}
     elif name == "force_ripple":
         for period in np.geomspace(z.span / 80.0, z.span / 1.8, 16):
-            for phase in (0.0, 1.5707963):
+            for phase in (0.0, QUARTER):
                 yield (
                     {"amplitude": 0.02 * f, "period": float(period), "phase": phase},
                     {"amplitude": 0.02 * f, "period": 0.02 * float(period), "phase": 0.5},
@@ -270,7 +271,7 @@ def _starts(effect: Effect, at: str, z: Magnitudes, device: Device) -> Iterator[
             yield {"step": s * z.span}, {"step": 0.1 * s * z.span}
     elif name == "encoder_eccentricity":
         for period in (*(z.span * s for s in ECCENTRIC), 2.0 * math.pi):
-            for phase in (0.0, 1.5707963):
+            for phase in (0.0, QUARTER):
                 yield (
                     {"amplitude": 1e-3 * z.span, "period": period, "phase": phase},
                     {"amplitude": 1e-3 * z.span, "period": 0.1 * period, "phase": 0.5},

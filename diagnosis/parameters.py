@@ -8,6 +8,7 @@ of running away, and a mass cannot triple to mimic friction.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,9 +64,9 @@ class Model:
     scales: tuple[dict[str, float], ...] = ()
     sensor_error_known: bool = False
 
-    @property
+    @cached_property
     def parameters(self) -> list[Parameter]:
-        """All free parameters, linear ones first."""
+        """All free parameters, linear ones first; asked for in every prediction, so kept."""
         return [*linear_parameters(self.nominal), *self._effect_parameters()]
 
     @property

@@ -29,6 +29,7 @@ Floats = NDArray[np.float64]
 ORDER = 8
 BEGINNING = 2000  # ticks by which the state at the start is judged
 SETTLING = 100  # ticks left out at the start, until the observer has found the state
+SLOPE = (np.arange(10) - 4.5) / 82.5  # of the straight line through the first samples
 RATIOS = np.geomspace(1e-7, 1e9, 33)
 
 
@@ -157,7 +158,7 @@ def observer_memory(eq: Equations, experiment: Experiment) -> Memory:
         y = experiment.measured[:, o]
         if output.quantity == "position":
             position = float(y[0])
-            velocity = float(np.polyfit(np.arange(10) * eq.period, y[:10], 1)[0])
+            velocity = float(SLOPE @ y[: SLOPE.size]) / eq.period
             break
         velocity = float(y[:5].mean())
     memory = start_memory(eq, none(), Start(position, velocity), 0)

@@ -6,18 +6,20 @@ to first order, |(I - P)(r + s)|^2, P the projector on the span of J. The gain o
 the start's score, a chi-square. What the refit absorbs is thereby gone before anything is named.
 """
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.candidates import Start
+from diagnosis.candidates import MAGNITUDE, QUARTER, Start
 from diagnosis.fit import Fitted, Problem
 from sim.ensemble import in_parallel, threads
 
 Floats = NDArray[np.float64]
 COLUMNS_KEPT = 1e-10
+TURNING = ("phase", "angle")
 
 
 @dataclass(frozen=True)
@@ -66,9 +68,49 @@ def screen(problem: Problem, fitted: Fitted, starts: Sequence[Start]) -> list[Sc
         return again if again.score > one.score else one
 
     scored = in_parallel([lambda s=s: better(score(s)) for s in starts], threads())
+    turned = turned_starts(scored, base)
+    scored += in_parallel([lambda s=s: better(score(s)) for s in turned], threads())
     best: dict[str, Screened] = {}
     for one in scored:
         label = one.start.label
         if label not in best or one.score > best[label].score:
             best[label] = one
     return sorted(best.values(), key=lambda one: one.score, reverse=True)
+
+
+def turned_starts(scored: Sequence[Screened], base: Floats) -> list[Start]:
+    """Return the best phase and size between two starts a quarter turn apart.
+
+    A cos(x + phase) is linear in A cos(phase) and A sin(phase), so two signatures tell both; a
+    phase on the wrong side would have to fit its way through zero.
+    """
+    quarters: dict[tuple[object, ...], dict[float, Screened]] = {}
+    for one in scored:
+        physics = one.start.physics
+        name = next((n for n in TURNING if n in physics.values), None)
+        if name is not None:
+            size = MAGNITUDE[physics.effect.name][0]
+            rest = [v for k, v in physics.values.items() if k not in (name, size)]
+            quarters.setdefault((one.start.label, *rest), {})[physics.values[name]] = one
+    found: list[Start] = []
+    for pair in quarters.values():
+        if 0.0 in pair and QUARTER in pair:
+            start = _between(pair[0.0], pair[QUARTER], base)
+            if start is not None:
+                found.append(start)
+    return found
+
+
+def _between(first: Screened, second: Screened, base: Floats) -> Start | None:
+    matrix = np.column_stack([first.signature, second.signature])
+    a, b = np.linalg.lstsq(matrix, -base)[0]
+    physics = first.start.physics
+    name = next(n for n in TURNING if n in physics.values)
+    key = MAGNITUDE[physics.effect.name][0]
+    along = float(a) * physics.values[key]
+    across = float(b) * second.start.physics.values[key]
+    size = math.hypot(along, across)
+    if not size > 0.0:
+        return None
+    values = {**physics.values, key: size, name: math.atan2(across, along)}
+    return Start(replace(physics, values=values), {**first.start.scales, key: size})

@@ -22,7 +22,7 @@ from diagnosis.predictor import FINAL
 from diagnosis.settle import refit
 from diagnosis.trials import FIVE_SIGMA, THRESHOLD, Say, Step, Trial, richer_trials, take
 from diagnosis.uncertainty import covariance, inflation, over_creases
-from diagnosis.views import Answer, answers, runs_freer, settled_on
+from diagnosis.views import Answer, ask, runs_freer, settled_on
 from sim.device import Device, place_label
 
 Floats = NDArray[np.float64]
@@ -57,13 +57,17 @@ def search(
         for _ in range(2 * MOST):
             if len(current.model.effects) == MOST:
                 break
-            step, believed = answers(problem, current, experiments, say)
-            kept = surviving(believed)
+            asked = ask(problem, current, experiments, say)
+            problem, current = asked.problem, asked.current
+            experiments = problem.experiments
+            if not current.model.effects:
+                linear = current
+            kept = surviving(asked.believed)
             if kept is None:
-                steps.append(replace(step, taken=None))
+                steps.append(replace(asked.step, taken=None))
                 break
             answer, best = kept
-            freer = None if trusted else runs_freer(believed, answer, best)
+            freer = None if trusted else runs_freer(asked.believed, answer, best)
             if freer is not None:
                 say(f"an observer that trusts the model more takes {freer.trial.label}")
                 answer, best, trusted = freer, prune(freer.problem, freer.settled), True

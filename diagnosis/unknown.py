@@ -35,6 +35,7 @@ QUANTILES = (0.0, 0.005, 0.02, 0.06, 0.15, 0.3, 0.5, 0.7, 0.85, 0.94, 0.98, 0.99
 DRIFTS = 5  # cosines of a drift
 TURNS = 3  # of observer, parameters and strengths
 ROUNDS = 4  # of a fit beside such a force
+HOPE = 10.0  # of -2 log likelihood, below which no further turn is taken
 JUDGED = 3  # shapes of each view whose likelihood is looked at
 
 
@@ -97,7 +98,7 @@ def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None
         tried = sorted(_gains(view, there), key=lambda t: t.gained, reverse=True)
         for one in tried[:JUDGED]:
             try:
-                found = base - _with_force(there, view.experiments, one)
+                found = base - _with_force(there, view.experiments, one, base)
             except ValueError:  # no observer follows the recording with that force
                 continue
             if best is None or found > best.gained:
@@ -111,7 +112,9 @@ def _alone(fitted: Fitted, experiments: Sequence[Experiment]) -> float:
     return cost(problem, problem.fit(fitted.model, fitted.x, rounds=ROUNDS))
 
 
-def _with_force(fitted: Fitted, experiments: Sequence[Experiment], one: Gained) -> float:
+def _with_force(
+    fitted: Fitted, experiments: Sequence[Experiment], one: Gained, base: float
+) -> float:
     """Cost of the model with known forces: observer, parameters and strengths in turn."""
     found, strength = np.inf, one.strength
     for _ in range(TURNS):
@@ -122,6 +125,8 @@ def _with_force(fitted: Fitted, experiments: Sequence[Experiment], one: Gained) 
         problem = prepared_for(forced, fitted.model, fitted.x)
         fitted = problem.fit(fitted.model, fitted.x, rounds=ROUNDS)
         found = min(found, cost(problem, fitted))
+        if found > base - HOPE:
+            return found
         off = Complement(fitted.jacobian)
         strength = strength + _solved(problem, fitted, off, one.shape)[0]
     return found

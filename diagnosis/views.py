@@ -20,11 +20,12 @@ from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted, Problem
 from diagnosis.horizon import BETTER, free_run_error
 from diagnosis.lattice import sharpened
+from diagnosis.parameters import Model
 from diagnosis.settle import prepared_for, settle
 from diagnosis.trials import FIVE_SIGMA, THRESHOLD, Say, Step, Trial, evidence, take
 from diagnosis.uncertainty import inflation
 
-SLOWER = (1e-2, 1e-4)  # of the observer's ratio
+SLOWER = (1e-2,)  # of the observer's ratio
 ASKED = 5  # trials of each view whose likelihood is looked at
 SETTLED = 3  # of them all, settled
 HOPE = 10.0  # -2 log likelihood gained by a trial as it stands, to be worth settling
@@ -47,16 +48,34 @@ class Answer:
     cost: float
 
 
-def answers(
-    problem: Problem, current: Fitted, experiments: Sequence[Experiment], say: Say
-) -> tuple[Step, list[Answer]]:
-    """Return the step under the given observer, and the answers believed, the best first."""
+@dataclass(frozen=True)
+class Asked:
+    """What all observers say: step under the likeliest one, and the answers believed, best first.
+
+    problem, current: the model that was asked about, settled anew where it could be likelier.
+    """
+
+    problem: Problem
+    current: Fitted
+    step: Step
+    believed: list[Answer]
+
+
+def ask(problem: Problem, current: Fitted, experiments: Sequence[Experiment], say: Say) -> Asked:
+    """Ask all observers what is missing in a model that is settled."""
+    asked = list(views(problem, current, experiments, say))
+    for view, there, slow in asked:
+        again = _likelier(problem, current, view, there) if slow else None
+        if again is not None:
+            problem, current = again
+            asked = list(views(problem, current, experiments, say))
+            break
     own = cost(problem, current)
     pool: list[Answer] = []
-    first: Step | None = None
-    for view, there, slow in views(problem, current, experiments, say):
+    steps: list[Step] = []
+    for view, there, slow in asked:
         step = take(view, there, view.experiments, _silent if slow else say, stepped=not slow)
-        first = step if first is None else first
+        steps.append(step)
         for trial in _worth(step, current):
             try:
                 at, fitted = _standing(trial, view.experiments)
@@ -64,8 +83,26 @@ def answers(
                 continue
             found = cost(at, fitted) + trial.price
             pool.append(Answer(step, trial, view, slow, at, fitted, found))
-    assert first is not None
-    return first, _settled(pool, own, current, experiments, say)
+    believed = _settled(pool, own, current, problem.experiments, say)
+    return Asked(problem, current, steps[0], believed)
+
+
+def _likelier(
+    problem: Problem, current: Fitted, view: Problem, there: Fitted
+) -> tuple[Problem, Fitted] | None:
+    """Settle once more from where a slower observer fits the same model, if that is likelier.
+
+    Observer and fit in turn may stop at a fast observer that follows what the model gets wrong.
+    """
+    own = cost(problem, current)
+    try:
+        at, fitted = _as_it_stands(there.model, there, view.experiments)
+        if cost(at, fitted) > own - HOPE:
+            return None
+        again = settle(view.experiments, there.model, there.x)
+    except ValueError:
+        return None
+    return again if cost(*again) < own - HOPE else None
 
 
 def _silent(_: str) -> None:
@@ -163,12 +200,14 @@ def _worth(step: Step, current: Fitted) -> list[Trial]:
 
 
 def _standing(trial: Trial, experiments: Sequence[Experiment]) -> tuple[Problem, Fitted]:
-    """A trial as it stands, not fitted again, under its own likeliest observer."""
-    model, x = trial.fitted.model, trial.fitted.x
-    problem = prepared_for(trial.experiments or experiments, model, x)
-    residual = problem.residual(model, x)
-    samples = trial.fitted.samples
-    fitted = replace(
-        trial.fitted, residual=residual, chi2=float(residual @ residual), samples=samples
-    )
-    return problem, fitted
+    """A trial as it stands under its own likeliest observer."""
+    return _as_it_stands(trial.fitted.model, trial.fitted, trial.experiments or experiments)
+
+
+def _as_it_stands(
+    model: Model, fitted: Fitted, experiments: Sequence[Experiment]
+) -> tuple[Problem, Fitted]:
+    """A model at its x, not fitted again, under its own likeliest observer."""
+    problem = prepared_for(experiments, model, fitted.x)
+    residual = problem.residual(model, fitted.x)
+    return problem, replace(fitted, residual=residual, chi2=float(residual @ residual))

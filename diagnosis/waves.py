@@ -2,7 +2,7 @@
 
 import math
 
-from diagnosis.candidates import Start, magnitudes
+from diagnosis.candidates import QUARTER, Start, magnitudes
 from diagnosis.fit import Fitted, Problem
 from diagnosis.lattice import predicted
 from diagnosis.spatial import peaks, pulls
@@ -10,7 +10,7 @@ from sim.physics import make_physics
 
 WAVES = {"force_ripple": ("m1", "m1"), "encoder_eccentricity": ("sensor", "sensor")}
 FINEST = 1e-3  # of the travel
-PHASES = (0.0, 0.5 * math.pi, math.pi, 1.5 * math.pi)
+PHASES = (0.0, QUARTER)  # between them lies every other (`diagnosis.screen`)
 
 
 def wave_starts(problem: Problem, fitted: Fitted) -> tuple[list[Start], dict[str, float]]:
