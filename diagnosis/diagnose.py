@@ -40,7 +40,6 @@ SHIFTED = 5.0  # sigma by which a linear parameter must differ to be a finding
 SAME_STEP = 0.01  # relative difference of steps that are the same
 MATTERS = 0.1  # of the noise: a step below is a way to write numbers
 UNEXPLAINED = 0.01  # share of the chi-square explained that may be left under a verdict by name
-FREE_FORCE = 45.0  # -2 log likelihood that the best of some hundred shapes gains on no recording
 COLOURED = 0.05  # the same where the observer was asked for, and chi-square is no statistic
 
 
@@ -328,7 +327,7 @@ def _left(found: Searched, acted: Sequence[Experiment]) -> Left:
         free = unknown(acted, found.final)
     except ValueError:  # no observer follows what was held out
         return Left(0.0, "")
-    if free is not None and free.gained > FREE_FORCE * wide + free.unknowns:
+    if free is not None and free.gained > THRESHOLD * wide + 1.5 * free.unknowns:
         return Left(free.gained, free.sentence)
     return Left(0.0, "")
 

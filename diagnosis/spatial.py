@@ -6,11 +6,12 @@ q_k / period + phase) over a quantity q the chi-square gained is 2 |G|^2 / n wit
 
     G(1 / period) = sum g_k exp(-2 pi i q_k / period),    n = |F exp(2 pi i q / period)|^2.
 
-Under white r the expectation of |G|^2 is n, so the running median of the spectrum of drawn white
-noise tells n (that of r itself would hold what is sought, whose line is broad where q is visited
-unevenly). All periods at once by one FFT over bins of q: it finds lattices of steps and waves that
-no list of starting values would meet. Limits: what a refit absorbs is not taken off (it has long
-periods), and r must be nearly white.
+Under white r the expectation of |G|^2 is n, so the mean spectrum of drawn white noise tells n (that
+of r itself would hold what is sought, whose line is broad where q is visited unevenly). All periods
+at once by one FFT over bins of q: it finds lattices of steps and waves that no list of starting
+values would meet. An observer begins with what the sensor says, and a slow one would take a wave
+that sets in at once for a jump: g sets in over `ONSET` ticks. Limits: what a refit absorbs is not
+taken off (it has long periods), and r must be nearly white.
 """
 
 from dataclasses import dataclass, replace
@@ -18,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
+from scipy.ndimage import uniform_filter1d
 from scipy.signal import fftconvolve
 
 from diagnosis.fit import Fitted, Problem
@@ -27,12 +28,14 @@ from diagnosis.predictor import SETTLING, innovations, prepared
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 LONGEST = 2000  # ticks of response kept
+LEAD = 20  # ticks before a unit enters: the first samples are where an observer begins
 HARMONICS = 5  # of a saw
 SEED = 0
 FINER = 8  # lines a reciprocal span
 MOST_BINS = 20  # powers of two: finer waves over a long way are not looked for
-MEDIAN = 801  # lines of the running median that stands for the noise
-MEDIAN_OF_EXPONENTIAL = float(np.log(2.0))
+ONSET = 500
+DRAWS = 8  # of white noise
+WIDTHS = (9, 33, 129, 513)  # lines over which their power is smoothed
 
 
 @dataclass(frozen=True)
@@ -51,26 +54,26 @@ def response(problem: Problem, fitted: Fitted, place: str) -> Floats:
     device = fitted.model.acting(fitted.x)
     device = device.without_physics() if device.physics else device
     first = problem.experiments[0]
-    length = min(LONGEST, first.ticks)
+    length = min(LONGEST, first.ticks - LEAD) + LEAD
     command, measured = np.zeros(length), np.zeros((length, len(first.outputs)))
     ready = prepared(device)
     force = np.zeros((length, ready.coarse.dof))
     if place == "command":
-        command[0] = 1.0
+        command[LEAD] = 1.0
     elif place == "sensor":
-        measured[0, 0] = 1.0
+        measured[LEAD, 0] = 1.0
     else:
-        force[0, int(place[1]) - 1] = 1.0
+        force[LEAD, int(place[1]) - 1] = 1.0
     still = replace(
         first, command=command, measured=measured, sensor_error=None, dropped=None, start=None,
         force=None,
     )  # fmt: skip
     answer = innovations(device, still, problem.observer.gain, force, ready)
-    return problem.observer.weigh(answer)
+    return problem.observer.weigh(answer)[LEAD:]
 
 
 class Pull(NamedTuple):
-    """g (ticks,) of the residual and of drawn white noise."""
+    """g (ticks,) of the residual, and (draws, ticks) of drawn white noise."""
 
     found: Floats
     chance: Floats
@@ -78,9 +81,17 @@ class Pull(NamedTuple):
 
 def pulls(problem: Problem, fitted: Fitted, place: str) -> list[Pull]:
     """Return g of every experiment for what enters at a place, and that of white noise."""
-    drawn = np.random.default_rng(SEED).standard_normal(fitted.residual.size)
-    chance = matched(problem, replace(fitted, residual=drawn), place)
-    return [Pull(*pair) for pair in zip(matched(problem, fitted, place), chance, strict=True)]
+    random = np.random.default_rng(SEED)
+    size = fitted.residual.size
+    noise = [replace(fitted, residual=random.standard_normal(size)) for _ in range(DRAWS)]
+    drawn = [matched(problem, one, place) for one in noise]
+    found: list[Pull] = []
+    for i, g in enumerate(matched(problem, fitted, place)):
+        onset = min(ONSET, g.size // 4)
+        rising = np.ones(g.size)
+        rising[:onset] = np.sin(0.5 * np.pi * np.arange(onset) / onset) ** 2
+        found.append(Pull(rising * g, np.array([rising * d[i] for d in drawn])))
+    return found
 
 
 def matched(problem: Problem, fitted: Fitted, place: str) -> list[Floats]:
@@ -157,18 +168,31 @@ def _spectrum(
     if not span > 4.0 * finest:
         return None
     bins = 1 << min(MOST_BINS, int(np.ceil(np.log2(4.0 * FINER * span / finest))))
-    total, chance = np.zeros(bins), np.zeros(bins)
+    total, chance = np.zeros(bins), np.zeros((DRAWS, bins))
     width = FINER * span / bins
     for pull, q in zip(pulls, over, strict=True):
         index = np.minimum(((q - low) / width).astype(np.int64), bins - 1)
         total += np.bincount(index, pull.found, bins)
-        chance += np.bincount(index, pull.chance, bins)
+        for row, drawn in zip(chance, pull.chance, strict=True):
+            row += np.bincount(index, drawn, bins)
     waves = np.fft.rfft(total)
     lines = np.arange(waves.size)
     waves *= np.exp(-2j * np.pi * lines / (FINER * span) * (low + 0.5 * width))
-    power = np.abs(np.fft.rfft(chance)) ** 2
-    level = median_filter(power, min(MEDIAN, power.size), mode="reflect") / MEDIAN_OF_EXPONENTIAL
-    return lines, waves, level, span
+    power = np.mean([np.abs(np.fft.rfft(row)) ** 2 for row in chance], axis=0)
+    return lines, waves, _level(power, lines), span
+
+
+def _level(power: Floats, lines: NDArray[np.int64]) -> Floats:
+    """Smooth the power of noise over lines: over more of them where lines are fine.
+
+    What enters at the sensor counts for little at long periods and much at short ones, so that a
+    wide mean would hide a long wave.
+    """
+    level = power
+    for width in WIDTHS:
+        wide = uniform_filter1d(power, min(width, power.size), mode="reflect")
+        level = np.where(lines >= 2 * width, wide, level)
+    return level
 
 
 def _highest(gained: Floats, span: float, count: int) -> list[Peak]:

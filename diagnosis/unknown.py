@@ -2,13 +2,15 @@
 
 What is missing and has no name is let in as a force of free shape at one place,
 
-    f = sum over bins of a state (position, velocity, command, time) of a_i in bin i, or
-    f = q sum_k a_k cos(k pi t / length), q a speed, an acceleration, a deflection or its rate,
+    f = sum over bins of a state (position, velocity, command, time) of a_i in bin i,
+    f = q sum_k a_k cos(k pi t / length), q a speed, an acceleration, a deflection or its rate, or
+    f = a v^3,
 
-the second a damper, mass or spring that drifts. Under a slower observer, which takes no motion for
-disturbance (`diagnosis.views`), least squares gives the a_i off the refit's span; the best shapes
-are then added to the recording as a known force, and what counts is how much likelier the
-recording is with it, each under its own likeliest observer. Limits: the force is computed along the
+the second a damper, mass or spring that drifts, the third what a drag by another power leaves.
+Under a slower observer, which takes no motion for disturbance (`diagnosis.views`), least squares
+gives the a off the refit's span; the best shapes are then added to the recording as a known force,
+and what counts is how much likelier the recording is with it, each under its own likeliest
+observer. Limits: the force is computed along the
 motion that the model without it predicts, so a force that changes the motion is found too weak.
 """
 
@@ -95,7 +97,7 @@ def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None
     asked = list(views(problem, plain, experiments, lambda _: None))
     base = min(cost(problem, plain), *(_alone(there, view.experiments) for view, there, _ in asked))
     for view, there, _ in asked:
-        tried = sorted(_gains(view, there), key=lambda t: t.gained, reverse=True)
+        tried = sorted(_gains(view, there), key=_surplus, reverse=True)
         for one in tried[:JUDGED]:
             try:
                 found = base - _with_force(there, view.experiments, one, base)
@@ -105,6 +107,10 @@ def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None
                 unknowns = one.strength.size
                 best = Unknown(found, unknowns, one.shape.place, one.shape.follows)
     return best
+
+
+def _surplus(one: Gained) -> float:
+    return one.gained - 2.0 * one.strength.size
 
 
 def _alone(fitted: Fitted, experiments: Sequence[Experiment]) -> float:
@@ -180,13 +186,21 @@ def _shapes(problem: Problem, fitted: Fitted, n: int) -> Iterator[Shape]:
             last = edges.size - 2
             bins = [np.clip(np.searchsorted(edges, v, "right") - 1, 0, last) for v in values]
             yield Shape(place, state, ends, [np.eye(last + 1)[b] for b in bins])
+        if not place.startswith("link"):
+            speeds = [x[:, n + int(place[1]) - 1] for x in states]
+            yield Shape(
+                place, "the cube of velocity", ends, [_settled(v**3)[:, None] for v in speeds]
+            )
         for name, q in factors(place, states, n, problem.experiments[0].period).items():
             if name != "1":
                 yield Shape(place, f"a drift times {name}", ends, [_drifting(one) for one in q])
 
 
+def _settled(q: Floats) -> Floats:
+    """The same without a spike where the observer settles."""
+    return np.where(np.arange(q.size) < SETTLING + 5, 0.0, q)
+
+
 def _drifting(q: Floats) -> Floats:
-    q = q.copy()
-    q[: SETTLING + 5] = 0.0
     t = np.arange(q.size) / q.size
-    return q[:, None] * np.cos(np.pi * np.outer(t, np.arange(1, DRIFTS + 1)))
+    return _settled(q)[:, None] * np.cos(np.pi * np.outer(t, np.arange(1, DRIFTS + 1)))

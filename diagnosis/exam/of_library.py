@@ -111,19 +111,22 @@ def _beside(known: Reference, physics: Sequence[Physics]) -> list[float]:
 def _as_made(known: Reference, made: Experiment, physics: Sequence[Physics]) -> list[float]:
     """Return at how many sigma each effect stands in the recording as it was made.
 
-    That is how much worse the true device predicts it without this effect, off the refit's span.
+    That is how much worse a device without this effect predicts it when its linear parameters have
+    been fitted to the recording, to the end and not to first order: a heavy weight holds its device
+    where it acts as a spring, and a refit takes that spring up.
     """
     problem = Problem([made], known.problem.observer)
     off = known.off(*(p.effect.name for p in physics))
 
-    def innovations(kept: Sequence[Physics]) -> np.ndarray:
+    def innovations(kept: Sequence[Physics], fitted: bool) -> np.ndarray:
         model = Model(known.device.with_physics(*kept))
-        return problem.weighted(model, np.zeros(model.linear_count))
+        x = np.zeros(model.linear_count)
+        return problem.weighted(model, problem.fit(model, x).x if fitted else x)
 
-    whole = innovations(physics)
+    whole = innovations(physics, fitted=False)
     found: list[float] = []
     for gone in physics:
-        moved = innovations([p for p in physics if p is not gone]) - whole
+        moved = innovations([p for p in physics if p is not gone], fitted=True) - whole
         padded = np.concatenate([moved, np.zeros(known.jacobian.shape[0] - moved.size)])
         found.append(float(np.linalg.norm(off(padded))))
     return found
