@@ -16,6 +16,7 @@ from sim.device import Device, masses_needed, place_label
 from sim.physics import EFFECTS, make_physics
 from sim.physics.effect import Effect, Physics
 
+# Of a scale along a line less than one wave in all its travel is a bend, not an eccentricity.
 ECCENTRIC = (1.2, 0.9, 0.7, 0.5, 0.2, 0.07)  # of the travel; what is shorter the residual shows
 QUARTER = 0.5 * math.pi
 SHARES = (0.001, 0.004, 0.015, 0.06, 0.2)
@@ -270,7 +271,9 @@ def _starts(effect: Effect, at: str, z: Magnitudes, device: Device) -> Iterator[
         for s in (1e-5, 1e-4, 1e-3):
             yield {"step": s * z.span}, {"step": 0.1 * s * z.span}
     elif name == "encoder_eccentricity":
-        for period in (*(z.span * s for s in ECCENTRIC), 2.0 * math.pi):
+        shares = [s for s in ECCENTRIC if device.rotary or s < 1.0]
+        turn = [2.0 * math.pi] if device.rotary else []
+        for period in (*(z.span * s for s in shares), *turn):
             for phase in (0.0, QUARTER):
                 yield (
                     {"amplitude": 1e-3 * z.span, "period": period, "phase": phase},

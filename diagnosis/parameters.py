@@ -28,6 +28,7 @@ DAMPER_FLOOR = 0.1  # of the mean damper: what a damper of nearly zero may chang
 IN_RECORDING = ("dropped_samples", "rectified_sensor")  # taken off the recording, not simulated
 # A lag or delay of many ticks is another mechanism, and a lag without end cuts the command off.
 LONGEST_WAVE = 1.2  # times the period that a fit starts from
+LEAST_LIMIT = 0.3  # times the limit that a fit starts from: a sine cut flat is another mechanism
 MOST_TICKS = {"actuator_lag": 8.0, "loop_delay": 16.0}
 
 
@@ -81,7 +82,9 @@ class Model:
                 if p.name not in scales or scales[p.name] == 0.0:
                     continue
                 value, scale = physics.values[p.name], scales[p.name]
-                most = p.upper
+                least, most = p.lower, p.upper
+                if physics.effect.name == "saturation":
+                    least = LEAST_LIMIT * value
                 if p.name == "period":  # a wave of which less than one is seen is a bend
                     most = value * LONGEST_WAVE
                 if physics.effect.name in MOST_TICKS:
@@ -90,7 +93,7 @@ class Model:
                 found.append(
                     Parameter(
                         f"{place_label(physics)}.{p.name}", "effect", i, scale,
-                        (p.lower - value) / scale, (most - value) / scale, False, p.name,
+                        (least - value) / scale, (most - value) / scale, False, p.name,
                     )
                 )  # fmt: skip
         return found

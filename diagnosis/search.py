@@ -67,7 +67,7 @@ def search(
                 steps.append(replace(asked.step, taken=None))
                 break
             answer, best = kept
-            freer = None if trusted else runs_freer(asked.believed, answer, best)
+            freer = runs_freer(asked, answer, best)
             if freer is not None:
                 say(f"an observer that trusts the model more takes {freer.trial.label}")
                 answer, best, trusted = freer, prune(freer.problem, freer.settled), True

@@ -184,7 +184,8 @@ def _further(problem: Problem, current: Fitted, trial: Trial) -> Trial:
 def at_bound(fitted: Fitted) -> str:
     """Return the parameter of the last effect that physics does not allow, "" for none.
 
-    It stands on its upper bound; or friction sticks less than it slides.
+    It stands on its upper bound, or a saturation on its lower one; or friction sticks less than it
+    slides.
     """
     last = len(fitted.model.effects) - 1
     physics = fitted.model.effects[last]
@@ -192,7 +193,8 @@ def at_bound(fitted: Fitted) -> str:
     for p, x in zip(fitted.model.parameters, fitted.x, strict=True):
         if p.kind == "effect" and p.index == last:
             values[p.key] += p.scale * float(x)
-            if x > p.upper - 1e-3 * max(1.0, abs(p.upper)):
+            low = physics.effect.name == "saturation" and x < p.lower + 1e-3
+            if low or x > p.upper - 1e-3 * max(1.0, abs(p.upper)):
                 return p.key
     if physics.effect.name == "stribeck_friction" and values["static_level"] < values["level"]:
         return "static_level"

@@ -12,6 +12,7 @@ candidate itself:
 """
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -53,12 +54,14 @@ class Asked:
     """What all observers say: step under the likeliest one, and the answers believed, best first.
 
     problem, current: the model that was asked about, settled anew where it could be likelier.
+    trusting: what each slower observer takes by itself, not settled.
     """
 
     problem: Problem
     current: Fitted
     step: Step
     believed: list[Answer]
+    trusting: list[Answer]
 
 
 def ask(problem: Problem, current: Fitted, experiments: Sequence[Experiment], say: Say) -> Asked:
@@ -84,7 +87,8 @@ def ask(problem: Problem, current: Fitted, experiments: Sequence[Experiment], sa
             found = cost(at, fitted) + trial.price
             pool.append(Answer(step, trial, view, slow, at, fitted, found))
     believed = _settled(pool, own, current, problem.experiments, say)
-    return Asked(problem, current, steps[0], believed)
+    trusting = [a for a in pool if a.slow and a.trial is a.step.taken]
+    return Asked(problem, current, steps[0], believed, trusting)
 
 
 def _likelier(
@@ -178,18 +182,20 @@ def settled_on(trial: Trial, experiments: Sequence[Experiment]) -> tuple[Problem
     return problem, settled
 
 
-def runs_freer(believed: Sequence[Answer], best: Answer, settled: Fitted) -> Answer | None:
-    """Return the answer of a slower observer whose free runs err clearly less than those of best.
+def runs_freer(asked: Asked, best: Answer, settled: Fitted) -> Answer | None:
+    """Return what a slower observer takes, settled, if it runs free with clearly less error.
 
     Where what is missing is no white force, one sample ahead is not what tells.
     """
-    limit = BETTER * free_run_error(best.problem.experiments, best.problem, settled)
-    for answer in believed:
-        if not answer.slow or answer.step.taken is not answer.trial:
-            continue
+    limit = free_run_error(best.problem.experiments, best.problem, settled)
+    for answer in asked.trusting:
         free = free_run_error(answer.view.experiments, answer.view, answer.trial.fitted)
-        if free < limit:
-            return answer
+        if free > BETTER * limit:
+            continue
+        with suppress(ValueError):
+            problem, fitted = settled_on(answer.trial, answer.view.experiments)
+            paid = cost(problem, fitted) + answer.trial.price
+            return replace(answer, problem=problem, settled=fitted, cost=paid)
     return None
 
 
