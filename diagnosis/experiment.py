@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.device import Device
 from sim.predict import Outputs
 from sim.trace import Trace
 
@@ -85,13 +86,15 @@ class Experiment:
         return self.part(0, cut), self.part(cut, self.ticks)
 
 
-def experiment(trace: Trace, period: float, masses: int, name: str = "recording") -> Experiment:
+def experiment(trace: Trace, device: Device, name: str = "recording") -> Experiment:
     """Take command and measured motions from a trace.
 
     Raises ExperimentError where there is no command, no position or velocity of a mass of the
     device, too little of it, or a constant or non-finite channel; periods that differ by more than
-    one percent are refused with what to change.
+    one percent, and motions along a line of a device that turns or the other way round, are refused
+    with what to change.
     """
+    period, masses = device.interface.period, device.chain.masses.size
     if "command" not in trace.channels:
         raise ExperimentError(
             f"the recording has no channel 'command' (it has {', '.join(trace.channels)}); name the"
@@ -109,6 +112,14 @@ def experiment(trace: Trace, period: float, masses: int, name: str = "recording"
             f"the recording has no position or velocity of a mass of the device (it has"
             f" {', '.join(trace.channels)}); name the outputs in the recording's TOML"
         )
+    kind, unit = ("rotary", "rad") if device.rotary else ("linear", "m")
+    for o in found:
+        if trace.units[o.name].split("/")[0] not in (unit, ""):
+            raise ExperimentError(
+                f"channel {o.name!r} is in {trace.units[o.name]!r}, but the device is {kind} and"
+                f" moves by {unit!r}; correct the unit in the recording's TOML or 'rotary' in the"
+                " device file"
+            )
     if len(trace) < SHORTEST:
         raise ExperimentError(
             f"the recording has {len(trace)} samples; at least {SHORTEST} are needed, 10 s are good"

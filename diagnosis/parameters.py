@@ -142,8 +142,9 @@ class Model:
         Lost commands left out, the command in its steps, then gain; errors of the sensor's steps
         taken off, origin moved. Steps are taken here and not in the device: inside a fit they would
         turn every slope into noise. Commands that arrive early or late by j in the mean of |j|, as
-        often one as the other, are late by j / 2 or not yet over when m1's velocity is read at that
-        very instant, which in the mean adds j / 2 m1 of each command's change to the reading.
+        often one as the other: the velocity of m1 is read at the nominal instant, when an early one
+        has acted for j already and a late one not at all, which in the mean adds j / 2 m1 of each
+        command's change to that reading; later readings see both alike.
         """
         gain, origin, jitter = 1.0, 0.0, 0.0
         for p, xi in zip(self.parameters, x, strict=True):

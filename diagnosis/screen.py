@@ -20,6 +20,8 @@ from sim.ensemble import in_parallel, threads
 Floats = NDArray[np.float64]
 COLUMNS_KEPT = 1e-10
 TURNING = ("phase", "angle")
+PROMISING = 5.0  # first-order chi-square that is worth a second look at another strength
+HOPEFUL = 0.02  # the same as a share of the best start's
 
 
 @dataclass(frozen=True)
@@ -57,19 +59,25 @@ def screen(problem: Problem, fitted: Fitted, starts: Sequence[Start]) -> list[Sc
         after = base + signature
         return Screened(start, energy - float(after @ after), signature)
 
-    def better(one: Screened) -> Screened:
-        """Try again at the strength that would fit best were the signature linear in it."""
+    scored = in_parallel([lambda s=s: score(s) for s in starts], threads())
+    most = max((one.score for one in scored), default=0.0)
+    again = turned_starts(scored, base, max(PROMISING, HOPEFUL * most))
+    for one in scored:
+        # The strength that would fit best were the signature linear in it, and what it would gain.
         size = float(one.signature @ one.signature)
-        factor = -float(base @ one.signature) / size if size > 0.0 else 0.0
-        other = one.start.scaled(factor) if 1e-3 < factor < 30.0 else None
-        if other is None or abs(factor - 1.0) < 0.3:
-            return one
-        again = score(other)
-        return again if again.score > one.score else one
-
-    scored = in_parallel([lambda s=s: better(score(s)) for s in starts], threads())
-    turned = turned_starts(scored, base)
-    scored += in_parallel([lambda s=s: better(score(s)) for s in turned], threads())
+        along = -float(base @ one.signature)
+        factor = along / size if size > 0.0 else 0.0
+        if (
+            not 1e-3 < factor < 30.0
+            or abs(factor - 1.0) < 0.3
+            or along * factor < max(PROMISING, HOPEFUL * most)
+            or any(name in one.start.physics.values for name in TURNING)
+        ):
+            continue
+        other = one.start.scaled(factor)
+        if other is not None:
+            again.append(other)
+    scored += in_parallel([lambda s=s: score(s) for s in again], threads())
     best: dict[str, Screened] = {}
     for one in scored:
         label = one.start.label
@@ -78,8 +86,10 @@ def screen(problem: Problem, fitted: Fitted, starts: Sequence[Start]) -> list[Sc
     return sorted(best.values(), key=lambda one: one.score, reverse=True)
 
 
-def turned_starts(scored: Sequence[Screened], base: Floats) -> list[Start]:
+def turned_starts(scored: Sequence[Screened], base: Floats, least: float = 0.0) -> list[Start]:
     """Return the best phase and size between two starts a quarter turn apart.
+
+    least: chi-square that they must gain to first order.
 
     A cos(x + phase) is linear in A cos(phase) and A sin(phase), so two signatures tell both; a
     phase on the wrong side would have to fit its way through zero.
@@ -95,15 +105,18 @@ def turned_starts(scored: Sequence[Screened], base: Floats) -> list[Start]:
     found: list[Start] = []
     for pair in quarters.values():
         if 0.0 in pair and QUARTER in pair:
-            start = _between(pair[0.0], pair[QUARTER], base)
+            start = _between(pair[0.0], pair[QUARTER], base, least)
             if start is not None:
                 found.append(start)
     return found
 
 
-def _between(first: Screened, second: Screened, base: Floats) -> Start | None:
+def _between(first: Screened, second: Screened, base: Floats, least: float) -> Start | None:
     matrix = np.column_stack([first.signature, second.signature])
     a, b = np.linalg.lstsq(matrix, -base)[0]
+    left = base + matrix @ np.array([a, b])
+    if base @ base - left @ left < least:
+        return None
     physics = first.start.physics
     name = next(n for n in TURNING if n in physics.values)
     key = MAGNITUDE[physics.effect.name][0]

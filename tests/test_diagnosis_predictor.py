@@ -116,7 +116,7 @@ def test_smooth_command_is_told_from_a_held_one():
 
 
 def test_recordings_that_cannot_be_diagnosed_say_why():
-    """Mutation that breaks it: no check of the period."""
+    """Mutations that break it: no check of the period; none of the unit."""
     t = T * np.arange(500)
     wave = np.sin(40.0 * t)
     good = {"command": wave, "position_m1": wave**2}
@@ -131,8 +131,11 @@ def test_recordings_that_cannot_be_diagnosed_say_why():
     }
     for words, (times, channels) in cases.items():
         with pytest.raises(ExperimentError, match=words):
-            experiment(trace(times, channels), T, 1)
-    assert experiment(trace(t, good), T, 1).outputs == (Output("position", 0),)
+            experiment(trace(times, channels), free_mass(rotary=False))
+    with pytest.raises(ExperimentError, match="'m', but the device is rotary"):
+        experiment(trace(t, good), free_mass())
+    seen = experiment(trace(t, good), free_mass(rotary=False))
+    assert seen.outputs == (Output("position", 0),)
 
 
 def trace(t: Any, channels: dict[str, Any]) -> Trace:

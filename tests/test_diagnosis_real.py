@@ -25,7 +25,7 @@ def recording(name: str, device: Device, to_s: float) -> Experiment:
         )
     trace = read_recording(TOMLS / f"{name}.toml", SHARED / name)
     cut = trace.between(float(trace.t[0]), to_s)
-    return experiment(cut, device.interface.period, 1, name)
+    return experiment(cut, device, name)
 
 
 def test_emps_lacks_coulomb_friction_and_an_offset():

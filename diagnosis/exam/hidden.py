@@ -45,7 +45,7 @@ class Stage:
 
 def seen(trace: Trace, device: Device) -> Experiment:
     """Return a trace as a diagnosis takes it."""
-    return experiment(trace, device.interface.period, device.chain.masses.size)
+    return experiment(trace, device)
 
 
 def draw_times(random: np.random.Generator, stratum: Stratum) -> float:

@@ -133,7 +133,7 @@ def _read(console: Console, path: Path, device: Device) -> Experiment:
     trace = read_recording(path)
     for warning in cast("list[str]", trace.facts.get("warnings", [])):
         console.warn(f"{path.name}: {warning}")
-    return experiment(trace, device.interface.period, device.chain.masses.size, path.stem)
+    return experiment(trace, device, path.stem)
 
 
 def _say(console: Console, found: Diagnosis) -> None:

@@ -1,0 +1,261 @@
+"""What the likelihood, the whitening and the searches for shapes rest on, each against a truth."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.stats import multivariate_normal
+
+from diagnosis.candidates import QUARTER, Start, candidates
+from diagnosis.experiment import Experiment, Output
+from diagnosis.fit import Fitted, Problem
+from diagnosis.modes import mode_starts
+from diagnosis.parameters import Model
+from diagnosis.predictor import SETTLING, Observer, innovations, whitened
+from diagnosis.screen import Screened, turned_starts
+from diagnosis.search import may_be_zero
+from diagnosis.settle import prepared_for, refit
+from diagnosis.spatial import response
+from diagnosis.trials import at_bound
+from diagnosis.unknown import unknown
+from sim.chain import make_chain
+from sim.device import Device
+from sim.interface import Interface
+from sim.physics import make_physics
+from tests.diagnosis_examples import OUTPUTS, phantom, record
+
+Floats = NDArray[np.float64]
+T = 0.001
+# A stable autoregression of two outputs, and the covariance of what drives it.
+A = np.array([[0.6, 0.2], [-0.3, 0.4]])
+SIGMA = np.array([[4.0, 1.5], [1.5, 1.0]])
+
+
+def autoregression(n: int, seed: int) -> tuple[Floats, Floats]:
+    """e_t = A e_(t-1) + w_t, and w."""
+    w = np.random.default_rng(seed).multivariate_normal(np.zeros(2), SIGMA, n)
+    e = np.zeros((n, 2))
+    for t in range(1, n):
+        e[t] = A @ e[t - 1] + w[t]
+    return e, w
+
+
+def test_two_outputs_are_whitened_together():
+    """W_0 = L^-1 and W_1 = -L^-1 A, L L' the covariance of what drives them.
+
+    Mutations that break it: blocks of the normal equations transposed; outputs one by one.
+    """
+    e, _ = autoregression(200_000, 1)
+    found = whitened(Observer(np.zeros((2, 2)), np.ones(2), 1.0), [e])
+    assert found.whitening is not None
+    first = np.linalg.inv(np.linalg.cholesky(SIGMA))
+    assert found.whitening[:, :, 0] == pytest.approx(first, abs=0.02)
+    assert found.whitening[:, :, 1] == pytest.approx(-first @ A, abs=0.02)
+    assert found.deviation == pytest.approx(np.sqrt(np.diag(SIGMA)), rel=0.01)
+    white = found.weigh(e)[SETTLING:]
+    n = white.shape[0]
+    for lag in (0, 1, 2, 9):
+        product = white[lag:].T @ white[: n - lag] / n
+        assert product == pytest.approx(np.eye(2) if lag == 0 else np.zeros((2, 2)), abs=0.02)
+
+
+def test_the_cost_is_minus_twice_the_log_likelihood():
+    """Of w under its own covariance, up to n o (1 + ln 2 pi), whatever `weigh` scales by.
+
+    Mutation that breaks it: the determinant of the filters left out, or with the other sign.
+    """
+    e, w = autoregression(5000, 2)
+    filters = np.zeros((2, 2, 2))
+    filters[:, :, 0], filters[:, :, 1] = np.eye(2), -A
+    spread = w[1:].T @ w[1:] / (w.shape[0] - 1)
+    exact = -2.0 * float(np.sum(multivariate_normal(np.zeros(2), spread).logpdf(w[1:])))
+    exact -= (w.shape[0] - 1) * 2.0 * (1.0 + np.log(2.0 * np.pi))
+    for scale in (1.0, 7.0, 0.01):
+        observer = Observer(np.zeros((2, 2)), np.ones(2), 1.0, scale * filters)
+        assert observer.cost(observer.weigh(e)[1:].ravel()) == pytest.approx(exact, rel=1e-9)
+    plain = Observer(np.zeros((2, 2)), np.array([3.0, 5.0]), 1.0)
+    assert plain.cost(plain.weigh(w)[1:].ravel()) == pytest.approx(exact, rel=1e-9)
+
+
+@pytest.mark.parametrize("place", ["command", "sensor", "m1", "m3"])
+def test_the_response_is_what_a_unit_changes(place: str):
+    """Innovations of a linear device are linear in everything that enters.
+
+    Mutation that breaks it: LEAD = 0, where the observer begins with the unit.
+    """
+    e = record(phantom(), 1.0, seed=3)
+    problem, fitted = refit(phantom(), [e])
+    problem = Problem([replace(x, start=None) for x in problem.experiments], problem.observer)
+    device, seen = fitted.model.acting(fitted.x), problem.experiments[0]
+    at, force = 400, np.zeros((seen.ticks, 3))
+    other = replace(seen, command=seen.command.copy(), measured=seen.measured.copy())
+    unit = 1e-3
+    if place == "command":
+        other.command[at] += unit
+    elif place == "sensor":
+        other.measured[at, 0] += unit
+    else:
+        force[at, int(place[1]) - 1] = unit
+    gain = problem.observer.gain
+    change = innovations(device, other, gain, force) - innovations(device, seen, gain)
+    expected = problem.observer.weigh(change)[at:] / unit
+    answer = response(problem, fitted, place)[: expected.shape[0]]
+    size = float(np.abs(expected).max())
+    assert answer == pytest.approx(expected[: answer.shape[0]], abs=1e-6 * size)
+
+
+def test_commands_that_arrive_early_or_late_move_the_velocity_read_then():
+    """Each command arrives j before or after the reading, as often one as the other; a free mass.
+
+    Early, the new command has already acted for j when the velocity is read; late, it has not.
+    Mutation that breaks it: the whole j in place of its half.
+    """
+    mass, j, n = 0.5, 3e-5, 200_000
+    device = Device("mass", "", False, make_chain([mass], [0.0]), Interface(period=T))
+    random = np.random.default_rng(4)
+    command = random.standard_normal(n)
+    early = random.random(n) < 0.5
+    change = np.diff(command, prepend=0.0)
+    held = np.concatenate([[0.0], np.cumsum(command[:-1]) * T / mass])
+    read = held + np.where(early, j * change / mass, 0.0)
+    e = Experiment(T, command, read[:, None], (Output("velocity", 0),))
+    model = Model(device)
+    places = [p.kind for p in model.parameters]
+    x = np.zeros(len(places))
+    x[places.index("jitter")] = j / model.parameters[places.index("jitter")].scale
+    left = model.seen(e, x).measured[:, 0] - held
+    error = j / mass / np.sqrt(n)
+    assert abs(left @ change) / float(change @ change) < 4.0 * error
+    assert read @ change - held @ change > 100.0 * error * float(change @ change)
+
+
+def test_a_phase_between_two_quarter_turns_is_solved():
+    """a sin(p + phase) from the signatures of phases 0 and pi/2.
+
+    Mutation that breaks it: the arc tangent of the other quotient.
+    """
+    wave = np.linspace(0.0, 40.0, 3000)
+    amplitude, phase = 2.5, 2.2
+    base = -amplitude * np.sin(wave + phase)
+
+    def at(angle: float) -> Screened:
+        values = {"amplitude": 0.1, "period": 1.0, "phase": angle}
+        start = Start(make_physics("encoder_eccentricity", "sensor", **values), dict(values))
+        return Screened(start, 0.0, 0.1 * np.sin(wave + angle))
+
+    (start,) = turned_starts([at(0.0), at(QUARTER)], base)
+    assert start.physics.values["amplitude"] == pytest.approx(amplitude, rel=1e-9)
+    assert start.physics.values["phase"] == pytest.approx(phase, rel=1e-9)
+    assert start.physics.values["period"] == 1.0
+    assert not turned_starts([at(0.0), at(QUARTER)], base, 2.0 * float(base @ base))
+
+
+def test_a_further_mass_is_sought_where_it_rings():
+    """Its own frequency, on the mass it hangs on, within a tenth.
+
+    Mutation that breaks it: frequencies from the middle of the band only.
+    """
+    mass, hertz = 1e-5, 70.0
+    stiffness = mass * (2.0 * np.pi * hertz) ** 2
+    physics = make_physics(
+        "extra_mode", "m1", mass=mass, stiffness=stiffness,
+        damping=0.1 * np.sqrt(stiffness * mass),
+    )  # fmt: skip
+    truth = phantom().with_physics(physics)
+    problem, fitted = refit(phantom(), [record(truth, 4.0, seed=5)])
+    starts = [s for s in mode_starts(problem, fitted) if s.physics.at == "m1"]
+    found = [np.sqrt(s.physics.values["stiffness"] / s.physics.values["mass"]) for s in starts]
+    assert min(abs(w / (2.0 * np.pi * hertz) - 1.0) for w in found) < 0.1
+
+
+def synthetic(effect: str, values: dict[str, float], spread: list[float]) -> Fitted:
+    """A fit of an effect at the values given, its magnitudes known to relative spreads."""
+    model = Model(phantom())
+    physics = make_physics(effect, "m1", **values)
+    scales = {k: v for k, v in values.items() if k in list(values)[: len(spread)]}
+    model = model.with_effect(physics, scales)
+    p, n = len(model.parameters), 4000
+    random = np.random.default_rng(6)
+    columns = np.linalg.qr(random.standard_normal((n, p)))[0]
+    columns[:, p - len(spread) :] /= np.array(spread)
+    white = random.standard_normal(n)
+    return Fitted(model, np.zeros(p), float(white @ white), white, columns, n)
+
+
+def test_an_effect_whose_magnitudes_are_within_their_errors_may_be_zero():
+    """Wald against chi-square at four sigma: 16 for one magnitude, 19.3 for two.
+
+    Mutation that breaks it: every magnitude by itself, where one is undetermined.
+    """
+    one = {"level": 1e-3}
+    assert may_be_zero(synthetic("coulomb_friction", one, [0.3]), 0)
+    assert not may_be_zero(synthetic("coulomb_friction", one, [0.2]), 0)
+    both = {"level": 1e-3, "stiffness": 5.0}
+    assert not may_be_zero(synthetic("presliding_friction", both, [0.1, 1e4]), 0)
+    assert may_be_zero(synthetic("presliding_friction", both, [0.5, 1e4]), 0)
+
+
+def test_a_force_of_free_shape_is_seen_where_there_is_one():
+    """Friction that the model lacks follows the velocity of m1; a clean recording shows nothing.
+
+    Mutation that breaks it: the shapes that gain least judged first.
+    """
+    truth = phantom().with_physics(make_physics("coulomb_friction", "m1", level=6e-3))
+    found: list[float] = []
+    for device in (truth, phantom()):
+        experiments = [record(device, 4.0, seed=7)]
+        _, fitted = refit(phantom(), experiments)
+        likeliest = unknown(experiments, fitted)
+        assert likeliest is not None
+        found.append(likeliest.gained - 1.5 * likeliest.unknowns)
+        if device is truth:
+            assert likeliest.place == "m1"
+            assert "velocity" in likeliest.follows
+    assert found[0] > 300.0
+    assert found[1] < 30.0
+
+
+def test_a_slower_observer_is_not_whitened():
+    """Whitened, every observer of the same model sees the same.
+
+    Mutation that breaks it: `whitened` for a ratio that was asked for.
+    """
+    e = record(phantom(), 2.0, seed=8)
+    model = Model(phantom())
+    x = np.zeros(model.linear_count)
+    own = prepared_for([e], model, x)
+    slow = prepared_for([e], model, x, 1e-2 * own.observer.ratio)
+    assert own.observer.whitening is not None
+    assert slow.observer.whitening is None
+    left = slow.residual(model, x)
+    assert float(left @ left) / left.size == pytest.approx(1.0, rel=0.05)
+
+
+def test_less_than_a_wave_along_a_line_is_no_eccentricity():
+    """On a disk a turn is a turn, however little of it is used.
+
+    Mutation that breaks it: the same periods on both.
+    """
+    e = record(phantom(), 1.0)
+    span = float(np.ptp(e.measured))
+    for rotary in (False, True):
+        device = Device("m", "", rotary, make_chain([0.5], [0.0]), Interface(period=T))
+        periods = [
+            s.physics.values["period"]
+            for s in candidates(device, [replace(e, outputs=OUTPUTS)])
+            if s.physics.effect.name == "encoder_eccentricity"
+        ]
+        assert (max(periods) > span) is rotary
+
+
+def test_a_saturation_far_below_its_start_is_on_a_bound():
+    """Mutation that breaks it: the effect's own lower bound."""
+    model = Model(phantom())
+    physics = make_physics("saturation", "command", limit=1.0)
+    model = model.with_effect(physics, {"limit": 0.1})
+    x = np.zeros(len(model.parameters))
+    white = np.zeros(10)
+    for moved, bound in ((0.0, ""), (-6.9, ""), (-7.0, "limit")):
+        x[-1] = moved
+        assert at_bound(Fitted(model, x.copy(), 0.0, white, np.zeros((10, x.size)), 10)) == bound
