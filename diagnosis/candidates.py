@@ -259,13 +259,13 @@ def _starts(effect: Effect, at: str, z: Magnitudes, device: Device) -> Iterator[
         for s in (0.003, 0.01, 0.03, 0.1):
             yield {"step": s * f}, {"step": 0.1 * s * f}
     elif name == "actuator_lag":
-        for s in (0.05, 0.3, 1.5):
+        for s in (0.05, 0.3, 1.5, 8.0, 30.0):
             yield {"time_constant": s * z.period}, {"time_constant": s * z.period}
     elif name == "gain_asymmetry":
         for s in (-0.1, -0.01, 0.01, 0.1):
             yield {"ratio": 1.0 + s}, {"ratio": abs(s)}
     elif name == "loop_delay":
-        for s in (0.05, 0.3, 1.0, 3.0):
+        for s in (0.05, 0.3, 1.0, 3.0, 12.0):
             yield {"delay": s * z.period}, {"delay": min(s, 0.3) * z.period}
     elif name == "encoder_step":
         for s in (1e-5, 1e-4, 1e-3):

@@ -29,7 +29,7 @@ IN_RECORDING = ("dropped_samples", "rectified_sensor")  # taken off the recordin
 # A lag or delay of many ticks is another mechanism, and a lag without end cuts the command off.
 LONGEST_WAVE = 1.2  # times the period that a fit starts from
 LEAST_LIMIT = 0.3  # times the limit that a fit starts from: a sine cut flat is another mechanism
-MOST_TICKS = {"actuator_lag": 8.0, "loop_delay": 16.0}
+MOST_TICKS = {"actuator_lag": 50.0, "loop_delay": 50.0}
 
 
 @dataclass(frozen=True)

@@ -2,9 +2,11 @@
 
 A motion through zero comes back from it with its velocity turned at once, which no force can do. So
 each sample takes the sign that continues the motion, z_k = s_k y_k nearest to the extrapolation of
-the last samples, and the whole the sign under which the nominal device predicts it better. Believed
-where that is better by a factor than the readings as they are. Limit: where a motion touches zero
-more slowly than its noise, either continuation is as good.
+the last samples, and the whole the sign under which the nominal device predicts it better, by the
+observer that predicts it best. Believed where that is better by a factor than the readings as they
+are; or by less but surely, where the motion stays on either side for long (noise about zero changes
+sides with every sample, and choosing its signs makes it smaller). Limit: where a motion touches
+zero more slowly than its noise, either continuation is as good.
 """
 
 from dataclasses import dataclass, replace
@@ -18,7 +20,9 @@ from sim.device import Device
 
 Floats = NDArray[np.float64]
 BETTER = 1.5
-RATIO = 1e2
+SURE = 200.0  # -2 log likelihood
+STAYS = 20  # ticks on a side, in the mean
+RATIOS = (1e2, 1e4, 1e6)  # of observers that follow the motion whatever the device's errors
 BELOW = 0.02  # of the span, that noise may reach below zero
 BACK = 4  # samples by which the motion is continued
 
@@ -39,16 +43,22 @@ def unfolded(device: Device, experiment: Experiment) -> Unfolded | None:
     if y.min() > BELOW * float(np.ptp(y)):  # it never comes near zero
         return None
     z = folded_out(y)
-    gain = observer_near(device.without_physics() if device.physics else device, experiment, RATIO)
+    plain = device.without_physics() if device.physics else device
+    gains = [observer_near(plain, experiment, ratio) for ratio in RATIOS]
 
     def error(first: Floats) -> float:
         tried = replace(experiment, measured=np.column_stack([first, experiment.measured[:, 1:]]))
         with np.errstate(all="ignore"):
-            return float(np.std(innovations(device, tried, gain)[SETTLING:, 0]))
+            left = [innovations(device, tried, gain)[SETTLING:, 0] for gain in gains]
+            return float(np.nanmin([np.std(e) for e in left]))
 
     before = error(y)
     after, best = min(((error(s * z), s) for s in (1.0, -1.0)), key=lambda pair: pair[0])
-    if not (np.isfinite(after) and before > BETTER * after):
+    if not (np.isfinite(after) and before > after):
+        return None
+    stays = y.size > STAYS * (1 + np.count_nonzero(np.diff(np.signbit(z))))
+    surely = stays and 2.0 * y.size * np.log(before / after) > SURE
+    if not (surely or before > BETTER * after):
         return None
     measured = np.column_stack([best * z, experiment.measured[:, 1:]])
     return Unfolded(replace(experiment, measured=measured), before / after)

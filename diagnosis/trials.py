@@ -9,6 +9,7 @@ residual makes every gain look larger). Simplest first: a richer effect must bea
 five sigma.
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -26,7 +27,7 @@ from diagnosis.waves import wave_starts
 from sim.physics.effect import Physics
 
 Floats = NDArray[np.float64]
-THRESHOLD = 30.0
+THRESHOLD = 22.0
 FIVE_SIGMA = 25.0
 FITTED = 8  # candidates fitted a step
 STRAIGHTENED = 4  # of them from the device file, where the refit is bent
@@ -185,7 +186,7 @@ def at_bound(fitted: Fitted) -> str:
     """Return the parameter of the last effect that physics does not allow, "" for none.
 
     It stands on its upper bound, or a saturation on its lower one; or friction sticks less than it
-    slides.
+    slides; or an eccentric encoder would count backwards.
     """
     last = len(fitted.model.effects) - 1
     physics = fitted.model.effects[last]
@@ -196,6 +197,11 @@ def at_bound(fitted: Fitted) -> str:
             low = physics.effect.name == "saturation" and x < p.lower + 1e-3
             if low or x > p.upper - 1e-3 * max(1.0, abs(p.upper)):
                 return p.key
+    if (
+        physics.effect.name == "encoder_eccentricity"
+        and 2.0 * math.pi * abs(values["amplitude"]) > values["period"]
+    ):
+        return "amplitude"
     if physics.effect.name == "stribeck_friction" and values["static_level"] < values["level"]:
         return "static_level"
     return ""

@@ -23,7 +23,7 @@ from diagnosis.horizon import BETTER, free_run_error
 from diagnosis.lattice import sharpened
 from diagnosis.parameters import Model
 from diagnosis.settle import prepared_for, settle
-from diagnosis.trials import FIVE_SIGMA, THRESHOLD, Say, Step, Trial, evidence, take
+from diagnosis.trials import FIVE_SIGMA, THRESHOLD, Say, Step, Trial, at_bound, evidence, take
 from diagnosis.uncertainty import inflation
 
 SLOWER = (1e-2,)  # of the observer's ratio
@@ -65,7 +65,32 @@ class Asked:
 
 
 def ask(problem: Problem, current: Fitted, experiments: Sequence[Experiment], say: Say) -> Asked:
-    """Ask all observers what is missing in a model that is settled."""
+    """Ask all observers what is missing in a model that is settled.
+
+    What is believed must also beat the same model settled from the linear parameters that came with
+    it: a refit that had stopped short of its best would make a claim of anything.
+    """
+    asked = _asked(problem, current, experiments, say)
+    again = _alone(asked)
+    if again is None:
+        return asked
+    say("the model without it is settled anew from there, and is likelier than before")
+    return _asked(*again, again[0].experiments, say)
+
+
+def _alone(asked: Asked) -> tuple[Problem, Fitted] | None:
+    """Settle the model without what is believed most from there, if that is likelier."""
+    if not asked.believed:
+        return None
+    own, best = asked.current, asked.believed[0]
+    try:
+        again = settle(asked.problem.experiments, own.model, best.settled.x[: own.x.size])
+    except ValueError:
+        return None
+    return again if cost(*again) < cost(asked.problem, own) - HOPE else None
+
+
+def _asked(problem: Problem, current: Fitted, experiments: Sequence[Experiment], say: Say) -> Asked:
     asked = list(views(problem, current, experiments, say))
     for view, there, slow in asked:
         again = _likelier(problem, current, view, there) if slow else None
@@ -153,6 +178,9 @@ def _settled(
             problem, fitted = settled_on(trial, answer.view.experiments)
         except ValueError as error:
             say(f"{trial.label} is left out: {error}")
+            continue
+        if key := at_bound(fitted):
+            say(f"{trial.label} is left out: its {key} runs out of what physics allows")
             continue
         paid = cost(problem, fitted) + trial.price
         if own - paid > THRESHOLD * wide + 2.0 * trial.parameters:
