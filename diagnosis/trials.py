@@ -3,10 +3,11 @@
 Most are screened out by their first-order gain; the best few are fitted jointly with the linear
 parameters, first with the slopes known already, those near the best to the end. The one with the
 highest evidence, chi-square gained less ln(samples) a parameter, is taken; it is believed only if
-it gains more than `THRESHOLD`, which is what the best of some two hundred starts gains on white
-noise less than once in a hundred recordings, widened by the spectrum of the residual (a coloured
-residual makes every gain look larger). Simplest first: a richer effect must beat a simpler one by
-five sigma.
+it gains more than `THRESHOLD` and two a parameter. One parameter gains 24 by chance with odds of
+1e-6, the best of some two hundred starts with odds of 2e-4; on 48 of 52 clean recordings the best
+gained 12 or less, and what gained more had other causes than chance. It is widened by the spectrum
+of the residual (a coloured residual makes every gain look larger). Simplest first: a richer effect
+must beat a simpler one by five sigma.
 """
 
 import math
