@@ -1,6 +1,10 @@
 """Devices on which the engine's truths are stated."""
 
+import os
+import subprocess
+import sys
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +19,21 @@ from sim.physics.effect import Physics
 from sim.run import Run
 
 Floats = NDArray[np.float64]
+ROOT = Path(__file__).parents[1]
+
+
+def uncompiled(code: str) -> str:
+    """Return what Python code prints in a process of its own, with numba switched off."""
+    environment = os.environ | {
+        "NUMBA_DISABLE_JIT": "1",
+        "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'tests'}",
+    }
+    plain = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code],
+        env=environment, capture_output=True, text=True, check=False, cwd=ROOT,
+    )  # fmt: skip
+    assert plain.returncode == 0, plain.stderr[-2000:]
+    return plain.stdout
 
 
 @cache

@@ -1,18 +1,13 @@
 """The compiled kernel with every effect on equals the same source, uncompiled, bit for bit."""
 
-import os
-import subprocess
-import sys
-from pathlib import Path
-
 import numpy as np
+from engine_examples import uncompiled
 from physics_examples import EVERYWHERE, example, phantom
 
 from controllers.wall import wall
 from sim.physics.effect import Physics
 from sim.run import Start, simulate
 
-ROOT = Path(__file__).parents[1]
 SIGHTED = [entry for entry in EVERYWHERE if entry[0] != "rectified_sensor"]
 
 
@@ -32,13 +27,4 @@ def bits() -> str:
 def test_the_compiled_run_equals_its_source_with_every_effect_on() -> None:
     """Mutation: fastmath in `sim/jit.py`."""
     code = "import test_physics_source as t; print(t.bits())"
-    environment = os.environ | {
-        "NUMBA_DISABLE_JIT": "1",
-        "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'tests'}",
-    }
-    plain = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code],
-        env=environment, capture_output=True, text=True, check=False, cwd=ROOT,
-    )  # fmt: skip
-    assert plain.returncode == 0, plain.stderr[-2000:]
-    assert plain.stdout.strip() == bits()
+    assert uncompiled(code).strip() == bits()
