@@ -23,7 +23,7 @@ from diagnosis.rectified import unfolded
 from diagnosis.result import Diagnosis, Estimate, Finding, Residuals, Rival, Verdict
 from diagnosis.screen import Complement, screen
 from diagnosis.search import Searched, fit_without, search
-from diagnosis.trials import THRESHOLD, Say, Step
+from diagnosis.trials import Say, Step
 from diagnosis.uncertainty import Z95, covariance, inflation
 from diagnosis.unknown import unknown
 from sim.device import Device, place_label
@@ -39,6 +39,8 @@ UNITS = {
 SHIFTED = 5.0  # sigma by which a linear parameter must differ to be a finding
 SAME_STEP = 0.01  # relative difference of steps that are the same
 MATTERS = 0.1  # of the noise: a step below is a way to write numbers
+MAPPED = 60.0  # chi-square that a map of the missing force over one state must gain
+FREE_FORCE = 30.0  # -2 log likelihood that a force of free shape must gain besides its unknowns
 UNEXPLAINED = 0.01  # share of the chi-square explained that may be left under a verdict by name
 COLOURED = 0.05  # the same where the observer was asked for, and chi-square is no statistic
 
@@ -321,13 +323,13 @@ def _left(found: Searched, acted: Sequence[Experiment]) -> Left:
     rotary = found.final.model.nominal.rotary
     if line.gained > max(line.chance * wide, top.gained):
         return Left(line.gained, line.sentence(rotary))
-    if top.gained > 2.0 * THRESHOLD * wide:
+    if top.gained > MAPPED * wide:
         return Left(top.gained, located.sentence)
     try:
         free = unknown(acted, found.final)
     except ValueError:  # no observer follows what was held out
         return Left(0.0, "")
-    if free is not None and free.gained > THRESHOLD * wide + 1.5 * free.unknowns:
+    if free is not None and free.gained > FREE_FORCE * wide + 1.5 * free.unknowns:
         return Left(free.gained, free.sentence)
     return Left(0.0, "")
 

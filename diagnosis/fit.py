@@ -6,7 +6,7 @@ zero moves. All perturbed runs of a Jacobian are independent and go over all cor
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +44,10 @@ class Fitted:
     def white(self) -> Floats:
         """The weighted innovations alone."""
         return self.residual[: self.samples]
+
+    def light(self) -> "Fitted":
+        """Return the fit without residual and slopes, which of a long recording fill memory."""
+        return replace(self, residual=np.zeros(0), jacobian=np.zeros((0, self.x.size)))
 
 
 class Problem:

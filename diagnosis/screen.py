@@ -59,31 +59,38 @@ def screen(problem: Problem, fitted: Fitted, starts: Sequence[Start]) -> list[Sc
         after = base + signature
         return Screened(start, energy - float(after @ after), signature)
 
-    scored = in_parallel([lambda s=s: score(s) for s in starts], threads())
-    most = max((one.score for one in scored), default=0.0)
-    again = turned_starts(scored, base, max(PROMISING, HOPEFUL * most))
+    groups: dict[str, list[Start]] = {}
+    for start in starts:
+        groups.setdefault(start.label, []).append(start)
+    best: list[Screened] = []
+    most = 0.0
+    for group in groups.values():  # one by one: signatures of a long recording fill memory
+        scored = in_parallel([lambda s=s: score(s) for s in group], threads())
+        most = max(most, *(one.score for one in scored))
+        again = _second_looks(scored, base, max(PROMISING, HOPEFUL * most))
+        scored += in_parallel([lambda s=s: score(s) for s in again], threads())
+        best.append(max(scored, key=lambda one: one.score))
+    return sorted(best, key=lambda one: one.score, reverse=True)
+
+
+def _second_looks(scored: Sequence[Screened], base: Floats, least: float) -> list[Start]:
+    """Return starts at the strength or phase that would fit best were signatures linear in it.
+
+    least: chi-square that they must gain to first order.
+    """
+    found = turned_starts(scored, base, least)
     for one in scored:
-        # The strength that would fit best were the signature linear in it, and what it would gain.
         size = float(one.signature @ one.signature)
         along = -float(base @ one.signature)
         factor = along / size if size > 0.0 else 0.0
-        if (
-            not 1e-3 < factor < 30.0
-            or abs(factor - 1.0) < 0.3
-            or along * factor < max(PROMISING, HOPEFUL * most)
-            or any(name in one.start.physics.values for name in TURNING)
-        ):
+        near = abs(factor - 1.0) < 0.3
+        turning = any(name in one.start.physics.values for name in TURNING)
+        if near or turning or not 1e-3 < factor < 30.0 or along * factor < least:
             continue
         other = one.start.scaled(factor)
         if other is not None:
-            again.append(other)
-    scored += in_parallel([lambda s=s: score(s) for s in again], threads())
-    best: dict[str, Screened] = {}
-    for one in scored:
-        label = one.start.label
-        if label not in best or one.score > best[label].score:
-            best[label] = one
-    return sorted(best.values(), key=lambda one: one.score, reverse=True)
+            found.append(other)
+    return found
 
 
 def turned_starts(scored: Sequence[Screened], base: Floats, least: float = 0.0) -> list[Start]:

@@ -116,7 +116,7 @@ def swapped(problem: Problem, current: Fitted, say: Say) -> tuple[Problem, Fitte
         label = place_label(current.model.effects[index])
         without = fit_without(problem, current, index)
         step = take(problem, without, problem.experiments, say)
-        own = Trial(label, current, without.chi2 - current.chi2, _extra(current, without))
+        own = Trial(label, current.light(), without.chi2 - current.chi2, _extra(current, without))
         best = step.taken
         stays = best is None or best.label == label or exchanged >= MOST
         if stays or best is None or not _clearly(best, own, step.inflation):

@@ -43,7 +43,7 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Trial:
-    """A candidate's joint fit. gained: chi2 of the model before, less this one's.
+    """A candidate's joint fit, `light`. gained: chi2 of the model before, less this one's.
 
     price: chi-square that the search for its period costs. experiments: the recordings as it sees
     them, None where no different.
@@ -113,7 +113,8 @@ def take(
     ]
     for t in stepped_trials(problem, current, experiments) if stepped else ():
         say(f"{t.label}: chi-square gained {t.gained:.0f}")
-        trials.append(Trial(t.label, t.fitted, t.gained, 1, "", t.price, t.problem.experiments))
+        light = t.fitted.light()
+        trials.append(Trial(t.label, light, t.gained, 1, "", t.price, t.problem.experiments))
     for t in trials:
         if t.on_bound and t.gained > THRESHOLD * wide:
             say(f"{t.label} is left out: its {t.on_bound} runs out of what physics allows")
@@ -171,7 +172,7 @@ def _tried(
     fitted = problem.fit(model, np.concatenate([at.x, np.zeros(extra)]), FIRST_ROUNDS, known)
     gained = current.chi2 - fitted.chi2
     price = prices.get(start.physics.effect.name, 0.0)
-    return Trial(start.label, fitted, gained, extra, at_bound(fitted), price)
+    return Trial(start.label, fitted.light(), gained, extra, at_bound(fitted), price)
 
 
 def _further(problem: Problem, current: Fitted, trial: Trial) -> Trial:
@@ -180,7 +181,7 @@ def _further(problem: Problem, current: Fitted, trial: Trial) -> Trial:
     known = current.jacobian if near else None
     fitted = problem.fit(trial.fitted.model, trial.fitted.x, FURTHER_ROUNDS, known)
     gained = current.chi2 - fitted.chi2
-    return replace(trial, fitted=fitted, gained=gained, on_bound=at_bound(fitted))
+    return replace(trial, fitted=fitted.light(), gained=gained, on_bound=at_bound(fitted))
 
 
 def at_bound(fitted: Fitted) -> str:

@@ -91,22 +91,28 @@ def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None
     None where no slower observer holds the device. Nothing is fitted here that is kept, so that the
     recordings may be those that the fit was held out from.
     """
-    best: Unknown | None = None
+    best: tuple[float, Gained, Fitted] | None = None
     problem = prepared_for(experiments, fitted.model, fitted.x)
     plain = problem.fit(fitted.model, fitted.x)
     asked = list(views(problem, plain, experiments, lambda _: None))
-    base = min(cost(problem, plain), *(_alone(there, view.experiments) for view, there, _ in asked))
+    alone = [_alone(there, view.experiments) for view, there, _ in asked]
+    base = min(cost(problem, plain), *alone)
     for view, there, _ in asked:
         tried = sorted(_gains(view, there), key=_surplus, reverse=True)
         for one in tried[:JUDGED]:
             try:
-                found = base - _with_force(there, view.experiments, one, base)
+                found, forced = _with_force(there, view.experiments, one, base)
             except ValueError:  # no observer follows the recording with that force
                 continue
-            if best is None or found > best.gained:
-                unknowns = one.strength.size
-                best = Unknown(found, unknowns, one.shape.place, one.shape.follows)
-    return best
+            # A likelihood may gain by more than the force, as by another beginning.
+            found = max(found, base - one.gained)
+            if best is None or found < best[0]:
+                best = found, one, forced
+    if best is None:
+        return None
+    found, one, forced = best
+    base = min(base, _alone(forced, experiments))  # a model not fitted to its end gains by anything
+    return Unknown(base - found, one.strength.size, one.shape.place, one.shape.follows)
 
 
 def _surplus(one: Gained) -> float:
@@ -114,14 +120,19 @@ def _surplus(one: Gained) -> float:
 
 
 def _alone(fitted: Fitted, experiments: Sequence[Experiment]) -> float:
-    problem = prepared_for(experiments, fitted.model, fitted.x)
-    return cost(problem, problem.fit(fitted.model, fitted.x, rounds=ROUNDS))
+    """Cost of the model without such a force, settled as often as one with it."""
+    found = np.inf
+    for _ in range(TURNS):
+        problem = prepared_for(experiments, fitted.model, fitted.x)
+        fitted = problem.fit(fitted.model, fitted.x, rounds=ROUNDS)
+        found = min(found, cost(problem, fitted))
+    return found
 
 
 def _with_force(
     fitted: Fitted, experiments: Sequence[Experiment], one: Gained, base: float
-) -> float:
-    """Cost of the model with known forces: observer, parameters and strengths in turn."""
+) -> tuple[float, Fitted]:
+    """Cost and fit of the model with known forces: observer, parameters and strengths in turn."""
     found, strength = np.inf, one.strength
     for _ in range(TURNS):
         forced = [
@@ -132,10 +143,10 @@ def _with_force(
         fitted = problem.fit(fitted.model, fitted.x, rounds=ROUNDS)
         found = min(found, cost(problem, fitted))
         if found > base - HOPE:
-            return found
+            return found, fitted
         off = Complement(fitted.jacobian)
         strength = strength + _solved(problem, fitted, off, one.shape)[0]
-    return found
+    return found, fitted
 
 
 def _gains(problem: Problem, fitted: Fitted) -> list[Gained]:
@@ -160,6 +171,9 @@ def _solved(
     size = np.linalg.norm(matrix, axis=0)
     size[size == 0.0] = 1.0
     solved = np.linalg.lstsq(matrix / size, -left, rcond=1e-6)[0] / size
+    if shape.place.startswith("link") and shape.follows in STATES:
+        # Bins add up to one, and a constant force on a link is another beginning and nothing else.
+        solved -= float(np.mean(np.concatenate(shape.columns) @ solved))
     gained = float(left @ left - np.sum((left + matrix @ solved) ** 2))
     return np.asarray(solved, dtype=np.float64), gained
 
