@@ -31,6 +31,7 @@ def confusion_figure(found: Mapping[str, Any]) -> Figure:
                 colour = "white" if shares[i, j] > 0.6 else "black"
                 axes.text(j, i, f"{count:.0f}", ha="center", va="center", color=colour, fontsize=8)
         _name(axes, rows, columns)
+        axes.set_title("Single effects: what was named first, in counts (colour: share of the row)")
     return figure
 
 
@@ -71,5 +72,6 @@ def magnitude_figure(found: Sequence[Mapping[str, Any]]) -> Figure:
         axes.set_ylim(0.0, 1.03)
         axes.set_xlabel("magnitude, in units of the limit (5 sigma)")
         axes.set_ylabel("share")
+        axes.set_title("Single effects, with exact 95 % intervals")
         figure.legend(loc="outside upper left", ncols=2, frameon=False)
     return figure
