@@ -1,0 +1,72 @@
+"""Diagnosis: wall time by length and by what is missing, and the memory that a long one takes.
+
+    python benchmarks/bench_diagnosis.py 10 20
+    python benchmarks/bench_diagnosis.py --masses 1 600
+
+Each length [s] at 1 kHz: white torque on the PHANToM of Table I (or on its first mass alone), once
+clean, once with Coulomb friction of 4 mN m. All cores are used; run it on an idle machine. Kernels
+are compiled before.
+"""
+
+import argparse
+import resource
+import time
+
+import numpy as np
+
+from controllers.excitation import noise
+from controllers.recorded import recorded
+from diagnosis.diagnose import diagnose
+from diagnosis.experiment import Experiment, Output
+from sim.chain import make_chain
+from sim.device import Device
+from sim.device_file import load_device
+from sim.interface import Interface
+from sim.physics import make_physics
+from sim.run import simulate
+
+FRICTION = make_physics("coulomb_friction", "m1", level=4e-3)
+SINGLE = Device("one mass", "", True, make_chain([2e-4], [2e-3]), Interface(period=1e-3))
+FORCE_NOISE, ENCODER_NOISE = 2e-3, 1e-5
+
+
+def record(truth: Device, seconds: float) -> Experiment:
+    """Return what the encoder of a device says of white torque."""
+    command = noise(duration=seconds, seed=1)
+    random = np.random.default_rng(0)
+    force = FORCE_NOISE * random.standard_normal(command.size)
+    run = simulate(
+        truth, recorded(command), duration=seconds, disturbance=force,
+        substeps=20 if truth.physics else 1,
+    )  # fmt: skip
+    position = run.trace["position_m1"] + ENCODER_NOISE * random.standard_normal(command.size)
+    return Experiment(1e-3, command, position[:, None], (Output("position", 0),))
+
+
+def main() -> None:
+    """Diagnose, and say how long it took."""
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("seconds", type=float, nargs="+", help="length of a recording")
+    options.add_argument("--masses", type=int, choices=(1, 3), default=3, help="of the device")
+    given = options.parse_args()
+    device = SINGLE
+    if given.masses == 3:
+        device = load_device("phantom_1_0").with_interface(delay=0.0)
+    diagnose(device, [record(device.with_physics(FRICTION), 2.0)])  # compiles
+    for seconds in given.seconds:
+        for truth in (device, device.with_physics(FRICTION)):
+            e = record(truth, seconds)
+            wall, core = time.perf_counter(), time.process_time()
+            found = diagnose(device, [e])
+            wall, core = time.perf_counter() - wall, time.process_time() - core
+            peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+            names = ", ".join(f.effect for f in found.findings) or found.verdict.value
+            print(
+                f"{seconds:g} s, {given.masses} masses: {wall:.1f} s, {core:.1f} s of cores,"
+                f" peak {peak:.2f} GiB: {names}",
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    main()
