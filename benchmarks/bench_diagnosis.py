@@ -3,7 +3,7 @@
     python benchmarks/bench_diagnosis.py 10 20
     python benchmarks/bench_diagnosis.py --masses 1 600
 
-Each length [s] at 1 kHz: white torque on the PHANToM of Table I (or on its first mass alone), once
+Each length [s] at 1 kHz: white torque on the PHANToM of Table I (or on a single mass), once
 clean, once with Coulomb friction of 4 mN m. All cores are used; run it on an idle machine. Kernels
 are compiled before.
 """

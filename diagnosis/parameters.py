@@ -26,9 +26,9 @@ FARTHEST = 4.0  # scales that a mass, spring or gain may move: a mass that doubl
 DAMPER_FLOOR = 0.1  # of the mean damper: what a damper of nearly zero may change by
 
 IN_RECORDING = ("dropped_samples", "rectified_sensor")  # taken off the recording, not simulated
-# A lag or delay of many ticks is another mechanism, and a lag without end cuts the command off.
 LONGEST_WAVE = 1.2  # times the period that a fit starts from
 LEAST_LIMIT = 0.3  # times the limit that a fit starts from: a sine cut flat is another mechanism
+# A lag or delay of many ticks is another mechanism, and a lag without end cuts the command off.
 MOST_TICKS = {"actuator_lag": 50.0, "loop_delay": 50.0}
 
 
