@@ -22,7 +22,7 @@ def missing(effect: str, at: str, seed: int, **values: float) -> Diagnosis:
 
 
 def test_nothing_is_missing_from_a_clean_recording():
-    """Mutation that breaks it: a threshold of 3 instead of 30."""
+    """Mutation that breaks it: a threshold of 3 instead of 22."""
     found = diagnose(phantom(), [record(phantom(), 4.0, seed=1)])
     assert found.verdict is Verdict.NOTHING_MISSING, found.sentence
     assert not found.findings

@@ -1,5 +1,6 @@
 """The report of a diagnosis as one HTML file: the verdict first, every picture inside it."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from io import BytesIO
@@ -87,8 +88,8 @@ def next_sentence(planned: NextExperiment | None) -> str:
 
 
 def number(value: float) -> str:
-    """Four significant digits."""
-    return f"{value:.4g}"
+    """Four significant digits; a dash for what there is too little data to tell."""
+    return f"{value:.4g}" if math.isfinite(value) else "-"
 
 
 def estimate(value: Estimate) -> str:
