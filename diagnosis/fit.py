@@ -5,7 +5,7 @@ Differences use absolute steps in x, which is of order one, so a parameter that 
 zero moves. All perturbed runs of a Jacobian are independent and go over all cores.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,6 +27,8 @@ from sim.ensemble import in_parallel, threads
 Floats = NDArray[np.float64]
 STEP = 1e-4
 WORST = 1e6  # weighted innovation that stands for an overflow
+FORETOLD = 0.3  # of a step's gain: as near must the slopes foretell it to serve once more
+CLOSE = 0.03  # in x, by which slopes hardly change
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,57 @@ class Fitted:
     def light(self) -> "Fitted":
         """Return the fit without residual and slopes, which of a long recording fill memory."""
         return replace(self, residual=np.zeros(0), jacobian=np.zeros((0, self.x.size)))
+
+
+class _Slopes:
+    """Values of a fit, and slopes computed anew only where they foretold the last step badly.
+
+    Where they foretold it, they are corrected by what was seen along the step d alone (Broyden,
+    Math. Comp. 19, 1965): J + (r - r_0 - J d) d' / d'd.
+    """
+
+    def __init__(self, residual: Callable[[Floats], Floats], slopes: Callable[..., Floats]) -> None:
+        self.residual, self.slopes = residual, slopes
+        self.tried: tuple[Floats, Floats] | None = None  # x, and the residual there
+        self.at: tuple[Floats, Floats, Floats] | None = None  # the same where the slopes hold
+        self.computed = np.zeros(0)  # x where they were computed
+
+    def value(self, x: Floats) -> Floats:
+        """Return the residual at x."""
+        if self.tried is None or not np.array_equal(x, self.tried[0]):
+            self.tried = x.copy(), self.residual(x)
+        return self.tried[1]
+
+    def slope(self, x: Floats) -> Floats:
+        """Return the slopes at x, where the residual was asked for last."""
+        found = self.value(x)
+        kept = None if self.at is None else self._corrected(x, found)
+        if kept is None:
+            kept, self.computed = self.slopes(x, found), x.copy()
+        self.at = x.copy(), found, kept
+        return kept
+
+    def _corrected(self, x: Floats, found: Floats) -> Floats | None:
+        assert self.at is not None
+        before, earlier, slopes = self.at
+        d = x - before
+        way = float(d @ d)
+        if way == 0.0:
+            return slopes
+        foretold = earlier + slopes @ d
+        was = float(earlier @ earlier)
+        gain, promised = was - float(found @ found), was - float(foretold @ foretold)
+        if abs(gain - promised) > FORETOLD * abs(promised):
+            return None
+        return slopes + np.outer(found - foretold, d / way)
+
+    def holds(self, x: Floats) -> bool:
+        """Whether the slopes were computed close to x."""
+        return float(np.abs(x - self.computed).max(initial=0.0)) < CLOSE
+
+    def forget(self) -> None:
+        """Have the slopes computed anew."""
+        self.at = None
 
 
 class Problem:
@@ -118,37 +171,39 @@ class Problem:
         x: Floats | None = None,
         rounds: int = 12,
         known: Floats | None = None,
+        final: bool = True,
     ) -> Fitted:
         """Return the best fit from a start (None: where all x are zero).
 
         known: slopes of the first parameters, which then are not computed again: a chord method
-        in these, much cheaper, and as good where they hardly change.
+        in these, much cheaper, and as good where they hardly change. final: False leaves the last
+        slopes as the steps corrected them, where nobody asks for them.
         """
         parameters = model.parameters
-        start = np.zeros(len(parameters)) if x is None else x
         lower = np.array([p.lower for p in parameters])
         upper = np.array([p.upper for p in parameters])
-        margin = 1e-9 * np.maximum(1.0, np.abs(start))
-        start = np.clip(start, np.where(np.isfinite(lower), lower + margin, lower),
-                        np.where(np.isfinite(upper), upper - margin, upper))  # fmt: skip
-        last: dict[bytes, Floats] = {}
-
-        def value(x: Floats) -> Floats:
-            last.clear()
-            last[x.tobytes()] = self.residual(model, x)
-            return last[x.tobytes()]
-
-        def slope(x: Floats) -> Floats:
-            return self.jacobian(model, x, last.get(x.tobytes()), known)
-
-        found = least_squares(
-            value,
-            start,
-            slope,  # pyright: ignore[reportArgumentType]
-            bounds=(lower, upper), method="trf", x_scale=1.0,
-            ftol=1e-7, xtol=1e-6, gtol=1e-10, max_nfev=rounds,
-        )  # fmt: skip
-        samples = found.fun.size - sum(p.prior for p in parameters)
-        return Fitted(
-            model, found.x, float(found.fun @ found.fun), found.fun, np.asarray(found.jac), samples
+        best = _Slopes(
+            lambda x: self.residual(model, x), lambda *a: self.jacobian(model, *a, known)
         )
+        start = np.zeros(len(parameters)) if x is None else x
+        while True:
+            margin = 1e-9 * np.maximum(1.0, np.abs(start))
+            start = np.clip(start, np.where(np.isfinite(lower), lower + margin, lower),
+                            np.where(np.isfinite(upper), upper - margin, upper))  # fmt: skip
+            found = least_squares(
+                best.value,
+                start,
+                best.slope,  # pyright: ignore[reportArgumentType]
+                bounds=(lower, upper), method="trf", x_scale=1.0,
+                ftol=1e-7, xtol=1e-6, gtol=1e-10, max_nfev=rounds,
+            )  # fmt: skip
+            rounds -= found.nfev
+            if not final or best.holds(found.x) or rounds < 1:
+                break
+            start = found.x
+            best.forget()
+        if final and not best.holds(found.x):
+            best.forget()
+        slopes = best.slope(found.x)
+        samples = found.fun.size - sum(p.prior for p in parameters)
+        return Fitted(model, found.x, float(found.fun @ found.fun), found.fun, slopes, samples)

@@ -6,7 +6,7 @@ ratio matters for the gain; it is chosen by likelihood (`choose_observer`), and 
 inside a fit: a fit that may change its own noise cheats with it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -119,7 +119,7 @@ class Fineness:
 
     Counted against 64 on 20 s at 20 times the limit (100 sigma): SEARCHING leaves below 2 sigma of
     smooth forces, 10 of friction and 12 of backlash, enough to tell effects apart; FINAL below
-    0.5, 2 and 1.
+    0.5, 2 and 1. SCREENING is for signatures, which need one digit.
     """
 
     smooth: int
@@ -127,6 +127,7 @@ class Fineness:
     jumping: tuple[int, int]
 
 
+SCREENING = Fineness(2, 8, (4, 8))
 SEARCHING, FINAL = Fineness(4, 8, (8, 16)), Fineness(8, 32, (16, 32))
 
 
@@ -323,10 +324,13 @@ def _noise_scale(experiment: Experiment) -> Floats:
     )
 
 
-def choose_observer(device: Device, experiments: Sequence[Experiment]) -> Observer:
+def choose_observer(
+    device: Device, experiments: Sequence[Experiment], near: float | None = None
+) -> Observer:
     """Choose the ratio by the likelihood of the innovations, the deviations concentrated out.
 
-    Every third ratio of a grid, then those beside the best of them.
+    Every third ratio of a grid, then those beside the best of them. near: a ratio to go on from,
+    downhill, where one was chosen for nearly the same model.
     """
     ready = prepared(device, SEARCHING)
     scores: dict[int, float] = {}
@@ -343,8 +347,17 @@ def choose_observer(device: Device, experiments: Sequence[Experiment]) -> Observ
                 scores[i] = found if np.isfinite(found) else np.inf
         return scores[i]
 
-    best = min(range(0, RATIOS.size, 3), key=score)
-    best = min(range(max(0, best - 2), min(RATIOS.size, best + 3)), key=score)
+    def best_of(indices: Iterable[int]) -> int:
+        return min((i for i in indices if 0 <= i < RATIOS.size), key=score)
+
+    if near is None:
+        best = best_of(range(0, RATIOS.size, 3))
+        best = best_of(range(best - 2, best + 3))
+    else:
+        start = -1
+        best = int(np.argmin(np.abs(np.log(RATIOS / near))))
+        while best != start:
+            start, best = best, best_of((best, best - 1, best + 1, best - 3, best + 3))
     if not np.isfinite(score(best)):
         raise ValueError(
             "no observer follows this recording with this device; check sign, scale and units of"

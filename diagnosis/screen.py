@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from diagnosis.candidates import MAGNITUDE, QUARTER, Start
 from diagnosis.fit import Fitted, Problem
+from diagnosis.predictor import SCREENING
 from sim.ensemble import in_parallel, threads
 
 Floats = NDArray[np.float64]
@@ -50,12 +51,14 @@ def screen(problem: Problem, fitted: Fitted, starts: Sequence[Start]) -> list[Sc
     off = Complement(fitted.jacobian)
     base = off(fitted.residual)
     energy = float(base @ base)
-    prior = fitted.residual[fitted.samples :]
+    prior = np.zeros(fitted.residual.size - fitted.samples)
+    rough = Problem(problem.experiments, problem.observer, SCREENING)
+    still = rough.weighted(fitted.model, fitted.x)
 
     def score(start: Start) -> Screened:
         model = fitted.model.with_effect(start.physics, {})
-        moved = np.concatenate([problem.weighted(model, fitted.x), prior])
-        signature = off(moved - fitted.residual)
+        moved = rough.weighted(model, fitted.x) - still
+        signature = off(np.concatenate([moved, prior]))
         after = base + signature
         return Screened(start, energy - float(after @ after), signature)
 

@@ -37,29 +37,34 @@ def refit(
 
 def settle(experiments: Sequence[Experiment], model: Model, x: Floats) -> tuple[Problem, Fitted]:
     """Fit a model from x, choosing the observer anew between fits until both agree."""
+    near = None
     for _ in range(REFITS):
-        problem = prepared_for(experiments, model, x)
-        fitted = problem.fit(model, x)
-        experiments, x = problem.experiments, fitted.x
+        problem = prepared_for(experiments, model, x, near=near)
+        fitted = problem.fit(model, x, final=False)
+        experiments, x, near = problem.experiments, fitted.x, problem.observer.ratio
         if abs(fitted.chi2 / fitted.samples - 1.0) < SETTLED - 1.0:
             break
-    problem = prepared_for(experiments, model, x)
+    problem = prepared_for(experiments, model, x, near=near)
     return problem, problem.fit(model, x)
 
 
 def prepared_for(
-    experiments: Sequence[Experiment], model: Model, x: Floats, ratio: float | None = None
+    experiments: Sequence[Experiment],
+    model: Model,
+    x: Floats,
+    ratio: float | None = None,
+    near: float | None = None,
 ) -> Problem:
     """Return the problem of a model at x: observer, beginnings, deviations.
 
     ratio: None for the likeliest observer, whose innovations are whitened. Those of an observer
     that was asked for are not: whitened, every observer sees the same. Raises LinAlgError where
-    there is no observer of that ratio.
+    there is no observer of that ratio. near: as `choose_observer` takes it.
     """
     device = model.acting(x)
     seen = [model.seen(e, x) for e in experiments]
     if ratio is None:
-        chosen = choose_observer(device, seen)
+        chosen = choose_observer(device, seen, near)
     else:
         gain = observer_for(device, seen[0], ratio)
         chosen = Observer(gain, deviation(device, seen, gain), ratio)

@@ -169,7 +169,9 @@ def _tried(
     model = current.model.with_effect(start.physics, start.scales)
     extra = len(model.parameters) - current.x.size
     known = at.jacobian if at is current else None
-    fitted = problem.fit(model, np.concatenate([at.x, np.zeros(extra)]), FIRST_ROUNDS, known)
+    fitted = problem.fit(
+        model, np.concatenate([at.x, np.zeros(extra)]), FIRST_ROUNDS, known, final=False
+    )
     gained = current.chi2 - fitted.chi2
     price = prices.get(start.physics.effect.name, 0.0)
     return Trial(start.label, fitted.light(), gained, extra, at_bound(fitted), price)
@@ -179,7 +181,7 @@ def _further(problem: Problem, current: Fitted, trial: Trial) -> Trial:
     """Fit a trial that may be the best to its end."""
     near = np.abs(trial.fitted.x[: current.x.size] - current.x).max(initial=0.0) < 1.0
     known = current.jacobian if near else None
-    fitted = problem.fit(trial.fitted.model, trial.fitted.x, FURTHER_ROUNDS, known)
+    fitted = problem.fit(trial.fitted.model, trial.fitted.x, FURTHER_ROUNDS, known, final=False)
     gained = current.chi2 - fitted.chi2
     return replace(trial, fitted=fitted.light(), gained=gained, on_bound=at_bound(fitted))
 

@@ -38,6 +38,8 @@ DRIFTS = 5  # cosines of a drift
 TURNS = 3  # of observer, parameters and strengths
 ROUNDS = 4  # of a fit beside such a force
 HOPE = 10.0  # of -2 log likelihood, below which no further turn is taken
+STILL = 0.5  # the same, below which the turns agree
+FARTHEST = 1.0  # in x, that parameters move beside a force before they are fitted
 JUDGED = 3  # shapes of each view whose likelihood is looked at
 
 
@@ -101,7 +103,7 @@ def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None
         tried = sorted(_gains(view, there), key=_surplus, reverse=True)
         for one in tried[:JUDGED]:
             try:
-                found, forced = _with_force(there, view.experiments, one, base)
+                found, forced = _with_force(view, there, one, base)
             except ValueError:  # no observer follows the recording with that force
                 continue
             # A likelihood may gain by more than the force, as by another beginning.
@@ -121,28 +123,39 @@ def _surplus(one: Gained) -> float:
 
 def _alone(fitted: Fitted, experiments: Sequence[Experiment]) -> float:
     """Cost of the model without such a force, settled as often as one with it."""
-    found = np.inf
+    found, near = np.inf, None
     for _ in range(TURNS):
-        problem = prepared_for(experiments, fitted.model, fitted.x)
-        fitted = problem.fit(fitted.model, fitted.x, rounds=ROUNDS)
-        found = min(found, cost(problem, fitted))
+        problem = prepared_for(experiments, fitted.model, fitted.x, near=near)
+        fitted = problem.fit(fitted.model, fitted.x, rounds=ROUNDS, final=False)
+        before, found = found, min(found, cost(problem, fitted))
+        near = problem.observer.ratio
+        if found > before - STILL:
+            break
     return found
 
 
-def _with_force(
-    fitted: Fitted, experiments: Sequence[Experiment], one: Gained, base: float
-) -> tuple[float, Fitted]:
-    """Cost and fit of the model with known forces: observer, parameters and strengths in turn."""
-    found, strength = np.inf, one.strength
-    for _ in range(TURNS):
+def _with_force(view: Problem, fitted: Fitted, one: Gained, base: float) -> tuple[float, Fitted]:
+    """Cost and fit of the model with known forces: observer, parameters and strengths in turn.
+
+    view, fitted: where the strengths were found.
+    """
+    found, strength, near = np.inf, one.strength, None
+    x = fitted.x + _moved(view, fitted, one)
+    for turn in range(TURNS):
         forced = [
             replace(e, force=f)
-            for e, f in zip(experiments, one.shape.forces(strength), strict=True)
+            for e, f in zip(view.experiments, one.shape.forces(strength), strict=True)
         ]
-        problem = prepared_for(forced, fitted.model, fitted.x)
-        fitted = problem.fit(fitted.model, fitted.x, rounds=ROUNDS)
-        found = min(found, cost(problem, fitted))
-        if found > base - HOPE:
+        problem = prepared_for(forced, fitted.model, x, near=near)
+        near = problem.observer.ratio
+        if turn == 0:
+            standing = replace(fitted, residual=problem.residual(fitted.model, x))
+            if cost(problem, standing) > base:
+                return base, fitted
+        fitted = problem.fit(fitted.model, x, rounds=ROUNDS)
+        x = fitted.x
+        before, found = found, min(found, cost(problem, fitted))
+        if found > min(base - HOPE, before - STILL):
             return found, fitted
         off = Complement(fitted.jacobian)
         strength = strength + _solved(problem, fitted, off, one.shape)[0]
@@ -164,9 +177,11 @@ def _solved(
 ) -> tuple[Floats, float]:
     """Return the strengths that explain most off the refit's span, and the chi-square gained."""
     left = off(fitted.residual)
-    answers = [response(problem, fitted, f"m{i + 1}") for i in np.flatnonzero(shape.ends)]
-    answer = np.sum([e * u for e, u in zip(shape.ends[shape.ends != 0.0], answers, strict=True)], 0)
-    columns = [_signature(off, answer, shape, k) for k in range(shape.columns[0].shape[1])]
+    answer = _answer(problem, fitted, shape)
+    columns = [
+        off(_signature(fitted, answer, [c[:, k] for c in shape.columns]))
+        for k in range(shape.columns[0].shape[1])
+    ]
     matrix = np.column_stack(columns)
     size = np.linalg.norm(matrix, axis=0)
     size[size == 0.0] = 1.0
@@ -178,13 +193,26 @@ def _solved(
     return np.asarray(solved, dtype=np.float64), gained
 
 
-def _signature(off: Complement, answer: Floats, shape: Shape, k: int) -> Floats:
-    parts = [
-        fftconvolve(c[:, k, None], answer, axes=0)[SETTLING : c.shape[0]].ravel()
-        for c in shape.columns
-    ]
+def _moved(problem: Problem, fitted: Fitted, one: Gained) -> Floats:
+    """What the model's parameters change by beside the force, to first order."""
+    whole = [c @ one.strength for c in one.shape.columns]
+    signature = _signature(fitted, _answer(problem, fitted, one.shape), whole)
+    way = -np.linalg.lstsq(fitted.jacobian, fitted.residual + signature, rcond=1e-6)[0]
+    return np.asarray(way / max(1.0, float(np.abs(way).max(initial=0.0)) / FARTHEST))
+
+
+def _answer(problem: Problem, fitted: Fitted, shape: Shape) -> Floats:
+    """Response of the weighted innovations to a unit force of a shape."""
+    ends = shape.ends[shape.ends != 0.0]
+    answers = [response(problem, fitted, f"m{i + 1}") for i in np.flatnonzero(shape.ends)]
+    return np.sum([e * u for e, u in zip(ends, answers, strict=True)], 0)
+
+
+def _signature(fitted: Fitted, answer: Floats, forces: Sequence[Floats]) -> Floats:
+    """What a force, (ticks,) a recording, adds to the residual."""
+    parts = [fftconvolve(f[:, None], answer, axes=0)[SETTLING : f.size].ravel() for f in forces]
     joined = np.concatenate(parts)
-    return off(np.concatenate([joined, np.zeros(off.basis.shape[0] - joined.size)]))
+    return np.concatenate([joined, np.zeros(fitted.residual.size - joined.size)])
 
 
 def _shapes(problem: Problem, fitted: Fitted, n: int) -> Iterator[Shape]:

@@ -65,13 +65,15 @@ def make_chain(
                 f"{field} has {getattr(chain, field).size} entries; {n} masses need {expected}"
             )
     for field, values in chain._asdict().items():
-        for value in np.atleast_1d(values):
-            if not np.isfinite(value):
-                raise ValueError(f"{field} contains {value}; only finite numbers are allowed")
+        finite = np.isfinite(values)
+        if not np.all(finite):
+            wrong = np.atleast_1d(values)[~np.atleast_1d(finite)][0]
+            raise ValueError(f"{field} contains {wrong}; only finite numbers are allowed")
     for field in ("masses", "link_springs"):
-        for value in getattr(chain, field):
-            if value <= 0.0:
-                raise ValueError(f"{field} contains {value:g}; only values > 0 are allowed")
+        values = getattr(chain, field)
+        if np.any(values <= 0.0):
+            wrong = values[values <= 0.0][0]
+            raise ValueError(f"{field} contains {wrong:g}; only values > 0 are allowed")
     if chain.ground_spring < 0.0:
         raise ValueError(f"ground_spring is {chain.ground_spring:g}; it must be >= 0")
     return chain

@@ -101,7 +101,8 @@ class Device:
                 raise DeviceError(
                     f"interface has no field {name!r}; {nearest(name, INTERFACE_FIELDS)}"
                 )
-        return replace(self, interface=replace(self.interface, **changes))
+        changed = replace(self.interface, **changes)
+        return self if changed == self.interface else replace(self, interface=changed)
 
     def with_physics(self, *added: Physics) -> "Device":
         """Return the device with these effects, each brought to its home.

@@ -11,6 +11,7 @@ Control 23, 1978): exp([[-W', a b'], [0, W]] h) holds S, with W the generator of
 """
 
 import itertools
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -94,15 +95,15 @@ def equations(device: Device, substeps: int = 1, ledger: bool = False, seed: int
         for hook in ("force", "friction", "sensor", "command", "clock")
     }
     dry = table["friction"].first
-    sets = locked_sets(1 + int(dry.max())) if dry.size else [()]
-    if dry.size:
-        _check_substeps(plant, np.unique(dry), interface.period, counts, durations)
-    stiffness = plant.matrices.stiffness
-    springs = [
-        (i, j) for i, j in itertools.combinations(range(plant.dof), 2) if stiffness[i, j] != 0.0
-    ]
-    grounded = stiffness.sum(axis=1)
-    grounds = [i for i in range(plant.dof) if abs(grounded[i]) > 1e-14 * stiffness[i, i]]
+    kept = _mechanism(
+        Linear(plant),
+        tuple(np.unique(dry)),
+        interface.period,
+        tuple(counts),
+        tuple(durations),
+        ledger,
+    )
+    moves = Mechanism(*(array.copy() for array in kept))
     return Equations(
         dof=plant.dof,
         states=plant.size,
@@ -110,18 +111,12 @@ def equations(device: Device, substeps: int = 1, ledger: bool = False, seed: int
         lagging=plant.lag > 0.0,
         substeps=counts,
         durations=durations,
-        propagators=np.stack(
-            [np.stack([propagator(locked(plant, s), h) for s in sets]) for h in durations]
-        ),
-        quadratics=np.stack(
-            [np.stack([ledger_forms(locked(plant, s), h, ledger) for s in sets]) for h in durations]
-        ),
-        reaction=_reaction(plant),
-        masses=np.diag(plant.matrices.mass).copy(),
-        springs=np.array([*springs, *((i, -1) for i in grounds)], dtype=np.int64).reshape(-1, 2),
-        spring_stiffness=np.array(
-            [*(-stiffness[i, j] for i, j in springs), *(grounded[i] for i in grounds)]
-        ),
+        propagators=moves.propagators,
+        quadratics=moves.quadratics,
+        reaction=moves.reaction,
+        masses=moves.masses,
+        springs=moves.springs,
+        spring_stiffness=moves.spring_stiffness,
         forces=table["force"],
         frictions=table["friction"],
         bounds_vary=any(p.effect.varies_with_speed for p in device.physics),
@@ -139,13 +134,86 @@ def equations(device: Device, substeps: int = 1, ledger: bool = False, seed: int
     )
 
 
+class Mechanism(NamedTuple):
+    """What `Equations` has of the linear plant and the lengths of its substeps."""
+
+    propagators: Floats
+    quadratics: Floats
+    reaction: Floats
+    masses: Floats
+    springs: Ints
+    spring_stiffness: Floats
+
+
+class Linear:
+    """A plant that is equal to another of the same numbers."""
+
+    def __init__(self, plant: Plant) -> None:
+        self.plant = plant
+        self.key = b"".join(
+            [plant.a.tobytes(), plant.b.tobytes(), *(m.tobytes() for m in plant.matrices)]
+        )
+
+    def __eq__(self, other: object) -> bool:
+        return (
+            isinstance(other, Linear)
+            and self.key == other.key
+            and self.plant.dof == other.plant.dof
+        )
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _mechanism(
+    linear: Linear,
+    dry: tuple[int, ...],
+    period: float,
+    counts: tuple[int, ...],
+    durations: tuple[float, ...],
+    ledger: bool,
+) -> Mechanism:
+    """A search that changes effects asks for the same mechanism again and again."""
+    plant = linear.plant
+    sets = locked_sets(1 + max(dry)) if dry else [()]
+    if dry:
+        _check_substeps(plant, dry, period, counts, durations)
+    stiffness = plant.matrices.stiffness
+    springs = [
+        (i, j) for i, j in itertools.combinations(range(plant.dof), 2) if stiffness[i, j] != 0.0
+    ]
+    grounded = stiffness.sum(axis=1)
+    grounds = [i for i in range(plant.dof) if abs(grounded[i]) > 1e-14 * stiffness[i, i]]
+    held = [[locked(plant, s) for s in sets]] * len(durations)
+    return Mechanism(
+        np.stack(
+            [[propagator(one, h) for one in row] for row, h in zip(held, durations, strict=True)]
+        ),
+        np.stack(
+            [
+                [ledger_forms(one, h, ledger) for one in row]
+                for row, h in zip(held, durations, strict=True)
+            ]
+        ),
+        _reaction(plant),
+        np.diag(plant.matrices.mass).copy(),
+        np.array([*springs, *((i, -1) for i in grounds)], dtype=np.int64).reshape(-1, 2),
+        np.array([*(-stiffness[i, j] for i, j in springs), *(grounded[i] for i in grounds)]),
+    )
+
+
 def locked_sets(masses: int) -> list[tuple[int, ...]]:
     """Return the sets of locked masses among the first ones, in the order of their bit masks."""
     return [tuple(i for i in range(masses) if mask >> i & 1) for mask in range(2**masses)]
 
 
 def _check_substeps(
-    plant: Plant, dry: Ints, period: float, counts: Ints, durations: Floats
+    plant: Plant,
+    dry: Sequence[int],
+    period: float,
+    counts: Sequence[int],
+    durations: Sequence[float],
 ) -> None:
     """Refuse substeps so long that a held force may come out as its contrary.
 
@@ -153,9 +221,12 @@ def _check_substeps(
     omega h < pi all of W (`sim/kernel.py`, slide) is positive definite, with masses locked too,
     since locking separates frequencies but does not raise the highest.
     """
-    for h in durations[counts > 0]:
+    at = np.array(dry)
+    for count, h in zip(counts, durations, strict=True):
+        if count == 0:
+            continue
         _, b = hold(plant, h)
-        w = b[np.ix_(plant.dof + dry, 1 + dry)]
+        w = b[np.ix_(plant.dof + at, 1 + at)]
         if np.linalg.eigvalsh(0.5 * (w + w.T))[0] <= 0.0:
             fastest = float(np.abs(np.linalg.eigvals(plant.a).imag).max())
             needed = int(period * fastest / np.pi) + 1
@@ -256,6 +327,9 @@ def _reaction(plant: Plant) -> Floats:
 
 
 def _table(device: Device, entries: list[Physics], seed: int) -> EffectTable:
+    if not entries:
+        nothing = np.zeros(0, dtype=np.int64)
+        return EffectTable(nothing, nothing, nothing, np.zeros((0, 1)))
     places = [_places(p.at) for p in entries]
     rows = [[*p.vector(), *_borrowed(device, p, seed)] for p in entries]
     parameters = np.zeros((len(rows), max((len(row) for row in rows), default=0) or 1))
