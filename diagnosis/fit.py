@@ -27,7 +27,9 @@ from sim.ensemble import in_parallel, threads
 Floats = NDArray[np.float64]
 STEP = 1e-4
 WORST = 1e6  # weighted innovation that stands for an overflow
+NOTHING = 0.05  # chi-square that is not worth another round
 FORETOLD = 0.3  # of a step's gain: as near must the slopes foretell it to serve once more
+LITTLE = 0.5  # chi-square, about which no slopes are asked anew
 CLOSE = 0.03  # in x, by which slopes hardly change
 
 
@@ -90,7 +92,7 @@ class _Slopes:
         foretold = earlier + slopes @ d
         was = float(earlier @ earlier)
         gain, promised = was - float(found @ found), was - float(foretold @ foretold)
-        if abs(gain - promised) > FORETOLD * abs(promised):
+        if abs(gain - promised) > FORETOLD * abs(promised) + LITTLE:
             return None
         return slopes + np.outer(found - foretold, d / way)
 
@@ -129,6 +131,11 @@ class Problem:
         """Return weighted innovations, then the priors."""
         prior = np.array([xi for p, xi in zip(model.parameters, x, strict=True) if p.prior])
         return np.concatenate([self.weighted(model, x), prior])
+
+    def cost(self, fitted: Fitted) -> float:
+        """Return -2 log likelihood of the innovations, deviations concentrated out, and priors."""
+        prior = fitted.residual[fitted.samples :]
+        return self.observer.cost(fitted.white) + float(prior @ prior)
 
     def at(self, model: Model, x: Floats) -> Fitted:
         """Return a model as it stands at x, not fitted."""
@@ -182,6 +189,7 @@ class Problem:
         parameters = model.parameters
         lower = np.array([p.lower for p in parameters])
         upper = np.array([p.upper for p in parameters])
+        least = max(1e-8, NOTHING / (1 + sum(e.measured.size for e in self.experiments)))
         best = _Slopes(
             lambda x: self.residual(model, x), lambda *a: self.jacobian(model, *a, known)
         )
@@ -195,7 +203,7 @@ class Problem:
                 start,
                 best.slope,  # pyright: ignore[reportArgumentType]
                 bounds=(lower, upper), method="trf", x_scale=1.0,
-                ftol=1e-7, xtol=1e-6, gtol=1e-10, max_nfev=rounds,
+                ftol=least, xtol=1e-5, gtol=1e-10, max_nfev=rounds,
             )  # fmt: skip
             rounds -= found.nfev
             if not final or best.holds(found.x) or rounds < 1:

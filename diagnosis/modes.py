@@ -80,17 +80,16 @@ def _resonances(
     pulls = [-np.gradient(v) / period for v in speeds]
     for pull in pulls:
         pull[: SETTLING + 5] = 0.0
+    # Both are causal filters: their order is free, and the answer is the same for all.
+    seen = [fftconvolve(pull[:, None], answer, axes=0)[: pull.size] for pull in pulls]
     for hertz in np.geomspace(LOWEST_HZ, HIGHEST / period, FREQUENCIES):
         for ratio in DAMPINGS:
             omega = 2.0 * math.pi * float(hertz)
             warped = 2.0 / period * math.tan(0.5 * omega * period)
             top = [2.0 * ratio * warped, warped**2]
             b, a = bilinear(top, [1.0, *top], 1.0 / period)
-            parts = [
-                fftconvolve(lfilter(b, a, pull)[:, None], answer, axes=0)[SETTLING : pull.size]
-                for pull in pulls
-            ]
-            joined = np.concatenate([p.ravel() for p in parts])
+            parts = [lfilter(b, a, one, axis=0)[SETTLING:].ravel() for one in seen]
+            joined = np.concatenate(parts)
             signature = off(np.concatenate([joined, np.zeros(base.size - joined.size)]))
             size = float(signature @ signature)
             along = -float(base @ signature)

@@ -28,6 +28,7 @@ from sim.device import Device, place_label
 Floats = NDArray[np.float64]
 MOST = 3  # effects
 UNSURE = 6.3e-5  # odds that nothing looks as large as what is kept, four sigma of one magnitude
+CERTAIN = 1e3  # what Wald's test must say of an effect that is kept without another fit
 FREE = 1e12  # variance, in x, of what the recording does not determine at all
 SWAP_GAIN = 4.0  # chi-square by which an effect as simple must be better to replace one
 
@@ -195,6 +196,10 @@ def prune(problem: Problem, fitted: Fitted) -> Fitted:
     """Remove every effect whose absence costs less than the threshold, or that may be zero."""
     index = 0
     while index < len(fitted.model.effects):
+        sure = wald(fitted, index)
+        if sure is not None and sure[0] > CERTAIN:
+            index += 1
+            continue
         without = fit_without(problem, fitted, index)
         cheap = without.chi2 - fitted.chi2 < THRESHOLD * inflation(fitted.white)
         if cheap or may_be_zero(fitted, index):
@@ -205,11 +210,20 @@ def prune(problem: Problem, fitted: Fitted) -> Fitted:
 
 
 def may_be_zero(fitted: Fitted, index: int) -> bool:
-    """Whether the magnitudes m of an effect are nothing within their errors, all together.
+    """Whether the magnitudes of an effect are nothing within their errors, all together.
 
-    By Wald's m' C^-1 m, C their covariance: one of them may well be undetermined (a constant force
-    beside the origin of a spring) where another is sure. Chi-square alone deceives where the fit
-    before it had stopped short of its minimum, as it does on the creases that friction makes.
+    Chi-square alone deceives where the fit before it had stopped short of its minimum, as it does
+    on the creases that friction makes.
+    """
+    found = wald(fitted, index)
+    return found is not None and found[0] < float(chi2.isf(UNSURE, found[1]))
+
+
+def wald(fitted: Fitted, index: int) -> tuple[float, int] | None:
+    """Return Wald's m' C^-1 m of an effect's magnitudes m, C their covariance, and how many.
+
+    Together: one of them may well be undetermined (a constant force beside the origin of a spring)
+    where another is sure. None for an effect without magnitudes.
     """
     physics = fitted.model.effects[index]
     names = MAGNITUDE.get(physics.effect.name, ())
@@ -219,10 +233,10 @@ def may_be_zero(fitted: Fitted, index: int) -> bool:
         if p.kind == "effect" and p.index == index and p.key in names
     ]  # fmt: skip
     if not own:
-        return False
+        return None
     scales = np.array([parameters[j].scale for j in own])
     size = np.array([physics.values[parameters[j].key] for j in own]) / scales + fitted.x[own]
     spread = np.nan_to_num(covariance(fitted)[np.ix_(own, own)], posinf=FREE)
     variance, axes = np.linalg.eigh(spread)
-    wald = float(np.sum((axes.T @ size) ** 2 / np.maximum(variance, np.finfo(float).tiny)))
-    return wald < float(chi2.isf(UNSURE, len(own)))
+    found = np.sum((axes.T @ size) ** 2 / np.maximum(variance, np.finfo(float).tiny))
+    return float(found), len(own)

@@ -35,12 +35,23 @@ def refit(
     return settle(experiments, model, np.zeros(model.linear_count))
 
 
-def settle(experiments: Sequence[Experiment], model: Model, x: Floats) -> tuple[Problem, Fitted]:
-    """Fit a model from x, choosing the observer anew between fits until both agree."""
+class NotWorth(ValueError):
+    """A model explains too little to be settled."""
+
+
+def settle(
+    experiments: Sequence[Experiment], model: Model, x: Floats, worth: float = np.inf
+) -> tuple[Problem, Fitted]:
+    """Fit a model from x, choosing the observer anew between fits until both agree.
+
+    Raises NotWorth where the first fit costs more than `worth` in -2 log likelihood.
+    """
     near = None
     for _ in range(REFITS):
         problem = prepared_for(experiments, model, x, near=near)
         fitted = problem.fit(model, x, final=False)
+        if near is None and problem.cost(fitted) > worth:
+            raise NotWorth(f"{model.label} explains too little")
         experiments, x, near = problem.experiments, fitted.x, problem.observer.ratio
         if abs(fitted.chi2 / fitted.samples - 1.0) < SETTLED - 1.0:
             break

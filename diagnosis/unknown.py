@@ -29,7 +29,7 @@ from diagnosis.predictor import SETTLING
 from diagnosis.screen import Complement
 from diagnosis.settle import prepared_for
 from diagnosis.spatial import response
-from diagnosis.views import cost, views
+from diagnosis.views import views
 
 Floats = NDArray[np.float64]
 # Of the samples, between bins: narrow at the ends, where a stop is.
@@ -98,7 +98,7 @@ def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None
     plain = problem.fit(fitted.model, fitted.x)
     asked = list(views(problem, plain, experiments, lambda _: None))
     alone = [_alone(there, view.experiments) for view, there, _ in asked]
-    base = min(cost(problem, plain), *alone)
+    base = min(problem.cost(plain), *alone)
     for view, there, _ in asked:
         tried = sorted(_gains(view, there), key=_surplus, reverse=True)
         for one in tried[:JUDGED]:
@@ -127,7 +127,7 @@ def _alone(fitted: Fitted, experiments: Sequence[Experiment]) -> float:
     for _ in range(TURNS):
         problem = prepared_for(experiments, fitted.model, fitted.x, near=near)
         fitted = problem.fit(fitted.model, fitted.x, rounds=ROUNDS, final=False)
-        before, found = found, min(found, cost(problem, fitted))
+        before, found = found, min(found, problem.cost(fitted))
         near = problem.observer.ratio
         if found > before - STILL:
             break
@@ -150,11 +150,11 @@ def _with_force(view: Problem, fitted: Fitted, one: Gained, base: float) -> tupl
         near = problem.observer.ratio
         if turn == 0:
             standing = replace(fitted, residual=problem.residual(fitted.model, x))
-            if cost(problem, standing) > base:
+            if problem.cost(standing) > base:
                 return base, fitted
         fitted = problem.fit(fitted.model, x, rounds=ROUNDS)
         x = fitted.x
-        before, found = found, min(found, cost(problem, fitted))
+        before, found = found, min(found, problem.cost(fitted))
         if found > min(base - HOPE, before - STILL):
             return found, fitted
         off = Complement(fitted.jacobian)

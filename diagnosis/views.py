@@ -22,7 +22,7 @@ from diagnosis.fit import Fitted, Problem
 from diagnosis.horizon import BETTER, free_run_error
 from diagnosis.lattice import sharpened
 from diagnosis.parameters import Model
-from diagnosis.settle import prepared_for, settle
+from diagnosis.settle import NotWorth, prepared_for, settle
 from diagnosis.trials import FIVE_SIGMA, THRESHOLD, Say, Step, Trial, at_bound, evidence, take
 from diagnosis.uncertainty import inflation
 
@@ -30,6 +30,7 @@ SLOWER = (1e-2,)  # of the observer's ratio
 ASKED = 5  # trials of each view whose likelihood is looked at
 SETTLED = 3  # of them all, settled
 HOPE = 10.0  # -2 log likelihood gained by a trial as it stands, to be worth settling
+RATHER = 0.3  # of what the best explains, that another must to be looked at
 SHARPENED = 3  # times that an encoder's error is predicted again
 
 
@@ -87,7 +88,7 @@ def _settled_without(asked: Asked) -> tuple[Problem, Fitted] | None:
         again = settle(asked.problem.experiments, own.model, best.settled.x[: own.x.size])
     except ValueError:
         return None
-    return again if cost(*again) < cost(asked.problem, own) - HOPE else None
+    return again if again[0].cost(again[1]) < asked.problem.cost(own) - HOPE else None
 
 
 def _asked(problem: Problem, current: Fitted, experiments: Sequence[Experiment], say: Say) -> Asked:
@@ -98,7 +99,7 @@ def _asked(problem: Problem, current: Fitted, experiments: Sequence[Experiment],
             problem, current = again
             asked = list(views(problem, current, experiments, say))
             break
-    own = cost(problem, current)
+    own = problem.cost(current)
     pool: list[Answer] = []
     steps: list[Step] = []
     for view, there, slow in asked:
@@ -109,7 +110,7 @@ def _asked(problem: Problem, current: Fitted, experiments: Sequence[Experiment],
                 at, fitted = _standing(trial, view.experiments)
             except ValueError:
                 continue
-            found = cost(at, fitted) + trial.price
+            found = at.cost(fitted) + trial.price
             pool.append(Answer(step, trial, view, slow, at, fitted, found))
     believed = _settled(pool, own, current, problem.experiments, say)
     trusting = [a for a in pool if a.slow and a.trial is a.step.taken]
@@ -123,15 +124,15 @@ def _likelier(
 
     Observer and fit in turn may stop at a fast observer that follows what the model gets wrong.
     """
-    own = cost(problem, current)
+    own = problem.cost(current)
     try:
         at, fitted = _as_it_stands(there.model, there, view.experiments)
-        if cost(at, fitted) > own - HOPE:
+        if at.cost(fitted) > own - HOPE:
             return None
         again = settle(view.experiments, there.model, there.x)
     except ValueError:
         return None
-    return again if cost(*again) < own - HOPE else None
+    return again if again[0].cost(again[1]) < own - HOPE else None
 
 
 def _silent(_: str) -> None:
@@ -171,18 +172,21 @@ def _settled(
     tried: set[str] = set()
     for answer in sorted(pool, key=weighed):
         trial = answer.trial
-        if trial.label in tried or len(tried) == SETTLED or answer.cost > own - HOPE:
+        least = max([HOPE, *(RATHER * (own - a.cost) for a in found)])
+        if trial.label in tried or len(tried) == SETTLED or answer.cost > own - least:
             continue
         tried.add(trial.label)
         try:
-            problem, fitted = settled_on(trial, answer.view.experiments)
+            problem, fitted = settled_on(trial, answer.view.experiments, own - HOPE)
+        except NotWorth:
+            continue
         except ValueError as error:
             say(f"{trial.label} is left out: {error}")
             continue
         if key := at_bound(fitted):
             say(f"{trial.label} is left out: its {key} runs out of what physics allows")
             continue
-        paid = cost(problem, fitted) + trial.price
+        paid = problem.cost(fitted) + trial.price
         if own - paid > THRESHOLD * wide + 2.0 * trial.parameters:
             found.append(replace(answer, problem=problem, settled=fitted, cost=paid))
     if not found:
@@ -193,16 +197,15 @@ def _settled(
     return [best, *(a for a in found if a is not best)]
 
 
-def cost(problem: Problem, fitted: Fitted) -> float:
-    """Return -2 log likelihood of the innovations, deviations concentrated out, and priors."""
-    prior = fitted.residual[fitted.samples :]
-    return problem.observer.cost(fitted.white) + float(prior @ prior)
+def settled_on(
+    trial: Trial, experiments: Sequence[Experiment], worth: float = np.inf
+) -> tuple[Problem, Fitted]:
+    """Settle observer and fit on a trial, and what it says of the recordings.
 
-
-def settled_on(trial: Trial, experiments: Sequence[Experiment]) -> tuple[Problem, Fitted]:
-    """Settle observer and fit on a trial, and what it says of the recordings."""
+    Raises NotWorth where the first fit costs more than `worth`.
+    """
     experiments = trial.experiments or experiments
-    problem, settled = settle(experiments, trial.fitted.model, trial.fitted.x)
+    problem, settled = settle(experiments, trial.fitted.model, trial.fitted.x, worth)
     if settled.model.sensor_error_known:
         for _ in range(SHARPENED):
             experiments = sharpened(problem, settled, experiments)
@@ -222,14 +225,15 @@ def runs_freer(asked: Asked, best: Answer, settled: Fitted) -> Answer | None:
             continue
         with suppress(ValueError):
             problem, fitted = settled_on(answer.trial, answer.view.experiments)
-            paid = cost(problem, fitted) + answer.trial.price
+            paid = problem.cost(fitted) + answer.trial.price
             return replace(answer, problem=problem, settled=fitted, cost=paid)
     return None
 
 
 def _worth(step: Step, current: Fitted) -> list[Trial]:
     ordered = sorted(step.trials, key=lambda t: evidence(t, current.samples), reverse=True)
-    kept = ordered[:ASKED]
+    most = max((t.worth for t in ordered), default=0.0)
+    kept = [t for t in ordered[:ASKED] if t.worth > max(RATHER * most, HOPE)]
     return [*kept, *(t for t in step.believed[:1] if not any(t is k for k in kept))]
 
 
