@@ -212,7 +212,9 @@ def _starts(effect: Effect, at: str, z: Magnitudes, device: Device) -> Iterator[
             for angle in (0.0, QUARTER):
                 yield {"level": s * f, "angle": angle}, {"level": s * f, "angle": 0.5}
     elif name == "force_ripple":
-        for period in np.geomspace(z.span / 80.0, z.span / 1.8, 16):
+        # A start must lie within a fraction of a wave over all travel: the residual's own spectrum
+        # (`waves`) shows the shorter ones.
+        for period in np.geomspace(z.span / 9.0, z.span / 1.8, 7):
             for phase in (0.0, QUARTER):
                 yield (
                     {"amplitude": 0.02 * f, "period": float(period), "phase": phase},

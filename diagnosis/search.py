@@ -185,11 +185,14 @@ def _clearly(new: Trial, old: Trial, wide: float) -> bool:
 
 
 def fit_without(problem: Problem, fitted: Fitted, index: int) -> Fitted:
-    """Fit a model again without one of its effects."""
+    """Fit a model again without one of its effects; asked twice of the same, answer from memory."""
     labels = [p.name.split(".")[0] for p in fitted.model.parameters]
     gone = place_label(fitted.model.effects[index])
-    keep = np.array([label != gone for label in labels])
-    return problem.fit(fitted.model.without_effect(index), fitted.x[keep])
+    key = (gone, fitted.model.label, fitted.x.tobytes())
+    if key not in problem.without:
+        keep = np.array([label != gone for label in labels])
+        problem.without[key] = problem.fit(fitted.model.without_effect(index), fitted.x[keep])
+    return problem.without[key]
 
 
 def prune(problem: Problem, fitted: Fitted) -> Fitted:
