@@ -20,9 +20,10 @@ from diagnosis.locate import locate
 from diagnosis.next_experiment import NextExperiment, next_experiment
 from diagnosis.parameters import Model, first_velocity, linear_parameters, values_of
 from diagnosis.rectified import unfolded
+from diagnosis.removal import fit_without
 from diagnosis.result import Diagnosis, Estimate, Finding, Residuals, Rival, Verdict
 from diagnosis.screen import Complement, screen
-from diagnosis.search import Searched, fit_without, search
+from diagnosis.search import Searched, search
 from diagnosis.trials import Say, Step
 from diagnosis.uncertainty import Z95, covariance, inflation
 from diagnosis.unknown import unknown

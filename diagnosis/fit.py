@@ -54,7 +54,7 @@ class Fitted:
         return replace(self, residual=np.zeros(0), jacobian=np.zeros((0, self.x.size)))
 
 
-class _Slopes:
+class Slopes:
     """Values of a fit, and slopes computed anew only where they foretold the last step badly.
 
     Where they foretold it, they are corrected by what was seen along the step d alone (Broyden,
@@ -76,13 +76,14 @@ class _Slopes:
     def slope(self, x: Floats) -> Floats:
         """Return the slopes at x, where the residual was asked for last."""
         found = self.value(x)
-        kept = None if self.at is None else self._corrected(x, found)
+        kept = None if self.at is None else self.corrected(x, found)
         if kept is None:
             kept, self.computed = self.slopes(x, found), x.copy()
         self.at = x.copy(), found, kept
         return kept
 
-    def _corrected(self, x: Floats, found: Floats) -> Floats | None:
+    def corrected(self, x: Floats, found: Floats) -> Floats | None:
+        """Return the slopes at x corrected by the step there, None where they foretold it badly."""
         assert self.at is not None
         before, earlier, slopes = self.at
         d = x - before
@@ -191,9 +192,7 @@ class Problem:
         lower = np.array([p.lower for p in parameters])
         upper = np.array([p.upper for p in parameters])
         least = max(1e-8, NOTHING / (1 + sum(e.measured.size for e in self.experiments)))
-        best = _Slopes(
-            lambda x: self.residual(model, x), lambda *a: self.jacobian(model, *a, known)
-        )
+        best = Slopes(lambda x: self.residual(model, x), lambda *a: self.jacobian(model, *a, known))
         start = np.zeros(len(parameters)) if x is None else x
         while True:
             margin = 1e-9 * np.maximum(1.0, np.abs(start))

@@ -127,7 +127,7 @@ class Fineness:
     jumping: tuple[int, int]
 
 
-SCREENING = Fineness(2, 8, (4, 8))
+SCREENING = Fineness(2, 8, (8, 16))
 SEARCHING, FINAL = Fineness(4, 8, (8, 16)), Fineness(8, 32, (16, 32))
 
 

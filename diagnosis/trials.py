@@ -11,7 +11,7 @@ must beat a simpler one by five sigma.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,6 +31,7 @@ Floats = NDArray[np.float64]
 THRESHOLD = 22.0
 FIVE_SIGMA = 25.0
 FITTED = 8  # candidates fitted a step
+AMONG = 3  # of a few named candidates
 STRAIGHTENED = 4  # of them from the device file, where the refit is bent
 WORTH = 10.0  # first-order chi-square that is worth a fit
 FIRST_ROUNDS = 4  # of a fit, after which only the candidates near the best go on
@@ -141,6 +142,19 @@ def richer_trials(problem: Problem, current: Fitted, simple: Physics) -> list[Tr
     screened = screen(problem, current, starts) if starts else []
     first = [_tried(problem, current, current, one.start, {}) for one in screened]
     return [_further(problem, current, trial) for trial in first]
+
+
+def best_among(problem: Problem, current: Fitted, labels: Collection[str]) -> Trial | None:
+    """Fit the most promising of some effects on top of a model, and the best of them to its end."""
+    starts = [
+        s
+        for s in candidates(current.model.build(current.x), problem.experiments)
+        if s.label in labels
+    ]
+    near = [one for one in screen(problem, current, starts)[:AMONG] if one.score > WORTH]
+    trials = [_tried(problem, current, current, one.start, {}) for one in near]
+    best = max(trials, key=lambda t: evidence(t, current.samples), default=None)
+    return None if best is None else _further(problem, current, best)
 
 
 def _straight(problem: Problem, current: Fitted) -> Fitted | None:

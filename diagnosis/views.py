@@ -72,14 +72,14 @@ def ask(problem: Problem, current: Fitted, experiments: Sequence[Experiment], sa
     it: a refit that had stopped short of its best would make a claim of anything.
     """
     asked = _asked(problem, current, experiments, say)
-    again = _settled_without(asked)
+    again = settled_without(asked)
     if again is None:
         return asked
     say("the model without it is settled anew from there, and is likelier than before")
     return _asked(*again, again[0].experiments, say)
 
 
-def _settled_without(asked: Asked) -> tuple[Problem, Fitted] | None:
+def settled_without(asked: Asked) -> tuple[Problem, Fitted] | None:
     """Settle the model without what is believed most from there, if that is likelier."""
     if not asked.believed:
         return None

@@ -13,8 +13,8 @@ from diagnosis.fit import Fitted, Problem
 from diagnosis.modes import mode_starts
 from diagnosis.parameters import Model
 from diagnosis.predictor import SETTLING, Observer, innovations, whitened
+from diagnosis.removal import may_be_zero
 from diagnosis.screen import Screened, turned_starts
-from diagnosis.search import may_be_zero
 from diagnosis.settle import prepared_for, refit
 from diagnosis.spatial import response
 from diagnosis.trials import at_bound

@@ -1,0 +1,184 @@
+"""Exchange effects: one for one, a richer for its parts, two for two.
+
+Early steps see the recording with the rest of the physics still missing, so what they took may have
+stood for several effects at once.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from diagnosis.candidates import CONTAINED, simpler
+from diagnosis.fit import Fitted, Problem
+from diagnosis.parameters import effect_labels
+from diagnosis.removal import fit_without, prune
+from diagnosis.trials import (
+    FIVE_SIGMA,
+    THRESHOLD,
+    Say,
+    Step,
+    Trial,
+    best_among,
+    richer_trials,
+    take,
+)
+from diagnosis.uncertainty import inflation
+from diagnosis.views import settled_on
+from sim.device import place_label
+
+MOST = 3  # effects
+SWAP_GAIN = 4.0  # chi-square by which an effect as simple must be better to replace one
+SEEN = 2.0  # thresholds that every effect must gain under the likeliest observer to be exchanged
+NEAR = 50.0  # chi-square behind an effect, of what may stand in its place if another changes too
+RIVALS = 2  # of each effect, tried in pairs
+
+
+def plainly_there(problem: Problem, current: Fitted) -> bool:
+    """Whether the likeliest observer misses every effect, not only one that trusts the model."""
+    least = SEEN * THRESHOLD * inflation(current.white)
+    alone = (fit_without(problem, current, i) for i in range(len(current.model.effects)))
+    return all(without.chi2 - current.chi2 > least for without in alone)
+
+
+def swapped(problem: Problem, current: Fitted, say: Say) -> tuple[Problem, Fitted, list[Step]]:
+    """Take each effect out and look whether another explains more in its place.
+
+    Returns the steps too: they name the rivals of every effect beside all others.
+    """
+    steps: list[Step] = []
+    index = exchanged = 0
+    while index < len(current.model.effects):
+        label = place_label(current.model.effects[index])
+        without = fit_without(problem, current, index)
+        step = take(problem, without, problem.experiments, say)
+        own = Trial(label, current.light(), without.chi2 - current.chi2, _extra(current, without))
+        best = step.taken
+        stays = best is None or best.label == label or exchanged >= MOST
+        if stays or best is None or not _clearly(best, own, step.inflation):
+            steps.append(replace(step, taken=own))
+            index += 1
+            continue
+        say(f"{best.label} in place of {label}")
+        try:
+            problem, current = settled_on(best, problem.experiments)
+        except ValueError:
+            steps.append(replace(step, taken=own))
+            index += 1
+            continue
+        current = prune(problem, current)
+        steps, index, exchanged = [], 0, exchanged + 1
+    return problem, current, steps
+
+
+def merged(problem: Problem, current: Fitted, say: Say) -> tuple[Problem, Fitted]:
+    """Put a richer effect in the place of one, or of two, that are its special case or part of it.
+
+    Coulomb friction with a drag may be Stribeck friction, with a constant force directional: the
+    simpler one, found first, bars the richer, and what is left then looks like something else. One
+    for one must be better by five sigma.
+    """
+    wide = inflation(current.white)
+    price = wide * float(np.log(current.samples))
+    best: Trial | None = None
+    paid = current.chi2 + price * current.x.size
+    for i, one in enumerate(current.model.effects):
+        alone = fit_without(problem, current, i)
+        for trial in richer_trials(problem, alone, one):
+            asked = trial.fitted.chi2 + price * trial.fitted.x.size + FIVE_SIGMA * wide
+            if asked < paid and not trial.on_bound:
+                best, paid = trial, asked
+        for j in range(len(alone.model.effects)):
+            rest = fit_without(problem, alone, j)
+            for trial in richer_trials(problem, rest, one):
+                asked = trial.fitted.chi2 + price * trial.fitted.x.size
+                if asked < paid and not trial.on_bound:
+                    best, paid = trial, asked
+    if best is None:
+        return problem, current
+    try:
+        there, settled = settled_on(best, problem.experiments)
+    except ValueError:
+        return problem, current
+    kept = prune(there, settled)
+    if best.label not in effect_labels(kept.model.effects):
+        return problem, current
+    say(f"{best.label} is richer and explains more")
+    return there, kept
+
+
+def paired(
+    problem: Problem, current: Fitted, steps: Sequence[Step], say: Say
+) -> tuple[Problem, Fitted]:
+    """Exchange two effects at once, where each alone would be worse.
+
+    A friction at the wrong mass explains part of the one beside it, and each holds the other there.
+    steps: of `swapped`, one for every effect; a near rival of one is taken, and then what is akin
+    to another tried in its place.
+    """
+    if len(current.model.effects) < 2 or len(steps) != len(current.model.effects):
+        return problem, current
+    wide = inflation(current.white)
+    price = wide * float(np.log(current.samples))
+    paid = current.chi2 + price * current.x.size - SWAP_GAIN * wide
+    best: Trial | None = None
+    for i, step in enumerate(steps):
+        for rival in _near(step, wide):
+            model = rival.fitted.model
+            for j in range(len(model.effects) - 1):
+                other = j if j < i else j + 1
+                rest = fit_without(problem, rival.fitted, j)
+                trial = best_among(problem, rest, _akin(steps[other], wide))
+                if trial is None or trial.on_bound:
+                    continue
+                asked = trial.fitted.chi2 + price * trial.fitted.x.size
+                if asked < paid:
+                    best, paid = trial, asked
+    if best is None:
+        return problem, current
+    try:
+        there, settled = settled_on(best, problem.experiments)
+    except ValueError:
+        return problem, current
+    kept = prune(there, settled)
+    each = float(np.log(current.samples))
+    before = problem.cost(current) + each * current.x.size
+    if there.cost(kept) + each * kept.x.size > before - SWAP_GAIN:
+        return problem, current
+    say(f"{kept.model.label} in place of {current.model.label}")
+    return there, kept
+
+
+def _near(step: Step, wide: float) -> list[Trial]:
+    """The nearest rivals of the effect that a step took, that slopes lead to."""
+    own = step.taken
+    if own is None:
+        return []
+    near = [
+        t
+        for t in step.trials
+        if t.label != own.label and t.experiments is None and own.gained - t.gained < NEAR * wide
+    ]
+    return sorted(near, key=lambda t: t.gained, reverse=True)[:RIVALS]
+
+
+def _akin(step: Step, wide: float) -> set[str]:
+    """Labels of what may stand for an effect: near rivals, what is simpler, what is richer."""
+    if step.taken is None:
+        return set()
+    name, at = step.taken.label.split("@")
+    found = {t.label for t in _near(step, wide)}
+    found |= {f"{other}@{at}" for other in (*simpler(name), *CONTAINED.get(name, ()))}
+    return found - {step.taken.label}
+
+
+def _extra(full: Fitted, part: Fitted) -> int:
+    return max(1, full.x.size - part.x.size)
+
+
+def _clearly(new: Trial, old: Trial, wide: float) -> bool:
+    """Whether a swap pays: as simple and better, or simpler and within five sigma."""
+    if new.parameters < old.parameters:
+        return old.gained - new.gained < FIVE_SIGMA * wide
+    more = FIVE_SIGMA * wide if new.parameters > old.parameters else SWAP_GAIN * wide
+    return new.gained - new.price > old.gained - old.price + more

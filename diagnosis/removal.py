@@ -1,0 +1,76 @@
+"""Take effects out again: the fit without one, and whether one may stay."""
+
+import numpy as np
+from scipy.stats import chi2
+
+from diagnosis.candidates import MAGNITUDE
+from diagnosis.fit import Fitted, Problem
+from diagnosis.trials import THRESHOLD
+from diagnosis.uncertainty import covariance, inflation
+from sim.device import place_label
+
+UNSURE = 6.3e-5  # odds that nothing looks as large as what is kept, four sigma of one magnitude
+CERTAIN = 1e3  # what Wald's test must say of an effect that is kept without another fit
+BEYOND = 100.0  # chi-square lost without an effect, that no fit stopped short explains
+FREE = 1e12  # variance, in x, of what the recording does not determine at all
+
+
+def fit_without(problem: Problem, fitted: Fitted, index: int) -> Fitted:
+    """Fit a model again without one of its effects; asked twice of the same, answer from memory."""
+    labels = [p.name.split(".")[0] for p in fitted.model.parameters]
+    gone = place_label(fitted.model.effects[index])
+    key = (gone, fitted.model.label, fitted.x.tobytes())
+    if key not in problem.without:
+        keep = np.array([label != gone for label in labels])
+        problem.without[key] = problem.fit(fitted.model.without_effect(index), fitted.x[keep])
+    return problem.without[key]
+
+
+def prune(problem: Problem, fitted: Fitted) -> Fitted:
+    """Remove every effect whose absence costs less than the threshold, or that may be zero."""
+    index = 0
+    while index < len(fitted.model.effects):
+        sure = wald(fitted, index)
+        if sure is not None and sure[0] > CERTAIN:
+            index += 1
+            continue
+        without = fit_without(problem, fitted, index)
+        gained = (without.chi2 - fitted.chi2) / inflation(fitted.white)
+        if gained < THRESHOLD or (gained < BEYOND and may_be_zero(fitted, index)):
+            fitted, index = without, 0
+        else:
+            index += 1
+    return fitted
+
+
+def may_be_zero(fitted: Fitted, index: int) -> bool:
+    """Whether the magnitudes of an effect are nothing within their errors, all together.
+
+    Chi-square alone deceives where the fit before it had stopped short of its minimum, as it does
+    on the creases that friction makes.
+    """
+    found = wald(fitted, index)
+    return found is not None and found[0] < float(chi2.isf(UNSURE, found[1]))
+
+
+def wald(fitted: Fitted, index: int) -> tuple[float, int] | None:
+    """Return Wald's m' C^-1 m of an effect's magnitudes m, C their covariance, and how many.
+
+    Together: one of them may well be undetermined (a constant force beside the origin of a spring)
+    where another is sure. None for an effect without magnitudes.
+    """
+    physics = fitted.model.effects[index]
+    names = MAGNITUDE.get(physics.effect.name, ())
+    parameters = fitted.model.parameters
+    own = [
+        j for j, p in enumerate(parameters)
+        if p.kind == "effect" and p.index == index and p.key in names
+    ]  # fmt: skip
+    if not own:
+        return None
+    scales = np.array([parameters[j].scale for j in own])
+    size = np.array([physics.values[parameters[j].key] for j in own]) / scales + fitted.x[own]
+    spread = np.nan_to_num(covariance(fitted)[np.ix_(own, own)], posinf=FREE)
+    variance, axes = np.linalg.eigh(spread)
+    found = np.sum((axes.T @ size) ** 2 / np.maximum(variance, np.finfo(float).tiny))
+    return float(found), len(own)

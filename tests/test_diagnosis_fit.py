@@ -1,0 +1,164 @@
+"""Fits that spare slopes, observers chosen from nearby, and trials that are not worth settling."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis import removal, trials, views
+from diagnosis.fit import Fitted, Problem, Slopes
+from diagnosis.parameters import Model, effect_labels
+from diagnosis.predictor import choose_observer
+from diagnosis.settle import NotWorth, prepared_for, refit, settle
+from sim.physics import make_physics
+from tests.diagnosis_examples import phantom, record
+
+
+class Counted(Problem):
+    """A problem that counts its predictions."""
+
+    predictions = 0
+
+    def weighted(self, model, x):
+        self.predictions += 1
+        return super().weighted(model, x)
+
+
+def test_spared_slopes_lead_to_the_same_minimum_with_fewer_predictions(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    """Against the same fit that computes all slopes anew.
+
+    Mutations that break it: the correction along the step with its sign turned; slopes never
+    computed anew (the minimum is missed).
+    """
+    truth = phantom().with_physics(make_physics("quadratic_drag", "m1", coefficient=2e-3))
+    e = record(truth, 3.0, seed=3)
+    model = Model(phantom(), (make_physics("quadratic_drag", "m1", coefficient=5e-4),))
+    model = replace(model, scales=({"coefficient": 1e-3},))
+    prepared, _ = refit(phantom(), [e])
+
+    def fitted() -> tuple[Fitted, int]:
+        problem = Counted(prepared.experiments, prepared.observer)
+        start = np.full(len(model.parameters), 0.7)
+        return problem.fit(model, start, rounds=30), problem.predictions
+
+    sparing, few = fitted()
+    monkeypatch.setattr(Slopes, "corrected", lambda self, x, found: None)
+    thorough, many = fitted()
+    assert sparing.chi2 == pytest.approx(thorough.chi2, abs=0.1)
+    assert few < 0.6 * many
+    fresh = prepared.jacobian(model, sparing.x)
+    size = np.linalg.norm(fresh, axis=0)
+    live = size > 1e-3 * size.max()
+    assert np.linalg.norm(sparing.jacobian - fresh, axis=0)[live] == pytest.approx(
+        0.0, abs=0.05 * size.max()
+    )
+
+
+def test_slopes_that_foretold_a_step_are_corrected_along_it():
+    """Broyden's: J' d = r - r_0, and J' w = J w for all w across d.
+
+    Mutation that breaks it: the outer product turned round, or over |d| instead of its square.
+    """
+    random = np.random.default_rng(1)
+    bent, steep = random.standard_normal((2, 5, 2))
+    asked: list[np.ndarray] = []
+
+    def residual(x: np.ndarray) -> np.ndarray:
+        return 10.0 + steep @ x + 0.05 * bent @ x**2
+
+    def slopes(x: np.ndarray, _: np.ndarray) -> np.ndarray:
+        asked.append(x)
+        return steep + 0.1 * bent * x
+
+    found = Slopes(residual, slopes)
+    zero, d = np.zeros(2), np.array([-0.3, 0.2])
+    first = found.slope(zero)
+    kept = found.slope(d)
+    assert len(asked) == 1
+    assert kept @ d == pytest.approx(residual(d) - residual(zero))
+    across = np.array([0.2, 0.3])
+    assert kept @ across == pytest.approx(first @ across)
+    assert not np.allclose(kept, first)
+    found.slope(np.array([40.0, -40.0]))  # far off, where the slopes foretell badly
+    assert len(asked) == 2
+
+
+def test_an_observer_chosen_from_nearby_is_the_likeliest_of_all():
+    """Mutation that breaks it: a walk that stops after one step."""
+    e = record(phantom(), 3.0, seed=5)
+    best = choose_observer(phantom(), [e]).ratio
+    for decades in (-2.0, 0.0, 2.0):
+        assert choose_observer(phantom(), [e], best * 10.0**decades).ratio == best
+
+
+def test_a_trial_that_explains_too_little_is_not_settled():
+    """Mutation that breaks it: `worth` not looked at."""
+    e = record(phantom(), 3.0, seed=6)
+    problem, fitted = refit(phantom(), [e])
+    own = problem.cost(fitted)
+    with pytest.raises(NotWorth, match="linear explains too little"):
+        settle([e], fitted.model, fitted.x, own - 10.0)
+    assert settle([e], fitted.model, fitted.x, own + 1.0)[1].chi2 == pytest.approx(
+        fitted.chi2, rel=1e-3
+    )
+
+
+def test_an_effect_beyond_doubt_is_kept_without_a_fit(monkeypatch: pytest.MonkeyPatch):
+    """And one that explains nothing is removed, by a fit.
+
+    Mutation that breaks it: the comparison turned round.
+    """
+    asked: list[int] = []
+    real = removal.fit_without
+
+    def counted(problem: Problem, fitted: Fitted, index: int) -> Fitted:
+        asked.append(index)
+        return real(problem, fitted, index)
+
+    monkeypatch.setattr(removal, "fit_without", counted)
+    sure = make_physics("coulomb_friction", "m1", level=4e-2)
+    e = record(phantom().with_physics(sure), 3.0, seed=7)
+    problem, _ = refit(phantom(), [e], (sure,))
+    idle = make_physics("quadratic_drag", "m1", coefficient=1e-9)
+    for effects, scales, kept, fits in (
+        ((sure,), ({"level": 4e-2},), ["coulomb_friction@m1"], 0),
+        ((sure, idle), ({"level": 4e-2}, {"coefficient": 1e-6}), ["coulomb_friction@m1"], 1),
+    ):
+        fitted = problem.fit(Model(phantom(), effects, scales))
+        asked.clear()
+        pruned = removal.prune(problem, fitted)
+        assert effect_labels(pruned.model.effects) == kept
+        assert len(asked) == fits
+
+
+def test_a_claim_must_beat_the_model_without_it_from_the_same_place():
+    """A refit that stopped short of its minimum gains by anything that is fitted on from there.
+
+    Mutation that breaks it: `settled_without` returns None always.
+    """
+    e = record(phantom(), 3.0, seed=8)
+    problem, best = refit(phantom(), [e])
+    short = best.x.copy()
+    short[0] += 0.5  # a mass of 1.1 times its best
+    there = prepared_for(problem.experiments, best.model, short)
+    stopped = there.at(best.model, short)
+    claim = best.model.with_effect(make_physics("quadratic_drag", "m1", coefficient=1e-9), {})
+    trial = trials.Trial("quadratic_drag@m1", best, 100.0, 1)
+    settled = replace(best, model=claim)
+    answer = views.Answer(
+        trials.Step((trial,), trial, 1.0),
+        trial,
+        problem,
+        False,
+        problem,
+        settled,
+        problem.cost(best),
+    )
+    asked = views.Asked(there, stopped, answer.step, [answer], [])
+    again = views.settled_without(asked)
+    assert again is not None
+    assert again[0].cost(again[1]) == pytest.approx(problem.cost(best), abs=1.0)
+    content = views.Asked(problem, best, answer.step, [answer], [])
+    assert views.settled_without(content) is None
