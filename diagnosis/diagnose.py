@@ -26,7 +26,7 @@ from diagnosis.screen import Complement, screen
 from diagnosis.search import Searched, search
 from diagnosis.trials import Say, Step
 from diagnosis.uncertainty import Z95, covariance, inflation
-from diagnosis.unknown import unknown
+from diagnosis.unknown import Instead, instead, unknown
 from sim.device import Device, place_label
 from sim.physics import make_physics
 from sim.physics.effect import Physics
@@ -94,8 +94,8 @@ def diagnose(
         final_device = final_device.with_physics(make_physics("rectified_sensor", "sensor"))
     refit = _linear(device, found.final, acted)
     bounds = {} if findings else _upper_bounds(found)
-    left = _left(found, acted)
-    verdict, sentence = _verdict(found, findings, refit, left)
+    left, other = _left(found, acted), _instead(found)
+    verdict, sentence = _verdict(found, findings, refit, left, other)
     wrong = [f for f in faults if f.wrong]
     if wrong:
         verdict, sentence = (
@@ -335,11 +335,28 @@ def _left(found: Searched, acted: Sequence[Experiment]) -> Left:
     return Left(0.0, "")
 
 
+def _instead(found: Searched) -> Instead | None:
+    """Return a force of no library that explains more than one of the effects, or all of them."""
+    final, effects = found.final, found.final.model.effects
+    experiments = found.problem.experiments
+    names = [f"{p.effect.name} at {p.at}" for p in effects]
+    models = [(name, fit_without(found.problem, final, i)) for i, name in enumerate(names)]
+    if len(effects) > 1:
+        models.append((" and ".join(names), found.refit))
+    asked = [
+        instead(found.problem, final, without, experiments, name)
+        for name, without in models
+        if without.x.size < final.x.size
+    ]
+    return max((a for a in asked if a is not None), key=lambda a: a.gained, default=None)
+
+
 def _verdict(
     found: Searched,
     findings: tuple[Finding, ...],
     refit: dict[str, tuple[float, Estimate]],
     left: Left,
+    other: Instead | None,
 ) -> tuple[Verdict, str]:
     explained = max(found.refit.chi2 - found.final.chi2, 1.0)
     share = COLOURED if found.problem.observer.whitening is None else UNEXPLAINED
@@ -347,6 +364,10 @@ def _verdict(
         beyond = f" beyond {' and '.join(f.effect for f in findings)}" if findings else ""
         return Verdict.UNKNOWN_PHYSICS, (
             f"something is missing{beyond} that no effect of the library explains: {left.sentence}"
+        )
+    if other is not None:
+        return Verdict.UNKNOWN_PHYSICS, (
+            f"something is missing that no effect of the library explains: {other.sentence}"
         )
     if findings:
         names = " and ".join(f"{f.effect} at {f.at}" for f in findings)

@@ -10,12 +10,18 @@ the second a damper, mass or spring that drifts, the third what a drag by anothe
 Under a slower observer, which takes no motion for disturbance (`diagnosis.views`), least squares
 gives the a off the refit's span; the best shapes are then added to the recording as a known force,
 and what counts is how much likelier the recording is with it, each under its own likeliest
-observer. Limits: the force is computed along the
-motion that the model without it predicts, so a force that changes the motion is found too weak.
+observer. The force is computed along the motion that the model with it predicts, from one turn to
+the next. Limits: a force that turns the motion over is not followed to its end in so few turns.
+
+A library name may fit what is of no library: a hum rings like a mode without damping, the cube of a
+velocity is nearly its square and some friction. So for each of the names, and all together, what
+repeats most and the cube of a velocity are tried in their place (`instead`); where such a force is
+likelier with no more unknowns, what was found has no name.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,12 +29,13 @@ from scipy.signal import fftconvolve
 
 from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted, Problem
-from diagnosis.leftover import factors, predicted_states
+from diagnosis.leftover import Leftover, factors, leftover, predicted_states
 from diagnosis.locate import STATES, motions, state_of
 from diagnosis.predictor import SETTLING
 from diagnosis.screen import Complement
 from diagnosis.settle import prepared_for
 from diagnosis.spatial import response
+from diagnosis.uncertainty import inflation
 from diagnosis.views import views
 
 Floats = NDArray[np.float64]
@@ -40,6 +47,10 @@ ROUNDS = 4  # of a fit beside such a force
 HOPE = 10.0  # of -2 log likelihood, below which no further turn is taken
 STILL = 0.5  # the same, below which the turns agree
 FARTHEST = 1.0  # in x, that parameters move beside a force before they are fitted
+CUBE = "the cube of velocity"
+EACH = 1.0  # of ln(samples), the price of an unknown
+CLEARLY = 25.0  # -2 log likelihood by which a force of no library must beat a name
+PART = 0.5  # of what the named explain, that such a force must to first order
 JUDGED = 3  # shapes of each view whose likelihood is looked at
 
 
@@ -47,13 +58,15 @@ JUDGED = 3  # shapes of each view whose likelihood is looked at
 class Shape:
     """A force of free shape: one column an unknown, (ticks, unknowns) a recording.
 
-    ends: share (n,) of it on every mass; -1 at the far end of a link.
+    ends: share (n,) of it on every mass; -1 at the far end of a link. rebuilt: the same along the
+    motion that another problem and fit predict.
     """
 
     place: str
     follows: str
     ends: Floats
     columns: list[Floats]
+    rebuilt: Callable[[Problem, Fitted], "Shape"]
 
     def forces(self, strength: Floats) -> list[Floats]:
         """Return the forces (ticks, n) at some strengths (unknowns,)."""
@@ -87,6 +100,27 @@ class Unknown:
         )
 
 
+@dataclass(frozen=True)
+class Instead:
+    """A force of no library in the place of named effects, likelier by so much, unknowns paid."""
+
+    gained: float
+    unknowns: int
+    shape: Shape
+    name: str
+
+    @property
+    def sentence(self) -> str:
+        """Say what explains it better."""
+        number = f"{self.unknowns} unknown{'s' if self.unknowns > 1 else ''}"
+        how = self.shape.follows
+        how = how if how.startswith(("repeats", "follows")) else f"follows {how}"
+        return (
+            f"a force at {self.shape.place} that {how} makes the recording likelier than"
+            f" {self.name} by {self.gained:.0f} in -2 log likelihood, with {number} and their price paid"
+        )
+
+
 def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None:
     """Return the likeliest force of free shape beside a fitted model, on all of the recordings.
 
@@ -117,6 +151,57 @@ def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None
     return Unknown(base - found, one.strength.size, one.shape.place, one.shape.follows)
 
 
+def instead(
+    problem: Problem, final: Fitted, without: Fitted, experiments: Sequence[Experiment], name: str
+) -> Instead | None:
+    """Return a force of no library that explains more than some effects, with fewer unknowns.
+
+    without: the fit without these effects; name: of them. Tried are the cube of a velocity, and
+    what repeats or sways most. Each is judged by likelihood, under its own likeliest observer.
+    """
+    n = final.model.acting(final.x).chain.masses.size
+    named = final.x.size - without.x.size
+    lost = without.chi2 - final.chi2
+    shapes = [s for s in _shapes(problem, without, n) if s.follows == CUBE]
+    line = leftover(problem, without)
+    if line.gained > line.chance * inflation(without.white):
+        shapes.append(_repeating(problem, without, line, n))
+    off = Complement(without.jacobian)
+    best: Instead | None = None
+    least = _alone(final, experiments) + EACH * named * np.log(final.samples) - CLEARLY
+    for shape in shapes:
+        one = Gained(shape, *_solved(problem, without, off, shape))
+        unknowns = one.strength.size + (shape.follows != CUBE)  # its period was sought
+        if unknowns > named or one.gained < PART * lost:
+            continue
+        try:
+            paid, _ = _with_force(problem, without, one, np.inf)
+        except ValueError:  # no observer follows the recording with that force
+            continue
+        paid += EACH * unknowns * np.log(final.samples)
+        if paid < least:
+            best, least = Instead(float(least + CLEARLY - paid), unknowns, shape, name), paid
+    return best
+
+
+def _repeating(problem: Problem, fitted: Fitted, line: Leftover, n: int) -> Shape:
+    """The strongest line as a force: its cosine and sine, by what it is in proportion to."""
+    states = predicted_states(problem, fitted)
+    period = problem.experiments[0].period
+    masses = np.eye(n)
+    ends = masses[int(line.at[-1]) - 1]
+    if line.at.startswith("link"):
+        ends = masses[int(line.at[4]) - 1] - ends
+    columns: list[Floats] = []
+    for x, q in zip(states, factors(line.at, states, n, period)[line.follows], strict=True):
+        over = period * np.arange(q.size) if line.over == "time" else x[:, 0]
+        turn = 2.0 * np.pi * over / line.period
+        columns.append(_settled(q)[:, None] * np.column_stack([np.cos(turn), np.sin(turn)]))
+    q = "repeats" if line.follows == "1" else f"follows the {line.follows} and repeats"
+    again = partial(_repeating, line=line, n=n)
+    return Shape(line.at, f"{q} over {line.over}", ends, columns, again)
+
+
 def _surplus(one: Gained) -> float:
     return one.gained - 2.0 * one.strength.size
 
@@ -139,12 +224,12 @@ def _with_force(view: Problem, fitted: Fitted, one: Gained, base: float) -> tupl
 
     view, fitted: where the strengths were found.
     """
-    found, strength, near = np.inf, one.strength, None
+    found, strength, shape, near = np.inf, one.strength, one.shape, None
     x = fitted.x + _moved(view, fitted, one)
     for turn in range(TURNS):
         forced = [
             replace(e, force=f)
-            for e, f in zip(view.experiments, one.shape.forces(strength), strict=True)
+            for e, f in zip(view.experiments, shape.forces(strength), strict=True)
         ]
         problem = prepared_for(forced, fitted.model, x, near=near)
         near = problem.observer.ratio
@@ -158,7 +243,8 @@ def _with_force(view: Problem, fitted: Fitted, one: Gained, base: float) -> tupl
         if found > min(base - HOPE, before - STILL):
             return found, fitted
         off = Complement(fitted.jacobian)
-        strength = strength + _solved(problem, fitted, off, one.shape)[0]
+        shape = shape.rebuilt(problem, fitted)
+        strength = strength + _solved(problem, fitted, off, shape)[0]
     return found, fitted
 
 
@@ -227,15 +313,25 @@ def _shapes(problem: Problem, fitted: Fitted, n: int) -> Iterator[Shape]:
             edges = np.unique(np.quantile(np.concatenate(values), QUANTILES))
             last = edges.size - 2
             bins = [np.clip(np.searchsorted(edges, v, "right") - 1, 0, last) for v in values]
-            yield Shape(place, state, ends, [np.eye(last + 1)[b] for b in bins])
+            binned = [np.eye(last + 1)[b] for b in bins]
+            yield Shape(place, state, ends, binned, _same(place, state, n))
         if not place.startswith("link"):
             speeds = [x[:, n + int(place[1]) - 1] for x in states]
-            yield Shape(
-                place, "the cube of velocity", ends, [_settled(v**3)[:, None] for v in speeds]
-            )
+            cubes = [_settled(v**3)[:, None] for v in speeds]
+            yield Shape(place, CUBE, ends, cubes, _same(place, CUBE, n))
         for name, q in factors(place, states, n, problem.experiments[0].period).items():
             if name != "1":
-                yield Shape(place, f"a drift times {name}", ends, [_drifting(one) for one in q])
+                follows = f"a drift times {name}"
+                drifting = [_drifting(one) for one in q]
+                yield Shape(place, follows, ends, drifting, _same(place, follows, n))
+
+
+def _same(place: str, follows: str, n: int) -> Callable[[Problem, Fitted], Shape]:
+    def again(problem: Problem, fitted: Fitted) -> Shape:
+        found = _shapes(problem, fitted, n)
+        return next(s for s in found if (s.place, s.follows) == (place, follows))
+
+    return again
 
 
 def _settled(q: Floats) -> Floats:
