@@ -51,22 +51,23 @@ def swapped(problem: Problem, current: Fitted, say: Say) -> tuple[Problem, Fitte
     while index < len(current.model.effects):
         label = place_label(current.model.effects[index])
         without = fit_without(problem, current, index)
-        step = take(problem, without, problem.experiments, say)
+        wide = inflation(current.white)
+        step = take(problem, without, problem.experiments, say, wide=wide)
         own = Trial(label, current.light(), without.chi2 - current.chi2, _extra(current, without))
         best = step.taken
         stays = best is None or best.label == label or exchanged >= MOST
-        if stays or best is None or not _clearly(best, own, step.inflation):
+        if stays or best is None or not _clearly(best, own, wide):
+            steps.append(replace(step, taken=own))
+            index += 1
+            continue
+        limit = _paid(problem, current) + FIVE_SIGMA
+        exchange = _settled(best, problem, limit)
+        if exchange is None:
             steps.append(replace(step, taken=own))
             index += 1
             continue
         say(f"{best.label} in place of {label}")
-        try:
-            problem, current = settled_on(best, problem.experiments)
-        except ValueError:
-            steps.append(replace(step, taken=own))
-            index += 1
-            continue
-        current = prune(problem, current)
+        problem, current = exchange
         steps, index, exchanged = [], 0, exchanged + 1
     return problem, current, steps
 
@@ -96,15 +97,11 @@ def merged(problem: Problem, current: Fitted, say: Say) -> tuple[Problem, Fitted
                     best, paid = trial, asked
     if best is None:
         return problem, current
-    try:
-        there, settled = settled_on(best, problem.experiments)
-    except ValueError:
-        return problem, current
-    kept = prune(there, settled)
-    if best.label not in effect_labels(kept.model.effects):
+    exchange = _settled(best, problem, np.inf)
+    if exchange is None or best.label not in effect_labels(exchange[1].model.effects):
         return problem, current
     say(f"{best.label} is richer and explains more")
-    return there, kept
+    return exchange
 
 
 def paired(
@@ -136,17 +133,26 @@ def paired(
                     best, paid = trial, asked
     if best is None:
         return problem, current
+    exchange = _settled(best, problem, _paid(problem, current) - SWAP_GAIN)
+    if exchange is None:
+        return problem, current
+    say(f"{exchange[1].model.label} in place of {current.model.label}")
+    return exchange
+
+
+def _paid(problem: Problem, fitted: Fitted) -> float:
+    """Cost of a fit in -2 log likelihood, its parameters paid."""
+    return problem.cost(fitted) + float(np.log(fitted.samples)) * fitted.x.size
+
+
+def _settled(trial: Trial, problem: Problem, limit: float) -> tuple[Problem, Fitted] | None:
+    """Settle a trial and remove what it makes idle; None where it costs more than a limit."""
     try:
-        there, settled = settled_on(best, problem.experiments)
+        there, settled = settled_on(trial, problem.experiments)
     except ValueError:
-        return problem, current
+        return None
     kept = prune(there, settled)
-    each = float(np.log(current.samples))
-    before = problem.cost(current) + each * current.x.size
-    if there.cost(kept) + each * kept.x.size > before - SWAP_GAIN:
-        return problem, current
-    say(f"{kept.model.label} in place of {current.model.label}")
-    return there, kept
+    return (there, kept) if _paid(there, kept) < limit else None
 
 
 def _near(step: Step, wide: float) -> list[Trial]:

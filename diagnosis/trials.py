@@ -88,10 +88,13 @@ def take(
     experiments: Sequence[Experiment],
     say: Say,
     stepped: bool = True,
+    wide: float | None = None,
 ) -> Step:
     """Try every candidate on top of a fitted model.
 
-    stepped: also those that no slope leads to, which are told from white innovations only.
+    stepped: also those that no slope leads to, which are told from white innovations only. wide:
+    what chance gains is widened by; None for the colour of what the fitted model leaves, which is
+    too much where it is known to lack something large.
     """
     built = current.model.build(current.x)
     starts = [s for s in candidates(built, experiments) if s.physics.effect.name not in STEPPED]
@@ -100,7 +103,7 @@ def take(
     prices = {**prices, "extra_mode": PRICE}
     plain = [s for s in starts if s.physics.effect.name != "extra_mode"]
     screened = screen(problem, current, [*plain, *waves, *modes])
-    wide = inflation(current.white)
+    wide = inflation(current.white) if wide is None else wide
     near = [one for one in screened[:FITTED] if one.score > WORTH] or screened[:1]
     trials = [_tried(problem, current, current, one.start, prices) for one in near]
     straight = _straight(problem, current)

@@ -117,7 +117,7 @@ class Instead:
         how = how if how.startswith(("repeats", "follows")) else f"follows {how}"
         return (
             f"a force at {self.shape.place} that {how} makes the recording likelier than"
-            f" {self.name} by {self.gained:.0f} in -2 log likelihood, with {number} and their price paid"
+            f" {self.name} by {self.gained:.0f} in -2 log likelihood, the price of {number} paid"
         )
 
 
