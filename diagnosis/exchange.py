@@ -11,6 +11,7 @@ import numpy as np
 
 from diagnosis.candidates import CONTAINED, simpler
 from diagnosis.fit import Fitted, Problem
+from diagnosis.horizon import BETTER, free_run_error
 from diagnosis.parameters import effect_labels
 from diagnosis.removal import fit_without, prune
 from diagnosis.trials import (
@@ -41,7 +42,9 @@ def plainly_there(problem: Problem, current: Fitted) -> bool:
     return all(without.chi2 - current.chi2 > least for without in alone)
 
 
-def swapped(problem: Problem, current: Fitted, say: Say) -> tuple[Problem, Fitted, list[Step]]:
+def swapped(
+    problem: Problem, current: Fitted, say: Say, freely: bool = False
+) -> tuple[Problem, Fitted, list[Step]]:
     """Take each effect out and look whether another explains more in its place.
 
     Returns the steps too: they name the rivals of every effect beside all others.
@@ -56,12 +59,14 @@ def swapped(problem: Problem, current: Fitted, say: Say) -> tuple[Problem, Fitte
         own = Trial(label, current.light(), without.chi2 - current.chi2, _extra(current, without))
         best = step.taken
         stays = best is None or best.label == label or exchanged >= MOST
-        if stays or best is None or not _clearly(best, own, wide):
+        richer = best is not None and best.parameters >= own.parameters
+        if stays or best is None or (freely and richer) or not _clearly(best, own, wide):
             steps.append(replace(step, taken=own))
             index += 1
             continue
         limit = _paid(problem, current) + FIVE_SIGMA
-        exchange = _settled(best, problem, limit)
+        free = free_run_error(problem.experiments, problem, current) / BETTER if freely else np.inf
+        exchange = _settled(best, problem, limit, free)
         if exchange is None:
             steps.append(replace(step, taken=own))
             index += 1
@@ -97,7 +102,7 @@ def merged(problem: Problem, current: Fitted, say: Say) -> tuple[Problem, Fitted
                     best, paid = trial, asked
     if best is None:
         return problem, current
-    exchange = _settled(best, problem, np.inf)
+    exchange = _settled(best, problem, np.inf, np.inf)
     if exchange is None or best.label not in effect_labels(exchange[1].model.effects):
         return problem, current
     say(f"{best.label} is richer and explains more")
@@ -133,7 +138,7 @@ def paired(
                     best, paid = trial, asked
     if best is None:
         return problem, current
-    exchange = _settled(best, problem, _paid(problem, current) - SWAP_GAIN)
+    exchange = _settled(best, problem, _paid(problem, current) - SWAP_GAIN, np.inf)
     if exchange is None:
         return problem, current
     say(f"{exchange[1].model.label} in place of {current.model.label}")
@@ -145,14 +150,19 @@ def _paid(problem: Problem, fitted: Fitted) -> float:
     return problem.cost(fitted) + float(np.log(fitted.samples)) * fitted.x.size
 
 
-def _settled(trial: Trial, problem: Problem, limit: float) -> tuple[Problem, Fitted] | None:
-    """Settle a trial and remove what it makes idle; None where it costs more than a limit."""
+def _settled(
+    trial: Trial, problem: Problem, limit: float, free: float
+) -> tuple[Problem, Fitted] | None:
+    """Settle a trial and remove what it makes idle; None where it costs or errs too much."""
     try:
         there, settled = settled_on(trial, problem.experiments)
     except ValueError:
         return None
     kept = prune(there, settled)
-    return (there, kept) if _paid(there, kept) < limit else None
+    if _paid(there, kept) > limit:
+        return None
+    runs = not np.isfinite(free) or free_run_error(there.experiments, there, kept) < free
+    return (there, kept) if runs else None
 
 
 def _near(step: Step, wide: float) -> list[Trial]:

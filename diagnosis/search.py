@@ -71,10 +71,11 @@ def search(
             if answer.trial.label not in effect_labels(current.model.effects):
                 break
             if not trusted or plainly_there(problem, current):  # else the fast one takes it back
-                problem, current, swaps = swapped(problem, current, say)
+                problem, current, swaps = swapped(problem, current, say, trusted)
                 steps += swaps
-                problem, current = paired(problem, current, swaps, say)
-                problem, current = merged(problem, current, say)
+                if not trusted:
+                    problem, current = paired(problem, current, swaps, say)
+                    problem, current = merged(problem, current, say)
                 experiments = problem.experiments
     except KeyboardInterrupt:
         say("interrupted: what was found until now is judged; once more to leave")
