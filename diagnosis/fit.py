@@ -61,7 +61,9 @@ class Slopes:
     Math. Comp. 19, 1965): J + (r - r_0 - J d) d' / d'd.
     """
 
-    def __init__(self, residual: Callable[[Floats], Floats], slopes: Callable[..., Floats]) -> None:
+    def __init__(
+        self, residual: Callable[[Floats], Floats], slopes: Callable[[Floats, Floats], Floats]
+    ) -> None:
         self.residual, self.slopes = residual, slopes
         self.tried: tuple[Floats, Floats] | None = None  # x, and the residual there
         self.at: tuple[Floats, Floats, Floats] | None = None  # the same where the slopes hold
@@ -192,7 +194,9 @@ class Problem:
         lower = np.array([p.lower for p in parameters])
         upper = np.array([p.upper for p in parameters])
         least = max(1e-8, NOTHING / (1 + sum(e.measured.size for e in self.experiments)))
-        best = Slopes(lambda x: self.residual(model, x), lambda *a: self.jacobian(model, *a, known))
+        best = Slopes(
+            lambda x: self.residual(model, x), lambda x, at: self.jacobian(model, x, at, known)
+        )
         start = np.zeros(len(parameters)) if x is None else x
         while True:
             margin = 1e-9 * np.maximum(1.0, np.abs(start))

@@ -284,14 +284,16 @@ def _moved(problem: Problem, fitted: Fitted, one: Gained) -> Floats:
     whole = [c @ one.strength for c in one.shape.columns]
     signature = _signature(fitted, _answer(problem, fitted, one.shape), whole)
     way = -np.linalg.lstsq(fitted.jacobian, fitted.residual + signature, rcond=1e-6)[0]
-    return np.asarray(way / max(1.0, float(np.abs(way).max(initial=0.0)) / FARTHEST))
+    return np.asarray(
+        way / max(1.0, float(np.abs(way).max(initial=0.0)) / FARTHEST), dtype=np.float64
+    )
 
 
 def _answer(problem: Problem, fitted: Fitted, shape: Shape) -> Floats:
     """Response of the weighted innovations to a unit force of a shape."""
     ends = shape.ends[shape.ends != 0.0]
     answers = [response(problem, fitted, f"m{i + 1}") for i in np.flatnonzero(shape.ends)]
-    return np.sum([e * u for e, u in zip(ends, answers, strict=True)], 0)
+    return np.tensordot(ends, np.array(answers), 1)
 
 
 def _signature(fitted: Fitted, answer: Floats, forces: Sequence[Floats]) -> Floats:

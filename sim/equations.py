@@ -95,7 +95,7 @@ def equations(device: Device, substeps: int = 1, ledger: bool = False, seed: int
         for hook in ("force", "friction", "sensor", "command", "clock")
     }
     dry = table["friction"].first
-    kept = _mechanism(
+    moves = _mechanism(
         Linear(plant),
         tuple(np.unique(dry)),
         interface.period,
@@ -103,7 +103,6 @@ def equations(device: Device, substeps: int = 1, ledger: bool = False, seed: int
         tuple(durations),
         ledger,
     )
-    moves = Mechanism(*(array.copy() for array in kept))
     return Equations(
         dof=plant.dof,
         states=plant.size,
@@ -111,12 +110,12 @@ def equations(device: Device, substeps: int = 1, ledger: bool = False, seed: int
         lagging=plant.lag > 0.0,
         substeps=counts,
         durations=durations,
-        propagators=moves.propagators,
-        quadratics=moves.quadratics,
-        reaction=moves.reaction,
-        masses=moves.masses,
-        springs=moves.springs,
-        spring_stiffness=moves.spring_stiffness,
+        propagators=moves.propagators.copy(),
+        quadratics=moves.quadratics.copy(),
+        reaction=moves.reaction.copy(),
+        masses=moves.masses.copy(),
+        springs=moves.springs.copy(),
+        spring_stiffness=moves.spring_stiffness.copy(),
         forces=table["force"],
         frictions=table["friction"],
         bounds_vary=any(p.effect.varies_with_speed for p in device.physics),

@@ -1,6 +1,7 @@
 """Simulated recordings for the tests of the diagnosis: white torque on the PHANToM of Table I."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from controllers.excitation import noise
 from controllers.recorded import recorded
@@ -28,15 +29,21 @@ def shifted(device: Device) -> Device:
     )
 
 
-def record(truth: Device, seconds: float = 6.0, seed: int = 0, gain: float = 1.0) -> Experiment:
-    """Record a device; gain: by which the command is written down wrong."""
+def record(
+    truth: Device,
+    seconds: float = 6.0,
+    seed: int = 0,
+    gain: float = 1.0,
+    force: NDArray[np.float64] | float = 0.0,
+) -> Experiment:
+    """Record a device; gain: by which the command is written down wrong. force: more at m1."""
     random = np.random.default_rng(seed)
     command = noise(duration=seconds, seed=seed)
     run = simulate(
         truth,
         recorded(command),
         duration=seconds,
-        disturbance=FORCE_NOISE * random.standard_normal(command.size),
+        disturbance=FORCE_NOISE * random.standard_normal(command.size) + force,
         substeps=20 if truth.physics else 1,
     )
     position = run.trace["position_m1"] + ENCODER_NOISE * random.standard_normal(command.size)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from diagnosis import removal, trials, views
 from diagnosis.fit import Fitted, Problem, Slopes
@@ -13,13 +14,15 @@ from diagnosis.settle import NotWorth, prepared_for, refit, settle
 from sim.physics import make_physics
 from tests.diagnosis_examples import phantom, record
 
+Floats = NDArray[np.float64]
+
 
 class Counted(Problem):
     """A problem that counts its predictions."""
 
     predictions = 0
 
-    def weighted(self, model, x):
+    def weighted(self, model: Model, x: Floats) -> Floats:
         self.predictions += 1
         return super().weighted(model, x)
 
@@ -118,13 +121,18 @@ def test_an_effect_beyond_doubt_is_kept_without_a_fit(monkeypatch: pytest.Monkey
         return real(problem, fitted, index)
 
     monkeypatch.setattr(removal, "fit_without", counted)
-    sure = make_physics("coulomb_friction", "m1", level=4e-2)
+    sure = make_physics("cubic_stiffness", "ground", coefficient=0.5)
     e = record(phantom().with_physics(sure), 3.0, seed=7)
     problem, _ = refit(phantom(), [e], (sure,))
     idle = make_physics("quadratic_drag", "m1", coefficient=1e-9)
     for effects, scales, kept, fits in (
-        ((sure,), ({"level": 4e-2},), ["coulomb_friction@m1"], 0),
-        ((sure, idle), ({"level": 4e-2}, {"coefficient": 1e-6}), ["coulomb_friction@m1"], 1),
+        ((sure,), ({"coefficient": 0.5},), ["cubic_stiffness@ground"], 0),
+        (
+            (sure, idle),
+            ({"coefficient": 0.5}, {"coefficient": 1e-6}),
+            ["cubic_stiffness@ground"],
+            1,
+        ),
     ):
         fitted = problem.fit(Model(phantom(), effects, scales))
         asked.clear()

@@ -18,7 +18,7 @@ from diagnosis.screen import Screened, turned_starts
 from diagnosis.settle import prepared_for, refit
 from diagnosis.spatial import response
 from diagnosis.trials import at_bound
-from diagnosis.unknown import unknown
+from diagnosis.unknown import instead, unknown
 from sim.chain import make_chain
 from sim.device import Device
 from sim.interface import Interface
@@ -214,6 +214,28 @@ def test_a_force_of_free_shape_is_seen_where_there_is_one():
             assert "velocity" in likeliest.follows
     assert found[0] > 300.0
     assert found[1] < 30.0
+
+
+def test_what_hums_is_no_mode_and_what_rings_is_no_hum():
+    """Each in the place of a mode that was fitted to it, by likelihood.
+
+    Mutations that break it: the price of unknowns left out on one side only; the strongest line
+    built with its sine twice.
+    """
+    seconds = 6.0
+    hum = 8e-3 * np.sin(2.0 * np.pi * 31.0 * np.arange(round(seconds / T)) * T)
+    mode = make_physics("extra_mode", "m1", mass=2e-5, stiffness=0.76, damping=1e-5)
+    scales = {"mass": 1e-5, "stiffness": 0.4, "damping": 1e-4}
+    ringing = record(phantom().with_physics(mode), seconds, seed=9)
+    for e, hums in ((record(phantom(), seconds, seed=9, force=hum), True), (ringing, False)):
+        problem, without = refit(phantom(), [e])
+        start = np.concatenate([without.x, np.zeros(3)])
+        final = problem.fit(Model(phantom(), (mode,), (scales,)), start, rounds=30)
+        other = instead(problem, final, without, problem.experiments, "extra_mode at m1")
+        assert (other is not None) is hums
+        if other is not None:
+            assert (other.shape.follows, other.unknowns) == ("repeats over time", 3)
+            assert "likelier than extra_mode at m1 by" in other.sentence
 
 
 def test_a_slower_observer_is_not_whitened():
