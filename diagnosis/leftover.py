@@ -14,6 +14,7 @@ Limits: q is what the observer predicts, and what a refit absorbs (periods as lo
 is not taken off.
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -68,31 +69,102 @@ class Leftover:
 def leftover(problem: Problem, fitted: Fitted) -> Leftover:
     """Return the strongest line in what a fitted model leaves."""
     states = predicted_states(problem, fitted)
-    n = states[0].shape[1] // 2
-    period = problem.experiments[0].period
+    bank = list(_bank(states, problem.experiments[0].period))
+    hums = [f for f in bank if f.follows == "1"]
+    sways = [f for f in bank if f.follows != "1"]
     random = np.random.default_rng(SEED)
-    white = [fitted, *(_white(fitted, random) for _ in range(DRAWS))]
-    alike = [fitted, *(_alike(fitted, random) for _ in range(DRAWS))]
-    hums = _pulls(problem, white, n)
-    sways = _pulls(problem, alike, n)
-    positions = [x[:, 0] for x in states]
+    best: tuple[float, Family, int] | None = None
     lines = 0
-    best: tuple[float, str, str, str, float] = (0.0, "m1", "1", "time", 1.0)
-    for place in hums:
-        for name, factor in factors(place, states, n, period).items():
+    for families, drawn in ((hums, _white), (sways, _alike)):
+        own = _powers(problem, fitted, families)
+        level = [np.zeros(power.size) for power in own]
+        for _ in range(DRAWS):  # one by one: all of them would fill memory
+            for total, power in zip(
+                level, _powers(problem, drawn(fitted, random), families), strict=True
+            ):
+                total += power / DRAWS
+        for family, power, mean in zip(families, own, level, strict=True):
+            gained = _gained(power, mean, family.follows == "1")
+            lines += gained.size
+            k = int(np.argmax(gained)) if gained.size else 0
+            if gained.size and (best is None or gained[k] > best[0]):
+                best = float(gained[k]), family, k
+    chance = 2.0 * float(np.log(max(lines, 1) * ODDS))
+    if best is None:
+        return Leftover(0.0, chance, "m1", "1", "time", 1.0)
+    gained, family, k = best
+    return Leftover(
+        gained, chance, family.place, family.follows, family.over, float(family.periods[k])
+    )
+
+
+@dataclass(frozen=True)
+class Family:
+    """The forces q cos(phase + 2 pi s / period) of one place, one q and one s, of many periods.
+
+    factor: q at every tick of every recording; bins: of s where it is no time, None else; kept:
+    which lines of the spectrum; periods: of those.
+    """
+
+    place: str
+    follows: str
+    over: str
+    factor: list[Floats]
+    bins: list[NDArray[np.int64]] | None
+    kept: NDArray[np.bool_]
+    periods: Floats
+
+    def power(self, pulls: list[Floats]) -> Floats:
+        """Return |G|^2 of the lines, g of every recording given."""
+        both = zip(pulls, self.factor, strict=True)
+        if self.bins is None:
+            product = np.concatenate([g * q for g, q in both])
+        else:
+            parts = zip(self.bins, both, strict=True)
+            product = np.sum([np.bincount(i, g * q, BINS) for i, (g, q) in parts], 0)
+        return np.abs(np.fft.rfft(product)[self.kept]) ** 2
+
+
+def _bank(states: list[Floats], period: float) -> Iterator[Family]:
+    n = states[0].shape[1] // 2
+    places = [f"m{i + 1}" for i in range(n)] + [f"link{i + 1}{i + 2}" for i in range(n - 1)]
+    positions = [x[:, 0] for x in states]
+    low = min(float(x.min()) for x in positions)
+    span = max(float(x.max()) for x in positions) - low
+    ticks = sum(x.size for x in positions)
+    frequency = np.fft.rfftfreq(ticks, period)
+    number = np.arange(BINS // 2 + 1)
+    for place in places:
+        for follows, factor in factors(place, states, n, period).items():
             for q in factor:  # a spike where the observer settles would be on every line
                 q[: SETTLING + 5] = 0.0
-            for over in ("time", "position"):
-                if name == "1" and over == "position":  # the library has ripple and springs
-                    continue
-                pull = hums[place] if name == "1" else sways[place]
-                gained, periods = _over(pull, factor, over, name, positions, period)
-                lines += gained.size
-                k = int(np.argmax(gained)) if gained.size else 0
-                if gained.size and gained[k] > best[0]:
-                    best = (float(gained[k]), place, name, over, float(periods[k]))
-    chance = 2.0 * float(np.log(max(lines, 1) * ODDS))
-    return Leftover(best[0], chance, *best[1:])
+            fastest = 0.45 / period if follows == "1" else min(FASTEST_HZ, 0.1 / period)
+            kept = (np.arange(frequency.size) > 0) & (frequency < fastest)
+            times = 1.0 / np.maximum(frequency, frequency[1])
+            yield Family(place, follows, "time", factor, None, kept, times[kept])
+            if follows == "1" or not span > 0.0:  # the library has ripple and springs
+                continue
+            width = 2.0 * span / BINS
+            bins = [np.minimum(((x - low) / width).astype(np.int64), BINS - 1) for x in positions]
+            seen = (number >= 1) & (number <= 2.0 * FINEST)
+            lengths = 2.0 * span / np.maximum(number, 1)
+            yield Family(place, follows, "position", factor, bins, seen, lengths[seen])
+
+
+def _powers(problem: Problem, fitted: Fitted, families: Sequence[Family]) -> list[Floats]:
+    """Return |G|^2 of every family for one residual."""
+    pulls: dict[str, list[Floats]] = {}
+
+    def pull(place: str) -> list[Floats]:
+        if place not in pulls:
+            if place.startswith("link"):
+                ends = zip(pull(f"m{place[4]}"), pull(f"m{place[5]}"), strict=True)
+                pulls[place] = [a - b for a, b in ends]
+            else:
+                pulls[place] = matched(problem, fitted, place)
+        return pulls[place]
+
+    return [family.power(pull(family.place)) for family in families]
 
 
 def factors(place: str, states: list[Floats], n: int, period: float) -> dict[str, list[Floats]]:
@@ -111,17 +183,6 @@ def factors(place: str, states: list[Floats], n: int, period: float) -> dict[str
     }
 
 
-def _pulls(problem: Problem, residuals: list[Fitted], n: int) -> dict[str, list[list[Floats]]]:
-    """Return g of every residual and recording, by place."""
-    at = {f"m{i + 1}": [matched(problem, one, f"m{i + 1}") for one in residuals] for i in range(n)}
-    for i in range(n - 1):
-        both = zip(at[f"m{i + 1}"], at[f"m{i + 2}"], strict=True)
-        at[f"link{i + 1}{i + 2}"] = [
-            [a - b for a, b in zip(one, two, strict=True)] for one, two in both
-        ]
-    return at
-
-
 def _white(fitted: Fitted, random: np.random.Generator) -> Fitted:
     """The fit with white noise for a residual."""
     return replace(fitted, residual=random.standard_normal(fitted.residual.size))
@@ -137,47 +198,13 @@ def _alike(fitted: Fitted, random: np.random.Generator) -> Fitted:
     return replace(fitted, residual=residual)
 
 
-def _over(
-    pull: list[list[Floats]],
-    factor: list[Floats],
-    over: str,
-    name: str,
-    positions: list[Floats],
-    period: float,
-) -> tuple[Floats, Floats]:
-    """Chi-square of every line, and its period. pull: g of the residual, then of drawn noise."""
-    if over == "time":
-        products = [np.concatenate([g * q for g, q in zip(p, factor, strict=True)]) for p in pull]
-        fastest = 0.45 / period if name == "1" else min(FASTEST_HZ, 0.1 / period)
-        frequency = np.fft.rfftfreq(products[0].size, period)
-        kept = (np.arange(frequency.size) > 0) & (frequency < fastest)
-        return _lines(products, kept, 1.0 / np.maximum(frequency, frequency[1]), name == "1")
-    low = min(float(x.min()) for x in positions)
-    span = max(float(x.max()) for x in positions) - low
-    if not span > 0.0:
-        return np.zeros(0), np.zeros(0)
-    width = 2.0 * span / BINS
-    places = [np.minimum(((x - low) / width).astype(np.int64), BINS - 1) for x in positions]
-    binned = [
-        np.sum([np.bincount(i, g * q, BINS) for i, g, q in zip(places, p, factor, strict=True)], 0)
-        for p in pull
-    ]
-    number = np.arange(BINS // 2 + 1)
-    kept = (number >= 1) & (number <= 2.0 * FINEST)
-    return _lines(binned, kept, 2.0 * span / np.maximum(number, 1), alone=False)
-
-
-def _lines(
-    products: list[Floats], kept: NDArray[np.bool_], periods: Floats, alone: bool
-) -> tuple[Floats, Floats]:
-    """Chi-square of the lines kept. alone: only of those that stand out of the band around them."""
-    power = [np.abs(np.fft.rfft(z)[kept]) ** 2 for z in products]
-    level = np.mean(power[1:], axis=0)
-    over = power[0] / np.where(level > 0.0, level, np.inf)
-    if not alone:
-        return 2.0 * over, periods[kept]
+def _gained(power: Floats, level: Floats, alone: bool) -> Floats:
+    """Chi-square of the lines. alone: only of those that stand out of the band around them."""
+    over = power / np.where(level > 0.0, level, np.inf)
+    if not alone or not over.size:
+        return 2.0 * over
     around = median_filter(over, min(AROUND, over.size), mode="reflect") / np.log(2.0)
-    return 2.0 * over / np.maximum(1.0, around), periods[kept]
+    return 2.0 * over / np.maximum(1.0, around)
 
 
 def predicted_states(problem: Problem, fitted: Fitted) -> list[Floats]:

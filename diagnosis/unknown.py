@@ -315,7 +315,7 @@ def _shapes(problem: Problem, fitted: Fitted, n: int) -> Iterator[Shape]:
             edges = np.unique(np.quantile(np.concatenate(values), QUANTILES))
             last = edges.size - 2
             bins = [np.clip(np.searchsorted(edges, v, "right") - 1, 0, last) for v in values]
-            binned = [np.eye(last + 1)[b] for b in bins]
+            binned = [np.eye(last + 1, dtype=np.bool_)[b] for b in bins]
             yield Shape(place, state, ends, binned, _same(place, state, n))
         if not place.startswith("link"):
             speeds = [x[:, n + int(place[1]) - 1] for x in states]
