@@ -1,0 +1,100 @@
+"""Effects exchanged for others: simpler ones, and two at a time."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from diagnosis import exchange
+from diagnosis.candidates import MAGNITUDE
+from diagnosis.exchange import paired, plainly_there, swapped
+from diagnosis.fit import Fitted, Problem
+from diagnosis.parameters import Model, effect_labels
+from diagnosis.settle import refit
+from diagnosis.trials import Step, Trial
+from sim.physics import make_physics
+from sim.physics.effect import Physics
+from tests.diagnosis_examples import phantom, record
+
+Floats = NDArray[np.float64]
+
+
+def fitted_with(problem: Problem, *effects: Physics) -> Fitted:
+    """The device with some effects, magnitudes free, fitted."""
+    scales = tuple({k: abs(p.values[k]) or 1.0 for k in MAGNITUDE[p.effect.name]} for p in effects)
+    return problem.fit(Model(phantom(), effects, scales), rounds=30)
+
+
+def silent(_: str) -> None:
+    pass
+
+
+def test_a_richer_name_gives_way_to_the_simpler_truth_only(monkeypatch: pytest.MonkeyPatch):
+    """Also where effects were taken for their free runs; something richer does not come in then.
+
+    Mutations that break it: `freely` not looked at; the free run's limit turned round.
+    """
+    spring = make_physics("cubic_stiffness", "ground", coefficient=0.1)
+    e = record(phantom().with_physics(spring), 3.0, seed=11)
+    problem, _ = refit(phantom(), [e], (spring,))
+    rich = make_physics("hysteresis", "ground", stiffness=0.02, level=5e-3, shape=1.5)
+    poor = make_physics("constant_force", "m1", level=1e-3)
+    asked = {"hysteresis@ground": (rich, 1), "constant_force@m1": (poor, 5)}
+    for name, (physics, parameters) in asked.items():
+        current = fitted_with(problem, physics)
+
+        def take(
+            p: Problem, without: Fitted, *_: object, n: int = parameters, **__: object
+        ) -> Step:
+            model = without.model.with_effect(spring, {"coefficient": 0.1})
+            trial = p.fit(model, np.append(without.x, 0.0))
+            own = Trial("cubic_stiffness@ground", trial, without.chi2 - trial.chi2, n)
+            return Step((own,), own, 1.0, (own,))
+
+        monkeypatch.setattr(exchange, "take", take)
+        _, found, _ = swapped(problem, current, silent, freely=True)
+        label = "cubic_stiffness@ground" if parameters == 1 else name
+        assert effect_labels(found.model.effects) == [label]
+
+
+def test_two_effects_at_wrong_masses_are_exchanged_together():
+    """Friction at m1 and drag at m3, fitted as friction at m2 and drag at m1.
+
+    Mutations that break it: only one of the two exchanged; the parameters paid on one side only.
+    """
+    friction = make_physics("coulomb_friction", "m1", level=3e-3)
+    drag = make_physics("quadratic_drag", "m3", coefficient=1.5e-3)
+    e = record(phantom().with_physics(friction, drag), 4.0, seed=12)
+    problem, _ = refit(phantom(), [e], (friction, drag))
+    wrong = (
+        make_physics("coulomb_friction", "m2", level=3e-3),
+        make_physics("quadratic_drag", "m1", coefficient=1.5e-3),
+    )
+    current = fitted_with(problem, *wrong)
+
+    def step(own: Physics, rival: Physics, kept: Physics) -> Step:
+        a = Trial(f"{own.effect.name}@{own.at}", current, 50.0, 1)
+        b = Trial(
+            f"{rival.effect.name}@{rival.at}", fitted_with(problem, kept, rival).light(), 40.0, 1
+        )
+        return Step((a, b), a, 1.0, (a, b))
+
+    steps = [step(wrong[0], friction, wrong[1]), step(wrong[1], drag, wrong[0])]
+    there, found = paired(problem, current, steps, silent)
+    assert sorted(effect_labels(found.model.effects)) == [
+        "coulomb_friction@m1",
+        "quadratic_drag@m3",
+    ]
+    assert there.cost(found) < problem.cost(current) - 10.0
+    truth = fitted_with(problem, friction, drag)
+    again = [step(friction, wrong[0], drag), step(drag, wrong[1], friction)]
+    assert paired(problem, truth, again, silent)[1] is truth
+
+
+def test_an_effect_that_only_a_slow_observer_misses_is_not_exchanged():
+    """Mutation that breaks it: any effect plainly there is enough."""
+    friction = make_physics("coulomb_friction", "m1", level=6e-3)
+    idle = make_physics("quadratic_drag", "m1", coefficient=1e-7)
+    e = record(phantom().with_physics(friction), 3.0, seed=13)
+    problem, _ = refit(phantom(), [e], (friction,))
+    assert plainly_there(problem, fitted_with(problem, friction))
+    assert not plainly_there(problem, fitted_with(problem, friction, idle))
