@@ -26,7 +26,7 @@ from diagnosis.screen import Complement, screen
 from diagnosis.search import Searched, search
 from diagnosis.trials import Say, Step
 from diagnosis.uncertainty import Z95, covariance, inflation
-from diagnosis.unknown import Instead, instead, unknown
+from diagnosis.unknown import TOUCHED, Instead, instead, unknown
 from sim.device import Device, place_label
 from sim.physics import make_physics
 from sim.physics.effect import Physics
@@ -41,7 +41,7 @@ SHIFTED = 5.0  # sigma by which a linear parameter must differ to be a finding
 SAME_STEP = 0.01  # relative difference of steps that are the same
 MATTERS = 0.1  # of the noise: a step below is a way to write numbers
 MAPPED = 60.0  # chi-square that a map of the missing force over one state must gain
-FREE_FORCE = 30.0  # -2 log likelihood that a force of free shape must gain besides its unknowns
+FREE_FORCE = 45.0  # -2 log likelihood that a force of free shape must gain besides its unknowns
 UNEXPLAINED = 0.01  # share of the chi-square explained that may be left under a verdict by name
 COLOURED = 0.05  # the same where the observer was asked for, and chi-square is no statistic
 
@@ -319,12 +319,13 @@ def _left(found: Searched, acted: Sequence[Experiment]) -> Left:
     """
     wide = inflation(found.final.white)
     located = locate(found.problem, found.final)
-    top = max(located.maps, key=lambda m: m.gained)
+    followed = [m for m in located.maps if m.against != "time" or m.gained > TOUCHED * wide]
+    top = max(followed, key=lambda m: m.gained, default=None)
     line = leftover(found.problem, found.final)
     rotary = found.final.model.nominal.rotary
-    if line.gained > max(line.chance * wide, top.gained):
+    if line.gained > max(line.chance * wide, 0.0 if top is None else top.gained):
         return Left(line.gained, line.sentence(rotary))
-    if top.gained > MAPPED * wide:
+    if top is not None and top.gained > MAPPED * wide:
         return Left(top.gained, located.sentence)
     try:
         free = unknown(acted, found.final)

@@ -118,7 +118,7 @@ class Problem:
         fineness: Fineness = SEARCHING,
     ) -> None:
         self.experiments, self.observer, self.fineness = list(experiments), observer, fineness
-        self.without: dict[tuple[str, str, bytes], Fitted] = {}  # fits less an effect, by `search`
+        self.without: dict[tuple[str, str, bytes], Fitted] = {}  # fits less an effect, by `removal`
 
     def weighted(self, model: Model, x: Floats) -> Floats:
         """Return the weighted innovations of all experiments, one after the other."""

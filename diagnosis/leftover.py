@@ -27,7 +27,7 @@ from diagnosis.predictor import SETTLING, innovations
 from diagnosis.spatial import matched
 
 Floats = NDArray[np.float64]
-ODDS = 1e6  # the drawn noise is not the noise of every rig
+ODDS = 1e8  # the drawn noise is not the noise of every rig
 FASTEST_HZ = 40.0  # at which a parameter sways
 FINEST = 60.0  # periods over the travel
 DRAWS = 48  # of white noise

@@ -350,14 +350,15 @@ def choose_observer(
     def best_of(indices: Iterable[int]) -> int:
         return min((i for i in indices if 0 <= i < RATIOS.size), key=score)
 
-    if near is None:
-        best = best_of(range(0, RATIOS.size, 3))
-        best = best_of(range(best - 2, best + 3))
-    else:
+    best = 0
+    if near is not None:
         start = -1
         best = int(np.argmin(np.abs(np.log(RATIOS / near))))
         while best != start:
             start, best = best, best_of((best, best - 1, best + 1, best - 3, best + 3))
+    if near is None or not np.isfinite(score(best)):
+        best = best_of(range(0, RATIOS.size, 3))
+        best = best_of(range(best - 2, best + 3))
     if not np.isfinite(score(best)):
         raise ValueError(
             "no observer follows this recording with this device; check sign, scale and units of"

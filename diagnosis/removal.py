@@ -9,7 +9,7 @@ from diagnosis.trials import THRESHOLD
 from diagnosis.uncertainty import covariance, inflation
 from sim.device import place_label
 
-UNSURE = 6.3e-5  # odds that nothing looks as large as what is kept, four sigma of one magnitude
+UNSURE = 5.7e-7  # odds that nothing looks as large as what is kept, five sigma of one magnitude
 CERTAIN = 400.0  # what Wald's test must say of an effect that is kept without another fit
 BEYOND = 100.0  # chi-square lost without an effect, that no fit stopped short explains
 FREE = 1e12  # variance, in x, of what the recording does not determine at all

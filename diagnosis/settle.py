@@ -55,7 +55,7 @@ def settle(
         experiments, x, near = problem.experiments, fitted.x, problem.observer.ratio
         if abs(fitted.chi2 / fitted.samples - 1.0) < SETTLED - 1.0:
             break
-    problem = prepared_for(experiments, model, x, near=near)
+    problem = prepared_for(experiments, model, x)  # the likeliest observer of all
     return problem, problem.fit(model, x)
 
 

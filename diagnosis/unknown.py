@@ -47,6 +47,7 @@ ROUNDS = 4  # of a fit beside such a force
 HOPE = 10.0  # of -2 log likelihood, below which no further turn is taken
 STILL = 0.5  # the same, below which the turns agree
 FARTHEST = 1.0  # in x, that parameters move beside a force before they are fitted
+TOUCHED = 300.0  # the same, of a force that follows time alone: less is slow noise
 CUBE = "the cube of velocity"
 EACH = 1.0  # of ln(samples), the price of an unknown
 CLEARLY = 25.0  # -2 log likelihood by which a force of no library must beat a name
@@ -142,6 +143,8 @@ def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None
                 continue
             # A likelihood may gain by more than the force, as by another beginning.
             found = max(found, base - one.gained)
+            if one.shape.follows == "time" and base - found < TOUCHED:
+                continue
             if best is None or found < best[0]:
                 best = found, one, forced
     if best is None:
@@ -262,13 +265,7 @@ def _solved(
     problem: Problem, fitted: Fitted, off: Complement, shape: Shape
 ) -> tuple[Floats, float]:
     """Return the strengths that explain most off the refit's span, and the chi-square gained."""
-    left = off(fitted.residual)
-    answer = _answer(problem, fitted, shape)
-    columns = [
-        off(_signature(fitted, answer, [c[:, k] for c in shape.columns]))
-        for k in range(shape.columns[0].shape[1])
-    ]
-    matrix = np.column_stack(columns)
+    left, matrix = off(fitted.residual), _signatures(problem, fitted, off, shape)
     size = np.linalg.norm(matrix, axis=0)
     size[size == 0.0] = 1.0
     solved = np.linalg.lstsq(matrix / size, -left, rcond=1e-6)[0] / size
@@ -277,6 +274,17 @@ def _solved(
         solved -= float(np.mean(np.concatenate(shape.columns) @ solved))
     gained = float(left @ left - np.sum((left + matrix @ solved) ** 2))
     return np.asarray(solved, dtype=np.float64), gained
+
+
+def _signatures(problem: Problem, fitted: Fitted, off: Complement, shape: Shape) -> Floats:
+    """Off the refit's span, one column an unknown."""
+    answer = _answer(problem, fitted, shape)
+    return np.column_stack(
+        [
+            off(_signature(fitted, answer, [c[:, k] for c in shape.columns]))
+            for k in range(shape.columns[0].shape[1])
+        ]
+    )
 
 
 def _moved(problem: Problem, fitted: Fitted, one: Gained) -> Floats:
