@@ -90,7 +90,7 @@ def diagnose(
     if folded > 1.0:
         # n samples whose deviation is a factor larger without it
         sigma = float(np.sqrt(2.0 * sum(e.ticks for e in fit_on) * np.log(folded)))
-        findings = (*findings, Finding("rectified_sensor", "sensor", {}, sigma, ()))
+        findings = (Finding("rectified_sensor", "sensor", {}, sigma, ()), *findings)  # found first
         final_device = final_device.with_physics(make_physics("rectified_sensor", "sensor"))
     refit = _linear(device, found.final, acted)
     bounds = {} if findings else _upper_bounds(found)
@@ -138,18 +138,20 @@ def separating(found: Diagnosis, out: Path) -> NextExperiment | None:
     """
     searched = found.searched
     final = searched.final
-    for i, finding in enumerate(found.findings):
-        if not finding.confusable_with:
+    labels = [place_label(p) for p in final.model.effects]
+    for finding in found.findings:
+        own = f"{finding.effect}@{finding.at}"
+        if not finding.confusable_with or own not in labels:
             continue
         near = finding.confusable_with[0]
         label = f"{near.effect}@{near.at}"
-        kept = final.model.without_effect(i)
+        kept = final.model.without_effect(labels.index(own))
         names = [p.name.split(".")[0] for p in final.model.parameters]
-        x = final.x[[name != f"{finding.effect}@{finding.at}" for name in names]]
+        x = final.x[[name != own for name in names]]
         trials = [t for s in searched.steps for t in s.trials if t.label == label]
         if not trials:
             continue
-        a = _as_fitted(f"{finding.effect}@{finding.at}", final)
+        a = _as_fitted(own, final)
         b = _as_fitted(label, max(trials, key=lambda t: t.gained).fitted)
         observer = searched.problem.observer
         return next_experiment(kept.acting(x), a, b, found.experiments, observer, out)

@@ -66,7 +66,7 @@ class Shape:
     place: str
     follows: str
     ends: Floats
-    columns: list[Floats]
+    columns: Sequence[Floats | NDArray[np.bool_]]
     rebuilt: Callable[[Problem, Fitted], "Shape"]
 
     def forces(self, strength: Floats) -> list[Floats]:
@@ -304,7 +304,9 @@ def _answer(problem: Problem, fitted: Fitted, shape: Shape) -> Floats:
     return np.tensordot(ends, np.array(answers), 1)
 
 
-def _signature(fitted: Fitted, answer: Floats, forces: Sequence[Floats]) -> Floats:
+def _signature(
+    fitted: Fitted, answer: Floats, forces: Sequence[Floats | NDArray[np.bool_]]
+) -> Floats:
     """What a force, (ticks,) a recording, adds to the residual."""
     parts = [fftconvolve(f[:, None], answer, axes=0)[SETTLING : f.size].ravel() for f in forces]
     joined = np.concatenate(parts)
