@@ -11,7 +11,9 @@ from sim.device import place_label
 
 UNSURE = 5.7e-7  # odds that nothing looks as large as what is kept, five sigma of one magnitude
 CERTAIN = 400.0  # what Wald's test must say of an effect that is kept without another fit
-BEYOND = 100.0  # chi-square lost without an effect, that no fit stopped short explains
+BEYOND = (
+    1e3  # chi-square lost without an effect, that no fit stopped short, no coarse tick explains
+)
 FREE = 1e12  # variance, in x, of what the recording does not determine at all
 
 
