@@ -95,7 +95,7 @@ def equations(device: Device, substeps: int = 1, ledger: bool = False, seed: int
         for hook in ("force", "friction", "sensor", "command", "clock")
     }
     dry = table["friction"].first
-    moves = _mechanism(
+    moves = mechanism(
         Linear(plant),
         tuple(np.unique(dry)),
         interface.period,
@@ -165,7 +165,7 @@ class Linear:
 
 
 @lru_cache(maxsize=REMEMBERED)
-def _mechanism(
+def mechanism(
     linear: Linear,
     dry: tuple[int, ...],
     period: float,
@@ -173,7 +173,10 @@ def _mechanism(
     durations: tuple[float, ...],
     ledger: bool,
 ) -> Mechanism:
-    """A search that changes effects asks for the same mechanism again and again."""
+    """Return what the arrays of `Equations` have of the plant.
+
+    A search that changes effects asks for the same mechanism again and again.
+    """
     plant = linear.plant
     sets = locked_sets(1 + max(dry)) if dry else [()]
     if dry:
