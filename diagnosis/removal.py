@@ -11,9 +11,7 @@ from sim.device import place_label
 
 UNSURE = 5.7e-7  # odds that nothing looks as large as what is kept, five sigma of one magnitude
 CERTAIN = 400.0  # what Wald's test must say of an effect that is kept without another fit
-BEYOND = (
-    1e3  # chi-square lost without an effect, that no fit stopped short, no coarse tick explains
-)
+BEYOND = 1e3  # chi-square lost without an effect, that no coarse tick or short fit explains
 FREE = 1e12  # variance, in x, of what the recording does not determine at all
 
 

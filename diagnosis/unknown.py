@@ -49,7 +49,6 @@ STILL = 0.5  # the same, below which the turns agree
 FARTHEST = 1.0  # in x, that parameters move beside a force before they are fitted
 TOUCHED = 300.0  # the same, of a force that follows time alone: less is slow noise
 CUBE = "the cube of velocity"
-EACH = 1.0  # of ln(samples), the price of an unknown
 CLEARLY = 25.0  # -2 log likelihood by which a force of no library must beat a name
 PART = 0.5  # of what the named explain, that such a force must to first order
 JUDGED = 3  # shapes of each view whose likelihood is looked at
@@ -171,7 +170,7 @@ def instead(
         shapes.append(_repeating(problem, without, line, n))
     off = Complement(without.jacobian)
     best: Instead | None = None
-    least = _alone(final, experiments) + EACH * named * np.log(final.samples) - CLEARLY
+    least = _alone(final, experiments) + named * np.log(final.samples) - CLEARLY
     for shape in shapes:
         one = Gained(shape, *_solved(problem, without, off, shape))
         unknowns = one.strength.size + (shape.follows != CUBE)  # its period was sought
@@ -181,7 +180,7 @@ def instead(
             paid, _ = _with_force(problem, without, one, np.inf)
         except ValueError:  # no observer follows the recording with that force
             continue
-        paid += EACH * unknowns * np.log(final.samples)
+        paid += unknowns * np.log(final.samples)
         if paid < least:
             best, least = Instead(float(least + CLEARLY - paid), unknowns, shape, name), paid
     return best
