@@ -19,6 +19,7 @@ from scipy.signal import lfilter
 from controllers.none import none
 from diagnosis.experiment import Experiment
 from sim.device import Device, masses_needed
+from sim.ensemble import in_parallel, threads
 from sim.equations import Equations, equations
 from sim.kernel import Memory, scratch
 from sim.plant import hold
@@ -118,8 +119,8 @@ class Fineness:
     """Substeps a tick: with smooth forces, where friction turns, with backlash and where it jumps.
 
     Counted against 64 on 20 s at 20 times the limit (100 sigma): SEARCHING leaves below 2 sigma of
-    smooth forces, 10 of friction and 12 of backlash, enough to tell effects apart; FINAL below
-    0.5, 2 and 1. SCREENING is for signatures, which need one digit.
+    smooth forces, 5 of friction and 12 of backlash, enough to tell effects apart; FINAL below
+    0.5, 0.3 and 1. SCREENING is for signatures, which need one digit.
     """
 
     smooth: int
@@ -127,8 +128,8 @@ class Fineness:
     jumping: tuple[int, int]
 
 
-SCREENING = Fineness(2, 8, (8, 16))
-SEARCHING, FINAL = Fineness(4, 8, (8, 16)), Fineness(8, 32, (16, 32))
+SCREENING = Fineness(2, 4, (8, 16))
+SEARCHING, FINAL = Fineness(4, 4, (8, 16)), Fineness(8, 16, (16, 32))
 
 
 class Prepared(NamedTuple):
@@ -144,9 +145,10 @@ def prepared(device: Device, fineness: Fineness = FINAL) -> Prepared:
     if any(p.effect.name == "backlash" for p in device.physics):
         few, many = fineness.jumping
         return Prepared(equations(device, few), equations(device, many))
-    coarse = equations(device, fineness.smooth if "force" in hooks else 1)
-    fine = equations(device, fineness.turning) if "friction" in hooks else coarse
-    return Prepared(coarse, fine)
+    few = fineness.smooth if "force" in hooks else 1
+    coarse = equations(device, few)
+    finer = "friction" in hooks and fineness.turning > few
+    return Prepared(coarse, equations(device, fineness.turning) if finer else coarse)
 
 
 def observer_memory(eq: Equations, experiment: Experiment) -> Memory:
@@ -336,19 +338,19 @@ def choose_observer(
     scores: dict[int, float] = {}
 
     def score(i: int) -> float:
-        if i not in scores:
-            scores[i] = np.inf
-            with suppress(np.linalg.LinAlgError, ValueError), np.errstate(all="ignore"):
-                gain = observer_for(device, experiments[0], float(RATIOS[i]))
-                kept = [innovations(device, e, gain, ready=ready)[SETTLING:] for e in experiments]
-                found = float(
-                    sum(k.shape[0] * np.linalg.slogdet(k.T @ k / k.shape[0])[1] for k in kept)
-                )
-                scores[i] = found if np.isfinite(found) else np.inf
-        return scores[i]
+        with suppress(np.linalg.LinAlgError, ValueError), np.errstate(all="ignore"):
+            gain = observer_for(device, experiments[0], float(RATIOS[i]))
+            kept = [innovations(device, e, gain, ready=ready)[SETTLING:] for e in experiments]
+            found = sum(k.shape[0] * np.linalg.slogdet(k.T @ k / k.shape[0])[1] for k in kept)
+            return float(found) if np.isfinite(found) else np.inf
+        return np.inf
 
     def best_of(indices: Iterable[int]) -> int:
-        return min((i for i in indices if 0 <= i < RATIOS.size), key=score)
+        asked = [i for i in indices if 0 <= i < RATIOS.size]
+        new = [i for i in asked if i not in scores]
+        found = in_parallel([lambda i=i: score(i) for i in new], threads())
+        scores.update(zip(new, found, strict=True))
+        return min(asked, key=scores.__getitem__)
 
     best = 0
     if near is not None:
@@ -356,10 +358,10 @@ def choose_observer(
         best = int(np.argmin(np.abs(np.log(RATIOS / near))))
         while best != start:
             start, best = best, best_of((best, best - 1, best + 1, best - 3, best + 3))
-    if near is None or not np.isfinite(score(best)):
+    if near is None or not np.isfinite(scores[best]):
         best = best_of(range(0, RATIOS.size, 3))
         best = best_of(range(best - 2, best + 3))
-    if not np.isfinite(score(best)):
+    if not np.isfinite(scores[best]):
         raise ValueError(
             "no observer follows this recording with this device; check sign, scale and units of"
             " command and outputs"

@@ -10,8 +10,9 @@ of the residual (a coloured residual makes every gain look larger). Simplest fir
 must beat a simpler one by five sigma.
 """
 
+import itertools
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,9 +23,10 @@ from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted, Problem
 from diagnosis.lattice import STEPPED, stepped_trials
 from diagnosis.modes import PRICE, mode_starts
-from diagnosis.screen import screen
+from diagnosis.screen import Screened, screen
 from diagnosis.uncertainty import inflation
 from diagnosis.waves import wave_starts
+from sim.ensemble import in_parallel, threads
 from sim.physics.effect import Physics
 
 Floats = NDArray[np.float64]
@@ -104,17 +106,17 @@ def take(
     plain = [s for s in starts if s.physics.effect.name != "extra_mode"]
     screened = screen(problem, current, [*plain, *waves, *modes])
     wide = inflation(current.white) if wide is None else wide
-    near = [one for one in screened[:FITTED] if one.score > WORTH] or screened[:1]
-    trials = [_tried(problem, current, current, one.start, prices) for one in near]
+    promising = [one for one in screened[:FITTED] if one.score > WORTH] or screened[:1]
+    trials = _all_tried(problem, current, current, promising, prices)
     straight = _straight(problem, current)
     if straight is not None:
         again = screen(problem, straight, starts)[:STRAIGHTENED]
-        trials += [_tried(problem, current, straight, one.start, prices) for one in again]
+        trials += _all_tried(problem, current, straight, again, prices)
         trials = _best_of_each(trials)
     most = max((t.gained for t in trials), default=0.0)
-    trials = [
-        _further(problem, current, t) if most - t.gained < STILL_NEAR * wide else t for t in trials
-    ]
+    near = [most - t.gained < STILL_NEAR * wide for t in trials]
+    longer = iter(_all_further(problem, current, itertools.compress(trials, near)))
+    trials = [next(longer) if go_on else t for go_on, t in zip(near, trials, strict=True)]
     for t in stepped_trials(problem, current, experiments) if stepped else ():
         say(f"{t.label}: chi-square gained {t.gained:.0f}")
         light = t.fitted.light()
@@ -143,8 +145,7 @@ def richer_trials(problem: Problem, current: Fitted, simple: Physics) -> list[Tr
         and ("m1" if start.physics.at == "ground" else start.physics.at) == simple.at
     ]
     screened = screen(problem, current, starts) if starts else []
-    first = [_tried(problem, current, current, one.start, {}) for one in screened]
-    return [_further(problem, current, trial) for trial in first]
+    return _all_further(problem, current, _all_tried(problem, current, current, screened, {}))
 
 
 def best_among(problem: Problem, current: Fitted, labels: Collection[str]) -> Trial | None:
@@ -155,7 +156,7 @@ def best_among(problem: Problem, current: Fitted, labels: Collection[str]) -> Tr
         if s.label in labels
     ]
     near = [one for one in screen(problem, current, starts)[:AMONG] if one.score > WORTH]
-    trials = [_tried(problem, current, current, one.start, {}) for one in near]
+    trials = _all_tried(problem, current, current, near, {})
     best = max(trials, key=lambda t: evidence(t, current.samples), default=None)
     return None if best is None else _further(problem, current, best)
 
@@ -192,6 +193,21 @@ def _tried(
     gained = current.chi2 - fitted.chi2
     price = prices.get(start.physics.effect.name, 0.0)
     return Trial(start.label, fitted.light(), gained, extra, at_bound(fitted), price)
+
+
+def _all_tried(
+    problem: Problem,
+    current: Fitted,
+    at: Fitted,
+    promising: Sequence[Screened],
+    prices: Mapping[str, float],
+) -> list[Trial]:
+    tasks = [lambda s=one.start: _tried(problem, current, at, s, prices) for one in promising]
+    return in_parallel(tasks, threads())
+
+
+def _all_further(problem: Problem, current: Fitted, trials: Iterable[Trial]) -> list[Trial]:
+    return in_parallel([lambda t=t: _further(problem, current, t) for t in trials], threads())
 
 
 def _further(problem: Problem, current: Fitted, trial: Trial) -> Trial:

@@ -14,6 +14,7 @@ candidate itself:
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from diagnosis.parameters import Model
 from diagnosis.settle import NotWorth, prepared_for, settle
 from diagnosis.trials import FIVE_SIGMA, THRESHOLD, Say, Step, Trial, at_bound, evidence, take
 from diagnosis.uncertainty import inflation
+from sim.ensemble import in_parallel, threads
 
 SLOWER = (1e-2,)  # of the observer's ratio
 ASKED = 5  # trials of each view whose likelihood is looked at
@@ -105,13 +107,13 @@ def _asked(problem: Problem, current: Fitted, experiments: Sequence[Experiment],
     for view, there, slow in asked:
         step = take(view, there, view.experiments, _silent if slow else say, stepped=not slow)
         steps.append(step)
-        for trial in _worth(step, current):
-            try:
-                at, fitted = _standing(trial, view.experiments)
-            except ValueError:
-                continue
-            found = at.cost(fitted) + trial.price
-            pool.append(Answer(step, trial, view, slow, at, fitted, found))
+        worth = _worth(step, current)
+        standing = in_parallel([partial(_standing, t, view.experiments) for t in worth], threads())
+        for trial, one in zip(worth, standing, strict=True):
+            if one is not None:
+                at, fitted = one
+                found = at.cost(fitted) + trial.price
+                pool.append(Answer(step, trial, view, slow, at, fitted, found))
     believed = _settled(pool, own, current, problem.experiments, say)
     trusting = [a for a in pool if a.slow and a.trial is a.step.taken]
     return Asked(problem, current, steps[0], believed, trusting)
@@ -237,9 +239,11 @@ def _worth(step: Step, current: Fitted) -> list[Trial]:
     return [*kept, *(t for t in step.believed[:1] if not any(t is k for k in kept))]
 
 
-def _standing(trial: Trial, experiments: Sequence[Experiment]) -> tuple[Problem, Fitted]:
-    """A trial as it stands under its own likeliest observer."""
-    return _as_it_stands(trial.fitted.model, trial.fitted, trial.experiments or experiments)
+def _standing(trial: Trial, experiments: Sequence[Experiment]) -> tuple[Problem, Fitted] | None:
+    """A trial as it stands under its own likeliest observer; None where none follows."""
+    with suppress(ValueError):
+        return _as_it_stands(trial.fitted.model, trial.fitted, trial.experiments or experiments)
+    return None
 
 
 def _as_it_stands(

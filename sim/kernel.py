@@ -13,9 +13,10 @@ At t = kT, before anything moves:
 A substep is exact for the linear part (propagator P, see `sim/equations.py`). Smooth forces are
 held over the substep at the mean of their values at its start and at its predicted end, which is
 second order. Dry friction is held too, at the force that stops the mass or at its bound, whichever
-is less (a bound that varies with speed is taken as the mean of both ends); a mass at rest whose
-load stays within the sticking bounds is locked, with a propagator of its own, and does not move at
-all. All forces being held, the work of each is force times
+is less (a bound that varies with speed is taken as the mean of both ends), and where the mass turns
+inside the substep at the mean of before and after, which is second order as well; a mass at rest
+whose load stays within the sticking bounds is locked, with a propagator of its own, and does not
+move at all. All forces being held, the work of each is force times
 displacement, and the ledger closes to rounding.
 
 No fastmath, no `**`, no numpy reductions: the compiled loop equals this source bit for bit.
@@ -236,6 +237,38 @@ def slide(p, dof, states, mask, limits, friction, x):
 
 
 @part
+def turn(p, dof, states, mask, limits, friction, x0, x, own, more):
+    """Give each mass that turned or stopped inside the substep its old friction until then.
+
+    Of a substep that begins with v_0 under the bound f_0 against it and would end with v_1 on the
+    other side, v_0 / (v_0 - v_1) = s passes before v = 0 (v linear in time). Held over the
+    substep, the mean s f_0 + (1 - s) f, f within its bounds, does what f_0 and then f would: the
+    bounds shrink towards f_0, and the same complementarity problem is solved again for what is to
+    be added. Without this a turn is late by half a substep on average, with it second order.
+    """
+    turned = False
+    for i in range(dof):
+        own[0, i] = own[1, i] = more[i] = 0.0
+        v = x0[dof + i]
+        if limits[1, i] > limits[0, i] and not mask >> i & 1:
+            f, row = friction[i], dof + i
+            own[0, i] = limits[0, i] - f
+            own[1, i] = limits[1, i] - f
+            if v != 0.0:
+                before = limits[0, i] if v > 0.0 else limits[1, i]
+                end = x[row] + p[row // 8, states + 1 + i, row % 8] * (before - f)
+                if f != before and end * v < 0.0:
+                    share = v / (v - end)
+                    own[0, i] = share * before + (1.0 - share) * limits[0, i] - f
+                    own[1, i] = share * before + (1.0 - share) * limits[1, i] - f
+                    turned = True
+    if turned:
+        slide(p, dof, states, mask, own, more, x)
+        for i in range(dof):
+            friction[i] += more[i]
+
+
+@part
 def add_work(eq, segment, mask, w, x1, values, external, friction, limits, shares, totals):
     """Add one substep from w to x1: motor, lag and dampers by their forms, the rest f dq."""
     n = eq.columns
@@ -288,25 +321,28 @@ def substep(eq, segment, held, external, memory, scratch):
 
     P is applied where the state lies; the state before is kept only for those who ask for it.
     """
-    before, values, ahead, after, friction, limits, shares = scratch
+    before, values, ahead, after, friction, limits, shares, own, more = scratch
     x = memory.x
     x[eq.states] = held
     held_forces(eq, x, memory.internal, values)
     load(eq, values, external, x)
     mask = 0
-    if eq.frictions.codes.size > 0:
+    dry = eq.frictions.codes.size > 0
+    if dry:
         friction_limits(eq, x, limits, shares)
         mask = locked_set(eq, x, limits)
     p = eq.propagators[segment, mask]
     columns = eq.columns if values.size + external.size > 0 else eq.states + 1
     again = values.size > 0 or eq.bounds_vary
-    if again or memory.totals.size > 0 or p.shape[0] > 1:
+    if again or dry or memory.totals.size > 0 or p.shape[0] > 1:
         for j in range(eq.columns):
             before[j] = x[j]
         propagate(p, before, columns, x)
     else:
         propagate(p, x, columns, x)
     slide(p, eq.dof, eq.states, mask, limits, friction, x)
+    if dry:
+        turn(p, eq.dof, eq.states, mask, limits, friction, before, x, own, more)
     if again:
         h = eq.durations[segment]
         advance_internal(eq, before, x, memory.internal, h, after)
@@ -318,6 +354,8 @@ def substep(eq, segment, held, external, memory, scratch):
         load(eq, values, external, before)
         propagate(p, before, columns, x)
         slide(p, eq.dof, eq.states, mask, limits, friction, x)
+        if dry:
+            turn(p, eq.dof, eq.states, mask, limits, friction, before, x, own, more)
         advance_internal(eq, before, x, memory.internal, h, after)
         for e in range(values.size):
             memory.internal[e] = after[e]
@@ -472,4 +510,5 @@ def scratch(eq):
     return (
         np.zeros(MAX_COLUMNS), np.zeros(n), np.zeros(n), np.zeros(n),
         np.zeros(MAX_MASSES), np.zeros((4, MAX_MASSES)), np.zeros((eq.frictions.codes.size, 2)),
+        np.zeros((2, MAX_MASSES)), np.zeros(MAX_MASSES),
     )  # fmt: skip

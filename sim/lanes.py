@@ -125,7 +125,10 @@ def find_stuck(reaction, level, bank, states, dof):
 
 @part
 def rub(p, level, bank, states, dof):
-    """Add to the fresh states the force that stops m1, or the level if that is less."""
+    """Add to the fresh states the force that stops m1, or the level if that is less.
+
+    Then, where m1 turned or stopped, what its old friction did until then (`turn` of the kernel).
+    """
     columns, fresh = states + 2, states + 1
     for lane in range(LANES):
         f = -bank[(fresh + dof) * LANES + lane] / p[dof * columns + states + 1]
@@ -134,6 +137,24 @@ def rub(p, level, bank, states, dof):
             bank[(fresh + i) * LANES + lane] += p[i * columns + states + 1] * f
         v = bank[(fresh + dof) * LANES + lane]
         bank[(fresh + dof) * LANES + lane] = 0.0 if -level < f < level else v
+        start = bank[dof * LANES + lane]
+        before = -level if start > 0.0 else level
+        v = bank[(fresh + dof) * LANES + lane]
+        end = v + p[dof * columns + states + 1] * (before - f)
+        turned = start != 0.0 and f != before and end * start < 0.0
+        share = start / (start - end) if turned else 0.0
+        lower = share * before + (1.0 - share) * -level - f
+        upper = share * before + (1.0 - share) * level - f
+        more = -v / p[dof * columns + states + 1]
+        more = max(lower, min(upper, more))
+        for i in range(states):
+            x = bank[(fresh + i) * LANES + lane]
+            bank[(fresh + i) * LANES + lane] = (
+                x + p[i * columns + states + 1] * more if turned and more != 0.0 else x
+            )
+        v = bank[(fresh + dof) * LANES + lane]
+        still = turned and lower < more < upper
+        bank[(fresh + dof) * LANES + lane] = 0.0 if still else v
 
 
 @part

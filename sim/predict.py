@@ -83,6 +83,7 @@ def predict(
     head = memory.counters[1]
     tick = memory.counters[0]
     u = memory.scalars[2]
+    finer = fine.substeps[0] + fine.substeps[1] > eq.substeps[0] + eq.substeps[1]
     for k in range(commands.size):
         for o in range(outputs.state.size):
             seen = x[outputs.state[o]]
@@ -106,7 +107,7 @@ def predict(
         for e in range(memory.internal.size):
             saved[x.size + e] = memory.internal[e]
         move(eq, earlier, current, force, memory, scratch)
-        if turned(eq, saved, x, memory.internal):
+        if finer and turned(eq, saved, x, memory.internal):
             for i in range(x.size):
                 x[i] = saved[i]
             for e in range(memory.internal.size):
