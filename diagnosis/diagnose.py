@@ -19,6 +19,7 @@ from diagnosis.leftover import leftover
 from diagnosis.locate import locate
 from diagnosis.next_experiment import NextExperiment, next_experiment
 from diagnosis.parameters import Model, first_velocity, linear_parameters, values_of
+from diagnosis.power_law import by_power
 from diagnosis.rectified import unfolded
 from diagnosis.removal import fit_without
 from diagnosis.result import Diagnosis, Estimate, Finding, Residuals, Rival, Verdict
@@ -351,6 +352,7 @@ def _instead(found: Searched) -> Instead | None:
         for name, without in models
         if without.x.size < final.x.size
     ]
+    asked.append(by_power(found.problem, final))
     return max((a for a in asked if a is not None), key=lambda a: a.gained, default=None)
 
 

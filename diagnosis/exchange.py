@@ -109,6 +109,50 @@ def merged(problem: Problem, current: Fitted, say: Say) -> tuple[Problem, Fitted
     return exchange
 
 
+def split(
+    problem: Problem, current: Fitted, say: Say, freely: bool = False
+) -> tuple[Problem, Fitted]:
+    """Put two effects in the place of one that contains what is simpler, if they explain as much.
+
+    A constant force and Coulomb friction look like directional friction, which as one effect gains
+    more than either. The first stands in its place, the second is what then gains most. With no
+    fewer parameters they must be better by five sigma. freely: an observer that trusts the model
+    was followed; then only fewer parameters that run as free count.
+    """
+    wide = inflation(current.white)
+    price = wide * float(np.log(current.samples))
+    best: Trial | None = None
+    paid = current.chi2 + price * current.x.size
+    for i, one in enumerate(current.model.effects):
+        if len(current.model.effects) == MOST or not simpler(one.effect.name):
+            continue
+        at = "m1" if one.at == "ground" else one.at
+        rest = fit_without(problem, current, i)
+        labels = {f"{name}@{at}" for name in simpler(one.effect.name)}
+        first = best_among(problem, rest, labels)
+        if first is None or first.on_bound:
+            continue
+        there = problem.fit(first.fitted.model, first.fitted.x)
+        for trial in take(problem, there, problem.experiments, _silent, wide=wide).believed:
+            fewer = trial.fitted.x.size < current.x.size
+            more = not freely and trial.fitted.chi2 < current.chi2 - FIVE_SIGMA * wide
+            asked = trial.fitted.chi2 + price * trial.fitted.x.size
+            if asked < paid and (fewer or more):
+                best, paid = trial, asked
+    if best is None:
+        return problem, current
+    free = free_run_error(problem.experiments, problem, current) / BETTER if freely else np.inf
+    exchange = _settled(best, problem, np.inf, free)
+    if exchange is None or len(exchange[1].model.effects) <= len(current.model.effects):
+        return problem, current
+    say(f"{exchange[1].model.label} in place of {current.model.label}")
+    return exchange
+
+
+def _silent(_: str) -> None:
+    pass
+
+
 def paired(
     problem: Problem, current: Fitted, steps: Sequence[Step], say: Say
 ) -> tuple[Problem, Fitted]:

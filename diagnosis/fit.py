@@ -199,9 +199,7 @@ class Problem:
         )
         start = np.zeros(len(parameters)) if x is None else x
         while True:
-            margin = 1e-9 * np.maximum(1.0, np.abs(start))
-            start = np.clip(start, np.where(np.isfinite(lower), lower + margin, lower),
-                            np.where(np.isfinite(upper), upper - margin, upper))  # fmt: skip
+            start = model.within(start)
             found = least_squares(
                 best.value,
                 start,

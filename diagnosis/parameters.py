@@ -26,6 +26,7 @@ FARTHEST = 4.0  # scales that a mass, spring or gain may move: a mass that doubl
 DAMPER_FLOOR = 0.1  # of the mean damper: what a damper of nearly zero may change by
 
 IN_RECORDING = ("dropped_samples", "rectified_sensor")  # taken off the recording, not simulated
+MARGIN = 1e-9  # of x, by which a start keeps off a bound
 LONGEST_WAVE = 1.2  # times the period that a fit starts from
 LEAST_LIMIT = 0.3  # times the limit that a fit starts from: a sine cut flat is another mechanism
 # A lag or delay of many ticks is another mechanism, and a lag without end cuts the command off.
@@ -97,6 +98,14 @@ class Model:
                     )
                 )  # fmt: skip
         return found
+
+    def within(self, x: Floats) -> Floats:
+        """Return the nearest x inside the bounds, off them by a margin."""
+        lower = np.array([p.lower for p in self.parameters])
+        upper = np.array([p.upper for p in self.parameters])
+        margin = MARGIN * np.maximum(1.0, np.abs(x))
+        return np.clip(x, np.where(np.isfinite(lower), lower + margin, lower),
+                       np.where(np.isfinite(upper), upper - margin, upper))  # fmt: skip
 
     def build(self, x: Floats) -> Device:
         """Return the device at x."""

@@ -5,6 +5,7 @@ from scipy.stats import chi2
 
 from diagnosis.candidates import MAGNITUDE
 from diagnosis.fit import Fitted, Problem
+from diagnosis.screen import TURNING
 from diagnosis.trials import THRESHOLD
 from diagnosis.uncertainty import covariance, inflation
 from sim.device import place_label
@@ -57,9 +58,12 @@ def wald(fitted: Fitted, index: int) -> tuple[float, int] | None:
     """Return Wald's m' C^-1 m of an effect's magnitudes m, C their covariance, and how many.
 
     Together: one of them may well be undetermined (a constant force beside the origin of a spring)
-    where another is sure. None for an effect without magnitudes.
+    where another is sure. None for an effect without magnitudes, and for one with a phase or angle,
+    which at a magnitude of zero means nothing: its chi-square is no normal deviate's there.
     """
     physics = fitted.model.effects[index]
+    if any(name in physics.values for name in TURNING):
+        return None
     names = MAGNITUDE.get(physics.effect.name, ())
     parameters = fitted.model.parameters
     own = [

@@ -27,23 +27,33 @@ HOPEFUL = 0.02  # the same as a share of the best start's
 
 @dataclass(frozen=True)
 class Screened:
-    """A start with its score, and its signature off the refit's span."""
+    """A start with its score, its signature off the refit's span, and what absorbs the rest.
+
+    shift: of the refit's x, to first order.
+    """
 
     start: Start
     score: float
     signature: Floats
+    shift: Floats
 
 
 class Complement:
     """Projection off the span of a Jacobian."""
 
     def __init__(self, jacobian: Floats) -> None:
-        left, singular, _ = np.linalg.svd(jacobian, full_matrices=False)
-        self.basis = left[:, singular > COLUMNS_KEPT * singular[0]]
+        left, singular, right = np.linalg.svd(jacobian, full_matrices=False)
+        kept = singular > COLUMNS_KEPT * singular[0]
+        self.basis = left[:, kept]
+        self.inverse = right[kept].T / singular[kept]
 
     def __call__(self, vector: Floats) -> Floats:
         """Return the part of a vector (samples,) that the refit cannot absorb."""
         return vector - self.basis @ (self.basis.T @ vector)
+
+    def absorbing(self, vector: Floats) -> Floats:
+        """Return the change of x (p,) by which the refit absorbs its part of a vector."""
+        return -self.inverse @ (self.basis.T @ vector)
 
 
 def screen(problem: Problem, fitted: Fitted, starts: Sequence[Start]) -> list[Screened]:
@@ -58,9 +68,10 @@ def screen(problem: Problem, fitted: Fitted, starts: Sequence[Start]) -> list[Sc
     def score(start: Start) -> Screened:
         model = fitted.model.with_effect(start.physics, {})
         moved = rough.weighted(model, fitted.x) - still
-        signature = off(np.concatenate([moved, prior]))
+        whole = np.concatenate([moved, prior])
+        signature = off(whole)
         after = base + signature
-        return Screened(start, energy - float(after @ after), signature)
+        return Screened(start, energy - float(after @ after), signature, off.absorbing(whole))
 
     groups: dict[str, list[Start]] = {}
     for start in starts:

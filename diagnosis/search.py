@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.exchange import MOST, merged, paired, plainly_there, swapped
+from diagnosis.exchange import MOST, merged, paired, plainly_there, split, swapped
 from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted, Problem
 from diagnosis.horizon import longer_view
@@ -76,6 +76,7 @@ def search(
                 if not trusted:
                     problem, current = paired(problem, current, swaps, say)
                     problem, current = merged(problem, current, say)
+                problem, current = split(problem, current, say, trusted)
                 experiments = problem.experiments
     except KeyboardInterrupt:
         say("interrupted: what was found until now is judged; once more to leave")

@@ -14,15 +14,17 @@ import itertools
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.candidates import CONTAINED, Start, candidates
+from diagnosis.candidates import CONTAINED, candidates
 from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted, Problem
 from diagnosis.lattice import STEPPED, stepped_trials
 from diagnosis.modes import PRICE, mode_starts
+from diagnosis.parameters import Model
 from diagnosis.screen import Screened, screen
 from diagnosis.uncertainty import inflation
 from diagnosis.waves import wave_starts
@@ -38,6 +40,8 @@ STRAIGHTENED = 4  # of them from the device file, where the refit is bent
 WORTH = 10.0  # first-order chi-square that is worth a fit
 FIRST_ROUNDS = 4  # of a fit, after which only the candidates near the best go on
 FURTHER_ROUNDS = 8
+SHIFTED = 0.03  # in x: as little a fit goes by itself
+STILL_KNOWN = 0.3  # in x, by which the model's slopes change little
 BENT = 2.0  # prior deviations: a refit so far off may have bent itself to what is missing
 STILL_NEAR = 100.0  # chi-square behind the best
 MOSTLY = 0.8  # of what a richer effect gains: then the simple one comes first
@@ -181,18 +185,31 @@ def _best_of_each(trials: Sequence[Trial]) -> list[Trial]:
 
 
 def _tried(
-    problem: Problem, current: Fitted, at: Fitted, start: Start, prices: Mapping[str, float]
+    problem: Problem, current: Fitted, at: Fitted, one: Screened, prices: Mapping[str, float]
 ) -> Trial:
-    """Fit an effect on top of a model, from where it stands at `at`."""
+    """Fit an effect on top of a model, from where it stands at `at`.
+
+    A strong effect begins where the model absorbs, to first order, what it can of it, if that is
+    the better beginning: from the unmoved model a fit of few rounds would not arrive.
+    """
+    start = one.start
     model = current.model.with_effect(start.physics, start.scales)
-    extra = len(model.parameters) - current.x.size
-    known = at.jacobian if at is current else None
-    fitted = problem.fit(
-        model, np.concatenate([at.x, np.zeros(extra)]), FIRST_ROUNDS, known, final=False
-    )
+    extra = np.zeros(len(model.parameters) - current.x.size)
+    x, known = np.concatenate([at.x, extra]), at.jacobian if at is current else None
+    far = float(np.abs(one.shift).max(initial=0.0))
+    if far > SHIFTED:
+        moved = model.within(np.concatenate([at.x + one.shift, extra]))
+        if _chi2(problem, model, moved) < _chi2(problem, model, x):
+            x, known = moved, known if far < STILL_KNOWN else None
+    fitted = problem.fit(model, x, FIRST_ROUNDS, known, final=False)
     gained = current.chi2 - fitted.chi2
     price = prices.get(start.physics.effect.name, 0.0)
-    return Trial(start.label, fitted.light(), gained, extra, at_bound(fitted), price)
+    return Trial(start.label, fitted.light(), gained, extra.size, at_bound(fitted), price)
+
+
+def _chi2(problem: Problem, model: Model, x: Floats) -> float:
+    residual = problem.residual(model, x)
+    return float(residual @ residual)
 
 
 def _all_tried(
@@ -202,12 +219,12 @@ def _all_tried(
     promising: Sequence[Screened],
     prices: Mapping[str, float],
 ) -> list[Trial]:
-    tasks = [lambda s=one.start: _tried(problem, current, at, s, prices) for one in promising]
+    tasks = [partial(_tried, problem, current, at, one, prices) for one in promising]
     return in_parallel(tasks, threads())
 
 
 def _all_further(problem: Problem, current: Fitted, trials: Iterable[Trial]) -> list[Trial]:
-    return in_parallel([lambda t=t: _further(problem, current, t) for t in trials], threads())
+    return in_parallel([partial(_further, problem, current, t) for t in trials], threads())
 
 
 def _further(problem: Problem, current: Fitted, trial: Trial) -> Trial:

@@ -106,17 +106,18 @@ class Instead:
 
     gained: float
     unknowns: int
-    shape: Shape
+    place: str
+    follows: str
     name: str
 
     @property
     def sentence(self) -> str:
         """Say what explains it better."""
         number = f"{self.unknowns} unknown{'s' if self.unknowns > 1 else ''}"
-        how = self.shape.follows
+        how = self.follows
         how = how if how.startswith(("repeats", "follows")) else f"follows {how}"
         return (
-            f"a force at {self.shape.place} that {how} makes the recording likelier than"
+            f"a force at {self.place} that {how} makes the recording likelier than"
             f" {self.name} by {self.gained:.0f} in -2 log likelihood, the price of {number} paid"
         )
 
@@ -131,8 +132,8 @@ def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None
     problem = prepared_for(experiments, fitted.model, fitted.x)
     plain = problem.fit(fitted.model, fitted.x)
     asked = list(views(problem, plain, experiments, lambda _: None))
-    alone = [_alone(there, view.experiments) for view, there, _ in asked]
-    base = min(problem.cost(plain), *alone)
+    without = [alone(there, view.experiments) for view, there, _ in asked]
+    base = min(problem.cost(plain), *without)
     for view, there, _ in asked:
         tried = sorted(_gains(view, there), key=_surplus, reverse=True)
         for one in tried[:JUDGED]:
@@ -149,7 +150,7 @@ def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None
     if best is None:
         return None
     found, one, forced = best
-    base = min(base, _alone(forced, experiments))  # a model not fitted to its end gains by anything
+    base = min(base, alone(forced, experiments))  # a model not fitted to its end gains by anything
     return Unknown(base - found, one.strength.size, one.shape.place, one.shape.follows)
 
 
@@ -170,7 +171,7 @@ def instead(
         shapes.append(_repeating(problem, without, line, n))
     off = Complement(without.jacobian)
     best: Instead | None = None
-    least = _alone(final, experiments) + named * np.log(final.samples) - CLEARLY
+    least = alone(final, experiments) + named * np.log(final.samples) - CLEARLY
     for shape in shapes:
         one = Gained(shape, *_solved(problem, without, off, shape))
         unknowns = one.strength.size + (shape.follows != CUBE)  # its period was sought
@@ -182,7 +183,8 @@ def instead(
             continue
         paid += unknowns * np.log(final.samples)
         if paid < least:
-            best, least = Instead(float(least + CLEARLY - paid), unknowns, shape, name), paid
+            gained = float(least + CLEARLY - paid)
+            best, least = Instead(gained, unknowns, shape.place, shape.follows, name), paid
     return best
 
 
@@ -208,7 +210,7 @@ def _surplus(one: Gained) -> float:
     return one.gained - 2.0 * one.strength.size
 
 
-def _alone(fitted: Fitted, experiments: Sequence[Experiment]) -> float:
+def alone(fitted: Fitted, experiments: Sequence[Experiment]) -> float:
     """Cost of the model without such a force, settled as often as one with it."""
     found, near = np.inf, None
     for _ in range(TURNS):

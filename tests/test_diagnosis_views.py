@@ -142,7 +142,7 @@ def test_a_phase_between_two_quarter_turns_is_solved():
     def at(angle: float) -> Screened:
         values = {"amplitude": 0.1, "period": 1.0, "phase": angle}
         start = Start(make_physics("encoder_eccentricity", "sensor", **values), dict(values))
-        return Screened(start, 0.0, 0.1 * np.sin(wave + angle))
+        return Screened(start, 0.0, 0.1 * np.sin(wave + angle), np.zeros(0))
 
     (start,) = turned_starts([at(0.0), at(QUARTER)], base)
     assert start.physics.values["amplitude"] == pytest.approx(amplitude, rel=1e-9)
@@ -233,7 +233,7 @@ def test_what_hums_is_no_mode_and_what_rings_is_no_hum():
         other = instead(problem, final, without, problem.experiments, "extra_mode at m1")
         assert (other is not None) is hums
         if other is not None:
-            assert (other.shape.follows, other.unknowns) == ("repeats over time", 3)
+            assert (other.follows, other.unknowns) == ("repeats over time", 3)
             assert "likelier than extra_mode at m1 by" in other.sentence
 
 

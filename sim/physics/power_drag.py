@@ -1,0 +1,34 @@
+"""Drag that grows with a power of speed: f = -level sign(v) |v / speed|^power.
+
+No effect of the library, which has the square alone: the diagnosis asks with it whether what was
+named `quadratic_drag` is drag by another power (`diagnosis/power_law.py`). speed says at which
+speed the level holds, and is not free beside level and power. Below a power of one the slope at
+v = 0 has no bound, and no substep would do.
+"""
+
+import math
+
+from sim.jit import part
+from sim.physics.effect import Effect, Parameter
+
+power_drag = Effect(
+    name="power_drag",
+    summary="drag that grows with a power of speed",
+    places=("m1", "m2", "m3"),
+    parameters=(
+        Parameter("level", "f_p", "N m", 0.0, 1e6, 0.0),
+        Parameter("power", "p", "", 1.0, 8.0, None),
+        Parameter("speed", "v_p", "rad/s", 1e-12, 1e6, None),
+    ),
+    hook="force",
+    code=9,
+    reference="H. Schlichting, Boundary-Layer Theory, for powers from 1 (Stokes) to 2 (Rayleigh)",
+)
+
+
+@part
+def power_force(v, p):
+    """Force at velocity v."""
+    if v == 0.0:
+        return 0.0
+    return -math.copysign(p[0] * math.exp(p[1] * math.log(abs(v) / p[2])), v)
