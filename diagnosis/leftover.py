@@ -23,7 +23,7 @@ from scipy.ndimage import median_filter, uniform_filter1d
 
 from diagnosis.experiment import Output
 from diagnosis.fit import Fitted, Problem
-from diagnosis.predictor import SETTLING, innovations
+from diagnosis.predictor import SETTLING, innovations, whitened
 from diagnosis.spatial import matched
 
 Floats = NDArray[np.float64]
@@ -34,6 +34,7 @@ DRAWS = 48  # of white noise
 SEED = 0
 AROUND = 51  # lines whose median says how much colour is left about a hum
 SMOOTH = 15  # lines over which the residual's spectrum is smoothed, to draw noise alike
+COARSE = 8.0  # lags that the filters see: a resolution of 20 Hz at 1 kHz
 BINS = 4096  # over twice the travel
 
 
@@ -67,7 +68,11 @@ class Leftover:
 
 
 def leftover(problem: Problem, fitted: Fitted) -> Leftover:
-    """Return the strongest line in what a fitted model leaves."""
+    """Return the strongest line in what a fitted model leaves.
+
+    Sought in innovations that are whitened coarsely: a fine filter takes a strong line for noise.
+    """
+    problem, fitted = _coarsely(problem, fitted)
     states = predicted_states(problem, fitted)
     bank = list(_bank(states, problem.experiments[0].period))
     hums = [f for f in bank if f.follows == "1"]
@@ -96,6 +101,17 @@ def leftover(problem: Problem, fitted: Fitted) -> Leftover:
     return Leftover(
         gained, chance, family.place, family.follows, family.over, float(family.periods[k])
     )
+
+
+def _coarsely(problem: Problem, fitted: Fitted) -> tuple[Problem, Fitted]:
+    """Problem and fit under filters that no line can be seen by."""
+    if problem.observer.whitening is None:
+        return problem, fitted
+    device = fitted.model.acting(fitted.x)
+    seen = [fitted.model.seen(e, fitted.x) for e in problem.experiments]
+    errors = [innovations(device, e, problem.observer.gain) for e in seen]
+    there = Problem(problem.experiments, whitened(problem.observer, errors, COARSE))
+    return there, there.at(fitted.model, fitted.x)
 
 
 @dataclass(frozen=True)

@@ -63,7 +63,8 @@ def search(
             freer = runs_freer(asked, answer, best)
             if freer is not None:
                 say(f"an observer that trusts the model more takes {freer.trial.label}")
-                answer, best, trusted = freer, prune(freer.problem, freer.settled), True
+                # Free runs speak for it, and the likeliest observer hides what is slow: it stays.
+                answer, best, trusted = freer, _pruned_but(freer), True
             say(f"taken: {answer.trial.label}")
             steps.append(replace(answer.step, taken=answer.trial))
             problem, current = answer.problem, best
@@ -88,6 +89,13 @@ def search(
     current = over_creases(problem, problem.fit(current.model, current.x))
     baseline = problem.fit(Model(device), linear.x)
     return Searched(problem, baseline, current, tuple(steps), interrupted)
+
+
+def _pruned_but(answer: Answer) -> Fitted:
+    """Remove what no longer pays beside an effect that was just taken, and not that one."""
+    pruned = prune(answer.problem, answer.settled)
+    kept = answer.trial.label in effect_labels(pruned.model.effects)
+    return pruned if kept else answer.settled
 
 
 def surviving(believed: Sequence[Answer]) -> tuple[Answer, Fitted] | None:
