@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binomtest
 
-from diagnosis.candidates import MAGNITUDE, candidates
+from diagnosis.candidates import CONTAINED, MAGNITUDE, candidates
 from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted
 from diagnosis.gate import ON_LATTICE, Fault, corrected, examine
@@ -19,13 +19,13 @@ from diagnosis.leftover import leftover
 from diagnosis.locate import locate
 from diagnosis.next_experiment import NextExperiment, next_experiment
 from diagnosis.parameters import Model, first_velocity, linear_parameters, values_of
-from diagnosis.power_law import by_power
+from diagnosis.probes import instead_by_law
 from diagnosis.rectified import unfolded
 from diagnosis.removal import fit_without
 from diagnosis.result import Diagnosis, Estimate, Finding, Residuals, Rival, Verdict
 from diagnosis.screen import Complement, screen
 from diagnosis.search import Searched, search
-from diagnosis.trials import Say, Step
+from diagnosis.trials import Say, Step, Trial
 from diagnosis.uncertainty import Z95, covariance, inflation
 from diagnosis.unknown import TOUCHED, Instead, instead, unknown
 from sim.device import Device, place_label
@@ -255,13 +255,24 @@ def _rivals(label: str, steps: Sequence[Step], wide: float) -> tuple[Rival, ...]
     for step in reversed(steps):  # the last one saw what else is missing
         if step.taken is not None and step.taken.label == label:
             others = [
-                (t.label, float(np.sqrt(max(0.0, step.taken.worth - t.worth) / wide)))
+                (t.label, 0.0 if _contains(t.label, label) else _behind(step.taken, t, wide))
                 for t in step.trials
                 if t.label != label
             ]
             others.sort(key=lambda pair: pair[1])
             return tuple(_rival(name, sigma) for name, sigma in others)
     return ()
+
+
+def _behind(best: Trial, other: Trial, wide: float) -> float:
+    return float(np.sqrt(max(0.0, best.worth - other.worth) / wide))
+
+
+def _contains(richer: str, simple: str) -> bool:
+    """Whether one effect contains the other, there: it then explains no less, fitted to its end."""
+    name, at = simple.split("@")
+    other, there = richer.split("@")
+    return other in CONTAINED.get(name, ()) and ("m1" if there == "ground" else there) == at
 
 
 def _rival(label: str, sigma: float) -> Rival:
@@ -341,6 +352,8 @@ def _left(found: Searched, acted: Sequence[Experiment]) -> Left:
 
 def _instead(found: Searched) -> Instead | None:
     """Return a force of no library that explains more than one of the effects, or all of them."""
+    if found.problem.observer.whitening is None:  # free runs decided, and likelihood is no judge
+        return None
     final, effects = found.final, found.final.model.effects
     experiments = found.problem.experiments
     names = [f"{p.effect.name} at {p.at}" for p in effects]
@@ -352,7 +365,7 @@ def _instead(found: Searched) -> Instead | None:
         for name, without in models
         if without.x.size < final.x.size
     ]
-    asked.append(by_power(found.problem, final))
+    asked.append(instead_by_law(found.problem, final))
     return max((a for a in asked if a is not None), key=lambda a: a.gained, default=None)
 
 

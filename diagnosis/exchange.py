@@ -9,10 +9,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.candidates import CONTAINED, simpler
+from diagnosis.candidates import CONTAINED, candidates, simpler
 from diagnosis.fit import Fitted, Problem
-from diagnosis.horizon import BETTER, free_run_error
-from diagnosis.parameters import effect_labels
+from diagnosis.horizon import BETTER, at_ratio, free_run_error
+from diagnosis.parameters import Model, effect_labels
 from diagnosis.removal import fit_without, prune
 from diagnosis.trials import (
     FIVE_SIGMA,
@@ -20,6 +20,7 @@ from diagnosis.trials import (
     Say,
     Step,
     Trial,
+    at_bound,
     best_among,
     richer_trials,
     take,
@@ -33,6 +34,7 @@ SWAP_GAIN = 4.0  # chi-square by which an effect as simple must be better to rep
 SEEN = 2.0  # thresholds that every effect must gain under the likeliest observer to be exchanged
 NEAR = 50.0  # chi-square behind an effect, of what may stand in its place if another changes too
 RIVALS = 2  # of each effect, tried in pairs
+FREED = 4  # trials of a split that are settled to run free
 
 
 def plainly_there(problem: Problem, current: Fitted) -> bool:
@@ -115,38 +117,85 @@ def split(
     """Put two effects in the place of one that contains what is simpler, if they explain as much.
 
     A constant force and Coulomb friction look like directional friction, which as one effect gains
-    more than either. The first stands in its place, the second is what then gains most. With no
-    fewer parameters they must be better by five sigma. freely: an observer that trusts the model
-    was followed; then only fewer parameters that run as free count.
+    more than either; Coulomb friction and gravity like a soft presliding one. The simpler stands
+    in its place, the second is what then gains most. With no fewer parameters they must be better
+    by five sigma. freely: an observer that trusts the model was followed; then free runs decide.
     """
     wide = inflation(current.white)
     price = wide * float(np.log(current.samples))
     best: Trial | None = None
     paid = current.chi2 + price * current.x.size
+    parts: list[Trial] = []
     for i, one in enumerate(current.model.effects):
         if len(current.model.effects) == MOST or not simpler(one.effect.name):
             continue
-        at = "m1" if one.at == "ground" else one.at
-        rest = fit_without(problem, current, i)
-        labels = {f"{name}@{at}" for name in simpler(one.effect.name)}
-        first = best_among(problem, rest, labels)
-        if first is None or first.on_bound:
+        there = _simplest_instead(problem, current, i)
+        if there is None:
             continue
-        there = problem.fit(first.fitted.model, first.fitted.x)
-        for trial in take(problem, there, problem.experiments, _silent, wide=wide).believed:
-            fewer = trial.fitted.x.size < current.x.size
-            more = not freely and trial.fitted.chi2 < current.chi2 - FIVE_SIGMA * wide
+        believed = take(problem, there, problem.experiments, _silent, wide=wide).believed
+        parts += believed
+        for trial in believed:
+            better = trial.fitted.chi2 < current.chi2 - FIVE_SIGMA * wide
             asked = trial.fitted.chi2 + price * trial.fitted.x.size
-            if asked < paid and (fewer or more):
+            if asked < paid and (better or _fewer(trial, current)):
                 best, paid = trial, asked
-    if best is None:
-        return problem, current
-    free = free_run_error(problem.experiments, problem, current) / BETTER if freely else np.inf
-    exchange = _settled(best, problem, np.inf, free)
+    exchange = None
+    if freely:
+        exchange = _freest(problem, current, parts)
+    elif best is not None:
+        exchange = _settled(best, problem, np.inf, np.inf)
     if exchange is None or len(exchange[1].model.effects) <= len(current.model.effects):
         return problem, current
     say(f"{exchange[1].model.label} in place of {current.model.label}")
     return exchange
+
+
+def _simplest_instead(problem: Problem, current: Fitted, index: int) -> Fitted | None:
+    """Fit what an effect contains in its place, from where the rest of the model stands.
+
+    Not from the model without it: that may have bent itself so far that nothing leads back.
+    """
+    one = current.model.effects[index]
+    at = "m1" if one.at == "ground" else one.at
+    labels = {f"{name}@{at}" for name in simpler(one.effect.name)}
+    gone = place_label(one)
+    keep = np.array([p.name.split(".")[0] != gone for p in current.model.parameters])
+    model, x = current.model.without_effect(index), current.x[keep]
+    best: dict[str, tuple[float, Model, np.ndarray]] = {}
+    for start in candidates(model.build(x), problem.experiments):
+        if start.label in labels:
+            tried = model.with_effect(start.physics, start.scales)
+            begin = np.concatenate([x, np.zeros(len(tried.parameters) - x.size)])
+            residual = problem.residual(tried, begin)
+            chi2 = float(residual @ residual)
+            if start.label not in best or chi2 < best[start.label][0]:
+                best[start.label] = chi2, tried, begin
+    fits = [problem.fit(tried, begin) for _, tried, begin in best.values()]
+    kept = [f for f in fits if not at_bound(f)]
+    return min(kept, key=lambda f: f.chi2, default=None)
+
+
+def _freest(
+    problem: Problem, current: Fitted, trials: Sequence[Trial]
+) -> tuple[Problem, Fitted] | None:
+    """Settle a few trials: the one whose free runs err least, clearly less or by less unknowns."""
+    own = free_run_error(problem.experiments, problem, current)
+    found: tuple[Problem, Fitted] | None = None
+    least = np.inf
+    for trial in sorted(trials, key=lambda t: t.gained, reverse=True)[:FREED]:
+        limit = min(least, own / BETTER if _fewer(trial, current) else own * BETTER)
+        if problem.observer.whitening is not None:
+            exchange = _settled(trial, problem, np.inf, limit)
+        else:  # a slower observer, which the likeliest is not to replace
+            exchange = at_ratio(problem.experiments, trial.fitted, problem.observer.ratio)
+        free = np.inf if exchange is None else free_run_error(problem.experiments, *exchange)
+        if free < limit:
+            found, least = exchange, free
+    return found
+
+
+def _fewer(trial: Trial, current: Fitted) -> bool:
+    return trial.fitted.x.size < current.x.size
 
 
 def _silent(_: str) -> None:

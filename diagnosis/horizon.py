@@ -34,7 +34,7 @@ def longer_view(
         if ratio >= problem.observer.ratio:
             continue
         try:
-            tried = _at_ratio(experiments, best[1], ratio)
+            tried = at_ratio(experiments, best[1], ratio)
         except ValueError:  # so slow that it does not hold a device without springs
             continue
         found = free_run_error(experiments, *tried)
@@ -53,9 +53,10 @@ def free_run_error(experiments: Sequence[Experiment], problem: Problem, fitted: 
     return size if np.isfinite(size) else np.inf
 
 
-def _at_ratio(
+def at_ratio(
     experiments: Sequence[Experiment], fitted: Fitted, ratio: float
 ) -> tuple[Problem, Fitted]:
+    """Return the fit of a model under an observer of a ratio, with its deviations."""
     problem = prepared_for(experiments, fitted.model, fitted.x, ratio)
     fitted = problem.fit(fitted.model, fitted.x)
     problem = prepared_for(problem.experiments, fitted.model, fitted.x, ratio)

@@ -72,12 +72,12 @@ def search(
             if answer.trial.label not in effect_labels(current.model.effects):
                 break
             if not trusted or plainly_there(problem, current):  # else the fast one takes it back
+                problem, current = split(problem, current, say, trusted)
                 problem, current, swaps = swapped(problem, current, say, trusted)
                 steps += swaps
                 if not trusted:
                     problem, current = paired(problem, current, swaps, say)
                     problem, current = merged(problem, current, say)
-                problem, current = split(problem, current, say, trusted)
                 experiments = problem.experiments
     except KeyboardInterrupt:
         say("interrupted: what was found until now is judged; once more to leave")
@@ -85,6 +85,8 @@ def search(
     if current.model.effects:
         problem, current = longer_view(experiments, problem, current)
         current = prune(problem, current)
+        if problem.observer.whitening is None:
+            problem, current = split(problem, current, say, freely=True)
     problem = Problem(problem.experiments, problem.observer, FINAL)
     current = over_creases(problem, problem.fit(current.model, current.x))
     baseline = problem.fit(Model(device), linear.x)

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from diagnosis import exchange
 from diagnosis.candidates import MAGNITUDE
-from diagnosis.exchange import paired, plainly_there, swapped
+from diagnosis.exchange import paired, plainly_there, split, swapped
 from diagnosis.fit import Fitted, Problem
 from diagnosis.parameters import Model, effect_labels
 from diagnosis.settle import refit
@@ -98,3 +98,20 @@ def test_an_effect_that_only_a_slow_observer_misses_is_not_exchanged():
     problem, _ = refit(phantom(), [e], (friction,))
     assert plainly_there(problem, fitted_with(problem, friction))
     assert not plainly_there(problem, fitted_with(problem, friction, idle))
+
+
+def test_a_directional_friction_is_split_into_what_it_contains():
+    """A constant force and Coulomb friction, fitted as friction that differs between directions.
+
+    Mutation that breaks it: the second part sought beside the richer effect.
+    """
+    force = make_physics("constant_force", "m1", level=2e-3)
+    friction = make_physics("coulomb_friction", "m1", level=3e-3)
+    e = record(phantom().with_physics(force, friction), 4.0, seed=14)
+    problem, _ = refit(phantom(), [e], (force, friction))
+    values = {"level_plus": 1e-3, "level_minus": 5e-3, "viscous_plus": 1e-5, "viscous_minus": 1e-5}
+    current = fitted_with(problem, make_physics("directional_friction", "m1", **values))
+    for freely in (False, True):
+        _, found = split(problem, current, silent, freely)
+        labels = set(effect_labels(found.model.effects))
+        assert labels == {"constant_force@m1", "coulomb_friction@m1"}

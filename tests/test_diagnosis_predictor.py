@@ -5,11 +5,19 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from diagnosis.candidates import candidates
 from diagnosis.experiment import Experiment, ExperimentError, Output, experiment
 from diagnosis.hold import smooth, was_smooth
-from diagnosis.predictor import SETTLING, choose_observer, innovations, observer_for
+from diagnosis.predictor import (
+    SETTLING,
+    Observer,
+    choose_observer,
+    innovations,
+    observer_for,
+    whitened,
+)
 from diagnosis.screen import Complement
 from diagnosis.settle import refit
 from diagnosis.uncertainty import inflation
@@ -74,6 +82,28 @@ def test_what_the_refit_spans_is_projected_away():
     whole = np.concatenate([moved, np.zeros(fitted.residual.size - moved.size)])
     left = np.linalg.norm(off(whole)) / np.linalg.norm(whole)
     assert 0.02 < left < 0.9  # physics.md: a refit absorbs 55 to 98 % of Coulomb friction
+    absorbed = fitted.jacobian @ off.absorbing(whole)
+    np.testing.assert_allclose(off(whole), whole + absorbed, atol=1e-6 * np.abs(whole).max())
+
+
+def test_filters_whiten_colour_and_leave_a_line():
+    """Noise of colour 0.7 that an observer filtered; then the same with a strong line.
+
+    Mutations that break it: an order of 8 or a memory of 4 (colour is left); no memory's end (the
+    line goes).
+    """
+    random, n = np.random.default_rng(5), 20000
+    coloured = lfilter([1.0, -1.6, 0.68], [1.0, -0.7], random.standard_normal(n))
+    line = 2.0 * np.sin(0.2 * np.arange(n))
+    plain = Observer(np.zeros((2, 1)), np.ones(1), 1.0)
+    filtered = whitened(plain, [coloured[:, None]])
+    white = filtered.weigh(coloured[:, None])[SETTLING:, 0]
+    m = white.size
+    found = [float(white[k:] @ white[: m - k]) / m for k in range(1, 41)]
+    assert np.abs(found).max() < 4.0 / np.sqrt(m)
+    beside = whitened(plain, [(coloured + line)[:, None]])
+    left = beside.weigh(line[:, None])[SETTLING:, 0]
+    assert 10.0 < np.linalg.norm(left) < 60.0
 
 
 def test_no_gravity_pendulum_on_a_linear_device():

@@ -1,0 +1,130 @@
+"""Whether what was named is physics of no library that comes near it, fitted to its end.
+
+A drag that carries much of the motion turns it over, and so does a stop; a force added to the
+recording does not follow it there (`diagnosis.unknown`). So what was named is exchanged for a law
+of no library, simulated and fitted like any effect, observer and all:
+
+    quadratic_drag, alone or with any one other effect      a drag whose power is free
+    what follows position at m1, each alone and all of it   a spring met on one side only
+
+Likelier by `CLEARLY`, its unknowns paid, it is physics of no library: a cube passes for a square
+and some friction, a stop for a spring that stiffens and some gravity.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.candidates import magnitudes
+from diagnosis.fit import Fitted, Problem
+from diagnosis.leftover import predicted_states
+from diagnosis.parameters import Model
+from diagnosis.predictor import SETTLING
+from diagnosis.settle import settle
+from diagnosis.unknown import CLEARLY, Instead, alone
+from sim.device import place_label
+from sim.physics.effect import Physics
+from sim.physics.one_sided_spring import one_sided_spring
+from sim.physics.power_drag import power_drag
+
+Floats = NDArray[np.float64]
+BY_POSITION = (
+    "cubic_stiffness@ground",
+    "gravity_pendulum@m1",
+    "ground_spring@m1",
+    "force_ripple@m1",
+    "hysteresis@ground",
+)
+MET = (0.05, 0.01)  # of the samples beyond a stop, to start with
+
+
+@dataclass(frozen=True)
+class Probe:
+    """A law of no library in the place of some effects of a model (their places in it)."""
+
+    gone: tuple[int, ...]
+    physics: Physics
+    scales: dict[str, float]
+    nested: bool  # the named effect is a case of it
+
+
+def instead_by_law(problem: Problem, final: Fitted) -> Instead | None:
+    """Return the law of no library that is likelier than what was named, the likeliest of them."""
+    probes = [*_powers(problem, final), *_stops(problem, final)]
+    if not probes:
+        return None
+    experiments, price = problem.experiments, float(np.log(final.samples))
+    least = alone(final, experiments) + price * final.x.size - CLEARLY
+    best: Instead | None = None
+    for probe in probes:
+        try:
+            there, settled = settle(experiments, *_exchanged(final, probe))
+        except ValueError:  # no observer follows the recording with it
+            continue
+        # Of a case of the law itself, five sigma of the one unknown more are enough.
+        unknowns = final.x.size if probe.nested else settled.x.size
+        paid = there.cost(settled) + price * unknowns
+        if paid < least:
+            gone = [final.model.effects[i] for i in probe.gone]
+            name = " and ".join(f"{p.effect.name} at {p.at}" for p in gone)
+            law = settled.model.build(settled.x).physics[-1]
+            gained = float(least + CLEARLY - paid)
+            best, least = Instead(gained, len(probe.scales), law.at, _says(law), name), paid
+    return best
+
+
+def _says(law: Physics) -> str:
+    if law.effect is power_drag:
+        return f"the power {law.values['power']:.3g} of velocity"
+    where = "above" if law.values["side"] > 0.0 else "below"
+    return f"position only {where} {law.values['place']:.4g}, as of a stop"
+
+
+def _powers(problem: Problem, final: Fitted) -> Iterator[Probe]:
+    effects = final.model.effects
+    device = final.model.build(final.x)
+    for drag, named in enumerate(effects):
+        if named.effect.name != "quadratic_drag":
+            continue
+        found = next(p for p in device.physics if place_label(p) == place_label(named))
+        speed = magnitudes(device, problem.experiments).speed
+        level = max(found.values["coefficient"] * speed**2, np.finfo(float).tiny)
+        physics = Physics(power_drag, named.at, {"level": level, "power": 2.0, "speed": speed})
+        scales = {"level": level, "power": 0.5}
+        yield Probe((drag,), physics, scales, True)
+        for other in range(len(effects)):
+            if other != drag:
+                yield Probe((drag, other), physics, scales, False)
+
+
+def _stops(problem: Problem, final: Fitted) -> Iterator[Probe]:
+    labels = [place_label(p) for p in final.model.effects]
+    named = [i for i, label in enumerate(labels) if label in BY_POSITION]
+    if not named:
+        return
+    sets = {(i,) for i in named} | {tuple(named)}
+    q = np.concatenate([x[SETTLING:, 0] for x in predicted_states(problem, final)])
+    force = magnitudes(final.model.build(final.x), problem.experiments).force
+    for gone in sorted(sets):
+        for share in MET:
+            for side in (-1.0, 1.0):
+                place = float(np.quantile(q, share if side < 0.0 else 1.0 - share))
+                depth = abs(float(q.min() if side < 0.0 else q.max()) - place)
+                if depth > 0.0:
+                    values = {"place": place, "stiffness": force / depth, "side": side}
+                    scales = {"place": depth, "stiffness": force / depth}
+                    yield Probe(gone, Physics(one_sided_spring, "m1", values), scales, False)
+
+
+def _exchanged(final: Fitted, probe: Probe) -> tuple[Model, Floats]:
+    """Model and start with the law in the place of the effects."""
+    effects = final.model.effects
+    gone = {place_label(effects[i]) for i in probe.gone}
+    keep = np.array([p.name.split(".")[0] not in gone for p in final.model.parameters])
+    model = final.model
+    for i in sorted(probe.gone, reverse=True):
+        model = model.without_effect(i)
+    model = model.with_effect(probe.physics, probe.scales)
+    return model, np.concatenate([final.x[keep], np.zeros(len(probe.scales))])

@@ -1,0 +1,29 @@
+"""Spring that is met on one side only: f = -stiffness (q - place) where side (q - place) > 0.
+
+No effect of the library: a stop, soft or hard, which a recording meets at its ends. The diagnosis
+asks with it whether what was named a bent spring is one (`diagnosis/probes.py`). side: 1 or -1.
+"""
+
+from sim.jit import part
+from sim.physics.effect import Effect, Parameter
+
+one_sided_spring = Effect(
+    name="one_sided_spring",
+    summary="spring that is met on one side only",
+    places=("m1",),
+    parameters=(
+        Parameter("place", "q_s", "rad", -1e6, 1e6, None),
+        Parameter("stiffness", "k_s", "N m/rad", 0.0, 1e12, 0.0),
+        Parameter("side", "s", "", -1.0, 1.0, None),
+    ),
+    hook="force",
+    code=10,
+    reference="unilateral contact, Kelvin",
+)
+
+
+@part
+def stop_force(q, p):
+    """Force at position q."""
+    inside = q - p[0]
+    return -p[1] * inside if inside * p[2] > 0.0 else 0.0

@@ -1,0 +1,70 @@
+"""Drag by a power: its motion, and a cube that is not taken for a square."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from controllers.none import none
+from diagnosis.fit import Fitted, Problem
+from diagnosis.parameters import Model
+from diagnosis.probes import instead_by_law
+from diagnosis.settle import refit
+from sim.chain import make_chain
+from sim.device import Device
+from sim.interface import Interface
+from sim.physics import make_physics
+from sim.physics.effect import Physics
+from sim.physics.power_drag import power_drag
+from sim.run import Start, simulate
+from tests.diagnosis_examples import record
+
+MASS, T = 2e-4, 1e-3
+
+
+def single(damper: float = 1e-3) -> Device:
+    """Return a device of one mass."""
+    return Device("mass", "", True, make_chain([MASS], [damper]), Interface(period=T))
+
+
+@pytest.mark.parametrize("power", [1.5, 3.0])
+def test_a_mass_slows_down_by_the_power(power: float):
+    """It coasts as v^(1 - p) = v_0^(1 - p) + (p - 1) c t / m, to 1e-6 at 64 substeps.
+
+    Mutation that breaks it: the speed left out of the ratio; the sign by the position.
+    """
+    level, speed, v0 = 3e-3, 5.0, -20.0
+    drag = Physics(power_drag, "m1", {"level": level, "power": power, "speed": speed})
+    run = simulate(
+        single(0.0).with_physics(drag), none(), duration=0.3, start=Start(0.0, v0), substeps=64,
+        bound=1e9,
+    )  # fmt: skip
+    t = T * np.arange(run.trace["velocity_m1"].size)
+    c = level / speed**power
+    expected = -((abs(v0) ** (1.0 - power) + (power - 1.0) * c * t / MASS) ** (1.0 / (1.0 - power)))
+    np.testing.assert_allclose(run.trace["velocity_m1"], expected, rtol=1e-6)
+
+
+def square_found(truth: Device) -> tuple[Problem, Fitted]:
+    """A quadratic drag fitted to what a device does."""
+    e = record(truth, 5.0, seed=21)
+    problem, linear = refit(single(), [e])
+    square = make_physics("quadratic_drag", "m1", coefficient=2e-5)
+    start = np.append(linear.x, 0.0)
+    return problem, problem.fit(Model(single(), (square,), ({"coefficient": 2e-5},)), start, 30)
+
+
+def test_a_cube_is_told_from_a_square():
+    """By its power; and a square stays one.
+
+    Mutations that break it: the power held at 2; the threshold left out.
+    """
+    v = 20.0
+    values: dict[str, Any] = {"level": 8e-3, "power": 3.0, "speed": v}
+    other = instead_by_law(*square_found(single().with_physics(Physics(power_drag, "m1", values))))
+    assert other is not None
+    assert other.place == "m1"
+    assert float(other.follows.split()[2]) == pytest.approx(3.0, abs=0.3)
+    assert "likelier than quadratic_drag at m1" in other.sentence
+    square = make_physics("quadratic_drag", "m1", coefficient=8e-3 / v**2)
+    assert instead_by_law(*square_found(single().with_physics(square))) is None
