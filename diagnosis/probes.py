@@ -37,7 +37,7 @@ BY_POSITION = (
     "force_ripple@m1",
     "hysteresis@ground",
 )
-MET = (0.05, 0.01)  # of the samples beyond a stop, to start with
+MET = (0.25, 0.05, 0.01)  # of the samples beyond a stop, to start with
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Drag by a power: its motion, and a cube that is not taken for a square."""
+"""Laws of no library: their motion, and that they are not taken for what comes near them."""
 
 from typing import Any
 
@@ -9,12 +9,13 @@ from controllers.none import none
 from diagnosis.fit import Fitted, Problem
 from diagnosis.parameters import Model
 from diagnosis.probes import instead_by_law
-from diagnosis.settle import refit
+from diagnosis.settle import refit, settle
 from sim.chain import make_chain
 from sim.device import Device
 from sim.interface import Interface
 from sim.physics import make_physics
 from sim.physics.effect import Physics
+from sim.physics.one_sided_spring import one_sided_spring
 from sim.physics.power_drag import power_drag
 from sim.run import Start, simulate
 from tests.diagnosis_examples import record
@@ -68,3 +69,25 @@ def test_a_cube_is_told_from_a_square():
     assert "likelier than quadratic_drag at m1" in other.sentence
     square = make_physics("quadratic_drag", "m1", coefficient=8e-3 / v**2)
     assert instead_by_law(*square_found(single().with_physics(square))) is None
+
+
+def test_a_stop_is_told_from_a_spring_that_stiffens():
+    """A spring met on one side; and a cubic spring stays one.
+
+    Mutations that break it: the side left out of the force; stops sought on one side only.
+    """
+    held = Device("held", "", True, make_chain([MASS], [1e-3], 0.2), Interface(period=T))
+    cubic = make_physics("cubic_stiffness", "ground", coefficient=0.1)
+    for side in (-1.0, 0.0, 1.0):
+        values = {"place": 0.12 * side, "stiffness": 1.0, "side": side}
+        met = cubic if side == 0.0 else Physics(one_sided_spring, "m1", values)
+        e = record(held.with_physics(met), 5.0, seed=22)
+        problem, linear = refit(held, [e])
+        model = Model(held, (cubic,), ({"coefficient": 0.1},))
+        found = settle(problem.experiments, model, np.append(linear.x, 0.0))
+        other = instead_by_law(*found)
+        assert (other is not None) is (side != 0.0)
+        if other is not None:
+            assert other.follows.startswith(f"position only {'above' if side > 0.0 else 'below'}")
+            place = float(other.follows.split()[3].strip(","))
+            assert place == pytest.approx(values["place"], abs=5e-3)

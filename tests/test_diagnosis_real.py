@@ -66,3 +66,21 @@ def test_the_sign_of_the_haptic_paddle_is_inverted():
     assert [f.kind for f in examine(device, [e]) if f.wrong] == ["command_sign"]
     turned = replace(e, command=-e.command)
     assert not [f for f in examine(device, [turned]) if f.wrong]
+
+
+def test_the_haptic_paddle_lacks_friction_and_gravity():
+    """Published: stiction of 0.0129 to 0.0169 N m, no motion below 0.008 N m, motion from 0.010.
+
+    Mutation that breaks it: no split after the longer view (a soft presliding friction is named).
+    """
+    device = Device("paddle", "", True, make_chain([7e-4], [1e-3]), Interface(period=0.005))
+    e = recording("ethz_haptic_paddle", device, 80.0)
+    found = diagnose(device, [replace(e, command=-e.command)])
+    first, second = found.findings[:2]
+    assert (first.effect, first.at) == ("coulomb_friction", "m1")
+    level = first.parameters["level"]
+    assert level.lower < 0.013
+    assert level.upper > 0.009
+    assert level.value == pytest.approx(0.009, rel=0.1)
+    assert (second.effect, second.at) == ("gravity_pendulum", "m1")
+    assert found.free_run.after < 0.6 * found.free_run.refit
