@@ -54,11 +54,8 @@ def swapped(
     steps: list[Step] = []
     index = exchanged = 0
     while index < len(current.model.effects):
-        label = place_label(current.model.effects[index])
-        without = fit_without(problem, current, index)
-        wide = inflation(current.white)
-        step = take(problem, without, problem.experiments, say, wide=wide)
-        own = Trial(label, current.light(), without.chi2 - current.chi2, _extra(current, without))
+        step, own = against(problem, current, index, say)
+        label, wide = own.label, step.inflation
         best = step.taken
         stays = best is None or best.label == label or exchanged >= MOST
         richer = best is not None and best.parameters >= own.parameters
@@ -77,6 +74,16 @@ def swapped(
         problem, current = exchange
         steps, index, exchanged = [], 0, exchanged + 1
     return problem, current, steps
+
+
+def against(problem: Problem, current: Fitted, index: int, say: Say) -> tuple[Step, Trial]:
+    """Try all others in the place of an effect; the step, and the effect itself as a trial."""
+    without = fit_without(problem, current, index)
+    wide = inflation(current.white)
+    step = take(problem, without, problem.experiments, say, wide=wide)
+    label = place_label(current.model.effects[index])
+    gained = without.chi2 - current.chi2
+    return step, Trial(label, current.light(), gained, _extra(current, without))
 
 
 def merged(problem: Problem, current: Fitted, say: Say) -> tuple[Problem, Fitted]:

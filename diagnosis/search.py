@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.exchange import MOST, merged, paired, plainly_there, split, swapped
+from diagnosis.exchange import MOST, against, merged, paired, plainly_there, split, swapped
 from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted, Problem
 from diagnosis.horizon import longer_view
@@ -87,10 +87,22 @@ def search(
         current = prune(problem, current)
         if problem.observer.whitening is None:
             problem, current = split(problem, current, say, freely=True)
+        steps += _unweighed(problem, current, steps, say)
     problem = Problem(problem.experiments, problem.observer, FINAL)
     current = over_creases(problem, problem.fit(current.model, current.x))
     baseline = problem.fit(Model(device), linear.x)
     return Searched(problem, baseline, current, tuple(steps), interrupted)
+
+
+def _unweighed(problem: Problem, current: Fitted, steps: Sequence[Step], say: Say) -> list[Step]:
+    """Steps that name the rivals of effects that an exchange brought in last."""
+    known = {s.taken.label for s in steps if s.taken is not None}
+    new: list[Step] = []
+    for index, label in enumerate(effect_labels(current.model.effects)):
+        if label not in known:
+            step, own = against(problem, current, index, say)
+            new.append(replace(step, taken=own))
+    return new
 
 
 def _pruned_but(answer: Answer) -> Fitted:
