@@ -1,6 +1,6 @@
 """The pipeline from gate to verdict, in the order of docs/diagnosis.md."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,18 +18,24 @@ from diagnosis.lattice import STEPPED, step_interval
 from diagnosis.leftover import leftover
 from diagnosis.locate import locate
 from diagnosis.next_experiment import NextExperiment, next_experiment
-from diagnosis.parameters import Model, first_velocity, linear_parameters, values_of
+from diagnosis.parameters import (
+    Model,
+    effect_labels,
+    first_velocity,
+    linear_parameters,
+    values_of,
+)
 from diagnosis.probes import instead_by_law
 from diagnosis.rectified import unfolded
 from diagnosis.removal import fit_without
 from diagnosis.result import Diagnosis, Estimate, Finding, Residuals, Rival, Verdict
 from diagnosis.screen import Complement, screen
 from diagnosis.search import Searched, search
-from diagnosis.trials import Say, Step, Trial
+from diagnosis.trials import Say, Step
 from diagnosis.uncertainty import Z95, covariance, inflation
 from diagnosis.unknown import TOUCHED, Instead, instead, unknown
 from sim.device import Device, place_label
-from sim.physics import make_physics
+from sim.physics import effect_named, make_physics
 from sim.physics.effect import Physics
 
 Floats = NDArray[np.float64]
@@ -192,6 +198,7 @@ def _findings(found: Searched) -> tuple[Finding, ...]:
     spread = np.sqrt(np.diag(covariance(final)))
     parameters = final.model.parameters
     findings: list[Finding] = []
+    named = effect_labels(final.model.effects)
     for i, physics in enumerate(final.model.effects):
         label = place_label(physics)
         estimates: dict[str, Estimate] = {}
@@ -206,7 +213,8 @@ def _findings(found: Searched) -> tuple[Finding, ...]:
         without = fit_without(found.problem, final, i)
         wide = inflation(final.white)
         sigma = float(np.sqrt(max(0.0, without.chi2 - final.chi2) / wide))
-        rivals = _rivals(label, found.steps, wide)
+        others = _rivals(label, found.steps, wide, final.model.nominal.rotary)
+        rivals = tuple(r for r in others if f"{r.effect}@{r.at}" not in named)
         findings.append(Finding(physics.effect.name, physics.at, estimates, sigma, rivals))
     return tuple(findings)
 
@@ -250,29 +258,32 @@ def _step_estimate(found: Searched, physics: Physics) -> dict[str, Estimate]:
     return {key: Estimate(value, value - half, value + half, unit)}
 
 
-def _rivals(label: str, steps: Sequence[Step], wide: float) -> tuple[Rival, ...]:
-    """The other trials of the step that took an effect, by how much worse they were."""
+def _rivals(label: str, steps: Sequence[Step], wide: float, rotary: bool) -> tuple[Rival, ...]:
+    """The other trials of the step that took an effect, by how much worse they were.
+
+    What contains the effect there explains no less, fitted to its end, whether it was tried or not.
+    """
+    richer = set(_containing(label, rotary))
+    behind = dict.fromkeys(sorted(richer), 0.0)
     for step in reversed(steps):  # the last one saw what else is missing
         if step.taken is not None and step.taken.label == label:
-            others = [
-                (t.label, 0.0 if _contains(t.label, label) else _behind(step.taken, t, wide))
-                for t in step.trials
-                if t.label != label
-            ]
-            others.sort(key=lambda pair: pair[1])
-            return tuple(_rival(name, sigma) for name, sigma in others)
-    return ()
+            for t in step.trials:
+                if t.label not in (label, *richer):
+                    gap = max(0.0, step.taken.worth - t.worth)
+                    behind[t.label] = float(np.sqrt(gap / wide))
+            break
+    ordered = sorted(behind.items(), key=lambda pair: pair[1])
+    return tuple(_rival(name, sigma) for name, sigma in ordered)
 
 
-def _behind(best: Trial, other: Trial, wide: float) -> float:
-    return float(np.sqrt(max(0.0, best.worth - other.worth) / wide))
-
-
-def _contains(richer: str, simple: str) -> bool:
-    """Whether one effect contains the other, there: it then explains no less, fitted to its end."""
-    name, at = simple.split("@")
-    other, there = richer.split("@")
-    return other in CONTAINED.get(name, ()) and ("m1" if there == "ground" else there) == at
+def _containing(label: str, rotary: bool) -> Iterator[str]:
+    """The effects that contain one, where it is."""
+    name, at = label.split("@")
+    for richer in CONTAINED.get(name, ()):
+        effect = effect_named(richer)
+        for place in effect.places:
+            if ("m1" if place == "ground" else place) == at and (rotary or not effect.rotary_only):
+                yield f"{richer}@{place}"
 
 
 def _rival(label: str, sigma: float) -> Rival:

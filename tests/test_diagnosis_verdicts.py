@@ -53,6 +53,10 @@ def test_the_effect_is_named_with_its_parameter(
         abs(estimate.value - value) < 1.5 * 0.5 * (estimate.upper - estimate.lower) + 0.01 * value
     )
     assert found.one_step.after < found.one_step.refit
+    nested = {f"{r.effect}@{r.at}" for r in found.findings[0].rivals if r.separation_sigma == 0.0}
+    if effect == "coulomb_friction":  # what contains it explains no less, tried or not
+        assert {"directional_friction@m1", "stribeck_friction@m1", "hysteresis@ground"} <= nested
+        assert found.verdict is Verdict.IDENTIFIED
     saved = device_from_text(device_to_text(found.device))
     assert saved == found.device
     as_json = json.loads(json.dumps(found.as_json()))
