@@ -8,7 +8,7 @@ from sim import device_file
 from sim.device import Device, DeviceError
 from sim.device_file import load_device
 from sim.modal import ModalModel, from_chain, to_chain
-from sim.physics import EFFECTS, make_physics
+from sim.physics import EFFECTS, PROBES, make_physics
 from sim.physics.effect import Effect, Parameter, Physics
 from sim.plant import hold
 
@@ -120,4 +120,4 @@ def test_effects_are_found_by_name() -> None:
 def test_every_effect_file_is_registered() -> None:
     folder = Path(device_file.__file__).parent / "physics"
     declaring = {f.stem for f in folder.glob("*.py") if f"{f.stem} = Effect(" in f.read_text()}
-    assert declaring == set(EFFECTS)
+    assert declaring == {*EFFECTS, *PROBES}

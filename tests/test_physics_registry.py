@@ -11,7 +11,7 @@ from controllers.wall import wall
 from sim.chain import make_chain
 from sim.device import Device, DeviceError
 from sim.device_file import device_from_text, device_to_text
-from sim.physics import EFFECTS
+from sim.physics import EFFECTS, PROBES
 from sim.physics.effect import Physics
 from sim.run import Run, Start, simulate
 
@@ -54,7 +54,8 @@ def test_the_registry_is_the_table_of_the_design() -> None:
 
 
 def test_codes_are_unique_under_each_hook() -> None:
-    dispatched = [(e.hook, e.code) for e in EFFECTS.values() if e.code != 0]
+    declared = [*EFFECTS.values(), *PROBES.values()]
+    dispatched = [(e.hook, e.code) for e in declared if e.code != 0]
     assert len(set(dispatched)) == len(dispatched)
 
 

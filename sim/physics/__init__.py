@@ -1,6 +1,6 @@
 """Every effect by name. An effect is one file here that defines the `Effect` of the file's name."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from types import MappingProxyType
 
@@ -33,9 +33,17 @@ NAMES = (
     "rectified_sensor",
 )
 
-EFFECTS: Mapping[str, Effect] = MappingProxyType(
-    {name: getattr(import_module(f"sim.physics.{name}"), name) for name in NAMES}
-)
+# Laws of no library: no device file names them, the diagnosis asks with them (`diagnosis.probes`).
+PROBE_NAMES = ("power_drag", "one_sided_spring")
+
+
+def _declared(names: Sequence[str]) -> Mapping[str, Effect]:
+    found = {name: getattr(import_module(f"sim.physics.{name}"), name) for name in names}
+    return MappingProxyType(found)
+
+
+EFFECTS = _declared(NAMES)
+PROBES = _declared(PROBE_NAMES)
 
 
 def effect_named(name: str) -> Effect:
