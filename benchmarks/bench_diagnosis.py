@@ -9,8 +9,11 @@ are compiled before.
 """
 
 import argparse
+import os
 import resource
 import time
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command does: cores go to simulations
 
 import numpy as np
 
