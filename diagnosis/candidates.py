@@ -135,8 +135,7 @@ def candidates(device: Device, experiments: Sequence[Experiment]) -> list[Start]
         for at in effect.places:
             if masses_needed(at) > device.chain.masses.size or f"{effect.name}@{at}" in present:
                 continue
-            place = "m1" if at == "ground" else at
-            if any(f"{simple}@{place}" in present for simple in simpler(effect.name)):
+            if any(f"{simple}@{acts_on(at)}" in present for simple in simpler(effect.name)):
                 continue
             for values, scales in _starts(effect, at, size, device):
                 if home_taken(effect, at, device):
@@ -146,6 +145,11 @@ def candidates(device: Device, experiments: Sequence[Experiment]) -> list[Start]
                 physics = make_physics(effect.name, at, **values)
                 found.append(Start(physics, scales))
     return found
+
+
+def acts_on(at: str) -> str:
+    """Return the mass or link that an effect at a place acts on: what ties m1 to ground, on m1."""
+    return "m1" if at == "ground" else at
 
 
 def simpler(name: str) -> list[str]:

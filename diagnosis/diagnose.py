@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binomtest
 
-from diagnosis.candidates import CONTAINED, MAGNITUDE, candidates
+from diagnosis.candidates import CONTAINED, MAGNITUDE, acts_on, candidates
 from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted
 from diagnosis.gate import ON_LATTICE, Fault, corrected, examine
@@ -152,9 +152,7 @@ def separating(found: Diagnosis, out: Path) -> NextExperiment | None:
             continue
         near = finding.confusable_with[0]
         label = f"{near.effect}@{near.at}"
-        kept = final.model.without_effect(labels.index(own))
-        names = [p.name.split(".")[0] for p in final.model.parameters]
-        x = final.x[[name != own for name in names]]
+        kept, x = final.model.less(final.x, labels.index(own))
         trials = [t for s in searched.steps for t in s.trials if t.label == label]
         if not trials:
             continue
@@ -282,7 +280,7 @@ def _containing(label: str, rotary: bool) -> Iterator[str]:
     for richer in CONTAINED.get(name, ()):
         effect = effect_named(richer)
         for place in effect.places:
-            if ("m1" if place == "ground" else place) == at and (rotary or not effect.rotary_only):
+            if acts_on(place) == at and (rotary or not effect.rotary_only):
                 yield f"{richer}@{place}"
 
 

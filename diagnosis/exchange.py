@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.candidates import CONTAINED, candidates, simpler
+from diagnosis.candidates import CONTAINED, acts_on, candidates, simpler
 from diagnosis.fit import Fitted, Problem
 from diagnosis.horizon import BETTER, at_ratio, free_run_error
 from diagnosis.parameters import Model, effect_labels
@@ -23,6 +23,7 @@ from diagnosis.trials import (
     at_bound,
     best_among,
     richer_trials,
+    silent,
     take,
 )
 from diagnosis.uncertainty import inflation
@@ -139,7 +140,7 @@ def split(
         there = _simplest_instead(problem, current, i)
         if there is None:
             continue
-        believed = take(problem, there, problem.experiments, _silent, wide=wide).believed
+        believed = take(problem, there, problem.experiments, silent, wide=wide).believed
         parts += believed
         for trial in believed:
             better = trial.fitted.chi2 < current.chi2 - FIVE_SIGMA * wide
@@ -163,11 +164,8 @@ def _simplest_instead(problem: Problem, current: Fitted, index: int) -> Fitted |
     Not from the model without it: that may have bent itself so far that nothing leads back.
     """
     one = current.model.effects[index]
-    at = "m1" if one.at == "ground" else one.at
-    labels = {f"{name}@{at}" for name in simpler(one.effect.name)}
-    gone = place_label(one)
-    keep = np.array([p.name.split(".")[0] != gone for p in current.model.parameters])
-    model, x = current.model.without_effect(index), current.x[keep]
+    labels = {f"{name}@{acts_on(one.at)}" for name in simpler(one.effect.name)}
+    model, x = current.model.less(current.x, index)
     best: dict[str, tuple[float, Model, np.ndarray]] = {}
     for start in candidates(model.build(x), problem.experiments):
         if start.label in labels:
@@ -194,8 +192,11 @@ def _freest(
         if problem.observer.whitening is not None:
             exchange = _settled(trial, problem, np.inf, limit)
         else:  # a slower observer, which the likeliest is not to replace
-            exchange = at_ratio(problem.experiments, trial.fitted, problem.observer.ratio)
-        free = np.inf if exchange is None else free_run_error(problem.experiments, *exchange)
+            seen = trial.experiments or problem.experiments
+            exchange = at_ratio(seen, trial.fitted, problem.observer.ratio)
+        if exchange is None:
+            continue
+        free = free_run_error(exchange[0].experiments, *exchange)
         if free < limit:
             found, least = exchange, free
     return found
@@ -203,10 +204,6 @@ def _freest(
 
 def _fewer(trial: Trial, current: Fitted) -> bool:
     return trial.fitted.x.size < current.x.size
-
-
-def _silent(_: str) -> None:
-    pass
 
 
 def paired(

@@ -99,6 +99,14 @@ class Model:
                 )  # fmt: skip
         return found
 
+    def less(self, x: Floats, *gone: int) -> tuple["Model", Floats]:
+        """Return the model without some of its effects (their places in it), and its x."""
+        keep = np.array([p.kind != "effect" or p.index not in gone for p in self.parameters])
+        model = self
+        for index in sorted(gone, reverse=True):
+            model = model.without_effect(index)
+        return model, x[keep]
+
     def within(self, x: Floats) -> Floats:
         """Return the nearest x inside the bounds, off them by a margin."""
         lower = np.array([p.lower for p in self.parameters])

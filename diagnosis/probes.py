@@ -56,22 +56,23 @@ def instead_by_law(problem: Problem, final: Fitted) -> Instead | None:
     if not probes:
         return None
     experiments, price = problem.experiments, float(np.log(final.samples))
-    least = alone(final, experiments) + price * final.x.size - CLEARLY
+    own = alone(final, experiments) + price * final.x.size
+    least = own - CLEARLY
     best: Instead | None = None
     for probe in probes:
         try:
             there, settled = settle(experiments, *_exchanged(final, probe))
         except ValueError:  # no observer follows the recording with it
             continue
-        # Of a case of the law itself, five sigma of the one unknown more are enough.
-        unknowns = final.x.size if probe.nested else settled.x.size
-        paid = there.cost(settled) + price * unknowns
-        if paid < least:
+        paid = there.cost(settled) + price * settled.x.size
+        # Of a case of the law itself, five sigma of the one unknown more are enough, not paid for.
+        weighed = paid - price * (settled.x.size - final.x.size) if probe.nested else paid
+        if weighed < least:
             gone = [final.model.effects[i] for i in probe.gone]
             name = " and ".join(f"{p.effect.name} at {p.at}" for p in gone)
             law = settled.model.build(settled.x).physics[-1]
-            gained = float(least + CLEARLY - paid)
-            best, least = Instead(gained, len(probe.scales), law.at, _says(law), name), paid
+            best = Instead(own - paid, len(probe.scales), law.at, _says(law), name)
+            least = weighed
     return best
 
 
@@ -120,11 +121,6 @@ def _stops(problem: Problem, final: Fitted) -> Iterator[Probe]:
 
 def _exchanged(final: Fitted, probe: Probe) -> tuple[Model, Floats]:
     """Model and start with the law in the place of the effects."""
-    effects = final.model.effects
-    gone = {place_label(effects[i]) for i in probe.gone}
-    keep = np.array([p.name.split(".")[0] not in gone for p in final.model.parameters])
-    model = final.model
-    for i in sorted(probe.gone, reverse=True):
-        model = model.without_effect(i)
+    model, x = final.model.less(final.x, *probe.gone)
     model = model.with_effect(probe.physics, probe.scales)
-    return model, np.concatenate([final.x[keep], np.zeros(len(probe.scales))])
+    return model, np.concatenate([x, np.zeros(len(probe.scales))])

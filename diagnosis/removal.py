@@ -18,12 +18,10 @@ FREE = 1e12  # variance, in x, of what the recording does not determine at all
 
 def fit_without(problem: Problem, fitted: Fitted, index: int) -> Fitted:
     """Fit a model again without one of its effects; asked twice of the same, answer from memory."""
-    labels = [p.name.split(".")[0] for p in fitted.model.parameters]
     gone = place_label(fitted.model.effects[index])
     key = (gone, fitted.model.label, fitted.x.tobytes())
     if key not in problem.without:
-        keep = np.array([label != gone for label in labels])
-        problem.without[key] = problem.fit(fitted.model.without_effect(index), fitted.x[keep])
+        problem.without[key] = problem.fit(*fitted.model.less(fitted.x, index))
     return problem.without[key]
 
 

@@ -85,9 +85,10 @@ def search(
     if current.model.effects:
         problem, current = longer_view(experiments, problem, current)
         current = prune(problem, current)
-        if problem.observer.whitening is None:
-            problem, current = split(problem, current, say, freely=True)
-        steps += _unweighed(problem, current, steps, say)
+        if not interrupted:
+            if problem.observer.whitening is None:  # free runs decided
+                problem, current = split(problem, current, say, freely=True)
+            steps += _unweighed(problem, current, steps, say)
     problem = Problem(problem.experiments, problem.observer, FINAL)
     current = over_creases(problem, problem.fit(current.model, current.x))
     baseline = problem.fit(Model(device), linear.x)

@@ -19,7 +19,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.candidates import CONTAINED, candidates
+from diagnosis.candidates import CONTAINED, acts_on, candidates
 from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted, Problem
 from diagnosis.lattice import STEPPED, stepped_trials
@@ -46,6 +46,10 @@ BENT = 2.0  # prior deviations: a refit so far off may have bent itself to what 
 STILL_NEAR = 100.0  # chi-square behind the best
 MOSTLY = 0.8  # of what a richer effect gains: then the simple one comes first
 Say = Callable[[str], None]
+
+
+def silent(_: str) -> None:
+    """Say nothing."""
 
 
 @dataclass(frozen=True)
@@ -145,8 +149,7 @@ def richer_trials(problem: Problem, current: Fitted, simple: Physics) -> list[Tr
     starts = [
         start
         for start in candidates(current.model.build(current.x), problem.experiments)
-        if start.physics.effect.name in names
-        and ("m1" if start.physics.at == "ground" else start.physics.at) == simple.at
+        if start.physics.effect.name in names and acts_on(start.physics.at) == simple.at
     ]
     screened = screen(problem, current, starts) if starts else []
     return _all_further(problem, current, _all_tried(problem, current, current, screened, {}))

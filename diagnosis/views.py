@@ -24,7 +24,17 @@ from diagnosis.horizon import BETTER, free_run_error
 from diagnosis.lattice import sharpened
 from diagnosis.parameters import Model
 from diagnosis.settle import NotWorth, prepared_for, settle
-from diagnosis.trials import FIVE_SIGMA, THRESHOLD, Say, Step, Trial, at_bound, evidence, take
+from diagnosis.trials import (
+    FIVE_SIGMA,
+    THRESHOLD,
+    Say,
+    Step,
+    Trial,
+    at_bound,
+    evidence,
+    silent,
+    take,
+)
 from diagnosis.uncertainty import inflation
 from sim.ensemble import in_parallel, threads
 
@@ -105,7 +115,7 @@ def _asked(problem: Problem, current: Fitted, experiments: Sequence[Experiment],
     pool: list[Answer] = []
     steps: list[Step] = []
     for view, there, slow in asked:
-        step = take(view, there, view.experiments, _silent if slow else say, stepped=not slow)
+        step = take(view, there, view.experiments, silent if slow else say, stepped=not slow)
         steps.append(step)
         worth = _worth(step, current)
         standing = in_parallel([partial(_standing, t, view.experiments) for t in worth], threads())
@@ -135,10 +145,6 @@ def _likelier(
     except ValueError:
         return None
     return again if again[0].cost(again[1]) < own - HOPE else None
-
-
-def _silent(_: str) -> None:
-    pass
 
 
 def views(
