@@ -1,8 +1,8 @@
 """Every effect at every place it may enter, with starts over the magnitudes the data could show.
 
 Magnitudes come from the recording: F the rms of the command, V and Q the rms speed and position of
-m1 over the recording, T the period. Each start has the scale by which its parameters are of order
-one; a scale of 0 holds a parameter fixed.
+m1 over the recording, the rms deflections of links as an observer follows them, T the period. Each
+start has the scale by which its parameters are of order one; a scale of 0 holds a parameter fixed.
 """
 
 import math
@@ -12,12 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.experiment import Experiment
+from diagnosis.predictor import SETTLING, followed, observer_near
 from sim.device import Device, masses_needed, place_label
 from sim.physics import EFFECTS, make_physics
 from sim.physics.effect import Effect, Physics
 
 # Of a scale along a line less than one wave in all its travel is a bend, not an eccentricity.
 ECCENTRIC = (1.2, 0.9, 0.7, 0.5, 0.2, 0.07)  # of the travel; what is shorter the residual shows
+FOLLOWING = 1e-2  # ratio of the observer that deflections are taken from
 QUARTER = 0.5 * math.pi
 SHARES = (0.001, 0.004, 0.015, 0.06, 0.2)
 # Parameters that scale the effect's whole signature, to first order.
@@ -87,7 +89,11 @@ class Start:
 
 @dataclass(frozen=True)
 class Magnitudes:
-    """What the recording moves by: force, speed, position rms; largest command; span; period."""
+    """What the recording moves by: force, speed, position rms; largest command; span; period.
+
+    stretches: rms deflection of every link, as an observer follows it: far less than the force over
+    its spring where the end is light, and more at a resonance.
+    """
 
     force: float
     speed: float
@@ -96,6 +102,11 @@ class Magnitudes:
     span: float
     period: float
     mass: float
+    stretches: tuple[float, ...]
+
+    def reach(self, at: str) -> float:
+        """Rms position of m1 for what ties it to ground, rms deflection of a link."""
+        return self.stretches[int(at[4]) - 1] if at.startswith("link") else self.position
 
 
 def magnitudes(device: Device, experiments: Sequence[Experiment]) -> Magnitudes:
@@ -121,7 +132,28 @@ def magnitudes(device: Device, experiments: Sequence[Experiment]) -> Magnitudes:
         float(np.ptp(q)),
         experiments[0].period,
         float(device.chain.masses.sum()),
+        _stretches(device, experiments, float(np.sqrt(np.mean(command**2)))),
     )
+
+
+def _stretches(
+    device: Device, experiments: Sequence[Experiment], force: float
+) -> tuple[float, ...]:
+    """Rms deflection of every link; what the force gives at rest, where no observer follows."""
+    chain, links = device.chain, device.chain.masses.size - 1
+    at_rest = force / np.asarray(chain.link_springs[:links], dtype=np.float64)
+    if not links:
+        return ()
+    bare = device.without_physics() if device.physics else device
+    try:
+        gain = observer_near(bare, experiments[0], FOLLOWING)
+    except ValueError:
+        return tuple(at_rest.tolist())
+    with np.errstate(all="ignore"):
+        x = np.concatenate([followed(bare, e, gain)[SETTLING:] for e in experiments])
+        found = np.std(x[:, :links] - x[:, 1 : links + 1], axis=0)
+    usable = np.isfinite(found) & (found > 0.0)
+    return tuple(np.where(usable, found, at_rest).tolist())
 
 
 def candidates(device: Device, experiments: Sequence[Experiment]) -> list[Start]:
@@ -167,6 +199,13 @@ def home_taken(effect: Effect, at: str, device: Device) -> bool:
     # With a spring to ground, the recording's origin is fitted: the same as a constant force.
     sprung = device.chain.ground_spring > 0.0
     return sprung and (effect.name, at) in (("ground_spring", "m1"), ("constant_force", "m1"))
+
+
+def _held(device: Device, z: Magnitudes, at: str) -> float:
+    """Rms force: of a link's spring, of the command at ground."""
+    if at == "ground":
+        return z.force
+    return float(device.chain.link_springs[int(at[4]) - 1]) * z.reach(at)
 
 
 Values = tuple[dict[str, float], dict[str, float]]
@@ -225,25 +264,21 @@ def _starts(effect: Effect, at: str, z: Magnitudes, device: Device) -> Iterator[
                     {"amplitude": 0.02 * f, "period": 0.02 * float(period), "phase": 0.5},
                 )
     elif name == "backlash":
-        stiffness = float(device.chain.link_springs[int(at[4]) - 1])
+        reach = z.reach(at)
         for s in (0.003, 0.03, 0.1, 0.3):
-            yield {"gap": s * f / stiffness}, {"gap": s * f / stiffness}
+            yield {"gap": s * reach}, {"gap": s * reach}
     elif name == "cubic_stiffness":
-        if at == "ground":
-            reach, size = q, f
-        else:
-            stiffness = float(device.chain.link_springs[int(at[4]) - 1])
-            reach, size = f / stiffness, f
-        for s in (0.01, -0.01, 0.2, -0.2):
+        reach, size = z.reach(at), _held(device, z, at)
+        for s in (3e-4, -3e-4, 0.01, -0.01, 0.2, -0.2):
             yield {"coefficient": s * size / reach**3}, {"coefficient": abs(s) * size / reach**3}
     elif name == "hysteresis":
-        reach = q if at == "ground" else f / float(device.chain.link_springs[int(at[4]) - 1])
+        reach, size = z.reach(at), _held(device, z, at)
         for s in (0.03, 0.15):
             for part in (0.1, 0.5):
-                k = s * f / (part * reach)
+                k = s * size / (part * reach)
                 yield (
-                    {"stiffness": k, "level": s * f, "shape": 1.5},
-                    {"stiffness": 0.5 * k, "level": 0.5 * s * f, "shape": 0.5},
+                    {"stiffness": k, "level": s * size, "shape": 1.5},
+                    {"stiffness": 0.5 * k, "level": 0.5 * s * size, "shape": 0.5},
                 )
     elif name == "extra_mode":
         for share in (0.02, 0.15):
@@ -258,6 +293,9 @@ def _starts(effect: Effect, at: str, z: Magnitudes, device: Device) -> Iterator[
     elif name == "saturation":
         for s in (0.97, 0.85, 0.7, 0.5, 0.3):
             yield {"limit": s * z.peak}, {"limit": 0.05 * z.peak}
+        for s in (0.5, 0.2):  # of a command that bursts, far below its peak
+            if s * f < 0.2 * z.peak:
+                yield {"limit": s * f}, {"limit": 0.2 * s * f}
     elif name == "dead_band":
         for s in SHARES:
             yield {"width": s * f}, {"width": s * f}

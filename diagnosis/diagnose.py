@@ -14,7 +14,7 @@ from diagnosis.fit import Fitted
 from diagnosis.gate import ON_LATTICE, Fault, corrected, examine
 from diagnosis.held_out import held_out
 from diagnosis.hold import smooth, was_smooth
-from diagnosis.lattice import STEPPED, step_interval
+from diagnosis.lattice import STEPPED, chances_seen, step_interval
 from diagnosis.leftover import leftover
 from diagnosis.locate import locate
 from diagnosis.next_experiment import NextExperiment, next_experiment
@@ -48,7 +48,7 @@ SHIFTED = 5.0  # sigma by which a linear parameter must differ to be a finding
 SAME_STEP = 0.01  # relative difference of steps that are the same
 MATTERS = 0.1  # of the noise: a step below is a way to write numbers
 MAPPED = 60.0  # chi-square that a map of the missing force over one state must gain
-FREE_FORCE = 45.0  # -2 log likelihood that a force of free shape must gain besides its unknowns
+FREE_FORCE = 60.0  # -2 log likelihood that a force of free shape must gain besides its unknowns
 UNEXPLAINED = 0.01  # share of the chi-square explained that may be left under a verdict by name
 COLOURED = 0.05  # the same where the observer was asked for, and chi-square is no statistic
 
@@ -249,8 +249,9 @@ def _step_estimate(found: Searched, physics: Physics) -> dict[str, Estimate]:
     unit = physics.effect.parameter(key).unit_for(rotary)
     if name == "dropped_samples":
         parts = [e.dropped for e in found.problem.experiments if e.dropped is not None]
-        lost, ticks = sum(int(d.sum()) for d in parts), sum(d.size for d in parts)
-        interval = binomtest(lost, ticks).proportion_ci(method="exact")
+        lost = sum(int(d.sum()) for d in parts)
+        seen = round(chances_seen(found.problem, found.final, value))
+        interval = binomtest(lost, max(seen, lost)).proportion_ci(method="exact")
         return {key: Estimate(value, float(interval.low), float(interval.high), unit)}
     half = step_interval(found.problem, found.final, name, inflation(found.final.white))
     return {key: Estimate(value, value - half, value + half, unit)}

@@ -3,7 +3,9 @@
 A passive device takes energy from its command: where the command takes energy from the device,
 its sign is wrong. Also looked at: repeated samples, the encoder step actually seen, a clipped
 command, and whether another scale of the command explains the motion much better, by the one-step
-prediction of the nominal device, whose error falls by the factor that is reported.
+prediction of the nominal device, whose error falls by the factor that is reported. A smaller scale
+must also explain more than what weakens a command by itself, or a saturated amplifier would be
+taken for another unit.
 """
 
 from collections.abc import Sequence
@@ -11,11 +13,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 from scipy.signal import savgol_filter
 
 from diagnosis.experiment import Experiment
 from diagnosis.predictor import SETTLING, innovations, observer_near
 from sim.device import Device
+from sim.physics import make_physics
 
 Floats = NDArray[np.float64]
 BETTER = 1.5  # factor of the rms error that makes another sign or scale a fault
@@ -23,6 +27,13 @@ REPEATS = 0.02
 POWER = 0.1
 CLIPPED = 0.005
 ON_LATTICE = 0.1  # of a step, by which a value may lie beside it
+# What weakens a command, where, and the parameter that says how much.
+WEAKENING = (
+    ("saturation", "command", "limit"),
+    ("dead_band", "command", "width"),
+    ("coulomb_friction", "m1", "level"),
+)
+SHARES = np.geomspace(0.01, 0.9, 16)  # of the largest command, at which they are tried
 FEW = 10  # neighbouring values that are one step apart
 
 
@@ -125,6 +136,8 @@ def _best_scale(device: Device, e: Experiment) -> Fault | None:
     after = float(np.sqrt(np.mean((none - scale * part) ** 2)))
     explained = 1.0 - (after / float(np.sqrt(np.mean(none**2)))) ** 2
     if explained > 0.2 and before > BETTER * after and not 0.67 < scale < 1.5:
+        if scale > 0.0 and _weakened(device, e, gain) < after:
+            return None
         return Fault(
             "command_sign" if scale < 0.0 else "command_scale",
             f"the command of {e.name} explains the motion {before / after:.3g} times better scaled"
@@ -133,6 +146,31 @@ def _best_scale(device: Device, e: Experiment) -> Fault | None:
             scale,
         )
     return None
+
+
+def _weakened(device: Device, e: Experiment, gain: Floats) -> float:
+    """Least rms prediction error with physics that lets a device seem driven less than it is."""
+    peak = float(np.abs(e.command).max())
+
+    def error(share: float, name: str, at: str, key: str) -> float:
+        physics = make_physics(name, at, **{key: float(share) * peak})
+        with np.errstate(all="ignore"):
+            errors = innovations(device.with_physics(physics), e, gain)[SETTLING:-SETTLING]
+            found = float(np.sqrt(np.mean(errors**2)))
+        return found if np.isfinite(found) else np.inf
+
+    least = np.inf
+    for way in WEAKENING:
+        if any(p.effect.name == way[0] for p in device.physics):
+            continue
+        errors = [error(share, *way) for share in SHARES]
+        best = int(np.argmin(errors))
+        around = SHARES[max(0, best - 1)], SHARES[min(best + 1, SHARES.size - 1)]
+        finer = minimize_scalar(
+            error, bounds=around, args=way, method="bounded", options={"xatol": 0.01 * SHARES[best]}
+        )  # fmt: skip
+        least = min(least, errors[best], float(finer.fun))
+    return least
 
 
 def _output_faults(e: Experiment) -> list[Fault]:

@@ -14,6 +14,8 @@ and fit are repeated (`sharpened`).
 dropped_samples: a command lost at tick k moves the force by d = u_(k-1) - u_k for one tick. Its
 log likelihood ratio is L_k = -g_k d_k - d_k^2 n / 2 (g: `matched`, n: energy of the response to one
 tick), and it is lost where L_k exceeds the odds against; the likeliest first, its echo taken off g.
+Of a lost command L_k is normal, of mean and half its variance d_k^2 n / 2: where the command hardly
+changes no loss is seen, and the rate is the number seen over the sum of the odds to be seen.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,6 +23,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm
 
 from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted, Problem
@@ -41,6 +44,7 @@ SPREAD = 0.15  # of a step, by which positions are known at first
 FIRST_RATE = 1e-3  # of lost commands, before any is seen
 MEMORY = 400  # ticks that a lost command is remembered
 MOST_LOST = 0.1  # of the commands: more of them are a delay and no accident
+MOST_SEEN = 0.5  # the same of those whose loss can be seen
 SPREADS = (0.0, 0.03, 0.07, 0.12, 0.18, 0.25, 0.35)  # of a step
 
 
@@ -247,10 +251,7 @@ def dropped_samples(
     model = fitted.model
     if model.has("dropped_samples"):
         return None
-    answer = response(problem, fitted, "command")[:MEMORY]
-    reach = answer.shape[0]
-    echo = np.sum([np.correlate(answer[:, o], answer[:, o], "full")
-                   for o in range(answer.shape[1])], axis=0)[reach - 1 :]  # fmt: skip
+    echo = _echo(problem, fitted)
     dropped = [np.zeros(e.ticks, dtype=np.bool_) for e in experiments]
     current, there, rate, lost = fitted, problem, FIRST_RATE, 0
     ticks = sum(e.ticks for e in experiments)
@@ -261,16 +262,40 @@ def dropped_samples(
         found = sum(int(d.sum()) for d in dropped)
         if found == lost or found > MOST_LOST * ticks:
             break
-        lost, rate = found, found / ticks
+        seen = max(_visible(experiments, float(echo[0]), rate), found / MOST_SEEN)
+        lost, rate = found, found / seen
         seen = [replace(e, dropped=d.copy()) for e, d in zip(experiments, dropped, strict=True)]
         there = Problem(seen, problem.observer)
         physics = make_physics("dropped_samples", "clock", rate=rate)
         current = there.fit(model.with_effect(physics, {}), fitted.x)
-    if lost == 0 or lost > MOST_LOST * ticks:
+    if lost == 0 or lost > MOST_LOST * ticks or rate >= MOST_SEEN:
         return None
     # Which ones are lost was chosen among all: each costs its odds.
     price = 2.0 * lost * float(np.log((1.0 - rate) / rate))
     return Stepped("dropped_samples@clock", there, current, fitted.chi2 - current.chi2, price)
+
+
+def chances_seen(problem: Problem, fitted: Fitted, rate: float) -> float:
+    """Return how many commands' loss would be seen in the recordings: the sum of the odds."""
+    return _visible(problem.experiments, float(_echo(problem, fitted)[0]), rate)
+
+
+def _echo(problem: Problem, fitted: Fitted) -> Floats:
+    """Correlation of the response to one tick of force with itself, at lags from 0."""
+    answer = response(problem, fitted, "command")[:MEMORY]
+    columns = [np.correlate(a, a, "full") for a in answer.T]
+    return np.asarray(np.sum(columns, axis=0)[answer.shape[0] - 1 :], dtype=np.float64)
+
+
+def _visible(experiments: Sequence[Experiment], energy: float, rate: float) -> float:
+    """Sum of the odds that a lost command exceeds what `_pursue` asks of it."""
+    least = DELIVERED - float(np.log(rate / (1.0 - rate)))
+    seen = 0.0
+    for e in experiments:
+        size = np.abs(np.diff(e.command))[SETTLING - 1 :] * np.sqrt(energy)
+        size = size[size > 0.0]
+        seen += float(np.sum(norm.cdf((0.5 * size**2 - least) / size)))
+    return seen
 
 
 def _pursue(command: Floats, g: Floats, lost: NDArray[np.bool_], echo: Floats, odds: float) -> None:

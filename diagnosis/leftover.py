@@ -6,10 +6,12 @@ A device that sways, warms or swings has forces f = a q cos(phase + 2 pi s / per
 
 s time or the position of m1. With g = F' r (`diagnosis.spatial`) the chi-square that such a force
 would gain is 2 |G|^2 / n, G the spectrum of g q over s: one FFT for all periods, n the mean of
-|G|^2 over `DRAWS` drawn residuals: with the residual's own smoothed spectrum, since noise is never
-quite white near a resonance; for q = 1, where a hum is a line of that very spectrum, white ones and
-the lines around. The best of all lines of all families is held against what the best of as many
-lines of white noise exceeds once in `ODDS` recordings. Slow warming is a line of low frequency.
+|G|^2 over `DRAWS` drawn residuals: with the residual's own smoothed spectrum and envelope, since
+noise is never quite white near a resonance and, where samples come at uneven times, is larger where
+motion is fast; for q = 1, where a hum is a line of that very spectrum, white ones and the lines
+around, many and few: an antiresonance is narrow. The best of all lines of all families is held
+against what the best of as many lines of white noise exceeds once in `ODDS` recordings. Slow
+warming is a line of low frequency.
 Limits: q is what the observer predicts, and what a refit absorbs (periods as long as the recording)
 is not taken off.
 """
@@ -19,11 +21,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter, uniform_filter1d
+from scipy.ndimage import convolve1d, median_filter, uniform_filter1d
 
-from diagnosis.experiment import Output
 from diagnosis.fit import Fitted, Problem
-from diagnosis.predictor import SETTLING, innovations, whitened
+from diagnosis.predictor import SETTLING, followed, innovations, whitened
 from diagnosis.spatial import matched
 
 Floats = NDArray[np.float64]
@@ -33,6 +34,8 @@ FINEST = 60.0  # periods over the travel
 DRAWS = 48  # of white noise
 SEED = 0
 AROUND = 51  # lines whose median says how much colour is left about a hum
+BESIDE = (2, 8)  # lines to either side whose mean says so too: nearer is the hum's own leakage
+ENVELOPE = 300  # samples over which the residual's size is taken
 SMOOTH = 15  # lines over which the residual's spectrum is smoothed, to draw noise alike
 COARSE = 8.0  # lags that the filters see: a resolution of 20 Hz at 1 kHz
 BINS = 4096  # over twice the travel
@@ -205,12 +208,14 @@ def _white(fitted: Fitted, random: np.random.Generator) -> Fitted:
 
 
 def _alike(fitted: Fitted, random: np.random.Generator) -> Fitted:
-    """The fit with noise of the residual's own colour: its spectrum smoothed, phases drawn."""
-    waves = np.fft.rfft(fitted.white)
+    """The fit with noise of the residual's own envelope and colour: smoothed, phases drawn."""
+    envelope = np.sqrt(uniform_filter1d(fitted.white**2, ENVELOPE, mode="reflect"))
+    envelope[envelope == 0.0] = 1.0
+    waves = np.fft.rfft(fitted.white / envelope)
     size = np.sqrt(uniform_filter1d(np.abs(waves) ** 2, SMOOTH, mode="reflect"))
     turned = size * np.exp(2j * np.pi * random.random(size.size))
     residual = fitted.residual.copy()
-    residual[: fitted.samples] = np.fft.irfft(turned, fitted.samples)
+    residual[: fitted.samples] = envelope * np.fft.irfft(turned, fitted.samples)
     return replace(fitted, residual=residual)
 
 
@@ -219,30 +224,15 @@ def _gained(power: Floats, level: Floats, alone: bool) -> Floats:
     over = power / np.where(level > 0.0, level, np.inf)
     if not alone or not over.size:
         return 2.0 * over
-    around = median_filter(over, min(AROUND, over.size), mode="reflect") / np.log(2.0)
-    return 2.0 * over / np.maximum(1.0, around)
+    many = median_filter(over, min(AROUND, over.size), mode="reflect") / np.log(2.0)
+    near, far = BESIDE
+    weights = np.ones(2 * far + 1)
+    weights[far - near + 1 : far + near] = 0.0
+    few = convolve1d(over, weights / weights.sum(), mode="reflect")
+    return 2.0 * over / np.maximum(1.0, np.maximum(many, few))
 
 
 def predicted_states(problem: Problem, fitted: Fitted) -> list[Floats]:
-    """Return positions and velocities (ticks, 2n) of all masses as the observer predicts them.
-
-    By outputs that correct nothing: their innovation, measured as zero, is the state turned round.
-    """
-    device = fitted.model.acting(fitted.x)
-    n = device.chain.masses.size
-    further = tuple(Output(q, i) for q in ("position", "velocity") for i in range(n))
-    gain = problem.observer.gain
-    found: list[Floats] = []
-    sensors = [p.effect.name for p in device.physics if p.effect.hook == "sensor"]
-    bare = device.without_physics(*sensors) if sensors else device
-    for e in problem.experiments:
-        seen = fitted.model.seen(e, fitted.x)
-        wide = replace(
-            seen,
-            outputs=(*seen.outputs, *further),
-            measured=np.hstack([seen.measured, np.zeros((seen.ticks, 2 * n))]),
-        )
-        still = np.hstack([gain, np.zeros((gain.shape[0], 2 * n))])
-        state = -innovations(bare, wide, still)[:, len(seen.outputs) :]
-        found.append(state)
-    return found
+    """Return positions and velocities (ticks, 2n) of all masses as the observer predicts them."""
+    device, gain = fitted.model.acting(fitted.x), problem.observer.gain
+    return [followed(device, fitted.model.seen(e, fitted.x), gain) for e in problem.experiments]

@@ -130,13 +130,12 @@ def _visible(
     device, name = prepared.device, magnitude_name(physics) or ""
     unit = physics.effect.parameter(name).unit_for(device.rotary) if name else ""
     strength = None if found is None else magnitude(found, prepared.peak)
-    natural = _natural(physics, size, device)
+    natural = _natural(physics, size)
     return Visible(place_label(physics), found, strength, name, unit, natural)
 
 
-def _natural(physics: Physics, size: Magnitudes, device: Device) -> float:
-    force, link = size.force, physics.at.startswith("link")
-    stretch = force / device.chain.link_springs[int(physics.at[4]) - 1] if link else size.position
+def _natural(physics: Physics, size: Magnitudes) -> float:
+    force, stretch = size.force, size.reach(physics.at)
     return {
         "quadratic_drag": force / size.speed**2,
         "ground_spring": force / size.position,

@@ -17,7 +17,7 @@ from scipy.linalg import solve_discrete_are
 from scipy.signal import lfilter
 
 from controllers.none import none
-from diagnosis.experiment import Experiment
+from diagnosis.experiment import Experiment, Output
 from sim.device import Device, masses_needed
 from sim.ensemble import in_parallel, threads
 from sim.equations import Equations, equations
@@ -206,6 +206,24 @@ def innovations(
     return out
 
 
+def followed(device: Device, experiment: Experiment, gain: Floats) -> Floats:
+    """Return positions and velocities (ticks, 2n) of all masses as an observer predicts them.
+
+    By outputs that correct nothing: their innovation, measured as zero, is the state turned round.
+    """
+    n = device.chain.masses.size
+    sensors = [p.effect.name for p in device.physics if p.effect.hook == "sensor"]
+    bare = device.without_physics(*sensors) if sensors else device
+    further = tuple(Output(q, i) for q in ("position", "velocity") for i in range(n))
+    wide = replace(
+        experiment,
+        outputs=(*experiment.outputs, *further),
+        measured=np.hstack([experiment.measured, np.zeros((experiment.ticks, 2 * n))]),
+    )
+    still = np.hstack([gain, np.zeros((gain.shape[0], 2 * n))])
+    return -innovations(bare, wide, still)[:, len(experiment.outputs) :]
+
+
 def begun(device: Device, experiment: Experiment, observer: "Observer") -> Experiment:
     """Return the recording with the state that the observer should begin with.
 
@@ -214,7 +232,10 @@ def begun(device: Device, experiment: Experiment, observer: "Observer") -> Exper
     least squares over the first `BEGINNING` ticks, C by the device without its nonlinear physics.
     """
     first = replace(experiment.part(0, min(BEGINNING, experiment.ticks)), start=None)
-    own = (innovations(device, first, observer.gain) / observer.deviation).ravel()
+    own = innovations(device, first, observer.gain).ravel()
+    if not (np.all(np.isfinite(own)) and np.all(np.isfinite(observer.deviation))):
+        return replace(experiment, start=None)
+    own = (own.reshape(first.measured.shape) / observer.deviation).ravel()
     linear = device.without_physics() if device.physics else device
     ready = prepared(linear)
     dof = device.chain.masses.size
@@ -230,7 +251,7 @@ def begun(device: Device, experiment: Experiment, observer: "Observer") -> Exper
         answer = innovations(linear, replace(still, start=unit), observer.gain, ready=ready)
         columns.append((answer / observer.deviation).ravel())
     matrix = np.column_stack(columns)
-    if not (np.all(np.isfinite(matrix)) and np.all(np.isfinite(own))):
+    if not np.all(np.isfinite(matrix)):
         return replace(experiment, start=None)
     solved, *_ = np.linalg.lstsq(matrix, -own, rcond=1e-6)
     return replace(experiment, start=scale * solved)
@@ -383,4 +404,5 @@ def choose_observer(
 def deviation(device: Device, experiments: Sequence[Experiment], gain: Floats) -> Floats:
     """Return the rms of the innovations, (o,)."""
     kept = np.concatenate([innovations(device, e, gain)[SETTLING:] for e in experiments])
-    return np.sqrt(np.mean(kept**2, axis=0))
+    with np.errstate(all="ignore"):  # infinite after an overflow
+        return np.sqrt(np.mean(kept**2, axis=0))

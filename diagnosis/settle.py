@@ -65,12 +65,14 @@ def prepared_for(
     x: Floats,
     ratio: float | None = None,
     near: float | None = None,
+    white: bool = False,
 ) -> Problem:
     """Return the problem of a model at x: observer, beginnings, deviations.
 
     ratio: None for the likeliest observer, whose innovations are whitened. Those of an observer
-    that was asked for are not: whitened, every observer sees the same. Raises LinAlgError where
-    there is no observer of that ratio. near: as `choose_observer` takes it.
+    that was asked for are only where `white`: whitened, every observer sees much the same. Raises
+    LinAlgError where there is no observer of that ratio, ValueError where it overflows. near: as
+    `choose_observer` takes it.
     """
     device = model.acting(x)
     seen = [model.seen(e, x) for e in experiments]
@@ -82,7 +84,23 @@ def prepared_for(
     starts = [begun(device, e, chosen).start for e in seen]
     known = [replace(e, start=s) for e, s in zip(experiments, starts, strict=True)]
     errors = [innovations(device, model.seen(e, x), chosen.gain) for e in known]
-    if ratio is None:
+    if not all(np.all(np.isfinite(e)) for e in errors):
+        raise ValueError(f"no observer follows the recording with {model.label}")
+    if ratio is None or white:
         return Problem(known, whitened(chosen, errors))
     joined = np.concatenate([e[SETTLING:] for e in errors])
     return Problem(known, replace(chosen, deviation=np.sqrt(np.mean(joined**2, axis=0))))
+
+
+def cost_at(ratio: float, fitted: Fitted, experiments: Sequence[Experiment]) -> float:
+    """Return what a model costs under the observer of a ratio; infinite where there is none.
+
+    Whitened, another observer is another model of the noise, which alone made a recording likelier
+    by 120 in -2 log likelihood. So what another model is worth is held against the model in hand
+    under its own observer and under the other's.
+    """
+    try:
+        there = prepared_for(experiments, fitted.model, fitted.x, ratio, white=True)
+        return there.cost(there.fit(fitted.model, fitted.x))
+    except ValueError:
+        return np.inf

@@ -33,7 +33,7 @@ from diagnosis.leftover import Leftover, factors, leftover, predicted_states
 from diagnosis.locate import STATES, motions, state_of
 from diagnosis.predictor import SETTLING
 from diagnosis.screen import Complement
-from diagnosis.settle import prepared_for
+from diagnosis.settle import cost_at, prepared_for
 from diagnosis.spatial import response
 from diagnosis.uncertainty import inflation
 from diagnosis.views import views
@@ -83,6 +83,15 @@ class Gained:
 
 
 @dataclass(frozen=True)
+class Forced:
+    """A model fitted beside a known force: what it costs, under the observer of which ratio."""
+
+    cost: float
+    fitted: Fitted
+    ratio: float
+
+
+@dataclass(frozen=True)
 class Unknown:
     """The shape that makes the recording likeliest: -2 log likelihood gained by its unknowns."""
 
@@ -128,7 +137,7 @@ def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None
     None where no slower observer holds the device. Nothing is fitted here that is kept, so that the
     recordings may be those that the fit was held out from.
     """
-    best: tuple[float, Gained, Fitted] | None = None
+    best: tuple[float, Gained, Forced] | None = None
     problem = prepared_for(experiments, fitted.model, fitted.x)
     plain = problem.fit(fitted.model, fitted.x)
     asked = list(views(problem, plain, experiments, lambda _: None))
@@ -138,11 +147,11 @@ def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None
         tried = sorted(_gains(view, there), key=_surplus, reverse=True)
         for one in tried[:JUDGED]:
             try:
-                found, forced = _with_force(view, there, one, base)
+                forced = _with_force(view, there, one, base)
             except ValueError:  # no observer follows the recording with that force
                 continue
             # A likelihood may gain by more than the force, as by another beginning.
-            found = max(found, base - one.gained)
+            found = max(forced.cost, base - one.gained)
             if one.shape.follows == "time" and base - found < TOUCHED:
                 continue
             if best is None or found < best[0]:
@@ -150,7 +159,10 @@ def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None
     if best is None:
         return None
     found, one, forced = best
-    base = min(base, alone(forced, experiments))  # a model not fitted to its end gains by anything
+    # A model not fitted to its end gains by anything, and by another observer alone.
+    base = min(
+        base, alone(forced.fitted, experiments), cost_at(forced.ratio, forced.fitted, experiments)
+    )
     return Unknown(base - found, one.strength.size, one.shape.place, one.shape.follows)
 
 
@@ -178,7 +190,7 @@ def instead(
         if unknowns > named or one.gained < PART * lost:
             continue
         try:
-            paid, _ = _with_force(problem, without, one, np.inf)
+            paid = _with_force(problem, without, one, np.inf).cost
         except ValueError:  # no observer follows the recording with that force
             continue
         paid += unknowns * np.log(final.samples)
@@ -223,33 +235,34 @@ def alone(fitted: Fitted, experiments: Sequence[Experiment]) -> float:
     return found
 
 
-def _with_force(view: Problem, fitted: Fitted, one: Gained, base: float) -> tuple[float, Fitted]:
+def _with_force(view: Problem, fitted: Fitted, one: Gained, base: float) -> Forced:
     """Cost and fit of the model with known forces: observer, parameters and strengths in turn.
 
     view, fitted: where the strengths were found.
     """
-    found, strength, shape, near = np.inf, one.strength, one.shape, None
+    found, strength, shape, ratio = np.inf, one.strength, one.shape, None
     x = fitted.x + _moved(view, fitted, one)
     for turn in range(TURNS):
         forced = [
             replace(e, force=f)
             for e, f in zip(view.experiments, shape.forces(strength), strict=True)
         ]
-        problem = prepared_for(forced, fitted.model, x, near=near)
-        near = problem.observer.ratio
+        problem = prepared_for(forced, fitted.model, x, near=ratio)
+        ratio = problem.observer.ratio
         if turn == 0:
             standing = replace(fitted, residual=problem.residual(fitted.model, x))
             if problem.cost(standing) > base:
-                return base, fitted
+                return Forced(base, fitted, ratio)
         fitted = problem.fit(fitted.model, x, rounds=ROUNDS)
         x = fitted.x
         before, found = found, min(found, problem.cost(fitted))
         if found > min(base - HOPE, before - STILL):
-            return found, fitted
+            return Forced(found, fitted, ratio)
         off = Complement(fitted.jacobian)
         shape = shape.rebuilt(problem, fitted)
         strength = strength + _solved(problem, fitted, off, shape)[0]
-    return found, fitted
+    assert ratio is not None
+    return Forced(found, fitted, ratio)
 
 
 def _gains(problem: Problem, fitted: Fitted) -> list[Gained]:

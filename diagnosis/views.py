@@ -23,7 +23,7 @@ from diagnosis.fit import Fitted, Problem
 from diagnosis.horizon import BETTER, free_run_error
 from diagnosis.lattice import sharpened
 from diagnosis.parameters import Model
-from diagnosis.settle import NotWorth, prepared_for, settle
+from diagnosis.settle import NotWorth, cost_at, prepared_for, settle
 from diagnosis.trials import (
     FIVE_SIGMA,
     THRESHOLD,
@@ -195,7 +195,10 @@ def _settled(
             say(f"{trial.label} is left out: its {key} runs out of what physics allows")
             continue
         paid = problem.cost(fitted) + trial.price
-        if own - paid > THRESHOLD * wide + 2.0 * trial.parameters:
+        least = THRESHOLD * wide + 2.0 * trial.parameters
+        if own - paid <= least:
+            continue
+        if cost_at(problem.observer.ratio, current, experiments) - paid > least:
             found.append(replace(answer, problem=problem, settled=fitted, cost=paid))
     if not found:
         return []

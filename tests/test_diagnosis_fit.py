@@ -5,14 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from diagnosis import removal, trials, views
 from diagnosis.fit import Fitted, Problem, Slopes
 from diagnosis.parameters import Model, effect_labels
-from diagnosis.predictor import choose_observer
-from diagnosis.settle import NotWorth, prepared_for, refit, settle
+from diagnosis.predictor import FINAL, choose_observer
+from diagnosis.settle import NotWorth, cost_at, prepared_for, refit, settle
+from diagnosis.uncertainty import Z95, covariance, over_creases
 from sim.physics import make_physics
-from tests.diagnosis_examples import phantom, record
+from tests.diagnosis_examples import ENCODER_NOISE, phantom, record
 
 Floats = NDArray[np.float64]
 
@@ -170,3 +172,48 @@ def test_a_claim_must_beat_the_model_without_it_from_the_same_place():
     assert again[0].cost(again[1]) == pytest.approx(problem.cost(best), abs=1.0)
     content = views.Asked(problem, best, answer.step, [answer], [])
     assert views.settled_without(content) is None
+
+
+def test_a_claim_must_not_live_on_another_observer(monkeypatch: pytest.MonkeyPatch):
+    """Readings of long memory: ten times slower, an observer is likelier with nothing missing.
+
+    Mutation that breaks it: a claim held against the model under its own observer alone.
+    """
+    random = np.random.default_rng(112)
+    e = record(phantom(), 4.0, seed=12)
+    colour = lfilter([3.0 * ENCODER_NOISE], [1.0, -0.9], random.standard_normal(e.ticks))
+    e = replace(e, measured=e.measured + colour[:, None])
+    problem, fitted = refit(phantom(), [e])
+    own, ratio = problem.cost(fitted), problem.observer.ratio
+    assert cost_at(ratio, fitted, problem.experiments) == pytest.approx(own, abs=0.5)
+    slow = prepared_for(problem.experiments, fitted.model, fitted.x, 0.1 * ratio, white=True)
+    there = slow.fit(fitted.model, fitted.x)
+    likelier = own - slow.cost(there)
+    assert likelier > 10.0
+    trial = trials.Trial("quadratic_drag@m1", there, 20.0, 0)
+    step = trials.Step((trial,), trial, 1.0)
+    answer = views.Answer(step, trial, problem, False, slow, there, slow.cost(there))
+    monkeypatch.setattr(views, "HOPE", 0.5 * likelier)
+    monkeypatch.setattr(views, "THRESHOLD", 0.5 * likelier)
+    monkeypatch.setattr(views, "at_bound", lambda _: "")
+    monkeypatch.setattr(views, "settled_on", lambda *_: (slow, there))
+    assert not views._settled([answer], own, fitted, problem.experiments, trials.silent)
+    monkeypatch.setattr(views, "cost_at", lambda *_: own)
+    assert views._settled([answer], own, fitted, problem.experiments, trials.silent)
+
+
+def test_a_fit_that_stops_at_a_crease_is_brought_on():
+    """Mutation that breaks it: no step taken by the slopes over the errors."""
+    gap = 1e-3
+    truth = phantom().with_physics(make_physics("backlash", "link12", gap=gap))
+    e = record(truth, 3.0, seed=3)
+    twice = make_physics("backlash", "link12", gap=2.0 * gap)
+    model = Model(phantom(), (twice,), ({"gap": 2.0 * gap},))
+    problem, there = settle([e], model, np.zeros(len(model.parameters)))
+    problem = Problem(problem.experiments, problem.observer, FINAL)
+    stopped = problem.fit(there.model, there.x)
+    on = over_creases(problem, stopped)
+    assert on.chi2 < stopped.chi2
+    assert on.chi2 == pytest.approx(float(np.sum(problem.residual(model, on.x) ** 2)))
+    half = Z95 * 2.0 * gap * float(np.sqrt(covariance(on)[-1, -1]))
+    assert 2.0 * gap * (1.0 + on.x[-1]) == pytest.approx(gap, abs=max(half, 0.01 * gap))

@@ -5,13 +5,14 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+from scipy.stats import binomtest
 
 from controllers.excitation import noise
 from controllers.recorded import recorded
 from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted, Problem
 from diagnosis.gate import encoder_step_seen
-from diagnosis.lattice import command_step, dropped_samples, encoder_step, mean_error
+from diagnosis.lattice import chances_seen, command_step, dropped_samples, encoder_step, mean_error
 from diagnosis.leftover import leftover
 from diagnosis.parameters import Model, delivered
 from diagnosis.predictor import Observer, begun, innovations, whitened
@@ -117,6 +118,47 @@ def test_lost_commands_are_found_one_by_one():
     marked = trial.problem.experiments[0].dropped
     assert marked is not None
     assert set(np.flatnonzero(marked)) == set(np.flatnonzero(lost))
+
+
+def test_the_rate_of_losses_is_that_of_those_that_can_be_seen():
+    """A command that stands most of the time hides most losses, and every fifth change is lost.
+
+    Mutation that breaks it: the number of ticks in the place of the odds to be seen.
+    """
+    random = np.random.default_rng(16)
+    command = np.repeat(random.choice([-0.5, 0.0, 0.5], 400), 10)
+    lost = random.random(command.size) < 0.2
+    run = simulate(phantom(), recorded(delivered(command, lost)), duration=SECONDS)
+    y = run.trace["position_m1"] + ENCODER_NOISE * random.standard_normal(command.size)
+    problem, fitted = refit(phantom(), [Experiment(0.001, command, y[:, None], OUTPUTS)])
+    trial = dropped_samples(problem, fitted, problem.experiments)
+    assert trial is not None
+    rate = trial.fitted.model.effects[-1].values["rate"]
+    marked = trial.problem.experiments[0].dropped
+    assert marked is not None
+    assert marked.mean() < 0.03
+    seen = chances_seen(trial.problem, trial.fitted, rate)
+    low, high = binomtest(int(marked.sum()), round(seen)).proportion_ci(method="exact")
+    assert low < 0.2 < high
+    assert rate == pytest.approx(marked.sum() / seen, rel=0.05)
+
+
+def test_noise_that_is_larger_where_motion_is_fast_is_not_left_over():
+    """Readings at uneven times err by speed times jitter: no line, but loud where motion is.
+
+    Mutation that breaks it: the envelope of drawn noise left out.
+    """
+    random = np.random.default_rng(17)
+    command = noise(duration=SECONDS, seed=17)
+    loud = np.arange(command.size) // 200 % 10 == 3
+    command = np.where(loud, 8.0, 0.3) * command
+    push = FORCE_NOISE * random.standard_normal(command.size)
+    run = simulate(phantom(), recorded(command), duration=SECONDS, disturbance=push)
+    white = ENCODER_NOISE * np.where(loud, 5.0, 1.0) * random.standard_normal(command.size)
+    y = run.trace["position_m1"] + white
+    problem, fitted = refit(phantom(), [Experiment(0.001, command, y[:, None], OUTPUTS)])
+    found = leftover(problem, fitted)
+    assert found.gained < 0.8 * found.chance
 
 
 def test_a_ripple_is_started_at_the_period_that_the_residual_shows():

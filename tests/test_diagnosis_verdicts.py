@@ -78,6 +78,25 @@ def test_a_wrong_unit_is_a_fault_and_the_diagnosis_goes_on():
     assert not found.findings
 
 
+@pytest.mark.parametrize(("limit", "scale"), [(0.12, 1.0), (np.inf, 1.0 / 3.0)])
+def test_a_saturated_amplifier_is_no_wrong_unit(limit: float, scale: float):
+    """Both seem driven by a third of their command.
+
+    Mutation that breaks it: `_weakened` returns infinity.
+    """
+    truth = phantom()
+    if np.isfinite(limit):
+        truth = truth.with_physics(make_physics("saturation", "command", limit=limit))
+    e = record(truth, 3.0, seed=5, gain=1.0 / scale)
+    wrong = [f.kind for f in examine(phantom(), [e]) if f.wrong]
+    assert wrong == ([] if np.isfinite(limit) else ["command_scale"])
+    if np.isfinite(limit):
+        found = diagnose(phantom(), [e])
+        assert [(f.effect, f.at) for f in found.findings] == [("saturation", "command")]
+        estimate = found.findings[0].parameters["limit"]
+        assert estimate.lower < limit < estimate.upper
+
+
 def test_the_sign_is_told_by_energy():
     """Mutation that breaks it: velocity of the wrong sign."""
     for gain, kinds in ((-1.0, ["command_sign"]), (1.0, [])):

@@ -7,7 +7,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import multivariate_normal
 
-from diagnosis.candidates import QUARTER, Start, candidates
+from controllers.recorded import recorded
+from diagnosis.candidates import QUARTER, Start, candidates, magnitudes
 from diagnosis.experiment import Experiment, Output
 from diagnosis.fit import Fitted, Problem
 from diagnosis.modes import mode_starts
@@ -23,6 +24,7 @@ from sim.chain import make_chain
 from sim.device import Device
 from sim.interface import Interface
 from sim.physics import make_physics
+from sim.run import simulate
 from tests.diagnosis_examples import OUTPUTS, phantom, record
 
 Floats = NDArray[np.float64]
@@ -235,6 +237,22 @@ def test_what_hums_is_no_mode_and_what_rings_is_no_hum():
         if other is not None:
             assert (other.follows, other.unknowns) == ("repeats over time", 3)
             assert "likelier than extra_mode at m1 by" in other.sentence
+
+
+def test_deflections_are_those_that_the_recording_had():
+    """A light end takes a small part of the force.
+
+    Mutation that breaks it: the force over the spring.
+    """
+    chain = make_chain([2e-3, 1e-4], [1e-3, 1e-6], 0.0, [1.0], [1e-5])
+    device = Device("rings", "", True, chain, Interface(period=T))
+    e = record(device, 4.0, seed=4)
+    run = simulate(device, recorded(e.command), duration=4.0)
+    x = run.trace["position_m1"] - run.trace["position_m2"]
+    size = magnitudes(device, [e])
+    assert size.reach("link12") == pytest.approx(float(np.std(x)), rel=0.1)
+    assert size.reach("link12") < 0.2 * size.force / 1.0
+    assert size.reach("ground") == size.position
 
 
 def test_a_slower_observer_is_not_whitened():
