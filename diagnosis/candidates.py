@@ -264,9 +264,10 @@ def _starts(effect: Effect, at: str, z: Magnitudes, device: Device) -> Iterator[
                     {"amplitude": 0.02 * f, "period": 0.02 * float(period), "phase": 0.5},
                 )
     elif name == "backlash":
+        # From a part of what the spring gives way to what a lightly driven device rattles in.
         reach = z.reach(at)
-        for s in (0.003, 0.03, 0.1, 0.3):
-            yield {"gap": s * reach}, {"gap": s * reach}
+        for gap in np.geomspace(0.003 * reach, max(0.3 * reach, 0.03 * q), 6):
+            yield {"gap": float(gap)}, {"gap": float(gap)}
     elif name == "cubic_stiffness":
         reach, size = z.reach(at), _held(device, z, at)
         for s in (3e-4, -3e-4, 0.01, -0.01, 0.2, -0.2):

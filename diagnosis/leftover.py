@@ -12,8 +12,8 @@ motion is fast; for q = 1, where a hum is a line of that very spectrum, white on
 around, many and few: an antiresonance is narrow. The best of all lines of all families is held
 against what the best of as many lines of white noise exceeds once in `ODDS` recordings. Slow
 warming is a line of low frequency.
-Limits: q is what the observer predicts, and what a refit absorbs (periods as long as the recording)
-is not taken off.
+What a refit absorbs is taken off the residual and off the noise: a damper that sways once over all
+travel is nearly a damper. Limits: q is what the observer predicts.
 """
 
 from collections.abc import Iterator, Sequence
@@ -25,6 +25,7 @@ from scipy.ndimage import convolve1d, median_filter, uniform_filter1d
 
 from diagnosis.fit import Fitted, Problem
 from diagnosis.predictor import SETTLING, followed, innovations, whitened
+from diagnosis.screen import Complement
 from diagnosis.spatial import matched
 
 Floats = NDArray[np.float64]
@@ -45,7 +46,8 @@ BINS = 4096  # over twice the travel
 class Leftover:
     """The strongest line. gained: its chi-square; chance: what noise reaches once in `ODDS`.
 
-    at: "m1".. or "link12"..; follows: q; over: "time" or "position"; period [s, rad or m].
+    at: "m1".. or "link12"..; follows: q; over: "time" or "position"; period [s, rad or m];
+    spacing: of 1 / period between two lines.
     """
 
     gained: float
@@ -54,6 +56,7 @@ class Leftover:
     follows: str
     over: str
     period: float
+    spacing: float
 
     @property
     def significant(self) -> bool:
@@ -76,6 +79,8 @@ def leftover(problem: Problem, fitted: Fitted) -> Leftover:
     Sought in innovations that are whitened coarsely: a fine filter takes a strong line for noise.
     """
     problem, fitted = _coarsely(problem, fitted)
+    off = Complement(fitted.jacobian)
+    fitted = replace(fitted, residual=off(fitted.residual))
     states = predicted_states(problem, fitted)
     bank = list(_bank(states, problem.experiments[0].period))
     hums = [f for f in bank if f.follows == "1"]
@@ -87,9 +92,9 @@ def leftover(problem: Problem, fitted: Fitted) -> Leftover:
         own = _powers(problem, fitted, families)
         level = [np.zeros(power.size) for power in own]
         for _ in range(DRAWS):  # one by one: all of them would fill memory
-            for total, power in zip(
-                level, _powers(problem, drawn(fitted, random), families), strict=True
-            ):
+            noise = drawn(fitted, random)
+            noise = replace(noise, residual=off(noise.residual))
+            for total, power in zip(level, _powers(problem, noise, families), strict=True):
                 total += power / DRAWS
         for family, power, mean in zip(families, own, level, strict=True):
             gained = _gained(power, mean, family.follows == "1")
@@ -99,11 +104,10 @@ def leftover(problem: Problem, fitted: Fitted) -> Leftover:
                 best = float(gained[k]), family, k
     chance = 2.0 * float(np.log(max(lines, 1) * ODDS))
     if best is None:
-        return Leftover(0.0, chance, "m1", "1", "time", 1.0)
+        return Leftover(0.0, chance, "m1", "1", "time", 1.0, 1.0)
     gained, family, k = best
-    return Leftover(
-        gained, chance, family.place, family.follows, family.over, float(family.periods[k])
-    )
+    period, spacing = float(family.periods[k]), float(1.0 / family.periods.max())
+    return Leftover(gained, chance, family.place, family.follows, family.over, period, spacing)
 
 
 def _coarsely(problem: Problem, fitted: Fitted) -> tuple[Problem, Fitted]:

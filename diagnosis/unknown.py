@@ -25,6 +25,7 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 from scipy.signal import fftconvolve
 
 from diagnosis.experiment import Experiment
@@ -179,9 +180,9 @@ def instead(
     lost = without.chi2 - final.chi2
     shapes = [s for s in _shapes(problem, without, n) if s.follows == CUBE]
     line = leftover(problem, without)
-    if line.gained > line.chance * inflation(without.white):
-        shapes.append(_repeating(problem, without, line, n))
     off = Complement(without.jacobian)
+    if line.gained > line.chance * inflation(without.white):
+        shapes.append(_repeating(problem, without, _between_lines(problem, without, off, line), n))
     best: Instead | None = None
     least = alone(final, experiments) + named * np.log(final.samples) - CLEARLY
     for shape in shapes:
@@ -200,6 +201,24 @@ def instead(
     return best
 
 
+def _between_lines(problem: Problem, fitted: Fitted, off: Complement, line: Leftover) -> Leftover:
+    """The line at the period that explains most, between its neighbours.
+
+    A wave of few periods over the travel lies far from any line of the spectrum over it.
+    """
+    n = fitted.model.acting(fitted.x).chain.masses.size
+
+    def at(further: float) -> Leftover:
+        return replace(line, period=1.0 / (1.0 / line.period + further * line.spacing))
+
+    def lost(further: float) -> float:
+        return -_solved(problem, fitted, off, _repeating(problem, fitted, at(further), n))[1]
+
+    nearest = max(-1.0, 0.5 - 1.0 / (line.period * line.spacing))  # not beyond half a line
+    best = minimize_scalar(lost, bounds=(nearest, 1.0), method="bounded", options={"xatol": 0.02})
+    return at(float(best.x)) if best.fun < lost(0.0) else line
+
+
 def _repeating(problem: Problem, fitted: Fitted, line: Leftover, n: int) -> Shape:
     """The strongest line as a force: its cosine and sine, by what it is in proportion to."""
     states = predicted_states(problem, fitted)
@@ -212,10 +231,20 @@ def _repeating(problem: Problem, fitted: Fitted, line: Leftover, n: int) -> Shap
     for x, q in zip(states, factors(line.at, states, n, period)[line.follows], strict=True):
         over = period * np.arange(q.size) if line.over == "time" else x[:, 0]
         turn = 2.0 * np.pi * over / line.period
-        columns.append(_settled(q)[:, None] * np.column_stack([np.cos(turn), np.sin(turn)]))
-    q = "repeats" if line.follows == "1" else f"follows the {line.follows} and repeats"
+        both = _settled(q)[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
+        if (line.follows, line.over) == ("acceleration", "position"):
+            # An inertia m(x) takes m a + m'(x) v^2 / 2, or it would make energy. What an eccentric
+            # encoder reports moves just so; only command and dampers swing with it besides.
+            speed = _settled(x[:, n + int(line.at[1]) - 1] ** 2)[:, None]
+            both += np.pi / line.period * speed * np.column_stack([-np.sin(turn), np.cos(turn)])
+        columns.append(both)
+    how = f"follows the {line.follows} and repeats over {line.over}"
+    if line.follows == "1":
+        how = f"repeats over {line.over}"
+    elif (line.follows, line.over) == ("acceleration", "position"):
+        how = "follows the acceleration, as an inertia that repeats over position,"
     again = partial(_repeating, line=line, n=n)
-    return Shape(line.at, f"{q} over {line.over}", ends, columns, again)
+    return Shape(line.at, how, ends, columns, again)
 
 
 def _surplus(one: Gained) -> float:

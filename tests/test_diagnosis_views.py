@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import multivariate_normal
 
+from controllers.excitation import noise
 from controllers.recorded import recorded
 from diagnosis.candidates import QUARTER, Start, candidates, magnitudes
 from diagnosis.experiment import Experiment, Output
@@ -14,9 +15,9 @@ from diagnosis.fit import Fitted, Problem
 from diagnosis.modes import mode_starts
 from diagnosis.parameters import Model
 from diagnosis.predictor import SETTLING, Observer, innovations, whitened
-from diagnosis.removal import may_be_zero
+from diagnosis.removal import fit_without, may_be_zero
 from diagnosis.screen import Screened, turned_starts
-from diagnosis.settle import prepared_for, refit
+from diagnosis.settle import prepared_for, refit, settle
 from diagnosis.spatial import response
 from diagnosis.trials import at_bound
 from diagnosis.unknown import instead, unknown
@@ -25,7 +26,7 @@ from sim.device import Device
 from sim.interface import Interface
 from sim.physics import make_physics
 from sim.run import simulate
-from tests.diagnosis_examples import OUTPUTS, phantom, record
+from tests.diagnosis_examples import ENCODER_NOISE, FORCE_NOISE, OUTPUTS, phantom, record
 
 Floats = NDArray[np.float64]
 T = 0.001
@@ -298,3 +299,59 @@ def test_a_saturation_far_below_its_start_is_on_a_bound():
     for moved, bound in ((0.0, ""), (-6.9, ""), (-7.0, "limit")):
         x[-1] = moved
         assert at_bound(Fitted(model, x.copy(), 0.0, white, np.zeros((10, x.size)), 10)) == bound
+
+
+def swung(share: float, period: float, seconds: float = 6.0) -> Experiment:
+    """A mass m(x) = m (1 + share cos(2 pi x / period)): d(m v)/dt = u - b v + m' v^2 / 2.
+
+    By Runge and Kutta with 20 steps a tick.
+    """
+    mass, damper = 2e-4, 1e-3
+    random = np.random.default_rng(31)
+    u = noise(duration=seconds, seed=31) + FORCE_NOISE * random.standard_normal(round(seconds / T))
+    wave = 2.0 * np.pi / period
+
+    def slope(x: float, v: float, force: float) -> tuple[float, float]:
+        m = mass * (1.0 + share * np.cos(wave * x))
+        rises = -mass * share * wave * np.sin(wave * x)
+        return v, (force - damper * v - 0.5 * rises * v * v) / m
+
+    x, v, h = 0.0, 0.0, T / 20.0
+    positions = np.zeros(u.size)
+    for k, force in enumerate(u):
+        positions[k] = x
+        for _ in range(20):
+            a, b = slope(x, v, force)
+            c, d = slope(x + 0.5 * h * a, v + 0.5 * h * b, force)
+            e, f = slope(x + 0.5 * h * c, v + 0.5 * h * d, force)
+            g, i = slope(x + h * e, v + h * f, force)
+            x, v = x + h / 6.0 * (a + 2 * c + 2 * e + g), v + h / 6.0 * (b + 2 * d + 2 * f + i)
+    y = positions + ENCODER_NOISE * random.standard_normal(u.size)
+    return Experiment(T, noise(duration=seconds, seed=31), y[:, None], OUTPUTS)
+
+
+def test_an_inertia_that_swings_is_no_eccentric_encoder():
+    """And an eccentric encoder is no inertia that swings, though the two are near.
+
+    What an eccentric encoder reports moves like an inertia that swings with it; only command and
+    damper swing too.
+
+    Mutation that breaks it: the inertia's force without the square of the speed.
+    """
+    device = Device("mass", "", True, make_chain([2e-4], [1e-3]), Interface(period=T))
+    span = float(np.ptp(swung(0.0, 1.0).measured))
+    period = 0.1 * span
+    values = {"amplitude": 1e-3 * span, "period": period, "phase": 0.7}
+    eccentric = make_physics("encoder_eccentricity", "sensor", **values)
+    scales = {"amplitude": 1e-3 * span, "period": 0.02 * period, "phase": 0.5}
+    for e, swings in (
+        (swung(0.02, period), True),
+        (record(device.with_physics(eccentric), 6.0, seed=31), False),
+    ):
+        problem, linear = refit(device, [e])
+        model = Model(device, (eccentric,), (scales,))
+        problem, final = settle(problem.experiments, model, np.append(linear.x, np.zeros(3)))
+        without = fit_without(problem, final, 0)
+        other = instead(problem, final, without, problem.experiments, "encoder_eccentricity")
+        assert (other is not None) is swings
+        assert other is None or "inertia" in other.sentence
