@@ -71,7 +71,7 @@ def test_the_sign_of_the_haptic_paddle_is_inverted():
 def test_the_haptic_paddle_lacks_friction_and_gravity():
     """Published: stiction of 0.0129 to 0.0169 N m, no motion below 0.008 N m, motion from 0.010.
 
-    Mutation that breaks it: the command's sign left as it is.
+    Mutation that breaks it: no observer that trusts the model is followed for its free runs.
     """
     device = Device("paddle", "", True, make_chain([7e-4], [1e-3]), Interface(period=0.005))
     e = recording("ethz_haptic_paddle", device, 80.0)
