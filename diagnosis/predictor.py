@@ -127,9 +127,10 @@ def whitened(observer: Observer, innovations: Sequence[Floats], memory: float = 
 class Fineness:
     """Substeps a tick: with smooth forces, where friction turns, with backlash and where it jumps.
 
-    Counted against 64 on 20 s at 20 times the limit (100 sigma): SEARCHING leaves below 2 sigma of
-    smooth forces, 5 of friction and 12 of backlash, enough to tell effects apart; FINAL below
-    0.5, 0.3 and 1. SCREENING is for signatures, which need one digit.
+    Of smooth forces and backlash, counted against 64 on 20 s at 20 times the limit (100 sigma):
+    SEARCHING leaves below 2 and 12 sigma, enough to tell effects apart, FINAL below 0.5 and 1. Of
+    friction on 5 s: 2.8 to 3.2, and 0.16 to 0.19 (docs/performance.md). SCREENING is for
+    signatures, which need one digit.
     """
 
     smooth: int

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from diagnosis.creases import over_creases
 from diagnosis.exchange import MOST, against, merged, paired, plainly_there, split, swapped
 from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted, Problem
@@ -20,7 +21,6 @@ from diagnosis.predictor import FINAL
 from diagnosis.removal import prune
 from diagnosis.settle import refit
 from diagnosis.trials import Say, Step
-from diagnosis.uncertainty import over_creases
 from diagnosis.views import Answer, ask, runs_freer
 from sim.device import Device
 

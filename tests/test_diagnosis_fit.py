@@ -8,11 +8,12 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from diagnosis import removal, trials, views
+from diagnosis.creases import over_creases
 from diagnosis.fit import Fitted, Problem, Slopes
 from diagnosis.parameters import Model, effect_labels
 from diagnosis.predictor import FINAL, choose_observer
 from diagnosis.settle import NotWorth, cost_at, prepared_for, refit, settle
-from diagnosis.uncertainty import Z95, covariance, over_creases
+from diagnosis.uncertainty import Z95, covariance
 from sim.physics import make_physics
 from tests.diagnosis_examples import ENCODER_NOISE, phantom, record
 
