@@ -26,7 +26,7 @@ from scenarios.concealed.handout import key_file, names, recording_files
 from scenarios.concealed.outside import OUTSIDE
 from scenarios.concealed.rig import record
 from scenarios.concealed.sealing import SealError, canonical, seal
-from scenarios.concealed.shapes import places
+from scenarios.concealed.shapes import Motion, draw_physics, places
 from sim.chain import make_chain
 from sim.physics import NAMES
 from stability.executor import Local
@@ -163,6 +163,17 @@ def test_several_effects_are_of_several_kinds() -> None:
         assert set(several) <= set(places(device))
         dry = [at for name, at in several if name in DRY]
         assert len(set(dry)) == len(dry)
+
+
+def test_every_effect_can_be_drawn_for_a_device_that_hardly_moves() -> None:
+    """A link's coefficient of 1e17 stopped a whole exam.
+
+    Mutation that breaks it: values not held within the effect's bounds.
+    """
+    device, random = phantom(), np.random.default_rng(1)
+    still = Motion(1e-3, 2e-3, 1.0, 1e-9, 1e-12, 3e-12, 2e-12, (1e-12, 1e-12))
+    for name, at in places(device):
+        assert draw_physics(random, name, at, device, still).effect.name == name
 
 
 @pytest.mark.parametrize("changed", ["key", "salt", "recording", "device", "seal"])
