@@ -388,14 +388,14 @@ def _verdict(
 ) -> tuple[Verdict, str]:
     explained = max(found.refit.chi2 - found.final.chi2, 1.0)
     share = COLOURED if found.problem.observer.whitening is None else UNEXPLAINED
+    if other is not None:
+        return Verdict.UNKNOWN_PHYSICS, (
+            f"something is missing that no effect of the library explains: {other.sentence}"
+        )
     if left.gained > 0.0 and (not findings or left.gained > share * explained):
         beyond = f" beyond {' and '.join(f.effect for f in findings)}" if findings else ""
         return Verdict.UNKNOWN_PHYSICS, (
             f"something is missing{beyond} that no effect of the library explains: {left.sentence}"
-        )
-    if other is not None:
-        return Verdict.UNKNOWN_PHYSICS, (
-            f"something is missing that no effect of the library explains: {other.sentence}"
         )
     if findings:
         names = " and ".join(f"{f.effect} at {f.at}" for f in findings)

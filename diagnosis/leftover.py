@@ -32,6 +32,7 @@ Floats = NDArray[np.float64]
 ODDS = 1e8  # the drawn noise is not the noise of every rig
 FASTEST_HZ = 40.0  # at which a parameter sways
 FINEST = 60.0  # periods over the travel
+SPRINGS = 6  # half periods over the travel, below which a ripple is a bent spring
 DRAWS = 48  # of white noise
 SEED = 0
 AROUND = 51  # lines whose median says how much colour is left about a hum
@@ -82,9 +83,10 @@ def leftover(problem: Problem, fitted: Fitted) -> Leftover:
     off = Complement(fitted.jacobian)
     fitted = replace(fitted, residual=off(fitted.residual))
     states = predicted_states(problem, fitted)
-    bank = list(_bank(states, problem.experiments[0].period))
-    hums = [f for f in bank if f.follows == "1"]
-    sways = [f for f in bank if f.follows != "1"]
+    rippled = fitted.model.has("force_ripple")
+    bank = list(_bank(states, problem.experiments[0].period, rippled))
+    hums = [f for f in bank if f.hums]
+    sways = [f for f in bank if not f.hums]
     random = np.random.default_rng(SEED)
     best: tuple[float, Family, int] | None = None
     lines = 0
@@ -97,7 +99,7 @@ def leftover(problem: Problem, fitted: Fitted) -> Leftover:
             for total, power in zip(level, _powers(problem, noise, families), strict=True):
                 total += power / DRAWS
         for family, power, mean in zip(families, own, level, strict=True):
-            gained = _gained(power, mean, family.follows == "1")
+            gained = _gained(power, mean, family.hums)
             lines += gained.size
             k = int(np.argmax(gained)) if gained.size else 0
             if gained.size and (best is None or gained[k] > best[0]):
@@ -137,6 +139,11 @@ class Family:
     kept: NDArray[np.bool_]
     periods: Floats
 
+    @property
+    def hums(self) -> bool:
+        """Whether the force comes and goes with time alone."""
+        return self.follows == "1" and self.over == "time"
+
     def power(self, pulls: list[Floats]) -> Floats:
         """Return |G|^2 of the lines, g of every recording given."""
         both = zip(pulls, self.factor, strict=True)
@@ -148,7 +155,11 @@ class Family:
         return np.abs(np.fft.rfft(product)[self.kept]) ** 2
 
 
-def _bank(states: list[Floats], period: float) -> Iterator[Family]:
+def _bank(states: list[Floats], period: float, rippled: bool) -> Iterator[Family]:
+    """Every family; of forces that repeat over position alone those beside a ripple at m1.
+
+    The library has one ripple and springs: what is sought here are the harmonics of another shape.
+    """
     n = states[0].shape[1] // 2
     places = [f"m{i + 1}" for i in range(n)] + [f"link{i + 1}{i + 2}" for i in range(n - 1)]
     positions = [x[:, 0] for x in states]
@@ -165,11 +176,11 @@ def _bank(states: list[Floats], period: float) -> Iterator[Family]:
             kept = (np.arange(frequency.size) > 0) & (frequency < fastest)
             times = 1.0 / np.maximum(frequency, frequency[1])
             yield Family(place, follows, "time", factor, None, kept, times[kept])
-            if follows == "1" or not span > 0.0:  # the library has ripple and springs
+            if not span > 0.0 or (follows == "1" and not (rippled and place == "m1")):
                 continue
             width = 2.0 * span / BINS
             bins = [np.minimum(((x - low) / width).astype(np.int64), BINS - 1) for x in positions]
-            seen = (number >= 1) & (number <= 2.0 * FINEST)
+            seen = (number >= (SPRINGS if follows == "1" else 1)) & (number <= 2.0 * FINEST)
             lengths = 2.0 * span / np.maximum(number, 1)
             yield Family(place, follows, "position", factor, bins, seen, lengths[seen])
 

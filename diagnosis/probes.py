@@ -6,11 +6,14 @@ of no library, simulated and fitted like any effect, observer and all:
 
     quadratic_drag, alone or with any one other effect      a drag whose power is free
     what follows position at m1, each alone and all of it   a spring met on one side only
+    force_ripple, alone, with any one other and with all    a force of four harmonics
 
 Likelier by `CLEARLY`, its unknowns paid, it is physics of no library: a cube passes for a square
-and some friction, a stop for a spring that stiffens and some gravity.
+and some friction, a stop for a spring that stiffens and some gravity, a magnet's detent for a
+ripple and an eccentric encoder.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -27,6 +30,7 @@ from diagnosis.unknown import CLEARLY, Instead, alone
 from sim.device import place_label
 from sim.physics.effect import Physics
 from sim.physics.one_sided_spring import one_sided_spring
+from sim.physics.periodic_force import HARMONICS, periodic_force
 from sim.physics.power_drag import power_drag
 
 Floats = NDArray[np.float64]
@@ -52,7 +56,7 @@ class Probe:
 
 def instead_by_law(problem: Problem, final: Fitted) -> Instead | None:
     """Return the law of no library that is likelier than what was named, the likeliest of them."""
-    probes = [*_powers(problem, final), *_stops(problem, final)]
+    probes = [*_powers(problem, final), *_stops(problem, final), *_repeating(final)]
     if not probes:
         return None
     experiments, price = problem.experiments, float(np.log(final.samples))
@@ -79,6 +83,9 @@ def instead_by_law(problem: Problem, final: Fitted) -> Instead | None:
 def _says(law: Physics) -> str:
     if law.effect is power_drag:
         return f"the power {law.values['power']:.3g} of velocity"
+    if law.effect is periodic_force:
+        period = law.values["period"]
+        return f"position and repeats every {period:.4g}, of another shape than a sine,"
     where = "above" if law.values["side"] > 0.0 else "below"
     return f"position only {where} {law.values['place']:.4g}, as of a stop"
 
@@ -117,6 +124,27 @@ def _stops(problem: Problem, final: Fitted) -> Iterator[Probe]:
                     values = {"place": place, "stiffness": force / depth, "side": side}
                     scales = {"place": depth, "stiffness": force / depth}
                     yield Probe(gone, Physics(one_sided_spring, "m1", values), scales, False)
+
+
+def _repeating(final: Fitted) -> Iterator[Probe]:
+    """From the ripple that was found, taken for one harmonic after the other."""
+    effects = final.model.effects
+    labels = [place_label(p) for p in effects]
+    if "force_ripple@m1" not in labels:
+        return
+    ripple = labels.index("force_ripple@m1")
+    found = next(p for p in final.model.build(final.x).physics if p.effect.name == "force_ripple")
+    amplitude, period, phase = found.vector()
+    rest = [i for i in range(len(effects)) if i != ripple]
+    waves = [f"{wave}{k}" for k in range(1, HARMONICS + 1) for wave in ("cosine", "sine")]
+    for gone in sorted({(ripple,), *((ripple, i) for i in rest), (ripple, *rest)}):
+        for first in range(1, HARMONICS + 1):
+            values = {"period": first * period, **dict.fromkeys(waves, 0.0)}
+            values[f"cosine{first}"] = amplitude * math.sin(phase)
+            values[f"sine{first}"] = amplitude * math.cos(phase)
+            scales = {"period": first * final.model.scales[ripple]["period"]}
+            scales |= dict.fromkeys(waves, amplitude)
+            yield Probe(gone, Physics(periodic_force, "m1", values), scales, False)
 
 
 def _exchanged(final: Fitted, probe: Probe) -> tuple[Model, Floats]:

@@ -7,6 +7,7 @@ import pytest
 
 from controllers.none import none
 from diagnosis.fit import Fitted, Problem
+from diagnosis.leftover import leftover
 from diagnosis.parameters import Model
 from diagnosis.probes import instead_by_law
 from diagnosis.settle import refit, settle
@@ -16,6 +17,7 @@ from sim.interface import Interface
 from sim.physics import make_physics
 from sim.physics.effect import Physics
 from sim.physics.one_sided_spring import one_sided_spring
+from sim.physics.periodic_force import HARMONICS, periodic_force
 from sim.physics.power_drag import power_drag
 from sim.run import Start, simulate
 from tests.diagnosis_examples import record
@@ -44,6 +46,28 @@ def test_a_mass_slows_down_by_the_power(power: float):
     c = level / speed**power
     expected = -((abs(v0) ** (1.0 - power) + (power - 1.0) * c * t / MASS) ** (1.0 / (1.0 - power)))
     np.testing.assert_allclose(run.trace["velocity_m1"], expected, rtol=1e-6)
+
+
+def test_a_force_that_repeats_is_its_fourier_series():
+    """Speed gained on the way is what the potential of four harmonics says, to 1e-6.
+
+    Mutation that breaks it: harmonics turned the other way round; the last one left out.
+    """
+    random = np.random.default_rng(3)
+    waves = {f"{wave}{k}": float(random.uniform(-1e-3, 1e-3))
+             for k in range(1, HARMONICS + 1) for wave in ("cosine", "sine")}  # fmt: skip
+    force = Physics(periodic_force, "m1", {"period": 0.3, **waves})
+    run = simulate(
+        single(0.0).with_physics(force), none(), duration=0.2, start=Start(0.0, 9.0), substeps=64,
+        bound=1e9,
+    )  # fmt: skip
+    q, v = run.trace["position_m1"], run.trace["velocity_m1"]
+    work = np.zeros(q.size)
+    for k in range(1, HARMONICS + 1):
+        turn = 2.0 * np.pi * k / 0.3
+        work += waves[f"cosine{k}"] * np.sin(turn * q) / turn
+        work += waves[f"sine{k}"] * (1.0 - np.cos(turn * q)) / turn
+    np.testing.assert_allclose(v**2, 81.0 + 2.0 * work / MASS, rtol=1e-6)
 
 
 def square_found(truth: Device) -> tuple[Problem, Fitted]:
@@ -91,3 +115,29 @@ def test_a_stop_is_told_from_a_spring_that_stiffens():
             assert other.follows.startswith(f"position only {'above' if side > 0.0 else 'below'}")
             place = float(other.follows.split()[3].strip(","))
             assert place == pytest.approx(values["place"], abs=5e-3)
+
+
+def test_a_detent_is_told_from_a_ripple():
+    """By its harmonics, though the ripple that was found is the third of them; a ripple stays one.
+
+    Mutations that break it: only the first harmonic tried as what the ripple is; no forces over
+    position sought beside a ripple.
+    """
+    period, amplitude = 0.12, 4e-3
+    third = make_physics("force_ripple", "m1", amplitude=1e-3, period=period / 3.0, phase=0.0)
+    scales = {"amplitude": 1e-3, "period": 1e-4, "phase": 0.5}
+    waves = dict.fromkeys((f"{w}{k}" for k in range(1, 5) for w in ("cosine", "sine")), 0.0)
+    waves |= {"sine1": amplitude, "sine2": 0.8 * amplitude, "sine3": amplitude}
+    detent = Physics(periodic_force, "m1", {"period": period, **waves})
+    for truth in (detent, third):
+        e = record(single().with_physics(truth), 5.0, seed=23)
+        problem, linear = refit(single(), [e])
+        start = np.append(linear.x, np.zeros(3))
+        found = settle(problem.experiments, Model(single(), (third,), (scales,)), start)
+        line = leftover(*found)
+        assert line.significant is (truth is detent)
+        assert truth is third or (line.follows, line.over) == ("1", "position")
+        other = instead_by_law(*found)
+        assert (other is not None) is (truth is detent)
+        if other is not None:
+            assert float(other.follows.split()[4].strip(",")) == pytest.approx(period, rel=1e-3)

@@ -136,7 +136,7 @@ def draw_physics(
         case _:  # one parameter, a force: Coulomb friction, dead band, command step
             (parameter,) = EFFECTS[name].parameters
             values = {parameter.name: f}
-    # A link that hardly moves asks for more than any device file may say; its size is sought anyway.
+    # A link that hardly moves asks for more than a device file may say; its size is sought anyway.
     bounds = {p.name: (p.lower, p.upper) for p in EFFECTS[name].parameters}
     within = {key: min(max(value, bounds[key][0]), bounds[key][1]) for key, value in values.items()}
     return make_physics(name, at, **within)

@@ -34,7 +34,7 @@ NAMES = (
 )
 
 # Laws of no library: no device file names them, the diagnosis asks with them (`diagnosis.probes`).
-PROBE_NAMES = ("power_drag", "one_sided_spring")
+PROBE_NAMES = ("power_drag", "one_sided_spring", "periodic_force")
 
 
 def _declared(names: Sequence[str]) -> Mapping[str, Effect]:

@@ -19,6 +19,7 @@ from sim.physics.gain_asymmetry import two_gains
 from sim.physics.gravity_pendulum import pendulum_force
 from sim.physics.hysteresis import bouc_wen_force, next_yield
 from sim.physics.one_sided_spring import stop_force
+from sim.physics.periodic_force import periodic
 from sim.physics.power_drag import power_force
 from sim.physics.presliding_friction import dahl_force, next_bristle
 from sim.physics.quadratic_drag import drag_force
@@ -49,6 +50,8 @@ def smooth_force(code, q, v, z, p):
         return power_force(v, p)
     if code == 10:
         return stop_force(q, p)
+    if code == 11:
+        return periodic(q, p)
     return 0.0
 
 

@@ -1,0 +1,44 @@
+"""A force of any shape that repeats over position, as four harmonics of its period.
+
+    f = sum over k = 1..4 of a_k cos(k phi) + b_k sin(k phi),    phi = 2 pi q / period.
+
+No effect of the library, which has the first harmonic alone: the diagnosis asks with it whether
+what was named `force_ripple` is one of more (`diagnosis/probes.py`), as a magnet's detent or the
+cogging of slots and poles is.
+"""
+
+import math
+
+from sim.jit import part
+from sim.physics.effect import Effect, Parameter
+
+HARMONICS = 4
+
+periodic_force = Effect(
+    name="periodic_force",
+    summary="a force of any shape that repeats over position",
+    places=("m1",),
+    parameters=(
+        Parameter("period", "lambda_p", "rad", 1e-9, 1e6, None),
+        *(
+            Parameter(f"{wave}{k}", f"{wave[0]}_{k}", "N m", -1e6, 1e6, 0.0)
+            for k in range(1, HARMONICS + 1)
+            for wave in ("cosine", "sine")
+        ),
+    ),
+    hook="force",
+    code=11,
+    reference="Holtz & Springob, IEEE T. Industrial Electronics 43(2), 1996",
+)
+
+
+@part
+def periodic(q, p):
+    """Force at position q: the harmonics by turning the first one on."""
+    phi = 2.0 * math.pi * q / p[0]
+    c, s = math.cos(phi), math.sin(phi)
+    ck, sk, f = 1.0, 0.0, 0.0
+    for k in range(HARMONICS):
+        ck, sk = ck * c - sk * s, sk * c + ck * s
+        f += p[1 + 2 * k] * ck + p[2 + 2 * k] * sk
+    return f
