@@ -29,6 +29,7 @@ IN_RECORDING = ("dropped_samples", "rectified_sensor")  # taken off the recordin
 MARGIN = 1e-9  # of x, by which a start keeps off a bound
 LONGEST_WAVE = 1.2  # times the period that a fit starts from
 LEAST_LIMIT = 0.3  # times the limit that a fit starts from: a sine cut flat is another mechanism
+SHARPEST = 10.0  # shape of a hysteresis: sharper ones are elastic and ideally plastic all the same
 # A lag or delay of many ticks is another mechanism, and a lag without end cuts the command off.
 MOST_TICKS = {"actuator_lag": 50.0, "loop_delay": 50.0}
 
@@ -88,6 +89,8 @@ class Model:
                     least = LEAST_LIMIT * value
                 if p.name == "period":  # a wave of which less than one is seen is a bend
                     most = value * LONGEST_WAVE
+                if p.name == "shape":
+                    most = max(SHARPEST, 2.0 * value)
                 if physics.effect.name in MOST_TICKS:
                     ticks = MOST_TICKS[physics.effect.name]
                     most = max(ticks * self.nominal.interface.period, 2.0 * value)

@@ -243,7 +243,8 @@ def at_bound(fitted: Fitted) -> str:
     """Return the parameter of the last effect that physics does not allow, "" for none.
 
     It stands on its upper bound, or a saturation on its lower one; or friction sticks less than it
-    slides; or an eccentric encoder would count backwards.
+    slides; or an eccentric encoder would count backwards. The sharpest hysteresis is a limit of the
+    law, elastic and ideally plastic, and none of physics.
     """
     last = len(fitted.model.effects) - 1
     physics = fitted.model.effects[last]
@@ -252,7 +253,8 @@ def at_bound(fitted: Fitted) -> str:
         if p.kind == "effect" and p.index == last:
             values[p.key] += p.scale * float(x)
             low = physics.effect.name == "saturation" and x < p.lower + 1e-3
-            if low or x > p.upper - 1e-3 * max(1.0, abs(p.upper)):
+            high = p.key != "shape" and x > p.upper - 1e-3 * max(1.0, abs(p.upper))
+            if low or high:
                 return p.key
     if (
         physics.effect.name == "encoder_eccentricity"

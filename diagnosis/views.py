@@ -18,6 +18,7 @@ from functools import partial
 
 import numpy as np
 
+from diagnosis.creases import along_gaps, with_gaps
 from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted, Problem
 from diagnosis.horizon import BETTER, free_run_error
@@ -43,6 +44,7 @@ ASKED = 5  # trials of each view whose likelihood is looked at
 SETTLED = 3  # of them all, settled
 HOPE = 10.0  # -2 log likelihood gained by a trial as it stands, to be worth settling
 RATHER = 0.3  # of what the best explains, that another must to be looked at
+WIDENED = (0.8, 1.0, 1.25)  # gaps of play, from which a device file's values are fitted
 SHARPENED = 3  # times that an encoder's error is predicted again
 
 
@@ -217,11 +219,31 @@ def settled_on(
     """
     experiments = trial.experiments or experiments
     problem, settled = settle(experiments, trial.fitted.model, trial.fitted.x, worth)
+    if trial.effect == "backlash":
+        problem, settled = _deepest_valley(problem, settled)
     if settled.model.sensor_error_known:
         for _ in range(SHARPENED):
             experiments = sharpened(problem, settled, experiments)
             problem, settled = settle(experiments, settled.model, settled.x)
     return problem, settled
+
+
+def _deepest_valley(problem: Problem, settled: Fitted) -> tuple[Problem, Fitted]:
+    """Settle a model with play where its gaps were walked to their best.
+
+    Also, with wider and narrower gaps, from the linear parameters of the device file: a refit
+    without play bends far, and what starts there stays in another valley.
+    """
+    straight = np.where([p.prior for p in settled.model.parameters], 0.0, settled.x)
+    starts = [settled.x, *(with_gaps(settled.model, straight, factor) for factor in WIDENED)]
+    best = problem, settled
+    for x in starts:
+        with suppress(ValueError):
+            there, fitted = settle(problem.experiments, settled.model, x)
+            walked = along_gaps(there, fitted)
+            there, fitted = settle(there.experiments, settled.model, walked.x)
+            best = min(best, (there, fitted), key=lambda b: b[0].cost(b[1]))
+    return best
 
 
 def runs_freer(asked: Asked, best: Answer, settled: Fitted) -> Answer | None:
