@@ -50,6 +50,7 @@ MATTERS = 0.1  # of the noise: a step below is a way to write numbers
 MAPPED = 60.0  # chi-square that a map of the missing force over one state must gain
 FREE_FORCE = 60.0  # -2 log likelihood that a force of free shape must gain besides its unknowns
 UNEXPLAINED = 0.01  # share of the chi-square explained that may be left under a verdict by name
+LISTED = 4  # rivals in the verdict's sentence, the nearest; the others stand in the report
 COLOURED = 0.05  # the same where the observer was asked for, and chi-square is no statistic
 
 
@@ -260,7 +261,8 @@ def _step_estimate(found: Searched, physics: Physics) -> dict[str, Estimate]:
 def _rivals(label: str, steps: Sequence[Step], wide: float, rotary: bool) -> tuple[Rival, ...]:
     """The other trials of the step that took an effect, by how much worse they were.
 
-    What contains the effect there explains no less, fitted to its end, whether it was tried or not.
+    What contains the effect there explains no less, fitted to its end, whether it was tried or not;
+    and what contains a near rival is as near.
     """
     richer = set(_containing(label, rotary))
     behind = dict.fromkeys(sorted(richer), 0.0)
@@ -271,6 +273,10 @@ def _rivals(label: str, steps: Sequence[Step], wide: float, rotary: bool) -> tup
                     gap = max(0.0, step.taken.worth - t.worth)
                     behind[t.label] = float(np.sqrt(gap / wide))
             break
+    for near, sigma in [pair for pair in behind.items() if pair[1] < 5.0]:
+        for name in _containing(near, rotary):
+            if name != label:
+                behind[name] = min(sigma, behind.get(name, sigma))
     ordered = sorted(behind.items(), key=lambda pair: pair[1])
     return tuple(_rival(name, sigma) for name, sigma in ordered)
 
@@ -402,7 +408,9 @@ def _verdict(
         many = len(findings) > 1
         confused = [f for f in findings if f.confusable_with]
         if confused:
-            others = ", ".join(f"{r.effect} at {r.at}" for r in confused[0].confusable_with)
+            near = [f"{r.effect} at {r.at}" for r in confused[0].confusable_with]
+            others = ", ".join(near[:LISTED])
+            others += f" and {len(near) - LISTED} more" if len(near) > LISTED else ""
             return Verdict.CONFUSABLE, (
                 f"{names} explain{'' if many else 's'} what is missing, and this recording cannot"
                 f" tell {confused[0].effect} at {confused[0].at} from {others}"

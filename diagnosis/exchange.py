@@ -101,7 +101,7 @@ def merged(problem: Problem, current: Fitted, say: Say) -> tuple[Problem, Fitted
     for i, one in enumerate(current.model.effects):
         alone = fit_without(problem, current, i)
         for trial in richer_trials(problem, alone, one):
-            asked = trial.fitted.chi2 + price * trial.fitted.x.size + FIVE_SIGMA * wide
+            asked = trial.fitted.chi2 + price * current.x.size + FIVE_SIGMA * wide
             if asked < paid and not trial.on_bound:
                 best, paid = trial, asked
         for j in range(len(alone.model.effects)):

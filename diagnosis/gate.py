@@ -32,6 +32,7 @@ WEAKENING = (
     ("saturation", "command", "limit"),
     ("dead_band", "command", "width"),
     ("coulomb_friction", "m1", "level"),
+    ("ground_spring", "m1", "stiffness"),
 )
 SHARES = np.geomspace(0.01, 0.9, 16)  # of the largest command, at which they are tried
 FEW = 10  # neighbouring values that are one step apart
@@ -151,9 +152,11 @@ def _best_scale(device: Device, e: Experiment) -> Fault | None:
 def _weakened(device: Device, e: Experiment, gain: Floats) -> float:
     """Least rms prediction error with physics that lets a device seem driven less than it is."""
     peak = float(np.abs(e.command).max())
+    travel = float(np.ptp(e.measured[:, 0])) if e.outputs[0].quantity == "position" else 0.0
 
     def error(share: float, name: str, at: str, key: str) -> float:
-        physics = make_physics(name, at, **{key: float(share) * peak})
+        size = peak / travel if key == "stiffness" else peak
+        physics = make_physics(name, at, **{key: float(share) * size})
         with np.errstate(all="ignore"):
             errors = innovations(device.with_physics(physics), e, gain)[SETTLING:-SETTLING]
             found = float(np.sqrt(np.mean(errors**2)))
@@ -161,7 +164,8 @@ def _weakened(device: Device, e: Experiment, gain: Floats) -> float:
 
     least = np.inf
     for way in WEAKENING:
-        if any(p.effect.name == way[0] for p in device.physics):
+        known = any(p.effect.name == way[0] for p in device.physics)
+        if known or (way[0] == "ground_spring" and travel == 0.0):
             continue
         errors = [error(share, *way) for share in SHARES]
         best = int(np.argmin(errors))

@@ -45,7 +45,6 @@ def search(
     size = np.sqrt(linear.chi2 / linear.samples)
     say(f"linear refit: innovations {size:.3f} of their noise model")
     current, steps, interrupted = linear, list[Step](), False
-    trusted = False  # an observer that trusts the model was followed for its free runs
     try:
         for _ in range(2 * MOST):
             if len(current.model.effects) == MOST:
@@ -61,10 +60,11 @@ def search(
                 break
             answer, best = kept
             freer = runs_freer(asked, answer, best)
+            trusted = freer is not None  # an observer that trusts the model, for its free runs
             if freer is not None:
                 say(f"an observer that trusts the model more takes {freer.trial.label}")
                 # Free runs speak for it, and the likeliest observer hides what is slow: it stays.
-                answer, best, trusted = freer, _pruned_but(freer), True
+                answer, best = freer, _pruned_but(freer)
             say(f"taken: {answer.trial.label}")
             steps.append(replace(answer.step, taken=answer.trial))
             problem, current = answer.problem, best
@@ -73,7 +73,10 @@ def search(
                 break
             if not trusted or plainly_there(problem, current):  # else the fast one takes it back
                 problem, current = split(problem, current, say, trusted)
+                before = current.model.label
                 problem, current, swaps = swapped(problem, current, say, trusted)
+                if current.model.label != before:  # what was put in may be two
+                    problem, current = split(problem, current, say, trusted)
                 steps += swaps
                 if not trusted:
                     problem, current = paired(problem, current, swaps, say)

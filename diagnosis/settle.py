@@ -25,6 +25,8 @@ from sim.physics.effect import Physics
 Floats = NDArray[np.float64]
 REFITS = 6
 SETTLED = 1.02  # chi2 per sample at which the observer and the refit agree
+TURNS = 4
+AGREED = 10.0  # -2 log likelihood gained by a turn, below which they do
 
 
 def refit(
@@ -46,17 +48,32 @@ def settle(
 
     Raises NotWorth where the first fit costs more than `worth` in -2 log likelihood.
     """
-    near = None
-    for _ in range(REFITS):
-        problem = prepared_for(experiments, model, x, near=near)
-        fitted = problem.fit(model, x, final=False)
-        if near is None and problem.cost(fitted) > worth:
-            raise NotWorth(f"{model.label} explains too little")
-        experiments, x, near = problem.experiments, fitted.x, problem.observer.ratio
+    problem, fitted = _settled_near(experiments, model, x, worth)
+    for _ in range(TURNS):
+        before = problem.cost(fitted)
+        problem = prepared_for(problem.experiments, model, fitted.x)  # the likeliest of all
+        fitted = problem.fit(model, fitted.x)
+        if problem.cost(fitted) > before - AGREED:
+            break
+        problem, fitted = _settled_near(problem.experiments, model, fitted.x)
+    return problem, fitted
+
+
+def _settled_near(
+    experiments: Sequence[Experiment], model: Model, x: Floats, worth: float = np.inf
+) -> tuple[Problem, Fitted]:
+    """Settle on the likeliest observer near the one before, which is found faster."""
+    problem = prepared_for(experiments, model, x)
+    fitted = problem.fit(model, x, final=False)
+    if problem.cost(fitted) > worth:
+        raise NotWorth(f"{model.label} explains too little")
+    for _ in range(REFITS - 1):
         if abs(fitted.chi2 / fitted.samples - 1.0) < SETTLED - 1.0:
             break
-    problem = prepared_for(experiments, model, x)  # the likeliest observer of all
-    return problem, problem.fit(model, x)
+        near = problem.observer.ratio
+        problem = prepared_for(problem.experiments, model, fitted.x, near=near)
+        fitted = problem.fit(model, fitted.x, final=False)
+    return problem, fitted
 
 
 def prepared_for(

@@ -33,7 +33,7 @@ from sim.physics.effect import Physics
 
 Floats = NDArray[np.float64]
 THRESHOLD = 22.0
-FIVE_SIGMA = 25.0
+FIVE_SIGMA = 17.5  # chi-square on the 70 % fitted, of what stands at five sigma in all of it
 FITTED = 8  # candidates fitted a step
 AMONG = 3  # of a few named candidates
 STRAIGHTENED = 4  # of them from the device file, where the refit is bent
