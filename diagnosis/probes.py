@@ -143,7 +143,7 @@ def _repeating(final: Fitted) -> Iterator[Probe]:
             values[f"cosine{first}"] = amplitude * math.sin(phase)
             values[f"sine{first}"] = amplitude * math.cos(phase)
             scales = {"period": first * final.model.scales[ripple]["period"]}
-            scales |= dict.fromkeys(waves, amplitude)
+            scales |= {wave: float(amplitude) for wave in waves}
             yield Probe(gone, Physics(periodic_force, "m1", values), scales, False)
 
 
