@@ -16,6 +16,7 @@ from diagnosis.exchange import MOST, against, merged, paired, plainly_there, spl
 from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted, Problem
 from diagnosis.horizon import longer_view
+from diagnosis.leftover import leftover
 from diagnosis.parameters import Model, effect_labels
 from diagnosis.predictor import FINAL
 from diagnosis.removal import prune
@@ -45,6 +46,7 @@ def search(
     size = np.sqrt(linear.chi2 / linear.samples)
     say(f"linear refit: innovations {size:.3f} of their noise model")
     current, steps, interrupted = linear, list[Step](), False
+    trusted = False  # an observer that trusts the model was followed for its free runs
     try:
         for _ in range(2 * MOST):
             if len(current.model.effects) == MOST:
@@ -60,17 +62,18 @@ def search(
                 break
             answer, best = kept
             freer = runs_freer(asked, answer, best)
-            trusted = freer is not None  # an observer that trusts the model, for its free runs
             if freer is not None:
                 say(f"an observer that trusts the model more takes {freer.trial.label}")
                 # Free runs speak for it, and the likeliest observer hides what is slow: it stays.
-                answer, best = freer, _pruned_but(freer)
+                answer, best, trusted = freer, _pruned_but(freer), True
             say(f"taken: {answer.trial.label}")
             steps.append(replace(answer.step, taken=answer.trial))
             problem, current = answer.problem, best
             experiments = problem.experiments
             if answer.trial.label not in effect_labels(current.model.effects):
                 break
+            if freer is None and trusted:  # where nothing is left, likelihood judges fairly again
+                trusted = leftover(problem, current).significant
             if not trusted or plainly_there(problem, current):  # else the fast one takes it back
                 problem, current = split(problem, current, say, trusted)
                 before = current.model.label

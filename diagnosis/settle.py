@@ -34,7 +34,13 @@ def refit(
 ) -> tuple[Problem, Fitted]:
     """Fit the linear parameters, choosing the observer anew between fits until both agree."""
     model = Model(device, effects, tuple({} for _ in effects))
-    return settle(experiments, model, np.zeros(model.linear_count))
+    problem, fitted = settle(experiments, model, np.zeros(model.linear_count))
+    for _ in range(TURNS):
+        again = settle(problem.experiments, model, fitted.x)
+        if again[0].cost(again[1]) > problem.cost(fitted) - AGREED:
+            break
+        problem, fitted = again
+    return problem, fitted
 
 
 class NotWorth(ValueError):
@@ -48,32 +54,17 @@ def settle(
 
     Raises NotWorth where the first fit costs more than `worth` in -2 log likelihood.
     """
-    problem, fitted = _settled_near(experiments, model, x, worth)
-    for _ in range(TURNS):
-        before = problem.cost(fitted)
-        problem = prepared_for(problem.experiments, model, fitted.x)  # the likeliest of all
-        fitted = problem.fit(model, fitted.x)
-        if problem.cost(fitted) > before - AGREED:
-            break
-        problem, fitted = _settled_near(problem.experiments, model, fitted.x)
-    return problem, fitted
-
-
-def _settled_near(
-    experiments: Sequence[Experiment], model: Model, x: Floats, worth: float = np.inf
-) -> tuple[Problem, Fitted]:
-    """Settle on the likeliest observer near the one before, which is found faster."""
-    problem = prepared_for(experiments, model, x)
-    fitted = problem.fit(model, x, final=False)
-    if problem.cost(fitted) > worth:
-        raise NotWorth(f"{model.label} explains too little")
-    for _ in range(REFITS - 1):
+    near = None
+    for _ in range(REFITS):
+        problem = prepared_for(experiments, model, x, near=near)
+        fitted = problem.fit(model, x, final=False)
+        if near is None and problem.cost(fitted) > worth:
+            raise NotWorth(f"{model.label} explains too little")
+        experiments, x, near = problem.experiments, fitted.x, problem.observer.ratio
         if abs(fitted.chi2 / fitted.samples - 1.0) < SETTLED - 1.0:
             break
-        near = problem.observer.ratio
-        problem = prepared_for(problem.experiments, model, fitted.x, near=near)
-        fitted = problem.fit(model, fitted.x, final=False)
-    return problem, fitted
+    problem = prepared_for(experiments, model, x)  # the likeliest observer of all
+    return problem, problem.fit(model, x)
 
 
 def prepared_for(
