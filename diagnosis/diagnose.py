@@ -212,7 +212,7 @@ def _findings(found: Searched) -> tuple[Finding, ...]:
         without = fit_without(found.problem, final, i)
         wide = inflation(final.white)
         sigma = float(np.sqrt(max(0.0, without.chi2 - final.chi2) / wide))
-        others = _rivals(label, found.steps, wide, final.model.nominal.rotary)
+        others = rivals_of(label, found.steps, wide, final.model.nominal.rotary)
         rivals = tuple(r for r in others if f"{r.effect}@{r.at}" not in named)
         findings.append(Finding(physics.effect.name, physics.at, estimates, sigma, rivals))
     return tuple(findings)
@@ -258,7 +258,7 @@ def _step_estimate(found: Searched, physics: Physics) -> dict[str, Estimate]:
     return {key: Estimate(value, value - half, value + half, unit)}
 
 
-def _rivals(label: str, steps: Sequence[Step], wide: float, rotary: bool) -> tuple[Rival, ...]:
+def rivals_of(label: str, steps: Sequence[Step], wide: float, rotary: bool) -> tuple[Rival, ...]:
     """The other trials of the step that took an effect, by how much worse they were.
 
     What contains the effect there explains no less, fitted to its end, whether it was tried or not;

@@ -155,7 +155,7 @@ def _weakened(device: Device, e: Experiment, gain: Floats) -> float:
     travel = float(np.ptp(e.measured[:, 0])) if e.outputs[0].quantity == "position" else 0.0
 
     def error(share: float, name: str, at: str, key: str) -> float:
-        size = peak / travel if key == "stiffness" else peak
+        size = 2.0 * peak / travel if key == "stiffness" else peak  # which holds the peak at an end
         physics = make_physics(name, at, **{key: float(share) * size})
         with np.errstate(all="ignore"):
             errors = innovations(device.with_physics(physics), e, gain)[SETTLING:-SETTLING]

@@ -8,12 +8,15 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from diagnosis import removal, trials, views
-from diagnosis.creases import over_creases
+from diagnosis.creases import along_gaps, over_creases
 from diagnosis.fit import Fitted, Problem, Slopes
 from diagnosis.parameters import Model, effect_labels
 from diagnosis.predictor import FINAL, choose_observer
 from diagnosis.settle import NotWorth, cost_at, prepared_for, refit, settle
 from diagnosis.uncertainty import Z95, covariance
+from sim.chain import make_chain
+from sim.device import Device
+from sim.interface import Interface
 from sim.physics import make_physics
 from tests.diagnosis_examples import ENCODER_NOISE, phantom, record
 
@@ -218,3 +221,42 @@ def test_a_fit_that_stops_at_a_crease_is_brought_on():
     assert on.chi2 == pytest.approx(float(np.sum(problem.residual(model, on.x) ** 2)))
     half = Z95 * 2.0 * gap * float(np.sqrt(covariance(on)[-1, -1]))
     assert 2.0 * gap * (1.0 + on.x[-1]) == pytest.approx(gap, abs=max(half, 0.01 * gap))
+
+
+def test_a_gap_is_walked_to_its_deepest_valley():
+    """Play between two masses, from the linear parameters of a refit without it.
+
+    Mutations that break it: no step taken; only wider gaps tried.
+    """
+    device = Device(
+        "two", "", True, make_chain([2e-4, 1e-4], [1e-3, 1e-3], 0.0, [40.0], [2e-3]),
+        Interface(period=0.001),
+    )  # fmt: skip
+    gap = 1.5e-3
+    e = record(device.with_physics(make_physics("backlash", "link12", gap=gap)), 4.0, seed=12)
+    for factor in (0.6, 1.5):
+        play = make_physics("backlash", "link12", gap=factor * gap)
+        model = Model(device, (play,), ({"gap": gap},))
+        linear = refit(device, [e])[1]
+        problem, stopped = settle([e], model, np.append(linear.x, 0.0))
+        walked = along_gaps(problem, stopped)
+        assert walked.chi2 <= stopped.chi2
+        found = walked.model.build(walked.x).physics[-1].values["gap"]
+        assert found == pytest.approx(gap, rel=0.02)
+
+
+def test_the_sharpest_hysteresis_is_no_fault():
+    """On the bound of its shape it stays a candidate; on that of its level it does not.
+
+    Mutation that breaks it: shape judged like every other bound.
+    """
+    values = {"stiffness": 1.0, "level": 1e-3, "shape": 1.5}
+    bent = make_physics("hysteresis", "link12", **values)
+    model = Model(phantom(), (bent,), ({k: 0.5 * v for k, v in values.items()},))
+    x = np.zeros(len(model.parameters))
+    fitted = Fitted(model, x, 0.0, np.zeros(1), np.zeros((1, x.size)), 1)
+    for key, fault in (("shape", ""), ("level", "level")):
+        at = next(i for i, p in enumerate(model.parameters) if p.key == key)
+        there = x.copy()
+        there[at] = model.parameters[at].upper
+        assert trials.at_bound(replace(fitted, x=there)) == fault

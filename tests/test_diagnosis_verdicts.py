@@ -6,13 +6,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnosis.diagnose import diagnose
+from controllers.recorded import recorded
+from diagnosis.diagnose import diagnose, rivals_of
+from diagnosis.experiment import Experiment
 from diagnosis.gate import encoder_step_seen, examine
 from diagnosis.result import Diagnosis, Verdict
+from diagnosis.settle import refit
+from diagnosis.trials import Step, Trial
 from sim.device import Device
 from sim.device_file import device_from_text, device_to_text
 from sim.physics import make_physics
-from tests.diagnosis_examples import phantom, record, shifted
+from sim.run import simulate
+from tests.diagnosis_examples import OUTPUTS, phantom, record, shifted
 from zwidth.diagnosis_report import Commands, save_report
 
 
@@ -95,6 +100,39 @@ def test_a_saturated_amplifier_is_no_wrong_unit(limit: float, scale: float):
         assert [(f.effect, f.at) for f in found.findings] == [("saturation", "command")]
         estimate = found.findings[0].parameters["limit"]
         assert estimate.lower < limit < estimate.upper
+
+
+def test_a_spring_that_the_device_file_does_not_know_is_no_wrong_unit():
+    """A stiff spring to ground holds the device as if half of its command arrived.
+
+    Mutation that breaks it: no spring among what weakens a command.
+    """
+    device = phantom()
+    device = device.with_chain(device.chain._replace(ground_spring=1.0))
+    slow = 0.1 * np.sin(2.0 * np.pi * 2.0 * 0.001 * np.arange(3000))
+    for stiffness, scale, faults in ((1.0, 1.0, []), (0.0, 0.4, ["command_scale"])):
+        held = make_physics("ground_spring", "m1", stiffness=stiffness)
+        run = simulate(device.with_physics(held), recorded(slow), duration=3.0)
+        e = Experiment(0.001, slow / scale, run.trace["position_m1"][:, None], OUTPUTS)
+        assert [f.kind for f in examine(device, [e]) if f.wrong] == faults
+
+
+def test_what_contains_a_near_rival_is_as_near():
+    """Coulomb friction at m3 that is hardly worse than at m1: so is what contains it there.
+
+    Mutation that breaks it: what contains a rival left out.
+    """
+    fitted = refit(phantom(), [record(phantom(), 1.0)])[1]
+    trials = tuple(
+        Trial(f"coulomb_friction@{at}", fitted, gained, 1)
+        for at, gained in (("m1", 100.0), ("m3", 96.0), ("m2", 19.0))
+    )
+    rivals = rivals_of("coulomb_friction@m1", [Step(trials, trials[0], 1.0)], 1.0, True)
+    far = {f"{r.effect}@{r.at}": r.separation_sigma for r in rivals}
+    assert far["coulomb_friction@m3"] == far["stribeck_friction@m3"] == 2.0
+    assert far["coulomb_friction@m2"] == 9.0
+    assert "stribeck_friction@m2" not in far
+    assert far["stribeck_friction@m1"] == 0.0
 
 
 def test_the_sign_is_told_by_energy():
