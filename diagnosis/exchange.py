@@ -33,7 +33,6 @@ from sim.device import place_label
 MOST = 3  # effects
 SWAP_GAIN = 4.0  # chi-square by which an effect as simple must be better to replace one
 SEEN = 2.0  # thresholds that every effect must gain under the likeliest observer to be exchanged
-CHOICE = 2.0 * float(np.log(40))  # chi-square that one effect more costs, one of forty to choose
 NEAR = 50.0  # chi-square behind an effect, of what may stand in its place if another changes too
 RIVALS = 2  # of each effect, tried in pairs
 FREED = 4  # trials of a split that are settled to run free
@@ -102,7 +101,7 @@ def merged(problem: Problem, current: Fitted, say: Say) -> tuple[Problem, Fitted
     for i, one in enumerate(current.model.effects):
         alone = fit_without(problem, current, i)
         for trial in richer_trials(problem, alone, one):
-            asked = trial.fitted.chi2 + price * current.x.size + FIVE_SIGMA * wide
+            asked = trial.fitted.chi2 + price * trial.fitted.x.size + FIVE_SIGMA * wide
             if asked < paid and not trial.on_bound:
                 best, paid = trial, asked
         for j in range(len(alone.model.effects)):
@@ -145,7 +144,7 @@ def split(
         parts += believed
         for trial in believed:
             better = trial.fitted.chi2 < current.chi2 - FIVE_SIGMA * wide
-            asked = trial.fitted.chi2 + price * trial.fitted.x.size + CHOICE * wide
+            asked = trial.fitted.chi2 + price * trial.fitted.x.size
             if asked < paid and (better or _fewer(trial, current)):
                 best, paid = trial, asked
     exchange = None

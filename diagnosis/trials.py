@@ -7,8 +7,7 @@ it gains more than `THRESHOLD` and two a parameter. One parameter gains 24 by ch
 1e-6, the best of some two hundred starts with odds of 2e-4; on 48 of 52 clean recordings the best
 gained 12 or less, and what gained more had other causes than chance. It is widened by the spectrum
 of the residual (a coloured residual makes every gain look larger). Simplest first: a richer effect
-must beat a simpler one by what is five sigma in the whole recording. On eight recordings of Coulomb
-friction alone a richer friction gained 7 at most.
+must beat a simpler one by five sigma.
 """
 
 import itertools
@@ -34,7 +33,7 @@ from sim.physics.effect import Physics
 
 Floats = NDArray[np.float64]
 THRESHOLD = 22.0
-FIVE_SIGMA = 17.5  # chi-square on the 70 % fitted, of what stands at five sigma in all of it
+FIVE_SIGMA = 25.0
 FITTED = 8  # candidates fitted a step
 AMONG = 3  # of a few named candidates
 STRAIGHTENED = 4  # of them from the device file, where the refit is bent
