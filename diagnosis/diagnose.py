@@ -28,7 +28,7 @@ from diagnosis.parameters import (
 from diagnosis.probes import instead_by_law
 from diagnosis.rectified import unfolded
 from diagnosis.removal import fit_without
-from diagnosis.result import Diagnosis, Estimate, Finding, Residuals, Rival, Verdict
+from diagnosis.result import NEAR, Diagnosis, Estimate, Finding, Residuals, Rival, Verdict
 from diagnosis.screen import Complement, screen
 from diagnosis.search import Searched, search
 from diagnosis.trials import Say, Step
@@ -50,8 +50,8 @@ MATTERS = 0.1  # of the noise: a step below is a way to write numbers
 MAPPED = 60.0  # chi-square that a map of the missing force over one state must gain
 FREE_FORCE = 60.0  # -2 log likelihood that a force of free shape must gain besides its unknowns
 UNEXPLAINED = 0.01  # share of the chi-square explained that may be left under a verdict by name
-LISTED = 4  # rivals in the verdict's sentence, the nearest; the others stand in the report
 COLOURED = 0.05  # the same where the observer was asked for, and chi-square is no statistic
+LISTED = 4  # rivals in the verdict's sentence, the nearest; the others stand in the report
 
 
 def diagnose(
@@ -273,7 +273,7 @@ def rivals_of(label: str, steps: Sequence[Step], wide: float, rotary: bool) -> t
                     gap = max(0.0, step.taken.worth - t.worth)
                     behind[t.label] = float(np.sqrt(gap / wide))
             break
-    for near, sigma in [pair for pair in behind.items() if pair[1] < 5.0]:
+    for near, sigma in [pair for pair in behind.items() if pair[1] < NEAR]:
         for name in _containing(near, rotary):
             if name != label:
                 behind[name] = min(sigma, behind.get(name, sigma))

@@ -34,7 +34,7 @@ WEAKENING = (
     ("coulomb_friction", "m1", "level"),
     ("ground_spring", "m1", "stiffness"),
 )
-SHARES = np.geomspace(0.01, 0.9, 16)  # of the largest command, at which they are tried
+SHARES = np.geomspace(0.01, 0.9, 16)  # of the largest command (a spring: held at an end), tried
 FEW = 10  # neighbouring values that are one step apart
 
 
@@ -155,7 +155,7 @@ def _weakened(device: Device, e: Experiment, gain: Floats) -> float:
     travel = float(np.ptp(e.measured[:, 0])) if e.outputs[0].quantity == "position" else 0.0
 
     def error(share: float, name: str, at: str, key: str) -> float:
-        size = 2.0 * peak / travel if key == "stiffness" else peak  # which holds the peak at an end
+        size = 2.0 * peak / travel if key == "stiffness" else peak
         physics = make_physics(name, at, **{key: float(share) * size})
         with np.errstate(all="ignore"):
             errors = innovations(device.with_physics(physics), e, gain)[SETTLING:-SETTLING]

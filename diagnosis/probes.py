@@ -59,6 +59,7 @@ def instead_by_law(problem: Problem, final: Fitted) -> Instead | None:
     probes = [*_powers(problem, final), *_stops(problem, final), *_repeating(final)]
     if not probes:
         return None
+    rotary = final.model.nominal.rotary
     experiments, price = problem.experiments, float(np.log(final.samples))
     own = alone(final, experiments) + price * final.x.size
     least = own - CLEARLY
@@ -75,19 +76,20 @@ def instead_by_law(problem: Problem, final: Fitted) -> Instead | None:
             gone = [final.model.effects[i] for i in probe.gone]
             name = " and ".join(f"{p.effect.name} at {p.at}" for p in gone)
             law = settled.model.build(settled.x).physics[-1]
-            best = Instead(own - paid, len(probe.scales), law.at, _says(law), name)
+            best = Instead(own - paid, len(probe.scales), law.at, _says(law, rotary), name)
             least = weighed
     return best
 
 
-def _says(law: Physics) -> str:
+def _says(law: Physics, rotary: bool) -> str:
+    unit = "rad" if rotary else "m"
     if law.effect is power_drag:
         return f"the power {law.values['power']:.3g} of velocity"
     if law.effect is periodic_force:
         period = law.values["period"]
-        return f"position and repeats every {period:.4g}, of another shape than a sine,"
+        return f"position and repeats every {period:.4g} {unit}, of another shape than a sine,"
     where = "above" if law.values["side"] > 0.0 else "below"
-    return f"position only {where} {law.values['place']:.4g}, as of a stop"
+    return f"position only {where} {law.values['place']:.4g} {unit}, as of a stop"
 
 
 def _powers(problem: Problem, final: Fitted) -> Iterator[Probe]:

@@ -16,6 +16,7 @@ from diagnosis.search import Searched
 from sim.device import Device
 
 Floats = NDArray[np.float64]
+NEAR = 5.0  # sigma within which a rival cannot be told apart
 
 
 class Verdict(Enum):
@@ -69,7 +70,8 @@ class Finding:
         return tuple(
             r
             for r in self.rivals
-            if r.separation_sigma < 5.0 and not (r.effect in richer and r.at in (self.at, "ground"))
+            if r.separation_sigma < NEAR
+            and not (r.effect in richer and r.at in (self.at, "ground"))
         )
 
 
