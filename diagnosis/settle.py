@@ -25,6 +25,8 @@ from sim.physics.effect import Physics
 Floats = NDArray[np.float64]
 REFITS = 6
 SETTLED = 1.02  # chi2 per sample at which the observer and the refit agree
+TURNS = 4
+AGREED = 10.0  # -2 log likelihood gained by a turn, below which they do
 
 
 def refit(
@@ -32,7 +34,13 @@ def refit(
 ) -> tuple[Problem, Fitted]:
     """Fit the linear parameters, choosing the observer anew between fits until both agree."""
     model = Model(device, effects, tuple({} for _ in effects))
-    return settle(experiments, model, np.zeros(model.linear_count))
+    problem, fitted = settle(experiments, model, np.zeros(model.linear_count))
+    for _ in range(TURNS):
+        again = settle(problem.experiments, model, fitted.x)
+        if again[0].cost(again[1]) > problem.cost(fitted) - AGREED:
+            break
+        problem, fitted = again
+    return problem, fitted
 
 
 class NotWorth(ValueError):
