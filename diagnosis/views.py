@@ -43,6 +43,7 @@ SLOWER = (1e-2,)  # of the observer's ratio
 ASKED = 5  # trials of each view whose likelihood is looked at
 SETTLED = 3  # of them all, settled
 HOPE = 10.0  # -2 log likelihood gained by a trial as it stands, to be worth settling
+WEAK = 200.0  # -2 log likelihood gained, below which a slower observer must agree
 RATHER = 0.3  # of what the best explains, that another must to be looked at
 WIDENED = (0.8, 1.0, 1.25)  # gaps of play, from which a device file's values are fitted
 SHARPENED = 3  # times that an encoder's error is predicted again
@@ -200,14 +201,29 @@ def _settled(
         least = THRESHOLD * wide + 2.0 * trial.parameters
         if own - paid <= least:
             continue
-        if cost_at(problem.observer.ratio, current, experiments) - paid > least:
-            found.append(replace(answer, problem=problem, settled=fitted, cost=paid))
+        if cost_at(problem.observer.ratio, current, experiments) - paid <= least:
+            continue
+        if own - paid < WEAK and _by_noise(current, answer, problem, fitted, paid, least):
+            continue
+        found.append(replace(answer, problem=problem, settled=fitted, cost=paid))
     if not found:
         return []
     found.sort(key=weighed)
     near = [a for a in found if a.cost - found[0].cost < FIVE_SIGMA * wide]
     best = min(near, key=lambda a: (a.trial.parameters, a.cost))
     return [best, *(a for a in found if a is not best)]
+
+
+def _by_noise(
+    current: Fitted, answer: Answer, problem: Problem, fitted: Fitted, paid: float, least: float
+) -> bool:
+    """Whether a slower observer, which is another model of the noise, gains as much as a claim.
+
+    Under coloured noise of the sensor an eccentric encoder gained 50 so, and a wave of it more.
+    """
+    slower = SLOWER[0] * problem.observer.ratio
+    with_it = cost_at(slower, fitted, problem.experiments) + answer.trial.price
+    return cost_at(slower, current, answer.view.experiments) - min(paid, with_it) <= least
 
 
 def settled_on(
