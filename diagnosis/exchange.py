@@ -33,6 +33,7 @@ from sim.device import place_label
 MOST = 3  # effects
 SWAP_GAIN = 4.0  # chi-square by which an effect as simple must be better to replace one
 SEEN = 2.0  # thresholds that every effect must gain under the likeliest observer to be exchanged
+CHOICE = 2.0 * float(np.log(40))  # chi-square that one effect more costs, one of forty to choose
 NEAR = 50.0  # chi-square behind an effect, of what may stand in its place if another changes too
 RIVALS = 2  # of each effect, tried in pairs
 FREED = 4  # trials of a split that are settled to run free
@@ -144,7 +145,7 @@ def split(
         parts += believed
         for trial in believed:
             better = trial.fitted.chi2 < current.chi2 - FIVE_SIGMA * wide
-            asked = trial.fitted.chi2 + price * trial.fitted.x.size
+            asked = trial.fitted.chi2 + price * trial.fitted.x.size + CHOICE * wide
             if asked < paid and (better or _fewer(trial, current)):
                 best, paid = trial, asked
     exchange = None

@@ -16,6 +16,7 @@ from diagnosis.exchange import MOST, against, merged, paired, plainly_there, spl
 from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted, Problem
 from diagnosis.horizon import longer_view
+from diagnosis.leftover import leftover
 from diagnosis.parameters import Model, effect_labels
 from diagnosis.predictor import FINAL
 from diagnosis.removal import prune
@@ -71,9 +72,14 @@ def search(
             experiments = problem.experiments
             if answer.trial.label not in effect_labels(current.model.effects):
                 break
+            if freer is None and trusted:  # where nothing is left, likelihood judges fairly again
+                trusted = leftover(problem, current).significant
             if not trusted or plainly_there(problem, current):  # else the fast one takes it back
                 problem, current = split(problem, current, say, trusted)
+                before = current.model.label
                 problem, current, swaps = swapped(problem, current, say, trusted)
+                if current.model.label != before:  # what was put in may be two
+                    problem, current = split(problem, current, say, trusted)
                 steps += swaps
                 if not trusted:
                     problem, current = paired(problem, current, swaps, say)
