@@ -35,7 +35,10 @@ CLOSE = 0.03  # in x, by which slopes hardly change
 
 @dataclass(frozen=True)
 class Fitted:
-    """A model at its best x. residual: weighted innovations and priors; jacobian of it by x."""
+    """A model at its best x. residual: weighted innovations and priors; jacobian of it by x.
+
+    rough: variance that creases add to each parameter's own, in units of it.
+    """
 
     model: Model
     x: Floats
@@ -43,6 +46,7 @@ class Fitted:
     residual: Floats
     jacobian: Floats
     samples: int
+    rough: float = 0.0
 
     @property
     def white(self) -> Floats:

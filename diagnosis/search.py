@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.creases import over_creases
+from diagnosis.creases import across_creases, over_creases
 from diagnosis.exchange import MOST, against, merged, paired, plainly_there, split, swapped
 from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted, Problem
@@ -20,7 +20,7 @@ from diagnosis.leftover import leftover
 from diagnosis.parameters import Model, effect_labels
 from diagnosis.predictor import FINAL
 from diagnosis.removal import prune
-from diagnosis.settle import refit
+from diagnosis.settle import refit, under_likeliest_noise
 from diagnosis.trials import Say, Step
 from diagnosis.views import Answer, ask, runs_freer
 from sim.device import Device
@@ -95,8 +95,12 @@ def search(
             if problem.observer.whitening is None:  # free runs decided
                 problem, current = split(problem, current, say, freely=True)
             steps += _unweighed(problem, current, steps, say)
+        white = problem.observer.whitening is not None
+        if white and not leftover(problem, current).significant:  # else it is not noise alone
+            problem = under_likeliest_noise(problem, current)
     problem = Problem(problem.experiments, problem.observer, FINAL)
     current = over_creases(problem, problem.fit(current.model, current.x))
+    current = across_creases(problem, current)
     baseline = problem.fit(Model(device), linear.x)
     return Searched(problem, baseline, current, tuple(steps), interrupted)
 

@@ -8,11 +8,19 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from diagnosis import removal, trials, views
-from diagnosis.creases import along_gaps, over_creases
+from diagnosis.creases import SMOOTH, across_creases, along_gaps, over_creases
+from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted, Problem, Slopes
 from diagnosis.parameters import Model, effect_labels
 from diagnosis.predictor import FINAL, choose_observer
-from diagnosis.settle import NotWorth, cost_at, prepared_for, refit, settle
+from diagnosis.settle import (
+    NotWorth,
+    cost_at,
+    prepared_for,
+    refit,
+    settle,
+    under_likeliest_noise,
+)
 from diagnosis.uncertainty import Z95, covariance
 from sim.chain import make_chain
 from sim.device import Device
@@ -183,11 +191,7 @@ def test_a_claim_must_not_live_on_another_observer(monkeypatch: pytest.MonkeyPat
 
     Mutation that breaks it: a claim held against the model under its own observer alone.
     """
-    random = np.random.default_rng(112)
-    e = record(phantom(), 4.0, seed=12)
-    colour = lfilter([3.0 * ENCODER_NOISE], [1.0, -0.9], random.standard_normal(e.ticks))
-    e = replace(e, measured=e.measured + colour[:, None])
-    problem, fitted = refit(phantom(), [e])
+    problem, fitted = refit(phantom(), [_of_memory(True)])
     own, ratio = problem.cost(fitted), problem.observer.ratio
     assert cost_at(ratio, fitted, problem.experiments) == pytest.approx(own, abs=0.5)
     slow = prepared_for(problem.experiments, fitted.model, fitted.x, 0.1 * ratio, white=True)
@@ -204,6 +208,85 @@ def test_a_claim_must_not_live_on_another_observer(monkeypatch: pytest.MonkeyPat
     assert not views._settled([answer], own, fitted, problem.experiments, trials.silent)
     monkeypatch.setattr(views, "cost_at", lambda *_: own)
     assert views._settled([answer], own, fitted, problem.experiments, trials.silent)
+
+
+def test_a_weak_claim_must_gain_more_than_another_model_of_the_noise():
+    """A claim that gains 60, of white and of long memory, where a slower observer gains more.
+
+    Mutations that break it: the model in hand under its own observer; a claim as it is paid alone.
+    """
+    for long, by_noise in ((False, False), (True, True)):
+        e = _of_memory(long)
+        problem, fitted = refit(phantom(), [e])
+        paid = problem.cost(fitted) - 60.0
+        trial = trials.Trial("quadratic_drag@m1", fitted, 60.0, 1)
+        step = trials.Step((trial,), trial, 1.0)
+        answer = views.Answer(step, trial, problem, False, problem, fitted, paid)
+        assert views._by_noise(fitted, answer, problem, fitted, paid, 24.0) is by_noise
+
+
+def test_a_fit_ends_under_the_likeliest_model_of_the_noise():
+    """Readings of long memory ask for a slower observer, white ones for the one that was chosen.
+
+    Mutation that breaks it: the calmer observer kept though it is no likelier.
+    """
+    problem, fitted = refit(phantom(), [_of_memory(False)])
+    assert under_likeliest_noise(problem, fitted) is problem
+    problem, fitted = refit(phantom(), [_of_memory(True)])
+    calm = under_likeliest_noise(problem, fitted)
+    assert calm.observer.ratio < problem.observer.ratio
+    assert calm.cost(calm.fit(fitted.model, fitted.x)) < problem.cost(fitted) - 10.0
+
+
+def _of_memory(long: bool) -> Experiment:
+    """The PHANToM read with white noise, and with a noise of 0.9 from tick to tick."""
+    e = record(phantom(), 4.0, seed=12)
+    random = np.random.default_rng(112)
+    colour = lfilter([3.0 * ENCODER_NOISE], [1.0, -0.9], random.standard_normal(e.ticks))
+    return replace(e, measured=e.measured + colour[:, None]) if long else e
+
+
+class Creased(Problem):
+    """A residual that is linear in x, with creases far finer than the errors."""
+
+    def __init__(self, best: Floats, deep: float) -> None:
+        random = np.random.default_rng(4)
+        self.best, self.deep = best, deep
+        self.slopes = random.standard_normal((400, best.size))
+        self.fine = 1e4 * random.standard_normal((400, best.size))
+        self.white = random.standard_normal(400)
+        self.white -= self.slopes @ np.linalg.lstsq(self.slopes, self.white)[0]
+
+    def residual(self, model: Model, x: Floats) -> Floats:
+        creases = self.deep * np.sin(self.fine @ x)
+        return self.white + self.slopes @ (x - self.best) + creases
+
+
+def test_a_fit_of_play_ends_in_the_middle_of_its_creases():
+    """Against the minimum of the residual without creases, from four of its errors beside it.
+
+    Mutations that break it: no step; the last turn instead of their mean; no variance added.
+    """
+    play = make_physics("backlash", "link12", gap=1e-3)
+    model = Model(phantom(), (play,), ({"gap": 1e-3},))
+    best = np.linspace(-0.1, 0.1, len(model.parameters))
+    for deep in (0.0, 0.15):
+        problem = Creased(best, deep)
+        x = best + 4.0 / np.sqrt(400 * best.size)
+        residual = problem.residual(model, x)
+        chi2 = float(residual @ residual)
+        stopped = Fitted(model, x, chi2, residual, problem.slopes, residual.size)
+        middle = across_creases(problem, stopped)
+        off = problem.slopes @ (middle.x - best)
+        assert float(off @ off) / best.size < 0.1
+        assert (middle.rough > SMOOTH) is (deep > 0.0)
+        assert middle.chi2 == pytest.approx(float(np.sum(problem.residual(model, middle.x) ** 2)))
+        plain = covariance(replace(middle, rough=0.0))
+        np.testing.assert_allclose(covariance(middle), (1.0 + middle.rough) * plain)
+    friction = Model(phantom(), (make_physics("coulomb_friction", "m1", level=1e-3),))
+    friction = replace(friction, scales=({"level": 1e-3},))
+    there = replace(stopped, model=friction)
+    assert across_creases(problem, there) is there
 
 
 def test_a_fit_that_stops_at_a_crease_is_brought_on():
