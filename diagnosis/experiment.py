@@ -1,5 +1,6 @@
 """A recording as the diagnosis sees it: one command in, one or more measured motions out."""
 
+import itertools
 import math
 import re
 from collections.abc import Sequence
@@ -15,6 +16,9 @@ from sim.trace import Trace
 Floats = NDArray[np.float64]
 OUTPUT = re.compile(r"(position|velocity)_m([1-4])$")
 SHORTEST = 200
+SIMULATED = 1e-5  # noise over the swing that is added to a log without any
+JUMP = 0.5  # periods
+BESIDE = 11  # samples
 
 
 class ExperimentError(ValueError):
@@ -42,7 +46,8 @@ class Experiment:
     the recording itself: sensor_error (ticks,) is what its steps add to the first output, dropped
     (ticks,) are the commands that were not delivered; both count where a model has that effect.
     start: what to add to positions and velocities (2n,) that the observer begins with. force
-    (ticks, n): a force of unknown cause on the masses, to see what it would explain.
+    (ticks, n): a force of unknown cause on the masses, to see what it would explain. begins [s]:
+    after the recording does; notes: sentences about what was recorded, to be said with the answer.
     """
 
     period: float
@@ -55,6 +60,8 @@ class Experiment:
     dropped: NDArray[np.bool_] | None = None
     start: Floats | None = None
     force: Floats | None = None
+    begins: float = 0.0
+    notes: tuple[str, ...] = ()
 
     @property
     def ticks(self) -> int:
@@ -78,6 +85,7 @@ class Experiment:
             dropped=None if self.dropped is None else self.dropped[cut],
             start=self.start if start == 0 else None,
             force=None if self.force is None else self.force[cut],
+            begins=self.begins + start * self.period,
         )
 
     def split(self, share: float = 0.7) -> "tuple[Experiment, Experiment]":
@@ -101,16 +109,20 @@ def experiment(trace: Trace, device: Device, name: str = "recording") -> Experim
             " input in the recording's TOML"
         )
     found: list[Output] = []
+    beyond: list[str] = []
     for channel in trace.channels:
         match = OUTPUT.match(channel)
         if match and int(match[2]) <= masses:
             found.append(Output(match[1], int(match[2]) - 1))
+        elif match:
+            beyond.append(channel)
+    one = "one mass" if masses == 1 else f"{masses} masses"
     if trace.origin == "simulated":  # a log holds every state; a device is seen at its encoder
         found = [o for o in found if o.name == "position_m1"]
     if not found:
         raise ExperimentError(
-            f"the recording has no position or velocity of a mass of the device (it has"
-            f" {', '.join(trace.channels)}); name the outputs in the recording's TOML"
+            f"the recording has no position or velocity of a mass of the device, which has {one}"
+            f" (it has {', '.join(trace.channels)}); name the outputs in the recording's TOML"
         )
     kind, unit = ("rotary", "rad") if device.rotary else ("linear", "m")
     for o in found:
@@ -136,7 +148,63 @@ def experiment(trace: Trace, device: Device, name: str = "recording") -> Experim
     _refuse(channels)
     command = np.ascontiguousarray(trace["command"])
     swing = float(np.std(measured[:, 0]))
-    return Experiment(own, command, measured, tuple(found), name, swing)
+    notes: tuple[str, ...] = ()
+    if trace.origin == "simulated":  # without any noise, the kernel's own steps are all there is
+        random = np.random.default_rng(0)
+        measured = measured + SIMULATED * swing * random.standard_normal(measured.shape)
+        notes = (
+            f"{name} is a log of a simulation, which reads without noise: {SIMULATED * swing:.2g}"
+            f" {unit} of it are added, since no encoder and no step of a kernel is finer",
+        )
+    elif beyond:
+        notes = (f"{name} has {', '.join(beyond)}, which is left out: the device has {one}",)
+    return Experiment(own, command, measured, tuple(found), name, swing, notes=notes)
+
+
+def stretches(trace: Trace, device: Device, name: str = "recording") -> list[Experiment]:
+    """Return a recording as the stretches between the jumps of its clock, usually one.
+
+    Samples are lost, repeated or of another time where the clock jumps; told as one, they would
+    look like physics. Raises ExperimentError as `experiment`, and where no stretch is long enough.
+    """
+    whole = experiment(trace, device, name)
+    jumps = _jumps(trace.t, whole.period)
+    if jumps.size == 0:
+        return [whole]
+    ends = [0, *(int(j) for j in jumps), whole.ticks]
+    pairs = [(a, b) for a, b in itertools.pairwise(ends) if b - a >= SHORTEST]
+    first = int(jumps[0])
+    far = float(trace.t[first] - trace.t[first - 1])
+    count = "once" if jumps.size == 1 else f"{jumps.size} times"
+    after = f"first by {far:.4g} s after {trace.t[first - 1]:g} s"
+    parts = [whole.part(a, b) for a, b in pairs]
+    parts = [p for p in parts if np.all(np.ptp(np.column_stack([p.command, p.measured]), axis=0))]
+    if not parts:
+        raise ExperimentError(
+            f"the clock of {name} jumps {count}, {after}, and no {SHORTEST} samples in motion lie"
+            " between two jumps; record without gaps, or resample with [resample] in the"
+            " recording's TOML"
+        )
+    left = whole.ticks - sum(p.ticks for p in parts)
+    short = f"; {left} samples of short or still ones are left out" if left else ""
+    one = "one stretch" if len(parts) == 1 else f"{len(parts)} stretches"
+    note = f"the clock of {name} jumps {count}, {after}: it is taken as {one} without jumps{short}"
+    return [replace(parts[0], notes=(*whole.notes, note)), *parts[1:]]
+
+
+def _jumps(t: Floats, period: float) -> NDArray[np.int64]:
+    """Return the samples before which the clock jumps, and stays so.
+
+    Stamps of a busy host bunch up and catch up again: then samples were even and none is lost. So
+    the median of t / T - k over the `BESIDE` samples after a jump must differ from that before.
+    """
+    ahead = (t - t[0]) / period - np.arange(t.size)
+    asked = np.flatnonzero(np.abs(np.diff(ahead)) > JUMP) + 1
+    stays = [
+        abs(np.median(ahead[k : k + BESIDE]) - np.median(ahead[max(0, k - BESIDE) : k])) > JUMP
+        for k in asked
+    ]
+    return asked[np.array(stays, dtype=np.bool_)]
 
 
 def _refuse(channels: Sequence[tuple[str, Floats]]) -> None:

@@ -55,7 +55,8 @@ def examine(device: Device, experiments: Sequence[Experiment]) -> list[Fault]:
     """Return what is odd about recordings, those that make it wrong first."""
     faults: list[Fault] = []
     for e in experiments:
-        faults += _command_faults(device, e) + _output_faults(e)
+        faults += [Fault("recording", note, False, e.begins) for note in e.notes]
+        faults += _command_faults(device, e) + _output_faults(device, e)
     return sorted(faults, key=lambda f: not f.wrong)
 
 
@@ -177,17 +178,19 @@ def _weakened(device: Device, e: Experiment, gain: Floats) -> float:
     return least
 
 
-def _output_faults(e: Experiment) -> list[Fault]:
+def _output_faults(device: Device, e: Experiment) -> list[Fault]:
     found: list[Fault] = []
+    length = "rad" if device.rotary else "m"
     for o, output in enumerate(e.outputs):
         y = e.measured[:, o]
         step = encoder_step_seen(y)
         repeats = float(np.mean(np.diff(y) == 0.0))
         if step is not None:
+            unit = length if output.quantity == "position" else f"{length}/s"
             found.append(
                 Fault(
                     "encoder_step",
-                    f"{output.name} of {e.name} comes in steps of {step:.4g}",
+                    f"{output.name} of {e.name} comes in steps of {step:.4g} {unit}",
                     False,
                     step,
                 )

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from diagnosis.experiment import Experiment
 from diagnosis.horizon import window
 from diagnosis.parameters import Model
-from diagnosis.predictor import SETTLING, deviation, free_run_errors, innovations
+from diagnosis.predictor import SETTLING, begun, deviation, free_run_errors, innovations
 from diagnosis.result import HeldOut
 from diagnosis.search import Searched
 from sim.device import Device
@@ -37,7 +37,8 @@ def held_out(
     windows = swing
     for model, x in models:
         built = model.acting(x)
-        scaled = [model.seen(e, x) for e in judge_by]
+        # Each begins where it fits best: an observer that trusts its model forgets slowly.
+        scaled = [begun(built, model.seen(e, x), found.problem.observer) for e in judge_by]
         one.append(_rms([innovations(built, e, gain)[SETTLING:, 0] for e in scaled]) / swing)
         runs = [free_run_errors(built, e, gain, window(e)) for e in scaled]
         windows = _rms([signal[:, 0] for _, signal in runs])

@@ -12,6 +12,7 @@ from sim.device import place_label
 
 UNSURE = 5.7e-7  # odds that nothing looks as large as what is kept, five sigma of one magnitude
 CERTAIN = 400.0  # what Wald's test must say of an effect that is kept without another fit
+NOTHING = 0.1  # the same of an effect of no size, which only changes how the kernel steps
 BEYOND = 1e3  # chi-square lost without an effect, that no coarse tick or short fit explains
 FREE = 1e12  # variance, in x, of what the recording does not determine at all
 
@@ -35,7 +36,8 @@ def prune(problem: Problem, fitted: Fitted) -> Fitted:
             continue
         without = fit_without(problem, fitted, index)
         gained = (without.chi2 - fitted.chi2) / inflation(fitted.white)
-        if gained < THRESHOLD or (gained < BEYOND and may_be_zero(fitted, index)):
+        nothing = sure is not None and sure[0] < NOTHING
+        if gained < THRESHOLD or nothing or (gained < BEYOND and may_be_zero(fitted, index)):
             fitted, index = without, 0
         else:
             index += 1

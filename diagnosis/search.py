@@ -100,7 +100,8 @@ def search(
             problem = under_likeliest_noise(problem, current)
     problem = Problem(problem.experiments, problem.observer, FINAL)
     current = over_creases(problem, problem.fit(current.model, current.x))
-    current = across_creases(problem, current)
+    kept = prune(problem, current)  # what the coarser search saw may be nothing
+    current = across_creases(problem, current if kept is current else over_creases(problem, kept))
     baseline = problem.fit(Model(device), linear.x)
     return Searched(problem, baseline, current, tuple(steps), interrupted)
 

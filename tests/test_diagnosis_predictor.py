@@ -1,5 +1,6 @@
 """Truths of the predictor: its gain, its innovations, what a refit absorbs."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -8,7 +9,8 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from diagnosis.candidates import candidates
-from diagnosis.experiment import Experiment, ExperimentError, Output, experiment
+from diagnosis.experiment import Experiment, ExperimentError, Output, experiment, stretches
+from diagnosis.gate import examine
 from diagnosis.hold import smooth, was_smooth
 from diagnosis.predictor import (
     SETTLING,
@@ -29,7 +31,7 @@ from sim.trace import Trace
 from tests.diagnosis_examples import OUTPUTS, phantom, record
 
 T = 0.001
-UNITS = {"command": "N", "position_m1": "m", "contact": ""}
+UNITS = {"command": "N", "position_m1": "m", "position_m3": "m", "contact": ""}
 
 
 def free_mass(rotary: bool = True) -> Device:
@@ -166,6 +168,59 @@ def test_recordings_that_cannot_be_diagnosed_say_why():
         experiment(trace(t, good), free_mass())
     seen = experiment(trace(t, good), free_mass(rotary=False))
     assert seen.outputs == (Output("position", 0),)
+
+
+def test_a_recording_is_cut_where_its_clock_jumps():
+    """Samples lost, and a clock set back; not stamps that bunch up, nor ones that are rounded.
+
+    Mutations that break it: no cut; every long interval cut; a short stretch kept.
+    """
+    t = T * np.arange(2000)
+    wave = np.sin(40.0 * t)
+    device = free_mass(rotary=False)
+
+    def cut(times: Any, kept: Any = slice(None)) -> list[Experiment]:
+        channels = {"command": wave[kept], "position_m1": wave[kept] ** 2}
+        return stretches(trace(times[kept], channels), device, "r")
+
+    lost = np.delete(np.arange(2000), [600, 601, 602, 1500])
+    parts = cut(t, lost)
+    assert [e.ticks for e in parts] == [600, 897, 499]
+    assert [e.begins for e in parts] == pytest.approx([0.0, 0.6, 1.497])
+    assert "jumps 2 times, first by 0.004 s after 0.599 s" in parts[0].notes[0]
+    np.testing.assert_array_equal(parts[1].command, wave[603:1500])
+    back = cut(np.where(t < 0.1, t, t - 1.0))
+    assert [e.ticks for e in back] == [1900]
+    assert "100 samples" in back[0].notes[0]
+    assert "-0.999 s" in back[0].notes[0]
+    bunched = t.copy()
+    bunched[700] += 0.9 * T  # late, and the next one in time
+    for even in (bunched, np.round(t, 3), t):
+        whole = cut(even)
+        assert [e.ticks for e in whole] == [2000]
+        assert whole[0].notes == ()
+    with pytest.raises(ExperimentError, match="jumps 20 times"):
+        cut(t, np.delete(np.arange(2000), np.arange(80, 2000, 100)[:20]))
+    with pytest.raises(ExperimentError, match="jumps"):
+        cut(t + np.floor(np.arange(2000) / 150))
+
+
+def test_what_a_log_lacks_and_a_device_has_not_is_said():
+    """Mutations that break it: a log without noise; a channel left out in silence."""
+    t = T * np.arange(500)
+    wave = np.sin(40.0 * t)
+    channels = {"command": wave, "position_m1": wave**2, "position_m3": wave**2}
+    known = trace(t, channels)
+    device = free_mass(rotary=False)
+    seen = experiment(known, device, "r")
+    assert seen.outputs == (Output("position", 0),)
+    assert "position_m3" in seen.notes[0]
+    log = experiment(replace(known, origin="simulated"), device, "r")
+    noise = log.measured[:, 0] - wave**2
+    assert np.std(noise) == pytest.approx(1e-5 * log.swing, rel=0.1)
+    assert "without noise" in log.notes[0]
+    said = [f.sentence for f in examine(device, [log])]
+    assert log.notes[0] in said
 
 
 def trace(t: Any, channels: dict[str, Any]) -> Trace:
