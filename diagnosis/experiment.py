@@ -177,7 +177,7 @@ def stretches(trace: Trace, device: Device, name: str = "recording") -> list[Exp
     far = float(trace.t[first] - trace.t[first - 1])
     count = "once" if jumps.size == 1 else f"{jumps.size} times"
     after = f"first by {far:.4g} s after {trace.t[first - 1]:g} s"
-    parts = [whole.part(a, b) for a, b in pairs]
+    parts = [replace(whole.part(a, b), begins=float(trace.t[a] - trace.t[0])) for a, b in pairs]
     parts = [p for p in parts if np.all(np.ptp(np.column_stack([p.command, p.measured]), axis=0))]
     if not parts:
         raise ExperimentError(

@@ -190,4 +190,7 @@ def warnings_of(device: Device) -> list[str]:
         return []
     unit = "N m s/rad" if device.rotary else "N s/m"
     dampers = ", ".join(f"{name} = {value:.3g} {unit}" for name, value in negative.items())
-    return [f"{dampers}: no passive chain equals this fit; see --passive"]
+    return [
+        f"{dampers}: no passive chain equals this fit; 'zwidth devices DEVICE --passive' shows the"
+        " nearest that is"
+    ]

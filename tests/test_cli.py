@@ -97,7 +97,7 @@ def test_bad_input_is_one_sentence(line: str, sentence: str, capsys: pytest.Capt
         (PermissionError(errno.EACCES, "Permission denied", "a"), 1, "a: Permission denied"),
         (OSError(errno.ENOSPC, "No space left on device"), 1, "No space left on device"),
         (MemoryError(), 1, "out of memory; ask for fewer runs at once or shorter ones"),
-        (KeyboardInterrupt(), 130, "interrupted; every result finished before is kept"),
+        (KeyboardInterrupt(), 130, "interrupted; results finished before, if any, are kept"),
         (
             ZeroDivisionError("division"),
             1,

@@ -1,11 +1,18 @@
 """`zwidth diagnose` from a file of samples to report, device and JSON."""
 
 import json
+import shutil
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+import zwidth.commands.diagnose
+from diagnosis.result import Diagnosis, Estimate
+from logs.mcap_reader import read_log
+from logs.recording import load_log
 from sim.device_file import load_device, save_device
 from sim.physics import make_physics
 from tests.diagnosis_examples import phantom, record
@@ -35,12 +42,17 @@ def write(folder: Path, seconds: float = 3.0) -> None:
     save_device(phantom(), folder / "known.toml")
 
 
-def test_diagnose_from_file_to_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+def test_diagnose_from_file_to_report(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
     """Mutations that break it: the device as loaded saved in place of the augmented one; numbers
-    that are none written as such (held out are 0.9 s, too short for a free run).
+    that are none written as such (held out are 0.9 s, too short for a free run); progress among
+    the results; residuals at the time of writing.
     """
     write(tmp_path)
     monkeypatch.chdir(tmp_path)
+    kept: list[Diagnosis] = []
+    monkeypatch.setattr(zwidth.commands.diagnose, "diagnose", _keeping(kept))
     line = ["diagnose", "swing.toml", "--device", "known.toml", "--out", "o", "--json", "o/r.json"]
     assert run(line) == 0
     result = json.loads(Path("o/r.json").read_text())
@@ -53,6 +65,82 @@ def test_diagnose_from_file_to_report(tmp_path: Path, monkeypatch: pytest.Monkey
     page = Path(result["report"]).read_text(encoding="utf-8")
     assert "Identified" in page
     assert ">nan<" not in page
+    out, err = capsys.readouterr()
+    assert "... " not in out
+    assert "... locating" in err
+    residual, recording = read_log(result["logs"][0]), load_log("swing.toml")
+    assert residual.epoch_ns == recording.epoch_ns
+    assert residual.tick.t == pytest.approx(recording.tick.t)
+    _what_else_it_may_say(kept[0], monkeypatch, capsys)
+
+
+def _keeping(kept: list[Diagnosis]) -> Any:
+    """Let `diagnose` do its work and keep what it finds."""
+    real = zwidth.commands.diagnose.diagnose
+
+    def diagnose(*asked: Any) -> Diagnosis:
+        kept.append(real(*asked))
+        return kept[-1]
+
+    return diagnose
+
+
+def _what_else_it_may_say(
+    found: Diagnosis, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Interrupted, nothing found, a gain, and two recordings of one name."""
+    other = replace(
+        found,
+        findings=(),
+        interrupted=True,
+        upper_bounds={"coulomb_friction@m1": {"level": 1e-3}},
+        experiments=2 * found.experiments,
+        linear_refit={"gain": (1.0, Estimate(0.938, 0.92, 0.95))},
+    )
+    monkeypatch.setattr(zwidth.commands.diagnose, "diagnose", lambda *_: other)
+    Path("sub").mkdir()
+    for name in ("swing.toml", "swing.csv"):
+        shutil.copy(name, Path("sub", name))
+    line = ["diagnose", "swing.toml", "sub/swing.toml", "--device", "known.toml", "--out", "o"]
+    assert run(line) == 130
+    out, _ = capsys.readouterr()
+    assert "\ninterrupted, so only what was found until then: identified: " in out
+    assert "augmented.toml\nmultiply the command by 0.938" in out
+    assert "swing.diagnosis.mcap\nwrote o/swing-2.diagnosis.mcap\n" in out
+    page = Path("o/swing.diagnosis.html").read_text(encoding="utf-8")
+    assert '<p class="verdict">Interrupted, so only what was found until then: ' in page
+    assert "coulomb_friction at m1</td>" in page
+    assert "<td>below 0.001 N m</td>" in page
+    assert "Multiply the command by 0.938" in page
+
+
+def test_a_recording_that_is_fitted_does_not_judge(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    """By another spelling neither; mutation that breaks it: paths compared unresolved."""
+    write(tmp_path, 0.3)
+    monkeypatch.chdir(tmp_path)
+    again = f"../{tmp_path.name}/swing.toml"
+    line = ["diagnose", "swing.toml", "--device", "known.toml", "--validate", again]
+    assert run(line) == 2
+    said = capsys.readouterr().err
+    assert said.startswith(f"error: --validate is {again}, a recording that is fitted")
+    assert said.count("\n") == 1
+
+
+def test_absurd_values_end_in_one_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    """Mutation that breaks it: numpy's warnings of 1e300 let through."""
+    write(tmp_path, 0.5)
+    monkeypatch.chdir(tmp_path)
+    rows = Path("swing.csv").read_text().splitlines()
+    rows[50] = f"{rows[50].split(',')[0]},1e300"
+    Path("swing.csv").write_text("\n".join([*rows, ""]))
+    assert run(["diagnose", "swing.toml", "--device", "known.toml"]) == 2
+    said = [row for row in capsys.readouterr().err.splitlines() if not row.startswith("... ")]
+    assert len(said) == 1
+    assert said[0].startswith("error: ")
 
 
 def test_what_cannot_be_diagnosed_is_one_sentence(

@@ -1,6 +1,7 @@
 """Recordings with a known cause: what the diagnosis says of them."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 
 from controllers.recorded import recorded
 from diagnosis.diagnose import diagnose, rivals_of
-from diagnosis.experiment import Experiment
+from diagnosis.experiment import Experiment, Output
 from diagnosis.gate import encoder_step_seen, examine
 from diagnosis.result import Diagnosis, Verdict
 from diagnosis.settle import refit
@@ -18,7 +19,7 @@ from sim.device_file import device_from_text, device_to_text
 from sim.physics import make_physics
 from sim.run import simulate
 from tests.diagnosis_examples import OUTPUTS, phantom, record, shifted
-from zwidth.diagnosis_report import Commands, save_report
+from zwidth.diagnosis_report import Commands, save_report, sentence
 
 
 def missing(effect: str, at: str, seed: int, **values: float) -> Diagnosis:
@@ -70,7 +71,7 @@ def test_the_effect_is_named_with_its_parameter(
     page = save_report(
         found, ["r"], Commands("zwidth diagnose r", "zwidth explore d"), tmp_path / "r.html"
     ).read_text()
-    assert found.sentence in page
+    assert sentence(found.sentence) in page
     assert page.count("data:image/svg+xml;base64,") == 2
 
 
@@ -140,6 +141,17 @@ def test_the_sign_is_told_by_energy():
     for gain, kinds in ((-1.0, ["command_sign"]), (1.0, [])):
         faults = examine(phantom(), [record(phantom(), 2.0, seed=6, gain=gain)])
         assert [f.kind for f in faults if f.wrong] == kinds
+
+
+def test_a_step_is_told_with_its_unit():
+    """Mutation that breaks it: velocities in rad."""
+    e = record(phantom(), 1.0, seed=6)
+    coarse = 1e-3 * np.round(
+        np.column_stack([e.measured, 1e3 * np.gradient(e.measured[:, 0])]) / 1e-3
+    )
+    both = replace(e, measured=coarse, outputs=(Output("position", 0), Output("velocity", 0)))
+    said = [f.sentence for f in examine(phantom(), [both]) if f.kind == "encoder_step"]
+    assert [s.split("steps of ")[1] for s in said] == ["0.001 rad", "0.001 rad/s"]
 
 
 def test_encoder_steps_are_seen():

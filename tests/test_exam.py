@@ -32,7 +32,7 @@ from sim.physics import NAMES
 from stability.executor import Local
 from tests.physics_examples import phantom
 from zwidth.cli import zwidth
-from zwidth.exam_page import ratio
+from zwidth.exam_page import goals, page, ratio
 
 FRICTION = {
     "effect": "coulomb_friction", "at": "m1", "values": {"level": 0.01}, "magnitude": 0.01,
@@ -283,6 +283,21 @@ def test_an_angle_is_inside_by_whole_turns() -> None:
     assert mark(key_of(ripple), answered(found), {}).effects[0].inside == {"phase": True}
     found = finding("force_ripple", "m1", {}, phase=(-2.9, [-3.0, None]))
     assert mark(key_of(ripple), answered(found), {}).effects[0].inside == {"phase": False}
+
+
+@pytest.mark.parametrize(
+    ("right", "count", "reached"),
+    [(2, 2, "too few to tell"), (19, 20, "yes"), (0, 2, "**no**"), (100, 100, "**no**")],
+)
+def test_a_goal_with_two_sides_needs_enough_to_tell(right: int, count: int, reached: str) -> None:
+    """Breaks where two of two miss 92 to 98 % for certain; and no table is written of nothing."""
+    silent = mark(key_of(stratum="none"), answered(verdict="nothing_missing"), {})
+    found = tally([silent], {}) | {"coverage_counts": Share(right, count).as_json()}
+    (row,) = (r for r in goals(found) if r[1] == "92 to 98 %")
+    assert row[3] == reached
+    pictures = {"magnitude": "a.png", "confusion": "b.png"}
+    facts = {"command": "zwidth exam", "seed": 1, "length": "2 s"}
+    assert "| in no library | named" not in page(found | {"marks": []}, facts, pictures)
 
 
 def test_tally() -> None:

@@ -20,6 +20,7 @@ from logs.open_source import open_source
 from logs.own import read_own
 from logs.recording import read_recording
 from logs.source import RecordingError, Signal, Source
+from sim.trace import Trace
 from zwidth.cli import run
 
 FILES = {
@@ -135,6 +136,20 @@ def test_a_recording_becomes_a_log_that_tells_its_conversion(tmp_path: Path) -> 
     assert_same(log.tick, read_recording(tmp_path / "a.toml"))
     assert log.tick.facts == read_recording(tmp_path / "a.toml").facts
     assert log.attachments == {"a.toml": text.encode()}
+
+
+def test_extremes_are_those_of_what_is_finite(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Mutation that breaks it: least and most of all values."""
+    holes, none = np.array([np.nan, -1.0, 2.0, np.inf]), np.full(4, np.nan)
+    channels, units = {"holes": holes, "none": none}, {"holes": "m", "none": "m"}
+    write_log(tmp_path / "a.mcap", Trace(np.arange(4.0), channels, units, "recorded"), epoch_ns=0)
+    assert run(["convert", str(tmp_path / "a.mcap"), "--json", "-"]) == 0
+    seen = json.loads(capsys.readouterr().out)["channels"]
+    assert [c["least"] for c in seen[:1]] == [-1.0]
+    assert [c["most"] for c in seen[:1]] == [2.0]
+    assert seen[1]["least"] == seen[1]["most"]
 
 
 @pytest.mark.parametrize(

@@ -114,6 +114,7 @@ TIME = 'time = "t"\n'
         (HEAD + TIME + INPUT + "counts_per_rev = 4\n", 'needs unit = "counts"'),
         (HEAD + TIME + OUTPUT.replace("position", "positon"), "did you mean 'position'?"),
         (HEAD + TIME + OUTPUT.replace("m1", "m9"), "output[0].at is 'm9'"),
+        (HEAD + TIME + OUTPUT.replace("m1", "m0"), "output[0].at is 'm0'; did you mean 'm1'?"),
         (HEAD + TIME + OUTPUT + OUTPUT, "position_m1 is described twice"),
         (HEAD + TIME + INPUT.replace("torque", "tork"), "no signal 'tork'; did you mean 'torque'?"),
         (HEAD.replace("a.csv", "b.csv") + TIME + INPUT, "b.csv does not exist"),

@@ -44,6 +44,10 @@ class Console:
         """Write a line for people."""
         print(text, file=self.stream)
 
+    def doing(self, text: str) -> None:
+        """Write what is being done to standard error, where `progress` writes, too."""
+        print(f"... {text}", file=sys.stderr)
+
     def warn(self, text: str) -> None:
         """Write one line that begins with ``warning:`` to standard error."""
         print(f"warning: {text}", file=sys.stderr)

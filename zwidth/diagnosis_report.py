@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from diagnosis.augmented_boundary import AugmentedBoundary
 from diagnosis.next_experiment import NextExperiment
 from diagnosis.result import Diagnosis, Estimate, HeldOut
+from sim.physics import EFFECTS
 from zwidth.figures.augmented_boundary import augmented_boundary_figure
 from zwidth.figures.diagnosis import force_map_figure, residual_figure
 from zwidth.figures.style import STYLE
@@ -26,6 +27,7 @@ WORDS = {
     "linear_parameters": "Linear parameters differ",
     "recording_fault": "The recording is at fault",
 }
+INTERRUPTED = "interrupted, so only what was found until then"
 
 
 @dataclass(frozen=True)
@@ -47,9 +49,12 @@ def save_report(
     top = max(diagnosis.located.maps, key=lambda m: m.gained)
     text = page(
         "diagnosis_report.html",
-        {"number": number, "estimate": estimate},
+        {"number": number, "estimate": estimate, "sentence": sentence},
         d=diagnosis,
         verdict=WORDS[diagnosis.verdict.value],
+        interrupted=INTERRUPTED,
+        gain=gain_sentence(diagnosis),
+        bounds=_bounds(diagnosis),
         recordings=recordings,
         commands=commands,
         boundary=boundary,
@@ -63,6 +68,28 @@ def save_report(
         residual=_embedded(residual_figure(diagnosis.residuals)),
     )
     return write_text(path, text)
+
+
+def _bounds(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
+    """Effect at place, parameter and the upper bound with its unit."""
+    rows: list[tuple[str, str, str]] = []
+    for label, bound in diagnosis.upper_bounds.items():
+        effect, at = label.split("@")
+        for name, value in bound.items():
+            unit = EFFECTS[effect].parameter(name).unit_for(diagnosis.device.rotary)
+            rows.append((f"{effect} at {at}", name, f"{number(value)} {unit}".rstrip()))
+    return rows
+
+
+def gain_sentence(diagnosis: Diagnosis) -> str:
+    """Say what the augmented device file cannot: the refitted gain, "" where it may be one."""
+    _, gain = diagnosis.linear_refit.get("gain", (1.0, Estimate(1.0, 1.0, 1.0)))
+    if gain.lower <= 1.0 <= gain.upper or not math.isfinite(gain.upper - gain.lower):
+        return ""
+    return (
+        f"multiply the command by {gain.value:.3g} when you use the augmented device: a device file"
+        " holds no gain"
+    )
 
 
 def improvement(fit: HeldOut) -> str:
@@ -90,6 +117,11 @@ def next_sentence(planned: NextExperiment | None) -> str:
 def number(value: float) -> str:
     """Four significant digits; a dash for what there is too little data to tell."""
     return f"{value:.4g}" if math.isfinite(value) else "-"
+
+
+def sentence(text: str) -> str:
+    """With a capital at its start."""
+    return text[:1].upper() + text[1:]
 
 
 def estimate(value: Estimate) -> str:

@@ -28,7 +28,7 @@ def explain(error: BaseException) -> tuple[Status, str]:
     """Return the exit status and one line for any exception that a command lets through."""
     match error:
         case KeyboardInterrupt() | click.Abort():
-            return Status.INTERRUPTED, "interrupted; every result finished before is kept"
+            return Status.INTERRUPTED, "interrupted; results finished before, if any, are kept"
         case click.UsageError():
             return Status.BAD_INPUT, _usage(error)
         case click.ClickException():

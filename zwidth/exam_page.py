@@ -6,6 +6,7 @@ from typing import Any
 SINGLE_2X, SINGLE_5X, IN_CLASS = 0.90, 0.97, 0.99
 TWO, THREE, UNKNOWN, CONFIDENT, FALSE = 0.90, 0.80, 0.90, 0.05, 0.02
 COVERED, HELD_OUT, SECONDS = (0.92, 0.98), 0.95, 10.0
+FEW = 50  # parameters that cannot tell 92 % from 98 %
 
 
 def page(found: Mapping[str, Any], facts: Mapping[str, Any], pictures: Mapping[str, str]) -> str:
@@ -104,9 +105,8 @@ def goals(found: Mapping[str, Any]) -> list[list[str]]:
     least("in no library: `unknown_physics`", found["unknown"]["said_so"], UNKNOWN)
     most("in no library: a confident wrong name", found["unknown"]["confident_wrong"], CONFIDENT)
     covered = found["coverage_counts"]
-    low, high = COVERED
-    inside = bool(covered["count"]) and low <= covered["share"] <= high
-    rows.append(_row("95 % intervals of effects hold the truth", "92 to 98 %", covered, inside))
+    row = _row("95 % intervals of effects hold the truth", "92 to 98 %", covered, _covers(covered))
+    rows.append([*row[:3], "too few to tell"] if _too_few(covered) else row)
     share = found["held_out"]["share"]
     if share["count"]:
         rows.append(
@@ -118,6 +118,18 @@ def goals(found: Mapping[str, Any]) -> list[list[str]]:
     rows.append(["diagnosis of a 10 s recording, median", "<= 10 s", f"{seconds:.1f} s",
                  "yes" if seconds <= SECONDS else "**no**"])  # fmt: skip
     return rows
+
+
+def _covers(s: Mapping[str, Any]) -> bool:
+    return bool(s["count"]) and COVERED[0] <= s["share"] <= COVERED[1]
+
+
+def _too_few(s: Mapping[str, Any]) -> bool:
+    """Whether a share outside the range is so by chance alone, for all that can be told."""
+    if not 0 < s["count"] < FEW or _covers(s):
+        return False
+    low, high = s["ci95"]
+    return low <= COVERED[0] and COVERED[1] <= high
 
 
 def _goals(found: Mapping[str, Any]) -> str:
@@ -173,12 +185,12 @@ def _silent(found: Mapping[str, Any]) -> str:
         [f"`{name}`", ", ".join(f"{k} {n}" for k, n in sorted(answers.items()))]
         for name, answers in unknown["by_effect"].items()
     ]
-    return (
+    text = (
         "## Nothing concealed, and what is in no library\n\n"
         f"Of {none['recordings']} recordings with nothing concealed, false claims in"
-        f" {ratio(none['false_claims'])}: {claimed}.\n\n"
-        + table(("in no library", "named first"), rows)
+        f" {ratio(none['false_claims'])}: {claimed}."
     )
+    return f"{text}\n\n{table(('in no library', 'named first'), rows)}" if rows else text
 
 
 def _misses(marks: Sequence[Mapping[str, Any]]) -> str:

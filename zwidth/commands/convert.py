@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 
 from logs.export import WRITERS
 from logs.guess import Seen, clock_faults, draft, look
@@ -130,7 +131,8 @@ def _show_log(console: Console, log: Log) -> None:
     rows: list[list[str]] = []
     channels: list[dict[str, Any]] = []
     for name, values in trace.channels.items():
-        least, most = float(values.min()), float(values.max())
+        finite = values[np.isfinite(values)]
+        least, most = (float(f(finite)) if finite.size else np.nan for f in (np.min, np.max))
         rows.append([name, trace.units[name], f"{least:.6g}", f"{most:.6g}"])
         channels.append(
             {

@@ -1,7 +1,10 @@
 """`zwidth diagnose`: why a recording differs from the simulation of a device."""
 
+import itertools
 import math
 import shlex
+import warnings
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
@@ -12,16 +15,18 @@ import numpy as np
 from diagnosis.augmented_boundary import AugmentedBoundary, augmented_boundary
 from diagnosis.diagnose import diagnose, separating
 from diagnosis.diagnosis_log import diagnosis_trace
-from diagnosis.experiment import Experiment, experiment
+from diagnosis.experiment import Experiment, stretches
 from diagnosis.result import Diagnosis
 from logs.mcap_writer import write_log
-from logs.recording import read_recording
+from logs.recording import load_log, read_recording
 from sim.device import Device
 from sim.device_file import device_to_text, load_device
 from zwidth.console import Column, Console
 from zwidth.diagnosis_report import (
+    INTERRUPTED,
     Commands,
     estimate,
+    gain_sentence,
     improvement,
     next_sentence,
     number,
@@ -66,10 +71,12 @@ def command(
     ends the search and judges what was found until then.
     """
     console = Console(json_file)
+    _refuse_fitted(recordings, validate)
     device = load_device(name)
-    fit_on = [_read(console, path, device) for path in recordings]
-    judge_by = [_read(console, path, device) for path in validate] or None
-    found = diagnose(device, fit_on, judge_by, lambda text: console.say(f"... {text}"))
+    with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # numpy's, on 1e300
+        fit_on = [(path, e) for path in recordings for e in _read(console, path, device)]
+        judge_by = [e for path in validate for e in _read(console, path, device)] or None
+        found = diagnose(device, [e for _, e in fit_on], judge_by, console.doing)
     _say(console, found)
     stem = recordings[0].stem
     found = replace(found, next_experiment=separating(found, out / f"{stem}.next.toml"))
@@ -77,8 +84,11 @@ def command(
         console.say(f"\n{next_sentence(found.next_experiment)}")
     bounds = _boundary(console, device, found)
     augmented = write_text(out / f"{stem}.augmented.toml", device_to_text(found.device))
+    paths = [path for path, _ in fit_on]  # of each stretch
+    names = _distinct([path.stem for path in paths])
     logs = [
-        _log(found, e, path, out) for e, path in zip(found.experiments, recordings, strict=True)
+        _log(found, e, path, out / f"{called}.diagnosis.mcap")
+        for e, path, called in zip(found.experiments, paths, names, strict=True)
     ]
     line = shlex.join(["zwidth", "diagnose", *map(str, recordings), "--device", name])
     view = shlex.join(["zwidth", "explore", name, "--compare", str(augmented)])
@@ -89,7 +99,10 @@ def command(
         out / f"{stem}.diagnosis.html",
         bounds,
     )
-    for path in (augmented, *logs, report):
+    console.say(f"wrote {augmented}")
+    if gain := gain_sentence(found):
+        console.say(gain)
+    for path in (*logs, report):
         console.say(f"wrote {path}")
     files = {
         "augmented_device": str(augmented),
@@ -100,6 +113,29 @@ def command(
     console.result(_plain(found.as_json() | more | files))
     if found.interrupted:
         raise KeyboardInterrupt
+
+
+def _refuse_fitted(recordings: Sequence[Path], validate: Sequence[Path]) -> None:
+    """Raise ValueError where a recording would judge the fit to itself."""
+    fitted = {path.resolve() for path in recordings}
+    for path in validate:
+        if path.resolve() in fitted:
+            raise ValueError(
+                f"--validate is {path}, a recording that is fitted; give one that is not, or leave"
+                " --validate out to judge by the last 30 % of each"
+            )
+
+
+def _distinct(stems: Sequence[str]) -> list[str]:
+    """Return a name for each stem; what would be there twice gets -2, -3 ..."""
+    names: list[str] = []
+    for stem in stems:
+        tries = (f"{stem}-{n}" for n in itertools.count(2))
+        name = stem
+        while name in names or (name != stem and name in stems):
+            name = next(tries)
+        names.append(name)
+    return names
 
 
 def _boundary(console: Console, device: Device, found: Diagnosis) -> AugmentedBoundary | None:
@@ -117,27 +153,32 @@ def _boundary(console: Console, device: Device, found: Diagnosis) -> AugmentedBo
     return bounds
 
 
-def _log(found: Diagnosis, e: Experiment, recording: Path, out: Path) -> Path:
+def _log(found: Diagnosis, e: Experiment, recording: Path, path: Path) -> Path:
+    """Write what belongs to a recording, in its own time: a viewer shows both side by side."""
+    log = load_log(recording)
     place = max(found.located.entry, key=lambda share: float(share["share"]))["name"]
     searched = found.searched
     trace = diagnosis_trace(
         searched.problem, searched.refit, searched.final, e, place=str(place),
-        start_s=float(read_recording(recording).t[0]), rotary=found.device.rotary,
+        start_s=float(log.tick.t[0]) + e.begins, rotary=found.device.rotary,
     )  # fmt: skip
-    path = out / f"{recording.stem}.diagnosis.mcap"
-    write_log(path, trace)
+    write_log(path, trace, epoch_ns=log.epoch_ns)
     return path
 
 
-def _read(console: Console, path: Path, device: Device) -> Experiment:
+def _read(console: Console, path: Path, device: Device) -> list[Experiment]:
     trace = read_recording(path)
     for warning in cast("list[str]", trace.facts.get("warnings", [])):
         console.warn(f"{path.name}: {warning}")
-    return experiment(trace, device, path.stem)
+    return stretches(trace, device, path.stem)
 
 
 def _say(console: Console, found: Diagnosis) -> None:
-    console.say(f"\n{found.verdict.value}: {found.sentence}\n")
+    before = f"{INTERRUPTED}: " if found.interrupted else ""
+    console.say(f"\n{before}{found.verdict.value}: {found.sentence}\n")
+    for fault in found.faults:
+        if fault.sentence not in found.sentence:
+            console.say(fault.sentence)
     console.say(found.located.sentence)
     rows = [
         [f"{f.effect} at {f.at}", name, estimate(value), number(f.separation_sigma)]

@@ -11,7 +11,7 @@ from diagnosis.augmented_boundary import AugmentedBoundary, critical
 from stability.bisection import Bracket
 from zwidth.figures.style import STYLE
 
-BEFORE, AFTER = "#bb5566", "#004488"
+BEFORE, AFTER, LINEAR = "#bb5566", "#004488", "0.35"
 
 
 def augmented_boundary_figure(found: AugmentedBoundary) -> Figure:
@@ -22,7 +22,7 @@ def augmented_boundary_figure(found: AugmentedBoundary) -> Figure:
         axes = figure.subplots()
         axes.plot(
             [b for b, _ in found.curve], [k for _, k in found.curve],
-            color=BEFORE, linestyle="--", linewidth=1.1, label="device file, linear theory",
+            color=LINEAR, linestyle="--", linewidth=1.1, label="device file, linear theory",
         )  # fmt: skip
         _brackets(axes, found.nominal, BEFORE, "s", "device file, simulated")
         _brackets(axes, found.augmented, AFTER, "o", "with what was found, simulated")

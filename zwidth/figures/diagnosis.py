@@ -58,22 +58,31 @@ def residual_figure(residuals: Residuals) -> Figure:
         ):
             _over_time(over_time, values, residuals.period, colour, label)
             _spectrum(spectrum, values, residuals.period, colour)
+        for axes in (over_time, spectrum):
+            axes.axhline(1.0, color="0.4", linestyle=":", linewidth=1.0, label="white noise")
         over_time.set_xlabel("time [s]")
         over_time.set_ylabel("residual, rms over its noise")
         over_time.set_ylim(bottom=0.0)
-        over_time.legend(frameon=False, fontsize=8, loc="best")
         spectrum.set_xlabel("frequency [Hz]")
         spectrum.set_ylabel("power over white noise")
+        handles, labels = over_time.get_legend_handles_labels()
+        figure.legend(
+            handles, labels, loc="outside upper center", ncols=3, frameon=False, fontsize=8
+        )
     return figure
 
 
 def _over_time(axes: Axes, values: Floats, period: float, colour: str, label: str) -> None:
     pieces = np.array_split((values**2).mean(axis=1), min(SLICES, values.shape[0]))
     edges = np.cumsum([0, *(p.size for p in pieces)]) * period
-    axes.stairs([float(np.sqrt(p.mean())) for p in pieces], edges, color=colour, label=label)
+    steps = [float(np.sqrt(p.mean())) for p in pieces]
+    axes.stairs(steps, edges, baseline=None, color=colour, label=label)
 
 
 def _spectrum(axes: Axes, values: Floats, period: float, colour: str) -> None:
     size = min(1024, values.shape[0])
     frequency, power = welch(values, 1.0 / period, nperseg=size, axis=0)
-    axes.loglog(frequency[1:], power[1:].mean(axis=1) / (2.0 * period), color=colour, linewidth=1.1)
+    # A one-sided density has its first and its Nyquist bin once, all others twice.
+    twice = (frequency > 0.0) & (frequency < 0.499 / period)
+    density = power[twice].mean(axis=1) / (2.0 * period)
+    axes.loglog(frequency[twice], density, color=colour, linewidth=1.1)

@@ -31,7 +31,10 @@ def confusion_figure(found: Mapping[str, Any]) -> Figure:
                 colour = "white" if shares[i, j] > 0.6 else "black"
                 axes.text(j, i, f"{count:.0f}", ha="center", va="center", color=colour, fontsize=8)
         _name(axes, rows, columns)
-        axes.set_title("Single effects: what was named first, in counts (colour: share of the row)")
+        figure.suptitle(
+            "Single effects: what was named first,\nin counts (colour: share of the row)",
+            fontsize=10,
+        )
     return figure
 
 
