@@ -1,5 +1,6 @@
 """Fits that spare slopes, observers chosen from nearby, and trials that are not worth settling."""
 
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -7,12 +8,14 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from diagnosis import removal, trials, views
+from diagnosis import removal, trials, unknown, views
 from diagnosis.creases import SMOOTH, across_creases, along_gaps, over_creases
 from diagnosis.experiment import Experiment
 from diagnosis.fit import Fitted, Problem, Slopes
+from diagnosis.held_out import held_out
 from diagnosis.parameters import Model, effect_labels
 from diagnosis.predictor import FINAL, choose_observer
+from diagnosis.search import Searched
 from diagnosis.settle import (
     NotWorth,
     cost_at,
@@ -210,19 +213,30 @@ def test_a_claim_must_not_live_on_another_observer(monkeypatch: pytest.MonkeyPat
     assert views._settled([answer], own, fitted, problem.experiments, trials.silent)
 
 
-def test_a_weak_claim_must_gain_more_than_another_model_of_the_noise():
-    """A claim that gains 60, of white and of long memory, where a slower observer gains more.
+def test_a_weak_claim_must_gain_more_than_another_model_of_the_noise(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    """A claim of 60, of white and of long memory, where a slower observer gains more without it.
 
-    Mutations that break it: the model in hand under its own observer; a claim as it is paid alone.
+    under_any: what the claim gains under any observer, as physics that is there does.
+
+    Mutations that break it: the model in hand under its own observer; a claim as it is paid alone;
+    no claim too weak to be asked.
     """
-    for long, by_noise in ((False, False), (True, True)):
+    monkeypatch.setattr(views, "at_bound", lambda _: "")
+    for long, under_any, by_noise in ((False, 0.0, False), (True, 0.0, True), (True, 60.0, False)):
         e = _of_memory(long)
         problem, fitted = refit(phantom(), [e])
         paid = problem.cost(fitted) - 60.0
-        trial = trials.Trial("quadratic_drag@m1", fitted, 60.0, 1)
+        trial = trials.Trial("quadratic_drag@m1", fitted, 60.0, 1, price=-under_any)
         step = trials.Step((trial,), trial, 1.0)
         answer = views.Answer(step, trial, problem, False, problem, fitted, paid)
-        assert views._by_noise(fitted, answer, problem, fitted, paid, 24.0) is by_noise
+        cheaper = copy(problem)
+        monkeypatch.setattr(cheaper, "cost", lambda _, c=paid + under_any: c)
+        monkeypatch.setattr(views, "settled_on", lambda *_, p=cheaper, f=fitted: (p, f))
+        own = problem.cost(fitted)
+        believed = views._settled([answer], own, fitted, problem.experiments, trials.silent)
+        assert (believed == []) is by_noise
 
 
 def test_a_fit_ends_under_the_likeliest_model_of_the_noise():
@@ -244,6 +258,63 @@ def _of_memory(long: bool) -> Experiment:
     random = np.random.default_rng(112)
     colour = lfilter([3.0 * ENCODER_NOISE], [1.0, -0.9], random.standard_normal(e.ticks))
     return replace(e, measured=e.measured + colour[:, None]) if long else e
+
+
+def test_a_free_force_must_gain_more_than_another_model_of_the_noise(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    """A force that gains 100, where a slower observer gains 150 without it and 160 with it.
+
+    Mutation that breaks it: a weak force held against the model under its own observer alone.
+    """
+    problem, fitted = refit(phantom(), [record(phantom(), 2.0, seed=12)])
+    own, forced = problem.cost(fitted), [*problem.experiments]
+    shape = unknown.Shape("m1", "position", np.eye(3)[0], [], lambda *_: shape)
+    ratio = problem.observer.ratio
+
+    def cost(asked: float, _: Fitted, seen: object) -> float:
+        return own - (160.0 if seen is forced else 150.0) if asked < 0.5 * ratio else own
+
+    monkeypatch.setattr(unknown, "_gains", lambda *_: [unknown.Gained(shape, np.ones(2), 100.0)])
+    with_force = unknown.Forced(own - 100.0, fitted, ratio, forced)
+    monkeypatch.setattr(unknown, "_with_force", lambda *_: with_force)
+    monkeypatch.setattr(unknown, "alone", lambda *_: own)
+    monkeypatch.setattr(unknown, "cost_at", cost)
+    found = unknown.unknown(problem.experiments, fitted)
+    assert found is not None
+    assert found.gained == pytest.approx(10.0, abs=0.5)
+
+
+def test_an_effect_of_no_size_goes_whatever_it_gains(monkeypatch: pytest.MonkeyPatch):
+    """Play of no gap has the kernel step more finely, and that alone may gain thousands.
+
+    Mutation that breaks it: what gains more than a thousand always kept.
+    """
+    play = make_physics("backlash", "link12", gap=1e-3)
+    model = Model(phantom(), (play,), ({"gap": 1e-3},))
+    x = np.zeros(len(model.parameters))
+    white = np.random.default_rng(1).standard_normal(400)
+    residual = np.concatenate([white, np.zeros(sum(p.prior for p in model.parameters))])
+    full = Fitted(model, x, 400.0, residual, np.ones((residual.size, x.size)), 400)
+    without = Fitted(Model(phantom()), x[:-1], 4000.0, residual, full.jacobian[:, 1:], 400)
+    problem = Creased(x, 0.0)
+    monkeypatch.setattr(removal, "fit_without", lambda *_: without)
+    for size, kept in ((1e-2, without), (25.0, full)):
+        monkeypatch.setattr(removal, "wald", lambda *_, size=size: (size, 1))
+        assert removal.prune(problem, full) is kept
+
+
+def test_held_out_data_begin_where_they_fit():
+    """A device in motion at their start, under an observer that takes long to find it.
+
+    Mutation that breaks it: the observer begins at rest.
+    """
+    e = record(phantom(), 4.0, seed=12)
+    _, fitted = refit(phantom(), [e])
+    slow = prepared_for([e], fitted.model, fitted.x, 1e-8, white=True)
+    there = slow.fit(fitted.model, fitted.x)
+    one, _ = held_out(phantom(), Searched(slow, there, there, ()), [e.part(2000, 4000)])
+    assert one.after < 2.0 * one.noise_floor
 
 
 class Creased(Problem):
