@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from diagnosis.exam.conceal import conceal, make, orders
 from diagnosis.exam.drawing import draw
 from diagnosis.exam.hidden import seen
 from diagnosis.exam.mark import linear_truth, mark, stands_apart
-from diagnosis.exam.of_library import DRY, chosen
+from diagnosis.exam.of_library import DRY, as_made, chosen
 from diagnosis.exam.perfect import HeldOut
 from diagnosis.exam.strata import STRATA, counts
 from diagnosis.exam.take import mark_all, open_seal, sit_all
@@ -139,6 +140,24 @@ def test_an_effect_stands_as_high_in_the_recording_as_its_limit_says() -> None:
     stands = np.linalg.norm(known.off(hidden.effect)(padded))
     assert stands == pytest.approx(hidden.sigma, rel=0.1)
     assert hidden.sigma == pytest.approx(10.0, rel=0.1)
+
+
+@pytest.mark.parametrize("index", [5, 7])
+def test_lost_commands_are_there_to_be_seen(index: int) -> None:
+    """Few of them may all fall where the command stands still, and then nothing is concealed.
+
+    Mutation that breaks it: a rig kept whatever was lost.
+    """
+    made = draw(STRATA["single_2x"], 7, index, NAMES.index("dropped_samples"), seconds=2.0)
+    (hidden,) = made.hidden
+    assert hidden.effect == "dropped_samples"
+    device = made.rig.device.without_physics()
+    known = reference(device, [seen(record(made.rig.without_physics()).trace, device)])
+    lost = record(made.rig).lost
+    for mask, low, high in ((lost, 0.5, 2.0), (np.zeros_like(lost), 0.0, 0.1)):
+        recorded = replace(seen(made.trace, made.rig.device), dropped=mask)
+        (stands,) = as_made(known, recorded, made.rig.device.physics)
+        assert low * hidden.sigma <= stands <= high * hidden.sigma
 
 
 def test_what_is_in_no_library_stands_out() -> None:

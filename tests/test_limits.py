@@ -144,6 +144,21 @@ def test_separation_from_what_contains_an_effect_is_nothing():
     assert list(found.values()) == sorted(found.values())
 
 
+def test_a_mode_is_looked_for_where_it_resonates():
+    """A light mass on a spring, of 17 Hz, at m1 and at m2: seen from m1 much the same, and of any
+    frequency between the starts.
+
+    Mutation that breaks it: no matched search over resonances.
+    """
+    r = prepared()
+    w, mass = 2.0 * np.pi * 17.0, 2e-6
+    values = {"mass": mass, "stiffness": mass * w**2, "damping": 0.06 * w * mass}
+    mode = make_physics("extra_mode", "m1", **values)
+    starts = [s for s in candidates(phantom(), [recording()]) if s.label == "extra_mode@m3"]
+    whole = sigma(r, mode)
+    assert separation(r, mode, starts)["extra_mode@m3"] < 0.2 * whole
+
+
 def test_a_saturation_grows_as_its_limit_falls():
     """Mutation that breaks it: a limit scaled itself, which weakens what should grow."""
     mild = make_physics("saturation", "command", limit=0.9 * prepared().peak)

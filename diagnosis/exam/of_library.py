@@ -16,7 +16,7 @@ from diagnosis.experiment import Experiment
 from diagnosis.fit import Problem
 from diagnosis.limits import limit, sigma
 from diagnosis.magnitude import magnitude, strengthened
-from diagnosis.parameters import Model
+from diagnosis.parameters import IN_RECORDING, Model
 from diagnosis.reference import Reference
 from diagnosis.separation import separation
 from scenarios.concealed.rig import Rig, record
@@ -55,12 +55,12 @@ def conceal_effects(
     if any(b < BESIDE * a or not a >= SEEN * 0.8 for a, b in zip(alone, beside, strict=True)):
         return None
     rig = replace(rig, device=rig.device.with_physics(*physics))
-    trace = record(rig).trace
-    stands = _as_made(known, seen(trace, rig.device), physics)
+    made = record(rig)
+    trace = made.trace
+    # Which commands are lost is chance: of few, all may be lost where the command stands still.
+    stands = as_made(known, replace(seen(trace, rig.device), dropped=made.lost), physics)
     for p, a, s in zip(physics, beside, stands, strict=True):
-        # Which commands are lost the engine cannot know; what has no magnitude has no limit.
-        free = p.effect.name == "dropped_samples" or magnitude(p, known.peak) is None
-        if not (free or AGREE[0] * a <= s <= AGREE[1] * a):
+        if magnitude(p, known.peak) is not None and not AGREE[0] * a <= s <= AGREE[1] * a:
             return None
     hidden = tuple(
         Hidden(
@@ -108,7 +108,7 @@ def _beside(known: Reference, physics: Sequence[Physics]) -> list[float]:
     return found
 
 
-def _as_made(known: Reference, made: Experiment, physics: Sequence[Physics]) -> list[float]:
+def as_made(known: Reference, made: Experiment, physics: Sequence[Physics]) -> list[float]:
     """Return at how many sigma each effect stands in the recording as it was made.
 
     That is how much worse a device without this effect predicts it when its linear parameters have
@@ -119,7 +119,11 @@ def _as_made(known: Reference, made: Experiment, physics: Sequence[Physics]) -> 
     off = known.off(*(p.effect.name for p in physics))
 
     def innovations(kept: Sequence[Physics], fitted: bool) -> np.ndarray:
-        model = Model(known.device.with_physics(*kept))
+        # Lost commands are taken off the recording, where they are under trial.
+        lost = [p for p in kept if p.effect.name in IN_RECORDING]
+        model = Model(known.device.with_physics(*(p for p in kept if p not in lost)))
+        for p in lost:
+            model = model.with_effect(p, {})
         x = np.zeros(model.linear_count)
         return problem.weighted(model, problem.fit(model, x).x if fitted else x)
 

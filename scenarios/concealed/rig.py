@@ -61,10 +61,11 @@ class RunAway(ValueError):
 
 @dataclass(frozen=True)
 class Made:
-    """A recording, and the states (ticks, 2n) that nobody measures."""
+    """A recording, the states (ticks, 2n) that nobody measures, and which commands were lost."""
 
     trace: Trace
     states: Floats
+    lost: NDArray[np.bool_]
 
 
 def record(rig: Rig, steps: int = STEPS) -> Made:
@@ -101,7 +102,7 @@ def record(rig: Rig, steps: int = STEPS) -> Made:
             channels[name] = states[:, truth.masses.size + mass] + 0.3 * noise / period
         units[name] = length if name.startswith("position") else f"{length}/s"
     t = np.arange(ticks, dtype=np.float64) * period
-    return Made(Trace(t, channels, units, "recorded"), states)
+    return Made(Trace(t, channels, units, "recorded"), states, drops)
 
 
 def _noise(random: np.random.Generator, ticks: int, pole: float) -> Floats:
