@@ -52,6 +52,7 @@ TOUCHED = 300.0  # the same, of a force that follows time alone: less is slow no
 CUBE = "the cube of velocity"
 CLEARLY = 25.0  # -2 log likelihood by which a force of no library must beat a name
 PART = 0.5  # of what the named explain, that such a force must to first order
+SWINGS = np.arange(0.5, 10.0, 0.25)  # half periods over the travel, of an inertia
 JUDGED = 3  # shapes of each view whose likelihood is looked at
 
 
@@ -177,8 +178,8 @@ def instead(
 ) -> Instead | None:
     """Return a force of no library that explains more than some effects, with fewer unknowns.
 
-    without: the fit without these effects; name: of them. Tried are the cube of a velocity, and
-    what repeats or sways most. Each is judged by likelihood, under its own likeliest observer.
+    without: the fit without these effects; name: of them. Tried are the cube of a velocity, an
+    inertia that swings with position, and what repeats or sways most. Each is judged by likelihood, under its own likeliest observer.
     """
     n = final.model.acting(final.x).chain.masses.size
     named = final.x.size - without.x.size
@@ -186,8 +187,11 @@ def instead(
     shapes = [s for s in _shapes(problem, without, n) if s.follows == CUBE]
     line = leftover(problem, without)
     off = Complement(without.jacobian)
+    lines = [_swinging(problem, without, off, n)]
     if line.gained > line.chance * inflation(without.white):
-        shapes.append(_repeating(problem, without, _between_lines(problem, without, off, line), n))
+        lines.append(line)
+    for one in lines:
+        shapes.append(_repeating(problem, without, _between_lines(problem, without, off, one), n))
     best: Instead | None = None
     least = alone(final, experiments) + named * np.log(final.samples) - CLEARLY
     for shape in shapes:
@@ -203,6 +207,23 @@ def instead(
         if paid < least:
             gained = float(least + CLEARLY - paid)
             best, least = Instead(gained, unknowns, shape.place, shape.follows, name), paid
+    return best
+
+
+def _swinging(problem: Problem, fitted: Fitted, off: Complement, n: int) -> Leftover:
+    """The inertia of m1 that repeats over its position and explains most, of few periods.
+
+    An eccentric encoder is its twin by a change of coordinates, but for command and dampers, and
+    what of it a refit does not absorb shows on other lines of the spectrum than its own.
+    """
+    positions = np.concatenate([x[SETTLING:, 0] for x in predicted_states(problem, fitted)])
+    spacing = 0.5 / float(np.ptp(positions))
+    best = Leftover(-np.inf, 0.0, "m1", "acceleration", "position", 1.0, spacing)
+    for number in SWINGS:
+        line = replace(best, period=1.0 / (number * spacing))
+        gained = _solved(problem, fitted, off, _repeating(problem, fitted, line, n))[1]
+        if gained > best.gained:
+            best = replace(line, gained=gained)
     return best
 
 
