@@ -1,7 +1,7 @@
 """The pipeline from gate to verdict, in the order of docs/diagnosis.md."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +10,11 @@ from scipy.stats import binomtest
 
 from diagnosis.candidates import CONTAINED, MAGNITUDE, acts_on, candidates
 from diagnosis.experiment import Experiment
-from diagnosis.fit import Fitted
+from diagnosis.fit import Fitted, Problem
 from diagnosis.gate import ON_LATTICE, Fault, corrected, examine
 from diagnosis.held_out import held_out
 from diagnosis.hold import smooth, was_smooth
 from diagnosis.lattice import STEPPED, chances_seen, step_interval
-from diagnosis.leftover import leftover
 from diagnosis.locate import locate
 from diagnosis.next_experiment import NextExperiment, next_experiment
 from diagnosis.parameters import (
@@ -25,7 +24,7 @@ from diagnosis.parameters import (
     linear_parameters,
     values_of,
 )
-from diagnosis.probes import instead_by_law
+from diagnosis.predictor import FINAL
 from diagnosis.rectified import unfolded
 from diagnosis.removal import fit_without
 from diagnosis.result import NEAR, Diagnosis, Estimate, Finding, Residuals, Rival, Verdict
@@ -33,7 +32,8 @@ from diagnosis.screen import Complement, screen
 from diagnosis.search import Searched, search
 from diagnosis.trials import Say, Step
 from diagnosis.uncertainty import Z95, covariance, inflation
-from diagnosis.unknown import TOUCHED, Instead, instead, unknown
+from diagnosis.unknown import Instead
+from diagnosis.verdict import Left, instead_of, judged, left_over, matters
 from sim.device import Device, place_label
 from sim.physics import effect_named, make_physics
 from sim.physics.effect import Physics
@@ -44,14 +44,8 @@ UNITS = {
     "mass": ("kg m2", "kg"), "damper": DAMPER, "link": DAMPER, "spring": SPRING, "k0": SPRING,
     "gain": ("", ""), "origin": ("rms motions", "rms motions"), "jitter": ("s", "s"),
 }  # fmt: skip
-SHIFTED = 5.0  # sigma by which a linear parameter must differ to be a finding
 SAME_STEP = 0.01  # relative difference of steps that are the same
 MATTERS = 0.1  # of the noise: a step below is a way to write numbers
-MAPPED = 60.0  # chi-square that a map of the missing force over one state must gain
-FREE_FORCE = 60.0  # -2 log likelihood that a force of free shape must gain besides its unknowns
-UNEXPLAINED = 0.01  # share of the chi-square explained that may be left under a verdict by name
-COLOURED = 0.05  # the same where the observer was asked for, and chi-square is no statistic
-LISTED = 4  # rivals in the verdict's sentence, the nearest; the others stand in the report
 
 
 def diagnose(
@@ -84,11 +78,18 @@ def diagnose(
         )
     say("refitting the linear parameters, then trying every effect")
     found = search(device, fit_on, say)
+    left, other = left_over(found, acted), instead_of(found)
+    by = found
+    if validate is None and _named_only_whole(found, left, other):
+        again = _second_look(device, found, acted, say)
+        if again is not None:
+            found, left, note = again
+            by, faults = _on_first_part(found), (*faults, note)
     say("locating")
     located = locate(found.problem, found.refit)
     final_device = found.final.model.build(found.final.x)
     say("held-out data")
-    one, free = held_out(device, found, judge_by)
+    one, free = held_out(device, by, judge_by)
     findings = _findings(found)
     steps = _encoder(device, found, acted, faults)
     if steps is not None:
@@ -102,8 +103,7 @@ def diagnose(
         final_device = final_device.with_physics(make_physics("rectified_sensor", "sensor"))
     refit = _linear(device, found.final, acted)
     bounds = {} if findings else _upper_bounds(found)
-    left, other = _left(found, acted), _instead(found)
-    verdict, sentence = _verdict(found, findings, refit, left, other)
+    verdict, sentence = judged(found, findings, refit, left, other)
     wrong = [f for f in faults if f.wrong]
     if wrong:
         verdict, sentence = (
@@ -126,6 +126,44 @@ def diagnose(
         verdict, sentence, findings, refit, located, one, free, bounds, faults, final_device,
         residuals, found, tuple(acted), found.interrupted, facts,
     )  # fmt: skip
+
+
+def _named_only_whole(found: Searched, left: Left, other: Instead | None) -> bool:
+    """Whether a search of all that was recorded may name what the first part of it does not."""
+    unnamed = left.whole and matters(found, left, bool(found.final.model.effects))
+    return unnamed and other is None and not found.interrupted
+
+
+def _second_look(
+    device: Device, found: Searched, acted: Sequence[Experiment], say: Say
+) -> tuple[Searched, Left, Fault] | None:
+    """Search all that was recorded, where a force is seen there that has no name in the first part.
+
+    A command may meet its limit in the last seconds only. What has a name then was named with the
+    data that were to judge it, which the note says. None where nothing new has a name, or where
+    something is still left.
+    """
+    say("a force of no name is left in all that was recorded: all of it is searched")
+    again = search(device, acted, say)
+    known = effect_labels(found.final.model.effects)
+    new = [n for n in effect_labels(again.final.model.effects) if n not in known]
+    left = left_over(again, acted)
+    if not new or matters(again, left, named=True) or instead_of(again) is not None:
+        return None
+    names = " and ".join(new)
+    sentence = (
+        f"{names} could be named only with the held-out data, which therefore do not judge it;"
+        " give a second recording by --validate"
+    )
+    return again, left, Fault("held_out_used", sentence, False, float(len(new)))
+
+
+def _on_first_part(found: Searched) -> Searched:
+    """The same models fitted to what is not held out."""
+    parts = [e.split()[0] for e in found.problem.experiments]
+    there = Problem(parts, found.problem.observer, FINAL)
+    refit, final = (there.fit(f.model, f.x) for f in (found.refit, found.final))
+    return replace(found, problem=there, refit=refit, final=final)
 
 
 def _folded_out(
@@ -331,98 +369,3 @@ def _upper_bounds(found: Searched) -> dict[str, dict[str, float]]:
         name = names[0]
         bounds[one.start.label] = {name: abs(one.start.physics.values[name]) * factor}
     return bounds
-
-
-@dataclass(frozen=True)
-class Left:
-    """What the final model leaves: chi-square that an unknown force would gain, 0 for chance."""
-
-    gained: float
-    sentence: str
-
-
-def _left(found: Searched, acted: Sequence[Experiment]) -> Left:
-    """Hold the final residual against forces that follow one state, and that repeat or sway.
-
-    Then all that was recorded, held-out data too, against forces of free shape under observers that
-    hide none: nothing of that is kept, and a stop may first be hit in what was held out.
-    """
-    wide = inflation(found.final.white)
-    located = locate(found.problem, found.final)
-    followed = [m for m in located.maps if m.against != "time" or m.gained > TOUCHED * wide]
-    top = max(followed, key=lambda m: m.gained, default=None)
-    line = leftover(found.problem, found.final)
-    rotary = found.final.model.nominal.rotary
-    if line.gained > max(line.chance * wide, 0.0 if top is None else top.gained):
-        return Left(line.gained, line.sentence(rotary))
-    if top is not None and top.gained > MAPPED * wide:
-        return Left(top.gained, located.sentence)
-    try:
-        free = unknown(acted, found.final)
-    except ValueError:  # no observer follows what was held out
-        return Left(0.0, "")
-    if free is not None and free.gained > FREE_FORCE * wide + 1.5 * free.unknowns:
-        return Left(free.gained, free.sentence)
-    return Left(0.0, "")
-
-
-def _instead(found: Searched) -> Instead | None:
-    """Return a force of no library that explains more than one of the effects, or all of them."""
-    if found.problem.observer.whitening is None:  # free runs decided, and likelihood is no judge
-        return None
-    final, effects = found.final, found.final.model.effects
-    experiments = found.problem.experiments
-    names = [f"{p.effect.name} at {p.at}" for p in effects]
-    models = [(name, fit_without(found.problem, final, i)) for i, name in enumerate(names)]
-    if len(effects) > 1:
-        models.append((" and ".join(names), found.refit))
-    asked = [
-        instead(found.problem, final, without, experiments, name)
-        for name, without in models
-        if without.x.size < final.x.size
-    ]
-    asked.append(instead_by_law(found.problem, final))
-    return max((a for a in asked if a is not None), key=lambda a: a.gained, default=None)
-
-
-def _verdict(
-    found: Searched,
-    findings: tuple[Finding, ...],
-    refit: dict[str, tuple[float, Estimate]],
-    left: Left,
-    other: Instead | None,
-) -> tuple[Verdict, str]:
-    explained = max(found.refit.chi2 - found.final.chi2, 1.0)
-    share = COLOURED if found.problem.observer.whitening is None else UNEXPLAINED
-    if other is not None:
-        return Verdict.UNKNOWN_PHYSICS, (
-            f"something is missing that no effect of the library explains: {other.sentence}"
-        )
-    if left.gained > 0.0 and (not findings or left.gained > share * explained):
-        beyond = f" beyond {' and '.join(f.effect for f in findings)}" if findings else ""
-        return Verdict.UNKNOWN_PHYSICS, (
-            f"something is missing{beyond} that no effect of the library explains: {left.sentence}"
-        )
-    if findings:
-        names = " and ".join(f"{f.effect} at {f.at}" for f in findings)
-        many = len(findings) > 1
-        confused = [f for f in findings if f.confusable_with]
-        if confused:
-            near = [f"{r.effect} at {r.at}" for r in confused[0].confusable_with]
-            others = ", ".join(near[:LISTED])
-            others += f" and {len(near) - LISTED} more" if len(near) > LISTED else ""
-            return Verdict.CONFUSABLE, (
-                f"{names} explain{'' if many else 's'} what is missing, and this recording cannot"
-                f" tell {confused[0].effect} at {confused[0].at} from {others}"
-            )
-        return Verdict.IDENTIFIED, f"{names} {'are' if many else 'is'} missing from the simulation"
-    moved = [
-        name
-        for name, (nominal, e) in refit.items()
-        if abs(e.value - nominal) > SHIFTED / Z95 * 0.5 * (e.upper - e.lower) and name != "jitter"
-    ]
-    if moved:
-        return Verdict.LINEAR_PARAMETERS, (
-            f"no physics is missing, but {', '.join(moved)} differ from the device file"
-        )
-    return Verdict.NOTHING_MISSING, "nothing is missing that this recording could show"

@@ -20,6 +20,7 @@ from diagnosis.trials import (
     Say,
     Step,
     Trial,
+    against_physics,
     at_bound,
     best_among,
     richer_trials,
@@ -32,6 +33,7 @@ from sim.device import place_label
 
 MOST = 3  # effects
 SWAP_GAIN = 4.0  # chi-square by which an effect as simple must be better to replace one
+RICHER = 16.0  # the same of one that contains it, at the least the price of its parameters
 SEEN = 2.0  # thresholds that every effect must gain under the likeliest observer to be exchanged
 CHOICE = 2.0 * float(np.log(40))  # chi-square that one effect more costs, one of forty to choose
 NEAR = 50.0  # chi-square behind an effect, of what may stand in its place if another changes too
@@ -93,7 +95,8 @@ def merged(problem: Problem, current: Fitted, say: Say) -> tuple[Problem, Fitted
 
     Coulomb friction with a drag may be Stribeck friction, with a constant force directional: the
     simpler one, found first, bars the richer, and what is left then looks like something else. One
-    for one must be better by five sigma.
+    for one must be better by four sigma, and pay its parameters: the steps of the search ask more,
+    when other physics is still missing and makes the richer look better.
     """
     wide = inflation(current.white)
     price = wide * float(np.log(current.samples))
@@ -102,7 +105,9 @@ def merged(problem: Problem, current: Fitted, say: Say) -> tuple[Problem, Fitted
     for i, one in enumerate(current.model.effects):
         alone = fit_without(problem, current, i)
         for trial in richer_trials(problem, alone, one):
-            asked = trial.fitted.chi2 + price * trial.fitted.x.size + FIVE_SIGMA * wide
+            more = trial.fitted.x.size - current.x.size
+            least = max(0.0, RICHER * wide - price * more)
+            asked = trial.fitted.chi2 + price * trial.fitted.x.size + least
             if asked < paid and not trial.on_bound:
                 best, paid = trial, asked
         for j in range(len(alone.model.effects)):
@@ -257,6 +262,8 @@ def _settled(
     except ValueError:
         return None
     kept = prune(there, settled)
+    if against_physics(kept):
+        return None
     if _paid(there, kept) > limit:
         return None
     runs = not np.isfinite(free) or free_run_error(there.experiments, there, kept) < free

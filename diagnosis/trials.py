@@ -240,29 +240,41 @@ def _further(problem: Problem, current: Fitted, trial: Trial) -> Trial:
 
 
 def at_bound(fitted: Fitted) -> str:
-    """Return the parameter of the last effect that physics does not allow, "" for none.
+    """Return a parameter that physics does not allow, "" for none.
 
-    It stands on its upper bound, or a saturation on its lower one; or friction sticks less than it
-    slides; or an eccentric encoder would count backwards. The sharpest hysteresis is a limit of the
-    law, elastic and ideally plastic, and none of physics.
+    Of the last effect: it stands on its upper bound, or a saturation on its lower one (the sharpest
+    hysteresis is a limit of the law, elastic and ideally plastic, and none of physics). Of any: as
+    `against_physics`.
     """
-    last = len(fitted.model.effects) - 1
-    physics = fitted.model.effects[last]
-    values = dict(physics.values)
-    for p, x in zip(fitted.model.parameters, fitted.x, strict=True):
-        if p.kind == "effect" and p.index == last:
-            values[p.key] += p.scale * float(x)
-            low = physics.effect.name == "saturation" and x < p.lower + 1e-3
-            high = p.key != "shape" and x > p.upper - 1e-3 * max(1.0, abs(p.upper))
-            if low or high:
-                return p.key
-    if (
-        physics.effect.name == "encoder_eccentricity"
-        and 2.0 * math.pi * abs(values["amplitude"]) > values["period"]
-    ):
-        return "amplitude"
-    if physics.effect.name == "stribeck_friction" and values["static_level"] < values["level"]:
-        return "static_level"
+    if fitted.model.effects:
+        last = len(fitted.model.effects) - 1
+        name = fitted.model.effects[last].effect.name
+        for p, x in zip(fitted.model.parameters, fitted.x, strict=True):
+            if p.kind == "effect" and p.index == last:
+                low = name == "saturation" and x < p.lower + 1e-3
+                high = p.key != "shape" and x > p.upper - 1e-3 * max(1.0, abs(p.upper))
+                if low or high:
+                    return p.key
+    return against_physics(fitted)
+
+
+def against_physics(fitted: Fitted) -> str:
+    """Return a parameter by which an effect is no physics, "" for none.
+
+    Friction that sticks less than it slides, which then takes a drag's place beside others; an
+    eccentric encoder that would count backwards.
+    """
+    for i, physics in enumerate(fitted.model.effects):
+        values = dict(physics.values)
+        for p, x in zip(fitted.model.parameters, fitted.x, strict=True):
+            if p.kind == "effect" and p.index == i:
+                values[p.key] += p.scale * float(x)
+        name = physics.effect.name
+        if name == "stribeck_friction" and values["static_level"] < values["level"]:
+            return "static_level"
+        turns = 2.0 * math.pi * abs(values.get("amplitude", 0.0))
+        if name == "encoder_eccentricity" and turns > values["period"]:
+            return "amplitude"
     return ""
 
 

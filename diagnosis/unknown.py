@@ -163,12 +163,13 @@ def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None
         return None
     found, one, forced = best
     # A model not fitted to its end gains by anything, and by another observer alone.
-    base = min(
-        base, alone(forced.fitted, experiments), cost_at(forced.ratio, forced.fitted, experiments)
-    )
+    # Where it stood beside the force, the fit without may stay for good: from its own x as well.
+    both = plain, forced.fitted
+    base = min(base, alone(forced.fitted, experiments))
+    base = min(base, *(cost_at(forced.ratio, one, experiments) for one in both))
     if base - found < WEAK:  # as a claim by name is asked (`diagnosis.views`)
         slower = SLOWER[0] * forced.ratio
-        base = min(base, cost_at(slower, forced.fitted, experiments))
+        base = min(base, *(cost_at(slower, one, experiments) for one in both))
         found = min(found, cost_at(slower, forced.fitted, forced.experiments))
     return Unknown(base - found, one.strength.size, one.shape.place, one.shape.follows)
 
@@ -179,7 +180,8 @@ def instead(
     """Return a force of no library that explains more than some effects, with fewer unknowns.
 
     without: the fit without these effects; name: of them. Tried are the cube of a velocity, an
-    inertia that swings with position, and what repeats or sways most. Each is judged by likelihood, under its own likeliest observer.
+    inertia that swings with position, and what repeats or sways most. Each is judged by likelihood,
+    under its own likeliest observer.
     """
     n = final.model.acting(final.x).chain.masses.size
     named = final.x.size - without.x.size

@@ -31,6 +31,7 @@ from diagnosis.trials import (
     Say,
     Step,
     Trial,
+    against_physics,
     at_bound,
     evidence,
     silent,
@@ -102,6 +103,8 @@ def settled_without(asked: Asked) -> tuple[Problem, Fitted] | None:
     try:
         again = settle(asked.problem.experiments, own.model, best.settled.x[: own.x.size])
     except ValueError:
+        return None
+    if against_physics(again[1]):
         return None
     return again if again[0].cost(again[1]) < asked.problem.cost(own) - HOPE else None
 

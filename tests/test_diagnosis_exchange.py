@@ -115,3 +115,30 @@ def test_a_directional_friction_is_split_into_what_it_contains():
         _, found = split(problem, current, silent, freely)
         labels = set(effect_labels(found.model.effects))
         assert labels == {"constant_force@m1", "coulomb_friction@m1"}
+
+
+@pytest.mark.parametrize(("more", "gained", "exchanged"), [
+    (1, 15.5, False), (1, 16.5, True), (2, 16.5, False), (2, 18.5, True),
+])  # fmt: skip
+def test_what_contains_an_effect_pays_its_parameters_and_no_less_than_four_sigma(
+    monkeypatch: pytest.MonkeyPatch, more: int, gained: float, exchanged: bool
+):
+    """ln of 5900 samples is 8.7 a parameter.
+
+    Mutations that break it: five sigma besides the parameters; the parameters alone.
+    """
+    friction = make_physics("coulomb_friction", "m1", level=4e-3)
+    e = record(phantom().with_physics(friction), 6.0, seed=11)
+    problem, _ = refit(phantom(), [e], (friction,))
+    current = fitted_with(problem, friction)
+    values = {"level": 4e-3, "static_level": 6e-3, "velocity": 0.1}
+    free = dict(list(values.items())[: more + 1])
+    model = Model(phantom(), (make_physics("stribeck_friction", "m1", **values),), (free,))
+    x = np.zeros(len(model.parameters))
+    richer = Fitted(model, x, current.chi2 - gained, current.residual, np.ones((1, x.size)), 5900)
+    trial = Trial("stribeck_friction@m1", richer, gained, more)
+    monkeypatch.setattr(exchange, "inflation", lambda _: 1.0)
+    monkeypatch.setattr(exchange, "richer_trials", lambda *_: [trial])
+    monkeypatch.setattr(exchange, "_settled", lambda *_: (problem, richer))
+    _, found = exchange.merged(problem, current, silent)
+    assert (found is richer) is exchanged

@@ -399,6 +399,22 @@ def test_a_gap_is_walked_to_its_deepest_valley():
         assert found == pytest.approx(gap, rel=0.02)
 
 
+def test_friction_that_sticks_less_than_it_slides_is_none_beside_a_drag():
+    """It grows with speed as a drag does, and would stand for one.
+
+    Mutation that breaks it: the last effect looked at alone.
+    """
+    values = {"level": 1e-3, "static_level": 2e-3, "velocity": 0.1}
+    sticking = make_physics("stribeck_friction", "m1", **values)
+    drag = make_physics("quadratic_drag", "m1", coefficient=1e-4)
+    model = Model(phantom(), (sticking, drag), ({"level": 1e-3}, {"coefficient": 1e-4}))
+    x = np.zeros(len(model.parameters))
+    for moved, fault in ((0.9, ""), (1.1, "static_level")):
+        x[-2] = moved
+        fitted = Fitted(model, x.copy(), 0.0, np.zeros(1), np.zeros((1, x.size)), 1)
+        assert trials.at_bound(fitted) == fault
+
+
 def test_the_sharpest_hysteresis_is_no_fault():
     """On the bound of its shape it stays a candidate; on that of its level it does not.
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from controllers.excitation import noise
 from controllers.recorded import recorded
 from diagnosis.diagnose import diagnose, rivals_of
 from diagnosis.experiment import Experiment, Output
@@ -18,7 +19,14 @@ from sim.device import Device
 from sim.device_file import device_from_text, device_to_text
 from sim.physics import make_physics
 from sim.run import simulate
-from tests.diagnosis_examples import OUTPUTS, phantom, record, shifted
+from tests.diagnosis_examples import (
+    ENCODER_NOISE,
+    FORCE_NOISE,
+    OUTPUTS,
+    phantom,
+    record,
+    shifted,
+)
 from zwidth.diagnosis_report import Commands, save_report, sentence
 
 
@@ -168,3 +176,27 @@ def test_an_augmented_device_has_nothing_missing():
     """The loop closes: what was found explains the recording."""
     truth: Device = phantom().with_physics(make_physics("coulomb_friction", "m1", level=4e-3))
     assert diagnose(truth, [record(truth, 3.0, seed=8)]).verdict is Verdict.NOTHING_MISSING
+
+
+def test_what_shows_in_the_held_out_data_alone_is_named_and_said():
+    """An amplifier that meets its limit in the last seconds only.
+
+    Mutation that breaks it: no second look, after which a force without a name is left.
+    """
+    weak = np.where(np.arange(6000) < 4300, 0.25, 1.0)
+    truth = phantom().with_physics(make_physics("saturation", "command", limit=0.25))
+    random = np.random.default_rng(3)
+    command = weak * noise(duration=6.0, seed=3)
+    force = FORCE_NOISE * random.standard_normal(command.size)
+    run = simulate(truth, recorded(command), duration=6.0, disturbance=force)
+    position = run.trace["position_m1"] + ENCODER_NOISE * random.standard_normal(command.size)
+    e = Experiment(0.001, command, position[:, None], OUTPUTS)
+    assert np.abs(command[:4200]).max() < 0.25
+    found = diagnose(phantom(), [e])
+    assert [(f.effect, f.at) for f in found.findings] == [("saturation", "command")]
+    assert found.findings[0].parameters["limit"].value == pytest.approx(0.25, rel=0.02)
+    assert [f.kind for f in found.faults] == ["held_out_used"]
+    assert (
+        "saturation@command could be named only with the held-out data" in found.faults[0].sentence
+    )
+    assert found.one_step.after < found.one_step.refit
