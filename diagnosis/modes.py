@@ -12,6 +12,7 @@ acceleration of the device without the mass, so starts are good while m is small
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,9 +86,7 @@ def _resonances(
     for hertz in np.geomspace(LOWEST_HZ, HIGHEST / period, FREQUENCIES):
         for ratio in DAMPINGS:
             omega = 2.0 * math.pi * float(hertz)
-            warped = 2.0 / period * math.tan(0.5 * omega * period)
-            top = [2.0 * ratio * warped, warped**2]
-            b, a = bilinear(top, [1.0, *top], 1.0 / period)
+            b, a = _filter(omega, ratio, period)
             parts = [lfilter(b, a, one, axis=0)[SETTLING:].ravel() for one in seen]
             joined = np.concatenate(parts)
             signature = off(np.concatenate([joined, np.zeros(base.size - joined.size)]))
@@ -95,6 +94,14 @@ def _resonances(
             along = -float(base @ signature)
             if size > 0.0 and along > 0.0:
                 yield Resonance(along**2 / size, along / size, omega, ratio)
+
+
+@cache
+def _filter(omega: float, ratio: float, period: float) -> tuple[Floats, Floats]:
+    """H as a filter of samples: bilinear, exact at omega."""
+    warped = 2.0 / period * math.tan(0.5 * omega * period)
+    top = [2.0 * ratio * warped, warped**2]
+    return bilinear(top, [1.0, *top], 1.0 / period)
 
 
 def _start(at: str, one: Resonance, host: float) -> Start:
