@@ -47,6 +47,9 @@ HOPE = 10.0  # -2 log likelihood gained by a trial as it stands, to be worth set
 WEAK = 200.0  # -2 log likelihood gained, below which a slower observer must agree
 RATHER = 0.3  # of what the best explains, that another must to be looked at
 WIDENED = (0.8, 1.0, 1.25)  # gaps of play, from which a device file's values are fitted
+WALKED = 12.0  # -2 log likelihood beyond `HOPE` that play must gain for its gaps to be walked
+STOPPED = 300.0  # the same behind the best, by which a first fit of play leads nowhere
+NEARLY = 100.0  # the same, within which a walk may lead to a deeper valley
 SHARPENED = 3  # times that an encoder's error is predicted again
 
 
@@ -238,7 +241,7 @@ def settled_on(
     """
     experiments = trial.experiments or experiments
     problem, settled = settle(experiments, trial.fitted.model, trial.fitted.x, worth)
-    if trial.effect == "backlash":
+    if trial.effect == "backlash" and problem.cost(settled) < worth - WALKED:
         problem, settled = _deepest_valley(problem, settled)
     if settled.model.sensor_error_known:
         for _ in range(SHARPENED):
@@ -253,16 +256,25 @@ def _deepest_valley(problem: Problem, settled: Fitted) -> tuple[Problem, Fitted]
     Also, with wider and narrower gaps, from the linear parameters of the device file: a refit
     without play bends far, and what starts there stays in another valley.
     """
-    straight = np.where([p.prior for p in settled.model.parameters], 0.0, settled.x)
-    starts = [settled.x, *(with_gaps(settled.model, straight, factor) for factor in WIDENED)]
-    best = problem, settled
-    for x in starts:
+
+    def cost(at: tuple[Problem, Fitted]) -> float:
+        return at[0].cost(at[1])
+
+    model = settled.model
+    best = min((problem, settled), _walked(problem, settled), key=cost)
+    straight = np.where([p.prior for p in model.parameters], 0.0, settled.x)
+    for factor in WIDENED:
         with suppress(ValueError):
-            there, fitted = settle(problem.experiments, settled.model, x)
-            walked = along_gaps(there, fitted)
-            there, fitted = settle(there.experiments, settled.model, walked.x)
-            best = min(best, (there, fitted), key=lambda b: b[0].cost(b[1]))
+            start = with_gaps(model, straight, factor)
+            there = settle(problem.experiments, model, start, cost(best) + STOPPED)
+            if cost(there) < cost(best) + NEARLY:
+                best = min(best, _walked(*there), key=cost)
     return best
+
+
+def _walked(problem: Problem, fitted: Fitted) -> tuple[Problem, Fitted]:
+    walked = along_gaps(problem, fitted)
+    return settle(problem.experiments, fitted.model, walked.x)
 
 
 def runs_freer(asked: Asked, best: Answer, settled: Fitted) -> Answer | None:

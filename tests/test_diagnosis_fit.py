@@ -399,6 +399,23 @@ def test_a_gap_is_walked_to_its_deepest_valley():
         assert found == pytest.approx(gap, rel=0.02)
 
 
+@pytest.mark.parametrize(("beyond", "walked"), [(11.0, False), (13.0, True)])
+def test_gaps_are_walked_where_play_gains_more_than_chance(
+    monkeypatch: pytest.MonkeyPatch, beyond: float, walked: bool
+):
+    """Beside friction chance gains 11 by a play, and walking its gaps took 25 s.
+
+    Mutation that breaks it: gaps walked whatever they gain.
+    """
+    problem, fitted = refit(phantom(), [record(phantom(), 2.0, seed=12)])
+    walks: list[Fitted] = []
+    monkeypatch.setattr(views, "settle", lambda *_: (problem, fitted))
+    monkeypatch.setattr(views, "_deepest_valley", lambda p, f: walks.append(f) or (p, f))
+    trial = trials.Trial("backlash@link12", fitted, 30.0, 1)
+    views.settled_on(trial, problem.experiments, problem.cost(fitted) + beyond)
+    assert bool(walks) is walked
+
+
 def test_friction_that_sticks_less_than_it_slides_is_none_beside_a_drag():
     """It grows with speed as a drag does, and would stand for one.
 
