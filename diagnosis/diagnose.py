@@ -150,7 +150,7 @@ def _second_look(
     left = left_over(again, acted)
     if not new or matters(again, left, named=True) or instead_of(again) is not None:
         return None
-    names = " and ".join(new)
+    names = " and ".join(label.replace("@", " at ") for label in new)
     sentence = (
         f"{names} could be named only with the held-out data, which therefore do not judge it;"
         " give a second recording by --validate"

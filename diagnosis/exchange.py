@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.stats import chi2
 
 from diagnosis.candidates import CONTAINED, acts_on, candidates, simpler
 from diagnosis.fit import Fitted, Problem
@@ -33,7 +34,7 @@ from sim.device import place_label
 
 MOST = 3  # effects
 SWAP_GAIN = 4.0  # chi-square by which an effect as simple must be better to replace one
-RICHER = 16.0  # the same of one that contains it, at the least the price of its parameters
+RICHER = 1e-3  # odds at which chance makes what contains an effect so much better
 TRUSTED = 0.03  # of what an effect explains, below which no law is taken for exact
 SEEN = 2.0  # thresholds that every effect must gain under the likeliest observer to be exchanged
 CHOICE = 2.0 * float(np.log(40))  # chi-square that one effect more costs, one of forty to choose
@@ -96,8 +97,10 @@ def merged(problem: Problem, current: Fitted, say: Say) -> tuple[Problem, Fitted
 
     Coulomb friction with a drag may be Stribeck friction, with a constant force directional: the
     simpler one, found first, bars the richer, and what is left then looks like something else. One
-    for one must be better by four sigma, and pay its parameters: the steps of the search ask more,
-    when other physics is still missing and makes the richer look better. And by a share of what the
+    for one must be better than chance makes it once in a thousand: where both are five sigma apart
+    on the whole recording, that errs as seldom one way as the other, and what is nearer is named as
+    a rival. (The steps of the search ask more, when other physics is still missing and makes the
+    richer look better.) And by a share of what the
     simple one explains: strong friction stops inside a substep, and bristles of 1e-6 rad, which
     nobody could see, explained 1 % more than none.
     """
@@ -108,9 +111,10 @@ def merged(problem: Problem, current: Fitted, say: Say) -> tuple[Problem, Fitted
     for i, one in enumerate(current.model.effects):
         alone = fit_without(problem, current, i)
         for trial in richer_trials(problem, alone, one):
-            whole = trial.fitted.x.size
-            least = max(RICHER * wide, TRUSTED * (alone.chi2 - current.chi2))
-            asked = trial.fitted.chi2 + max(least + price * current.x.size, price * whole)
+            more = trial.fitted.x.size - current.x.size
+            chance = wide * float(chi2.isf(RICHER, max(1, more)))
+            least = max(chance, TRUSTED * (alone.chi2 - current.chi2))
+            asked = trial.fitted.chi2 + price * current.x.size + least
             if asked < paid and not trial.on_bound:
                 best, paid = trial, asked
         for j in range(len(alone.model.effects)):
@@ -181,9 +185,9 @@ def _simplest_instead(problem: Problem, current: Fitted, index: int) -> Fitted |
             tried = model.with_effect(start.physics, start.scales)
             begin = np.concatenate([x, np.zeros(len(tried.parameters) - x.size)])
             residual = problem.residual(tried, begin)
-            chi2 = float(residual @ residual)
-            if start.label not in best or chi2 < best[start.label][0]:
-                best[start.label] = chi2, tried, begin
+            left = float(residual @ residual)
+            if start.label not in best or left < best[start.label][0]:
+                best[start.label] = left, tried, begin
     fits = [problem.fit(tried, begin) for _, tried, begin in best.values()]
     kept = [f for f in fits if not at_bound(f)]
     return min(kept, key=lambda f: f.chi2, default=None)

@@ -197,6 +197,7 @@ def test_what_shows_in_the_held_out_data_alone_is_named_and_said():
     assert found.findings[0].parameters["limit"].value == pytest.approx(0.25, rel=0.02)
     assert [f.kind for f in found.faults] == ["held_out_used"]
     assert (
-        "saturation@command could be named only with the held-out data" in found.faults[0].sentence
+        "saturation at command could be named only with the held-out data"
+        in found.faults[0].sentence
     )
     assert found.one_step.after < found.one_step.refit

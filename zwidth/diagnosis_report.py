@@ -105,7 +105,7 @@ def next_sentence(planned: NextExperiment | None) -> str:
     """Say what to record next, "" where nothing is in doubt."""
     if planned is None:
         return ""
-    a, b = planned.separates
+    a, b = (label.replace("@", " at ") for label in planned.separates)
     sigma = f"{planned.separation_sigma:.3g} sigma"
     words = planned.excitation.replace("_", " ")
     return (
