@@ -46,6 +46,7 @@ def search(
     size = np.sqrt(linear.chi2 / linear.samples)
     say(f"linear refit: innovations {size:.3f} of their noise model")
     current, steps, interrupted = linear, list[Step](), False
+    likely: tuple[Problem, Fitted] | None = None  # what likelihood took before free runs decided
     trusted = False  # an observer that trusts the model was followed for its free runs
     try:
         for _ in range(2 * MOST):
@@ -65,6 +66,7 @@ def search(
             if freer is not None:
                 say(f"an observer that trusts the model more takes {freer.trial.label}")
                 # Free runs speak for it, and the likeliest observer hides what is slow: it stays.
+                likely = likely or (answer.problem, best)
                 answer, best, trusted = freer, _pruned_but(freer), True
             say(f"taken: {answer.trial.label}")
             steps.append(replace(answer.step, taken=answer.trial))
@@ -90,14 +92,19 @@ def search(
         interrupted = True
     if current.model.effects:
         problem, current = longer_view(experiments, problem, current)
-        current = prune(problem, current)
-        if not interrupted:
-            if problem.observer.whitening is None:  # free runs decided
-                problem, current = split(problem, current, say, freely=True)
-            steps += _unweighed(problem, current, steps, say)
         white = problem.observer.whitening is not None
         if white and not leftover(problem, current).significant:  # else it is not noise alone
-            problem = under_likeliest_noise(problem, current)
+            calm = under_likeliest_noise(problem, current)
+            if calm is not problem:  # before anything goes: white noise of another colour hides it
+                problem, current = calm, calm.fit(current.model, current.x)
+        kept = prune(problem, current)
+        if not kept.model.effects and likely is not None:
+            problem, kept = likely  # which was believed
+        white, current = problem.observer.whitening is not None, kept
+        if not interrupted:
+            if not white:  # free runs decided
+                problem, current = split(problem, current, say, freely=True)
+            steps += _unweighed(problem, current, steps, say)
     problem = Problem(problem.experiments, problem.observer, FINAL)
     current = over_creases(problem, problem.fit(current.model, current.x))
     kept = prune(problem, current)  # what the coarser search saw may be nothing
