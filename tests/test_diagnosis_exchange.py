@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from diagnosis import exchange
+from diagnosis import exchange, search
 from diagnosis.candidates import MAGNITUDE
 from diagnosis.exchange import paired, plainly_there, split, swapped
 from diagnosis.fit import Fitted, Problem
 from diagnosis.parameters import Model, effect_labels
 from diagnosis.settle import refit
 from diagnosis.trials import Step, Trial
+from diagnosis.views import Answer, Asked
 from sim.physics import make_physics
 from sim.physics.effect import Physics
 from tests.diagnosis_examples import phantom, record
@@ -148,3 +149,36 @@ def test_what_contains_an_effect_must_be_better_than_by_chance_or_by_an_inexact_
     monkeypatch.setattr(exchange, "_settled", lambda *_: (problem, richer))
     _, found = exchange.merged(problem, current, silent)
     assert (found is richer) is exchanged
+
+
+def test_what_likelihood_believed_comes_back_where_free_runs_leave_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    """An observer that trusts the model takes a force of no size in place of the friction.
+
+    Mutation that breaks it: what likelihood took is forgotten.
+    """
+    friction = make_physics("coulomb_friction", "m1", level=4e-3)
+    nothing = make_physics("constant_force", "m1", level=1e-9)
+    e = record(phantom().with_physics(friction), 3.0, seed=11)
+    problem, _ = refit(phantom(), [e], (friction,))
+    linear, right, wrong = (fitted_with(problem, *p) for p in ((), (friction,), (nothing,)))
+
+    def answer(name: str, fitted: Fitted) -> Answer:
+        trial = Trial(name, fitted, 100.0, 1)
+        step = Step((trial,), trial, 1.0, (trial,))
+        return Answer(step, trial, problem, False, problem, fitted, 0.0)
+
+    likely, freer = answer("coulomb_friction@m1", right), answer("constant_force@m1", wrong)
+    believed = [[likely], list[Answer]()]
+
+    def ask(*_: object) -> Asked:
+        return Asked(
+            problem, linear if len(believed) > 1 else wrong, freer.step, believed.pop(0), []
+        )
+
+    monkeypatch.setattr(search, "refit", lambda *_: (problem, linear))
+    monkeypatch.setattr(search, "ask", ask)
+    monkeypatch.setattr(search, "runs_freer", lambda *_: freer)
+    found = search.search(phantom(), [e])
+    assert effect_labels(found.final.model.effects) == ["coulomb_friction@m1"]
