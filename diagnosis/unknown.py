@@ -20,6 +20,7 @@ likelier with no more unknowns, what was found has no name.
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -38,6 +39,7 @@ from diagnosis.settle import cost_at, prepared_for
 from diagnosis.spatial import response
 from diagnosis.uncertainty import inflation
 from diagnosis.views import SLOWER, WEAK, views
+from sim.ensemble import in_parallel, threads
 
 Floats = NDArray[np.float64]
 # Of the samples, between bins: narrow at the ends, where a stop is.
@@ -144,21 +146,24 @@ def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None
     problem = prepared_for(experiments, fitted.model, fitted.x)
     plain = problem.fit(fitted.model, fitted.x)
     asked = list(views(problem, plain, experiments, lambda _: None))
-    without = [alone(there, view.experiments) for view, there, _ in asked]
+    without = in_parallel([partial(alone, at, v.experiments) for v, at, _ in asked], threads())
     base = min(problem.cost(plain), *without)
-    for view, there, _ in asked:
-        tried = sorted(_gains(view, there), key=_surplus, reverse=True)
-        for one in tried[:JUDGED]:
-            try:
-                forced = _with_force(view, there, one, base)
-            except ValueError:  # no observer follows the recording with that force
-                continue
-            # A likelihood may gain by more than the force, as by another beginning.
-            found = max(forced.cost, base - one.gained)
-            if one.shape.follows == "time" and base - found < TOUCHED:
-                continue
-            if best is None or found < best[0]:
-                best = found, one, forced
+    gains = in_parallel([partial(_gains, v, at) for v, at, _ in asked], threads())
+    tried = [
+        (view, there, one)
+        for (view, there, _), every in zip(asked, gains, strict=True)
+        for one in sorted(every, key=_surplus, reverse=True)[:JUDGED]
+    ]
+    judged = in_parallel([partial(_if_followed, *each, base) for each in tried], threads())
+    for (_, _, one), forced in zip(tried, judged, strict=True):
+        if forced is None:
+            continue
+        # A likelihood may gain by more than the force, as by another beginning.
+        found = max(forced.cost, base - one.gained)
+        if one.shape.follows == "time" and base - found < TOUCHED:
+            continue
+        if best is None or found < best[0]:
+            best = found, one, forced
     if best is None:
         return None
     found, one, forced = best
@@ -290,6 +295,13 @@ def alone(fitted: Fitted, experiments: Sequence[Experiment]) -> float:
         if found > before - STILL:
             break
     return found
+
+
+def _if_followed(view: Problem, fitted: Fitted, one: Gained, base: float) -> Forced | None:
+    """As `_with_force`; None where no observer follows the recording with that force."""
+    with suppress(ValueError):
+        return _with_force(view, fitted, one, base)
+    return None
 
 
 def _with_force(view: Problem, fitted: Fitted, one: Gained, base: float) -> Forced:
