@@ -447,3 +447,31 @@ def test_the_sharpest_hysteresis_is_no_fault():
         there = x.copy()
         there[at] = model.parameters[at].upper
         assert trials.at_bound(replace(fitted, x=there)) == fault
+
+
+@pytest.mark.parametrize(("gap_gains", "kept"), [(10.0, False), (100.0, True)])
+def test_play_must_explain_more_than_play_of_no_gap(
+    monkeypatch: pytest.MonkeyPatch, gap_gains: float, kept: bool
+):
+    """Without any, chi-square is 3600 higher: the kernel steps otherwise.
+
+    Mutation that breaks it: play held against its absence alone.
+    """
+    play = make_physics("backlash", "link12", gap=1e-3)
+    model = Model(phantom(), (play,), ({"gap": 1e-3},))
+    x = np.zeros(len(model.parameters))
+    white = np.random.default_rng(1).standard_normal(400)
+    residual = np.concatenate([white, np.zeros(sum(p.prior for p in model.parameters))])
+    chi2 = float(residual @ residual)
+    full = Fitted(model, x, chi2, residual, np.ones((residual.size, x.size)), 400)
+    without = Fitted(Model(phantom()), x[:-1], 4000.0, residual, full.jacobian[:, 1:], 400)
+
+    def at(_: Model, there: Floats) -> Floats:
+        assert 1e-3 * (1.0 + there[-1]) == pytest.approx(1e-15, abs=1e-18)
+        return residual * np.sqrt(1.0 + gap_gains / chi2)
+
+    problem = Creased(x, 0.0)
+    monkeypatch.setattr(problem, "residual", at)
+    monkeypatch.setattr(removal, "fit_without", lambda *_: without)
+    monkeypatch.setattr(removal, "wald", lambda *_: (25.0, 1))
+    assert (removal.prune(problem, full) is full) is kept
