@@ -57,7 +57,8 @@ def diagnose(
     """Say why recordings differ from the simulation of a device.
 
     validate: recordings to judge by; without them the last 30 % of each recording are kept for it
-    and opened once, at the end. Raises ExperimentError or ValueError with one sentence.
+    and opened once, at the end: to judge, and where a force of no name is left in them, to name it,
+    which a fault then says. Raises ExperimentError or ValueError with one sentence.
     """
     swing = max(e.swing for e in experiments)  # one origin for all
     experiments = [replace(e, swing=swing) for e in experiments]
@@ -81,10 +82,9 @@ def diagnose(
     left, other = left_over(found, acted), instead_of(found)
     by = found
     if validate is None and _named_only_whole(found, left, other):
-        again = _second_look(device, found, acted, say)
-        if again is not None:
-            found, left, note = again
-            by, faults = _on_first_part(found), (*faults, note)
+        found, left, note = second_look(device, found, left, acted, say)
+        if note is not None:
+            by, faults = on_first_part(found), (*faults, note)
     say("locating")
     located = locate(found.problem, found.refit)
     final_device = found.final.model.build(found.final.x)
@@ -134,32 +134,45 @@ def _named_only_whole(found: Searched, left: Left, other: Instead | None) -> boo
     return unnamed and other is None and not found.interrupted
 
 
-def _second_look(
-    device: Device, found: Searched, acted: Sequence[Experiment], say: Say
-) -> tuple[Searched, Left, Fault] | None:
+def second_look(
+    device: Device, found: Searched, left: Left, acted: Sequence[Experiment], say: Say
+) -> tuple[Searched, Left, Fault | None]:
     """Search all that was recorded, where a force is seen there that has no name in the first part.
 
     A command may meet its limit in the last seconds only. What has a name then was named with the
-    data that were to judge it, which the note says. None where nothing new has a name, or where
-    something is still left.
+    data that were to judge it, which the note says. What was found before is returned, without a
+    note, where nothing new has a name, something is still left, a name is lost, or it was
+    interrupted, which it then says.
     """
     say("a force of no name is left in all that was recorded: all of it is searched")
-    again = search(device, acted, say)
-    known = effect_labels(found.final.model.effects)
-    new = [n for n in effect_labels(again.final.model.effects) if n not in known]
-    left = left_over(again, acted)
-    if not new or matters(again, left, named=True) or instead_of(again) is not None:
-        return None
+    try:
+        again = search(device, acted, say)
+    except (ValueError, KeyboardInterrupt) as end:
+        return replace(found, interrupted=isinstance(end, KeyboardInterrupt)), left, None
+    if again.interrupted:
+        return replace(found, interrupted=True), left, None
+    known, labels = (effect_labels(s.final.model.effects) for s in (found, again))
+
+    def akin(one: str, others: Sequence[str]) -> bool:
+        within = [o for o in others if one in _containing(o, device.rotary)]
+        return one in others or bool(within) or bool({*others} & {*_containing(one, device.rotary)})
+
+    new = [label for label in labels if not akin(label, known)]
+    if not new or not all(akin(label, labels) for label in known):
+        return found, left, None
+    beyond = left_over(again, acted)
+    if matters(again, beyond, named=True) or instead_of(again) is not None:
+        return found, left, None
     names = " and ".join(label.replace("@", " at ") for label in new)
     sentence = (
         f"{names} could be named only with the held-out data, which therefore do not judge it;"
         " give a second recording by --validate"
     )
-    return again, left, Fault("held_out_used", sentence, False, float(len(new)))
+    return again, beyond, Fault("held_out_used", sentence, False, float(len(new)))
 
 
-def _on_first_part(found: Searched) -> Searched:
-    """The same models fitted to what is not held out."""
+def on_first_part(found: Searched) -> Searched:
+    """The same models fitted to the first part, as far as that determines them."""
     parts = [e.split()[0] for e in found.problem.experiments]
     there = Problem(parts, found.problem.observer, FINAL)
     refit, final = (there.fit(f.model, f.x) for f in (found.refit, found.final))

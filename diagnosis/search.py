@@ -21,7 +21,7 @@ from diagnosis.parameters import Model, effect_labels
 from diagnosis.predictor import FINAL
 from diagnosis.removal import prune
 from diagnosis.settle import refit, under_likeliest_noise
-from diagnosis.trials import Say, Step
+from diagnosis.trials import Say, Step, against_physics
 from diagnosis.views import Answer, ask, runs_freer
 from sim.device import Device
 
@@ -92,25 +92,41 @@ def search(
         interrupted = True
     if current.model.effects:
         problem, current = longer_view(experiments, problem, current)
-        white = problem.observer.whitening is not None
-        if white and not leftover(problem, current).significant:  # else it is not noise alone
-            calm = under_likeliest_noise(problem, current)
-            if calm is not problem:  # before anything goes: white noise of another colour hides it
-                problem, current = calm, calm.fit(current.model, current.x)
-        kept = prune(problem, current)
-        if not kept.model.effects and likely is not None:
-            problem, kept = likely  # which was believed
-        white, current = problem.observer.whitening is not None, kept
+        problem, current = _calm(problem, current)
+        current = prune(problem, current)
         if not interrupted:
-            if not white:  # free runs decided
+            if problem.observer.whitening is None:  # free runs decided
                 problem, current = split(problem, current, say, freely=True)
             steps += _unweighed(problem, current, steps, say)
+    problem, current = _ended(problem, current)
+    if not current.model.effects and likely is not None:  # nothing of the free runs' choice pays
+        problem, current = _calm(*likely)
+        if not interrupted:
+            steps += _unweighed(problem, current, steps, say)
+        problem, current = _ended(problem, current)
+    baseline = problem.fit(Model(device), linear.x)
+    return Searched(problem, baseline, current, tuple(steps), interrupted)
+
+
+def _calm(problem: Problem, current: Fitted) -> tuple[Problem, Fitted]:
+    """The fit under the likeliest model of the noise, where noise alone is left.
+
+    Before anything is removed: noise of another colour than it is taken for hides what is there.
+    """
+    if problem.observer.whitening is None or leftover(problem, current).significant:
+        return problem, current
+    calm = under_likeliest_noise(problem, current)
+    return calm, current if calm is problem else calm.fit(current.model, current.x)
+
+
+def _ended(problem: Problem, current: Fitted) -> tuple[Problem, Fitted]:
+    """The last fit, with finer substeps and amid its creases."""
     problem = Problem(problem.experiments, problem.observer, FINAL)
     current = over_creases(problem, problem.fit(current.model, current.x))
     kept = prune(problem, current)  # what the coarser search saw may be nothing
-    current = across_creases(problem, current if kept is current else over_creases(problem, kept))
-    baseline = problem.fit(Model(device), linear.x)
-    return Searched(problem, baseline, current, tuple(steps), interrupted)
+    return problem, across_creases(
+        problem, current if kept is current else over_creases(problem, kept)
+    )
 
 
 def _unweighed(problem: Problem, current: Fitted, steps: Sequence[Step], say: Say) -> list[Step]:
@@ -135,6 +151,7 @@ def surviving(believed: Sequence[Answer]) -> tuple[Answer, Fitted] | None:
     """Return the first answer whose effect stays when what no longer pays is removed."""
     for answer in believed:
         pruned = prune(answer.problem, answer.settled)
-        if answer.trial.label in effect_labels(pruned.model.effects):
+        kept = answer.trial.label in effect_labels(pruned.model.effects)
+        if kept and not against_physics(pruned):
             return answer, pruned
     return None

@@ -131,7 +131,7 @@ def take(
         trials.append(Trial(t.label, light, t.gained, 1, "", t.price, t.problem.experiments))
     for t in trials:
         if t.on_bound and t.gained > THRESHOLD * wide:
-            say(f"{t.label} is left out: its {t.on_bound} runs out of what physics allows")
+            say(f"{t.label} is left out: with it, {t.on_bound} runs out of what physics allows")
     trials = [t for t in trials if not t.on_bound]
     trials.sort(key=lambda t: evidence(t, current.samples), reverse=True)
     if not trials:

@@ -54,6 +54,7 @@ TOUCHED = 300.0  # the same, of a force that follows time alone: less is slow no
 CUBE = "the cube of velocity"
 CLEARLY = 25.0  # -2 log likelihood by which a force of no library must beat a name
 PART = 0.5  # of what the named explain, that such a force must to first order
+WAVING = 3  # unknowns of what repeats: cosine, sine and period
 SWINGS = np.arange(0.5, 10.0, 0.25)  # half periods over the travel, of an inertia
 JUDGED = 3  # shapes of each view whose likelihood is looked at
 
@@ -192,11 +193,14 @@ def instead(
     named = final.x.size - without.x.size
     lost = without.chi2 - final.chi2
     shapes = [s for s in _shapes(problem, without, n) if s.follows == CUBE]
-    line = leftover(problem, without)
     off = Complement(without.jacobian)
-    lines = [_swinging(problem, without, off, n)]
-    if line.gained > line.chance * inflation(without.white):
-        lines.append(line)
+    lines: list[Leftover] = []
+    if named >= WAVING:
+        line = leftover(problem, without)
+        if line.gained > line.chance * inflation(without.white):
+            lines.append(line)
+        if experiments[0].outputs[0].quantity == "position":  # else its travel is a drift
+            lines.append(_swinging(problem, without, off, n))
     for one in lines:
         shapes.append(_repeating(problem, without, _between_lines(problem, without, off, one), n))
     best: Instead | None = None

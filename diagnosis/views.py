@@ -201,7 +201,7 @@ def _settled(
             say(f"{trial.label} is left out: {error}")
             continue
         if key := at_bound(fitted):
-            say(f"{trial.label} is left out: its {key} runs out of what physics allows")
+            say(f"{trial.label} is left out: with it, {key} runs out of what physics allows")
             continue
         paid = problem.cost(fitted) + trial.price
         least = THRESHOLD * wide + 2.0 * trial.parameters
@@ -261,7 +261,9 @@ def _deepest_valley(problem: Problem, settled: Fitted) -> tuple[Problem, Fitted]
         return at[0].cost(at[1])
 
     model = settled.model
-    best = min((problem, settled), _walked(problem, settled), key=cost)
+    best = problem, settled
+    with suppress(ValueError):
+        best = min(best, _walked(problem, settled), key=cost)
     straight = np.where([p.prior for p in model.parameters], 0.0, settled.x)
     for factor in WIDENED:
         with suppress(ValueError):

@@ -9,12 +9,16 @@ import pytest
 
 from controllers.excitation import noise
 from controllers.recorded import recorded
-from diagnosis.diagnose import diagnose, rivals_of
+from diagnosis import diagnose as pipeline
+from diagnosis.diagnose import diagnose, on_first_part, rivals_of
 from diagnosis.experiment import Experiment, Output
 from diagnosis.gate import encoder_step_seen, examine
+from diagnosis.held_out import held_out
 from diagnosis.result import Diagnosis, Verdict
+from diagnosis.search import Searched
 from diagnosis.settle import refit
 from diagnosis.trials import Step, Trial
+from diagnosis.verdict import Left
 from sim.device import Device
 from sim.device_file import device_from_text, device_to_text
 from sim.physics import make_physics
@@ -201,3 +205,29 @@ def test_what_shows_in_the_held_out_data_alone_is_named_and_said():
         in found.faults[0].sentence
     )
     assert found.one_step.after < found.one_step.refit
+    first = on_first_part(found.searched)
+    assert [part.ticks for part in first.problem.experiments] == [4200]
+    by, _ = held_out(phantom(), first, [e.split()[1]])
+    assert found.one_step.after == pytest.approx(by.after, rel=1e-6)
+
+
+@pytest.mark.parametrize("at_once", [True, False])
+def test_an_interrupted_second_look_is_said(monkeypatch: pytest.MonkeyPatch, at_once: bool):
+    """What was found before stays, and is not passed off as all that could be found.
+
+    Mutation that breaks it: the first search's own word for it.
+    """
+    problem, fitted = refit(phantom(), [record(phantom(), 1.0)])
+    found = Searched(problem, fitted, fitted, ())
+
+    def interrupted(*_: object) -> Searched:
+        if at_once:
+            raise KeyboardInterrupt
+        return replace(found, interrupted=True)
+
+    monkeypatch.setattr(pipeline, "search", interrupted)
+    left = Left(100.0, "a force", True)
+    kept, same, note = pipeline.second_look(phantom(), found, left, [], lambda _: None)
+    assert kept.interrupted
+    assert kept.final is fitted
+    assert (same, note) == (left, None)
