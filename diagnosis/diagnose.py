@@ -45,7 +45,7 @@ UNITS = {
     "gain": ("", ""), "origin": ("rms motions", "rms motions"), "jitter": ("s", "s"),
 }  # fmt: skip
 SAME_STEP = 0.01  # relative difference of steps that are the same
-MATTERS = 0.1  # of the noise: a step below is a way to write numbers
+NOTICED = 0.1  # of the noise: a step below is a way to write numbers
 
 
 def diagnose(
@@ -283,7 +283,7 @@ def _encoder(
         return None
     step, known = max(seen), device.interface.encoder_step
     noise = float(found.problem.observer.deviation[acted[0].outputs.index(position)])
-    if abs(step - known) < SAME_STEP * known or step < MATTERS * noise:
+    if abs(step - known) < SAME_STEP * known or step < NOTICED * noise:
         return None
     values = sum(e.ticks for e in acted)
     sigma = float(np.sqrt(-2.0 * values * np.log(2.0 * ON_LATTICE)))
