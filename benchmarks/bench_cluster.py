@@ -17,15 +17,15 @@ from pathlib import Path
 import numpy as np
 import psutil
 
-from sim.device import Device
-from sim.device_file import load_device
-from sim.physics import make_physics
-from stability.bisection import Trial
-from stability.cluster import Cluster
-from stability.fate_map import make_map
-from stability.fates import evaluate
-from stability.part_store import PartStore
-from stability.plane import Axis, Plane, with_friction
+from zwidth.jobs.cluster import Cluster
+from zwidth.jobs.store import PartStore
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import load_device
+from zwidth.sim.physics import make_physics
+from zwidth.stability.bisection import Trial
+from zwidth.stability.fate_map import make_map
+from zwidth.stability.fates import evaluate
+from zwidth.stability.plane import Axis, Plane, with_friction
 
 PORT = 18786
 B, K = Axis("B", 0.0, 0.12), Axis("K", 0.5, 50.0)

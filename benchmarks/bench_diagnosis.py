@@ -17,16 +17,16 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command does: cores
 
 import numpy as np
 
-from controllers.excitation import noise
-from controllers.recorded import recorded
-from diagnosis.diagnose import diagnose
-from diagnosis.experiment import Experiment, Output
-from sim.chain import make_chain
-from sim.device import Device
-from sim.device_file import load_device
-from sim.interface import Interface
-from sim.physics import make_physics
-from sim.run import simulate
+from zwidth.controllers.excitation import noise
+from zwidth.controllers.recorded import recorded
+from zwidth.diagnosis.diagnose import diagnose
+from zwidth.diagnosis.experiment import Experiment, Output
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import load_device
+from zwidth.sim.interface import Interface
+from zwidth.sim.physics import make_physics
+from zwidth.sim.run import simulate
 
 FRICTION = make_physics("coulomb_friction", "m1", level=4e-3)
 SINGLE = Device("one mass", "", True, make_chain([2e-4], [2e-3]), Interface(period=1e-3))

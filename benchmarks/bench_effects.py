@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from controllers.wall import wall
-from sim.device import Device
-from sim.device_file import load_device
-from sim.kernel import advance, scratch
-from sim.physics import EFFECTS
-from sim.run import Start, prepare
+from zwidth.controllers.wall import wall
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import load_device
+from zwidth.sim.kernel import advance, scratch
+from zwidth.sim.physics import EFFECTS
+from zwidth.sim.run import Start, prepare
 
 sys.path.append(str(Path(__file__).parents[1] / "tests"))
 from physics_examples import example

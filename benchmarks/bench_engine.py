@@ -8,6 +8,7 @@ The peers do the same work on the same device in the same process.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,18 +16,19 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 from scipy.integrate import solve_ivp
 
-from controllers.wall import wall
-from sim.device import Device
-from sim.device_file import load_device
-from sim.ensemble import advance_runs, start_runs, walls
-from sim.equations import equations
-from sim.growth import window_weights
-from sim.kernel import advance, scratch
-from sim.physics import make_physics
-from sim.plant import hold
-from sim.run import Start, prepare
-from stability.bisection import find_brackets
-from stability.linear import boundary, critical_stiffness, last_stable_damping
+from zwidth.controllers.wall import wall
+from zwidth.jobs.parallel import in_parallel
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import load_device
+from zwidth.sim.ensemble import advance_runs, start_runs, walls
+from zwidth.sim.equations import equations
+from zwidth.sim.growth import window_weights
+from zwidth.sim.kernel import advance, scratch
+from zwidth.sim.physics import make_physics
+from zwidth.sim.plant import hold
+from zwidth.sim.run import Start, prepare
+from zwidth.stability.bisection import find_brackets
+from zwidth.stability.linear import boundary, critical_stiffness, last_stable_damping
 
 LAW = wall(14.0, 0.03)
 TICKS = 20_000
@@ -108,8 +110,9 @@ def test_lanes_over_stiffness_and_damping(
     some = walls(stiffness.ravel(), damping.ravel())
     runs = start_runs(equations(phantom), LAW, some, [Start(1e-3)])
     weights = window_weights(500)
+    together = partial(in_parallel, workers=workers)
     report(
-        benchmark, lambda: advance_runs(runs, weights, 8, workers), 1024 * 4000,
+        benchmark, lambda: advance_runs(runs, weights, 8, together), 1024 * 4000,
         "ns per tick and run", 10,
     )  # fmt: skip
 

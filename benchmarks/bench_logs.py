@@ -21,16 +21,16 @@ from mcap.writer import Writer
 from mcap_protobuf.decoder import DecoderFactory
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from controllers.wall import wall
-from logs.clock import to_log_time
-from logs.mcap_reader import read_log
-from logs.mcap_writer import LogWriter
-from logs.schema import TICK, channel_record, flat_schema, schema_record
-from sim.device import Device
-from sim.device_file import load_device
-from sim.physics import make_physics
-from sim.run import Start, simulate
-from sim.trace import Floats, Trace
+from zwidth.controllers.wall import wall
+from zwidth.logs.clock import to_log_time
+from zwidth.logs.mcap_reader import read_log
+from zwidth.logs.mcap_writer import LogWriter
+from zwidth.logs.schema import TICK, channel_record, flat_schema, schema_record
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import load_device
+from zwidth.sim.physics import make_physics
+from zwidth.sim.run import Start, simulate
+from zwidth.sim.trace import Floats, Trace
 
 EPOCH = 1_763_000_000_123_456_789
 BLOCK = 1000

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from sim.device import Device
-from sim.device_file import load_device
-from stability.bisection import Trial
-from stability.fate_map import make_map
-from stability.fates import evaluate
-from stability.plane import Axis, Plane, with_friction
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import load_device
+from zwidth.stability.bisection import Trial
+from zwidth.stability.fate_map import make_map
+from zwidth.stability.fates import evaluate
+from zwidth.stability.plane import Axis, Plane, with_friction
 
 B, K = Axis("B", 0.0, 0.12), Axis("K", 0.5, 50.0)
 PHANTOM = load_device("phantom_1_0")

@@ -9,9 +9,9 @@ White torque on the PHANToM of Table I for 5 s: innovations with so many substep
 import numpy as np
 from bench_diagnosis import ENCODER_NOISE, record
 
-from diagnosis.predictor import SETTLING, Fineness, innovations, observer_for, prepared
-from sim.device_file import load_device
-from sim.physics import make_physics
+from zwidth.diagnosis.predictor import SETTLING, Fineness, innovations, observer_for, prepared
+from zwidth.sim.device_file import load_device
+from zwidth.sim.physics import make_physics
 
 SECONDS, REFERENCE = 5.0, 512
 SUBSTEPS = (4, 8, 16, 32, 64)

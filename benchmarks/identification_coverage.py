@@ -9,12 +9,12 @@ from functools import partial
 
 import numpy as np
 
-from controllers.excitation import noise
-from controllers.recorded import recorded
-from identification.coordinates import parameters
-from identification.fit import Z95, fit_response
-from sim.device_file import load_device
-from sim.run import simulate
+from zwidth.controllers.excitation import noise
+from zwidth.controllers.recorded import recorded
+from zwidth.identification.coordinates import parameters
+from zwidth.identification.fit import Z95, fit_response
+from zwidth.sim.device_file import load_device
+from zwidth.sim.run import simulate
 
 
 def deviations(seed: int, sigma: float) -> np.ndarray:

@@ -8,14 +8,14 @@ recorded with noise, and diagnosed with the device file alone. One line an effec
 
 import argparse
 
-from diagnosis.diagnose import diagnose
-from diagnosis.excitations import excitation, scale_for
-from diagnosis.limits import Noise, limit, reference, sigma, strengthened
-from diagnosis.magnitude import magnitude_name
-from diagnosis.rehearsal import rehearse
-from sim.device import place_label
-from sim.device_file import load_device
-from sim.physics import make_physics
+from zwidth.diagnosis.diagnose import diagnose
+from zwidth.diagnosis.excitations import excitation, scale_for
+from zwidth.diagnosis.limits import Noise, limit, reference, sigma, strengthened
+from zwidth.diagnosis.magnitude import magnitude_name
+from zwidth.diagnosis.rehearsal import rehearse
+from zwidth.sim.device import place_label
+from zwidth.sim.device_file import load_device
+from zwidth.sim.physics import make_physics
 
 SEEN = Noise(2e-3, 1e-5)
 FITTED = 0.7  # of a recording; the rest is held out

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.controller import Controller, compile_step
+from zwidth.sim.controller import Controller, compile_step
 
 
 def no_step(k, t, y, v, p, m):  # pyright: ignore

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.controller import Controller, compile_step
+from zwidth.sim.controller import Controller, compile_step
 
 
 def recorded_step(k, t, y, v, p, m):  # pyright: ignore

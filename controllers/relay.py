@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from sim.controller import Controller, compile_step
+from zwidth.sim.controller import Controller, compile_step
 
 
 def relay_step(k, t, y, v, p, m):  # pyright: ignore

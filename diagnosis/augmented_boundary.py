@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.scenario import one_is_exact
-from sim.device import Device
-from sim.equations import equations
-from stability.bisection import Bracket, Search, Trial, find_brackets
-from stability.linear import boundary, corner, last_stable_damping
+from zwidth.scenarios.scenario import one_is_exact
+from zwidth.sim.device import Device
+from zwidth.sim.equations import equations
+from zwidth.stability.bisection import Bracket, Search, Trial, find_brackets
+from zwidth.stability.linear import boundary, corner, last_stable_damping
 
 Floats = NDArray[np.float64]
 POINTS, FURTHEST = 8, 0.95  # dampings, up to this share of the last B with a stable K

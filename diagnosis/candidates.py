@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.experiment import Experiment
-from diagnosis.predictor import SETTLING, followed, observer_near
-from sim.device import Device, masses_needed, place_label
-from sim.physics import EFFECTS, make_physics
-from sim.physics.effect import Effect, Physics
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.predictor import SETTLING, followed, observer_near
+from zwidth.sim.device import Device, masses_needed, place_label
+from zwidth.sim.physics import EFFECTS, make_physics
+from zwidth.sim.physics.effect import Effect, Physics
 
 # Of a scale along a line less than one wave in all its travel is a bend, not an eccentricity.
 ECCENTRIC = (1.2, 0.9, 0.7, 0.5, 0.2, 0.07)  # of the travel; what is shorter the residual shows

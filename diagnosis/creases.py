@@ -6,10 +6,10 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.fit import Fitted, Problem
-from diagnosis.parameters import Model
-from diagnosis.uncertainty import DEAD
-from sim.ensemble import in_parallel, threads
+from zwidth.diagnosis.fit import Fitted, Problem
+from zwidth.diagnosis.parameters import Model
+from zwidth.diagnosis.uncertainty import DEAD
+from zwidth.jobs.parallel import in_parallel, threads
 
 Floats = NDArray[np.float64]
 CREASES = 8  # times that slopes and errors are computed in turn, at most

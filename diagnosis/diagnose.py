@@ -8,35 +8,35 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binomtest
 
-from diagnosis.candidates import CONTAINED, MAGNITUDE, acts_on, candidates
-from diagnosis.experiment import Experiment
-from diagnosis.fit import Fitted, Problem
-from diagnosis.gate import ON_LATTICE, Fault, corrected, examine
-from diagnosis.held_out import held_out
-from diagnosis.hold import smooth, was_smooth
-from diagnosis.lattice import STEPPED, chances_seen, step_interval
-from diagnosis.locate import locate
-from diagnosis.next_experiment import NextExperiment, next_experiment
-from diagnosis.parameters import (
+from zwidth.diagnosis.candidates import CONTAINED, MAGNITUDE, acts_on, candidates
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.fit import Fitted, Problem
+from zwidth.diagnosis.gate import ON_LATTICE, Fault, corrected, examine
+from zwidth.diagnosis.held_out import held_out
+from zwidth.diagnosis.hold import smooth, was_smooth
+from zwidth.diagnosis.lattice import STEPPED, chances_seen, step_interval
+from zwidth.diagnosis.locate import locate
+from zwidth.diagnosis.next_experiment import NextExperiment, next_experiment
+from zwidth.diagnosis.parameters import (
     Model,
     effect_labels,
     first_velocity,
     linear_parameters,
     values_of,
 )
-from diagnosis.predictor import FINAL
-from diagnosis.rectified import unfolded
-from diagnosis.removal import fit_without
-from diagnosis.result import NEAR, Diagnosis, Estimate, Finding, Residuals, Rival, Verdict
-from diagnosis.screen import Complement, screen
-from diagnosis.search import Searched, search
-from diagnosis.trials import Say, Step
-from diagnosis.uncertainty import Z95, covariance, inflation
-from diagnosis.unknown import Instead
-from diagnosis.verdict import Left, instead_of, judged, left_over, matters
-from sim.device import Device, place_label
-from sim.physics import effect_named, make_physics
-from sim.physics.effect import Physics
+from zwidth.diagnosis.predictor import FINAL
+from zwidth.diagnosis.rectified import unfolded
+from zwidth.diagnosis.removal import fit_without
+from zwidth.diagnosis.result import NEAR, Diagnosis, Estimate, Finding, Residuals, Rival, Verdict
+from zwidth.diagnosis.screen import Complement, screen
+from zwidth.diagnosis.search import Searched, search
+from zwidth.diagnosis.trials import Say, Step
+from zwidth.diagnosis.uncertainty import Z95, covariance, inflation
+from zwidth.diagnosis.unknown import Instead
+from zwidth.diagnosis.verdict import Left, instead_of, judged, left_over, matters
+from zwidth.sim.device import Device, place_label
+from zwidth.sim.physics import effect_named, make_physics
+from zwidth.sim.physics.effect import Physics
 
 Floats = NDArray[np.float64]
 DAMPER, SPRING = ("N m s/rad", "N s/m"), ("N m/rad", "N/m")

@@ -18,12 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
-from diagnosis.experiment import Experiment
-from diagnosis.fit import Fitted, Problem
-from diagnosis.horizon import window
-from diagnosis.predictor import SETTLING, free_run_errors, innovations
-from diagnosis.spatial import response
-from sim.trace import Trace
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.fit import Fitted, Problem
+from zwidth.diagnosis.horizon import window
+from zwidth.diagnosis.predictor import SETTLING, free_run_errors, innovations
+from zwidth.diagnosis.spatial import response
+from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

@@ -10,12 +10,12 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import chi2
 
-from diagnosis.candidates import CONTAINED, acts_on, candidates, simpler
-from diagnosis.fit import Fitted, Problem
-from diagnosis.horizon import BETTER, at_ratio, free_run_error
-from diagnosis.parameters import Model, effect_labels
-from diagnosis.removal import fit_without, prune
-from diagnosis.trials import (
+from zwidth.diagnosis.candidates import CONTAINED, acts_on, candidates, simpler
+from zwidth.diagnosis.fit import Fitted, Problem
+from zwidth.diagnosis.horizon import BETTER, at_ratio, free_run_error
+from zwidth.diagnosis.parameters import Model, effect_labels
+from zwidth.diagnosis.removal import fit_without, prune
+from zwidth.diagnosis.trials import (
     FIVE_SIGMA,
     THRESHOLD,
     Say,
@@ -28,9 +28,9 @@ from diagnosis.trials import (
     silent,
     take,
 )
-from diagnosis.uncertainty import inflation
-from diagnosis.views import settled_on
-from sim.device import place_label
+from zwidth.diagnosis.uncertainty import inflation
+from zwidth.diagnosis.views import settled_on
+from zwidth.sim.device import place_label
 
 MOST = 3  # effects
 SWAP_GAIN = 4.0  # chi-square by which an effect as simple must be better to replace one

@@ -14,14 +14,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from controllers.excitation import chirp, multisine, noise, random_steps, triangle
-from controllers.recorded import recorded
-from diagnosis.experiment import Experiment
-from scenarios.scenario import SUBSTEPS, Scenario, one_is_exact
-from scenarios.scenario_file import scenario_to_text
-from sim.device import Device
-from sim.nearest import nearest
-from sim.run import simulate
+from zwidth.controllers.excitation import chirp, multisine, noise, random_steps, triangle
+from zwidth.controllers.recorded import recorded
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.scenarios.scenario import SUBSTEPS, Scenario, one_is_exact
+from zwidth.scenarios.scenario_file import scenario_to_text
+from zwidth.sim.device import Device
+from zwidth.sim.nearest import nearest
+from zwidth.sim.run import simulate
 
 Floats = NDArray[np.float64]
 Signal = Callable[[float, float, int], Floats]  # duration [s], period [s], seed

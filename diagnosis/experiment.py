@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.device import Device
-from sim.predict import Outputs
-from sim.trace import Trace
+from zwidth.sim.device import Device
+from zwidth.sim.predict import Outputs
+from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
 OUTPUT = re.compile(r"(position|velocity)_m([1-4])$")

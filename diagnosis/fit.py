@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from diagnosis.experiment import Experiment
-from diagnosis.parameters import Model, first_velocity
-from diagnosis.predictor import (
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.parameters import Model, first_velocity
+from zwidth.diagnosis.predictor import (
     SEARCHING,
     SETTLING,
     Fineness,
@@ -22,7 +22,7 @@ from diagnosis.predictor import (
     innovations,
     prepared,
 )
-from sim.ensemble import in_parallel, threads
+from zwidth.jobs.parallel import in_parallel, threads
 
 Floats = NDArray[np.float64]
 STEP = 1e-4

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 from scipy.signal import savgol_filter
 
-from diagnosis.experiment import Experiment
-from diagnosis.predictor import SETTLING, innovations, observer_near
-from sim.device import Device
-from sim.physics import make_physics
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.predictor import SETTLING, innovations, observer_near
+from zwidth.sim.device import Device
+from zwidth.sim.physics import make_physics
 
 Floats = NDArray[np.float64]
 BETTER = 1.5  # factor of the rms error that makes another sign or scale a fault

@@ -5,13 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.experiment import Experiment
-from diagnosis.horizon import window
-from diagnosis.parameters import Model
-from diagnosis.predictor import SETTLING, begun, deviation, free_run_errors, innovations
-from diagnosis.result import HeldOut
-from diagnosis.search import Searched
-from sim.device import Device
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.horizon import window
+from zwidth.diagnosis.parameters import Model
+from zwidth.diagnosis.predictor import SETTLING, begun, deviation, free_run_errors, innovations
+from zwidth.diagnosis.result import HeldOut
+from zwidth.diagnosis.search import Searched
+from zwidth.sim.device import Device
 
 Floats = NDArray[np.float64]
 

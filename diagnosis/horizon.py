@@ -9,10 +9,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from diagnosis.experiment import Experiment
-from diagnosis.fit import Fitted, Problem
-from diagnosis.predictor import free_run_errors
-from diagnosis.settle import prepared_for
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.fit import Fitted, Problem
+from zwidth.diagnosis.predictor import free_run_errors
+from zwidth.diagnosis.settle import prepared_for
 
 SLOWER = (1e3, 1e1, 1e-1, 1e-3)
 BETTER = 0.8  # of the free run's error

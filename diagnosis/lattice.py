@@ -25,13 +25,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
-from diagnosis.experiment import Experiment
-from diagnosis.fit import Fitted, Problem
-from diagnosis.parameters import Model, delivered
-from diagnosis.predictor import SETTLING, innovations
-from diagnosis.screen import Complement
-from diagnosis.spatial import matched, peaks, pulls, response, step_peaks
-from sim.physics import make_physics
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.fit import Fitted, Problem
+from zwidth.diagnosis.parameters import Model, delivered
+from zwidth.diagnosis.predictor import SETTLING, innovations
+from zwidth.diagnosis.screen import Complement
+from zwidth.diagnosis.spatial import matched, peaks, pulls, response, step_peaks
+from zwidth.sim.physics import make_physics
 
 Floats = NDArray[np.float64]
 STEPPED = ("command_step", "encoder_step", "dropped_samples")

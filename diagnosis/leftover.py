@@ -23,10 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import convolve1d, median_filter, uniform_filter1d
 
-from diagnosis.fit import Fitted, Problem
-from diagnosis.predictor import SETTLING, followed, innovations, whitened
-from diagnosis.screen import Complement
-from diagnosis.spatial import matched
+from zwidth.diagnosis.fit import Fitted, Problem
+from zwidth.diagnosis.predictor import SETTLING, followed, innovations, whitened
+from zwidth.diagnosis.screen import Complement
+from zwidth.diagnosis.spatial import matched
 
 Floats = NDArray[np.float64]
 ODDS = 1e8  # the drawn noise is not the noise of every rig

@@ -22,12 +22,12 @@ from math import exp, isfinite, log
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.magnitude import magnitude, strengthened
-from diagnosis.reference import Reference, reference
-from diagnosis.rehearsal import Noise
-from diagnosis.separation import separation
-from sim.physics import make_physics
-from sim.physics.effect import Physics
+from zwidth.diagnosis.magnitude import magnitude, strengthened
+from zwidth.diagnosis.reference import Reference, reference
+from zwidth.diagnosis.rehearsal import Noise
+from zwidth.diagnosis.separation import separation
+from zwidth.sim.physics import make_physics
+from zwidth.sim.physics.effect import Physics
 
 __all__ = ["SHOWN", "Noise", "Reference", "limit", "magnitude", "reference", "separation", "sigma",
            "strengthened"]  # fmt: skip

@@ -18,13 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import fftconvolve, welch
 
-from diagnosis.experiment import Experiment
-from diagnosis.fit import Fitted, Problem
-from diagnosis.lattice import predicted
-from diagnosis.predictor import SETTLING
-from diagnosis.screen import Complement
-from diagnosis.spatial import response
-from sim.ensemble import in_parallel, threads
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.fit import Fitted, Problem
+from zwidth.diagnosis.lattice import predicted
+from zwidth.diagnosis.predictor import SETTLING
+from zwidth.diagnosis.screen import Complement
+from zwidth.diagnosis.spatial import response
+from zwidth.jobs.parallel import in_parallel, threads
 
 Floats = NDArray[np.float64]
 Share = dict[str, Any]  # {"from", "to" or "name", "share"}

@@ -3,8 +3,8 @@
 import math
 from dataclasses import replace
 
-from diagnosis.candidates import MAGNITUDE
-from sim.physics.effect import Physics
+from zwidth.diagnosis.candidates import MAGNITUDE
+from zwidth.sim.physics.effect import Physics
 
 STEPS = {"command_step": "step", "encoder_step": "step", "dropped_samples": "rate"}
 

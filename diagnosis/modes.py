@@ -18,14 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import bilinear, fftconvolve, lfilter
 
-from diagnosis.candidates import Start
-from diagnosis.fit import Fitted, Problem
-from diagnosis.leftover import predicted_states
-from diagnosis.predictor import SETTLING
-from diagnosis.screen import Complement
-from diagnosis.spatial import response
-from sim.device import masses_needed, place_label
-from sim.physics import EFFECTS, make_physics
+from zwidth.diagnosis.candidates import Start
+from zwidth.diagnosis.fit import Fitted, Problem
+from zwidth.diagnosis.leftover import predicted_states
+from zwidth.diagnosis.predictor import SETTLING
+from zwidth.diagnosis.screen import Complement
+from zwidth.diagnosis.spatial import response
+from zwidth.sim.device import masses_needed, place_label
+from zwidth.sim.physics import EFFECTS, make_physics
 
 Floats = NDArray[np.float64]
 LOWEST_HZ = 3.0

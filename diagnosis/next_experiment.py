@@ -12,16 +12,16 @@ from pathlib import Path
 
 import numpy as np
 
-from diagnosis.candidates import Start
-from diagnosis.excitations import LIBRARY, Scale, excitation, save_scenario, scale_for
-from diagnosis.experiment import Experiment
-from diagnosis.predictor import Observer
-from diagnosis.reference import Reference, reference
-from diagnosis.rehearsal import noise_of, rehearse
-from diagnosis.separation import separation
-from sim.device import Device, place_label
-from sim.ensemble import in_parallel, threads
-from sim.physics.effect import Physics
+from zwidth.diagnosis.candidates import Start
+from zwidth.diagnosis.excitations import LIBRARY, Scale, excitation, save_scenario, scale_for
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.predictor import Observer
+from zwidth.diagnosis.reference import Reference, reference
+from zwidth.diagnosis.rehearsal import noise_of, rehearse
+from zwidth.diagnosis.separation import separation
+from zwidth.jobs.parallel import in_parallel, threads
+from zwidth.sim.device import Device, place_label
+from zwidth.sim.physics.effect import Physics
 
 SHORTEST_S, LONGEST_S = 10.0, 60.0
 TELLING = 1.0  # sigma below which an excitation tells nothing

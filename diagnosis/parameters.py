@@ -13,10 +13,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.experiment import Experiment
-from sim.chain import make_chain
-from sim.device import Device, place_label
-from sim.physics.effect import Physics
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device, place_label
+from zwidth.sim.physics.effect import Physics
 
 Floats = NDArray[np.float64]
 MASS_SCALE, SPRING_SCALE, DAMPER_SCALE, GAIN_SCALE = 0.2, 0.2, 0.5, 0.05

@@ -12,18 +12,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.candidates import CONTAINED, Magnitudes, Start, magnitudes
-from diagnosis.excitations import LIBRARY, Scale, excitation
-from diagnosis.experiment import Experiment
-from diagnosis.limits import SHOWN, limit
-from diagnosis.magnitude import magnitude, magnitude_name, strengthened
-from diagnosis.reference import Reference, reference
-from diagnosis.rehearsal import Noise, rehearse
-from diagnosis.separation import shapes
-from sim.device import Device, place_label
-from sim.ensemble import in_parallel, threads
-from sim.physics import make_physics
-from sim.physics.effect import Physics
+from zwidth.diagnosis.candidates import CONTAINED, Magnitudes, Start, magnitudes
+from zwidth.diagnosis.excitations import LIBRARY, Scale, excitation
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.limits import SHOWN, limit
+from zwidth.diagnosis.magnitude import magnitude, magnitude_name, strengthened
+from zwidth.diagnosis.reference import Reference, reference
+from zwidth.diagnosis.rehearsal import Noise, rehearse
+from zwidth.diagnosis.separation import shapes
+from zwidth.jobs.parallel import in_parallel, threads
+from zwidth.sim.device import Device, place_label
+from zwidth.sim.physics import make_physics
+from zwidth.sim.physics.effect import Physics
 
 Floats = NDArray[np.float64]
 ALIKE = 3.0  # times the limit, where effects are held against each other

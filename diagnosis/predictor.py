@@ -16,15 +16,15 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 from scipy.signal import lfilter
 
-from controllers.none import none
-from diagnosis.experiment import Experiment, Output
-from sim.device import Device, masses_needed
-from sim.ensemble import in_parallel, threads
-from sim.equations import Equations, equations
-from sim.kernel import Memory, scratch
-from sim.plant import hold
-from sim.predict import predict
-from sim.run import Start, start_memory
+from zwidth.controllers.none import none
+from zwidth.diagnosis.experiment import Experiment, Output
+from zwidth.jobs.parallel import in_parallel, threads
+from zwidth.sim.device import Device, masses_needed
+from zwidth.sim.equations import Equations, equations
+from zwidth.sim.kernel import Memory, scratch
+from zwidth.sim.plant import hold
+from zwidth.sim.predict import predict
+from zwidth.sim.run import Start, start_memory
 
 Floats = NDArray[np.float64]
 ORDER = 24  # of the filters that whiten, at most

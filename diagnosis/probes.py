@@ -20,18 +20,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.candidates import magnitudes
-from diagnosis.fit import Fitted, Problem
-from diagnosis.leftover import predicted_states
-from diagnosis.parameters import Model
-from diagnosis.predictor import SETTLING
-from diagnosis.settle import settle
-from diagnosis.unknown import CLEARLY, Instead, alone
-from sim.device import place_label
-from sim.physics.effect import Physics
-from sim.physics.one_sided_spring import one_sided_spring
-from sim.physics.periodic_force import HARMONICS, periodic_force
-from sim.physics.power_drag import power_drag
+from zwidth.diagnosis.candidates import magnitudes
+from zwidth.diagnosis.fit import Fitted, Problem
+from zwidth.diagnosis.leftover import predicted_states
+from zwidth.diagnosis.parameters import Model
+from zwidth.diagnosis.predictor import SETTLING
+from zwidth.diagnosis.settle import settle
+from zwidth.diagnosis.unknown import CLEARLY, Instead, alone
+from zwidth.sim.device import place_label
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.physics.one_sided_spring import one_sided_spring
+from zwidth.sim.physics.periodic_force import HARMONICS, periodic_force
+from zwidth.sim.physics.power_drag import power_drag
 
 Floats = NDArray[np.float64]
 BY_POSITION = (

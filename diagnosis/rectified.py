@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.experiment import Experiment
-from diagnosis.predictor import SETTLING, innovations, observer_near
-from sim.device import Device
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.predictor import SETTLING, innovations, observer_near
+from zwidth.sim.device import Device
 
 Floats = NDArray[np.float64]
 BETTER = 1.5

@@ -7,16 +7,16 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.candidates import Start, candidates, magnitudes
-from diagnosis.experiment import Experiment
-from diagnosis.fit import WORST, Problem
-from diagnosis.parameters import Model
-from diagnosis.predictor import SETTLING, choose_observer, innovations, prepared, whitened
-from diagnosis.rehearsal import Noise, known_observer
-from diagnosis.screen import Complement
-from sim.device import Device, place_label
-from sim.physics import make_physics
-from sim.physics.effect import Physics
+from zwidth.diagnosis.candidates import Start, candidates, magnitudes
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.fit import WORST, Problem
+from zwidth.diagnosis.parameters import Model
+from zwidth.diagnosis.predictor import SETTLING, choose_observer, innovations, prepared, whitened
+from zwidth.diagnosis.rehearsal import Noise, known_observer
+from zwidth.diagnosis.screen import Complement
+from zwidth.sim.device import Device, place_label
+from zwidth.sim.physics import make_physics
+from zwidth.sim.physics.effect import Physics
 
 Floats = NDArray[np.float64]
 NO_GAP = 1e-15  # [rad | m]

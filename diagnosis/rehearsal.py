@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
-from controllers.recorded import recorded
-from diagnosis.experiment import Experiment, Output
-from diagnosis.predictor import Observer, observer_for
-from scenarios.scenario import SUBSTEPS, one_is_exact
-from sim.device import Device
-from sim.interface import Interface
-from sim.plant import hold
-from sim.run import Outcome, simulate
+from zwidth.controllers.recorded import recorded
+from zwidth.diagnosis.experiment import Experiment, Output
+from zwidth.diagnosis.predictor import Observer, observer_for
+from zwidth.scenarios.scenario import SUBSTEPS, one_is_exact
+from zwidth.sim.device import Device
+from zwidth.sim.interface import Interface
+from zwidth.sim.plant import hold
+from zwidth.sim.run import Outcome, simulate
 
 Floats = NDArray[np.float64]
 ENCODER = (Output("position", 0),)

@@ -3,12 +3,12 @@
 import numpy as np
 from scipy.stats import chi2
 
-from diagnosis.candidates import MAGNITUDE
-from diagnosis.fit import Fitted, Problem
-from diagnosis.screen import TURNING
-from diagnosis.trials import THRESHOLD
-from diagnosis.uncertainty import covariance, inflation
-from sim.device import place_label
+from zwidth.diagnosis.candidates import MAGNITUDE
+from zwidth.diagnosis.fit import Fitted, Problem
+from zwidth.diagnosis.screen import TURNING
+from zwidth.diagnosis.trials import THRESHOLD
+from zwidth.diagnosis.uncertainty import covariance, inflation
+from zwidth.sim.device import place_label
 
 UNSURE = 5.7e-7  # odds that nothing looks as large as what is kept, five sigma of one magnitude
 CERTAIN = 400.0  # what Wald's test must say of an effect that is kept without another fit

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.candidates import CONTAINED
-from diagnosis.experiment import Experiment
-from diagnosis.gate import Fault
-from diagnosis.locate import Located
-from diagnosis.next_experiment import NextExperiment
-from diagnosis.search import Searched
-from sim.device import Device
+from zwidth.diagnosis.candidates import CONTAINED
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.gate import Fault
+from zwidth.diagnosis.locate import Located
+from zwidth.diagnosis.next_experiment import NextExperiment
+from zwidth.diagnosis.search import Searched
+from zwidth.sim.device import Device
 
 Floats = NDArray[np.float64]
 NEAR = 5.0  # sigma within which a rival cannot be told apart

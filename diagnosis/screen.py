@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.candidates import MAGNITUDE, QUARTER, Start
-from diagnosis.fit import Fitted, Problem
-from diagnosis.predictor import SCREENING
-from sim.ensemble import in_parallel, threads
+from zwidth.diagnosis.candidates import MAGNITUDE, QUARTER, Start
+from zwidth.diagnosis.fit import Fitted, Problem
+from zwidth.diagnosis.predictor import SCREENING
+from zwidth.jobs.parallel import in_parallel, threads
 
 Floats = NDArray[np.float64]
 COLUMNS_KEPT = 1e-10

@@ -11,19 +11,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.creases import across_creases, over_creases
-from diagnosis.exchange import MOST, against, merged, paired, plainly_there, split, swapped
-from diagnosis.experiment import Experiment
-from diagnosis.fit import Fitted, Problem
-from diagnosis.horizon import longer_view
-from diagnosis.leftover import leftover
-from diagnosis.parameters import Model, effect_labels
-from diagnosis.predictor import FINAL
-from diagnosis.removal import prune
-from diagnosis.settle import refit, under_likeliest_noise
-from diagnosis.trials import Say, Step, against_physics
-from diagnosis.views import Answer, ask, runs_freer
-from sim.device import Device
+from zwidth.diagnosis.creases import across_creases, over_creases
+from zwidth.diagnosis.exchange import MOST, against, merged, paired, plainly_there, split, swapped
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.fit import Fitted, Problem
+from zwidth.diagnosis.horizon import longer_view
+from zwidth.diagnosis.leftover import leftover
+from zwidth.diagnosis.parameters import Model, effect_labels
+from zwidth.diagnosis.predictor import FINAL
+from zwidth.diagnosis.removal import prune
+from zwidth.diagnosis.settle import refit, under_likeliest_noise
+from zwidth.diagnosis.trials import Say, Step, against_physics
+from zwidth.diagnosis.views import Answer, ask, runs_freer
+from zwidth.sim.device import Device
 
 
 @dataclass(frozen=True)

@@ -16,17 +16,17 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.candidates import MAGNITUDE, Start
-from diagnosis.fit import Fitted
-from diagnosis.magnitude import strengthened
-from diagnosis.modes import mode_starts
-from diagnosis.parameters import Model
-from diagnosis.reference import Reference
-from diagnosis.screen import Complement
-from diagnosis.waves import WAVES, wave_starts
-from sim.device import place_label
-from sim.ensemble import in_parallel, threads
-from sim.physics.effect import Physics
+from zwidth.diagnosis.candidates import MAGNITUDE, Start
+from zwidth.diagnosis.fit import Fitted
+from zwidth.diagnosis.magnitude import strengthened
+from zwidth.diagnosis.modes import mode_starts
+from zwidth.diagnosis.parameters import Model
+from zwidth.diagnosis.reference import Reference
+from zwidth.diagnosis.screen import Complement
+from zwidth.diagnosis.waves import WAVES, wave_starts
+from zwidth.jobs.parallel import in_parallel, threads
+from zwidth.sim.device import place_label
+from zwidth.sim.physics.effect import Physics
 
 Floats = NDArray[np.float64]
 ROUNDS = 5

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.experiment import Experiment
-from diagnosis.fit import Fitted, Problem
-from diagnosis.parameters import Model
-from diagnosis.predictor import (
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.fit import Fitted, Problem
+from zwidth.diagnosis.parameters import Model
+from zwidth.diagnosis.predictor import (
     SETTLING,
     Observer,
     begun,
@@ -19,8 +19,8 @@ from diagnosis.predictor import (
     observer_for,
     whitened,
 )
-from sim.device import Device
-from sim.physics.effect import Physics
+from zwidth.sim.device import Device
+from zwidth.sim.physics.effect import Physics
 
 Floats = NDArray[np.float64]
 REFITS = 6

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import fftconvolve
 
-from diagnosis.fit import Fitted, Problem
-from diagnosis.predictor import SETTLING, innovations, prepared
+from zwidth.diagnosis.fit import Fitted, Problem
+from zwidth.diagnosis.predictor import SETTLING, innovations, prepared
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

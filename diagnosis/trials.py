@@ -19,17 +19,17 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.candidates import CONTAINED, acts_on, candidates
-from diagnosis.experiment import Experiment
-from diagnosis.fit import Fitted, Problem
-from diagnosis.lattice import STEPPED, stepped_trials
-from diagnosis.modes import PRICE, mode_starts
-from diagnosis.parameters import Model
-from diagnosis.screen import Screened, screen
-from diagnosis.uncertainty import inflation
-from diagnosis.waves import wave_starts
-from sim.ensemble import in_parallel, threads
-from sim.physics.effect import Physics
+from zwidth.diagnosis.candidates import CONTAINED, acts_on, candidates
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.fit import Fitted, Problem
+from zwidth.diagnosis.lattice import STEPPED, stepped_trials
+from zwidth.diagnosis.modes import PRICE, mode_starts
+from zwidth.diagnosis.parameters import Model
+from zwidth.diagnosis.screen import Screened, screen
+from zwidth.diagnosis.uncertainty import inflation
+from zwidth.diagnosis.waves import wave_starts
+from zwidth.jobs.parallel import in_parallel, threads
+from zwidth.sim.physics.effect import Physics
 
 Floats = NDArray[np.float64]
 THRESHOLD = 22.0

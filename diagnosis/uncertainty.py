@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
-from diagnosis.fit import Fitted
+from zwidth.diagnosis.fit import Fitted
 
 Floats = NDArray[np.float64]
 DEAD = 1e-9  # of the largest slope

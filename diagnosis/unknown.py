@@ -29,17 +29,17 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 from scipy.signal import fftconvolve
 
-from diagnosis.experiment import Experiment
-from diagnosis.fit import Fitted, Problem
-from diagnosis.leftover import Leftover, factors, leftover, predicted_states
-from diagnosis.locate import STATES, motions, state_of
-from diagnosis.predictor import SETTLING
-from diagnosis.screen import Complement
-from diagnosis.settle import cost_at, prepared_for
-from diagnosis.spatial import response
-from diagnosis.uncertainty import inflation
-from diagnosis.views import SLOWER, WEAK, views
-from sim.ensemble import in_parallel, threads
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.fit import Fitted, Problem
+from zwidth.diagnosis.leftover import Leftover, factors, leftover, predicted_states
+from zwidth.diagnosis.locate import STATES, motions, state_of
+from zwidth.diagnosis.predictor import SETTLING
+from zwidth.diagnosis.screen import Complement
+from zwidth.diagnosis.settle import cost_at, prepared_for
+from zwidth.diagnosis.spatial import response
+from zwidth.diagnosis.uncertainty import inflation
+from zwidth.diagnosis.views import SLOWER, WEAK, views
+from zwidth.jobs.parallel import in_parallel, threads
 
 Floats = NDArray[np.float64]
 # Of the samples, between bins: narrow at the ends, where a stop is.

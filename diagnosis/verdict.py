@@ -3,15 +3,15 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from diagnosis.experiment import Experiment
-from diagnosis.leftover import leftover
-from diagnosis.locate import locate
-from diagnosis.probes import instead_by_law
-from diagnosis.removal import fit_without
-from diagnosis.result import Estimate, Finding, Verdict
-from diagnosis.search import Searched
-from diagnosis.uncertainty import Z95, inflation
-from diagnosis.unknown import TOUCHED, Instead, instead, unknown
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.leftover import leftover
+from zwidth.diagnosis.locate import locate
+from zwidth.diagnosis.probes import instead_by_law
+from zwidth.diagnosis.removal import fit_without
+from zwidth.diagnosis.result import Estimate, Finding, Verdict
+from zwidth.diagnosis.search import Searched
+from zwidth.diagnosis.uncertainty import Z95, inflation
+from zwidth.diagnosis.unknown import TOUCHED, Instead, instead, unknown
 
 SHIFTED = 5.0  # sigma by which a linear parameter must differ to be a finding
 MAPPED = 60.0  # chi-square that a map of the missing force over one state must gain

@@ -18,14 +18,14 @@ from functools import partial
 
 import numpy as np
 
-from diagnosis.creases import along_gaps, with_gaps
-from diagnosis.experiment import Experiment
-from diagnosis.fit import Fitted, Problem
-from diagnosis.horizon import BETTER, free_run_error
-from diagnosis.lattice import sharpened
-from diagnosis.parameters import Model
-from diagnosis.settle import NotWorth, cost_at, prepared_for, settle
-from diagnosis.trials import (
+from zwidth.diagnosis.creases import along_gaps, with_gaps
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.fit import Fitted, Problem
+from zwidth.diagnosis.horizon import BETTER, free_run_error
+from zwidth.diagnosis.lattice import sharpened
+from zwidth.diagnosis.parameters import Model
+from zwidth.diagnosis.settle import NotWorth, cost_at, prepared_for, settle
+from zwidth.diagnosis.trials import (
     FIVE_SIGMA,
     THRESHOLD,
     Say,
@@ -37,8 +37,8 @@ from diagnosis.trials import (
     silent,
     take,
 )
-from diagnosis.uncertainty import inflation
-from sim.ensemble import in_parallel, threads
+from zwidth.diagnosis.uncertainty import inflation
+from zwidth.jobs.parallel import in_parallel, threads
 
 SLOWER = (1e-2,)  # of the observer's ratio
 ASKED = 5  # trials of each view whose likelihood is looked at

@@ -2,11 +2,11 @@
 
 import math
 
-from diagnosis.candidates import QUARTER, Start, magnitudes
-from diagnosis.fit import Fitted, Problem
-from diagnosis.lattice import predicted
-from diagnosis.spatial import peaks, pulls
-from sim.physics import make_physics
+from zwidth.diagnosis.candidates import QUARTER, Start, magnitudes
+from zwidth.diagnosis.fit import Fitted, Problem
+from zwidth.diagnosis.lattice import predicted
+from zwidth.diagnosis.spatial import peaks, pulls
+from zwidth.sim.physics import make_physics
 
 WAVES = {"force_ripple": ("m1", "m1"), "encoder_eccentricity": ("sensor", "sensor")}
 FINEST = 1e-3  # of the travel

@@ -16,9 +16,9 @@ from tempfile import TemporaryDirectory
 
 from playwright.sync_api import Page, sync_playwright
 
-from sim.device_file import load_device, save_device
-from sim.physics import make_physics
 from zwidth.explore.view import View
+from zwidth.sim.device_file import load_device, save_device
+from zwidth.sim.physics import make_physics
 
 HERE = Path(__file__).parent
 SCREEN = (1366, 657)  # a laptop of 1366 x 768, less what its browser takes

@@ -18,16 +18,16 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from sim.device_file import load_device
-from sim.jit import cache_folder
-from stability.bisection import Trial
-from stability.fate_map import FateMap, make_map
-from stability.fates import Fate
-from stability.map_summary import summary
-from stability.plane import Axis, Plane, with_friction
-from stability.plane_theory import describing_lines
 from zwidth.figures.map import draw_fates, legend
-from zwidth.files import write_text, write_with
+from zwidth.files.whole import write_text, write_with
+from zwidth.sim.device_file import load_device
+from zwidth.sim.jit import cache_folder
+from zwidth.stability.bisection import Trial
+from zwidth.stability.fate_map import FateMap, make_map
+from zwidth.stability.fates import Fate
+from zwidth.stability.map_summary import summary
+from zwidth.stability.plane import Axis, Plane, with_friction
+from zwidth.stability.plane_theory import describing_lines
 
 DOCS = Path(__file__).parent
 MAPS = DOCS.parent / "runs" / "linear_boundary" / cache_folder().name  # by version of the kernels

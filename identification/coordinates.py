@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.chain import MAX_MASSES
-from sim.modal import ModalModel, Mode
+from zwidth.sim.chain import MAX_MASSES
+from zwidth.sim.modal import ModalModel, Mode
 
 Floats = NDArray[np.float64]
 MAX_MODES = MAX_MASSES - 1  # as many as a device may have

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.relay import STANDARD, RelayResult, RelayTest, reference_start, run
-from sim.device import Device
-from sim.ensemble import in_parallel, threads
-from sim.equations import equations
-from sim.run import Start
+from zwidth.identification.relay import STANDARD, RelayResult, RelayTest, reference_start, run
+from zwidth.jobs.parallel import in_parallel, threads
+from zwidth.sim.device import Device
+from zwidth.sim.equations import equations
+from zwidth.sim.run import Start
 
 SAME_CYCLE = 5e-3  # of stiffness and frequency
 POSITION, VELOCITY = 5e-3, 0.5  # half ranges of the random starts

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.coordinates import MAX_MODES, Coordinates, parameters
-from identification.problem import Data
-from identification.response import FrequencyResponse, RecordingError, frequency_response
-from identification.search import REJECTED, Found, Search
-from sim.modal import ModalModel
-from sim.trace import Trace
+from zwidth.identification.coordinates import MAX_MODES, Coordinates, parameters
+from zwidth.identification.problem import Data
+from zwidth.identification.response import FrequencyResponse, RecordingError, frequency_response
+from zwidth.identification.search import REJECTED, Found, Search
+from zwidth.sim.modal import ModalModel
+from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from sim.modal import ModalModel
+from zwidth.sim.modal import ModalModel
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

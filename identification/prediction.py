@@ -15,9 +15,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.coordinates import Coordinates
-from identification.output import Terms, delayed, each_term, filtered, fractions, split_delay, terms
-from identification.response import Windows
+from zwidth.identification.coordinates import Coordinates
+from zwidth.identification.output import (
+    Terms,
+    delayed,
+    each_term,
+    filtered,
+    fractions,
+    split_delay,
+    terms,
+)
+from zwidth.identification.response import Windows
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from identification.coordinates import Coordinates
-from identification.prediction import Predicted, free_motion, predict
-from identification.response import FrequencyResponse
+from zwidth.identification.coordinates import Coordinates
+from zwidth.identification.prediction import Predicted, free_motion, predict
+from zwidth.identification.response import FrequencyResponse
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

@@ -23,13 +23,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal.windows import blackmanharris
 
-from controllers.relay import relay
-from sim.controller import Controller
-from sim.device import Device
-from sim.equations import Equations, equations
-from sim.growth import SIGNIFICANCE, growth_rate, window_weights
-from sim.kernel import Memory, advance, scratch
-from sim.run import Start, start_memory
+from zwidth.controllers.relay import relay
+from zwidth.sim.controller import Controller
+from zwidth.sim.device import Device
+from zwidth.sim.equations import Equations, equations
+from zwidth.sim.growth import SIGNIFICANCE, growth_rate, window_weights
+from zwidth.sim.kernel import Memory, advance, scratch
+from zwidth.sim.run import Start, start_memory
 
 Floats = NDArray[np.float64]
 RelayVerdict = Literal["oscillates", "diverges", "undecided"]

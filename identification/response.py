@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal.windows import hann
 
-from sim.trace import Trace
+from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

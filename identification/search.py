@@ -11,12 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.coordinates import Coordinates
-from identification.noise import noise_spectrum
-from identification.output import position
-from identification.prediction import free_signals
-from identification.problem import Data, Problem
-from identification.start import moved, starting_model
+from zwidth.identification.coordinates import Coordinates
+from zwidth.identification.noise import noise_spectrum
+from zwidth.identification.output import position
+from zwidth.identification.prediction import free_signals
+from zwidth.identification.problem import Data, Problem
+from zwidth.identification.start import moved, starting_model
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

@@ -12,7 +12,7 @@ one in the other's place.
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.modal import ModalModel, Mode
+from zwidth.sim.modal import ModalModel, Mode
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

@@ -9,7 +9,7 @@ microseconds r is zero or one unit in the last place, and compresses far better 
 import numpy as np
 from numpy.typing import NDArray
 
-from logs.errors import LogBlockError
+from zwidth.logs.errors import LogBlockError
 
 Floats = NDArray[np.float64]
 LONGEST = 9.2e9  # seconds that 63 bits of nanoseconds can count

@@ -30,7 +30,7 @@ from mcap.records import (
 )
 from mcap.writer import MCAP0_MAGIC
 
-from logs.sink import Sink
+from zwidth.logs.sink import Sink
 
 # Levels 1, 3 and 6 differ by 2 % in size on simulated runs; 3 is smaller than 1 and three times as
 # fast as 6 (benchmarks/bench_logs.py).

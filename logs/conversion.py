@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from logs.recording_file import Entry
-from logs.source import Floats, RecordingError, Signal
-from logs.units import SI, TURN, Unit, find_unit, known_unit
+from zwidth.logs.recording_file import Entry
+from zwidth.logs.source import Floats, RecordingError, Signal
+from zwidth.logs.units import SI, TURN, Unit, find_unit, known_unit
 
 LARGEST_EXACT = 2**53  # integers beyond it are rounded in a double
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from logs.csv_form import (
+from zwidth.logs.csv_form import (
     BLANKS,
     NOT_A_NUMBER,
     NOTHING_SAID,
@@ -24,7 +24,7 @@ from logs.csv_form import (
     find_form,
     number_in,
 )
-from logs.source import Floats, RecordingError, Signal, Source
+from zwidth.logs.source import Floats, RecordingError, Signal, Source
 
 ABOUT = "# zwidth "  # begins the line of JSON in a file of our own
 COMMENTS = ("#", "%", "//")

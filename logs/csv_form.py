@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.source import RecordingError
-from logs.units import find_unit
+from zwidth.logs.source import RecordingError
+from zwidth.logs.units import find_unit
 
 BLANKS = ("", "NA", "N/A", "n/a", "null", "NULL", "None", "-", "--")
 NOT_A_NUMBER = ("nan", "NaN", "NAN", "-nan", "-NaN", "nan(ind)", "-nan(ind)", "1.#QNAN", "#N/A")

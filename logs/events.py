@@ -11,9 +11,9 @@ from google.protobuf.message_factory import GetMessageClass
 from mcap.data_stream import RecordBuilder
 from mcap.records import Channel, Message, Schema
 
-from logs.clock import to_log_time
-from logs.errors import LogBlockError
-from logs.schema import DOUBLE, EPOCH_KEY, EVENTS, MESSAGES, STRING, TIME_RESIDUAL, describe
+from zwidth.logs.clock import to_log_time
+from zwidth.logs.errors import LogBlockError
+from zwidth.logs.schema import DOUBLE, EPOCH_KEY, EVENTS, MESSAGES, STRING, TIME_RESIDUAL, describe
 
 FIELDS = {
     TIME_RESIDUAL: (1, DOUBLE),

@@ -12,11 +12,11 @@ from typing import IO, Any
 
 import numpy as np
 
-from logs.csv_file import ABOUT as CSV_ABOUT
-from logs.mcap_reader import Log
-from logs.npz_file import ABOUT as NPZ_ABOUT
-from logs.parquet_file import ABOUT as PARQUET_ABOUT
-from logs.table_log import (
+from zwidth.logs.csv_file import ABOUT as CSV_ABOUT
+from zwidth.logs.mcap_reader import Log
+from zwidth.logs.npz_file import ABOUT as NPZ_ABOUT
+from zwidth.logs.parquet_file import ABOUT as PARQUET_ABOUT
+from zwidth.logs.table_log import (
     ATTACHMENT,
     SUBSTEP,
     about_of,

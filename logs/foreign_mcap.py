@@ -24,10 +24,10 @@ from mcap.records import Channel, Chunk, Message, Schema
 from mcap.stream_reader import breakup_chunk
 from numpy.typing import NDArray
 
-from logs.framing import Walk
-from logs.records import Records
-from logs.source import RecordingError, Signal, Source
-from logs.summary import read_summary
+from zwidth.logs.framing import Walk
+from zwidth.logs.records import Records
+from zwidth.logs.source import RecordingError, Signal, Source
+from zwidth.logs.summary import read_summary
 
 DEEPEST = 8  # messages within messages
 MOST_ELEMENTS = 64  # of an array within a message

@@ -15,8 +15,16 @@ from typing import BinaryIO, NamedTuple
 from mcap.opcode import Opcode
 from mcap.records import Attachment, DataEnd
 
-from logs.layout import FRAME
-from logs.records import CHUNK_HEADER, MEBIBYTE, Parsed, RecordDamaged, Records, parse, plausible
+from zwidth.logs.layout import FRAME
+from zwidth.logs.records import (
+    CHUNK_HEADER,
+    MEBIBYTE,
+    Parsed,
+    RecordDamaged,
+    Records,
+    parse,
+    plausible,
+)
 
 MAGIC_SIZE = 8
 SIGNATURE = struct.pack("<I4s", 4, b"zstd")  # the name of the compression, in a chunk's header

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from logs.layout import Floats
+from zwidth.logs.layout import Floats
 
 MOST_SENTENCES = 5
 BACKWARDS = 1 << 31  # of 2^32: a counter that steps by more went back

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 import tomli_w
 
-from logs.foreign_mcap import CLOCKS
-from logs.source import Floats, Signal, Source
-from logs.steps import step_seen
-from logs.timing import NOTABLE_JITTER, Stamps, Timing, common_origin, examine
-from logs.units import SI, UNITS, Unit, find_unit
+from zwidth.logs.foreign_mcap import CLOCKS
+from zwidth.logs.source import Floats, Signal, Source
+from zwidth.logs.steps import step_seen
+from zwidth.logs.timing import NOTABLE_JITTER, Stamps, Timing, common_origin, examine
+from zwidth.logs.units import SI, UNITS, Unit, find_unit
 
 LEAST_SAMPLES = 3
 QUANTITY_OF = {si: quantity for quantity, units in SI.items() for si in units} | {

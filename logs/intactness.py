@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 
-from logs.framing import Damage, Walk
-from logs.reading import Reading
-from logs.schema import ENDED
-from logs.summary import Summary
-from sim.trace import Trace
+from zwidth.logs.framing import Damage, Walk
+from zwidth.logs.reading import Reading
+from zwidth.logs.schema import ENDED
+from zwidth.logs.summary import Summary
+from zwidth.sim.trace import Trace
 
 MOST_SENTENCES = 5
 

@@ -12,8 +12,8 @@ import numpy as np
 import scipy.io
 import scipy.io.matlab
 
-from logs.mat_elements import check_elements
-from logs.source import Collector, RecordingError, Source
+from zwidth.logs.mat_elements import check_elements
+from zwidth.logs.source import Collector, RecordingError, Source
 
 DEEPEST = 16  # structures within structures
 MOST_PARTS = 10_000  # cells, elements, fields of one file

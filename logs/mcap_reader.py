@@ -9,19 +9,19 @@ from typing import BinaryIO
 
 from mcap.writer import MCAP0_MAGIC
 
-from logs.errors import (
+from zwidth.logs.errors import (
     ForeignLog,
     LogDamaged,
     NotMcap,
 )
-from logs.events import Event
-from logs.framing import Walk
-from logs.intactness import MOST_SENTENCES, ending, skipped
-from logs.opening import opened
-from logs.reading import Reading
-from logs.schema import MESSAGES, SUBSTEP, TICK
-from logs.summary import Summary, read_summary
-from sim.trace import Trace
+from zwidth.logs.events import Event
+from zwidth.logs.framing import Walk
+from zwidth.logs.intactness import MOST_SENTENCES, ending, skipped
+from zwidth.logs.opening import opened
+from zwidth.logs.reading import Reading
+from zwidth.logs.schema import MESSAGES, SUBSTEP, TICK
+from zwidth.logs.summary import Summary, read_summary
+from zwidth.sim.trace import Trace
 
 
 @dataclass(frozen=True)

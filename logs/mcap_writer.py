@@ -12,11 +12,11 @@ from types import TracebackType
 import numpy as np
 from mcap.records import Attachment
 
-from logs.container import Container, Content, encode
-from logs.errors import LogBlockError, LogWriteError
-from logs.events import Event, encode_events, event_records
-from logs.layout import Floats
-from logs.schema import (
+from zwidth.logs.container import Container, Content, encode
+from zwidth.logs.errors import LogBlockError, LogWriteError
+from zwidth.logs.events import Event, encode_events, event_records
+from zwidth.logs.layout import Floats
+from zwidth.logs.schema import (
     ENDED,
     FACTS,
     LIBRARY,
@@ -28,10 +28,10 @@ from logs.schema import (
     flat_schema,
     schema_record,
 )
-from logs.seal import seal
-from logs.sink import Sink
-from logs.topic import Topic
-from sim.trace import Trace
+from zwidth.logs.seal import seal
+from zwidth.logs.sink import Sink
+from zwidth.logs.topic import Topic
+from zwidth.sim.trace import Trace
 
 MEDIA_TYPES = {".toml": "application/toml", ".json": "application/json", ".txt": "text/plain"}
 

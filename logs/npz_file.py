@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from logs.source import Collector, RecordingError, Source
+from zwidth.logs.source import Collector, RecordingError, Source
 
 MOST_BYTES = 1 << 33  # of all arrays, unpacked
 ABOUT = "zwidth.json"  # the entry, UTF-8 in an array of bytes, of a file of our own

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from logs.recording_file import Entry
-from logs.resampling import axis, forward_only, held, interpolated
-from logs.source import Floats, RecordingError
-from logs.timing import Timing, examine
+from zwidth.logs.recording_file import Entry
+from zwidth.logs.resampling import axis, forward_only, held, interpolated
+from zwidth.logs.source import Floats, RecordingError
+from zwidth.logs.timing import Timing, examine
 
 
 @dataclass(frozen=True)

@@ -6,14 +6,14 @@ from typing import BinaryIO
 
 from mcap.writer import MCAP0_MAGIC
 
-from logs.csv_file import read_csv
-from logs.csv_form import NOTHING_SAID, CsvOptions
-from logs.foreign_mcap import read_foreign_mcap
-from logs.mat_file import read_hdf5, read_mat
-from logs.npz_file import read_npy, read_npz
-from logs.opening import opened
-from logs.parquet_file import read_parquet
-from logs.source import RecordingError, Source
+from zwidth.logs.csv_file import read_csv
+from zwidth.logs.csv_form import NOTHING_SAID, CsvOptions
+from zwidth.logs.foreign_mcap import read_foreign_mcap
+from zwidth.logs.mat_file import read_hdf5, read_mat
+from zwidth.logs.npz_file import read_npy, read_npz
+from zwidth.logs.opening import opened
+from zwidth.logs.parquet_file import read_parquet
+from zwidth.logs.source import RecordingError, Source
 
 Reader = Callable[[Path, bytes], Source]
 

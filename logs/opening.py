@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
-from logs.errors import LogEmpty, LogIsDirectory, LogNotFound, LogNotReadable
+from zwidth.logs.errors import LogEmpty, LogIsDirectory, LogNotFound, LogNotReadable
 
 
 @contextmanager

@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
-from logs.errors import ForeignLog, LogEmpty
-from logs.mcap_reader import Log, read_log
-from logs.open_source import is_mcap, open_source
-from logs.opening import opened
-from logs.source import RecordingError, Source
-from logs.table_log import log_of
+from zwidth.logs.errors import ForeignLog, LogEmpty
+from zwidth.logs.mcap_reader import Log, read_log
+from zwidth.logs.open_source import is_mcap, open_source
+from zwidth.logs.opening import opened
+from zwidth.logs.source import RecordingError, Source
+from zwidth.logs.table_log import log_of
 
 
 def read_own(path: Path) -> Log:

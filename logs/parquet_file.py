@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from logs.source import Collector, RecordingError, Source
+from zwidth.logs.source import Collector, RecordingError, Source
 
 ABOUT = b"zwidth"  # the key in the file's own metadata
 

@@ -7,16 +7,16 @@ from dataclasses import dataclass, field
 import numpy as np
 from mcap.records import Attachment, Channel, Header, Metadata, Schema, Statistics
 
-from logs.clock import from_log_time
-from logs.errors import ForeignLog
-from logs.events import Event
-from logs.gaps import gaps
-from logs.layout import Samples
-from logs.records import Parsed, RecordDamaged, Records
-from logs.schema import EVENTS, FACTS, LIBRARY, RECORD, TIME_RESIDUAL
-from logs.seal import unseal
-from logs.streams import Stream, Streams
-from sim.trace import Trace
+from zwidth.logs.clock import from_log_time
+from zwidth.logs.errors import ForeignLog
+from zwidth.logs.events import Event
+from zwidth.logs.gaps import gaps
+from zwidth.logs.layout import Samples
+from zwidth.logs.records import Parsed, RecordDamaged, Records
+from zwidth.logs.schema import EVENTS, FACTS, LIBRARY, RECORD, TIME_RESIDUAL
+from zwidth.logs.seal import unseal
+from zwidth.logs.streams import Stream, Streams
+from zwidth.sim.trace import Trace
 
 
 @dataclass

@@ -9,18 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from logs.conversion import Converted, convert
-from logs.mcap_reader import Log
-from logs.one_axis import Stream, group, one_axis
-from logs.open_source import open_source
-from logs.opening import opened
-from logs.own import read_own
-from logs.recording_file import Clock, Description, Entry, load_description
-from logs.source import RecordingError, Signal, Source
-from logs.timing import Stamps, common_origin
-from logs.units import SI, find_unit
-from sim.nearest import nearest
-from sim.trace import Trace
+from zwidth.logs.conversion import Converted, convert
+from zwidth.logs.mcap_reader import Log
+from zwidth.logs.one_axis import Stream, group, one_axis
+from zwidth.logs.open_source import open_source
+from zwidth.logs.opening import opened
+from zwidth.logs.own import read_own
+from zwidth.logs.recording_file import Clock, Description, Entry, load_description
+from zwidth.logs.source import RecordingError, Signal, Source
+from zwidth.logs.timing import Stamps, common_origin
+from zwidth.logs.units import SI, find_unit
+from zwidth.sim.nearest import nearest
+from zwidth.sim.trace import Trace
 
 FilePath = str | PathLike[str]
 NANOSECONDS = 1_000_000_000

@@ -40,12 +40,12 @@ import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
-from logs.csv_form import CsvOptions
-from logs.opening import opened
-from logs.source import RecordingError
-from logs.units import SI, UNITS, known_unit
-from sim.nearest import nearest
-from sim.table import Table, TableError
+from zwidth.logs.csv_form import CsvOptions
+from zwidth.logs.opening import opened
+from zwidth.logs.source import RecordingError
+from zwidth.logs.units import SI, UNITS, known_unit
+from zwidth.sim.nearest import nearest
+from zwidth.sim.table import Table, TableError
 
 SCHEMA = 1
 CLOCK_KEYS = ("period_s", "time", "time_unit")

@@ -20,7 +20,7 @@ from google.protobuf.descriptor_pb2 import (
 from google.protobuf.message import DecodeError
 from mcap.records import Channel, Schema
 
-from logs.errors import LogBlockError
+from zwidth.logs.errors import LogBlockError
 
 TICK, SUBSTEP, EVENTS = "/tick", "/substep", "/events"
 MESSAGES = {TICK: "zwidth.Tick", SUBSTEP: "zwidth.Substep", EVENTS: "zwidth.Event"}

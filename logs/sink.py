@@ -9,7 +9,7 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
-from logs.errors import LogPathError, LogWriteError
+from zwidth.logs.errors import LogPathError, LogWriteError
 
 NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 MOST_PARTIAL = 100

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from logs.errors import LogError
-from sim.nearest import nearest
+from zwidth.logs.errors import LogError
+from zwidth.sim.nearest import nearest
 
 Floats = NDArray[np.float64]
 

@@ -15,9 +15,9 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 from mcap_protobuf.decoder import DecoderFactory
 
-from logs.layout import FRAME, MESSAGE_HEADER, Layout, Samples
-from logs.records import RecordDamaged
-from logs.schema import EVENTS, MESSAGES, TIME_RESIDUAL, FlatSchema, read_epoch, read_flat
+from zwidth.logs.layout import FRAME, MESSAGE_HEADER, Layout, Samples
+from zwidth.logs.records import RecordDamaged
+from zwidth.logs.schema import EVENTS, MESSAGES, TIME_RESIDUAL, FlatSchema, read_epoch, read_flat
 
 MESSAGE_HEAD = struct.Struct("<BQHIQQ")
 

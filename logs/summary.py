@@ -13,7 +13,7 @@ from mcap.records import AttachmentIndex, Channel, ChunkIndex, MetadataIndex, Sc
 from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC
 
-from logs.records import MEBIBYTE
+from zwidth.logs.records import MEBIBYTE
 
 FOOTER = struct.Struct("<BQQQI")  # opcode, length, summary start, offset start, crc
 TAIL = FOOTER.size + len(MCAP0_MAGIC)

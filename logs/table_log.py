@@ -14,11 +14,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from logs.events import Event
-from logs.mcap_reader import Log
-from logs.schema import field_names
-from logs.source import Floats, RecordingError, Source
-from sim.trace import Trace
+from zwidth.logs.events import Event
+from zwidth.logs.mcap_reader import Log
+from zwidth.logs.schema import field_names
+from zwidth.logs.source import Floats, RecordingError, Source
+from zwidth.sim.trace import Trace
 
 SCHEMA = 1
 CHECKSUM = "crc32"

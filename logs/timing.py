@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from logs.steps import step_seen
+from zwidth.logs.steps import step_seen
 
 Floats = NDArray[np.float64]
 

@@ -5,11 +5,11 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from mcap.records import Channel, Schema
 
-from logs.clock import to_log_time
-from logs.container import Content, encode
-from logs.errors import LogBlockError
-from logs.layout import Encoder, Floats, Layout
-from logs.schema import FlatSchema
+from zwidth.logs.clock import to_log_time
+from zwidth.logs.container import Content, encode
+from zwidth.logs.errors import LogBlockError
+from zwidth.logs.layout import Encoder, Floats, Layout
+from zwidth.logs.schema import FlatSchema
 
 CHUNK_BYTES = 256 * 1024  # uncompressed, at most: about a second of a run
 

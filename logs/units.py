@@ -4,7 +4,7 @@ import math
 import re
 from typing import NamedTuple
 
-from sim.nearest import nearest
+from zwidth.sim.nearest import nearest
 
 
 class Unit(NamedTuple):

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.trace import Trace
+from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

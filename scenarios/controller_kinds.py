@@ -12,13 +12,13 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from controllers.none import none
-from controllers.recorded import recorded
-from controllers.relay import relay
-from controllers.wall import wall
-from sim.controller import Controller, Step, user_controller
-from sim.nearest import nearest
-from sim.table import Table, TableError
+from zwidth.controllers.none import none
+from zwidth.controllers.recorded import recorded
+from zwidth.controllers.relay import relay
+from zwidth.controllers.wall import wall
+from zwidth.sim.controller import Controller, Step, user_controller
+from zwidth.sim.nearest import nearest
+from zwidth.sim.table import Table, TableError
 
 Floats = NDArray[np.float64]
 Files = Callable[[str], bytes]  # a file that a scenario names, by that name

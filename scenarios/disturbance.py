@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.nearest import nearest
+from zwidth.sim.nearest import nearest
 
 Floats = NDArray[np.float64]
 

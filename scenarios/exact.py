@@ -14,9 +14,9 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.controller_kinds import takes_array
-from sim.equations import EffectTable
-from sim.run import Setup
+from zwidth.scenarios.controller_kinds import takes_array
+from zwidth.sim.equations import EffectTable
+from zwidth.sim.run import Setup
 
 Floats = NDArray[np.float64]
 Numbers = TypeVar("Numbers", bound=tuple[Any, ...])

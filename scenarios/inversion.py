@@ -11,8 +11,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from sim.modal import ModalModel
-from sim.sampled import sampled_frequency_response
+from zwidth.sim.modal import ModalModel
+from zwidth.sim.sampled import sampled_frequency_response
 
 
 class Row(Protocol):

@@ -10,18 +10,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from logs.events import Event
-from logs.mcap_writer import LogWriter
-from logs.schema import SUBSTEP
-from scenarios.controller_kinds import takes_array
-from scenarios.exact import array_bytes, computed_bytes
-from scenarios.run_events import EventFinder, ending
-from scenarios.run_verdict import run_verdict
-from scenarios.scenario import Scenario
-from scenarios.scenario_file import scenario_to_text
-from sim.device_file import device_to_text, model_hash
-from sim.run import BLOCK_TICKS, Outcome, Run, Setup
-from sim.trace import Trace
+from zwidth.logs.events import Event
+from zwidth.logs.mcap_writer import LogWriter
+from zwidth.logs.schema import SUBSTEP
+from zwidth.scenarios.controller_kinds import takes_array
+from zwidth.scenarios.exact import array_bytes, computed_bytes
+from zwidth.scenarios.run_events import EventFinder, ending
+from zwidth.scenarios.run_verdict import run_verdict
+from zwidth.scenarios.scenario import Scenario
+from zwidth.scenarios.scenario_file import scenario_to_text
+from zwidth.sim.device_file import device_to_text, model_hash
+from zwidth.sim.run import BLOCK_TICKS, Outcome, Run, Setup
+from zwidth.sim.trace import Trace
 
 # Attachments. The first three, saved as files in one folder, are a scenario that runs again.
 SCENARIO, DEVICE, COMMANDS = "scenario.toml", "device.toml", "commands.npy"

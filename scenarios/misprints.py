@@ -24,8 +24,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.inversion import Row, inverted
-from sim.modal import ModalModel
+from zwidth.scenarios.inversion import Row, inverted
+from zwidth.sim.modal import ModalModel
 
 Floats = NDArray[np.float64]
 JUMPED_HZ = 100.0  # a row above it lies after the jump of f

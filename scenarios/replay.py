@@ -4,15 +4,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from os import PathLike
 
-from logs.mcap_reader import Log, read_log
-from logs.schema import SUBSTEP, TICK
-from scenarios.comparison import Comparison, Difference
-from scenarios.exact import with_computed
-from scenarios.logged_run import COMPUTED, SCENARIO, run_blocks, zwidth_version
-from scenarios.scenario import Scenario
-from scenarios.scenario_file import scenario_from_text
-from sim.controller import Step
-from sim.run import Setup
+from zwidth.logs.mcap_reader import Log, read_log
+from zwidth.logs.schema import SUBSTEP, TICK
+from zwidth.scenarios.comparison import Comparison, Difference
+from zwidth.scenarios.exact import with_computed
+from zwidth.scenarios.logged_run import COMPUTED, SCENARIO, run_blocks, zwidth_version
+from zwidth.scenarios.scenario import Scenario
+from zwidth.scenarios.scenario_file import scenario_from_text
+from zwidth.sim.controller import Step
+from zwidth.sim.run import Setup
 
 
 class ReplayError(ValueError):

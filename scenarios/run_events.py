@@ -9,10 +9,10 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from logs.events import Event
-from sim.device import Device
-from sim.run import Outcome
-from sim.trace import Trace
+from zwidth.logs.events import Event
+from zwidth.sim.device import Device
+from zwidth.sim.run import Outcome
+from zwidth.sim.trace import Trace
 
 Flags = NDArray[np.bool_]
 

@@ -5,9 +5,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.scenario import Scenario
-from sim.growth import VERDICTS, Verdict, assess, window_weights
-from sim.lanes import (
+from zwidth.scenarios.scenario import Scenario
+from zwidth.sim.growth import VERDICTS, Verdict, assess, window_weights
+from zwidth.sim.lanes import (
     FAST_ENERGY,
     HIGHEST,
     HIGHEST_COMMAND,
@@ -17,8 +17,8 @@ from sim.lanes import (
     REVERSALS,
     SLOW_ENERGY,
 )
-from sim.run import Outcome
-from sim.trace import Trace
+from zwidth.sim.run import Outcome
+from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
 DRIVEN = "recorded"  # its command does not come to rest with the device

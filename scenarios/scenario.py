@@ -7,11 +7,11 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.disturbance import Disturbance
-from sim.controller import Controller
-from sim.device import Device
-from sim.nearest import nearest
-from sim.run import Setup, Start, duration_ticks, prepare
+from zwidth.scenarios.disturbance import Disturbance
+from zwidth.sim.controller import Controller
+from zwidth.sim.device import Device
+from zwidth.sim.nearest import nearest
+from zwidth.sim.run import Setup, Start, duration_ticks, prepare
 
 Floats = NDArray[np.float64]
 Energy = Literal["none", "stored", "ledger"]

@@ -13,23 +13,23 @@ from typing import Any, cast
 
 import tomli_w
 
-from scenarios.controller_kinds import Files, controller_entry, read_controller, whole
-from scenarios.disturbance import KEYS, Disturbance
-from scenarios.scenario import Scenario
-from sim.controller import Step
-from sim.device import Device
-from sim.device_file import (
+from zwidth.scenarios.controller_kinds import Files, controller_entry, read_controller, whole
+from zwidth.scenarios.disturbance import KEYS, Disturbance
+from zwidth.scenarios.scenario import Scenario
+from zwidth.sim.controller import Step
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import (
     INTERFACE_KEYS,
     device_from_text,
     device_to_text,
     load_device,
     shipped_devices,
 )
-from sim.nearest import nearest
-from sim.physics import effect_named
-from sim.physics.effect import Physics
-from sim.run import Start
-from sim.table import Table, TableError
+from zwidth.sim.nearest import nearest
+from zwidth.sim.physics import effect_named
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.run import Start
+from zwidth.sim.table import Table, TableError
 
 SCHEMA = 1
 TEXTS = ("kind", "at")

@@ -5,8 +5,8 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-from scenarios.misprints import Judged, judged
-from sim.device_file import load_device
+from zwidth.scenarios.misprints import Judged, judged
+from zwidth.sim.device_file import load_device
 
 TABLE = Path(__file__).parent / "data" / "table_2.toml"
 DEVICE = "phantom_1_0"

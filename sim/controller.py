@@ -19,7 +19,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from sim.jit import OPTIONS
+from zwidth.sim.jit import OPTIONS
 
 Floats = NDArray[np.float64]
 Step = Callable[[int, float, float, float, Floats, Floats], float]

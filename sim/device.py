@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from sim.chain import Chain, make_chain, matrices, negative_dampers, rigid_body
-from sim.interface import INTERFACE_FIELDS, Interface
-from sim.modal import ModalModel, agree, to_chain
-from sim.nearest import nearest
-from sim.physics.effect import Physics
-from sim.plant import Plant, assemble, with_extra_mass, with_ground_spring
+from zwidth.sim.chain import Chain, make_chain, matrices, negative_dampers, rigid_body
+from zwidth.sim.interface import INTERFACE_FIELDS, Interface
+from zwidth.sim.modal import ModalModel, agree, to_chain
+from zwidth.sim.nearest import nearest
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.plant import Plant, assemble, with_extra_mass, with_ground_spring
 
 
 class DeviceError(ValueError):

@@ -17,14 +17,14 @@ from typing import Any
 import numpy as np
 import tomli_w
 
-from sim.chain import Chain, make_chain
-from sim.device import Device, DeviceError, home, place_label
-from sim.interface import Interface
-from sim.modal import ModalModel, Mode, to_chain
-from sim.nearest import nearest
-from sim.physics import EFFECTS
-from sim.physics.effect import Physics
-from sim.table import Table, TableError
+from zwidth.sim.chain import Chain, make_chain
+from zwidth.sim.device import Device, DeviceError, home, place_label
+from zwidth.sim.interface import Interface
+from zwidth.sim.modal import ModalModel, Mode, to_chain
+from zwidth.sim.nearest import nearest
+from zwidth.sim.physics import EFFECTS
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.table import Table, TableError
 
 SCHEMA = 1
 SHIPPED = Path(__file__).parent / "devices"

@@ -5,19 +5,17 @@ others run one by one in the scalar kernel; both give the same measures a window
 independent tasks without shared state, so the result does not depend on the number of threads.
 """
 
-import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.controller import Controller
-from sim.equations import Equations
-from sim.kernel import Memory, advance, scratch
-from sim.lanes import (
+from zwidth.sim.controller import Controller
+from zwidth.sim.equations import Equations
+from zwidth.sim.kernel import Memory, advance, scratch
+from zwidth.sim.lanes import (
     DAMPING,
     ESTIMATE,
     LANES,
@@ -35,12 +33,12 @@ from sim.lanes import (
     lane_memory,
     signal_row,
 )
-from sim.physics.coulomb_friction import coulomb_friction
-from sim.run import Start, start_memory
+from zwidth.sim.physics.coulomb_friction import coulomb_friction
+from zwidth.sim.run import Start, start_memory
 
 Floats = NDArray[np.float64]
 Task = Callable[[], None]
-Result = TypeVar("Result")
+TOGETHER = 4  # scalar runs a task: work for a millisecond, and for every thread
 
 
 @dataclass(frozen=True)
@@ -165,8 +163,7 @@ class ScalarRuns:
                         measures[window:, :, i] = np.inf
                         break
 
-        chunk = max(1, self.size // (4 * threads()))
-        spans = [(f, min(f + chunk, self.size)) for f in range(0, self.size, chunk)]
+        spans = [(f, min(f + TOGETHER, self.size)) for f in range(0, self.size, TOGETHER)]
         return measures, [lambda s=s: run(*s) for s in spans], after
 
 
@@ -199,19 +196,6 @@ def _measured(eq: Equations, record: Floats, weights: Floats, past: Floats) -> F
                 command.min(), command.max(), reversals,
             ]
         )  # fmt: skip
-
-
-def threads() -> int:
-    """Return the number of threads for batches: ZWIDTH_THREADS, else all cores.
-
-    Raises ValueError where ZWIDTH_THREADS is no whole number from 1 on.
-    """
-    wanted = os.environ.get("ZWIDTH_THREADS")
-    if not wanted:
-        return os.cpu_count() or 1
-    if not wanted.isdecimal() or int(wanted) < 1:
-        raise ValueError(f"ZWIDTH_THREADS is {wanted!r}; a whole number from 1 on is needed")
-    return int(wanted)
 
 
 def fits_lanes(eq: Equations) -> bool:
@@ -255,21 +239,22 @@ def _in_lanes(eq: Equations, ensemble: Walls, memories: Sequence[Memory]) -> Lan
     return LaneRuns(eq, bank, np.zeros((width.line.size, count)), 0)
 
 
-def advance_runs(runs: Runs, weights: Floats, windows: int, workers: int) -> tuple[Floats, Runs]:
-    """Run an ensemble for `windows` windows; return (measures (windows, 7, runs), state)."""
+def one_by_one(tasks: Sequence[Task]) -> None:
+    """Run tasks in turn."""
+    for task in tasks:
+        task()
+
+
+def advance_runs(
+    runs: Runs,
+    weights: Floats,
+    windows: int,
+    run_all: Callable[[Sequence[Task]], object] = one_by_one,
+) -> tuple[Floats, Runs]:
+    """Run an ensemble for `windows` windows; return (measures (windows, 7, runs), state).
+
+    run_all: runs the tasks, in any order or side by side, as on threads of the caller's.
+    """
     measures, tasks, after = runs.tasks(weights, windows)
-    in_parallel(tasks, workers)
+    run_all(tasks)
     return measures, after
-
-
-def in_parallel(tasks: Sequence[Callable[[], Result]], workers: int) -> list[Result]:
-    """Run tasks on threads (kernels release the interpreter's lock); results in task order."""
-    if workers == 1 or len(tasks) == 1:
-        return [task() for task in tasks]
-    with ThreadPoolExecutor(workers) as pool:
-        futures = [pool.submit(task) for task in tasks]
-        try:
-            return [future.result() for future in futures]
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise

@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from sim.device import Device
-from sim.physics.effect import Physics
-from sim.plant import Plant, hold, hold_matrices, locked
+from zwidth.sim.device import Device
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.plant import Plant, hold, hold_matrices, locked
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

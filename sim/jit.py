@@ -20,7 +20,7 @@ import numba
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 COMPILED_PACKAGES = ("sim", "controllers")
-MARKS = (b"sim.jit", b"compile_step", b"class Equations")
+MARKS = (b"zwidth.sim.jit", b"compile_step", b"class Equations")
 
 
 def _fingerprint() -> str:

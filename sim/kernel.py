@@ -27,9 +27,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.jit import jit, part
-from sim.physics.command_step import quantise_command
-from sim.physics.dispatch import (
+from zwidth.sim.jit import jit, part
+from zwidth.sim.physics.command_step import quantise_command
+from zwidth.sim.physics.dispatch import (
     amplified,
     delivered,
     friction_bounds,
@@ -37,8 +37,8 @@ from sim.physics.dispatch import (
     sensed,
     smooth_force,
 )
-from sim.physics.encoder_step import read_encoder
-from sim.physics.saturation import limit_command
+from zwidth.sim.physics.encoder_step import read_encoder
+from zwidth.sim.physics.saturation import limit_command
 
 Floats = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ force as its roots, q_1 the zeros (both for k0 = 0, which is added by `dynamic_s
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sim.chain import Chain, Floats
+from zwidth.sim.chain import Chain, Floats
 
 Complexes = NDArray[np.complex128]
 

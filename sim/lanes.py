@@ -26,11 +26,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.equations import Equations
-from sim.jit import jit, part
-from sim.physics.command_step import quantise_command
-from sim.physics.encoder_step import read_encoder
-from sim.physics.saturation import limit_command
+from zwidth.sim.equations import Equations
+from zwidth.sim.jit import jit, part
+from zwidth.sim.physics.command_step import quantise_command
+from zwidth.sim.physics.encoder_step import read_encoder
+from zwidth.sim.physics.saturation import limit_command
 
 Floats = NDArray[np.float64]
 LANES = 32  # runs in a group: a tick and run costs half as much again with 16, 3 % less with 64

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sim.chain import MAX_MASSES, Chain, Floats, make_chain, matrices, negative_dampers
-from sim.ladder import Complexes, dynamic_stiffness, scaled
-from sim.synthesis import chains, polish
+from zwidth.sim.chain import MAX_MASSES, Chain, Floats, make_chain, matrices, negative_dampers
+from zwidth.sim.ladder import Complexes, dynamic_stiffness, scaled
+from zwidth.sim.synthesis import chains, polish
 
 AGREEMENT = 1e-8
 NO_MASS = 1e-12  # of the total: what rounding leaves of a mode that cancels itself

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from sim.chain import Chain, Floats, make_chain, negative_dampers
-from sim.ladder import dynamic_stiffness, frequency_response, from_vector, to_vector
+from zwidth.sim.chain import Chain, Floats, make_chain, negative_dampers
+from zwidth.sim.ladder import dynamic_stiffness, frequency_response, from_vector, to_vector
 
 BAND_HZ = (1.0, 300.0)
 POINTS = 240

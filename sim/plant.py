@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from sim.chain import Matrices
+from zwidth.sim.chain import Matrices
 
 Floats = NDArray[np.float64]
 

@@ -22,9 +22,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.jit import jit, part
-from sim.kernel import amplify, arrives, read_sensor, substep
-from sim.physics.backlash import backlash
+from zwidth.sim.jit import jit, part
+from zwidth.sim.kernel import amplify, arrives, read_sensor, substep
+from zwidth.sim.physics.backlash import backlash
 
 Floats = NDArray[np.float64]
 

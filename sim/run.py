@@ -8,10 +8,10 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.controller import Controller
-from sim.device import Device
-from sim.equations import Equations, equations, ledger_names
-from sim.kernel import (
+from zwidth.sim.controller import Controller
+from zwidth.sim.device import Device
+from zwidth.sim.equations import Equations, equations, ledger_names
+from zwidth.sim.kernel import (
     DONE,
     ESCAPED,
     MAX_COLUMNS,
@@ -22,8 +22,8 @@ from sim.kernel import (
     read_sensor,
     scratch,
 )
-from sim.physics.dispatch import first_internal
-from sim.trace import Trace
+from zwidth.sim.physics.dispatch import first_internal
+from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
 BLOCK_TICKS = 1000

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import expm
 
-from sim.chain import Floats
-from sim.ladder import Complexes
-from sim.modal import ModalModel
+from zwidth.sim.chain import Floats
+from zwidth.sim.ladder import Complexes
+from zwidth.sim.modal import ModalModel
 
 
 class StateSpace(NamedTuple):

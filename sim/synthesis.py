@@ -21,8 +21,8 @@ import numpy as np
 from numpy.polynomial import polynomial
 from numpy.typing import ArrayLike
 
-from sim.chain import Chain, Floats
-from sim.ladder import Complexes, determinants, from_vector, to_vector
+from zwidth.sim.chain import Chain, Floats
+from zwidth.sim.ladder import Complexes, determinants, from_vector, to_vector
 
 REAL = 1e-6
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from reprlib import repr as brief
 from typing import TypeVar, cast
 
-from sim.nearest import nearest
+from zwidth.sim.nearest import nearest
 
 T = TypeVar("T")
 

@@ -13,15 +13,17 @@ Limit: a band of instability narrower than the scan's ratio can be stepped over.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from controllers.wall import wall
-from sim.device import Device
-from sim.ensemble import Walls, advance_runs, in_parallel, start_runs, threads, walls
-from sim.equations import Equations, equations
-from sim.growth import (
+from zwidth.controllers.wall import wall
+from zwidth.jobs.parallel import in_parallel, threads
+from zwidth.sim.device import Device
+from zwidth.sim.ensemble import Walls, advance_runs, start_runs, walls
+from zwidth.sim.equations import Equations, equations
+from zwidth.sim.growth import (
     DECAYS,
     LIMIT_CYCLE,
     UNDECIDED,
@@ -31,9 +33,9 @@ from sim.growth import (
     assess,
     window_weights,
 )
-from sim.lanes import LANES, MEASURES
-from sim.run import Start
-from stability.frequency import ultimate_frequencies, velocity_records
+from zwidth.sim.lanes import LANES, MEASURES
+from zwidth.sim.run import Start
+from zwidth.stability.frequency import ultimate_frequencies, velocity_records
 
 Floats = NDArray[np.float64]
 GROUP = 2 * LANES  # dampings that are hunted down together
@@ -137,9 +139,10 @@ def _judge(device: Device, eq: Equations, ensemble: Walls, trial: Trial, workers
     )
     judged = Growth(np.full(runs.size, UNDECIDED), *np.full((5, runs.size), np.nan))
     pending, history = np.arange(runs.size), np.zeros((0, MEASURES, runs.size))
+    together = partial(in_parallel, workers=workers)
     done, target = 0.0, trial.seconds
     while True:
-        measures, runs = advance_runs(runs, weights, round((target - done) / window), workers)
+        measures, runs = advance_runs(runs, weights, round((target - done) / window), together)
         history = np.concatenate([history, measures])
         growth = assess(history, window, start, rest, nonlinear, target >= trial.limit_s)
         for field in fields(Growth):

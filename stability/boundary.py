@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.device import Device
-from stability.bisection import Bracket, Search, Trial, find_brackets
-from stability.linear import boundary, corner, last_stable_damping
-from stability.types import LinearPoint
+from zwidth.sim.device import Device
+from zwidth.stability.bisection import Bracket, Search, Trial, find_brackets
+from zwidth.stability.linear import boundary, corner, last_stable_damping
+from zwidth.stability.types import LinearPoint
 
 Floats = NDArray[np.float64]
 GRID = 41

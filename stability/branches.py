@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linear_sum_assignment
 
-from sim.device import Device
-from stability.loop import Loop, open_loop
-from stability.types import LinearPoint
+from zwidth.sim.device import Device
+from zwidth.stability.loop import Loop, open_loop
+from zwidth.stability.types import LinearPoint
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

@@ -20,9 +20,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sim.device import Device
-from sim.modal import ModalModel
-from sim.plant import Plant
+from zwidth.sim.device import Device
+from zwidth.sim.modal import ModalModel
+from zwidth.sim.plant import Plant
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

@@ -29,9 +29,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from sim.device import Device
-from stability.linear import boundary, critical_stiffness
-from stability.types import LinearPoint
+from zwidth.sim.device import Device
+from zwidth.stability.linear import boundary, critical_stiffness
+from zwidth.stability.types import LinearPoint
 
 Floats = NDArray[np.float64]
 QUANTISER_TOP = 4.0 / math.pi

@@ -13,17 +13,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.device_file import device_to_text
-from sim.jit import cache_folder
-from stability.adaptive import filled, rounds, side
-from stability.executor import Executor, Local
-from stability.fates import Fate, Fates
-from stability.map_parts import run_parts
-from stability.only_driver import only_driver
-from stability.part_store import PartStore, write_whole
-from stability.plane import Floats, Plane
-from stability.plane_theory import linear_radius
+from zwidth.files.whole import write_bytes
+from zwidth.jobs.executor import Executor, Local
+from zwidth.jobs.only_driver import only_driver
+from zwidth.jobs.store import PartStore
+from zwidth.sim.device_file import device_to_text
+from zwidth.sim.jit import cache_folder
+from zwidth.stability.adaptive import filled, rounds, side
+from zwidth.stability.fates import Fate, Fates
+from zwidth.stability.map_parts import run_parts
+from zwidth.stability.plane import Floats, Plane
+from zwidth.stability.plane_theory import linear_radius
 
+WHAT = ("map", "plane")  # what its folder holds, and of what
 CHUNK = 512  # points a part: what is lost at most, for each core, when a run is stopped
 
 
@@ -89,7 +91,8 @@ def make_map(
     runner = Local() if runner is None else runner
     numbered = done = 0
     with nullcontext() if folder is None else only_driver(folder):
-        store = None if folder is None else PartStore(folder, description(plane, coarse, levels))
+        identity = description(plane, coarse, levels)
+        store = None if folder is None else PartStore(folder, identity, WHAT)
         for level, points in rounds(fates.fate.reshape(size, size), levels):
             starts = range(0, points.size, CHUNK)
             parts = {numbered + i: points[s : s + CHUNK] for i, s in enumerate(starts)}
@@ -174,7 +177,7 @@ def save_map(result: FateMap, file: Path) -> Path:
     }
     data = xarray.Dataset(contents, axes, attributes)
     file.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(file, bytes(data.to_netcdf(engine="scipy")))
+    write_bytes(file, bytes(data.to_netcdf(engine="scipy")))
     return file
 
 

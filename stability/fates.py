@@ -16,11 +16,12 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.device import Device
-from sim.ensemble import in_parallel, threads, walls
-from sim.growth import DECAYS, GROWS, LIMIT_CYCLE, UNDECIDED, Growth
-from stability.bisection import Trial, judge, threshold
-from stability.plane import OF_THE_DEVICE, Floats, Plane
+from zwidth.jobs.parallel import in_parallel, threads
+from zwidth.sim.device import Device
+from zwidth.sim.ensemble import walls
+from zwidth.sim.growth import DECAYS, GROWS, LIMIT_CYCLE, UNDECIDED, Growth
+from zwidth.stability.bisection import Trial, judge, threshold
+from zwidth.stability.plane import OF_THE_DEVICE, Floats, Plane
 
 Ints = NDArray[np.int64]
 AT_THE_LIMIT = 0.999

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len, rfft
 
-from controllers.wall import wall
-from sim.ensemble import Walls, memory_copy
-from sim.equations import Equations
-from sim.kernel import advance, scratch
-from sim.run import Start, start_memory
+from zwidth.controllers.wall import wall
+from zwidth.sim.ensemble import Walls, memory_copy
+from zwidth.sim.equations import Equations
+from zwidth.sim.kernel import advance, scratch
+from zwidth.sim.run import Start, start_memory
 
 Floats = NDArray[np.float64]
 FLOOR = 1e-3  # amplitude of a peak over the largest one's

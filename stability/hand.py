@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim.device import Device
-from sim.physics import make_physics
-from stability.linear import boundary
+from zwidth.sim.device import Device
+from zwidth.sim.physics import make_physics
+from zwidth.stability.linear import boundary
 
 
 class Hand(NamedTuple):

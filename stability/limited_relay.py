@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
-from sim.device import Device
-from stability.linear import boundary, corner, critical_stiffness
-from stability.types import LinearPoint
+from zwidth.sim.device import Device
+from zwidth.stability.linear import boundary, corner, critical_stiffness
+from zwidth.stability.types import LinearPoint
 
 Floats = NDArray[np.float64]
 WITHIN = 1e-9  # of B

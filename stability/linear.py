@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from sim.device import Device
-from stability.crossings import Crossings, crossings
-from stability.loop import Loop, open_loop
-from stability.types import Corner, LinearPoint
+from zwidth.sim.device import Device
+from zwidth.stability.crossings import Crossings, crossings
+from zwidth.stability.loop import Loop, open_loop
+from zwidth.stability.types import Corner, LinearPoint
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

@@ -19,8 +19,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.device import Device
-from sim.plant import hold
+from zwidth.sim.device import Device
+from zwidth.sim.plant import hold
 
 Floats = NDArray[np.float64]
 MOST_TICKS = 400  # of delay; the eigenproblem of the boundary takes 20 s there

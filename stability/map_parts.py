@@ -1,15 +1,16 @@
 """The parts of a round of a map: from the store, or run wherever tasks are run."""
 
 from collections.abc import Generator, Mapping
+from dataclasses import asdict, fields
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stability.executor import AHEAD, Executor
-from stability.fates import Fates, evaluate
-from stability.part_store import PartStore
-from stability.plane import Floats, Plane
+from zwidth.jobs.executor import AHEAD, Executor
+from zwidth.jobs.store import PartStore
+from zwidth.stability.fates import Fates, evaluate
+from zwidth.stability.plane import Floats, Plane
 
 Points = NDArray[np.int64]
 Bundle = list[tuple[Floats, Floats]]  # x and y of the points of some parts
@@ -31,7 +32,7 @@ def run_parts(
     """
     missing: list[int] = []
     for number, points in parts.items():
-        found = None if store is None else store.read(number, points)
+        found = None if store is None else _read(store, number, points)
         if found is None:
             missing.append(number)
         else:
@@ -45,8 +46,17 @@ def run_parts(
     for key, results in runner.run(partial(_evaluate, plane, workers), tasks):
         for number, found in zip(numbers[key], results, strict=True):
             if store is not None:
-                store.write(number, parts[number], found)
+                store.write(number, {"points": parts[number], **asdict(found)})
             yield number, found
+
+
+def _read(store: PartStore, number: int, points: Points) -> Fates | None:
+    """Return a part if it is there, whole, and of these points."""
+    names = [f.name for f in fields(Fates)]
+    part = store.read(number) or {}
+    if not all(name in part and part[name].shape == points.shape for name in ("points", *names)):
+        return None
+    return Fates(*(part[n] for n in names)) if np.array_equal(part["points"], points) else None
 
 
 def _together(parts: int, cores: int) -> int:

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from stability.fate_map import FateMap
-from stability.fates import Fate
-from stability.plane import Floats
-from stability.plane_theory import cycle_at_the_limit
+from zwidth.stability.fate_map import FateMap
+from zwidth.stability.fates import Fate
+from zwidth.stability.plane import Floats
+from zwidth.stability.plane_theory import cycle_at_the_limit
 
 WITNESSES = 12  # points at which a cycle is compared with its describing function
 

@@ -31,9 +31,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from sim.device import Device
-from sim.interface import Interface
-from stability.types import PassivePoint
+from zwidth.sim.device import Device
+from zwidth.sim.interface import Interface
+from zwidth.stability.types import PassivePoint
 
 Floats = NDArray[np.float64]
 POINTS_PER_TICK = 64

@@ -8,10 +8,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.device import Device, place_label
-from sim.physics import make_physics
-from sim.physics.effect import Physics
-from stability.bisection import Trial
+from zwidth.sim.device import Device, place_label
+from zwidth.sim.physics import make_physics
+from zwidth.sim.physics.effect import Physics
+from zwidth.stability.bisection import Trial
 
 Floats = NDArray[np.float64]
 Quantity = Literal["K", "B", "delay", "encoder_step", "command_limit", "friction", "amplitude"]

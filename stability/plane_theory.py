@@ -5,15 +5,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.interface import Interface
-from stability.describing import (
+from zwidth.sim.interface import Interface
+from zwidth.stability.describing import (
     PredictedCycle,
     friction_boundary,
     quantiser_boundaries,
     saturation_cycle,
 )
-from stability.loop import Loop, open_loop
-from stability.plane import Axis, Floats, Plane, Quantity, with_friction
+from zwidth.stability.loop import Loop, open_loop
+from zwidth.stability.plane import Axis, Floats, Plane, Quantity, with_friction
 
 LINE_POINTS = 49
 

@@ -9,9 +9,9 @@ the step would show as a jump, not as a slope.
 from dataclasses import replace
 from typing import NamedTuple
 
-from sim.device import Device
-from sim.modal import ModalModel, Mode
-from stability.linear import corner
+from zwidth.sim.device import Device
+from zwidth.sim.modal import ModalModel, Mode
+from zwidth.stability.linear import corner
 
 STEP = 1e-3
 

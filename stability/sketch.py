@@ -13,10 +13,10 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from stability.adaptive import filled, rounds, side
-from stability.fate_map import FateMap
-from stability.fates import Fates, evaluate
-from stability.plane import Floats, Plane
+from zwidth.stability.adaptive import filled, rounds, side
+from zwidth.stability.fate_map import FateMap
+from zwidth.stability.fates import Fates, evaluate
+from zwidth.stability.plane import Floats, Plane
 
 COARSE, MIDDLE_LEVELS, FINE_LEVELS = 11, 2, 2
 LEVELS = MIDDLE_LEVELS + FINE_LEVELS

@@ -11,11 +11,11 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.device import Device
-from sim.modal import ModalModel, Mode
-from stability.hand import Range
-from stability.linear import boundary
-from stability.sensitivity import parameter_names
+from zwidth.sim.device import Device
+from zwidth.sim.modal import ModalModel, Mode
+from zwidth.stability.hand import Range
+from zwidth.stability.linear import boundary
+from zwidth.stability.sensitivity import parameter_names
 
 Floats = NDArray[np.float64]
 DRAWS = 200

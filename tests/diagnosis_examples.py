@@ -3,12 +3,12 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from controllers.excitation import noise
-from controllers.recorded import recorded
-from diagnosis.experiment import Experiment, Output
-from sim.device import Device
-from sim.device_file import load_device
-from sim.run import simulate
+from zwidth.controllers.excitation import noise
+from zwidth.controllers.recorded import recorded
+from zwidth.diagnosis.experiment import Experiment, Output
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import load_device
+from zwidth.sim.run import simulate
 
 ENCODER_NOISE, FORCE_NOISE = 1e-5, 2e-3
 OUTPUTS = (Output("position", 0),)

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.chain import make_chain
-from sim.device import Device
-from sim.device_file import load_device
-from sim.interface import Interface
-from sim.physics import make_physics
-from sim.physics.effect import Physics
-from sim.run import Run
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import load_device
+from zwidth.sim.interface import Interface
+from zwidth.sim.physics import make_physics
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.run import Run
 
 Floats = NDArray[np.float64]
 ROOT = Path(__file__).parents[1]

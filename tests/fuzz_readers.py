@@ -32,14 +32,14 @@ import recording_examples as examples
 from log_examples import ATTACHMENTS, EPOCH, EVENTS, METADATA, UNITS, example
 from test_recordings_export import bare_log, full_log
 
-from logs.export import WRITERS
-from logs.guess import clock_faults, draft, look
-from logs.mcap_reader import Log
-from logs.mcap_writer import write_log
-from logs.open_source import open_source
-from logs.own import read_own
-from logs.recording import read_recording
-from sim.trace import Trace
+from zwidth.logs.export import WRITERS
+from zwidth.logs.guess import clock_faults, draft, look
+from zwidth.logs.mcap_reader import Log
+from zwidth.logs.mcap_writer import write_log
+from zwidth.logs.open_source import open_source
+from zwidth.logs.own import read_own
+from zwidth.logs.recording import read_recording
+from zwidth.sim.trace import Trace
 
 SECONDS = 10
 MEMORY = 4 << 30
@@ -181,7 +181,7 @@ def answer(kind: Kind, path: Path) -> tuple[str, str]:
     except ValueError as error:
         sentence = str(error)
         fine = sentence and "\n" not in sentence
-        ours = type(error).__module__.startswith("logs.")
+        ours = type(error).__module__.startswith("zwidth.logs.")
         return ("refused", sentence) if fine and ours else ("finding", traceback.format_exc())
     except Exception:
         return "finding", traceback.format_exc()

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from logs.events import Event
-from logs.mcap_reader import Log
-from logs.mcap_writer import LogWriter
-from sim.trace import Floats, Trace
+from zwidth.logs.events import Event
+from zwidth.logs.mcap_reader import Log
+from zwidth.logs.mcap_writer import LogWriter
+from zwidth.sim.trace import Floats, Trace
 
 EPOCH = 1_763_000_000_123_456_789
 UNITS = {"position_m1": "rad", "velocity_m1": "rad/s", "command": "N m", "contact": ""}

@@ -2,10 +2,10 @@
 
 from functools import cache
 
-from sim.device import Device
-from sim.device_file import load_device
-from sim.physics import EFFECTS, make_physics
-from sim.physics.effect import Effect, Physics
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import load_device
+from zwidth.sim.physics import EFFECTS, make_physics
+from zwidth.sim.physics.effect import Effect, Physics
 
 EXAMPLES: dict[str, dict[str, float]] = {
     "coulomb_friction": {"level": 2e-3},

@@ -20,8 +20,8 @@ from mcap_protobuf.writer import Writer as ProtobufWriter
 from mcap_ros2.writer import Writer as Ros2Writer
 from pyarrow import parquet
 
-from logs.recording import read_recording
-from sim.trace import Trace
+from zwidth.logs.recording import read_recording
+from zwidth.sim.trace import Trace
 
 EPOCH = 1_700_000_000_000_000_000  # ns, a November
 PERIOD = 0.001

@@ -9,14 +9,14 @@ import pytest
 from engine_examples import coulomb, one_mass, phantom
 from scipy.optimize import brentq
 
-import stability.bisection as bisection
-import stability.frequency
-from sim.ensemble import walls
-from sim.growth import DECAYS, GROWS, LIMIT_CYCLE, UNDECIDED, Verdict
-from sim.physics import make_physics
-from stability.bisection import Bracket, Search, Trial, find_brackets, judge
-from stability.linear import boundary, critical_stiffness, last_stable_damping
-from stability.loop import closed_loop
+import zwidth.stability.bisection as bisection
+import zwidth.stability.frequency
+from zwidth.sim.ensemble import walls
+from zwidth.sim.growth import DECAYS, GROWS, LIMIT_CYCLE, UNDECIDED, Verdict
+from zwidth.sim.physics import make_physics
+from zwidth.stability.bisection import Bracket, Search, Trial, find_brackets, judge
+from zwidth.stability.linear import boundary, critical_stiffness, last_stable_damping
+from zwidth.stability.loop import closed_loop
 
 MASS = 1.2e-3
 
@@ -88,13 +88,13 @@ def test_the_growth_rate_is_that_of_the_largest_eigenvalue(
 
 def test_the_linear_result_seeds_no_bracket() -> None:
     """Neither module of the time domain imports anything of the linear theory."""
-    for module in (bisection, stability.frequency):
+    for module in (bisection, zwidth.stability.frequency):
         assert module.__file__ is not None
         tree = ast.parse(Path(module.__file__).read_text())
         imported = {n.module for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)}
         imported |= {a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names}
         ours = {name for name in imported if name and name.startswith(("stability", "identif"))}
-        assert ours <= {"stability.frequency"}
+        assert ours <= {"zwidth.stability.frequency"}
 
 
 def test_where_no_stiffness_is_stable_the_bracket_says_so() -> None:

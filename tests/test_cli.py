@@ -14,9 +14,9 @@ from types import SimpleNamespace
 import click
 import pytest
 
-from sim.device_file import load_device
 from zwidth import cli
 from zwidth.errors import Status
+from zwidth.sim.device_file import load_device
 
 HEAVY = {"numpy", "scipy", "numba", "matplotlib", "rich", "mcap"}
 

@@ -14,11 +14,12 @@ import pytest
 from executor_examples import die, refuse, square
 from test_map_parts import COARSE, LEVELS, plane, same
 
-from stability import cluster, fate_map, part_store
-from stability.cluster import Cluster
-from stability.fate_map import FateMap, make_map
-from stability.only_driver import only_driver
 from zwidth.cli import run
+from zwidth.jobs import cluster, store
+from zwidth.jobs.cluster import Cluster
+from zwidth.jobs.only_driver import only_driver
+from zwidth.stability import fate_map
+from zwidth.stability.fate_map import FateMap, make_map
 
 distributed = pytest.importorskip("distributed", reason="the extra zwidth[cluster] is missing")
 QUIET = {
@@ -124,9 +125,9 @@ def test_a_full_disk_at_the_driver_keeps_what_was_finished(
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(file))
         whole_file(file, content, wait)
 
-    whole_file = part_store.write_whole
+    whole_file = store.write_bytes
     with monkeypatch.context() as patch:
-        patch.setattr(part_store, "write_whole", full_after_five)
+        patch.setattr(store, "write_bytes", full_after_five)
         assert run(arguments) == 1
     error = capsys.readouterr().err.strip()
     assert "No space left on device; what is finished is kept, make room" in error
@@ -145,7 +146,7 @@ def test_a_second_driver_on_the_same_output_is_refused(
     Mutation: `make_map` without `only_driver`.
     """
     code = (
-        "import sys; from pathlib import Path; from stability.only_driver import only_driver\n"
+        "import sys; from pathlib import Path; from zwidth.jobs.only_driver import only_driver\n"
         "with only_driver(Path(sys.argv[1])): print('held', flush=True); sys.stdin.read()"
     )
     command = [sys.executable, "-c", code, str(tmp_path / "parts")]

@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from controllers.excitation import noise
-from controllers.recorded import recorded
-from scenarios.concealed.integrator import integrate
-from scenarios.concealed.outside import OUTSIDE, Outside
-from scenarios.concealed.truth import lost_rate, truth_of
-from sim.chain import make_chain
-from sim.device import Device
-from sim.physics import make_physics
-from sim.plant import hold
-from sim.run import simulate
 from tests.physics_examples import EVERYWHERE, example, phantom
+from zwidth.controllers.excitation import noise
+from zwidth.controllers.recorded import recorded
+from zwidth.scenarios.concealed.integrator import integrate
+from zwidth.scenarios.concealed.outside import OUTSIDE, Outside
+from zwidth.scenarios.concealed.truth import lost_rate, truth_of
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.physics import make_physics
+from zwidth.sim.plant import hold
+from zwidth.sim.run import simulate
 
 T, TICKS, STEPS = 1e-3, 600, 160
 EXAMPLES_OUTSIDE: dict[str, dict[str, float]] = {

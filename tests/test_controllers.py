@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from engine_examples import one_mass, phantom
 
-from controllers.none import none
-from controllers.recorded import recorded
-from controllers.wall import wall
-from sim.controller import Controller, user_controller
-from sim.kernel import advance
-from sim.run import Outcome, Start, simulate
+from zwidth.controllers.none import none
+from zwidth.controllers.recorded import recorded
+from zwidth.controllers.wall import wall
+from zwidth.sim.controller import Controller, user_controller
+from zwidth.sim.kernel import advance
+from zwidth.sim.run import Outcome, Start, simulate
 
 # Numba compiles these; the types are those of sim.controller.SIGNATURE.
 FACTOR = 2.5

@@ -8,8 +8,8 @@ import pytest
 from engine_examples import phantom
 from scipy.integrate import quad
 
-from stability.bisection import Trial
-from stability.describing import (
+from zwidth.stability.bisection import Trial
+from zwidth.stability.describing import (
     QUANTISER_TOP,
     friction_boundary,
     quantiser_boundaries,
@@ -17,10 +17,10 @@ from stability.describing import (
     saturation_cycle,
     saturation_gain,
 )
-from stability.fates import Fate, evaluate
-from stability.linear import critical_stiffness
-from stability.plane import Axis, Plane, with_friction
-from stability.plane_theory import describing_lines
+from zwidth.stability.fates import Fate, evaluate
+from zwidth.stability.linear import critical_stiffness
+from zwidth.stability.plane import Axis, Plane, with_friction
+from zwidth.stability.plane_theory import describing_lines
 
 K, B = Axis("K", 1.0, 60.0), Axis("B", 0.0, 0.12)
 

@@ -4,13 +4,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim import device_file
-from sim.device import Device, DeviceError
-from sim.device_file import load_device
-from sim.modal import ModalModel, from_chain, to_chain
-from sim.physics import EFFECTS, PROBES, make_physics
-from sim.physics.effect import Effect, Parameter, Physics
-from sim.plant import hold
+from zwidth.sim import device_file
+from zwidth.sim.device import Device, DeviceError
+from zwidth.sim.device_file import load_device
+from zwidth.sim.modal import ModalModel, from_chain, to_chain
+from zwidth.sim.physics import EFFECTS, PROBES, make_physics
+from zwidth.sim.physics.effect import Effect, Parameter, Physics
+from zwidth.sim.plant import hold
 
 PHANTOM = load_device("phantom_1_0")
 GROUND_SPRING = Effect(

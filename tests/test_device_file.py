@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim import device_file
-from sim.chain import make_chain
-from sim.device import Device, DeviceError, warnings_of
-from sim.device_file import (
+from zwidth.sim import device_file
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device, DeviceError, warnings_of
+from zwidth.sim.device_file import (
     device_from_text,
     device_to_text,
     load_device,
@@ -19,10 +19,10 @@ from sim.device_file import (
     save_device,
     shipped_devices,
 )
-from sim.interface import Interface
-from sim.modal import ModalModel, Mode
-from sim.physics import make_physics
-from sim.physics.effect import Physics
+from zwidth.sim.interface import Interface
+from zwidth.sim.modal import ModalModel, Mode
+from zwidth.sim.physics import make_physics
+from zwidth.sim.physics.effect import Physics
 
 PHANTOM = load_device("phantom_1_0")
 TEXT = device_to_text(PHANTOM)

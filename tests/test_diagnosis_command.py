@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 import zwidth.commands.diagnose
-from diagnosis.result import Diagnosis, Estimate
-from logs.mcap_reader import read_log
-from logs.recording import load_log
-from sim.device_file import load_device, save_device
-from sim.physics import make_physics
 from tests.diagnosis_examples import phantom, record
 from zwidth.cli import run
+from zwidth.diagnosis.result import Diagnosis, Estimate
+from zwidth.logs.mcap_reader import read_log
+from zwidth.logs.recording import load_log
+from zwidth.sim.device_file import load_device, save_device
+from zwidth.sim.physics import make_physics
 
 TOML = """
 file = "swing.csv"

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from diagnosis import exchange, search
-from diagnosis.candidates import MAGNITUDE
-from diagnosis.exchange import paired, plainly_there, split, swapped
-from diagnosis.fit import Fitted, Problem
-from diagnosis.parameters import Model, effect_labels
-from diagnosis.settle import refit
-from diagnosis.trials import Step, Trial
-from diagnosis.views import Answer, Asked
-from sim.physics import make_physics
-from sim.physics.effect import Physics
 from tests.diagnosis_examples import phantom, record
+from zwidth.diagnosis import exchange, search
+from zwidth.diagnosis.candidates import MAGNITUDE
+from zwidth.diagnosis.exchange import paired, plainly_there, split, swapped
+from zwidth.diagnosis.fit import Fitted, Problem
+from zwidth.diagnosis.parameters import Model, effect_labels
+from zwidth.diagnosis.settle import refit
+from zwidth.diagnosis.trials import Step, Trial
+from zwidth.diagnosis.views import Answer, Asked
+from zwidth.sim.physics import make_physics
+from zwidth.sim.physics.effect import Physics
 
 Floats = NDArray[np.float64]
 

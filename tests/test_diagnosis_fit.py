@@ -8,15 +8,16 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from diagnosis import removal, trials, unknown, views
-from diagnosis.creases import SMOOTH, across_creases, along_gaps, over_creases
-from diagnosis.experiment import Experiment
-from diagnosis.fit import Fitted, Problem, Slopes
-from diagnosis.held_out import held_out
-from diagnosis.parameters import Model, effect_labels
-from diagnosis.predictor import FINAL, choose_observer
-from diagnosis.search import Searched
-from diagnosis.settle import (
+from tests.diagnosis_examples import ENCODER_NOISE, phantom, record
+from zwidth.diagnosis import removal, trials, unknown, views
+from zwidth.diagnosis.creases import SMOOTH, across_creases, along_gaps, over_creases
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.fit import Fitted, Problem, Slopes
+from zwidth.diagnosis.held_out import held_out
+from zwidth.diagnosis.parameters import Model, effect_labels
+from zwidth.diagnosis.predictor import FINAL, choose_observer
+from zwidth.diagnosis.search import Searched
+from zwidth.diagnosis.settle import (
     NotWorth,
     cost_at,
     prepared_for,
@@ -24,12 +25,11 @@ from diagnosis.settle import (
     settle,
     under_likeliest_noise,
 )
-from diagnosis.uncertainty import Z95, covariance
-from sim.chain import make_chain
-from sim.device import Device
-from sim.interface import Interface
-from sim.physics import make_physics
-from tests.diagnosis_examples import ENCODER_NOISE, phantom, record
+from zwidth.diagnosis.uncertainty import Z95, covariance
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.interface import Interface
+from zwidth.sim.physics import make_physics
 
 Floats = NDArray[np.float64]
 

@@ -7,21 +7,27 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from controllers.excitation import noise
-from controllers.recorded import recorded
-from diagnosis.experiment import Experiment
-from diagnosis.fit import Fitted, Problem
-from diagnosis.gate import encoder_step_seen
-from diagnosis.lattice import chances_seen, command_step, dropped_samples, encoder_step, mean_error
-from diagnosis.leftover import leftover
-from diagnosis.parameters import Model, delivered
-from diagnosis.predictor import Observer, begun, innovations, whitened
-from diagnosis.rectified import unfolded
-from diagnosis.settle import refit
-from diagnosis.waves import wave_starts
-from sim.physics import make_physics
-from sim.run import simulate
 from tests.diagnosis_examples import ENCODER_NOISE, FORCE_NOISE, OUTPUTS, phantom, record
+from zwidth.controllers.excitation import noise
+from zwidth.controllers.recorded import recorded
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.fit import Fitted, Problem
+from zwidth.diagnosis.gate import encoder_step_seen
+from zwidth.diagnosis.lattice import (
+    chances_seen,
+    command_step,
+    dropped_samples,
+    encoder_step,
+    mean_error,
+)
+from zwidth.diagnosis.leftover import leftover
+from zwidth.diagnosis.parameters import Model, delivered
+from zwidth.diagnosis.predictor import Observer, begun, innovations, whitened
+from zwidth.diagnosis.rectified import unfolded
+from zwidth.diagnosis.settle import refit
+from zwidth.diagnosis.waves import wave_starts
+from zwidth.sim.physics import make_physics
+from zwidth.sim.run import simulate
 
 SECONDS = 4.0
 

@@ -8,11 +8,12 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from diagnosis.candidates import candidates
-from diagnosis.experiment import Experiment, ExperimentError, Output, experiment, stretches
-from diagnosis.gate import examine
-from diagnosis.hold import smooth, was_smooth
-from diagnosis.predictor import (
+from tests.diagnosis_examples import OUTPUTS, phantom, record
+from zwidth.diagnosis.candidates import candidates
+from zwidth.diagnosis.experiment import Experiment, ExperimentError, Output, experiment, stretches
+from zwidth.diagnosis.gate import examine
+from zwidth.diagnosis.hold import smooth, was_smooth
+from zwidth.diagnosis.predictor import (
     SETTLING,
     Observer,
     choose_observer,
@@ -20,15 +21,14 @@ from diagnosis.predictor import (
     observer_for,
     whitened,
 )
-from diagnosis.screen import Complement
-from diagnosis.settle import refit
-from diagnosis.uncertainty import inflation
-from sim.chain import make_chain
-from sim.device import Device
-from sim.interface import Interface
-from sim.physics import make_physics
-from sim.trace import Trace
-from tests.diagnosis_examples import OUTPUTS, phantom, record
+from zwidth.diagnosis.screen import Complement
+from zwidth.diagnosis.settle import refit
+from zwidth.diagnosis.uncertainty import inflation
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.interface import Interface
+from zwidth.sim.physics import make_physics
+from zwidth.sim.trace import Trace
 
 T = 0.001
 UNITS = {"command": "N", "position_m1": "m", "position_m3": "m", "contact": ""}

@@ -5,22 +5,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controllers.none import none
-from diagnosis.fit import Fitted, Problem
-from diagnosis.leftover import leftover
-from diagnosis.parameters import Model
-from diagnosis.probes import instead_by_law
-from diagnosis.settle import refit, settle
-from sim.chain import make_chain
-from sim.device import Device
-from sim.interface import Interface
-from sim.physics import make_physics
-from sim.physics.effect import Physics
-from sim.physics.one_sided_spring import one_sided_spring
-from sim.physics.periodic_force import HARMONICS, periodic_force
-from sim.physics.power_drag import power_drag
-from sim.run import Start, simulate
 from tests.diagnosis_examples import record
+from zwidth.controllers.none import none
+from zwidth.diagnosis.fit import Fitted, Problem
+from zwidth.diagnosis.leftover import leftover
+from zwidth.diagnosis.parameters import Model
+from zwidth.diagnosis.probes import instead_by_law
+from zwidth.diagnosis.settle import refit, settle
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.interface import Interface
+from zwidth.sim.physics import make_physics
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.physics.one_sided_spring import one_sided_spring
+from zwidth.sim.physics.periodic_force import HARMONICS, periodic_force
+from zwidth.sim.physics.power_drag import power_drag
+from zwidth.sim.run import Start, simulate
 
 MASS, T = 2e-4, 1e-3
 

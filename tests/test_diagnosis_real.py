@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnosis.diagnose import diagnose
-from diagnosis.experiment import Experiment, experiment
-from diagnosis.gate import examine
-from logs.recording import read_recording
-from sim.chain import make_chain
-from sim.device import Device
-from sim.interface import Interface
+from zwidth.diagnosis.diagnose import diagnose
+from zwidth.diagnosis.experiment import Experiment, experiment
+from zwidth.diagnosis.gate import examine
+from zwidth.logs.recording import read_recording
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.interface import Interface
 
 TOMLS = Path(__file__).parent / "recordings"
 SHARED = Path(__file__).parents[1].parent / "shared" / "recordings"

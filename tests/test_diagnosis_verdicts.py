@@ -7,22 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from controllers.excitation import noise
-from controllers.recorded import recorded
-from diagnosis import diagnose as pipeline
-from diagnosis.diagnose import diagnose, on_first_part, rivals_of
-from diagnosis.experiment import Experiment, Output
-from diagnosis.gate import encoder_step_seen, examine
-from diagnosis.held_out import held_out
-from diagnosis.result import Diagnosis, Verdict
-from diagnosis.search import Searched
-from diagnosis.settle import refit
-from diagnosis.trials import Step, Trial
-from diagnosis.verdict import Left
-from sim.device import Device
-from sim.device_file import device_from_text, device_to_text
-from sim.physics import make_physics
-from sim.run import simulate
 from tests.diagnosis_examples import (
     ENCODER_NOISE,
     FORCE_NOISE,
@@ -31,7 +15,23 @@ from tests.diagnosis_examples import (
     record,
     shifted,
 )
+from zwidth.controllers.excitation import noise
+from zwidth.controllers.recorded import recorded
+from zwidth.diagnosis import diagnose as pipeline
+from zwidth.diagnosis.diagnose import diagnose, on_first_part, rivals_of
+from zwidth.diagnosis.experiment import Experiment, Output
+from zwidth.diagnosis.gate import encoder_step_seen, examine
+from zwidth.diagnosis.held_out import held_out
+from zwidth.diagnosis.result import Diagnosis, Verdict
+from zwidth.diagnosis.search import Searched
+from zwidth.diagnosis.settle import refit
+from zwidth.diagnosis.trials import Step, Trial
+from zwidth.diagnosis.verdict import Left
 from zwidth.diagnosis_report import Commands, save_report, sentence
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import device_from_text, device_to_text
+from zwidth.sim.physics import make_physics
+from zwidth.sim.run import simulate
 
 
 def missing(effect: str, at: str, seed: int, **values: float) -> Diagnosis:

@@ -7,26 +7,26 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import multivariate_normal
 
-from controllers.excitation import noise
-from controllers.recorded import recorded
-from diagnosis.candidates import QUARTER, Start, candidates, magnitudes
-from diagnosis.experiment import Experiment, Output
-from diagnosis.fit import Fitted, Problem
-from diagnosis.modes import mode_starts
-from diagnosis.parameters import Model
-from diagnosis.predictor import SETTLING, Observer, innovations, whitened
-from diagnosis.removal import fit_without, may_be_zero
-from diagnosis.screen import Screened, turned_starts
-from diagnosis.settle import prepared_for, refit, settle
-from diagnosis.spatial import response
-from diagnosis.trials import at_bound
-from diagnosis.unknown import instead, unknown
-from sim.chain import make_chain
-from sim.device import Device
-from sim.interface import Interface
-from sim.physics import make_physics
-from sim.run import simulate
 from tests.diagnosis_examples import ENCODER_NOISE, FORCE_NOISE, OUTPUTS, phantom, record
+from zwidth.controllers.excitation import noise
+from zwidth.controllers.recorded import recorded
+from zwidth.diagnosis.candidates import QUARTER, Start, candidates, magnitudes
+from zwidth.diagnosis.experiment import Experiment, Output
+from zwidth.diagnosis.fit import Fitted, Problem
+from zwidth.diagnosis.modes import mode_starts
+from zwidth.diagnosis.parameters import Model
+from zwidth.diagnosis.predictor import SETTLING, Observer, innovations, whitened
+from zwidth.diagnosis.removal import fit_without, may_be_zero
+from zwidth.diagnosis.screen import Screened, turned_starts
+from zwidth.diagnosis.settle import prepared_for, refit, settle
+from zwidth.diagnosis.spatial import response
+from zwidth.diagnosis.trials import at_bound
+from zwidth.diagnosis.unknown import instead, unknown
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.interface import Interface
+from zwidth.sim.physics import make_physics
+from zwidth.sim.run import simulate
 
 Floats = NDArray[np.float64]
 T = 0.001

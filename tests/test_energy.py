@@ -12,13 +12,13 @@ import pytest
 from engine_examples import Floats, coulomb, phantom
 from scipy.integrate import simpson
 
-from controllers.none import none
-from controllers.wall import wall
-from sim.chain import make_chain, negative_dampers
-from sim.device import Device
-from sim.interface import Interface
-from sim.physics import make_physics
-from sim.run import Run, Start, simulate
+from zwidth.controllers.none import none
+from zwidth.controllers.wall import wall
+from zwidth.sim.chain import make_chain, negative_dampers
+from zwidth.sim.device import Device
+from zwidth.sim.interface import Interface
+from zwidth.sim.physics import make_physics
+from zwidth.sim.run import Run, Start, simulate
 
 SUBSTEPS, TICKS = 32, 120
 CHAIN = make_chain([2e-4, 9e-4, 7e-5], [4e-3, 1e-2, 2e-3], 1.5, [220.0, 15.0], [2e-2, 3e-3])

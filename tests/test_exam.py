@@ -10,30 +10,30 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-import diagnosis.exam.sitting
-from diagnosis.exam.conceal import conceal, make, orders
-from diagnosis.exam.drawing import draw
-from diagnosis.exam.hidden import seen
-from diagnosis.exam.mark import linear_truth, mark, stands_apart
-from diagnosis.exam.of_library import DRY, as_made, chosen
-from diagnosis.exam.perfect import HeldOut
-from diagnosis.exam.strata import STRATA, counts
-from diagnosis.exam.take import mark_all, open_seal, sit_all
-from diagnosis.exam.tally import Share, tally
-from diagnosis.fit import Problem
-from diagnosis.parameters import Model
-from diagnosis.reference import reference
-from scenarios.concealed.handout import key_file, names, recording_files
-from scenarios.concealed.outside import OUTSIDE
-from scenarios.concealed.rig import record
-from scenarios.concealed.sealing import SealError, canonical, seal
-from scenarios.concealed.shapes import Motion, draw_physics, places
-from sim.chain import make_chain
-from sim.physics import NAMES
-from stability.executor import Local
 from tests.physics_examples import phantom
 from zwidth.cli import zwidth
+from zwidth.diagnosis.exam import sitting
+from zwidth.diagnosis.exam.conceal import conceal, make, orders
+from zwidth.diagnosis.exam.drawing import draw
+from zwidth.diagnosis.exam.hidden import seen
+from zwidth.diagnosis.exam.mark import linear_truth, mark, stands_apart
+from zwidth.diagnosis.exam.of_library import DRY, as_made, chosen
+from zwidth.diagnosis.exam.perfect import HeldOut
+from zwidth.diagnosis.exam.strata import STRATA, counts
+from zwidth.diagnosis.exam.take import mark_all, open_seal, sit_all
+from zwidth.diagnosis.exam.tally import Share, tally
+from zwidth.diagnosis.fit import Problem
+from zwidth.diagnosis.parameters import Model
+from zwidth.diagnosis.reference import reference
 from zwidth.exam_page import goals, page, ratio
+from zwidth.jobs.executor import Local
+from zwidth.scenarios.concealed.handout import key_file, names, recording_files
+from zwidth.scenarios.concealed.outside import OUTSIDE
+from zwidth.scenarios.concealed.rig import record
+from zwidth.scenarios.concealed.sealing import SealError, canonical, seal
+from zwidth.scenarios.concealed.shapes import Motion, draw_physics, places
+from zwidth.sim.chain import make_chain
+from zwidth.sim.physics import NAMES
 
 FRICTION = {
     "effect": "coulomb_friction", "at": "m1", "values": {"level": 0.01}, "magnitude": 0.01,
@@ -80,7 +80,7 @@ def silent(monkeypatch: pytest.MonkeyPatch) -> list[int]:
         taken.append(experiments[0].ticks)
         return Answer(device, [])
 
-    monkeypatch.setattr(diagnosis.exam.sitting, "diagnose", diagnose)
+    monkeypatch.setattr(sitting, "diagnose", diagnose)
     return taken
 
 
@@ -421,8 +421,8 @@ def test_a_diagnosis_that_fails_is_an_answer(folder: Path, monkeypatch: pytest.M
     def fails(device: Any, experiments: Any) -> Answer:
         raise ZeroDivisionError("no")
 
-    monkeypatch.setattr(diagnosis.exam.sitting, "diagnose", fails)
-    answer = diagnosis.exam.sitting.sit(diagnosis.exam.sitting.Paper(str(folder), "r0001"))
+    monkeypatch.setattr(sitting, "diagnose", fails)
+    answer = sitting.sit(sitting.Paper(str(folder), "r0001"))
     assert answer["diagnosis"] is None
     assert answer["error"] == "ZeroDivisionError: no"
 

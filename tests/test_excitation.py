@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import hilbert
 
-from controllers.excitation import SIGNALS, chirp, multisine, noise, random_steps, triangle
+from zwidth.controllers.excitation import SIGNALS, chirp, multisine, noise, random_steps, triangle
 
 Floats = NDArray[np.float64]
 

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 from executor_examples import die, die_once, refuse, square, threads_allowed
 
-from stability.executor import Executor, Local, Processes, executor
+from zwidth.jobs.choose import executor
+from zwidth.jobs.executor import Executor, Local, Processes
 
 TASKS = {f"task-{i}": i for i in range(12)}
 posix = pytest.mark.skipif(os.name != "posix", reason="kill -9 is POSIX")

@@ -12,15 +12,6 @@ from hypothesis import strategies as st
 
 pytest.importorskip("bokeh", reason="needs the extra zwidth[explore]")
 
-from scenarios.paddle import paddle_boundary
-from scenarios.scenario_file import scenario_from_text, scenario_to_text
-from sim.device_file import load_device, save_device
-from stability import sketch as sketching
-from stability.bisection import Trial
-from stability.fates import Fate, evaluate
-from stability.linear import critical_stiffness
-from stability.plane import Axis, Plane
-from stability.sketch import Sketch, sketch
 from zwidth.cli import run
 from zwidth.explore.bench import Bench
 from zwidth.explore.link import explore_command, explore_link
@@ -29,6 +20,15 @@ from zwidth.explore.picture import picture
 from zwidth.explore.stops import decades, stops, with_unit
 from zwidth.explore.view import LAYERS, View, read_query
 from zwidth.figures.map import COLOURS
+from zwidth.scenarios.paddle import paddle_boundary
+from zwidth.scenarios.scenario_file import scenario_from_text, scenario_to_text
+from zwidth.sim.device_file import load_device, save_device
+from zwidth.stability import sketch as sketching
+from zwidth.stability.bisection import Trial
+from zwidth.stability.fates import Fate, evaluate
+from zwidth.stability.linear import critical_stiffness
+from zwidth.stability.plane import Axis, Plane
+from zwidth.stability.sketch import Sketch, sketch
 
 PHANTOM = load_device("phantom_1_0")
 PADDLE = load_device("ethz_haptic_paddle")
@@ -227,13 +227,13 @@ def test_a_sine_has_a_line_of_its_amplitude():
 
 
 def look_like(t: np.ndarray, position: np.ndarray):
-    from sim.trace import Trace
+    from zwidth.sim.trace import Trace
 
     return Trace(t, {"position_m1": position}, {"position_m1": "rad"}, "recorded")
 
 
 def test_an_augmented_device_differs_by_its_sliders():
-    from sim.physics import make_physics
+    from zwidth.sim.physics import make_physics
 
     found = make_physics("coulomb_friction", "m1", level=3e-3)
     bench = Bench([PHANTOM, PHANTOM.with_physics(found)])

@@ -20,10 +20,10 @@ sync_api = pytest.importorskip("playwright.sync_api", reason="playwright drives 
 
 from playwright.sync_api import Browser, Page, expect  # noqa: E402
 
-from scenarios.scenario_file import load_scenario  # noqa: E402
-from sim.device_file import load_device, save_device  # noqa: E402
-from sim.physics import make_physics  # noqa: E402
 from zwidth.cli import run  # noqa: E402
+from zwidth.scenarios.scenario_file import load_scenario  # noqa: E402
+from zwidth.sim.device_file import load_device, save_device  # noqa: E402
+from zwidth.sim.physics import make_physics  # noqa: E402
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 QUIET = (

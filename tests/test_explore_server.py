@@ -20,13 +20,6 @@ pytest.importorskip("bokeh", reason="needs the extra zwidth[explore]")
 from bokeh.document import Document
 from bokeh.server.callbacks import NextTickCallback
 
-from logs.recording import read_recording
-from scenarios.replay import replay
-from scenarios.scenario_file import load_scenario
-from sim.device_file import load_device
-from sim.trace import Trace
-from stability.plane import Plane
-from stability.sketch import Sketch, sketch
 from zwidth.cli import run
 from zwidth.explore import session as sessions
 from zwidth.explore.background import Newest
@@ -35,6 +28,13 @@ from zwidth.explore.dropped import read_dropped
 from zwidth.explore.server import listen
 from zwidth.explore.session import Session
 from zwidth.explore.view import View, read_query
+from zwidth.logs.recording import read_recording
+from zwidth.scenarios.replay import replay
+from zwidth.scenarios.scenario_file import load_scenario
+from zwidth.sim.device_file import load_device
+from zwidth.sim.trace import Trace
+from zwidth.stability.plane import Plane
+from zwidth.stability.sketch import Sketch, sketch
 
 BENCH = Bench([load_device("phantom_1_0")])
 WALL = "K=12&B=0.04&encoder_step=0.0001"

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from zwidth.errors import Status, explain
-from zwidth.files import check_folder, json_text, replacing, write_text
+from zwidth.files.whole import check_folder, json_text, replacing, write_text
 
 
 def test_folders_are_made_and_no_draft_stays(tmp_path: Path):

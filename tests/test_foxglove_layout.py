@@ -9,11 +9,11 @@ from typing import Any
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-from controllers.wall import wall
-from logs.events import Event
-from logs.mcap_writer import write_log
-from sim.device_file import load_device
-from sim.run import Start, simulate
+from zwidth.controllers.wall import wall
+from zwidth.logs.events import Event
+from zwidth.logs.mcap_writer import write_log
+from zwidth.sim.device_file import load_device
+from zwidth.sim.run import Start, simulate
 
 LAYOUT = Path(__file__).parents[1] / "docs" / "foxglove_layout.json"
 

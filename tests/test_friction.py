@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from engine_examples import Floats, coulomb, one_mass, phantom
 
-from controllers.none import none
-from controllers.wall import wall
-from sim.device import Device
-from sim.run import Run, Start, simulate
+from zwidth.controllers.none import none
+from zwidth.controllers.wall import wall
+from zwidth.sim.device import Device
+from zwidth.sim.run import Run, Start, simulate
 
 MASS = 1e-3
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from engine_examples import Floats
 
-from sim.growth import (
+from zwidth.sim.growth import (
     DECAYS,
     GROWS,
     LIMIT_CYCLE,
@@ -14,8 +14,8 @@ from sim.growth import (
     growth_rate,
     window_weights,
 )
-from sim.lanes import MEASURES
-from stability.frequency import ultimate_frequencies
+from zwidth.sim.lanes import MEASURES
+from zwidth.stability.frequency import ultimate_frequencies
 
 T, WINDOW = 1e-3, 500
 TIME: Floats = np.arange(8 * WINDOW, dtype=np.float64) * T

@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from controllers.excitation import noise
-from controllers.recorded import recorded
-from identification.coordinates import Coordinates, parameters
-from identification.fit import Fit, fit_response
-from identification.noise import noise_spectrum
-from identification.output import position
-from identification.prediction import predict
-from identification.response import RecordingError, frequency_response
-from sim.device_file import load_device
-from sim.modal import ModalModel, Mode
-from sim.run import simulate
-from sim.trace import Trace
+from zwidth.controllers.excitation import noise
+from zwidth.controllers.recorded import recorded
+from zwidth.identification.coordinates import Coordinates, parameters
+from zwidth.identification.fit import Fit, fit_response
+from zwidth.identification.noise import noise_spectrum
+from zwidth.identification.output import position
+from zwidth.identification.prediction import predict
+from zwidth.identification.response import RecordingError, frequency_response
+from zwidth.sim.device_file import load_device
+from zwidth.sim.modal import ModalModel, Mode
+from zwidth.sim.run import simulate
+from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
 Change = Callable[[Floats, Floats], tuple[Floats, Floats]]

@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from controllers.excitation import noise
-from identification.output import position
-from sim.device_file import load_device
 from zwidth import cli
+from zwidth.controllers.excitation import noise
 from zwidth.covariance import load_covariance
 from zwidth.errors import Status
+from zwidth.identification.output import position
+from zwidth.sim.device_file import load_device
 
 DESCRIPTION = """file = "rec.csv"
 period_s = 0.001

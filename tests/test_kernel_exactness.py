@@ -11,13 +11,13 @@ import pytest
 from engine_examples import Floats, one_mass, phantom, scaled_error, states
 from scipy.linalg import expm
 
-from controllers.recorded import recorded
-from controllers.wall import wall
-from sim.chain import make_chain
-from sim.device import Device
-from sim.interface import Interface
-from sim.physics import make_physics
-from sim.run import Start, simulate
+from zwidth.controllers.recorded import recorded
+from zwidth.controllers.wall import wall
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.interface import Interface
+from zwidth.sim.physics import make_physics
+from zwidth.sim.run import Start, simulate
 
 CHAIN_OF_FOUR = make_chain(
     [2e-4, 3e-4, 4e-4, 1e-4], [1e-2, 0.0, 2e-3, 1e-3], 1.5, [80.0, 150.0, 40.0], [1e-2, 0.0, 2e-2]
@@ -223,7 +223,7 @@ def test_a_command_that_is_recorded_comes_back() -> None:
 
 def test_blocks_are_the_run() -> None:
     """A run taken piece by piece, as a log is written, equals the run in one piece to the bit."""
-    from sim.run import prepare
+    from zwidth.sim.run import prepare
 
     device = phantom().with_interface(delay=0.0027, encoder_step=1e-6)
     arguments: dict[str, Any] = {"duration": 0.3, "start": Start(1e-3), "substeps": 3, "fine": True}
@@ -241,7 +241,7 @@ def test_a_run_is_run_once() -> None:
 
     Mutation: the check of `counters` left out.
     """
-    from sim.run import prepare
+    from zwidth.sim.run import prepare
 
     setup = prepare(phantom(), wall(12.0, 0.03), duration=0.1, start=Start(1e-3))
     next(iter(setup.blocks(50)))

@@ -11,11 +11,11 @@ import json
 import numpy as np
 from engine_examples import Floats, coulomb, one_mass, phantom, uncompiled
 
-from controllers.wall import wall
-from sim.ensemble import LaneRuns, advance_runs, start_runs, walls
-from sim.equations import equations
-from sim.physics import make_physics
-from sim.run import Start, simulate
+from zwidth.controllers.wall import wall
+from zwidth.sim.ensemble import LaneRuns, advance_runs, start_runs, walls
+from zwidth.sim.equations import equations
+from zwidth.sim.physics import make_physics
+from zwidth.sim.run import Start, simulate
 
 
 def _hash(*arrays: Floats) -> str:
@@ -70,7 +70,7 @@ def fingerprints() -> dict[str, str]:
         some = walls(np.linspace(1.0, 40.0, 5), 0.03, 1e-5, one_sided=True)
         runs = start_runs(equations(device, 1), wall(1.0, 0.0), some, [Start(1e-4, 0.02)])
         assert isinstance(runs, LaneRuns)
-        measures, after = advance_runs(runs, np.linspace(0.1, 1.0, 8), 2, 1)
+        measures, after = advance_runs(runs, np.linspace(0.1, 1.0, 8), 2)
         assert isinstance(after, LaneRuns)
         found[name] = _hash(measures, after.bank, after.line)
     return found

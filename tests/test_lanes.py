@@ -1,27 +1,27 @@
 """Runs side by side equal the runs one by one, bit for bit, however they are grouped."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from engine_examples import Floats, coulomb, one_mass, phantom
 
-from controllers.wall import wall
-from sim.device import Device
-from sim.ensemble import (
+from zwidth.controllers.wall import wall
+from zwidth.jobs.parallel import in_parallel, threads
+from zwidth.sim.device import Device
+from zwidth.sim.ensemble import (
     LaneRuns,
     Runs,
     ScalarRuns,
     Walls,
     advance_runs,
-    in_parallel,
     start_runs,
-    threads,
     walls,
 )
-from sim.equations import equations
-from sim.growth import window_weights
-from sim.lanes import (
+from zwidth.sim.equations import equations
+from zwidth.sim.growth import window_weights
+from zwidth.sim.lanes import (
     ESTIMATE,
     FAST_ENERGY,
     HIGHEST,
@@ -32,9 +32,9 @@ from sim.lanes import (
     SLOW_ENERGY,
     signal_row,
 )
-from sim.physics import make_physics
-from sim.run import Start, simulate, start_memory
-from stability.bisection import Search, Trial, find_brackets
+from zwidth.sim.physics import make_physics
+from zwidth.sim.run import Start, simulate, start_memory
+from zwidth.stability.bisection import Search, Trial, find_brackets
 
 STEPPED = {
     "delay": 0.0013,
@@ -104,10 +104,8 @@ def test_lanes_equal_scalar_runs(name: str) -> None:
     device, substeps = DEVICES[name]
     ensemble, starts = some_walls(), some_starts(device.chain.masses.size)
     weights = window_weights(TICKS // 3)
-    lanes_found, lanes = advance_runs(in_lanes(device, substeps, ensemble, starts), weights, 3, 1)
-    scalar_found, scalar = advance_runs(
-        in_scalar(device, substeps, ensemble, starts), weights, 3, 1
-    )
+    lanes_found, lanes = advance_runs(in_lanes(device, substeps, ensemble, starts), weights, 3)
+    scalar_found, scalar = advance_runs(in_scalar(device, substeps, ensemble, starts), weights, 3)
     assert isinstance(lanes, LaneRuns)
     assert isinstance(scalar, ScalarRuns)
     n = lanes.eq.states
@@ -127,7 +125,7 @@ def test_scalar_runs_are_simulations() -> None:
     device, substeps = DEVICES["friction, steps, fraction"]
     ensemble, starts = some_walls(), some_starts(3)
     weights = window_weights(TICKS)
-    found, _ = advance_runs(in_scalar(device, substeps, ensemble, starts), weights, 1, 1)
+    found, _ = advance_runs(in_scalar(device, substeps, ensemble, starts), weights, 1)
     for i in (0, 7, RUNS - 1):
         law = wall(*(float(column) for column in ensemble.parameters()[i, :3]),
                    one_sided=bool(ensemble.one_sided[i]))  # fmt: skip
@@ -150,10 +148,10 @@ def test_prolonging_some_runs_is_running_them_on(make: type) -> None:
     device, substeps = DEVICES["friction, steps, fraction"]
     weights = window_weights(50)
     runs: Runs = make(device, substeps, some_walls(), some_starts(3))
-    whole, _ = advance_runs(runs, weights, 4, 1)
-    first, half = advance_runs(runs, weights, 2, 1)
+    whole, _ = advance_runs(runs, weights, 4)
+    first, half = advance_runs(runs, weights, 2)
     chosen = np.array([3, 4, 17, RUNS - 1])
-    second, _ = advance_runs(half.select(chosen), weights, 2, 1)
+    second, _ = advance_runs(half.select(chosen), weights, 2)
     assert np.array_equal(first, whole[:2])
     assert np.array_equal(second, whole[2:][:, :, chosen])
 
@@ -197,7 +195,8 @@ def test_results_do_not_depend_on_the_number_of_threads(monkeypatch: pytest.Monk
     runs = in_scalar(device, substeps, some_walls(), some_starts(3))
     weights = window_weights(40)
     assert np.array_equal(
-        advance_runs(runs, weights, 2, 1)[0], advance_runs(runs, weights, 2, 4)[0]
+        advance_runs(runs, weights, 2)[0],
+        advance_runs(runs, weights, 2, partial(in_parallel, workers=4))[0],
     )
 
 
@@ -226,9 +225,9 @@ def test_a_run_that_overflows_leaves_its_neighbours_alone() -> None:
     stiff = ensemble.stiffness.copy()
     stiff[3] = 1e5
     weights = window_weights(TICKS)
-    plain, _ = advance_runs(in_lanes(device, 1, ensemble, starts), weights, 4, 1)
+    plain, _ = advance_runs(in_lanes(device, 1, ensemble, starts), weights, 4)
     blown, _ = advance_runs(
-        in_lanes(device, 1, replace(ensemble, stiffness=stiff), starts), weights, 4, 1
+        in_lanes(device, 1, replace(ensemble, stiffness=stiff), starts), weights, 4
     )
     assert not np.isfinite(blown[-1, SLOW_ENERGY, 3])
     others = np.arange(RUNS) != 3

@@ -5,10 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.relay import STANDARD, RelayTest, relay_run
-from sim.device_file import load_device
-from stability.limited_relay import command_share, limited_boundary, limited_reading, passed_share
-from stability.linear import critical_stiffness, last_stable_damping
+from zwidth.identification.relay import STANDARD, RelayTest, relay_run
+from zwidth.sim.device_file import load_device
+from zwidth.stability.limited_relay import (
+    command_share,
+    limited_boundary,
+    limited_reading,
+    passed_share,
+)
+from zwidth.stability.linear import critical_stiffness, last_stable_damping
 
 PHANTOM = load_device("phantom_1_0")
 

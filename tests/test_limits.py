@@ -5,11 +5,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-from controllers.excitation import noise
-from diagnosis.candidates import candidates
-from diagnosis.experiment import Experiment
-from diagnosis.fit import Problem
-from diagnosis.limits import (
+from tests.diagnosis_examples import ENCODER_NOISE, FORCE_NOISE, phantom
+from zwidth.controllers.excitation import noise
+from zwidth.diagnosis.candidates import candidates
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.fit import Problem
+from zwidth.diagnosis.limits import (
     SHOWN,
     Noise,
     Reference,
@@ -20,12 +21,11 @@ from diagnosis.limits import (
     sigma,
     strengthened,
 )
-from diagnosis.parameters import Model
-from diagnosis.rehearsal import known_observer, rehearse
-from diagnosis.screen import screen
-from sim.physics import make_physics
-from sim.physics.effect import Physics
-from tests.diagnosis_examples import ENCODER_NOISE, FORCE_NOISE, phantom
+from zwidth.diagnosis.parameters import Model
+from zwidth.diagnosis.rehearsal import known_observer, rehearse
+from zwidth.diagnosis.screen import screen
+from zwidth.sim.physics import make_physics
+from zwidth.sim.physics.effect import Physics
 
 SEEN = Noise(FORCE_NOISE, ENCODER_NOISE)
 RIPPLE = {"amplitude": 1e-4, "period": 2.0 * np.pi / 50.0, "phase": 0.0}

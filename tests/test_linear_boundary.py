@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sim.chain import make_chain
-from sim.device import Device
-from sim.device_file import load_device
-from sim.interface import Interface
-from sim.physics.actuator_lag import actuator_lag
-from sim.physics.effect import Physics
-from stability.crossings import crossings
-from stability.decomposition import curve
-from stability.linear import (
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import load_device
+from zwidth.sim.interface import Interface
+from zwidth.sim.physics.actuator_lag import actuator_lag
+from zwidth.sim.physics.effect import Physics
+from zwidth.stability.crossings import crossings
+from zwidth.stability.decomposition import curve
+from zwidth.stability.linear import (
     boundary,
     corner,
     critical_stiffness,
@@ -23,8 +23,8 @@ from stability.linear import (
     stable_bands,
     stable_dampings,
 )
-from stability.loop import open_loop
-from stability.types import LinearPoint
+from zwidth.stability.loop import open_loop
+from zwidth.stability.types import LinearPoint
 
 PHANTOM = load_device("phantom_1_0")
 

@@ -20,11 +20,11 @@ from mcap.summary import Summary
 from mcap.writer import CompressionType, Writer
 from mcap_protobuf.decoder import DecoderFactory
 
-from logs.clock import to_log_time
-from logs.layout import Layout
-from logs.mcap_reader import read_log
-from logs.schema import TICK, TIME_RESIDUAL, channel_record, flat_schema, schema_record
-from sim.trace import Trace
+from zwidth.logs.clock import to_log_time
+from zwidth.logs.layout import Layout
+from zwidth.logs.mcap_reader import read_log
+from zwidth.logs.schema import TICK, TIME_RESIDUAL, channel_record, flat_schema, schema_record
+from zwidth.sim.trace import Trace
 
 SAMPLES, BLOCK = 2500, 1000
 

@@ -23,7 +23,7 @@ from log_examples import (
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from logs.errors import (
+from zwidth.logs.errors import (
     ForeignLog,
     LogDamaged,
     LogEmpty,
@@ -33,8 +33,8 @@ from logs.errors import (
     LogNotReadable,
     NotMcap,
 )
-from logs.mcap_reader import read_log
-from logs.mcap_writer import LogWriter
+from zwidth.logs.mcap_reader import read_log
+from zwidth.logs.mcap_writer import LogWriter
 
 SAMPLES, BLOCK = 60, 10
 RUN = example(SAMPLES)

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from log_examples import ATTACHMENTS, EPOCH, EVENTS, FACTS, METADATA, assert_same, bits, example
 
-from logs.clock import from_log_time, to_log_time
-from logs.mcap_reader import read_log
-from logs.mcap_writer import LogWriter, write_log
-from logs.schema import field_names, unit_suffix
-from sim.trace import Floats, Trace
+from zwidth.logs.clock import from_log_time, to_log_time
+from zwidth.logs.mcap_reader import read_log
+from zwidth.logs.mcap_writer import LogWriter, write_log
+from zwidth.logs.schema import field_names, unit_suffix
+from zwidth.sim.trace import Floats, Trace
 
 names = st.text(st.characters(categories=["L", "N", "P", "S", "Zs"]), max_size=12).filter(
     str.isprintable

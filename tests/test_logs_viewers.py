@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from log_examples import EPOCH, bits
 
-from controllers.wall import wall
-from logs.clock import from_log_time
-from logs.events import Event
-from logs.mcap_writer import LogWriter
-from logs.schema import TIME_RESIDUAL, field_names
-from sim.device_file import load_device
-from sim.run import Run, Start, simulate
+from zwidth.controllers.wall import wall
+from zwidth.logs.clock import from_log_time
+from zwidth.logs.events import Event
+from zwidth.logs.mcap_writer import LogWriter
+from zwidth.logs.schema import TIME_RESIDUAL, field_names
+from zwidth.sim.device_file import load_device
+from zwidth.sim.run import Run, Start, simulate
 
 VIEWERS = Path(__file__).parent / "viewers"
 MCAP_CORE, RERUN = os.environ.get("ZWIDTH_MCAP_CORE"), os.environ.get("ZWIDTH_RERUN")

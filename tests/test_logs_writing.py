@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from log_examples import EPOCH, EVENTS, UNITS, assert_same, example, write_blocks
 
-from logs.errors import LogBlockError, LogError, LogPathError, LogWriteError
-from logs.events import Event
-from logs.mcap_reader import read_log
-from logs.mcap_writer import LogWriter
-from sim.trace import Floats, Trace
+from zwidth.logs.errors import LogBlockError, LogError, LogPathError, LogWriteError
+from zwidth.logs.events import Event
+from zwidth.logs.mcap_reader import read_log
+from zwidth.logs.mcap_writer import LogWriter
+from zwidth.sim.trace import Floats, Trace
 
 ROOT = Path(__file__).parents[1]
 

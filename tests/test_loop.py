@@ -7,14 +7,14 @@ import pytest
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from controllers.wall import wall
-from sim.chain import make_chain
-from sim.device import Device
-from sim.interface import Interface
-from sim.physics.actuator_lag import actuator_lag
-from sim.physics.effect import Physics
-from sim.run import Start, simulate
-from stability.loop import MOST_TICKS, closed_loop, open_loop
+from zwidth.controllers.wall import wall
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.interface import Interface
+from zwidth.sim.physics.actuator_lag import actuator_lag
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.run import Start, simulate
+from zwidth.stability.loop import MOST_TICKS, closed_loop, open_loop
 
 PERIOD = 0.001
 STIFFNESS, DAMPING = 300.0, 0.15

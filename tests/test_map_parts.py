@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from engine_examples import phantom
 
-from stability import fate_map
-from stability.bisection import Trial
-from stability.fate_map import FateMap, make_map, save_map
-from stability.fates import Fates
-from stability.plane import Axis, Plane
+from zwidth.stability import fate_map
+from zwidth.stability.bisection import Trial
+from zwidth.stability.fate_map import FateMap, make_map, save_map
+from zwidth.stability.fates import Fates
+from zwidth.stability.plane import Axis, Plane
 
 ROOT = Path(__file__).parents[1]
 COARSE, LEVELS = 9, 2
@@ -92,7 +92,7 @@ def test_killed_at_any_moment_it_ends_the_same(tmp_path: Path, whole: FateMap) -
     """
     code = (
         "import sys; from pathlib import Path; sys.path[:0] = ['.', 'tests'];"
-        "import test_map_parts as t; from stability import fate_map; fate_map.CHUNK = 16;"
+        "import test_map_parts as t; from zwidth.stability import fate_map; fate_map.CHUNK = 16;"
         "print('ready', flush=True);"
         "fate_map.make_map(t.plane(), t.COARSE, t.LEVELS, Path(sys.argv[1]))"
     )

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from engine_examples import coulomb, phantom
 
-from sim.growth import DECAYS, GROWS, LIMIT_CYCLE, UNDECIDED, Growth
-from sim.physics import make_physics
-from stability.bisection import Trial
-from stability.fate_map import make_map, save_map
-from stability.fates import Fate, classify, evaluate
-from stability.linear import critical_stiffness
-from stability.map_summary import summary
-from stability.plane import Axis, Plane, with_friction
+from zwidth.sim.growth import DECAYS, GROWS, LIMIT_CYCLE, UNDECIDED, Growth
+from zwidth.sim.physics import make_physics
+from zwidth.stability.bisection import Trial
+from zwidth.stability.fate_map import make_map, save_map
+from zwidth.stability.fates import Fate, classify, evaluate
+from zwidth.stability.linear import critical_stiffness
+from zwidth.stability.map_summary import summary
+from zwidth.stability.plane import Axis, Plane, with_friction
 
 K, B = Axis("K", 1.0, 50.0), Axis("B", 0.0, 0.12)
 STEP = 1e-4
@@ -161,7 +161,7 @@ def test_the_file_opens_in_xarray_with_units_and_settings(tmp_path: object) -> N
 
     import xarray
 
-    from sim.device_file import device_to_text
+    from zwidth.sim.device_file import device_to_text
 
     device = with_friction(phantom().with_interface(encoder_step=STEP), 1e-3)
     result = make_map(plane(device=device, trial=Trial(1e-3, 1.0, 1.0, 0.125, substeps=4)), 3, 1)

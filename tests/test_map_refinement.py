@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from stability.adaptive import filled, rounds, side
+from zwidth.stability.adaptive import filled, rounds, side
 
 Fates = NDArray[np.int8]
 

@@ -6,18 +6,25 @@ import control
 import numpy as np
 import pytest
 
-from sim.chain import Chain, Floats, make_chain, matrices, negative_dampers
-from sim.ladder import Complexes, dynamic_stiffness, from_vector, to_vector
-from sim.ladder import frequency_response as chain_response
-from sim.modal import ModalModel, Mode, frequency_response, from_chain, to_chain, transfer_function
-from sim.plant import assemble, hold
-from sim.sampled import (
+from zwidth.sim.chain import Chain, Floats, make_chain, matrices, negative_dampers
+from zwidth.sim.ladder import Complexes, dynamic_stiffness, from_vector, to_vector
+from zwidth.sim.ladder import frequency_response as chain_response
+from zwidth.sim.modal import (
+    ModalModel,
+    Mode,
+    frequency_response,
+    from_chain,
+    to_chain,
+    transfer_function,
+)
+from zwidth.sim.plant import assemble, hold
+from zwidth.sim.sampled import (
     sampled_frequency_response,
     sampled_state_space,
     sampled_transfer_function,
     state_space,
 )
-from sim.synthesis import polish
+from zwidth.sim.synthesis import polish
 
 TABLE_I = ModalModel(
     1.168e-3, 0.00584, (Mode(479.166, 83, 417.612, 80), Mode(1159.31, 352, 546.626, 90))

@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 from engine_examples import Floats, coulomb, scaled_error
 
-from controllers.recorded import recorded
-from sim.chain import make_chain
-from sim.device import Device
-from sim.interface import Interface
-from sim.physics.effect import Physics
-from sim.run import Start, simulate
+from zwidth.controllers.recorded import recorded
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.interface import Interface
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.run import Start, simulate
 
 mujoco: Any = pytest.importorskip("mujoco", reason="MuJoCo is not installed (pip install mujoco)")
 

@@ -6,24 +6,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnosis.augmented_boundary import augmented_boundary, critical
-from diagnosis.diagnosis_log import diagnosis_trace, missing_force
-from diagnosis.excitations import Scale, excitation
-from diagnosis.experiment import Experiment
-from diagnosis.fit import Problem
-from diagnosis.next_experiment import next_experiment
-from diagnosis.parameters import Model
-from diagnosis.predictor import SETTLING
-from diagnosis.rehearsal import Noise, known_observer, noise_of, rehearse
-from logs.mcap_reader import read_log
-from logs.mcap_writer import write_log
-from scenarios.scenario_file import load_scenario
-from sim.chain import make_chain
-from sim.device import Device
-from sim.interface import Interface
-from sim.physics import make_physics
 from tests.diagnosis_examples import phantom
+from zwidth.diagnosis.augmented_boundary import augmented_boundary, critical
+from zwidth.diagnosis.diagnosis_log import diagnosis_trace, missing_force
+from zwidth.diagnosis.excitations import Scale, excitation
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.fit import Problem
+from zwidth.diagnosis.next_experiment import next_experiment
+from zwidth.diagnosis.parameters import Model
+from zwidth.diagnosis.predictor import SETTLING
+from zwidth.diagnosis.rehearsal import Noise, known_observer, noise_of, rehearse
 from zwidth.figures.augmented_boundary import augmented_boundary_figure
+from zwidth.logs.mcap_reader import read_log
+from zwidth.logs.mcap_writer import write_log
+from zwidth.scenarios.scenario_file import load_scenario
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.interface import Interface
+from zwidth.sim.physics import make_physics
 
 MASS = Device("mass", "", True, make_chain([1e-3], [5e-3]), Interface(period=0.001, delay=0.002))
 SEEN = Noise(1e-3, 1e-5)

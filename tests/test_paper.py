@@ -14,13 +14,6 @@ import pytest
 from click.testing import CliRunner
 from matplotlib.figure import Figure
 
-from scenarios.paddle import paddle_boundary
-from sim.device_file import load_device
-from sim.modal import ModalModel
-from stability.hand import HANDS, MIDDLE, Hand, hand_band, with_hand
-from stability.linear import boundary, corner, critical_stiffness
-from stability.sensitivity import corner_sensitivities, parameter_names, scaled
-from stability.uncertainty import stiffness_band
 from zwidth.boundary_extras import Asked, extra_cells, extra_headings, with_extras
 from zwidth.commands.paper import command
 from zwidth.covariance import Covariance, load_covariance, save_covariance
@@ -29,6 +22,13 @@ from zwidth.paper.content import Picture, Section, Table
 from zwidth.paper.report import draw, save_pictures, save_report, symbols
 from zwidth.paper.sections import SECTIONS
 from zwidth.results import UNSET, Point
+from zwidth.scenarios.paddle import paddle_boundary
+from zwidth.sim.device_file import load_device
+from zwidth.sim.modal import ModalModel
+from zwidth.stability.hand import HANDS, MIDDLE, Hand, hand_band, with_hand
+from zwidth.stability.linear import boundary, corner, critical_stiffness
+from zwidth.stability.sensitivity import corner_sensitivities, parameter_names, scaled
+from zwidth.stability.uncertainty import stiffness_band
 
 PHANTOM = load_device("phantom_1_0")
 NAMES = parameter_names(PHANTOM.modal or ModalModel(1.0, 1.0))

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from sim.chain import make_chain, negative_dampers
-from sim.device_file import load_device
-from sim.ladder import from_vector, to_vector
-from sim.passive import distance, nearest_passive
+from zwidth.sim.chain import make_chain, negative_dampers
+from zwidth.sim.device_file import load_device
+from zwidth.sim.ladder import from_vector, to_vector
+from zwidth.sim.passive import distance, nearest_passive
 
 FREQUENCY = np.geomspace(1.0, 300.0, 240)
 

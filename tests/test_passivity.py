@@ -5,14 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from sim.chain import make_chain
-from sim.device import Device
-from sim.device_file import load_device
-from sim.interface import Interface
-from sim.physics.actuator_lag import actuator_lag
-from sim.physics.effect import Physics
-from stability.linear import critical_stiffness
-from stability.passivity import passive_boundary, passive_stiffness
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import load_device
+from zwidth.sim.interface import Interface
+from zwidth.sim.physics.actuator_lag import actuator_lag
+from zwidth.sim.physics.effect import Physics
+from zwidth.stability.linear import critical_stiffness
+from zwidth.stability.passivity import passive_boundary, passive_stiffness
 
 T = 0.001
 

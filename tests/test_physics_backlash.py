@@ -8,12 +8,12 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from controllers.none import none
-from sim.chain import make_chain
-from sim.device import Device
-from sim.physics import make_physics
-from sim.physics.backlash import backlash_force
-from sim.run import Start, simulate
+from zwidth.controllers.none import none
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.physics import make_physics
+from zwidth.sim.physics.backlash import backlash_force
+from zwidth.sim.run import Start, simulate
 
 M1, M2, K, GAP = 2e-4, 9e-4, 217.0, 2e-3
 REDUCED = M1 * M2 / (M1 + M2)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.special import ellipk
 
-from controllers.none import none
-from sim.chain import make_chain
-from sim.device import Device
-from sim.physics import make_physics
-from sim.run import Start, simulate
+from zwidth.controllers.none import none
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.physics import make_physics
+from zwidth.sim.run import Start, simulate
 
 MASS = 1e-3
 FREE = Device("free mass", "", True, make_chain([MASS], [0.0]))

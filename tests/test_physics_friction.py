@@ -11,14 +11,14 @@ from physics_examples import phantom
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from controllers.none import none
-from sim.chain import make_chain
-from sim.device import Device
-from sim.equations import Equations, equations
-from sim.kernel import advance, scratch
-from sim.physics import make_physics
-from sim.plant import hold, locked
-from sim.run import Start, simulate, start_memory
+from zwidth.controllers.none import none
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.equations import Equations, equations
+from zwidth.sim.kernel import advance, scratch
+from zwidth.sim.physics import make_physics
+from zwidth.sim.plant import hold, locked
+from zwidth.sim.run import Start, simulate, start_memory
 
 Floats = np.ndarray
 MASS, VISCOUS = 1e-3, 2e-3

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from physics_examples import EVERYWHERE, example, phantom
 
-from controllers.wall import wall
-from sim.physics.effect import Physics
-from sim.run import Outcome, Run, Start, simulate
+from zwidth.controllers.wall import wall
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.run import Outcome, Run, Start, simulate
 
 # The work of the command where the controller sees it, and how much of it the lag keeps from the
 # mechanism: no part of the mechanism's balance.

@@ -8,14 +8,14 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 
-from controllers.none import none
-from sim.chain import make_chain
-from sim.device import Device
-from sim.physics import make_physics
-from sim.physics.hysteresis import bouc_wen_along
-from sim.physics.path import out_and_back
-from sim.physics.presliding_friction import dahl_along
-from sim.run import Start, simulate
+from zwidth.controllers.none import none
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.physics import make_physics
+from zwidth.sim.physics.hysteresis import bouc_wen_along
+from zwidth.sim.physics.path import out_and_back
+from zwidth.sim.physics.presliding_friction import dahl_along
+from zwidth.sim.run import Start, simulate
 
 Along = Callable[[float, float, np.ndarray], float]
 Areas = tuple[float, float]

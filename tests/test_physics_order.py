@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from physics_examples import EXAMPLES, phantom
 
-from controllers.none import none
-from sim.device import Device
-from sim.physics import EFFECTS, make_physics
-from sim.run import Start, simulate
+from zwidth.controllers.none import none
+from zwidth.sim.device import Device
+from zwidth.sim.physics import EFFECTS, make_physics
+from zwidth.sim.run import Start, simulate
 
 SMOOTH = [
     (name, place)

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from physics_examples import EVERYWHERE, EXAMPLES, example, neutral, phantom
 
-from controllers.wall import wall
-from sim.chain import make_chain
-from sim.device import Device, DeviceError
-from sim.device_file import device_from_text, device_to_text
-from sim.physics import EFFECTS, PROBES
-from sim.physics.effect import Physics
-from sim.run import Run, Start, simulate
+from zwidth.controllers.wall import wall
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device, DeviceError
+from zwidth.sim.device_file import device_from_text, device_to_text
+from zwidth.sim.physics import EFFECTS, PROBES
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.run import Run, Start, simulate
 
 FRICTION_PLACES = ("m1", "m2", "m3")
 TABLE = {

@@ -8,14 +8,14 @@ import pytest
 from physics_examples import example, phantom
 from scipy.stats import chi2, kstest
 
-from controllers.recorded import recorded
-from controllers.wall import wall
-from sim.physics import make_physics
-from sim.physics.dead_band import beyond_band
-from sim.physics.dropped_samples import uniform
-from sim.physics.effect import Physics
-from sim.physics.gain_asymmetry import two_gains
-from sim.run import Run, Start, simulate
+from zwidth.controllers.recorded import recorded
+from zwidth.controllers.wall import wall
+from zwidth.sim.physics import make_physics
+from zwidth.sim.physics.dead_band import beyond_band
+from zwidth.sim.physics.dropped_samples import uniform
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.physics.gain_asymmetry import two_gains
+from zwidth.sim.run import Run, Start, simulate
 
 WANTED = 0.05 * np.random.default_rng(2).normal(size=300)
 

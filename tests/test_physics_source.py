@@ -4,9 +4,9 @@ import numpy as np
 from engine_examples import uncompiled
 from physics_examples import EVERYWHERE, example, phantom
 
-from controllers.wall import wall
-from sim.physics.effect import Physics
-from sim.run import Start, simulate
+from zwidth.controllers.wall import wall
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.run import Start, simulate
 
 SIGHTED = [entry for entry in EVERYWHERE if entry[0] != "rectified_sensor"]
 

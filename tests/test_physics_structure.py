@@ -7,12 +7,12 @@ import pytest
 from physics_examples import example, phantom
 from scipy.linalg import expm
 
-from controllers.wall import wall
-from sim.chain import make_chain
-from sim.device import Device
-from sim.physics import make_physics
-from sim.run import Start, simulate
-from stability.linear import critical_stiffness
+from zwidth.controllers.wall import wall
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.physics import make_physics
+from zwidth.sim.run import Start, simulate
+from zwidth.stability.linear import critical_stiffness
 
 MASSES, DAMPERS = [2e-4, 9e-4, 7e-5], [1e-3, 1e-2, 4e-3]
 SPRINGS, LINKS = [217.0, 14.5], [0.06, 1.3e-3]

@@ -7,10 +7,10 @@ import pytest
 from physics_examples import EXAMPLES, phantom
 from scipy.integrate import solve_ivp
 
-from controllers.none import none
-from sim.chain import matrices
-from sim.physics import EFFECTS, make_physics
-from sim.run import Start, simulate
+from zwidth.controllers.none import none
+from zwidth.sim.chain import matrices
+from zwidth.sim.physics import EFFECTS, make_physics
+from zwidth.sim.run import Start, simulate
 
 Law = Callable[[float, float, float, dict[str, float]], tuple[float, float]]
 

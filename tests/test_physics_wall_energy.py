@@ -7,12 +7,12 @@ import pytest
 from engine_examples import coulomb, one_mass
 from scipy.optimize import brentq
 
-from controllers.wall import wall
-from sim.device import Device
-from sim.run import Start, simulate
-from stability.bisection import Trial
-from stability.fates import Fate, evaluate
-from stability.plane import Axis, Plane
+from zwidth.controllers.wall import wall
+from zwidth.sim.device import Device
+from zwidth.sim.run import Start, simulate
+from zwidth.stability.bisection import Trial
+from zwidth.stability.fates import Fate, evaluate
+from zwidth.stability.plane import Axis, Plane
 
 T = 1e-3
 STEP = 1e-4

@@ -7,18 +7,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnosis.excitations import LIBRARY, Scale, excitation, save_scenario, scale_for, travelled
-from diagnosis.limits import SHOWN, sigma
-from diagnosis.plan import ALIKE, Plan, better_excitations, nearest_of, plan
-from diagnosis.reference import Reference
-from diagnosis.rehearsal import Noise, rehearse
-from scenarios.scenario_file import load_scenario
-from sim.chain import make_chain
-from sim.device import Device
-from sim.device_file import device_to_text
-from sim.interface import Interface
-from sim.physics import make_physics
 from zwidth.cli import run
+from zwidth.diagnosis.excitations import (
+    LIBRARY,
+    Scale,
+    excitation,
+    save_scenario,
+    scale_for,
+    travelled,
+)
+from zwidth.diagnosis.limits import SHOWN, sigma
+from zwidth.diagnosis.plan import ALIKE, Plan, better_excitations, nearest_of, plan
+from zwidth.diagnosis.reference import Reference
+from zwidth.diagnosis.rehearsal import Noise, rehearse
+from zwidth.scenarios.scenario_file import load_scenario
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import device_to_text
+from zwidth.sim.interface import Interface
+from zwidth.sim.physics import make_physics
 
 MASS = Device("mass", "", True, make_chain([1e-3], [5e-3]), Interface(period=0.001))
 SEEN = Noise(1e-3, 1e-5)

@@ -11,17 +11,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from log_examples import assert_same, example
 
-from logs.csv_file import read_csv
-from logs.export import write_csv
-from logs.guess import draft, look
-from logs.mcap_reader import read_log
-from logs.mcap_writer import write_log
-from logs.open_source import open_source
-from logs.own import read_own
-from logs.recording import read_recording
-from logs.source import RecordingError, Signal, Source
-from sim.trace import Trace
 from zwidth.cli import run
+from zwidth.logs.csv_file import read_csv
+from zwidth.logs.export import write_csv
+from zwidth.logs.guess import draft, look
+from zwidth.logs.mcap_reader import read_log
+from zwidth.logs.mcap_writer import write_log
+from zwidth.logs.open_source import open_source
+from zwidth.logs.own import read_own
+from zwidth.logs.recording import read_recording
+from zwidth.logs.source import RecordingError, Signal, Source
+from zwidth.sim.trace import Trace
 
 FILES = {
     "a.csv": examples.csv_bytes(200),

@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from recording_examples import csv_bytes, german_csv_bytes, wave
 
-from logs.csv_file import read_csv
-from logs.csv_form import CsvOptions
-from logs.source import RecordingError, Source
+from zwidth.logs.csv_file import read_csv
+from zwidth.logs.csv_form import CsvOptions
+from zwidth.logs.source import RecordingError, Source
 
 HERE = Path("a.csv")
 

@@ -11,17 +11,17 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as nps
 from log_examples import ATTACHMENTS, EPOCH, EVENTS, METADATA, assert_same, example
 
-from logs.csv_file import read_csv
-from logs.events import Event
-from logs.export import WRITERS
-from logs.mcap_reader import Log, read_log
-from logs.mcap_writer import write_log
-from logs.npz_file import read_npz
-from logs.own import read_own
-from logs.parquet_file import read_parquet
-from logs.source import RecordingError
-from logs.table_log import log_of
-from sim.trace import Trace
+from zwidth.logs.csv_file import read_csv
+from zwidth.logs.events import Event
+from zwidth.logs.export import WRITERS
+from zwidth.logs.mcap_reader import Log, read_log
+from zwidth.logs.mcap_writer import write_log
+from zwidth.logs.npz_file import read_npz
+from zwidth.logs.own import read_own
+from zwidth.logs.parquet_file import read_parquet
+from zwidth.logs.source import RecordingError
+from zwidth.logs.table_log import log_of
+from zwidth.sim.trace import Trace
 
 READERS = {".csv": read_csv, ".parquet": read_parquet, ".npz": read_npz}
 SUFFIXES = list(WRITERS)

@@ -22,11 +22,11 @@ from mcap_ros2.writer import Writer as Ros2Writer
 from numpy.typing import NDArray
 from pyarrow import parquet
 
-from logs.mat_file import read_hdf5, read_mat
-from logs.npz_file import read_npy, read_npz
-from logs.open_source import open_source
-from logs.parquet_file import read_parquet
-from logs.source import RecordingError, Source
+from zwidth.logs.mat_file import read_hdf5, read_mat
+from zwidth.logs.npz_file import read_npy, read_npz
+from zwidth.logs.open_source import open_source
+from zwidth.logs.parquet_file import read_parquet
+from zwidth.logs.source import RecordingError, Source
 
 T, U, X = examples.wave(20)
 HERE = Path("a.bin")

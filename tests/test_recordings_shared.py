@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from logs.recording import read_recording
-from logs.steps import step_seen
-from sim.trace import Trace
+from zwidth.logs.recording import read_recording
+from zwidth.logs.steps import step_seen
+from zwidth.sim.trace import Trace
 
 TOMLS = Path(__file__).parent / "recordings"
 SHARED = Path(__file__).parents[1].parent / "shared" / "recordings"

@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from logs.resampling import axis, forward_only, held, interpolated
-from logs.source import Floats
-from logs.steps import step_seen
-from logs.timing import EPOCH, Stamps, common_origin, examine
-from logs.units import UNITS, find_unit
+from zwidth.logs.resampling import axis, forward_only, held, interpolated
+from zwidth.logs.source import Floats
+from zwidth.logs.steps import step_seen
+from zwidth.logs.timing import EPOCH, Stamps, common_origin, examine
+from zwidth.logs.units import UNITS, find_unit
 
 
 def regular(samples: int = 1000, period: float = 0.001) -> Floats:

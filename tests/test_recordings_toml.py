@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from recording_examples import csv_bytes, json_mcap_bytes, npz_bytes, recorded, ros2_bytes, wave
 
-from logs.csv_form import CsvOptions
-from logs.recording import load_log, read_recording
-from logs.recording_file import load_description
-from logs.source import RecordingError
+from zwidth.logs.csv_form import CsvOptions
+from zwidth.logs.recording import load_log, read_recording
+from zwidth.logs.recording_file import load_description
+from zwidth.logs.source import RecordingError
 
 PLAIN = """
     file = "a.csv"

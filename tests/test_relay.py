@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from identification.cycles import gathered, limit_cycles
-from identification.relay import RelayResult, RelayTest, critical_point, relay_run, waveform
-from sim.device import Device
-from sim.device_file import load_device
-from sim.physics import make_physics
+from zwidth.identification.cycles import gathered, limit_cycles
+from zwidth.identification.relay import RelayResult, RelayTest, critical_point, relay_run, waveform
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import load_device
+from zwidth.sim.physics import make_physics
 
 PHANTOM = load_device("phantom_1_0")
 

@@ -2,10 +2,10 @@
 
 import pytest
 
-from sim.physics import make_physics
-from stability.linear import critical_stiffness
 from zwidth.paper.relay_physics import DAMPING, Changed, changed
 from zwidth.paper.theory import phantom
+from zwidth.sim.physics import make_physics
+from zwidth.stability.linear import critical_stiffness
 
 DEVICE = phantom(0.008)
 LINEAR = critical_stiffness(DEVICE, DAMPING).stiffness or 0.0

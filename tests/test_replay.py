@@ -14,24 +14,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import sim.equations
-from controllers.none import none
-from controllers.recorded import recorded
-from controllers.wall import wall
-from logs.errors import LogError, LogWriteError
-from logs.mcap_reader import read_log
-from logs.mcap_writer import write_log
-from scenarios.disturbance import Disturbance
-from scenarios.logged_run import logged_run
-from scenarios.replay import ReplayError, replay
-from scenarios.scenario import Scenario
-from scenarios.scenario_file import ScenarioError, scenario_to_text
-from sim.controller import user_controller
-from sim.device_file import load_device
-from sim.physics import make_physics
-from sim.run import Outcome, Start
-from sim.trace import Trace
 from zwidth import cli
+from zwidth.controllers.none import none
+from zwidth.controllers.recorded import recorded
+from zwidth.controllers.wall import wall
+from zwidth.logs.errors import LogError, LogWriteError
+from zwidth.logs.mcap_reader import read_log
+from zwidth.logs.mcap_writer import write_log
+from zwidth.scenarios.disturbance import Disturbance
+from zwidth.scenarios.logged_run import logged_run
+from zwidth.scenarios.replay import ReplayError, replay
+from zwidth.scenarios.scenario import Scenario
+from zwidth.scenarios.scenario_file import ScenarioError, scenario_to_text
+from zwidth.sim import equations
+from zwidth.sim.controller import user_controller
+from zwidth.sim.device_file import load_device
+from zwidth.sim.physics import make_physics
+from zwidth.sim.run import Outcome, Start
+from zwidth.sim.trace import Trace
 
 PHANTOM = load_device("phantom_1_0")
 FRICTION = make_physics("coulomb_friction", "m1", level=0.004)
@@ -134,12 +134,12 @@ def test_the_log_is_the_run(tmp_path: Path):
 
 def test_another_processor_replays_the_same_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Propagators that differ in their last bits. Mutation: replay with its own propagators."""
-    exact = sim.equations.propagator
-    monkeypatch.setattr(sim.equations, "propagator", lambda *a: exact(*a) * (1.0 + 2.0**-50))
-    sim.equations.mechanism.cache_clear()  # another processor remembers nothing of this one
+    exact = equations.propagator
+    monkeypatch.setattr(equations, "propagator", lambda *a: exact(*a) * (1.0 + 2.0**-50))
+    equations.mechanism.cache_clear()  # another processor remembers nothing of this one
     path = log_of("friction", tmp_path)
     monkeypatch.undo()
-    sim.equations.mechanism.cache_clear()
+    equations.mechanism.cache_clear()
     assert replay(path).identical
     kept = read_log(path).tick["position_m1"]
     log_of("friction", tmp_path)
@@ -249,7 +249,7 @@ def test_a_damaged_log_compares_what_is_left(
     lost: tuple[int, int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     """Whole blocks lost in the middle: the rest is compared at its own ticks."""
-    monkeypatch.setattr("scenarios.logged_run.BLOCK_TICKS", 100)
+    monkeypatch.setattr("zwidth.scenarios.logged_run.BLOCK_TICKS", 100)
     path = log_of("wall", tmp_path)
     log, data = read_log(path), bytearray(path.read_bytes())
     share = [len(data) * place // 1500 for place in lost]

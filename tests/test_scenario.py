@@ -9,29 +9,29 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from controllers.none import none
-from controllers.recorded import recorded
-from controllers.relay import relay
-from controllers.wall import wall
-from logs.mcap_reader import read_log
-from scenarios.disturbance import Disturbance
-from scenarios.logged_run import logged_run
-from scenarios.run_verdict import run_verdict
-from scenarios.scenario import Scenario
-from scenarios.scenario_file import (
+from zwidth.controllers.none import none
+from zwidth.controllers.recorded import recorded
+from zwidth.controllers.relay import relay
+from zwidth.controllers.wall import wall
+from zwidth.logs.mcap_reader import read_log
+from zwidth.scenarios.disturbance import Disturbance
+from zwidth.scenarios.logged_run import logged_run
+from zwidth.scenarios.run_verdict import run_verdict
+from zwidth.scenarios.scenario import Scenario
+from zwidth.scenarios.scenario_file import (
     ScenarioError,
     load_scenario,
     scenario_from_text,
     scenario_to_text,
 )
-from sim.chain import make_chain
-from sim.controller import user_controller
-from sim.device import Device
-from sim.device_file import device_to_text, load_device
-from sim.growth import Verdict
-from sim.interface import Interface
-from sim.physics import make_physics
-from sim.run import Start, simulate
+from zwidth.sim.chain import make_chain
+from zwidth.sim.controller import user_controller
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import device_to_text, load_device
+from zwidth.sim.growth import Verdict
+from zwidth.sim.interface import Interface
+from zwidth.sim.physics import make_physics
+from zwidth.sim.run import Start, simulate
 
 PHANTOM = load_device("phantom_1_0")
 MASS = Device("a mass", "", False, make_chain([0.5], [0.0]), Interface(period=0.001))

@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from scenarios.inversion import inverted
-from scenarios.misprints import OUTLYING, judged
-from scenarios.table_2 import DEVICE, MeasuredPoint, measured_at, table_2
-from sim.device_file import load_device
-from sim.modal import ModalModel
-from stability.linear import critical_stiffness
+from zwidth.scenarios.inversion import inverted
+from zwidth.scenarios.misprints import OUTLYING, judged
+from zwidth.scenarios.table_2 import DEVICE, MeasuredPoint, measured_at, table_2
+from zwidth.sim.device_file import load_device
+from zwidth.sim.modal import ModalModel
+from zwidth.stability.linear import critical_stiffness
 
 DEVICE_OF_TABLE_1 = load_device(DEVICE)
 MODEL = DEVICE_OF_TABLE_1.modal or ModalModel(1.0, 1.0)

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from scenarios.table_2 import MeasuredPoint
-from stability.decomposition import from_plant, sampled
 from zwidth.paper.fig_10 import ratio, revised
 from zwidth.paper.table_2_fit import Held, fit, misfit
 from zwidth.paper.table_2_study import good_rows, read, study
 from zwidth.paper.table_2_theories import CANDIDATES, RATIO, theory
+from zwidth.scenarios.table_2 import MeasuredPoint
+from zwidth.stability.decomposition import from_plant, sampled
 
 WINNER = "inertia and damping, limited amplifier"
 

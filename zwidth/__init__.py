@@ -8,95 +8,95 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from controllers.none import none as none
-    from controllers.recorded import recorded as recorded
-    from controllers.wall import wall as wall
-    from logs.mcap_reader import Log as Log
-    from logs.mcap_writer import write_log as write_log
-    from logs.recording import load_log as load_log
-    from logs.recording import read_recording as read_recording
-    from scenarios.logged_run import LoggedRun as LoggedRun
-    from scenarios.logged_run import logged_run as logged_run
-    from scenarios.replay import ReplayResult as ReplayResult
-    from scenarios.replay import replay as replay
-    from scenarios.scenario import Scenario as Scenario
-    from scenarios.scenario_file import load_scenario as load_scenario
-    from sim.chain import Chain as Chain
-    from sim.chain import make_chain as make_chain
-    from sim.controller import Controller as Controller
-    from sim.device import Device as Device
-    from sim.device_file import load_device as load_device
-    from sim.device_file import save_device as save_device
-    from sim.device_file import shipped_devices as shipped_devices
-    from sim.interface import Interface as Interface
-    from sim.modal import ModalModel as ModalModel
-    from sim.modal import Mode as Mode
-    from sim.passive import nearest_passive as nearest_passive
-    from sim.run import Run as Run
-    from sim.run import Start as Start
-    from sim.run import simulate as simulate
-    from sim.trace import Trace as Trace
-    from stability.bisection import Trial as Trial
-    from stability.boundary import Boundary as Boundary
-    from stability.boundary import find_boundaries as find_boundaries
-    from stability.executor import Executor as Executor
-    from stability.executor import executor as executor
-    from stability.fate_map import FateMap as FateMap
-    from stability.fate_map import make_map as make_map
-    from stability.fate_map import save_map as save_map
-    from stability.fates import Fate as Fate
-    from stability.fates import Fates as Fates
-    from stability.linear import boundary as boundary
-    from stability.linear import corner as corner
-    from stability.linear import critical_stiffness as critical_stiffness
-    from stability.plane import Axis as Axis
-    from stability.plane import Plane as Plane
+    from zwidth.controllers.none import none as none
+    from zwidth.controllers.recorded import recorded as recorded
+    from zwidth.controllers.wall import wall as wall
+    from zwidth.jobs.choose import executor as executor
+    from zwidth.jobs.executor import Executor as Executor
+    from zwidth.logs.mcap_reader import Log as Log
+    from zwidth.logs.mcap_writer import write_log as write_log
+    from zwidth.logs.recording import load_log as load_log
+    from zwidth.logs.recording import read_recording as read_recording
+    from zwidth.scenarios.logged_run import LoggedRun as LoggedRun
+    from zwidth.scenarios.logged_run import logged_run as logged_run
+    from zwidth.scenarios.replay import ReplayResult as ReplayResult
+    from zwidth.scenarios.replay import replay as replay
+    from zwidth.scenarios.scenario import Scenario as Scenario
+    from zwidth.scenarios.scenario_file import load_scenario as load_scenario
+    from zwidth.sim.chain import Chain as Chain
+    from zwidth.sim.chain import make_chain as make_chain
+    from zwidth.sim.controller import Controller as Controller
+    from zwidth.sim.device import Device as Device
+    from zwidth.sim.device_file import load_device as load_device
+    from zwidth.sim.device_file import save_device as save_device
+    from zwidth.sim.device_file import shipped_devices as shipped_devices
+    from zwidth.sim.interface import Interface as Interface
+    from zwidth.sim.modal import ModalModel as ModalModel
+    from zwidth.sim.modal import Mode as Mode
+    from zwidth.sim.passive import nearest_passive as nearest_passive
+    from zwidth.sim.run import Run as Run
+    from zwidth.sim.run import Start as Start
+    from zwidth.sim.run import simulate as simulate
+    from zwidth.sim.trace import Trace as Trace
+    from zwidth.stability.bisection import Trial as Trial
+    from zwidth.stability.boundary import Boundary as Boundary
+    from zwidth.stability.boundary import find_boundaries as find_boundaries
+    from zwidth.stability.fate_map import FateMap as FateMap
+    from zwidth.stability.fate_map import make_map as make_map
+    from zwidth.stability.fate_map import save_map as save_map
+    from zwidth.stability.fates import Fate as Fate
+    from zwidth.stability.fates import Fates as Fates
+    from zwidth.stability.linear import boundary as boundary
+    from zwidth.stability.linear import corner as corner
+    from zwidth.stability.linear import critical_stiffness as critical_stiffness
+    from zwidth.stability.plane import Axis as Axis
+    from zwidth.stability.plane import Plane as Plane
 
 # name -> the module that it comes from; the same list as above, for the running program.
 HOMES = {
-    "Axis": "stability.plane",
-    "Boundary": "stability.boundary",
-    "Chain": "sim.chain",
-    "Controller": "sim.controller",
-    "Device": "sim.device",
-    "Executor": "stability.executor",
-    "Fate": "stability.fates",
-    "FateMap": "stability.fate_map",
-    "Fates": "stability.fates",
-    "Interface": "sim.interface",
-    "Log": "logs.mcap_reader",
-    "LoggedRun": "scenarios.logged_run",
-    "ModalModel": "sim.modal",
-    "Mode": "sim.modal",
-    "Plane": "stability.plane",
-    "ReplayResult": "scenarios.replay",
-    "Run": "sim.run",
-    "Scenario": "scenarios.scenario",
-    "Start": "sim.run",
-    "Trace": "sim.trace",
-    "Trial": "stability.bisection",
-    "boundary": "stability.linear",
-    "corner": "stability.linear",
-    "critical_stiffness": "stability.linear",
-    "executor": "stability.executor",
-    "find_boundaries": "stability.boundary",
-    "load_device": "sim.device_file",
-    "load_log": "logs.recording",
-    "load_scenario": "scenarios.scenario_file",
-    "logged_run": "scenarios.logged_run",
-    "make_chain": "sim.chain",
-    "make_map": "stability.fate_map",
-    "nearest_passive": "sim.passive",
-    "none": "controllers.none",
-    "read_recording": "logs.recording",
-    "recorded": "controllers.recorded",
-    "replay": "scenarios.replay",
-    "save_device": "sim.device_file",
-    "save_map": "stability.fate_map",
-    "shipped_devices": "sim.device_file",
-    "simulate": "sim.run",
-    "wall": "controllers.wall",
-    "write_log": "logs.mcap_writer",
+    "Axis": "zwidth.stability.plane",
+    "Boundary": "zwidth.stability.boundary",
+    "Chain": "zwidth.sim.chain",
+    "Controller": "zwidth.sim.controller",
+    "Device": "zwidth.sim.device",
+    "Executor": "zwidth.jobs.executor",
+    "Fate": "zwidth.stability.fates",
+    "FateMap": "zwidth.stability.fate_map",
+    "Fates": "zwidth.stability.fates",
+    "Interface": "zwidth.sim.interface",
+    "Log": "zwidth.logs.mcap_reader",
+    "LoggedRun": "zwidth.scenarios.logged_run",
+    "ModalModel": "zwidth.sim.modal",
+    "Mode": "zwidth.sim.modal",
+    "Plane": "zwidth.stability.plane",
+    "ReplayResult": "zwidth.scenarios.replay",
+    "Run": "zwidth.sim.run",
+    "Scenario": "zwidth.scenarios.scenario",
+    "Start": "zwidth.sim.run",
+    "Trace": "zwidth.sim.trace",
+    "Trial": "zwidth.stability.bisection",
+    "boundary": "zwidth.stability.linear",
+    "corner": "zwidth.stability.linear",
+    "critical_stiffness": "zwidth.stability.linear",
+    "executor": "zwidth.jobs.choose",
+    "find_boundaries": "zwidth.stability.boundary",
+    "load_device": "zwidth.sim.device_file",
+    "load_log": "zwidth.logs.recording",
+    "load_scenario": "zwidth.scenarios.scenario_file",
+    "logged_run": "zwidth.scenarios.logged_run",
+    "make_chain": "zwidth.sim.chain",
+    "make_map": "zwidth.stability.fate_map",
+    "nearest_passive": "zwidth.sim.passive",
+    "none": "zwidth.controllers.none",
+    "read_recording": "zwidth.logs.recording",
+    "recorded": "zwidth.controllers.recorded",
+    "replay": "zwidth.scenarios.replay",
+    "save_device": "zwidth.sim.device_file",
+    "save_map": "zwidth.stability.fate_map",
+    "shipped_devices": "zwidth.sim.device_file",
+    "simulate": "zwidth.sim.run",
+    "wall": "zwidth.controllers.wall",
+    "write_log": "zwidth.logs.mcap_writer",
 }
 
 __all__ = list(HOMES)  # pyright: ignore[reportUnsupportedDunderAll]

@@ -6,12 +6,12 @@ from typing import NamedTuple
 from msgspec import UNSET
 from msgspec.structs import replace
 
-from sim.device import Device
-from stability.hand import hand_band
-from stability.passivity import passive_boundary
-from stability.uncertainty import stiffness_band
 from zwidth.covariance import Covariance
 from zwidth.results import Critical, Interval, Point
+from zwidth.sim.device import Device
+from zwidth.stability.hand import hand_band
+from zwidth.stability.passivity import passive_boundary
+from zwidth.stability.uncertainty import stiffness_band
 
 
 class Asked(NamedTuple):

@@ -1,7 +1,7 @@
 """Say that the kernels are being compiled, where a command has to wait for it."""
 
-from sim.jit import cache_folder
 from zwidth.console import Console
+from zwidth.sim.jit import cache_folder
 
 
 def announce(console: Console) -> None:

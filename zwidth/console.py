@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TextIO
 
-from zwidth.files import json_text, write_text
+from zwidth.files.whole import json_text, write_text
 
 PLAIN_LINE_EVERY = 5.0  # [s], where progress is written to a file and not to a terminal
 PLAIN_WIDTH = 160  # columns, where nobody's terminal limits them

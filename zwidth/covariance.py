@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.files import json_text, write_text
+from zwidth.files.whole import json_text, write_text
 
 Floats = NDArray[np.float64]
 SCHEMA = 1

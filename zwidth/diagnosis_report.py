@@ -9,15 +9,15 @@ from pathlib import Path
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from diagnosis.augmented_boundary import AugmentedBoundary
-from diagnosis.next_experiment import NextExperiment
-from diagnosis.result import Diagnosis, Estimate, HeldOut
-from sim.physics import EFFECTS
+from zwidth.diagnosis.augmented_boundary import AugmentedBoundary
+from zwidth.diagnosis.next_experiment import NextExperiment
+from zwidth.diagnosis.result import Diagnosis, Estimate, HeldOut
 from zwidth.figures.augmented_boundary import augmented_boundary_figure
 from zwidth.figures.diagnosis import force_map_figure, residual_figure
 from zwidth.figures.style import STYLE
-from zwidth.files import write_text
+from zwidth.files.whole import write_text
 from zwidth.report_page import embedded, page
+from zwidth.sim.physics import EFFECTS
 
 WORDS = {
     "nothing_missing": "Nothing missing",

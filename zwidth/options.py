@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from zwidth.files import check_folder
+from zwidth.files.whole import check_folder
 
 # What begins like a number is meant as one: `--delay-ms 2 4x` is a wrong delay, not a device "4x".
 LIKE_A_NUMBER = re.compile(r"[+-]?(\d|\.\d|nan\b|inf)", re.IGNORECASE)

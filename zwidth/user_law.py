@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import click
 
-from sim.controller import Step
+from zwidth.sim.controller import Step
 
 
 class ControlLaw(click.ParamType[Step]):

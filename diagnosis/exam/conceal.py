@@ -7,17 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.exam.drawing import Concealed, draw
-from diagnosis.exam.strata import STRATA
-from scenarios.concealed.handout import (
+from zwidth.diagnosis.exam.drawing import Concealed, draw
+from zwidth.diagnosis.exam.strata import STRATA
+from zwidth.files.whole import write_text
+from zwidth.jobs.executor import Executor
+from zwidth.scenarios.concealed.handout import (
     key_file,
     recording_files,
     write_data,
     write_description,
 )
-from scenarios.concealed.sealing import SALT_BYTES, digest, seal, write_key, write_whole
-from sim.device_file import device_to_text
-from stability.executor import Executor
+from zwidth.scenarios.concealed.sealing import SALT_BYTES, digest, seal, write_key
+from zwidth.sim.device_file import device_to_text
 
 Said = Callable[[str], None]
 
@@ -70,7 +71,7 @@ def _refuse_others(folder: Path, asked: Sequence[Order]) -> None:
     text = "".join(f"{o.name} {o.stratum} {o.seed} {o.rank} {o.seconds}\n" for o in asked)
     listed = folder / "keys" / "made.txt"
     if not listed.exists():
-        write_whole(listed, text)
+        write_text(listed, text)
     elif listed.read_text(encoding="utf-8") != text:
         raise ValueError(
             f"{folder} holds recordings of another seed, count or class; choose another folder"

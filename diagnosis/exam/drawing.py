@@ -8,21 +8,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.exam.hidden import Hidden, Stage, seen
-from diagnosis.exam.of_library import conceal_effects
-from diagnosis.exam.of_no_library import conceal_outside
-from diagnosis.exam.strata import Stratum
-from diagnosis.experiment import Experiment
-from diagnosis.reference import reference
-from diagnosis.settle import refit
-from scenarios.concealed.devices import draw_device, mistaken
-from scenarios.concealed.excitation import draw_drive
-from scenarios.concealed.outside import OUTSIDE
-from scenarios.concealed.rig import Rig, RunAway, draw_nuisance, draw_outputs, record
-from scenarios.concealed.shapes import motion_of, places
-from sim.device import Device
-from sim.physics import EFFECTS
-from sim.trace import Trace
+from zwidth.diagnosis.exam.hidden import Hidden, Stage, seen
+from zwidth.diagnosis.exam.of_library import conceal_effects
+from zwidth.diagnosis.exam.of_no_library import conceal_outside
+from zwidth.diagnosis.exam.strata import Stratum
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.reference import reference
+from zwidth.diagnosis.settle import refit
+from zwidth.scenarios.concealed.devices import draw_device, mistaken
+from zwidth.scenarios.concealed.excitation import draw_drive
+from zwidth.scenarios.concealed.outside import OUTSIDE
+from zwidth.scenarios.concealed.rig import Rig, RunAway, draw_nuisance, draw_outputs, record
+from zwidth.scenarios.concealed.shapes import motion_of, places
+from zwidth.sim.device import Device
+from zwidth.sim.physics import EFFECTS
+from zwidth.sim.trace import Trace
 
 SHORTEST, LONGEST = 10.0, 20.0  # s
 FITTED_SHARE = 0.3  # of device files that were fitted to the recording, effect and all

@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.exam.strata import Stratum
-from diagnosis.experiment import Experiment, experiment
-from diagnosis.reference import Reference
-from scenarios.concealed.rig import Rig
-from scenarios.concealed.shapes import Motion
-from sim.device import Device
-from sim.trace import Trace
+from zwidth.diagnosis.exam.strata import Stratum
+from zwidth.diagnosis.experiment import Experiment, experiment
+from zwidth.diagnosis.reference import Reference
+from zwidth.scenarios.concealed.rig import Rig
+from zwidth.scenarios.concealed.shapes import Motion
+from zwidth.sim.device import Device
+from zwidth.sim.trace import Trace
 
 SEEN = 5.0  # sigma at which an effect is at its limit
 

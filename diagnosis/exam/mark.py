@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from diagnosis.candidates import CONTAINED
+from zwidth.diagnosis.candidates import CONTAINED
 
 APART = 5.0  # sigma
 ANGLES = ("phase", "angle")

@@ -10,20 +10,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.exam.hidden import SEEN, Hidden, Stage, draw_times, seen
-from diagnosis.exam.strata import Stratum
-from diagnosis.experiment import Experiment
-from diagnosis.fit import Problem
-from diagnosis.limits import limit, sigma
-from diagnosis.magnitude import magnitude, strengthened
-from diagnosis.parameters import IN_RECORDING, Model
-from diagnosis.reference import Reference
-from diagnosis.separation import separation
-from scenarios.concealed.rig import Rig, record
-from scenarios.concealed.shapes import draw_physics, places
-from sim.device import Device
-from sim.physics.effect import Physics
-from sim.trace import Trace
+from zwidth.diagnosis.exam.hidden import SEEN, Hidden, Stage, draw_times, seen
+from zwidth.diagnosis.exam.strata import Stratum
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.fit import Problem
+from zwidth.diagnosis.limits import limit, sigma
+from zwidth.diagnosis.magnitude import magnitude, strengthened
+from zwidth.diagnosis.parameters import IN_RECORDING, Model
+from zwidth.diagnosis.reference import Reference
+from zwidth.diagnosis.separation import separation
+from zwidth.scenarios.concealed.rig import Rig, record
+from zwidth.scenarios.concealed.shapes import draw_physics, places
+from zwidth.sim.device import Device
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.trace import Trace
 
 BESIDE = 0.6  # share of its sigma that an effect must keep beside others
 AGREE = (0.5, 2.0)  # of the limit's sigma, the one in the recording as it was made

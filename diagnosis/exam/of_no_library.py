@@ -10,18 +10,18 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.exam.hidden import SEEN, Hidden, Stage, draw_times, seen
-from diagnosis.exam.strata import Stratum
-from diagnosis.experiment import Experiment
-from diagnosis.fit import Problem
-from diagnosis.limits import crossing
-from diagnosis.parameters import Model
-from diagnosis.reference import Reference
-from scenarios.concealed.outside import OUTSIDE, Outside
-from scenarios.concealed.rig import Rig, RunAway, record
-from scenarios.concealed.shapes import Motion
-from sim.device import Device
-from sim.trace import Trace
+from zwidth.diagnosis.exam.hidden import SEEN, Hidden, Stage, draw_times, seen
+from zwidth.diagnosis.exam.strata import Stratum
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.fit import Problem
+from zwidth.diagnosis.limits import crossing
+from zwidth.diagnosis.parameters import Model
+from zwidth.diagnosis.reference import Reference
+from zwidth.scenarios.concealed.outside import OUTSIDE, Outside
+from zwidth.scenarios.concealed.rig import Rig, RunAway, record
+from zwidth.scenarios.concealed.shapes import Motion
+from zwidth.sim.device import Device
+from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
 Made = tuple[Rig, Trace, tuple[Hidden, ...]]

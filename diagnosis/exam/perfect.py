@@ -15,14 +15,14 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.exam.hidden import seen
-from diagnosis.experiment import Experiment
-from diagnosis.predictor import choose_observer, free_run_errors, observer_near
-from diagnosis.settle import refit
-from logs.recording import read_recording
-from scenarios.concealed.handout import description_file, recording_files
-from sim.device import Device
-from sim.device_file import device_from_text, load_device
+from zwidth.diagnosis.exam.hidden import seen
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.predictor import choose_observer, free_run_errors, observer_near
+from zwidth.diagnosis.settle import refit
+from zwidth.logs.recording import read_recording
+from zwidth.scenarios.concealed.handout import description_file, recording_files
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import device_from_text, load_device
 
 WINDOW = 0.5  # s
 WORTH = 0.02  # perfect knowledge must improve the fit by this share, or none can be told

@@ -7,12 +7,12 @@ from typing import Any
 
 import msgspec
 
-from diagnosis.diagnose import diagnose
-from diagnosis.exam.hidden import seen
-from logs.recording import read_recording
-from scenarios.concealed.handout import description_file, recording_files
-from scenarios.concealed.sealing import digest
-from sim.device_file import device_to_text, load_device
+from zwidth.diagnosis.diagnose import diagnose
+from zwidth.diagnosis.exam.hidden import seen
+from zwidth.logs.recording import read_recording
+from zwidth.scenarios.concealed.handout import description_file, recording_files
+from zwidth.scenarios.concealed.sealing import digest
+from zwidth.sim.device_file import device_to_text, load_device
 
 
 @dataclass(frozen=True)

@@ -10,15 +10,16 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from diagnosis.exam.mark import Mark, linear_truth, mark
-from diagnosis.exam.perfect import HeldOut, held_out
-from diagnosis.exam.sitting import Paper, sit
-from diagnosis.exam.tally import tally
-from logs.recording_file import load_description
-from scenarios.concealed.handout import description_file, key_file, names, recording_files
-from scenarios.concealed.sealing import SealError, digest, open_key, write_whole
-from sim.device_file import device_from_text
-from stability.executor import Executor
+from zwidth.diagnosis.exam.mark import Mark, linear_truth, mark
+from zwidth.diagnosis.exam.perfect import HeldOut, held_out
+from zwidth.diagnosis.exam.sitting import Paper, sit
+from zwidth.diagnosis.exam.tally import tally
+from zwidth.files.whole import write_text
+from zwidth.jobs.executor import Executor
+from zwidth.logs.recording_file import load_description
+from zwidth.scenarios.concealed.handout import description_file, key_file, names, recording_files
+from zwidth.scenarios.concealed.sealing import SealError, digest, open_key
+from zwidth.sim.device_file import device_from_text
 
 Said = Callable[[str], None]
 
@@ -38,7 +39,7 @@ def sit_all(folder: Path, executor: Executor, done: Said = lambda _: None) -> li
         n: Paper(str(folder.resolve()), n) for n in every if not _answer_file(folder, n).exists()
     }
     for name, answer in executor.run(sit, papers):
-        write_whole(_answer_file(folder, name), json.dumps(answer, indent=1) + "\n")
+        write_text(_answer_file(folder, name), json.dumps(answer, indent=1) + "\n")
         done(name)
     return every
 
@@ -92,7 +93,7 @@ def mark_all(
     (folder / "marks").mkdir(exist_ok=True)
     left = {name: o for name, o in opened.items() if not _mark_file(folder, name).exists()}
     for name, errors in executor.run(fit_of, left):
-        write_whole(_mark_file(folder, name), json.dumps(errors) + "\n")
+        write_text(_mark_file(folder, name), json.dumps(errors) + "\n")
         done(name)
     fits: dict[str, HeldOut] = {}
     marks: list[Mark] = []

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from sim.chain import Chain, make_chain
-from sim.device import Device
-from sim.device_file import load_device
-from sim.interface import Interface
+from zwidth.sim.chain import Chain, make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import load_device
+from zwidth.sim.interface import Interface
 
 PHANTOM_SHARE, SPRUNG_SHARE, LINEAR_SHARE, ENCODER_SHARE = 0.3, 0.3, 0.35, 0.25
 MASSES = (0.2, 0.3, 0.35, 0.15)  # shares of chains of one to four masses

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from controllers.excitation import multisine, noise, random_steps, triangle
-from scenarios.concealed.integrator import integrate
-from scenarios.concealed.truth import truth_of
-from sim.device import Device
+from zwidth.controllers.excitation import multisine, noise, random_steps, triangle
+from zwidth.scenarios.concealed.integrator import integrate
+from zwidth.scenarios.concealed.truth import truth_of
+from zwidth.sim.device import Device
 
 Floats = NDArray[np.float64]
 KINDS = ("session", "noise", "multisine", "random_steps", "triangle")

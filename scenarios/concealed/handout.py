@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 import tomli_w
 
-from scenarios.concealed.sealing import MARK, write_whole
-from sim.device import Device
-from sim.device_file import device_to_text
-from sim.trace import Trace
+from zwidth.files.whole import write_text
+from zwidth.scenarios.concealed.sealing import MARK
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import device_to_text
+from zwidth.sim.trace import Trace
 
 DIGITS = "%.10g"
 
@@ -45,8 +46,8 @@ def write_data(folder: Path, name: str, trace: Trace, device: Device) -> None:
     table = io.StringIO()
     table.write(",".join(trace.channels) + "\n")
     np.savetxt(table, np.column_stack(list(trace.channels.values())), DIGITS, ",")
-    write_whole(files["recording"], table.getvalue())
-    write_whole(files["device"], device_to_text(device))
+    write_text(files["recording"], table.getvalue())
+    write_text(files["device"], device_to_text(device))
 
 
 def write_description(folder: Path, name: str, trace: Trace, device: Device, sealed: str) -> None:
@@ -64,4 +65,4 @@ def write_description(folder: Path, name: str, trace: Trace, device: Device, sea
             for c in outputs
         ],
     }
-    write_whole(description_file(folder, name), tomli_w.dumps(top))
+    write_text(description_file(folder, name), tomli_w.dumps(top))

@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from scenarios.concealed.excitation import Drive
-from scenarios.concealed.integrator import integrate
-from scenarios.concealed.outside import Outside
-from scenarios.concealed.truth import lost_rate, truth_of
-from sim.device import Device
-from sim.trace import Trace
+from zwidth.scenarios.concealed.excitation import Drive
+from zwidth.scenarios.concealed.integrator import integrate
+from zwidth.scenarios.concealed.outside import Outside
+from zwidth.scenarios.concealed.truth import lost_rate, truth_of
+from zwidth.sim.device import Device
+from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
 STEPS = 40  # a tick

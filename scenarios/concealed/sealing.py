@@ -8,10 +8,11 @@ recording alone learns nothing, since the salt has 128 bits.
 
 import hashlib
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+from zwidth.files.whole import write_text
 
 SALT_BYTES = 16
 MARK = "sealed, SHA-256 "
@@ -41,14 +42,7 @@ def digest(path: Path) -> str:
 
 def write_key(path: Path, salt: str, key: Mapping[str, Any]) -> None:
     """Write salt and key, whole or not at all."""
-    write_whole(path, json.dumps({"salt": salt, "key": key}, indent=1, allow_nan=False) + "\n")
-
-
-def write_whole(path: Path, text: str) -> None:
-    """Write a file, whole or not at all."""
-    draft = path.with_name(f".{path.name}.{os.getpid()}.part")
-    draft.write_text(text, encoding="utf-8", newline="\n")
-    draft.replace(path)
+    write_text(path, json.dumps({"salt": salt, "key": key}, indent=1, allow_nan=False) + "\n")
 
 
 def open_key(path: Path, sealed: str, files: Mapping[str, Path]) -> dict[str, Any]:

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenarios.concealed.rig import Made
-from sim.device import Device, masses_needed
-from sim.physics import EFFECTS, make_physics
-from sim.physics.effect import Physics
+from zwidth.scenarios.concealed.rig import Made
+from zwidth.sim.device import Device, masses_needed
+from zwidth.sim.physics import EFFECTS, make_physics
+from zwidth.sim.physics.effect import Physics
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from scenarios.concealed.integrator import Floats, Truth
-from scenarios.concealed.outside import Outside
-from sim.device import Device
-from sim.physics.effect import Physics
+from zwidth.scenarios.concealed.integrator import Floats, Truth
+from zwidth.scenarios.concealed.outside import Outside
+from zwidth.sim.device import Device
+from zwidth.sim.physics.effect import Physics
 
 BRISTLE, MICRO = 0.3, 0.7  # omega h of a stiff bristle, its damping ratio
 

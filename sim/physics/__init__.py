@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from importlib import import_module
 from types import MappingProxyType
 
-from sim.nearest import nearest
-from sim.physics.effect import Effect, Physics
+from zwidth.sim.nearest import nearest
+from zwidth.sim.physics.effect import Effect, Physics
 
 NAMES = (
     "coulomb_friction",
@@ -38,7 +38,7 @@ PROBE_NAMES = ("power_drag", "one_sided_spring", "periodic_force")
 
 
 def _declared(names: Sequence[str]) -> Mapping[str, Effect]:
-    found = {name: getattr(import_module(f"sim.physics.{name}"), name) for name in names}
+    found = {name: getattr(import_module(f"zwidth.sim.physics.{name}"), name) for name in names}
     return MappingProxyType(found)
 
 

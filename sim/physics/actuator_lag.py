@@ -1,6 +1,6 @@
 """First-order lag of the amplifier: tau a' = u - a, exact in the propagator (`sim/plant.py`)."""
 
-from sim.physics.effect import Effect, Parameter
+from zwidth.sim.physics.effect import Effect, Parameter
 
 actuator_lag = Effect(
     name="actuator_lag",

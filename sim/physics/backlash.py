@@ -23,8 +23,8 @@ Other effects in the same link act beside it, between its two masses.
 
 import math
 
-from sim.jit import part
-from sim.physics.effect import Effect, Parameter
+from zwidth.sim.jit import part
+from zwidth.sim.physics.effect import Effect, Parameter
 
 backlash = Effect(
     name="backlash",

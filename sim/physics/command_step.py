@@ -1,8 +1,8 @@
 """The digital-to-analogue converter knows only steps; its home is `Interface.command_step`."""
 
-from sim.jit import part
-from sim.physics.effect import Effect, Parameter
-from sim.physics.rounding import to_nearest
+from zwidth.sim.jit import part
+from zwidth.sim.physics.effect import Effect, Parameter
+from zwidth.sim.physics.rounding import to_nearest
 
 command_step = Effect(
     name="command_step",

@@ -1,7 +1,7 @@
 """A constant force on m1: weight, an amplifier's offset, a cable's pull."""
 
-from sim.jit import part
-from sim.physics.effect import Effect, Parameter
+from zwidth.sim.jit import part
+from zwidth.sim.physics.effect import Effect, Parameter
 
 constant_force = Effect(
     name="constant_force",

@@ -1,7 +1,7 @@
 """Dry friction of constant level: |f| <= level at rest, f = -level sign(v) in motion."""
 
-from sim.jit import part
-from sim.physics.effect import Effect, Parameter
+from zwidth.sim.jit import part
+from zwidth.sim.physics.effect import Effect, Parameter
 
 coulomb_friction = Effect(
     name="coulomb_friction",

@@ -1,7 +1,7 @@
 """A spring that hardens (coefficient > 0) or softens: f = -k3 q^3 of the relative position."""
 
-from sim.jit import part
-from sim.physics.effect import Effect, Parameter
+from zwidth.sim.jit import part
+from zwidth.sim.physics.effect import Effect, Parameter
 
 cubic_stiffness = Effect(
     name="cubic_stiffness",

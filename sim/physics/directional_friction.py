@@ -9,8 +9,8 @@ its values at the start and at the predicted end of a substep: second order for 
 also across v = 0 without dry levels, where the bound is continuous.
 """
 
-from sim.jit import part
-from sim.physics.effect import Effect, Parameter
+from zwidth.sim.jit import part
+from zwidth.sim.physics.effect import Effect, Parameter
 
 directional_friction = Effect(
     name="directional_friction",

@@ -5,26 +5,26 @@ Codes are the `Effect.code` of its declaration; parameters arrive in the declara
 the effect borrows after them.
 """
 
-from sim.jit import part
-from sim.physics.backlash import backlash_force, next_pin, within_gap
-from sim.physics.constant_force import constant_level
-from sim.physics.coulomb_friction import coulomb_bounds
-from sim.physics.cubic_stiffness import cubic_force
-from sim.physics.dead_band import beyond_band
-from sim.physics.directional_friction import directional_bounds
-from sim.physics.dropped_samples import is_delivered
-from sim.physics.encoder_eccentricity import off_centre
-from sim.physics.force_ripple import ripple_force
-from sim.physics.gain_asymmetry import two_gains
-from sim.physics.gravity_pendulum import pendulum_force
-from sim.physics.hysteresis import bouc_wen_force, next_yield
-from sim.physics.one_sided_spring import stop_force
-from sim.physics.periodic_force import periodic
-from sim.physics.power_drag import power_force
-from sim.physics.presliding_friction import dahl_force, next_bristle
-from sim.physics.quadratic_drag import drag_force
-from sim.physics.rectified_sensor import magnitude
-from sim.physics.stribeck_friction import stribeck_bounds
+from zwidth.sim.jit import part
+from zwidth.sim.physics.backlash import backlash_force, next_pin, within_gap
+from zwidth.sim.physics.constant_force import constant_level
+from zwidth.sim.physics.coulomb_friction import coulomb_bounds
+from zwidth.sim.physics.cubic_stiffness import cubic_force
+from zwidth.sim.physics.dead_band import beyond_band
+from zwidth.sim.physics.directional_friction import directional_bounds
+from zwidth.sim.physics.dropped_samples import is_delivered
+from zwidth.sim.physics.encoder_eccentricity import off_centre
+from zwidth.sim.physics.force_ripple import ripple_force
+from zwidth.sim.physics.gain_asymmetry import two_gains
+from zwidth.sim.physics.gravity_pendulum import pendulum_force
+from zwidth.sim.physics.hysteresis import bouc_wen_force, next_yield
+from zwidth.sim.physics.one_sided_spring import stop_force
+from zwidth.sim.physics.periodic_force import periodic
+from zwidth.sim.physics.power_drag import power_force
+from zwidth.sim.physics.presliding_friction import dahl_force, next_bristle
+from zwidth.sim.physics.quadratic_drag import drag_force
+from zwidth.sim.physics.rectified_sensor import magnitude
+from zwidth.sim.physics.stribeck_friction import stribeck_bounds
 
 
 @part

@@ -8,8 +8,8 @@ pass of MurmurHash3's 32-bit finaliser (Appleby), keyed anew between the passes,
 
 import numpy as np
 
-from sim.jit import part
-from sim.physics.effect import Effect, Parameter
+from zwidth.sim.jit import part
+from zwidth.sim.physics.effect import Effect, Parameter
 
 dropped_samples = Effect(
     name="dropped_samples",

@@ -6,8 +6,8 @@ the disk is of m1's position.
 
 import math
 
-from sim.jit import part
-from sim.physics.effect import Effect, Parameter
+from zwidth.sim.jit import part
+from zwidth.sim.physics.effect import Effect, Parameter
 
 encoder_eccentricity = Effect(
     name="encoder_eccentricity",

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from sim.jit import part
-from sim.physics.effect import Effect, Parameter
-from sim.physics.rounding import to_nearest
+from zwidth.sim.jit import part
+from zwidth.sim.physics.effect import Effect, Parameter
+from zwidth.sim.physics.rounding import to_nearest
 
 encoder_step = Effect(
     name="encoder_step",

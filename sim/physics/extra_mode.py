@@ -4,7 +4,7 @@ It is one more mass of the device, after those of the chain (`sim/plant.py`), an
 as `Start` says. Without mass there is nothing to hold the spring, and nothing is added.
 """
 
-from sim.physics.effect import Effect, Parameter
+from zwidth.sim.physics.effect import Effect, Parameter
 
 extra_mode = Effect(
     name="extra_mode",

@@ -8,8 +8,8 @@ against the time period / |v| in which the mass crosses a period.
 
 import math
 
-from sim.jit import part
-from sim.physics.effect import Effect, Parameter
+from zwidth.sim.jit import part
+from zwidth.sim.physics.effect import Effect, Parameter
 
 force_ripple = Effect(
     name="force_ripple",

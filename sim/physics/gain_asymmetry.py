@@ -4,8 +4,8 @@ The mean of both gains stays 1, gain 2 r / (1 + r) for u > 0 and 2 / (1 + r) for
 ratio says nothing about the gain as a whole.
 """
 
-from sim.jit import part
-from sim.physics.effect import Effect, Parameter
+from zwidth.sim.jit import part
+from zwidth.sim.physics.effect import Effect, Parameter
 
 gain_asymmetry = Effect(
     name="gain_asymmetry",

@@ -5,8 +5,8 @@ level: weight times lever; angle: how far from hanging straight down it is at q 
 
 import math
 
-from sim.jit import part
-from sim.physics.effect import Effect, Parameter
+from zwidth.sim.jit import part
+from zwidth.sim.physics.effect import Effect, Parameter
 
 gravity_pendulum = Effect(
     name="gravity_pendulum",

@@ -1,6 +1,6 @@
 """A spring to ground, exact in the propagator; at m1 its home is the chain's own k0."""
 
-from sim.physics.effect import Effect, Parameter
+from zwidth.sim.physics.effect import Effect, Parameter
 
 ground_spring = Effect(
     name="ground_spring",

@@ -21,9 +21,9 @@ h < 2 sqrt(m / stiffness).
 
 import math
 
-from sim.jit import part
-from sim.physics.effect import Effect, Parameter
-from sim.physics.path import out_and_back
+from zwidth.sim.jit import part
+from zwidth.sim.physics.effect import Effect, Parameter
+from zwidth.sim.physics.path import out_and_back
 
 hysteresis = Effect(
     name="hysteresis",

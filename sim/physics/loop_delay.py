@@ -1,6 +1,6 @@
 """The command takes effect later than the encoder was read; its home is `Interface.delay`."""
 
-from sim.physics.effect import Effect, Parameter
+from zwidth.sim.physics.effect import Effect, Parameter
 
 loop_delay = Effect(
     name="loop_delay",

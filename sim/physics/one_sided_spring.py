@@ -4,8 +4,8 @@ No effect of the library: a stop, soft or hard, which a recording meets at its e
 asks with it whether what was named a bent spring is one (`diagnosis/probes.py`). side: 1 or -1.
 """
 
-from sim.jit import part
-from sim.physics.effect import Effect, Parameter
+from zwidth.sim.jit import part
+from zwidth.sim.physics.effect import Effect, Parameter
 
 one_sided_spring = Effect(
     name="one_sided_spring",

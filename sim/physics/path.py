@@ -1,6 +1,6 @@
 """The path of a substep, for forces that remember where they have been and not when."""
 
-from sim.jit import part
+from zwidth.sim.jit import part
 
 
 @part

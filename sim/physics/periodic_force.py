@@ -9,8 +9,8 @@ cogging of slots and poles is.
 
 import math
 
-from sim.jit import part
-from sim.physics.effect import Effect, Parameter
+from zwidth.sim.jit import part
+from zwidth.sim.physics.effect import Effect, Parameter
 
 HARMONICS = 4
 

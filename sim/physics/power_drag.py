@@ -8,8 +8,8 @@ v = 0 has no bound, and no substep would do.
 
 import math
 
-from sim.jit import part
-from sim.physics.effect import Effect, Parameter
+from zwidth.sim.jit import part
+from zwidth.sim.physics.effect import Effect, Parameter
 
 power_drag = Effect(
     name="power_drag",

@@ -19,9 +19,9 @@ for good is `coulomb_friction`.
 
 import math
 
-from sim.jit import part
-from sim.physics.effect import Effect, Parameter
-from sim.physics.path import out_and_back
+from zwidth.sim.jit import part
+from zwidth.sim.physics.effect import Effect, Parameter
+from zwidth.sim.physics.path import out_and_back
 
 presliding_friction = Effect(
     name="presliding_friction",

@@ -1,7 +1,7 @@
 """Drag of a mass against its surroundings, growing with the square of speed: f = -c v |v|."""
 
-from sim.jit import part
-from sim.physics.effect import Effect, Parameter
+from zwidth.sim.jit import part
+from zwidth.sim.physics.effect import Effect, Parameter
 
 quadratic_drag = Effect(
     name="quadratic_drag",

@@ -1,7 +1,7 @@
 """The sensor knows no sign: it reports |q|. Nothing to tune; it changes nothing where q >= 0."""
 
-from sim.jit import part
-from sim.physics.effect import Effect
+from zwidth.sim.jit import part
+from zwidth.sim.physics.effect import Effect
 
 rectified_sensor = Effect(
     name="rectified_sensor",

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from sim.jit import part
+from zwidth.sim.jit import part
 
 
 @part

@@ -2,8 +2,8 @@
 
 import math
 
-from sim.jit import part
-from sim.physics.effect import Effect, Parameter
+from zwidth.sim.jit import part
+from zwidth.sim.physics.effect import Effect, Parameter
 
 saturation = Effect(
     name="saturation",

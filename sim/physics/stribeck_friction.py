@@ -12,8 +12,8 @@ the mass runs away there.
 
 import math
 
-from sim.jit import part
-from sim.physics.effect import Effect, Parameter
+from zwidth.sim.jit import part
+from zwidth.sim.physics.effect import Effect, Parameter
 
 stribeck_friction = Effect(
     name="stribeck_friction",

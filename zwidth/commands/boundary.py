@@ -8,18 +8,10 @@ from typing import Any
 import click
 import numpy as np
 
-from controllers.wall import wall
-from scenarios.logged_run import logged_run
-from scenarios.scenario import Scenario, one_is_exact
-from scenarios.table_2 import DEVICE, MeasuredPoint, measured_at
-from sim.device import Device, warnings_of
-from sim.device_file import load_device
-from sim.run import Start
-from stability.bisection import Bracket, Search, Trial
-from stability.boundary import Boundary, BoundaryPoint, default_dampings, find_boundaries
 from zwidth.boundary_extras import Asked, extra_cells, extra_headings, with_extras
 from zwidth.compiling import announce
 from zwidth.console import Column, Console, progress
+from zwidth.controllers.wall import wall
 from zwidth.covariance import load_covariance
 from zwidth.options import ManyNumbers, Quantities, Quantity, json_option, out_option
 from zwidth.results import (
@@ -32,6 +24,14 @@ from zwidth.results import (
     Point,
     as_json,
 )
+from zwidth.scenarios.logged_run import logged_run
+from zwidth.scenarios.scenario import Scenario, one_is_exact
+from zwidth.scenarios.table_2 import DEVICE, MeasuredPoint, measured_at
+from zwidth.sim.device import Device, warnings_of
+from zwidth.sim.device_file import load_device
+from zwidth.sim.run import Start
+from zwidth.stability.bisection import Bracket, Search, Trial
+from zwidth.stability.boundary import Boundary, BoundaryPoint, default_dampings, find_boundaries
 
 LOGGED_S = 4.0
 SAME_DAMPING = 1e-9

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import click
 
-from diagnosis.exam.conceal import conceal, orders
-from diagnosis.exam.strata import STRATA, counts
-from stability.executor import executor
 from zwidth.console import Console, progress
+from zwidth.diagnosis.exam.conceal import conceal, orders
+from zwidth.diagnosis.exam.strata import STRATA, counts
+from zwidth.jobs.choose import executor
 from zwidth.options import Quantity, cluster_option, json_option, out_option
 
 CLASSES = "; ".join(f"{s.name}: {s.title}" for s in STRATA.values())

@@ -6,16 +6,16 @@ from typing import Any
 import click
 import numpy as np
 
-from logs.export import WRITERS
-from logs.guess import Seen, clock_faults, draft, look
-from logs.mcap_reader import Log
-from logs.mcap_writer import write_log
-from logs.own import own_log
-from logs.recording import load_log
-from logs.source import RecordingError, Source
 from zwidth.console import Column, Console
-from zwidth.files import replacing, write_text
+from zwidth.files.whole import replacing, write_text
 from zwidth.json_number import json_number
+from zwidth.logs.export import WRITERS
+from zwidth.logs.guess import Seen, clock_faults, draft, look
+from zwidth.logs.mcap_reader import Log
+from zwidth.logs.mcap_writer import write_log
+from zwidth.logs.own import own_log
+from zwidth.logs.recording import load_log
+from zwidth.logs.source import RecordingError, Source
 from zwidth.options import json_option
 
 MOST_ROWS = 200

@@ -8,13 +8,13 @@ from typing import Any
 import click
 import numpy as np
 
-from sim.device import Device, place_label, warnings_of
-from sim.device_file import device_to_text, load_device, shipped_devices
-from sim.modal import ModalModel, from_chain
-from sim.passive import nearest_passive
 from zwidth.console import Column, Console
-from zwidth.files import write_text
+from zwidth.files.whole import write_text
 from zwidth.options import json_option
+from zwidth.sim.device import Device, place_label, warnings_of
+from zwidth.sim.device_file import device_to_text, load_device, shipped_devices
+from zwidth.sim.modal import ModalModel, from_chain
+from zwidth.sim.passive import nearest_passive
 
 TURN = 2.0 * math.pi
 

@@ -12,16 +12,12 @@ from typing import Any, cast
 import click
 import numpy as np
 
-from diagnosis.augmented_boundary import AugmentedBoundary, augmented_boundary
-from diagnosis.diagnose import diagnose, separating
-from diagnosis.diagnosis_log import diagnosis_trace
-from diagnosis.experiment import Experiment, stretches
-from diagnosis.result import Diagnosis
-from logs.mcap_writer import write_log
-from logs.recording import load_log, read_recording
-from sim.device import Device
-from sim.device_file import device_to_text, load_device
 from zwidth.console import Column, Console
+from zwidth.diagnosis.augmented_boundary import AugmentedBoundary, augmented_boundary
+from zwidth.diagnosis.diagnose import diagnose, separating
+from zwidth.diagnosis.diagnosis_log import diagnosis_trace
+from zwidth.diagnosis.experiment import Experiment, stretches
+from zwidth.diagnosis.result import Diagnosis
 from zwidth.diagnosis_report import (
     INTERRUPTED,
     Commands,
@@ -32,8 +28,12 @@ from zwidth.diagnosis_report import (
     number,
     save_report,
 )
-from zwidth.files import write_text
+from zwidth.files.whole import write_text
+from zwidth.logs.mcap_writer import write_log
+from zwidth.logs.recording import load_log, read_recording
 from zwidth.options import json_option, out_option
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import device_to_text, load_device
 
 
 @click.command("diagnose")

@@ -6,16 +6,16 @@ from typing import Any
 
 import click
 
-from diagnosis.exam.conceal import conceal, orders
-from diagnosis.exam.strata import counts
-from diagnosis.exam.take import mark_all, result, sit_all
-from stability.executor import executor
 from zwidth.compiling import announce
 from zwidth.console import Column, Console, progress
+from zwidth.diagnosis.exam.conceal import conceal, orders
+from zwidth.diagnosis.exam.strata import counts
+from zwidth.diagnosis.exam.take import mark_all, result, sit_all
 from zwidth.exam_page import goals, page
 from zwidth.figures.exam import confusion_figure, magnitude_figure
 from zwidth.figures.style import save_figure
-from zwidth.files import json_text, write_text
+from zwidth.files.whole import json_text, write_text
+from zwidth.jobs.choose import executor
 from zwidth.options import Quantity, cluster_option, json_option
 
 

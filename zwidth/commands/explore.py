@@ -6,12 +6,12 @@ from pathlib import Path
 
 import click
 
-from logs.recording import read_recording
-from sim.device import warnings_of
-from sim.device_file import load_device
 from zwidth.compiling import announce
 from zwidth.console import Console, progress
 from zwidth.explore.link import PORT
+from zwidth.logs.recording import read_recording
+from zwidth.sim.device import warnings_of
+from zwidth.sim.device_file import load_device
 
 
 @click.command("explore")

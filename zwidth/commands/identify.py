@@ -6,19 +6,19 @@ from pathlib import Path
 import click
 import numpy as np
 
-from identification.coordinates import MAX_MODES
-from identification.fit import Fit, fit_response
-from identification.search import REJECTED
-from logs.recording import read_recording
-from sim.device import Device, warnings_of
-from sim.device_file import device_to_text
-from sim.interface import Interface
-from sim.modal import to_chain
-from sim.sampled import sampled_frequency_response
 from zwidth.console import Column, Console
 from zwidth.covariance import save_covariance
-from zwidth.files import write_text
+from zwidth.files.whole import write_text
+from zwidth.identification.coordinates import MAX_MODES
+from zwidth.identification.fit import Fit, fit_response
+from zwidth.identification.search import REJECTED
+from zwidth.logs.recording import read_recording
 from zwidth.options import Quantity, json_option, out_option
+from zwidth.sim.device import Device, warnings_of
+from zwidth.sim.device_file import device_to_text
+from zwidth.sim.interface import Interface
+from zwidth.sim.modal import to_chain
+from zwidth.sim.sampled import sampled_frequency_response
 
 
 @click.command("identify")

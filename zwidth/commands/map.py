@@ -7,19 +7,19 @@ from typing import Any, get_args
 import click
 from click.core import ParameterSource
 
-from sim.device import Device
-from sim.device_file import load_device
-from stability.bisection import Trial
-from stability.executor import executor
-from stability.fate_map import make_map, save_map
-from stability.linear import corner, last_stable_damping
-from stability.map_summary import summary
-from stability.plane import QUANTITIES, Axis, Plane, with_friction
-from stability.plane import Quantity as Quantities
 from zwidth.compiling import announce
 from zwidth.console import Column, Console, progress
-from zwidth.files import write_with
+from zwidth.files.whole import write_with
+from zwidth.jobs.choose import executor
 from zwidth.options import Quantity, cluster_option, json_option, out_option
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import load_device
+from zwidth.stability.bisection import Trial
+from zwidth.stability.fate_map import make_map, save_map
+from zwidth.stability.linear import corner, last_stable_damping
+from zwidth.stability.map_summary import summary
+from zwidth.stability.plane import QUANTITIES, Axis, Plane, with_friction
+from zwidth.stability.plane import Quantity as Quantities
 
 # The option that sets a quantity where it is on no axis.
 FIXED_BY: dict[Quantities, str] = {

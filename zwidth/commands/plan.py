@@ -10,23 +10,23 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from controllers.recorded import recorded
-from diagnosis.excitations import LIBRARY, Scale, excitation, save_scenario, scale_for
-from diagnosis.experiment import SHORTEST
-from diagnosis.limits import SHOWN
-from diagnosis.plan import ALIKE, Plan, Visible, better_excitations, plan
-from diagnosis.rehearsal import Noise, rehearse
-from scenarios.scenario_file import load_scenario
-from sim.device import Device, warnings_of
-from sim.device_file import load_device
-from sim.nearest import nearest
-from sim.physics import EFFECTS
-from sim.run import simulate
 from zwidth.compiling import announce
 from zwidth.console import Advance, Column, Console, progress
+from zwidth.controllers.recorded import recorded
+from zwidth.diagnosis.excitations import LIBRARY, Scale, excitation, save_scenario, scale_for
+from zwidth.diagnosis.experiment import SHORTEST
+from zwidth.diagnosis.limits import SHOWN
+from zwidth.diagnosis.plan import ALIKE, Plan, Visible, better_excitations, plan
+from zwidth.diagnosis.rehearsal import Noise, rehearse
 from zwidth.figures.plan import named, plan_figure
 from zwidth.figures.style import save_figure
 from zwidth.options import Quantity, json_option, out_option
+from zwidth.scenarios.scenario_file import load_scenario
+from zwidth.sim.device import Device, warnings_of
+from zwidth.sim.device_file import load_device
+from zwidth.sim.nearest import nearest
+from zwidth.sim.physics import EFFECTS
+from zwidth.sim.run import simulate
 
 PROCESS = 0.002  # of the largest command: the process noise where none is given
 LONGEST = 120_000  # ticks: a hundred signatures as long are held at once

@@ -5,16 +5,16 @@ from pathlib import Path
 
 import click
 
-from identification.cycles import RelayCondition, relay_conditions
-from identification.relay import RelayTest, waveform
-from scenarios.scenario import one_is_exact
-from scenarios.table_2 import table_2
-from sim.device import Device, warnings_of
-from sim.device_file import load_device
-from stability.linear import critical_stiffness
 from zwidth.compiling import announce
 from zwidth.console import Column, Console, progress
+from zwidth.identification.cycles import RelayCondition, relay_conditions
+from zwidth.identification.relay import RelayTest, waveform
 from zwidth.options import ManyNumbers, Quantities, Quantity, json_option, out_option
+from zwidth.scenarios.scenario import one_is_exact
+from zwidth.scenarios.table_2 import table_2
+from zwidth.sim.device import Device, warnings_of
+from zwidth.sim.device_file import load_device
+from zwidth.stability.linear import critical_stiffness
 
 SHOWN_S = 0.4
 

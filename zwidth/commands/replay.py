@@ -5,13 +5,13 @@ from typing import Any
 
 import click
 
-from scenarios.comparison import Difference
-from scenarios.replay import ReplayResult, replay
-from sim.controller import Step
 from zwidth.console import Console
 from zwidth.errors import Status
 from zwidth.json_number import json_number
 from zwidth.options import json_option
+from zwidth.scenarios.comparison import Difference
+from zwidth.scenarios.replay import ReplayResult, replay
+from zwidth.sim.controller import Step
 from zwidth.user_law import controller_option
 
 

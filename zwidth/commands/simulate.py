@@ -6,18 +6,18 @@ from pathlib import Path
 import click
 import numpy as np
 
-from scenarios.logged_run import LoggedRun, logged_run
-from scenarios.scenario import Scenario
-from scenarios.scenario_file import load_scenario
-from sim.controller import Step
-from sim.device import warnings_of
-from sim.jit import cache_folder
-from sim.run import Run
 from zwidth.console import Column, Console, progress
 from zwidth.figures.run import run_figure
-from zwidth.files import replacing
+from zwidth.files.whole import replacing
 from zwidth.json_number import json_number
 from zwidth.options import json_option, out_option
+from zwidth.scenarios.logged_run import LoggedRun, logged_run
+from zwidth.scenarios.scenario import Scenario
+from zwidth.scenarios.scenario_file import load_scenario
+from zwidth.sim.controller import Step
+from zwidth.sim.device import warnings_of
+from zwidth.sim.jit import cache_folder
+from zwidth.sim.run import Run
 from zwidth.user_law import controller_option
 
 # No part of the mechanism's balance: the work of the command as the controller sees it, and how

@@ -8,17 +8,17 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from controllers.wall import wall
-from scenarios.scenario import Scenario, one_is_exact
-from sim.device import Device, place_label
-from sim.interface import INTERFACE_FIELDS
-from sim.run import Start
-from sim.trace import Trace
-from stability.bisection import Trial
-from stability.linear import boundary, last_stable_damping
-from stability.plane import Axis, Plane, with_friction
+from zwidth.controllers.wall import wall
 from zwidth.explore.measured import MeasuredPoint, measured_on
 from zwidth.explore.view import Span, View
+from zwidth.scenarios.scenario import Scenario, one_is_exact
+from zwidth.sim.device import Device, place_label
+from zwidth.sim.interface import INTERFACE_FIELDS
+from zwidth.sim.run import Start
+from zwidth.sim.trace import Trace
+from zwidth.stability.bisection import Trial
+from zwidth.stability.linear import boundary, last_stable_damping
+from zwidth.stability.plane import Axis, Plane, with_friction
 
 Floats = NDArray[np.float64]
 SECONDS, LIMIT_S, WINDOW_S = 4.0, 16.0, 0.5

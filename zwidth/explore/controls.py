@@ -14,10 +14,10 @@ from bokeh.models import (
     UIElement,
 )
 
-from stability.fate_map import units_of
 from zwidth.explore.bench import Bench
 from zwidth.explore.sliders import Sliders
 from zwidth.explore.view import LAYERS, Span, View
+from zwidth.stability.fate_map import units_of
 
 LAYER_NAMES = {"fate": "Verdict", "amplitude": "Amplitude", "frequency": "Frequency"}
 OF_SLIDERS = ("delay", "encoder_step", "command_limit", "friction", "start")

@@ -8,11 +8,11 @@ from urllib.parse import parse_qs
 
 from tornado.web import HTTPError, RequestHandler
 
-from scenarios.logged_run import logged_run
-from scenarios.scenario import Scenario
-from scenarios.scenario_file import scenario_to_text
 from zwidth.explore.bench import Bench
 from zwidth.explore.view import read_query
+from zwidth.scenarios.logged_run import logged_run
+from zwidth.scenarios.scenario import Scenario
+from zwidth.scenarios.scenario_file import scenario_to_text
 
 
 class Download(RequestHandler):

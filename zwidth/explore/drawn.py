@@ -2,8 +2,8 @@
 
 from typing import NamedTuple
 
-from stability.fate_map import FateMap
 from zwidth.explore.view import OF_THE_PLANE, View, differ
+from zwidth.stability.fate_map import FateMap
 
 
 class Drawn(NamedTuple):

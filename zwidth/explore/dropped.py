@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from tempfile import TemporaryDirectory
 
-from logs.recording import read_recording
-from logs.recording_file import load_description
-from sim.trace import Trace
+from zwidth.logs.recording import read_recording
+from zwidth.logs.recording_file import load_description
+from zwidth.sim.trace import Trace
 
 
 def read_dropped(names: Sequence[str], contents: Sequence[str]) -> Trace:

@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import periodogram
 
-from sim.run import Outcome
-from sim.trace import Trace
-from stability.fates import Fates, evaluate
 from zwidth.explore.bench import Bench
 from zwidth.explore.view import View
+from zwidth.sim.run import Outcome
+from zwidth.sim.trace import Trace
+from zwidth.stability.fates import Fates, evaluate
 
 Floats = NDArray[np.float64]
 HIGHEST = 1e100  # values drawn

@@ -4,9 +4,9 @@ from collections.abc import Set
 from functools import cache
 from typing import NamedTuple
 
-from scenarios import paddle, table_2
-from sim.device import Device
-from sim.device_file import load_device
+from zwidth.scenarios import paddle, table_2
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import load_device
 
 
 class MeasuredPoint(NamedTuple):

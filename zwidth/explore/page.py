@@ -12,8 +12,6 @@ from bokeh.models import Column, CustomJS, Div, Row, UIElement
 from bokeh.models.dom import HTML
 from bokeh.models.ui import Pane
 
-from sim.trace import Trace
-from stability.fate_map import units_of
 from zwidth.explore import words
 from zwidth.explore.bench import SECONDS, Bench
 from zwidth.explore.controls import Controls, User
@@ -21,6 +19,8 @@ from zwidth.explore.plane_figure import PlaneFigure
 from zwidth.explore.run_figures import RunFigures
 from zwidth.explore.stops import with_unit
 from zwidth.explore.view import View
+from zwidth.sim.trace import Trace
+from zwidth.stability.fate_map import units_of
 
 # Style sheets are text: as models they could be in one page only.
 NARROW = ":host { font-size: 12.5px; line-height: 1.3; margin: 2px 4px; }"

@@ -7,10 +7,10 @@ import numpy as np
 from bokeh.palettes import Cividis256
 from numpy.typing import NDArray
 
-from stability.fate_map import FateMap
-from stability.fates import Fate
 from zwidth.explore.view import Layer
 from zwidth.figures.map import COLOURS
+from zwidth.stability.fate_map import FateMap
+from zwidth.stability.fates import Fate
 
 Floats = NDArray[np.float64]
 Colours = NDArray[np.uint32]

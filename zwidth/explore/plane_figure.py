@@ -19,14 +19,14 @@ from bokeh.models import (
 from bokeh.palettes import Cividis256
 from bokeh.plotting import figure
 
-from stability.fate_map import FateMap, units_of
-from stability.fates import Fate
-from stability.plane import Plane
 from zwidth.explore.bench import Line
 from zwidth.explore.measured import MeasuredPoint
 from zwidth.explore.picture import picture
 from zwidth.explore.view import Layer, Span
 from zwidth.figures.map import NAMES, PREDICTED
+from zwidth.stability.fate_map import FateMap, units_of
+from zwidth.stability.fates import Fate
+from zwidth.stability.plane import Plane
 
 SAME_DELAY = 1e-9
 HIGHEST = 1e30  # shown

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from stability.fates import evaluate
 from zwidth.explore.bench import Bench
 from zwidth.explore.look import look
 from zwidth.explore.view import View
+from zwidth.stability.fates import evaluate
 
 NEVER_FELT = 1e-12  # a level of friction that only brings its kernel in
 

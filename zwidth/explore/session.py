@@ -9,9 +9,6 @@ from typing import Any
 
 from bokeh.document import Document
 
-from sim.trace import Trace
-from stability.plane import Plane
-from stability.sketch import sketch
 from zwidth.explore import words
 from zwidth.explore.background import Newest
 from zwidth.explore.bench import SECONDS, Bench
@@ -21,6 +18,9 @@ from zwidth.explore.look import Look, columns, look
 from zwidth.explore.page import Page, beside
 from zwidth.explore.run_figures import BESIDE, LOOKS, RECORDED, RUN
 from zwidth.explore.view import OF_THE_PLANE, OF_THE_RUN, Span, View, differ
+from zwidth.sim.trace import Trace
+from zwidth.stability.plane import Plane
+from zwidth.stability.sketch import sketch
 
 PATIENCE_S = 0.12  # [s] after which a picture that is not finished yet is shown
 

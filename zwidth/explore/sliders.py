@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 from bokeh.models import CategoricalSlider
 
-from stability.fate_map import units_of
-from stability.plane import Plane
 from zwidth.explore.stops import Stops, decades, stops
 from zwidth.explore.view import View
+from zwidth.stability.fate_map import units_of
+from zwidth.stability.plane import Plane
 
 TITLES = {
     "encoder_step": "Encoder step",

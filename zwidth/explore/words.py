@@ -6,15 +6,15 @@ from html import escape
 
 import numpy as np
 
-from sim.device import Device, place_label
-from stability.fate_map import FateMap, units_of
-from stability.fates import Fate
-from stability.plane import Plane, is_friction_at_m1
 from zwidth.explore.bench import Bench, Line
 from zwidth.explore.look import Look
 from zwidth.explore.stops import with_unit
 from zwidth.explore.view import View
 from zwidth.figures.map import COLOURS, NAMES, PREDICTED
+from zwidth.sim.device import Device, place_label
+from zwidth.stability.fate_map import FateMap, units_of
+from zwidth.stability.fates import Fate
+from zwidth.stability.plane import Plane, is_friction_at_m1
 
 SHORT = {
     Fate.RESTS: "rest",

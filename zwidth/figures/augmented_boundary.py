@@ -7,9 +7,9 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from diagnosis.augmented_boundary import AugmentedBoundary, critical
-from stability.bisection import Bracket
+from zwidth.diagnosis.augmented_boundary import AugmentedBoundary, critical
 from zwidth.figures.style import STYLE
+from zwidth.stability.bisection import Bracket
 
 BEFORE, AFTER, LINEAR = "#bb5566", "#004488", "0.35"
 

@@ -9,10 +9,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from stability.fate_map import FateMap, units_of
-from stability.fates import Fate
-from stability.plane import Plane
-from stability.plane_theory import Line, describing_lines
+from zwidth.stability.fate_map import FateMap, units_of
+from zwidth.stability.fates import Fate
+from zwidth.stability.plane import Plane
+from zwidth.stability.plane_theory import Line, describing_lines
 
 # Told apart by the colour-blind, and by lightness alone in print.
 COLOURS = {

@@ -6,8 +6,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 
-from diagnosis.limits import SHOWN
-from diagnosis.plan import ALIKE, Plan, Visible
+from zwidth.diagnosis.limits import SHOWN
+from zwidth.diagnosis.plan import ALIKE, Plan, Visible
 from zwidth.figures.style import STYLE
 
 DOT = "#004488"

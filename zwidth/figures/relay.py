@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from identification.relay import Waveform
 from zwidth.figures.style import STYLE
+from zwidth.identification.relay import Waveform
 
 Floats = NDArray[np.float64]
 

@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator
 from numpy.typing import NDArray
 
-from sim.trace import Trace
 from zwidth.figures.boundary import COLOURS, STYLE
+from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
 

@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from stability.sensitivity import Sensitivity
 from zwidth.figures.style import STYLE
+from zwidth.stability.sensitivity import Sensitivity
 
 SYMBOLS = {"omega": "\\omega", "m": "m", "b": "b", "c": "c", "v": "v", "d": "d"}
 

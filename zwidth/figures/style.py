@@ -6,7 +6,7 @@ from typing import Any
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from zwidth.files import replacing
+from zwidth.files.whole import replacing
 
 STYLE: dict[Any, Any] = {
     "font.size": 10,

@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from sim.device import Device
-from sim.device_file import load_device
-from sim.modal import ModalModel, Mode
-from stability.decomposition import curve
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import load_device
+from zwidth.sim.modal import ModalModel, Mode
+from zwidth.stability.decomposition import curve
 
 Floats = NDArray[np.float64]
 STEP = 0.001

@@ -2,15 +2,15 @@
 
 import numpy as np
 
-from identification.fit import fit_response
-from stability.hand import DAMPING, MASS, STIFFNESS, hand_band
-from stability.linear import boundary, last_stable_damping
-from stability.passivity import passive_boundary
-from stability.uncertainty import stiffness_band
 from zwidth.figures.beside import Band, beside_figure
+from zwidth.identification.fit import fit_response
 from zwidth.paper.content import Picture, Section, Table
 from zwidth.paper.identification import experiment
 from zwidth.paper.theory import COLOUR, DELAYS, lines, ms, phantom
+from zwidth.stability.hand import DAMPING, MASS, STIFFNESS, hand_band
+from zwidth.stability.linear import boundary, last_stable_damping
+from zwidth.stability.passivity import passive_boundary
+from zwidth.stability.uncertainty import stiffness_band
 
 LEVER = 0.14  # [m], length of either link of the device; where the tip stands depends on the pose
 GRID = 25

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from sim.ladder import frequency_response
-from stability.linear import corner, last_stable_damping
 from zwidth.figures.curves import THEIRS, Curve, curves_figure, key
 from zwidth.paper.appendix import appendix
 from zwidth.paper.content import Picture, Section, Table, number
 from zwidth.paper.theory import COLOUR, DELAYS, lines, ms, phantom
+from zwidth.sim.ladder import frequency_response
+from zwidth.stability.linear import corner, last_stable_damping
 
 OURS = 3.2  # width of a line that another is drawn upon
 FIG_6 = "zwidth boundary phantom_1_0 --delay-ms 2 4 8"

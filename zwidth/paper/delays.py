@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from stability.linear import corner, last_stable_damping
 from zwidth.figures.delays import delay_figure
 from zwidth.paper.content import Picture, Section
 from zwidth.paper.theory import phantom
+from zwidth.stability.linear import corner, last_stable_damping
 
 DELAYS = np.arange(0.0, 10.0 + 1e-9, 0.2)
 

@@ -2,16 +2,16 @@
 
 import numpy as np
 
-from identification.cycles import RelayCondition, relay_conditions
-from scenarios.inversion import inverted
-from scenarios.misprints import JUMPED_HZ
-from scenarios.table_2 import MeasuredPoint, table_2
-from stability.limited_relay import command_share, passed_share
+from zwidth.identification.cycles import RelayCondition, relay_conditions
 from zwidth.paper.content import Section, Table, number
 from zwidth.paper.fig_10 import ratio, revised
 from zwidth.paper.table_2_study import Errors, Judged, good_rows, study
 from zwidth.paper.table_2_theories import CANDIDATES
 from zwidth.paper.theory import ms, phantom
+from zwidth.scenarios.inversion import inverted
+from zwidth.scenarios.misprints import JUMPED_HZ
+from zwidth.scenarios.table_2 import MeasuredPoint, table_2
+from zwidth.stability.limited_relay import command_share, passed_share
 
 PAPER = "Table I (the paper's)"
 WINNER = "inertia and damping, limited amplifier"

@@ -2,17 +2,17 @@
 
 import numpy as np
 
-from identification.relay import STANDARD
-from scenarios.misprints import OUTLYING
-from scenarios.table_2 import MeasuredPoint, measured_at, table_2
-from sim.device import Device
-from sim.device_file import load_device
-from stability.limited_relay import limited_boundary
-from stability.linear import corner, critical_stiffness, last_stable_damping
 from zwidth.figures.curves import THEIRS, Curve, Points, curves_figure, key
+from zwidth.identification.relay import STANDARD
 from zwidth.paper.appendix import appendix
 from zwidth.paper.content import Part, Picture, Section, Table, number
 from zwidth.paper.theory import COLOUR, DELAYS, SHAPE, Floats, ms, phantom
+from zwidth.scenarios.misprints import OUTLYING
+from zwidth.scenarios.table_2 import MeasuredPoint, measured_at, table_2
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import load_device
+from zwidth.stability.limited_relay import limited_boundary
+from zwidth.stability.linear import corner, critical_stiffness, last_stable_damping
 
 REVISED = "phantom_1_0_table2"
 BEYOND = 1.04  # of the last damping that was measured

@@ -2,17 +2,17 @@
 
 import numpy as np
 
-from controllers.excitation import noise
-from controllers.recorded import recorded
-from identification.coordinates import parameters
-from identification.fit import Fit, fit_response
-from sim.modal import ModalModel
-from sim.run import simulate
-from sim.sampled import sampled_frequency_response
-from sim.trace import Trace
+from zwidth.controllers.excitation import noise
+from zwidth.controllers.recorded import recorded
 from zwidth.figures.bode import bode_figure
+from zwidth.identification.coordinates import parameters
+from zwidth.identification.fit import Fit, fit_response
 from zwidth.paper.content import Picture, Section, Table
 from zwidth.paper.theory import phantom
+from zwidth.sim.modal import ModalModel
+from zwidth.sim.run import simulate
+from zwidth.sim.sampled import sampled_frequency_response
+from zwidth.sim.trace import Trace
 
 SEED = 0
 NOISE = 1e-5  # [rad] rms at the sensor

@@ -7,12 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scenarios.inversion import inverted
-from scenarios.misprints import JUMPED_HZ
-from scenarios.table_2 import MeasuredPoint, measured_at
 from zwidth.figures.inversion import PlantPoints, inversion_figure
 from zwidth.paper.content import Picture, Section, Table
 from zwidth.paper.theory import COLOUR, DELAYS, SHAPE, ms, phantom
+from zwidth.scenarios.inversion import inverted
+from zwidth.scenarios.misprints import JUMPED_HZ
+from zwidth.scenarios.table_2 import MeasuredPoint, measured_at
 
 COMMAND = "zwidth paper --section inversion"
 

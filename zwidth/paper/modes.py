@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from sim.modal import ModalModel
-from stability.branches import RIGID, critical_mode, damper_effect, damping_locus
-from stability.linear import boundary, corner, last_stable_damping
 from zwidth.figures.modes import Locus, Piece, critical_figure, damper_figure, loci_figure
 from zwidth.paper.content import Picture, Section, Table
 from zwidth.paper.theory import COLOUR, DELAYS, ms, phantom
+from zwidth.sim.modal import ModalModel
+from zwidth.stability.branches import RIGID, critical_mode, damper_effect, damping_locus
+from zwidth.stability.linear import boundary, corner, last_stable_damping
 
 STEPS = 160
 GRID = 60

@@ -4,13 +4,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from scenarios.paddle import DEVICE, paddle_boundary
-from sim.device import Device
-from sim.device_file import load_device
-from stability.bisection import Search, Trial, find_brackets
-from stability.linear import boundary, last_stable_damping
 from zwidth.figures.paddle import Simulated, paddle_figure
 from zwidth.paper.content import Picture, Section, Table
+from zwidth.scenarios.paddle import DEVICE, paddle_boundary
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import load_device
+from zwidth.stability.bisection import Search, Trial, find_brackets
+from zwidth.stability.linear import boundary, last_stable_damping
 
 Floats = NDArray[np.float64]
 STARTS = (0.005, 0.01, 0.1)

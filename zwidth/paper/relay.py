@@ -1,13 +1,13 @@
 """Fig. 8 and the relay experiment in all conditions of Table II, with what its method adds."""
 
-from identification.cycles import RelayCondition, relay_conditions
-from identification.relay import relay_run, waveform
-from scenarios.table_2 import MeasuredPoint, table_2
-from stability.linear import critical_stiffness
 from zwidth.figures.relay import relay_bias_figure, relay_figure
+from zwidth.identification.cycles import RelayCondition, relay_conditions
+from zwidth.identification.relay import relay_run, waveform
 from zwidth.paper.content import Picture, Section, Table, number
 from zwidth.paper.relay_physics import physics_parts
 from zwidth.paper.theory import ms, phantom
+from zwidth.scenarios.table_2 import MeasuredPoint, table_2
+from zwidth.stability.linear import critical_stiffness
 
 STARTS = 50
 SHOWN_S = 0.4

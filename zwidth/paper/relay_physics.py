@@ -9,14 +9,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.relay import RelayResult, RelayTest, relay_run
-from sim.device import Device
-from sim.physics import make_physics
-from stability.bisection import Bracket, Search, Trial, find_brackets
-from stability.linear import critical_stiffness
 from zwidth.figures.relay import Sweep, relay_sweeps_figure
+from zwidth.identification.relay import RelayResult, RelayTest, relay_run
 from zwidth.paper.content import Picture, Table, number
 from zwidth.paper.theory import phantom
+from zwidth.sim.device import Device
+from zwidth.sim.physics import make_physics
+from zwidth.stability.bisection import Bracket, Search, Trial, find_brackets
+from zwidth.stability.linear import critical_stiffness
 
 DELAY, DAMPING = 0.008, 0.08
 FRICTION = (0.0, 0.001, 0.002, 0.005, 0.01, 0.015, 0.02)

@@ -9,7 +9,7 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
-from zwidth.files import write_text, write_with
+from zwidth.files.whole import write_text, write_with
 from zwidth.paper.content import Picture, Section, Table
 from zwidth.report_page import embedded, page
 

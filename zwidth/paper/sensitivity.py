@@ -1,9 +1,9 @@
 """What B_t and K_max owe to each of the ten parameters."""
 
-from stability.sensitivity import corner_sensitivities
 from zwidth.figures.sensitivity import sensitivity_figure
 from zwidth.paper.content import Picture, Section
 from zwidth.paper.theory import COLOUR, DELAYS, ms, phantom
+from zwidth.stability.sensitivity import corner_sensitivities
 
 
 def section() -> Section:

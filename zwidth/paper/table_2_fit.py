@@ -25,13 +25,13 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 from scipy.optimize import least_squares
 
-from scenarios.misprints import JUMPED_HZ
-from scenarios.table_2 import MeasuredPoint
-from sim.interface import Interface
-from sim.sampled import state_space
-from stability.limited_relay import command_share, passed_share
-from stability.loop import wired
 from zwidth.paper.table_2_theories import NOT_NEGATIVE, SPREAD, Theory, theory
+from zwidth.scenarios.misprints import JUMPED_HZ
+from zwidth.scenarios.table_2 import MeasuredPoint
+from zwidth.sim.interface import Interface
+from zwidth.sim.sampled import state_space
+from zwidth.stability.limited_relay import command_share, passed_share
+from zwidth.stability.loop import wired
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from scenarios.misprints import JUMPED_HZ
-from scenarios.table_2 import MeasuredPoint, table_2
 from zwidth.paper.table_2_fit import fit
 from zwidth.paper.table_2_theories import CANDIDATES, theory
+from zwidth.scenarios.misprints import JUMPED_HZ
+from zwidth.scenarios.table_2 import MeasuredPoint, table_2
 
 Floats = NDArray[np.float64]
 

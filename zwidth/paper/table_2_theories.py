@@ -11,14 +11,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.coordinates import parameters
-from scenarios.table_2 import DEVICE
-from sim.device import Device
-from sim.device_file import load_device
-from sim.modal import ModalModel, Mode
-from stability.describing import friction_damper
-from stability.limited_relay import limited_reading
-from stability.linear import critical_stiffness
+from zwidth.identification.coordinates import parameters
+from zwidth.scenarios.table_2 import DEVICE
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import load_device
+from zwidth.sim.modal import ModalModel, Mode
+from zwidth.stability.describing import friction_damper
+from zwidth.stability.limited_relay import limited_reading
+from zwidth.stability.linear import critical_stiffness
 
 Floats = NDArray[np.float64]
 PARAMETERS = ("m", "b", "omega_1", "c_1", "v_1", "d_1", "omega_2", "c_2", "v_2", "d_2")

@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.device import Device
-from sim.device_file import load_device
-from stability.linear import boundary, corner, last_stable_damping
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import load_device
+from zwidth.stability.linear import boundary, corner, last_stable_damping
 
 Floats = NDArray[np.float64]
 DELAYS = (0.002, 0.004, 0.008)

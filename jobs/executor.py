@@ -11,7 +11,6 @@ import signal
 from collections.abc import Callable, Generator, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import AbstractContextManager, nullcontext
 from itertools import islice
 from multiprocessing import get_context
 from typing import Protocol, TypeVar
@@ -43,7 +42,7 @@ class Executor(Protocol):
 
 
 class Local:
-    """One task after another in this process; a task takes all threads (`sim.ensemble.threads`)."""
+    """One task after another in this process; a task takes all threads (`jobs.parallel`)."""
 
     cores = 1
 
@@ -111,21 +110,3 @@ class Processes:
 def _as_worker() -> None:
     os.environ["ZWIDTH_THREADS"] = "1"
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C reaches all: end at once, say nothing
-
-
-def executor(
-    cluster: str | None = None, processes: int | None = None
-) -> AbstractContextManager[Executor]:
-    """Return what tasks run on, for a `with` statement.
-
-    cluster: address of a Dask scheduler (tcp://host:8786), or the file it wrote its address to.
-    processes: on this machine; None: in this process, on threads. Raises ValueError for both, for a
-    missing package, and where no scheduler answers or no worker is there.
-    """
-    if cluster is not None:
-        if processes is not None:
-            raise ValueError("processes on this machine and a cluster exclude each other; give one")
-        from stability.cluster import Cluster  # only here: the package is an extra
-
-        return Cluster(cluster)
-    return nullcontext(Local() if processes is None else Processes(processes))

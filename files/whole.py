@@ -26,11 +26,12 @@ def check_folder(path: Path) -> None:
 
 
 @contextmanager
-def replacing(path: Path) -> Generator[IO[bytes]]:
+def replacing(path: Path, wait: bool = True) -> Generator[IO[bytes]]:
     """Open a binary file that takes the place of `path` when the block ends without an error.
 
     What stood at `path` stays until then, and after an error. Folders are made. A path that is no
-    plain file (a terminal, a pipe, /dev/null) is written to directly. Raises OSError.
+    plain file (a terminal, a pipe, /dev/null) is written to directly. wait: until the disk has it,
+    so that it is whole after a power cut, too. Raises OSError.
     """
     target = path.resolve()
     plain = target.is_file() or not target.exists()
@@ -40,7 +41,7 @@ def replacing(path: Path) -> Generator[IO[bytes]]:
         with draft.open("wb") as stream:
             yield stream
             stream.flush()
-            if plain:
+            if plain and wait:
                 os.fsync(stream.fileno())
         if plain:
             draft.replace(target)
@@ -56,6 +57,13 @@ def write_with(path: Path, write: Callable[[IO[bytes]], object]) -> Path:
     """Let `write` fill the file at `path`, whole or not at all; returns the path."""
     with replacing(path) as stream:
         write(stream)
+    return path
+
+
+def write_bytes(path: Path, content: bytes, wait: bool = True) -> Path:
+    """Write bytes, whole or not at all (see `replacing`); returns the path."""
+    with replacing(path, wait) as stream:
+        stream.write(content)
     return path
 
 

@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 from uuid import uuid4
 
-from stability.code_digest import code_digest
-from stability.executor import AHEAD
+from zwidth.jobs.digest import code_digest
+from zwidth.jobs.executor import AHEAD
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -49,7 +49,7 @@ def _work(function: Callable[[Task], Result], wanted: str, driver: str, task: Ta
 
 
 class Cluster:
-    """The workers of a Dask scheduler, as a context manager; see `stability.executor.Executor`.
+    """The workers of a Dask scheduler, as a context manager; see `jobs.executor.Executor`.
 
     address: tcp://host:8786, or the JSON file to which the scheduler wrote it. patience [s]: how
     long a scheduler or the last worker may be away before the run ends with OSError. Entering

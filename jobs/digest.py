@@ -2,21 +2,19 @@
 
 import ast
 import hashlib
-import platform
+import sys
 from collections.abc import Callable, Iterator
 from functools import cache, partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from sim.jit import cache_folder
-
 LIBRARIES = ("numpy", "scipy", "numba")
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 
 def code_digest(function: Callable[..., Any]) -> str:
-    """Return the digest of the files a function's module imports, of the kernels, and libraries."""
+    """Return the digest of the files a function's module imports, of libraries, and of Python."""
     while isinstance(function, partial):
         function = function.func
     return _of_module(function.__module__)
@@ -24,7 +22,7 @@ def code_digest(function: Callable[..., Any]) -> str:
 
 @cache
 def _of_module(module: str) -> str:
-    digest = hashlib.sha256(f"{platform.python_version()} {cache_folder().name}".encode())
+    digest = hashlib.sha256(sys.version.encode())
     digest.update(" ".join(version(name) for name in LIBRARIES).encode())
     for text in _sources(module):
         digest.update(text)
@@ -32,7 +30,10 @@ def _of_module(module: str) -> str:
 
 
 def _sources(module: str) -> Iterator[bytes]:
-    """Yield the files of ours that a module imports, directly or through others, each once."""
+    """Yield the files of ours that a module imports, directly or through others, each once.
+
+    A package that imports its modules by their names (the library of effects) counts whole.
+    """
     seen, waiting = set[str](), [module]
     while waiting:
         name = waiting.pop()
@@ -42,6 +43,8 @@ def _sources(module: str) -> Iterator[bytes]:
         seen.add(name)
         text = file.read_bytes()
         yield text
+        if file.name == "__init__.py" and b"import_module(f" in text:
+            waiting += [f"{name}.{other.stem}" for other in sorted(file.parent.glob("*.py"))]
         for node in ast.walk(ast.parse(text)):
             if isinstance(node, ast.Import):
                 waiting += [alias.name for alias in node.names]

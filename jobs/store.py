@@ -1,0 +1,76 @@
+"""What numbered tasks gave, in a folder: each written whole, read again when the work is taken up.
+
+A folder holds a description (what the work is) and `part-00000.npz`, ..., numbered in the order in
+which the work needs them and written in the order in which they are finished. A run that stops,
+however abruptly, leaves whole parts. The next one checks that they are of the same work, and runs
+those that are missing or damaged.
+"""
+
+import io
+import json
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.files.whole import write_bytes
+
+Arrays = dict[str, NDArray[Any]]
+UNREADABLE = (OSError, ValueError, KeyError, EOFError, AttributeError, zipfile.BadZipFile)
+
+
+class PartStore:
+    """The parts of one piece of work in a folder.
+
+    identity: what the work is; under "sha256" and "engine" it has its digest and that of the code
+    that does it. what: the work and its subject in words, ("map", "plane"); the description is
+    `plane.json`. Raises ValueError where the folder holds other work, OSError where it cannot be
+    made.
+    """
+
+    def __init__(self, folder: Path, identity: dict[str, Any], what: tuple[str, str]) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self.folder = folder
+        work, subject = what
+        file = folder / f"{subject}.json"
+        if not file.exists():
+            write_bytes(file, json.dumps(identity, indent=2, allow_nan=False).encode())
+            return
+        try:
+            earlier = json.loads(file.read_text(encoding="utf-8"))
+            digest, engine = earlier["sha256"], earlier["engine"]
+        except (ValueError, KeyError, TypeError):
+            raise ValueError(f"{file} is damaged; remove {folder}, or choose another") from None
+        for found, wanted, difference in (
+            (digest, identity["sha256"], f"of another {subject}"),
+            (engine, identity["engine"], "begun with another version of the program"),
+        ):
+            if found != wanted:
+                raise ValueError(
+                    f"{folder} holds a {work} {difference}; choose another folder, or remove it"
+                )
+
+    def read(self, number: int) -> Arrays | None:
+        """Return the arrays of a part by name, if it is there and whole."""
+        try:
+            content = io.BytesIO(self._file(number).read_bytes())
+            with np.load(content, allow_pickle=False) as part:
+                return {name: part[name] for name in part.files}
+        except UNREADABLE:
+            return None
+
+    def write(self, number: int, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Write a part, whole or not at all; raises OSError.
+
+        A power cut may take the last of them, which are then run again: to wait for the disk at
+        every part would take ten times as long as to write it.
+        """
+        buffer = io.BytesIO()
+        np.savez(buffer, **dict(arrays))
+        write_bytes(self._file(number), buffer.getvalue(), wait=False)
+
+    def _file(self, number: int) -> Path:
+        return self.folder / f"part-{number:05d}.npz"
