@@ -64,9 +64,8 @@ def test_a_users_own_sim_and_logs_are_in_nobodys_way(
     venv.create(tmp_path / "fresh", with_pip=False)
     python = tmp_path / "fresh" / "bin" / "python"
     site = next((tmp_path / "fresh" / "lib").glob("python*")) / "site-packages"
-    install = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--no-index"]
-    checked(*install, "--disable-pip-version-check", "--prefix", tmp_path / "fresh",
-            built["tree"], cwd=tmp_path)  # fmt: skip
+    pip = [sys.executable, "-m", "pip", "--python", python, "install", "-q", "--no-deps"]
+    checked(*pip, "--no-index", "--disable-pip-version-check", built["tree"], cwd=tmp_path)
     assert {p.name for p in site.iterdir() if not p.name.endswith(".dist-info")} == {"zwidth"}
 
     # What we depend on comes from this environment. A path in a .pth file is no site folder, so the
