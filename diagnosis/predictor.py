@@ -23,7 +23,7 @@ from zwidth.sim.device import Device, masses_needed
 from zwidth.sim.equations import Equations, equations
 from zwidth.sim.kernel import Memory, scratch
 from zwidth.sim.plant import hold
-from zwidth.sim.predict import predict
+from zwidth.sim.predict import plain_reading, predict, saved_room
 from zwidth.sim.run import Start, start_memory
 
 Floats = NDArray[np.float64]
@@ -202,7 +202,8 @@ def innovations(
     out = np.full(experiment.measured.shape, np.inf)
     predict(
         eq, fine, experiment.places(eq.dof), experiment.command, experiment.measured,
-        _padded(gain, device, eq), forces, memory, scratch(eq), _saved(memory), out,
+        plain_reading(out.shape[1]), _padded(gain, device, eq), forces, memory, scratch(eq),
+        scratch(fine), saved_room(eq), out,
     )  # fmt: skip
     return out
 
@@ -258,10 +259,6 @@ def begun(device: Device, experiment: Experiment, observer: "Observer") -> Exper
     return replace(experiment, start=scale * solved)
 
 
-def _saved(memory: Memory) -> Floats:
-    return np.zeros(memory.x.size + memory.internal.size)
-
-
 def _padded(gain: Floats, device: Device, eq: Equations) -> Floats:
     """Gain for a device with more states than the one it was made for: a lag, further masses.
 
@@ -298,10 +295,11 @@ def free_run_errors(
     Each window starts from the state that the observer has at its beginning, then runs free.
     """
     eq, fine = prepared(device)
-    places, work = experiment.places(eq.dof), scratch(eq)
+    places = experiment.places(eq.dof)
     memory = observer_memory(eq, experiment)
     no_force, full = np.zeros((0, eq.dof)), _padded(gain, device, eq)
-    saved = _saved(memory)
+    work = (scratch(eq), scratch(fine), saved_room(eq))
+    reading = plain_reading(experiment.measured.shape[1])
     errors: list[Floats] = []
     signal: list[Floats] = []
     for first in range(0, experiment.ticks - window + 1, window):
@@ -310,10 +308,10 @@ def free_run_errors(
         if first >= SETTLING:
             free = copied(memory)
             e = np.full(y.shape, np.inf)
-            predict(eq, fine, places, u, y, np.zeros_like(full), no_force, free, work, saved, e)
+            predict(eq, fine, places, u, y, reading, np.zeros_like(full), no_force, free, *work, e)
             errors.append(e)
             signal.append(y - y.mean(axis=0))
-        predict(eq, fine, places, u, y, full, no_force, memory, work, saved, np.zeros(y.shape))
+        predict(eq, fine, places, u, y, reading, full, no_force, memory, *work, np.zeros(y.shape))
     empty = np.zeros((0, experiment.measured.shape[1]))
     return np.concatenate(errors or [empty]), np.concatenate(signal or [empty])
 

@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from zwidth.sim.device import Device
+from zwidth.sim.exponential import SPACES, held_motion_alone
 from zwidth.sim.physics.effect import Physics
-from zwidth.sim.plant import Plant, hold, hold_matrices, locked
+from zwidth.sim.plant import Plant, hold, locked
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -80,6 +81,28 @@ def equations(device: Device, substeps: int = 1, ledger: bool = False, seed: int
     seed: of what happens at random (0 to 2^64 - 1). With only linear physics one substep is exact.
     Raises ValueError for substeps < 1, too few of them for dry friction, or a seed out of range.
     """
+    bare, plant = frame(device, substeps, seed)
+    moves = mechanism(
+        Linear(plant),
+        tuple(np.unique(bare.frictions.first)),
+        bare.period,
+        tuple(bare.substeps),
+        tuple(bare.durations),
+        ledger,
+    )
+    return bare._replace(
+        propagators=moves.propagators.copy(),
+        quadratics=moves.quadratics.copy(),
+        springs=moves.springs.copy(),
+        spring_stiffness=moves.spring_stiffness.copy(),
+    )
+
+
+def frame(device: Device, substeps: int, seed: int = 0) -> tuple[Equations, Plant]:
+    """Return what needs no propagators of a device's equations, and its plant.
+
+    Raises ValueError for substeps < 1 or a seed out of range.
+    """
     if substeps < 1:
         raise ValueError(f"substeps is {substeps}; at least 1 substep a tick is needed")
     if not 0 <= seed < 2**64:
@@ -94,28 +117,19 @@ def equations(device: Device, substeps: int = 1, ledger: bool = False, seed: int
         hook: _table(device, [p for p in device.physics if p.effect.hook == hook], seed)
         for hook in ("force", "friction", "sensor", "command", "clock")
     }
-    dry = table["friction"].first
-    moves = mechanism(
-        Linear(plant),
-        tuple(np.unique(dry)),
-        interface.period,
-        tuple(counts),
-        tuple(durations),
-        ledger,
-    )
-    return Equations(
+    bare = Equations(
         dof=plant.dof,
         states=plant.size,
         columns=plant.size + 1 + plant.dof,
         lagging=plant.lag > 0.0,
         substeps=counts,
         durations=durations,
-        propagators=moves.propagators.copy(),
-        quadratics=moves.quadratics.copy(),
-        reaction=moves.reaction.copy(),
-        masses=moves.masses.copy(),
-        springs=moves.springs.copy(),
-        spring_stiffness=moves.spring_stiffness.copy(),
+        propagators=np.zeros((2, 0, 0, 0, 0)),
+        quadratics=np.zeros((2, 0, 0, 0, 0)),
+        reaction=_reaction(plant),
+        masses=np.diag(plant.matrices.mass).copy(),
+        springs=np.zeros((0, 2), dtype=np.int64),
+        spring_stiffness=np.zeros(0),
         forces=table["force"],
         frictions=table["friction"],
         bounds_vary=any(p.effect.varies_with_speed for p in device.physics),
@@ -131,6 +145,7 @@ def equations(device: Device, substeps: int = 1, ledger: bool = False, seed: int
         command_step=interface.command_step,
         command_limit=interface.command_limit,
     )
+    return bare, plant
 
 
 class Mechanism(NamedTuple):
@@ -138,8 +153,6 @@ class Mechanism(NamedTuple):
 
     propagators: Floats
     quadratics: Floats
-    reaction: Floats
-    masses: Floats
     springs: Ints
     spring_stiffness: Floats
 
@@ -198,8 +211,6 @@ def mechanism(
                 for row, h in zip(held, durations, strict=True)
             ]
         ),
-        _reaction(plant),
-        np.diag(plant.matrices.mass).copy(),
         np.array([*springs, *((i, -1) for i in grounds)], dtype=np.int64).reshape(-1, 2),
         np.array([*(-stiffness[i, j] for i, j in springs), *(grounded[i] for i in grounds)]),
     )
@@ -249,11 +260,10 @@ def _propagator(a: bytes, b: bytes, size: int, dof: int, duration: float) -> Flo
     blocks = -(-size // LANES)
     packed = np.zeros((blocks * LANES, size + 1 + dof))
     if duration > 0.0:
-        packed[:size] = np.hstack(
-            hold_matrices(
-                np.frombuffer(a).reshape(size, size), np.frombuffer(b).reshape(size, -1), duration
-            )
-        )
+        held_motion_alone(
+            np.frombuffer(a).reshape(size, size), np.frombuffer(b).reshape(size, -1), duration,
+            dof, np.zeros(size), np.zeros((SPACES, size, size)), packed,
+        )  # fmt: skip
     else:
         packed[:size, :size] = np.eye(size)
     found = np.ascontiguousarray(packed.reshape(blocks, LANES, -1).transpose(0, 2, 1))

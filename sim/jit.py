@@ -54,6 +54,9 @@ OPTIONS: dict[str, Any] = {
 }
 
 
+INLINED = OPTIONS | {"cache": False, "forceinline": True}  # of functions that choose by type
+
+
 def jit(function: Function) -> Function:
     """Compile a kernel; divisions follow IEEE 754, the GIL is released."""
     return cast("Function", numba.njit(**OPTIONS)(function))

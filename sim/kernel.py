@@ -19,6 +19,11 @@ whose load stays within the sticking bounds is locked, with a propagator of its 
 move at all. All forces being held, the work of each is force times
 displacement, and the ledger closes to rounding.
 
+Every part is written once, for one run and for many side by side (`sim/lane_type.py`): numbers are
+floats, or lanes of a population whose members have the same structure and numbers of their own.
+Twice stands only what lays numbers out for vector registers: alone, the rows of a propagator lie
+side by side, in lanes the members (`sim/propagation.py`).
+
 No fastmath, no `**`, no numpy reductions: the compiled loop equals this source bit for bit.
 """
 
@@ -28,6 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.sim.jit import jit, part
+from zwidth.sim.lane_type import any_lane, greatest, least, select
 from zwidth.sim.physics.command_step import quantise_command
 from zwidth.sim.physics.dispatch import (
     amplified,
@@ -39,6 +45,7 @@ from zwidth.sim.physics.dispatch import (
 )
 from zwidth.sim.physics.encoder_step import read_encoder
 from zwidth.sim.physics.saturation import limit_command
+from zwidth.sim.propagation import Choice, add_column, choice, chosen, entry, propagate
 
 Floats = NDArray[np.float64]
 
@@ -46,6 +53,7 @@ DONE, ESCAPED, NOT_FINITE = 0, 1, 2
 MOTOR, WALL, DISTURBANCE, LAG, DAMPERS = 0, 1, 2, 3, 4
 MAX_COLUMNS, MAX_MASSES = 32, 8
 MAX_SWEEPS = 200
+LOWER, UPPER, LOWER_AT_REST, UPPER_AT_REST, LOCKED = 0, 1, 2, 3, 4  # rows of limits
 
 
 class Memory(NamedTuple):
@@ -66,33 +74,26 @@ class Memory(NamedTuple):
     totals: Floats
 
 
-@part
-def propagate(p, w, columns, x):
-    """Set x = P w, eight rows at a time; the sums run over the columns in order.
+class Scratch(NamedTuple):
+    """Working space of a run: what a substep keeps for those who ask after it.
 
-    x may be w where P has one block of rows: all of w is read before x is written.
+    before (32,): states and inputs at its start; values, ahead (force effects,): smooth forces at
+    its start (afterwards those held over it) and at its predicted end; after: internal states
+    there; friction (8,) dry forces held; limits, own (5, 8): rows LOWER to LOCKED, of the masses
+    and of what `turn` may add; more (8,) what it adds; shares (dry forces, 2): what each adds to
+    lower and upper; choice: the propagators at work (`sim/propagation.py`).
     """
-    for block in range(p.shape[0]):
-        a0 = a1 = a2 = a3 = a4 = a5 = a6 = a7 = 0.0
-        for j in range(columns):
-            wj = w[j]
-            a0 += p[block, j, 0] * wj
-            a1 += p[block, j, 1] * wj
-            a2 += p[block, j, 2] * wj
-            a3 += p[block, j, 3] * wj
-            a4 += p[block, j, 4] * wj
-            a5 += p[block, j, 5] * wj
-            a6 += p[block, j, 6] * wj
-            a7 += p[block, j, 7] * wj
-        o = 8 * block
-        x[o] = a0
-        x[o + 1] = a1
-        x[o + 2] = a2
-        x[o + 3] = a3
-        x[o + 4] = a4
-        x[o + 5] = a5
-        x[o + 6] = a6
-        x[o + 7] = a7
+
+    before: Floats
+    values: Floats
+    ahead: Floats
+    after: Floats
+    friction: Floats
+    limits: Floats
+    own: Floats
+    more: Floats
+    shares: Floats
+    choice: Choice
 
 
 @part
@@ -142,57 +143,67 @@ def advance_internal(eq, x0, x1, internal, h, after):
 
 @part
 def friction_limits(eq, x, limits, shares):
-    """Sum the bounds of all dry forces at each mass: rows lower, upper, sticking lower, upper.
-
-    shares (dry forces, 2): what each adds to lower and upper.
-    """
+    """Sum the bounds of all dry forces at each mass: rows lower, upper, sticking lower, upper."""
     table = eq.frictions
     for i in range(eq.dof):
-        lower = upper = lower_at_rest = upper_at_rest = 0.0
-        for e in range(table.codes.size):
-            if table.first[e] == i:
-                bounds = friction_bounds(table.codes[e], x[eq.dof + i], table.parameters[e])
-                lower += bounds[0]
-                upper += bounds[1]
-                lower_at_rest += bounds[2]
-                upper_at_rest += bounds[3]
-                shares[e, 0] = bounds[0]
-                shares[e, 1] = bounds[1]
-        limits[0, i] = lower
-        limits[1, i] = upper
-        limits[2, i] = lower_at_rest
-        limits[3, i] = upper_at_rest
+        for row in range(LOCKED + 1):
+            limits[row, i] = 0.0
+    for e in range(table.codes.size):
+        i = table.first[e]
+        bounds = friction_bounds(table.codes[e], x[eq.dof + i], table.parameters[e])
+        limits[LOWER, i] += bounds[0]
+        limits[UPPER, i] += bounds[1]
+        limits[LOWER_AT_REST, i] += bounds[2]
+        limits[UPPER_AT_REST, i] += bounds[3]
+        shares[e, 0] = bounds[0]
+        shares[e, 1] = bounds[1]
 
 
 @part
 def mean_friction_limits(eq, x, limits, shares):
     """Replace the sliding bounds by the mean of those of `friction_limits` and those at state x."""
-    limits[:2, :] = 0.0
+    for i in range(eq.dof):
+        limits[LOWER, i] = 0.0
+        limits[UPPER, i] = 0.0
     table = eq.frictions
     for e in range(table.codes.size):
         i = table.first[e]
         bounds = friction_bounds(table.codes[e], x[eq.dof + i], table.parameters[e])
-        for row in range(2):
-            shares[e, row] = 0.5 * (shares[e, row] + bounds[row])
-            limits[row, i] += shares[e, row]
+        shares[e, 0] = 0.5 * (shares[e, 0] + bounds[0])
+        shares[e, 1] = 0.5 * (shares[e, 1] + bounds[1])
+        limits[LOWER, i] += shares[e, 0]
+        limits[UPPER, i] += shares[e, 1]
 
 
 @part
-def locked_set(eq, w, limits):
-    """Bit mask of the masses at rest whose load stays within their sticking bounds."""
-    mask = 0
+def lock(eq, w, limits):
+    """Mark the masses at rest whose load stays within their sticking bounds; return their set.
+
+    A set is the sum of 2^i over its masses.
+    """
+    members = 0.0
+    bit = 1.0
     for i in range(eq.dof):
-        if limits[3, i] > limits[2, i] and w[eq.dof + i] == 0.0:
+        rests = (limits[UPPER_AT_REST, i] > limits[LOWER_AT_REST, i]) & (w[eq.dof + i] == 0.0)
+        if any_lane(rests):
             force = 0.0
             for j in range(eq.columns):
                 force += eq.reaction[i, j] * w[j]
-            if limits[2, i] <= -force <= limits[3, i]:
-                mask |= 1 << i
-    return mask
+            held = (limits[LOWER_AT_REST, i] <= -force) & (-force <= limits[UPPER_AT_REST, i])
+            limits[LOCKED, i] = select(rests & held, 1.0, 0.0)
+            members += bit * limits[LOCKED, i]
+        bit *= 2.0
+    return members
 
 
 @part
-def slide(p, dof, states, mask, limits, friction, x):
+def slides(limits, i):
+    """Whether a mass has dry friction and is not locked."""
+    return (limits[UPPER, i] > limits[LOWER, i]) & (limits[LOCKED, i] == 0.0)
+
+
+@part
+def slide(p, dof, states, limits, friction, x):
     """Dry forces on the masses that are not locked, and the state with them, in place.
 
     Velocities at the end are v = v_free + W f with W the response of end velocity to held force.
@@ -201,43 +212,45 @@ def slide(p, dof, states, mask, limits, friction, x):
     h below half the period of the fastest mode, positive definite (`sim/equations.py` sees to it):
     f is the only minimum of f'Wf/2 + f'v_free over the bounds, and every step of a sweep is the
     exact minimum in one force, so the sweeps converge from anywhere. One mass needs a single sweep
-    and is exact.
+    and is exact. A lane that has converged stands still while others go on.
     """
     column = states + 1
-    sliding = 0
+    sliding = 0.0
     for i in range(dof):
         friction[i] = 0.0
-        if limits[1, i] > limits[0, i] and not mask >> i & 1:
-            sliding += 1
-    if sliding == 0:
+        sliding += select(slides(limits, i), 1.0, 0.0)
+    moving = sliding > 0.0
+    if not any_lane(moving):
         return
     for _ in range(MAX_SWEEPS):
         change = 0.0
         for i in range(dof):
-            if limits[1, i] > limits[0, i] and not mask >> i & 1:
+            free = slides(limits, i) & moving
+            if any_lane(free):
                 row = dof + i
                 v = x[row]
                 for j in range(dof):
-                    if friction[j] != 0.0 and j != i:
-                        v += p[row // 8, column + j, row % 8] * friction[j]
-                f = -v / p[row // 8, column + i, row % 8]
-                f = max(limits[0, i], min(limits[1, i], f))
-                change = max(change, abs(f - friction[i]) / (limits[1, i] - limits[0, i]))
+                    if j != i:
+                        v += entry(p, row, column + j) * friction[j]
+                f = -v / entry(p, row, column + i)
+                f = greatest(limits[LOWER, i], least(limits[UPPER, i], f))
+                f = select(free, f, friction[i])
+                wide = limits[UPPER, i] - limits[LOWER, i]
+                change = greatest(change, select(free, abs(f - friction[i]) / wide, 0.0))
                 friction[i] = f
-        if sliding == 1 or change < 1e-14:
+        moving = moving & (sliding > 1.0) & (change >= 1e-14)
+        if not any_lane(moving):
             break
     for j in range(dof):
-        if friction[j] != 0.0:
-            for block in range(p.shape[0]):
-                for r in range(8):
-                    x[8 * block + r] += p[block, column + j, r] * friction[j]
+        if any_lane(friction[j] != 0.0):
+            add_column(p, column + j, friction[j], x)
     for i in range(dof):
-        if limits[0, i] < friction[i] < limits[1, i]:
-            x[dof + i] = 0.0
+        stopped = (limits[LOWER, i] < friction[i]) & (friction[i] < limits[UPPER, i])
+        x[dof + i] = select(stopped, 0.0, x[dof + i])
 
 
 @part
-def turn(p, dof, states, mask, limits, friction, x0, x, own, more):
+def turn(p, dof, states, limits, friction, x0, x, own, more):
     """Give each mass that turned or stopped inside the substep its old friction until then.
 
     Of a substep that begins with v_0 under the bound f_0 against it and would end with v_1 on the
@@ -248,34 +261,83 @@ def turn(p, dof, states, mask, limits, friction, x0, x, own, more):
     """
     turned = False
     for i in range(dof):
-        own[0, i] = own[1, i] = more[i] = 0.0
-        v = x0[dof + i]
-        if limits[1, i] > limits[0, i] and not mask >> i & 1:
-            f, row = friction[i], dof + i
-            own[0, i] = limits[0, i] - f
-            own[1, i] = limits[1, i] - f
-            if v != 0.0:
-                before = limits[0, i] if v > 0.0 else limits[1, i]
-                end = x[row] + p[row // 8, states + 1 + i, row % 8] * (before - f)
-                if f != before and end * v < 0.0:
-                    share = v / (v - end)
-                    own[0, i] = share * before + (1.0 - share) * limits[0, i] - f
-                    own[1, i] = share * before + (1.0 - share) * limits[1, i] - f
-                    turned = True
-    if turned:
-        slide(p, dof, states, mask, own, more, x)
+        row = dof + i
+        f, v = friction[i], x0[row]
+        lower, upper = limits[LOWER, i], limits[UPPER, i]
+        before = select(v > 0.0, lower, upper)
+        end = x[row] + entry(p, row, states + 1 + i) * (before - f)
+        free = slides(limits, i)
+        turns = free & (v != 0.0) & (f != before) & (end * v < 0.0)
+        share = v / (v - end)
+        low = select(turns, share * before + (1.0 - share) * lower, lower) - f
+        high = select(turns, share * before + (1.0 - share) * upper, upper) - f
+        own[LOWER, i] = select(free, low, 0.0)
+        own[UPPER, i] = select(free, high, 0.0)
+        own[LOCKED, i] = limits[LOCKED, i]
+        turned = turned | turns
+    if any_lane(turned):
+        for i in range(dof):
+            own[LOWER, i] = select(turned, own[LOWER, i], 0.0)
+            own[UPPER, i] = select(turned, own[UPPER, i], 0.0)
+        slide(p, dof, states, own, more, x)
         for i in range(dof):
             friction[i] += more[i]
 
 
 @part
-def add_work(eq, segment, mask, w, x1, values, external, friction, limits, shares, totals):
-    """Add one substep from w to x1: motor, lag and dampers by their forms, the rest f dq."""
+def substep(eq, segment, held, external, memory, scratch):
+    """Advance the chain by one substep of a segment under a held command; return the locked set.
+
+    P is applied where the state lies; the state before is kept only for those who ask for it.
+    """
+    before, values, limits = scratch.before, scratch.values, scratch.limits
+    friction, shares = scratch.friction, scratch.shares
+    x = memory.x
+    x[eq.states] = held
+    held_forces(eq, x, memory.internal, values)
+    load(eq, values, external, x)
+    members = 0.0
+    dry = eq.frictions.codes.size > 0
+    if dry:
+        friction_limits(eq, x, limits, shares)
+        members = lock(eq, x, limits)
+    p = eq.propagators[segment, chosen(eq, segment, members, scratch.choice)]
+    columns = eq.columns if values.size + external.size > 0 else eq.states + 1
+    again = values.size > 0 or eq.bounds_vary
+    for j in range(eq.columns):
+        before[j] = x[j]
+    propagate(p, before, columns, x)
+    if dry:
+        slide(p, eq.dof, eq.states, limits, friction, x)
+        turn(p, eq.dof, eq.states, limits, friction, before, x, scratch.own, scratch.more)
+    if again:
+        h = eq.durations[segment]
+        advance_internal(eq, before, x, memory.internal, h, scratch.after)
+        held_forces(eq, x, scratch.after, scratch.ahead)
+        if eq.bounds_vary:
+            mean_friction_limits(eq, x, limits, shares)
+        for e in range(values.size):
+            values[e] = 0.5 * (values[e] + scratch.ahead[e])
+        load(eq, values, external, before)
+        propagate(p, before, columns, x)
+        if dry:
+            slide(p, eq.dof, eq.states, limits, friction, x)
+            turn(p, eq.dof, eq.states, limits, friction, before, x, scratch.own, scratch.more)
+        advance_internal(eq, before, x, memory.internal, h, scratch.after)
+        for e in range(values.size):
+            memory.internal[e] = scratch.after[e]
+    return members
+
+
+@part
+def add_work(eq, segment, members, external, x1, scratch, totals):
+    """Add the last substep, to x1: motor, lag and dampers by their forms, the rest f dq."""
+    w, values, friction = scratch.before, scratch.values, scratch.friction
     n = eq.columns
     start = eq.states + 1
     for i in range(eq.dof):
         w[start + i] += friction[i]
-    forms = eq.quadratics[segment, mask]
+    forms = eq.quadratics[segment, int(members)]
     for e in range(forms.shape[0]):
         if e == 0 and not eq.lagging:
             totals[MOTOR] += w[eq.states] * (x1[0] - w[0])
@@ -300,7 +362,7 @@ def add_work(eq, segment, mask, w, x1, values, external, friction, limits, share
         i, j = table.first[e], table.second[e]
         totals[slot + e] -= values[e] * (across(x1, 0, i, j) - across(w, 0, i, j))
     slot += table.codes.size
-    share_friction(eq, w, x1, friction, limits, shares, totals, slot)
+    share_friction(eq, w, x1, friction, scratch.limits, scratch.shares, totals, slot)
 
 
 @part
@@ -313,57 +375,6 @@ def share_friction(eq, x0, x1, friction, limits, shares, totals, slot):
         if f != 0.0:
             side = 1 if f > 0.0 else 0
             totals[slot + e] -= f * shares[e, side] / limits[side, i] * (x1[i] - x0[i])
-
-
-@part
-def substep(eq, segment, held, external, memory, scratch):
-    """Advance the chain by one substep of a segment under a held command.
-
-    P is applied where the state lies; the state before is kept only for those who ask for it.
-    """
-    before, values, ahead, after, friction, limits, shares, own, more = scratch
-    x = memory.x
-    x[eq.states] = held
-    held_forces(eq, x, memory.internal, values)
-    load(eq, values, external, x)
-    mask = 0
-    dry = eq.frictions.codes.size > 0
-    if dry:
-        friction_limits(eq, x, limits, shares)
-        mask = locked_set(eq, x, limits)
-    p = eq.propagators[segment, mask]
-    columns = eq.columns if values.size + external.size > 0 else eq.states + 1
-    again = values.size > 0 or eq.bounds_vary
-    if again or dry or memory.totals.size > 0 or p.shape[0] > 1:
-        for j in range(eq.columns):
-            before[j] = x[j]
-        propagate(p, before, columns, x)
-    else:
-        propagate(p, x, columns, x)
-    slide(p, eq.dof, eq.states, mask, limits, friction, x)
-    if dry:
-        turn(p, eq.dof, eq.states, mask, limits, friction, before, x, own, more)
-    if again:
-        h = eq.durations[segment]
-        advance_internal(eq, before, x, memory.internal, h, after)
-        held_forces(eq, x, after, ahead)
-        if eq.bounds_vary:
-            mean_friction_limits(eq, x, limits, shares)
-        for e in range(values.size):
-            values[e] = 0.5 * (values[e] + ahead[e])
-        load(eq, values, external, before)
-        propagate(p, before, columns, x)
-        slide(p, eq.dof, eq.states, mask, limits, friction, x)
-        if dry:
-            turn(p, eq.dof, eq.states, mask, limits, friction, before, x, own, more)
-        advance_internal(eq, before, x, memory.internal, h, after)
-        for e in range(values.size):
-            memory.internal[e] = after[e]
-    if memory.totals.size > 0:
-        add_work(
-            eq, segment, mask, before, x, values, external, friction, limits, shares,
-            memory.totals,
-        )  # fmt: skip
 
 
 @part
@@ -409,10 +420,10 @@ def amplify(eq, command):
 @part
 def arrives(eq, tick):
     """Whether the command of this tick is delivered (clock effects)."""
+    there = True
     for e in range(eq.clocks.codes.size):
-        if not delivered(eq.clocks.codes[e], tick, eq.clocks.parameters[e]):
-            return False
-    return True
+        there = there & delivered(eq.clocks.codes[e], tick, eq.clocks.parameters[e])
+    return there
 
 
 @jit
@@ -429,7 +440,7 @@ def advance(
     x = memory.x
     line = memory.line
     scalars = memory.scalars
-    no_force = scratch[0][:0]
+    no_force = scratch.before[:0]
     last = line.size - 1
     # With nothing but the linear part, a substep is P alone.
     linear = (
@@ -449,8 +460,7 @@ def advance(
             memory.totals[WALL] += u * (y - y_before)
         y_before = y
         wanted = controller(tick, tick * eq.period, y, v, parameters, memory.controller)
-        if arrives(eq, tick):
-            u = amplify(eq, wanted)
+        u = select(arrives(eq, tick), amplify(eq, wanted), u)
         line[head] = u
         head = 0 if head == last else head + 1
         earlier = line[head]
@@ -470,7 +480,9 @@ def advance(
                     propagate(eq.propagators[segment, 0], x, eq.states + 1, x)
                 else:
                     force = external[done] if external.shape[0] > 0 else no_force
-                    substep(eq, segment, held, force, memory, scratch)
+                    members = substep(eq, segment, held, force, memory, scratch)
+                    if memory.totals.size > 0:
+                        add_work(eq, segment, members, force, x, scratch, memory.totals)
                 if fine.shape[0] > 0:
                     for i in range(eq.states):
                         fine[row, i] = x[i]
@@ -507,8 +519,9 @@ def write(eq, memory, energy, row):
 def scratch(eq):
     """Working space of one run."""
     n = eq.forces.codes.size
-    return (
+    return Scratch(
         np.zeros(MAX_COLUMNS), np.zeros(n), np.zeros(n), np.zeros(n),
-        np.zeros(MAX_MASSES), np.zeros((4, MAX_MASSES)), np.zeros((eq.frictions.codes.size, 2)),
-        np.zeros((2, MAX_MASSES)), np.zeros(MAX_MASSES),
+        np.zeros(MAX_MASSES), np.zeros((LOCKED + 1, MAX_MASSES)),
+        np.zeros((LOCKED + 1, MAX_MASSES)), np.zeros(MAX_MASSES),
+        np.zeros((eq.frictions.codes.size, 2)), choice(),
     )  # fmt: skip

@@ -21,9 +21,9 @@ ledger, what the link's damper books inside the gap this effect books back: read
 Other effects in the same link act beside it, between its two masses.
 """
 
-import math
-
+from zwidth.sim.elementary import exp
 from zwidth.sim.jit import part
+from zwidth.sim.lane_type import greatest, least, select
 from zwidth.sim.physics.effect import Effect, Parameter
 
 backlash = Effect(
@@ -42,25 +42,21 @@ backlash = Effect(
 def backlash_force(q, v, z, p):
     """What the gap takes from the link at (q, v) with the pin at z."""
     half = 0.5 * p[0]
-    if half == 0.0:
-        return 0.0
     whole = p[1] * q + p[2] * v
-    if z >= half:
-        return min(p[1] * half, whole)
-    if z <= -half:
-        return max(-p[1] * half, whole)
-    return whole
+    lower = select(z <= -half, greatest(-p[1] * half, whole), whole)
+    taken = select(z >= half, least(p[1] * half, whole), lower)
+    return select(half == 0.0, 0.0, taken)
 
 
 @part
 def within_gap(q, p):
     """Return q held within the gap."""
     half = 0.5 * p[0]
-    return max(-half, min(half, q))
+    return greatest(-half, least(half, q))
 
 
 @part
 def next_pin(z, q0, q1, h, p):
     """Pin after a substep."""
-    left = math.exp(-p[1] * h / p[2]) if p[2] > 0.0 else 0.0
+    left = select(p[2] > 0.0, exp(-p[1] * h / p[2]), 0.0)
     return within_gap(q1 - (q0 - z) * left, p)

@@ -1,6 +1,7 @@
 """The digital-to-analogue converter knows only steps; its home is `Interface.command_step`."""
 
 from zwidth.sim.jit import part
+from zwidth.sim.lane_type import any_lane, select
 from zwidth.sim.physics.effect import Effect, Parameter
 from zwidth.sim.physics.rounding import to_nearest
 
@@ -19,6 +20,7 @@ command_step = Effect(
 @part
 def quantise_command(command, step):
     """Return the command rounded to the nearest step, ties away from zero."""
-    if step == 0.0:
+    stepped = step != 0.0
+    if not any_lane(stepped):
         return command
-    return to_nearest(command, step)
+    return select(stepped, to_nearest(command, step), command)

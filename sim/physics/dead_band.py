@@ -1,8 +1,7 @@
 """Small commands give no force: 0 within +-width / 2, beyond it u - (width / 2) sign(u)."""
 
-import math
-
 from zwidth.sim.jit import part
+from zwidth.sim.lane_type import select, signed
 from zwidth.sim.physics.effect import Effect, Parameter
 
 dead_band = Effect(
@@ -21,6 +20,4 @@ dead_band = Effect(
 def beyond_band(command, p):
     """Return what is left of a command."""
     half = 0.5 * p[0]
-    if abs(command) <= half:
-        return 0.0
-    return command - math.copysign(half, command)
+    return select(abs(command) <= half, 0.0, command - signed(half, command))

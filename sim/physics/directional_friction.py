@@ -10,6 +10,7 @@ also across v = 0 without dry levels, where the bound is continuous.
 """
 
 from zwidth.sim.jit import part
+from zwidth.sim.lane_type import greatest
 from zwidth.sim.physics.effect import Effect, Parameter
 
 directional_friction = Effect(
@@ -32,6 +33,6 @@ directional_friction = Effect(
 @part
 def directional_bounds(v, p):
     """Bounds at velocity v: (lower, upper) sliding, (lower, upper) sticking."""
-    lower = -(p[0] + p[2] * max(v, 0.0))
-    upper = p[1] + p[3] * max(-v, 0.0)
+    lower = -(p[0] + p[2] * greatest(v, 0.0))
+    upper = p[1] + p[3] * greatest(-v, 0.0)
     return lower, upper, -p[0], p[1]

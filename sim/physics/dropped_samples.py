@@ -9,6 +9,7 @@ pass of MurmurHash3's 32-bit finaliser (Appleby), keyed anew between the passes,
 import numpy as np
 
 from zwidth.sim.jit import part
+from zwidth.sim.lane_type import first_lane, negated
 from zwidth.sim.physics.effect import Effect, Parameter
 
 dropped_samples = Effect(
@@ -49,4 +50,4 @@ def uniform(seed_low, seed_high, tick):
 @part
 def is_delivered(tick, p):
     """Whether the command of this tick is delivered; p: rate, the two words of the seed."""
-    return not uniform(p[1], p[2], tick) < p[0]
+    return negated(uniform(first_lane(p[1]), first_lane(p[2]), tick) < p[0])

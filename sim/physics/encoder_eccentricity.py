@@ -6,6 +6,7 @@ the disk is of m1's position.
 
 import math
 
+from zwidth.sim.elementary import sin
 from zwidth.sim.jit import part
 from zwidth.sim.physics.effect import Effect, Parameter
 
@@ -27,4 +28,4 @@ encoder_eccentricity = Effect(
 @part
 def off_centre(position, p):
     """Return the reading of a position."""
-    return position + p[0] * math.sin(2.0 * math.pi * position / p[1] + p[2])
+    return position + p[0] * sin(2.0 * math.pi * position / p[1] + p[2])

@@ -1,8 +1,7 @@
 """The encoder counts in steps; its home is `Interface.encoder_step`."""
 
-import numpy as np
-
 from zwidth.sim.jit import part
+from zwidth.sim.lane_type import any_lane, floor, select
 from zwidth.sim.physics.effect import Effect, Parameter
 from zwidth.sim.physics.rounding import to_nearest
 
@@ -19,10 +18,11 @@ encoder_step = Effect(
 
 
 @part
-def read_encoder(position, step, floor):
+def read_encoder(position, step, downwards):
     """Return the position as counted: nearest step (ties away from zero), or the step below."""
-    if step == 0.0:
+    stepped = step != 0.0
+    if not any_lane(stepped):
         return position
-    if floor:
-        return step * np.floor(position / step)
-    return to_nearest(position, step)
+    if downwards:
+        return select(stepped, step * floor(position / step), position)
+    return select(stepped, to_nearest(position, step), position)

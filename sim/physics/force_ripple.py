@@ -8,6 +8,7 @@ against the time period / |v| in which the mass crosses a period.
 
 import math
 
+from zwidth.sim.elementary import sin
 from zwidth.sim.jit import part
 from zwidth.sim.physics.effect import Effect, Parameter
 
@@ -29,4 +30,4 @@ force_ripple = Effect(
 @part
 def ripple_force(q, p):
     """Force at position q."""
-    return p[0] * math.sin(2.0 * math.pi * q / p[1] + p[2])
+    return p[0] * sin(2.0 * math.pi * q / p[1] + p[2])

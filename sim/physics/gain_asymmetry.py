@@ -5,6 +5,7 @@ ratio says nothing about the gain as a whole.
 """
 
 from zwidth.sim.jit import part
+from zwidth.sim.lane_type import select
 from zwidth.sim.physics.effect import Effect, Parameter
 
 gain_asymmetry = Effect(
@@ -22,6 +23,4 @@ gain_asymmetry = Effect(
 def two_gains(command, p):
     """Return the command times the gain of its sign."""
     gain = 2.0 / (1.0 + p[0])
-    if command > 0.0:
-        gain *= p[0]
-    return gain * command
+    return select(command > 0.0, gain * p[0], gain) * command

@@ -5,6 +5,7 @@ level: weight times lever; angle: how far from hanging straight down it is at q 
 
 import math
 
+from zwidth.sim.elementary import sin
 from zwidth.sim.jit import part
 from zwidth.sim.physics.effect import Effect, Parameter
 
@@ -26,4 +27,4 @@ gravity_pendulum = Effect(
 @part
 def pendulum_force(q, p):
     """Force at position q."""
-    return -p[0] * math.sin(q + p[1])
+    return -p[0] * sin(q + p[1])

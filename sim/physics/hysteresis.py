@@ -19,9 +19,9 @@ is held over the substep at the mean of both ends: second order, stable for
 h < 2 sqrt(m / stiffness).
 """
 
-import math
-
+from zwidth.sim.elementary import power, tanh
 from zwidth.sim.jit import part
+from zwidth.sim.lane_type import any_lane, greatest, least, select, signed
 from zwidth.sim.physics.effect import Effect, Parameter
 from zwidth.sim.physics.path import out_and_back
 
@@ -50,40 +50,35 @@ def bouc_wen_force(z, p):
 def yielding_rate(z, shape):
     """Return dy/dx at 0 <= z <= 1."""
     below = 1.0 - z * z
-    if below <= 0.0:
-        return 0.5 * shape
-    return (1.0 - math.pow(z, shape)) / below
+    return select(below <= 0.0, 0.5 * shape, (1.0 - power(z, shape)) / below)
 
 
 @part
 def farther(z, d):
     """Return tanh(artanh z + d)."""
-    t = math.tanh(d)
+    t = tanh(d)
     return (z + t) / (1.0 + z * t)
 
 
 @part
 def bouc_wen_along(z, way, p):
     """Return z after a way in one direction."""
-    if way == 0.0:
-        return z
-    side = math.copysign(1.0, way)
+    side = signed(1.0, way)
     x = abs(way) * p[0] / p[1]
-    z = side * z
-    if z < 0.0:
-        unloading = min(x, -z)
-        z += unloading
-        x -= unloading
-    if x > 0.0:
-        middle = farther(z, 0.5 * x * yielding_rate(z, p[2]))
-        z = farther(z, x * yielding_rate(middle, p[2]))
-    return side * z
+    unloading = greatest(0.0, least(x, -side * z))
+    x -= unloading
+    bent = side * z + unloading
+    loaded = greatest(0.0, bent)  # what follows is of no account where all of the way unloads
+    middle = farther(loaded, 0.5 * x * yielding_rate(loaded, p[2]))
+    end = farther(loaded, x * yielding_rate(middle, p[2]))
+    return side * select(x > 0.0, end, bent)
 
 
 @part
 def next_yield(z, q0, q1, v0, v1, h, p):
     """Return z after a substep."""
-    if p[1] == 0.0:
-        return z
     out, back = out_and_back(q0, q1, v0, v1, h)
-    return bouc_wen_along(bouc_wen_along(z, out, p), back, p)
+    after = select(out != 0.0, bouc_wen_along(z, out, p), z)
+    if any_lane(back != 0.0):
+        after = select(back != 0.0, bouc_wen_along(after, back, p), after)
+    return select(p[1] == 0.0, z, after)

@@ -5,6 +5,7 @@ asks with it whether what was named a bent spring is one (`diagnosis/probes.py`)
 """
 
 from zwidth.sim.jit import part
+from zwidth.sim.lane_type import select
 from zwidth.sim.physics.effect import Effect, Parameter
 
 one_sided_spring = Effect(
@@ -26,4 +27,4 @@ one_sided_spring = Effect(
 def stop_force(q, p):
     """Force at position q."""
     inside = q - p[0]
-    return -p[1] * inside if inside * p[2] > 0.0 else 0.0
+    return select(inside * p[2] > 0.0, -p[1] * inside, 0.0)

@@ -1,6 +1,7 @@
 """The path of a substep, for forces that remember where they have been and not when."""
 
 from zwidth.sim.jit import part
+from zwidth.sim.lane_type import select
 
 
 @part
@@ -9,7 +10,7 @@ def out_and_back(q0, q1, v0, v1, h):
 
     With the velocity straight from v0 to v1 it turns at t = h v0 / (v0 - v1), after v0 t / 2.
     """
-    if v0 * v1 < 0.0:
-        out = 0.5 * h * v0 * v0 / (v0 - v1)
-        return out, (q1 - q0) - out
-    return q1 - q0, 0.0
+    whole = q1 - q0
+    turns = v0 * v1 < 0.0
+    out = select(turns, 0.5 * h * v0 * v0 / (v0 - v1), whole)
+    return out, select(turns, whole - out, 0.0)

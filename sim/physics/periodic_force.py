@@ -9,6 +9,7 @@ cogging of slots and poles is.
 
 import math
 
+from zwidth.sim.elementary import cos, sin
 from zwidth.sim.jit import part
 from zwidth.sim.physics.effect import Effect, Parameter
 
@@ -36,7 +37,7 @@ periodic_force = Effect(
 def periodic(q, p):
     """Force at position q: the harmonics by turning the first one on."""
     phi = 2.0 * math.pi * q / p[0]
-    c, s = math.cos(phi), math.sin(phi)
+    c, s = cos(phi), sin(phi)
     ck, sk, f = 1.0, 0.0, 0.0
     for k in range(HARMONICS):
         ck, sk = ck * c - sk * s, sk * c + ck * s

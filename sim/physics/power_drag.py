@@ -6,9 +6,9 @@ speed the level holds, and is not free beside level and power. Below a power of 
 v = 0 has no bound, and no substep would do.
 """
 
-import math
-
+from zwidth.sim.elementary import power
 from zwidth.sim.jit import part
+from zwidth.sim.lane_type import signed
 from zwidth.sim.physics.effect import Effect, Parameter
 
 power_drag = Effect(
@@ -29,6 +29,4 @@ power_drag = Effect(
 @part
 def power_force(v, p):
     """Force at velocity v."""
-    if v == 0.0:
-        return 0.0
-    return -math.copysign(p[0] * math.exp(p[1] * math.log(abs(v) / p[2])), v)
+    return -signed(p[0] * power(abs(v) / p[2], p[1]), v)

@@ -17,9 +17,9 @@ below that far from it. Like every such model it creeps under a load that trembl
 for good is `coulomb_friction`.
 """
 
-import math
-
+from zwidth.sim.elementary import exp
 from zwidth.sim.jit import part
+from zwidth.sim.lane_type import any_lane, select, signed
 from zwidth.sim.physics.effect import Effect, Parameter
 from zwidth.sim.physics.path import out_and_back
 
@@ -46,14 +46,15 @@ def dahl_force(z, p):
 @part
 def dahl_along(z, way, p):
     """Bristle after a way in one direction."""
-    side = math.copysign(1.0, way)
-    return side + (z - side) * math.exp(-p[1] * abs(way) / p[0])
+    side = signed(1.0, way)
+    return side + (z - side) * exp(-p[1] * abs(way) / p[0])
 
 
 @part
 def next_bristle(z, q0, q1, v0, v1, h, p):
     """Bristle after a substep."""
-    if p[0] == 0.0:
-        return z
     out, back = out_and_back(q0, q1, v0, v1, h)
-    return dahl_along(dahl_along(z, out, p), back, p)
+    after = dahl_along(z, out, p)
+    if any_lane(back != 0.0):
+        after = select(back != 0.0, dahl_along(after, back, p), after)
+    return select(p[0] == 0.0, z, after)

@@ -3,6 +3,7 @@
 import math
 
 from zwidth.sim.jit import part
+from zwidth.sim.lane_type import greatest, least
 from zwidth.sim.physics.effect import Effect, Parameter
 
 saturation = Effect(
@@ -20,4 +21,4 @@ saturation = Effect(
 @part
 def limit_command(command, limit):
     """Return the command held between -limit and limit; NaN stays NaN, so that the run stops."""
-    return min(max(command, -limit), limit)
+    return least(greatest(command, -limit), limit)

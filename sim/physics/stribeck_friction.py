@@ -10,8 +10,7 @@ velocity: the substep must be short against the time m velocity / (static_level 
 the mass runs away there.
 """
 
-import math
-
+from zwidth.sim.elementary import exp
 from zwidth.sim.jit import part
 from zwidth.sim.physics.effect import Effect, Parameter
 
@@ -35,5 +34,5 @@ stribeck_friction = Effect(
 def stribeck_bounds(v, p):
     """Bounds at velocity v: (lower, upper) sliding, (lower, upper) sticking (read at v = 0)."""
     ratio = v / p[2]
-    g = p[0] + (p[1] - p[0]) * math.exp(-ratio * ratio)
+    g = p[0] + (p[1] - p[0]) * exp(-ratio * ratio)
     return -g, g, -g, g
