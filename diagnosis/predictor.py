@@ -21,9 +21,9 @@ from zwidth.diagnosis.experiment import Experiment, Output
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import Device, masses_needed
 from zwidth.sim.equations import Equations, equations
-from zwidth.sim.kernel import Memory, scratch
+from zwidth.sim.kernel import Memory
 from zwidth.sim.plant import hold
-from zwidth.sim.predict import plain_reading, predict, saved_room
+from zwidth.sim.predict import alone
 from zwidth.sim.run import Start, start_memory
 
 Floats = NDArray[np.float64]
@@ -199,13 +199,10 @@ def innovations(
     forces = np.zeros((0, eq.dof))
     if external is not None:
         forces = np.pad(external, ((0, 0), (0, eq.dof - external.shape[1])))
-    out = np.full(experiment.measured.shape, np.inf)
-    predict(
+    return alone(
         eq, fine, experiment.places(eq.dof), experiment.command, experiment.measured,
-        plain_reading(out.shape[1]), _padded(gain, device, eq), forces, memory, scratch(eq),
-        scratch(fine), saved_room(eq), out,
+        _padded(gain, device, eq), forces, memory,
     )  # fmt: skip
-    return out
 
 
 def followed(device: Device, experiment: Experiment, gain: Floats) -> Floats:
@@ -298,8 +295,6 @@ def free_run_errors(
     places = experiment.places(eq.dof)
     memory = observer_memory(eq, experiment)
     no_force, full = np.zeros((0, eq.dof)), _padded(gain, device, eq)
-    work = (scratch(eq), scratch(fine), saved_room(eq))
-    reading = plain_reading(experiment.measured.shape[1])
     errors: list[Floats] = []
     signal: list[Floats] = []
     for first in range(0, experiment.ticks - window + 1, window):
@@ -307,11 +302,9 @@ def free_run_errors(
         y = experiment.measured[first : first + window]
         if first >= SETTLING:
             free = copied(memory)
-            e = np.full(y.shape, np.inf)
-            predict(eq, fine, places, u, y, reading, np.zeros_like(full), no_force, free, *work, e)
-            errors.append(e)
+            errors.append(alone(eq, fine, places, u, y, np.zeros_like(full), no_force, free))
             signal.append(y - y.mean(axis=0))
-        predict(eq, fine, places, u, y, reading, full, no_force, memory, *work, np.zeros(y.shape))
+        alone(eq, fine, places, u, y, full, no_force, memory)
     empty = np.zeros((0, experiment.measured.shape[1]))
     return np.concatenate(errors or [empty]), np.concatenate(signal or [empty])
 

@@ -11,11 +11,12 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba.extending import overload
 from numpy.typing import NDArray
 
 from zwidth.sim.device import Device
 from zwidth.sim.equations import EffectTable, Equations, frame
-from zwidth.sim.jit import part
+from zwidth.sim.jit import INLINED, part
 from zwidth.sim.kernel import LOCKED, MAX_COLUMNS, MAX_MASSES, Memory, Scratch
 from zwidth.sim.lane_type import WIDTH, as_lanes, lanes_of
 from zwidth.sim.plant import Plant
@@ -104,7 +105,22 @@ def _scratch(eq: Equations, room: Choice) -> Scratch:
     )  # fmt: skip
 
 
-# What compiled code sees of it.
+# What compiled code sees of it. VIEWS: named tuple -> (a field, how many axes it has in a group,
+# and the function that views the tuple in lanes).
+VIEWS: dict[type, tuple[str, int, Any]] = {}
+
+
+def seen(value: Any) -> Any:
+    """Return a named tuple as compiled code sees it: in lanes where it is that of a group."""
+    return value
+
+
+@overload(seen, strict=False, jit_options=INLINED)
+def _seen_of(value: Any) -> Any:
+    field, axes, view = VIEWS[value.instance_class]
+    if value.types[value.fields.index(field)].ndim == axes:
+        return lambda value: view(value)
+    return lambda value: value
 
 
 @part
@@ -150,3 +166,8 @@ def lane_scratch(scratch):
             as_lanes(room.scale), as_lanes(room.work),
         ),
     )  # fmt: skip
+
+
+VIEWS[Equations] = ("masses", 2, lane_equations)
+VIEWS[Memory] = ("x", 2, lane_memory)
+VIEWS[Scratch] = ("before", 2, lane_scratch)

@@ -288,44 +288,40 @@ def turn(p, dof, states, limits, friction, x0, x, own, more):
 def substep(eq, segment, held, external, memory, scratch):
     """Advance the chain by one substep of a segment under a held command; return the locked set.
 
-    P is applied where the state lies; the state before is kept only for those who ask for it.
+    A first look goes with the forces at the start; where they depend on the state, a second one
+    with the mean of those and the ones at the end of the first.
     """
-    before, values, limits = scratch.before, scratch.values, scratch.limits
-    friction, shares = scratch.friction, scratch.shares
-    x = memory.x
-    x[eq.states] = held
-    held_forces(eq, x, memory.internal, values)
-    load(eq, values, external, x)
-    members = 0.0
+    before, values, ahead, after = scratch.before, scratch.values, scratch.ahead, scratch.after
+    limits, shares, friction = scratch.limits, scratch.shares, scratch.friction
+    x, internal = memory.x, memory.internal
+    h = eq.durations[segment]
     dry = eq.frictions.codes.size > 0
-    if dry:
-        friction_limits(eq, x, limits, shares)
-        members = lock(eq, x, limits)
-    p = eq.propagators[segment, chosen(eq, segment, members, scratch.choice)]
     columns = eq.columns if values.size + external.size > 0 else eq.states + 1
-    again = values.size > 0 or eq.bounds_vary
-    for j in range(eq.columns):
+    members = 0.0
+    which = 0
+    x[eq.states] = held
+    for j in range(eq.states + 1):
         before[j] = x[j]
-    propagate(p, before, columns, x)
-    if dry:
-        slide(p, eq.dof, eq.states, limits, friction, x)
-        turn(p, eq.dof, eq.states, limits, friction, before, x, scratch.own, scratch.more)
-    if again:
-        h = eq.durations[segment]
-        advance_internal(eq, before, x, memory.internal, h, scratch.after)
-        held_forces(eq, x, scratch.after, scratch.ahead)
-        if eq.bounds_vary:
-            mean_friction_limits(eq, x, limits, shares)
+    for look in range(2 if values.size > 0 or eq.bounds_vary else 1):
+        held_forces(eq, x, internal if look == 0 else after, ahead)
         for e in range(values.size):
-            values[e] = 0.5 * (values[e] + scratch.ahead[e])
+            values[e] = ahead[e] if look == 0 else 0.5 * (values[e] + ahead[e])
         load(eq, values, external, before)
+        if look == 0:
+            if dry:
+                friction_limits(eq, before, limits, shares)
+                members = lock(eq, before, limits)
+            which = chosen(eq, segment, members, scratch.choice)
+        elif eq.bounds_vary:
+            mean_friction_limits(eq, x, limits, shares)
+        p = eq.propagators[segment, which]
         propagate(p, before, columns, x)
         if dry:
             slide(p, eq.dof, eq.states, limits, friction, x)
             turn(p, eq.dof, eq.states, limits, friction, before, x, scratch.own, scratch.more)
-        advance_internal(eq, before, x, memory.internal, h, scratch.after)
-        for e in range(values.size):
-            memory.internal[e] = scratch.after[e]
+        advance_internal(eq, before, x, internal, h, after)
+    for e in range(values.size):
+        internal[e] = after[e]
     return members
 
 

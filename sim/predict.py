@@ -23,14 +23,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.sim.equations import Equations
+from zwidth.sim.group import VIEWS, seen
 from zwidth.sim.jit import jit, part
-from zwidth.sim.kernel import amplify, arrives, read_sensor, substep
-from zwidth.sim.lane_type import any_lane, negated, select
+from zwidth.sim.kernel import Memory, amplify, arrives, read_sensor, scratch, substep
+from zwidth.sim.lane_type import any_lane, as_lanes, negated, select
 from zwidth.sim.physics.backlash import backlash
 
 Floats = NDArray[np.float64]
 
 BACKLASH = backlash.code
+PIECE = 512  # ticks whose innovations are whitened together: of eight members, in the nearest cache
+OVERFLOW = 1e12  # of the position of m1
 
 
 class Outputs(NamedTuple):
@@ -41,12 +44,13 @@ class Outputs(NamedTuple):
 
 
 class Reading(NamedTuple):
-    """How the recording is read, which may differ from member to member of a population.
+    """How a recording is read, which may differ from member to member of a population.
 
-    The command counts times gain (1,); from what was measured origin (o,) is taken, and jitter (o,)
-    times arriving (ticks,), or (0,) for none.
+    observer (states, o): the gain L. The command counts times gain (1,); from what was measured
+    origin (o,) is taken, and jitter (o,) times arriving (ticks,), or (0,) for none.
     """
 
+    observer: Floats
     gain: Floats
     origin: Floats
     jitter: Floats
@@ -62,24 +66,87 @@ class Saved(NamedTuple):
     coarse_internal: Floats
 
 
-def plain_reading(outputs: int) -> Reading:
-    """Return how a recording is read that is taken as it stands."""
-    return Reading(np.ones(1), np.zeros(outputs), np.zeros(outputs), np.zeros(0))
+class Judge(NamedTuple):
+    """What is kept of the innovations as they pass.
+
+    filters (o, o, order + 1): w_k = sum over j of F_j e_(k-j) is what is left of them when they
+    are whitened. moments (o, o): sum of w w' after the first `skipped` ticks; white (o,) and piece
+    (order + PIECE, o) are working space. kept (ticks, o) takes the innovations, or is (0, o).
+    """
+
+    filters: Floats
+    skipped: int
+    moments: Floats
+    white: Floats
+    piece: Floats
+    kept: Floats
 
 
-def saved_room(eq: Equations) -> Saved:
-    """Return room for what a tick keeps."""
-    forces = eq.forces.codes.size
-    return Saved(np.zeros(eq.states), np.zeros(forces), np.zeros(eq.states), np.zeros(forces))
+def saved_room(eq: Equations, lanes: tuple[int, ...] = ()) -> Saved:
+    """Return room for what a tick keeps; lanes: (WIDTH,) for a group."""
+    states, forces = (eq.states, *lanes), (eq.forces.codes.size, *lanes)
+    return Saved(np.zeros(states), np.zeros(forces), np.zeros(states), np.zeros(forces))
+
+
+def judge_of(filters: Floats, skipped: int, kept: int = 0, lanes: tuple[int, ...] = ()) -> Judge:
+    """Return a judge with room; filters (o, o, order + 1, *lanes); kept: ticks kept, 0 for none."""
+    o, taps = filters.shape[0], filters.shape[2]
+    return Judge(
+        filters, skipped, np.zeros((o, o, *lanes)), np.zeros((o, *lanes)),
+        np.zeros((taps - 1 + PIECE, o, *lanes)), np.zeros((kept, o, *lanes)),
+    )  # fmt: skip
+
+
+def alone(
+    eq: Equations,
+    fine: Equations,
+    outputs: Outputs,
+    commands: Floats,
+    measured: Floats,
+    observer: Floats,
+    external: Floats,
+    memory: Memory,
+) -> Floats:
+    """Return the innovations (ticks, o) of one device, see `predict`; memory goes on."""
+    o = measured.shape[1]
+    reading = Reading(observer, np.ones(1), np.zeros(o), np.zeros(o), np.zeros(0))
+    judge = judge_of(np.eye(o)[:, :, None], measured.shape[0], measured.shape[0])
+    spaces = (scratch(eq), scratch(fine))
+    predict(
+        eq, fine, outputs, commands, measured, reading, external, memory, spaces,
+        saved_room(eq), judge,
+    )  # fmt: skip
+    return judge.kept
 
 
 @part
-def move(eq, earlier, current, force, memory, scratch):
-    """Step (6): the substeps of one tick."""
-    for segment in range(2):
-        held = earlier if segment == 0 else current
-        for _ in range(eq.substeps[segment]):
-            substep(eq, segment, held, force, memory, scratch)
+def _lane_reading(r):
+    """View a reading in lanes; what is arriving is of the recording."""
+    return Reading(
+        as_lanes(r.observer), as_lanes(r.gain), as_lanes(r.origin), as_lanes(r.jitter), r.arriving
+    )
+
+
+@part
+def _lane_saved(s):
+    """View what a tick keeps in lanes."""
+    return Saved(
+        as_lanes(s.x), as_lanes(s.internal), as_lanes(s.coarse_x), as_lanes(s.coarse_internal)
+    )
+
+
+@part
+def _lane_judge(j):
+    """View a judge in lanes."""
+    return Judge(
+        as_lanes(j.filters), j.skipped, as_lanes(j.moments), as_lanes(j.white),
+        as_lanes(j.piece), as_lanes(j.kept),
+    )  # fmt: skip
+
+
+VIEWS[Reading] = ("origin", 2, _lane_reading)
+VIEWS[Saved] = ("x", 2, _lane_saved)
+VIEWS[Judge] = ("moments", 3, _lane_judge)
 
 
 @part
@@ -105,17 +172,50 @@ def copy(source, target, count):
 
 
 @part
-def predicted(
-    eq, fine, outputs, commands, measured, reading, gain, external, memory, scratch,
-    fine_scratch, saved, innovations,
-):  # fmt: skip
-    """Fill innovations (ticks, o) from commands (ticks,) and measured (ticks, o).
+def whiten(judge, row):
+    """Fill white (o,) from the innovations up to a row of the piece."""
+    outputs, taps = judge.filters.shape[0], judge.filters.shape[2]
+    for a in range(outputs):
+        total = 0.0
+        for b in range(outputs):
+            for j in range(taps):
+                total += judge.filters[a, b, j] * judge.piece[row - j, b]
+        judge.white[a] = total
 
-    eq, fine: the device in few and in many substeps a tick, each with its working space. gain
-    (states, o). external (ticks, n) forces to add, or (0, n). memory goes on from where it is, so
-    that a recording may be taken in pieces; scalars[3] is 1 where the state has overflowed, after
-    which all is infinite. Returns the ticks done, fewer than given where that is so in every lane.
+
+@part
+def take(judge, first, count):
+    """Take in a piece of innovations that begins with tick `first`, and make room for the next."""
+    outputs, earlier = judge.filters.shape[0], judge.filters.shape[2] - 1
+    for k in range(count):
+        if judge.kept.shape[0] > 0:
+            for a in range(outputs):
+                judge.kept[first + k, a] = judge.piece[earlier + k, a]
+        if first + k >= judge.skipped and judge.moments.shape[0] > 0:
+            whiten(judge, earlier + k)
+            for a in range(outputs):
+                for b in range(outputs):
+                    judge.moments[a, b] += judge.white[a] * judge.white[b]
+    for k in range(earlier):
+        for a in range(outputs):
+            judge.piece[k, a] = judge.piece[count + k, a]
+
+
+@jit
+def predict(
+    device, finer_device, outputs, commands, measured, reads, external, state, spaces, room, judges
+):  # fmt: skip
+    """Follow a recording, commands (ticks,) and measured (ticks, o), by one device or a group.
+
+    device, finer_device: `Equations` in few and in many substeps a tick; spaces: the working space
+    of each. external (ticks, n) forces to add, or (0, n). state goes on from where it is, so that
+    a recording may be taken in parts; its scalars[3] is 1 where the state has overflowed, after
+    which innovations are infinite. Of a group, arrays of its members' numbers have a last axis of
+    lanes; what is of the recording has none.
     """
+    eq, fine = seen(device), seen(finer_device)
+    memory, coarse_space, fine_space = seen(state), seen(spaces[0]), seen(spaces[1])
+    reading, saved, judge = seen(reads), seen(room), seen(judges)
     x, line, pins = memory.x, memory.line, memory.internal
     last = line.size - 1
     none = commands[:0]
@@ -123,64 +223,60 @@ def predicted(
     tick = memory.counters[0]
     u = memory.scalars[2]
     alive = memory.scalars[3] == 0.0
+    earlier = judge.filters.shape[2] - 1
     finer = fine.substeps[0] + fine.substeps[1] > eq.substeps[0] + eq.substeps[1]
-    done = 0
     for k in range(commands.size):
+        row = earlier + k % PIECE
         for o in range(outputs.state.size):
-            seen = x[outputs.state[o]]
+            there = x[outputs.state[o]]
             if outputs.sensed[o]:
-                seen = read_sensor(eq, seen)
+                there = read_sensor(eq, there)
             y = measured[k, o] - reading.origin[o]
             if reading.arriving.size > 0:
                 y -= reading.jitter[o] * reading.arriving[k]
-            innovations[k, o] = select(alive, y - seen, np.inf)
+            judge.piece[row, o] = select(alive, y - there, np.inf)
         for o in range(outputs.state.size):
-            e = innovations[k, o]
+            e = judge.piece[row, o]
             known = alive & (e == e)
             if any_lane(known):
                 for i in range(eq.states):
-                    x[i] = select(known, x[i] + gain[i, o] * e, x[i])
+                    x[i] = select(known, x[i] + reading.observer[i, o] * e, x[i])
+        if row == judge.piece.shape[0] - 1 or k == commands.size - 1:
+            take(judge, k - k % PIECE, k % PIECE + 1)
+        if not any_lane(alive):
+            continue
         u = select(arrives(eq, tick), amplify(eq, reading.gain[0] * commands[k]), u)
         line[head] = u
         head = 0 if head == last else head + 1
-        earlier = line[head]
+        before = line[head]
         current = line[0 if head == last else head + 1]
         force = external[k] if external.shape[0] > 0 else none
-        if finer:
-            copy(x, saved.x, eq.states)
-            copy(pins, saved.internal, pins.size)
-        move(eq, earlier, current, force, memory, scratch)
-        if finer:
-            again = alive & turned(eq, saved, memory)
-            if any_lane(again):
+        copy(x, saved.x, eq.states)
+        copy(pins, saved.internal, pins.size)
+        again = alive
+        for look in range(2 if finer else 1):  # in few substeps, then in many where that matters
+            if look == 1:
+                again = alive & turned(eq, saved, memory)
+                if not any_lane(again):
+                    break
                 copy(x, saved.coarse_x, eq.states)
                 copy(pins, saved.coarse_internal, pins.size)
                 copy(saved.x, x, eq.states)
                 copy(saved.internal, pins, pins.size)
-                move(fine, earlier, current, force, memory, fine_scratch)
+            now = eq if look == 0 else fine
+            space = coarse_space if look == 0 else fine_space
+            for segment in range(2):
+                held = before if segment == 0 else current
+                for _ in range(now.substeps[segment]):
+                    substep(now, segment, held, force, memory, space)
+            if look == 1:
                 for i in range(eq.states):
                     x[i] = select(again, x[i], saved.coarse_x[i])
                 for e in range(pins.size):
                     pins[e] = select(again, pins[e], saved.coarse_internal[e])
         tick += 1
-        done += 1
-        alive = alive & (abs(x[0]) < 1e12)
-        if not any_lane(alive):
-            break
+        alive = alive & (abs(x[0]) < OVERFLOW)
     memory.scalars[2] = u
     memory.scalars[3] = select(alive, 0.0, 1.0)
     memory.counters[0] = tick
     memory.counters[1] = head
-    return done
-
-
-@jit
-def predict(
-    eq, fine, outputs, commands, measured, reading, gain, external, memory, scratch,
-    fine_scratch, saved, innovations,
-):  # fmt: skip
-    """Predict one device, see `predicted`."""
-    return predicted(
-        eq, fine, outputs, commands, measured, reading, gain, external, memory, scratch,
-        fine_scratch, saved, innovations,
-    )  # fmt: skip
