@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 from scipy.signal import lfilter
 
-from zwidth.controllers.none import none
 from zwidth.diagnosis.experiment import Experiment, Output
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import Device, masses_needed
@@ -174,7 +173,7 @@ def observer_memory(eq: Equations, experiment: Experiment) -> Memory:
             velocity = float(SLOPE @ y[: SLOPE.size]) / eq.period
             break
         velocity = float(y[:5].mean())
-    memory = start_memory(eq, none(), Start(position, velocity), 0)
+    memory = start_memory(eq, Start(position, velocity))
     if experiment.start is not None:
         n = experiment.start.size // 2
         memory.x[:n] += experiment.start[:n]

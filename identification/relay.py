@@ -114,7 +114,7 @@ def waveform(
     """
     eq = equations(device, test.substeps)
     law = relay(test.force, damping)
-    memory = start_memory(eq, law, reference_start(device), 0)
+    memory = start_memory(eq, reference_start(device), law.memory)
     result = _until_steady(eq, law, memory, test)
     if result.verdict != "oscillates":
         raise ValueError(
@@ -130,7 +130,7 @@ def waveform(
 def run(eq: Equations, damping: float, start: Start, test: RelayTest) -> RelayResult:
     """Run one relay experiment on prepared equations; see `relay_run`."""
     law = relay(test.force, damping)
-    return _until_steady(eq, law, start_memory(eq, law, start, 0), test)
+    return _until_steady(eq, law, start_memory(eq, start, law.memory), test)
 
 
 def _until_steady(eq: Equations, law: Controller, memory: Memory, test: RelayTest) -> RelayResult:

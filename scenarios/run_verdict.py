@@ -7,7 +7,9 @@ from numpy.typing import NDArray
 
 from zwidth.scenarios.scenario import Scenario
 from zwidth.sim.growth import VERDICTS, Verdict, assess, window_weights
-from zwidth.sim.lanes import (
+from zwidth.sim.run import Outcome
+from zwidth.sim.trace import Trace
+from zwidth.sim.windows import (
     FAST_ENERGY,
     HIGHEST,
     HIGHEST_COMMAND,
@@ -17,8 +19,6 @@ from zwidth.sim.lanes import (
     REVERSALS,
     SLOW_ENERGY,
 )
-from zwidth.sim.run import Outcome
-from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
 DRIVEN = "recorded"  # its command does not come to rest with the device

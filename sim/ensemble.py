@@ -1,44 +1,25 @@
-"""Many runs of one device under its walls, prolonged as long as their verdicts need.
+"""Many runs of devices under walls, prolonged as long as their verdicts need.
 
-Linear mechanisms, also with Coulomb friction at m1, go 32 at a time through the lane kernel, all
-others run one by one in the scalar kernel; both give the same measures a window. Groups are
-independent tasks without shared state, so the result does not depend on the number of threads.
+Runs go eight at a time through the lanes of the kernel (`sim/windows.py`), whatever physics the
+devices have; each gives what it would give alone. Groups are independent tasks without shared
+state, so the result does not depend on the number of threads.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.sim.controller import Controller
-from zwidth.sim.equations import Equations
-from zwidth.sim.kernel import Memory, advance, scratch
-from zwidth.sim.lanes import (
-    DAMPING,
-    ESTIMATE,
-    LANES,
-    MEASURES,
-    PAST1,
-    PAST3,
-    POSITION,
-    READING,
-    SIDED,
-    STIFFNESS,
-    LaneMemory,
-    aligned,
-    dense,
-    lane_kernel,
-    lane_memory,
-    signal_row,
-)
-from zwidth.sim.physics.coulomb_friction import coulomb_friction
+from zwidth.sim.group import Group, Member, Stack, group, stack
+from zwidth.sim.lane_type import WIDTH
 from zwidth.sim.run import Start, start_memory
+from zwidth.sim.windows import MEASURES, Bank, Kept, run_windows
 
 Floats = NDArray[np.float64]
 Task = Callable[[], None]
-TOGETHER = 4  # scalar runs a task: work for a millisecond, and for every thread
+SMALL, LARGE = 4, 32  # groups of one device a task: for every thread some, and few starts
+ROWS = ("x", "line", "internal", "scalars", "walls", "past", "escaped")  # last axis: runs
 
 
 @dataclass(frozen=True)
@@ -75,168 +56,120 @@ def walls(
 
 
 @dataclass(frozen=True)
-class LaneRuns:
-    """State of an ensemble in the lane kernel: bank (rows, runs), line (d + 2, runs)."""
+class Runs:
+    """An ensemble in the state it is in.
 
-    eq: Equations
-    bank: Floats
-    line: Floats
-    head: int
+    members: the devices. device (runs,): which of them each run has. bank: states whose last axis
+    counts the runs. bound: |position of m1| beyond which a run has escaped.
+    """
 
-    @property
-    def size(self) -> int:
-        """Number of runs."""
-        return self.bank.shape[1]
-
-    def select(self, runs: NDArray[np.int64]) -> "LaneRuns":
-        """Return some of the runs, in the state they are in."""
-        return replace(self, bank=self.bank[:, runs], line=self.line[:, runs])
-
-    def tasks(self, weights: Floats, windows: int) -> "tuple[Floats, list[Task], LaneRuns]":
-        """Return (measures (windows, 7, runs), tasks that fill them, the state afterwards)."""
-        measures = np.zeros((windows, MEASURES, self.size))
-        after = replace(
-            self,
-            bank=np.empty_like(self.bank),
-            line=np.empty_like(self.line),
-            head=(self.head + windows * weights.size) % self.line.shape[0],
-        )
-        rows, dry = dense(self.eq), self.eq.frictions.codes.size > 0
-
-        def run(first: int) -> None:
-            count = min(LANES, self.size - first)
-            chosen = np.minimum(np.arange(first, first + LANES), self.size - 1)
-            memory = LaneMemory(aligned(self.bank[:, chosen]), aligned(self.line[:, chosen]))
-            found = aligned(np.zeros(windows * MEASURES * LANES))
-            kernel = lane_kernel(self.eq.states, self.eq.dof, dry)
-            kernel(self.eq, rows, memory, self.head, weights, windows, found)
-            mine = slice(first, first + count)
-            measures[:, :, mine] = found.reshape(windows, MEASURES, LANES)[:, :, :count]
-            after.bank[:, mine] = memory.bank.reshape(-1, LANES)[:, :count]
-            after.line[:, mine] = memory.line.reshape(-1, LANES)[:, :count]
-
-        return measures, [lambda f=f: run(f) for f in range(0, self.size, LANES)], after
-
-
-@dataclass(frozen=True)
-class ScalarRuns:
-    """State of an ensemble in the scalar kernel: one memory and parameter row a run."""
-
-    eq: Equations
-    step: Any
-    parameters: Floats
-    memories: tuple[Memory, ...]
-    past: Floats
+    members: Stack
+    device: NDArray[np.int64]
+    bank: Bank
     bound: float
 
     @property
     def size(self) -> int:
         """Number of runs."""
-        return len(self.memories)
+        return self.device.size
 
-    def select(self, runs: NDArray[np.int64]) -> "ScalarRuns":
+    def select(self, runs: NDArray[np.int64]) -> "Runs":
         """Return some of the runs, in the state they are in."""
-        chosen = tuple(self.memories[i] for i in runs)
-        return replace(
-            self, parameters=self.parameters[runs], memories=chosen, past=self.past[runs]
-        )
+        some = {name: getattr(self.bank, name)[..., runs] for name in ROWS}
+        return replace(self, device=self.device[runs], bank=self.bank._replace(**some))
 
-    def tasks(self, weights: Floats, windows: int) -> "tuple[Floats, list[Task], ScalarRuns]":
-        """Return (measures (windows, 7, runs), tasks that fill them, the state afterwards)."""
+    def tasks(
+        self, weights: Floats, windows: int, keep: bool = False
+    ) -> "tuple[Floats, Floats, list[Task], Runs]":
+        """Return (measures, velocities, tasks that fill them, the state afterwards).
+
+        measures (windows, 7, runs); velocities (runs, ticks) of m1 where they are to be kept, NaN
+        from where a run escaped, else (runs, 0).
+        """
+        ticks = windows * weights.size
         measures = np.zeros((windows, MEASURES, self.size))
-        copies = tuple(memory_copy(m) for m in self.memories)
-        after = replace(self, memories=copies, past=self.past.copy())
+        velocities = np.zeros((self.size, ticks if keep else 0))
+        state = {name: np.empty_like(getattr(self.bank, name)) for name in ROWS}
+        tick, head = self.bank.counters
+        counters = np.array([tick + ticks, (head + ticks) % self.bank.line.shape[0]])
+        after = replace(self, bank=self.bank._replace(**state, counters=counters))
 
         def run(first: int, last: int) -> None:
-            record = np.zeros((weights.size, self.eq.states + 6))
-            fine, space = np.zeros((0, self.eq.states)), scratch(self.eq)
-            external = np.zeros((0, self.eq.dof))
-            for i in range(first, last):
-                for window in range(windows):
-                    record[:] = np.inf
-                    advance(
-                        self.eq, self.step, self.parameters[i], copies[i], space, weights.size,
-                        external, self.bound, record, fine, False,
-                    )  # fmt: skip
-                    measures[window, :, i] = _measured(self.eq, record, weights, after.past[i])
-                    if not abs(record[-1, 0]) <= self.bound:
-                        measures[window:, :, i] = np.inf
-                        break
+            runs = np.arange(first, last)
+            filled = runs[np.minimum(np.arange(-(-runs.size // WIDTH) * WIDTH), runs.size - 1)]
+            some = {name: _grouped(getattr(self.bank, name), filled) for name in ROWS}
+            bank = self.bank._replace(**some, counters=self.bank.counters.copy())
+            groups = bank.escaped.shape[0]
+            kept = Kept(
+                np.zeros((windows, MEASURES, groups, WIDTH)),
+                np.zeros((velocities.shape[1], groups, WIDTH)),
+            )
+            own = self._group_of(runs)
+            run_windows(own.eq, own.scratch, bank, weights, self.bound, kept)
+            every = groups * WIDTH
+            found = kept.measures.reshape(windows, MEASURES, every)
+            measures[:, :, runs] = found[:, :, : runs.size]
+            speeds = kept.velocities.reshape(velocities.shape[1], every)
+            velocities[runs] = speeds[:, : runs.size].T
+            for name in ROWS:
+                getattr(after.bank, name)[..., runs] = _runs_of(getattr(bank, name))[
+                    ..., : runs.size
+                ]
 
-        spans = [(f, min(f + TOGETHER, self.size)) for f in range(0, self.size, TOGETHER)]
-        return measures, [lambda s=s: run(*s) for s in spans], after
+        return measures, velocities, [lambda s=s: run(*s) for s in self._spans()], after
 
+    def _spans(self) -> list[tuple[int, int]]:
+        """Cut the runs into tasks: of one device many groups, of several one group each."""
+        groups = -(-self.size // WIDTH)
+        wide = min(LARGE, -(-groups // SMALL)) if self.members.size == 1 else 1
+        step = wide * WIDTH
+        return [(f, min(f + step, self.size)) for f in range(0, self.size, step)]
 
-Runs = LaneRuns | ScalarRuns
-
-
-def memory_copy(memory: Memory) -> Memory:
-    """Return a copy that goes on independently."""
-    x, line, controller, internal, scalars, counters, totals = memory
-    return Memory(
-        x.copy(), line.copy(), controller.copy(), internal.copy(), scalars.copy(),
-        counters.copy(), totals.copy(),
-    )  # fmt: skip
-
-
-def _measured(eq: Equations, record: Floats, weights: Floats, past: Floats) -> Floats:
-    """Measures of one window from its record; past holds m1's three earlier velocities."""
-    with np.errstate(all="ignore"):  # a run that escaped fills its rest with infinities
-        speeds = record[:, eq.dof : 2 * eq.dof]
-        series = np.concatenate([past, speeds[:, 0]])
-        third = series[3:] - 3.0 * (series[2:-1] - series[1:-2]) - series[:-3]
-        past[:] = series[-3:]
-        kinetic = (0.5 * eq.masses * speeds * speeds).sum(axis=1)
-        low, high = record[:, 0].min(), record[:, 0].max()
-        command = record[:, eq.states + 2]
-        reversals = float(np.count_nonzero(series[3:] * series[2:-1] < 0.0))
-        return np.array(
-            [
-                weights @ kinetic, weights @ (third * third), low, high,
-                command.min(), command.max(), reversals,
-            ]
-        )  # fmt: skip
+    def _group_of(self, runs: NDArray[np.int64]) -> Group:
+        return group(self.members, self.device[runs[:WIDTH]])
 
 
-def fits_lanes(eq: Equations) -> bool:
-    """Whether the lane kernel serves this device: its interface, and Coulomb friction at m1."""
-    if any(t.codes.size for t in (eq.forces, eq.sensors, eq.amplifiers, eq.clocks)):
-        return False
-    dry = list(zip(eq.frictions.codes, eq.frictions.first, strict=True))
-    return dry in ([], [(coulomb_friction.code, 0)])
+def _grouped(values: Floats, runs: NDArray[np.int64]) -> Floats:
+    """Return (groups, ..., WIDTH) of values (..., runs)."""
+    rows = values[..., runs].reshape(*values.shape[:-1], runs.size // WIDTH, WIDTH)
+    return np.ascontiguousarray(np.moveaxis(rows, -2, 0))
+
+
+def _runs_of(values: Floats) -> Floats:
+    """Return (..., runs) of values (groups, ..., WIDTH)."""
+    rows = np.moveaxis(values, 0, -2)
+    return rows.reshape(*rows.shape[:-2], rows.shape[-2] * WIDTH)
 
 
 def start_runs(
-    eq: Equations, wall_controller: Controller, ensemble: Walls, starts: Sequence[Start],
-    bound: float = 1e300,
-) -> Runs:  # fmt: skip
-    """Return the runs of a device at t = 0, one start a run (or one for all).
+    devices: Sequence[Member],
+    device: NDArray[np.int64],
+    ensemble: Walls,
+    starts: Sequence[Start],
+    bound: float = np.inf,
+) -> Runs:
+    """Return the runs at t = 0, one start a run (or one for all).
 
-    eq: from `sim.equations.equations`. wall_controller: `controllers.wall.wall(...)`, whose law the
-    walls parametrise. bound: a scalar run stops when |position of m1| exceeds it.
+    devices: of one structure (`sim.group.member`); device (runs,): which of them each run has, (1,)
+    for one that all have. bound: a run has escaped when |position of m1| exceeds it. Raises
+    ValueError for devices of several structures.
     """
     count = ensemble.stiffness.size
-    memories = [start_memory(eq, wall_controller, start, 0) for start in starts]
-    if fits_lanes(eq):
-        return _in_lanes(eq, ensemble, memories)
-    each = memories * count if len(memories) == 1 else memories
-    past = np.array([[m.x[eq.dof]] * 3 for m in each])
-    parameters = ensemble.parameters()
-    return ScalarRuns(eq, wall_controller.step, parameters, tuple(each), past, bound)
-
-
-def _in_lanes(eq: Equations, ensemble: Walls, memories: Sequence[Memory]) -> LaneRuns:
-    n, count = eq.states, ensemble.stiffness.size
-    width = lane_memory(eq, 1)
-    bank = np.zeros((width.bank.size, count))
-    bank[:n] = np.array([m.x[:n] for m in memories]).T
-    bank[signal_row(n, READING)] = [m.scalars[0] for m in memories]
-    bank[signal_row(n, ESTIMATE)] = [m.scalars[1] for m in memories]
-    bank[signal_row(n, PAST1) : signal_row(n, PAST3) + 1] = bank[eq.dof]
-    rows = (STIFFNESS, DAMPING, POSITION, SIDED)
-    for row, values in zip(rows, ensemble.parameters().T, strict=True):
-        bank[signal_row(n, row)] = values
-    return LaneRuns(eq, bank, np.zeros((width.line.size, count)), 0)
+    which = np.broadcast_to(device, count).astype(np.int64)
+    each = list(starts) * count if len(starts) == 1 else list(starts)
+    different = dict.fromkeys(zip(which.tolist(), map(id, each), strict=True))
+    by_id = {id(s): s for s in each}
+    made = {key: start_memory(devices[key[0]].eq, by_id[key[1]]) for key in different}
+    memories = [made[d, id(s)] for d, s in zip(which.tolist(), each, strict=True)]
+    n = devices[0].eq.dof
+    bank = Bank(
+        *(np.stack([getattr(m, name) for m in memories], axis=-1) for name in ROWS[:4]),
+        walls=ensemble.parameters().T.copy(),
+        past=np.stack([np.full(3, m.x[n]) for m in memories], axis=-1),
+        escaped=np.zeros(count),
+        counters=np.zeros(2, dtype=np.int64),
+    )
+    return Runs(stack(devices), which, bank, bound)
 
 
 def one_by_one(tasks: Sequence[Task]) -> None:
@@ -255,6 +188,6 @@ def advance_runs(
 
     run_all: runs the tasks, in any order or side by side, as on threads of the caller's.
     """
-    measures, tasks, after = runs.tasks(weights, windows)
+    measures, _, tasks, after = runs.tasks(weights, windows)
     run_all(tasks)
     return measures, after

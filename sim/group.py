@@ -15,7 +15,7 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from zwidth.sim.device import Device
-from zwidth.sim.equations import EffectTable, Equations, frame
+from zwidth.sim.equations import EffectTable, Equations, frame, too_few_substeps
 from zwidth.sim.jit import INLINED, part
 from zwidth.sim.kernel import LOCKED, MAX_COLUMNS, MAX_MASSES, Memory, Scratch
 from zwidth.sim.lane_type import WIDTH, as_lanes, lanes_of
@@ -24,6 +24,10 @@ from zwidth.sim.propagation import Choice, lane_choice
 
 Floats = NDArray[np.float64]
 Structure = tuple[Any, ...]
+NUMBERS = (
+    "durations", "reaction", "masses", "smoothing", "encoder_step", "command_step", "command_limit",
+)  # fmt: skip
+TABLES = ("forces", "frictions", "sensors", "amplifiers", "clocks")
 
 
 class Member(NamedTuple):
@@ -31,6 +35,17 @@ class Member(NamedTuple):
 
     eq: Equations
     plant: Plant
+
+    @property
+    def complaint(self) -> str | None:
+        """What is wrong with its substeps, if anything."""
+        eq = self.eq
+        if not eq.frictions.codes.size:
+            return None
+        return too_few_substeps(
+            self.plant, np.unique(eq.frictions.first).tolist(), eq.period, eq.substeps.tolist(),
+            eq.durations.tolist(),
+        )  # fmt: skip
 
     @property
     def structure(self) -> Structure:
@@ -53,10 +68,37 @@ def member(device: Device, substeps: int, seed: int = 0) -> Member:
     return Member(*frame(device, substeps, seed))
 
 
-def side_by_side(arrays: Sequence[Floats | float]) -> Floats:
-    """Return arrays of one shape with a last axis of lanes, the last of them repeated."""
-    filled = [*arrays, *[arrays[-1]] * (WIDTH - len(arrays))]
-    return np.ascontiguousarray(np.stack([np.asarray(a, np.float64) for a in filled], axis=-1))
+class Stack(NamedTuple):
+    """Members of one structure: equations and plants whose arrays have a last axis of members."""
+
+    eq: Equations
+    a: Floats
+    b: Floats
+
+    @property
+    def size(self) -> int:
+        """How many members there are."""
+        return self.a.shape[-1]
+
+
+def stacked(arrays: Sequence[Floats | float]) -> Floats:
+    """Return arrays of one shape with a last axis that counts them."""
+    return np.stack([np.asarray(a, np.float64) for a in arrays], axis=-1)
+
+
+def stack(members: Sequence[Member]) -> Stack:
+    """Put members of one structure together; raises ValueError where they differ in it."""
+    first = members[0].eq
+    if any(m.structure != members[0].structure for m in members[1:]):
+        raise ValueError("members of a stack differ in structure; put each structure by itself")
+
+    def table(field: str) -> EffectTable:
+        own: EffectTable = getattr(first, field)
+        return own._replace(parameters=stacked([getattr(m.eq, field).parameters for m in members]))
+
+    numbers = {name: stacked([getattr(m.eq, name) for m in members]) for name in NUMBERS}
+    eq = first._replace(**numbers, **{name: table(name) for name in TABLES})
+    return Stack(eq, stacked([m.plant.a for m in members]), stacked([m.plant.b for m in members]))
 
 
 class Group(NamedTuple):
@@ -66,29 +108,25 @@ class Group(NamedTuple):
     scratch: Scratch
 
 
-def group(members: Sequence[Member]) -> Group:
-    """Lay out up to `WIDTH` members of one structure."""
-    first = members[0].eq
-    a = side_by_side([m.plant.a for m in members])
-    b = side_by_side([m.plant.b for m in members])
-    dry = first.frictions.first
-    room, now = lane_choice(a, b, 2 ** (1 + int(dry.max())) if dry.size else 1)
+def lanes_at(values: Floats, chosen: NDArray[np.int64]) -> Floats:
+    """Return (..., WIDTH) of values (..., members) for up to WIDTH members, the last repeated."""
+    filled = np.minimum(np.arange(WIDTH), chosen.size - 1)
+    return np.ascontiguousarray(values[..., chosen[filled]])
 
-    def every(field: str) -> Floats:
-        return side_by_side([getattr(m.eq, field) for m in members])
+
+def group(members: Stack, chosen: NDArray[np.int64]) -> Group:
+    """Lay out up to `WIDTH` of the members."""
+    own = members.eq
 
     def table(field: str) -> EffectTable:
-        own: EffectTable = getattr(first, field)
-        return own._replace(
-            parameters=side_by_side([getattr(m.eq, field).parameters for m in members])
-        )
+        all_of: EffectTable = getattr(own, field)
+        return all_of._replace(parameters=lanes_at(all_of.parameters, chosen))
 
-    numbers = ("smoothing", "encoder_step", "command_step", "command_limit")
-    tables = ("forces", "frictions", "sensors", "amplifiers", "clocks")
-    eq = first._replace(
-        durations=every("durations"), reaction=every("reaction"), masses=every("masses"),
-        propagators=now, **{n: every(n) for n in numbers}, **{n: table(n) for n in tables},
-    )  # fmt: skip
+    dry = own.frictions.first
+    sets = 2 ** (1 + int(dry.max())) if dry.size else 1
+    room, now = lane_choice(lanes_at(members.a, chosen), lanes_at(members.b, chosen), sets)
+    numbers = {name: lanes_at(getattr(own, name), chosen) for name in NUMBERS}
+    eq = own._replace(propagators=now, **numbers, **{name: table(name) for name in TABLES})
     return Group(eq, _scratch(eq, room))
 
 

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.sim.lanes import (
+from zwidth.sim.windows import (
     FAST_ENERGY,
     HIGHEST,
     HIGHEST_COMMAND,

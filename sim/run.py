@@ -85,8 +85,11 @@ class Run:
     fine: Trace | None = None
 
 
-def start_memory(eq: Equations, controller: Controller, start: Start, entries: int) -> Memory:
-    """Return the memory at t = 0: nothing commanded yet, the encoder consistent with the start."""
+def start_memory(eq: Equations, start: Start, memory: int = 1, entries: int = 0) -> Memory:
+    """Return the memory at t = 0: nothing commanded yet, the encoder consistent with the start.
+
+    memory: how many values the controller keeps; entries: of the ledger.
+    """
     x = start.state(eq.dof)
     before = read_sensor(eq, x[0] - eq.period * x[eq.dof])
     forces = zip(*eq.forces, strict=True)
@@ -94,7 +97,7 @@ def start_memory(eq: Equations, controller: Controller, start: Start, entries: i
     return Memory(
         x=x,
         line=np.zeros(eq.whole_delay + 2),
-        controller=np.zeros(controller.memory),
+        controller=np.zeros(memory),
         internal=np.array(internal, dtype=np.float64),
         scalars=np.array([before, x[eq.dof], 0.0, 0.0]),
         counters=np.zeros(2, dtype=np.int64),
@@ -193,7 +196,7 @@ def prepare(
         raise ValueError(f"bound is {bound}; the position where a run is stopped must be > 0")
     external = _external(disturbance, ticks, eq.dof)
     names = ledger_names(device, device.plant()) if ledger else []
-    memory = start_memory(eq, controller, start, len(names))
+    memory = start_memory(eq, start, controller.memory, len(names))
     return Setup(
         device, controller, ticks, eq, memory, external, bound, energy or ledger, fine, names
     )

@@ -18,13 +18,13 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.controllers.wall import wall
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import Device
-from zwidth.sim.ensemble import Walls, advance_runs, start_runs, walls
-from zwidth.sim.equations import Equations, equations
+from zwidth.sim.ensemble import Runs, Walls, advance_runs, start_runs, walls
+from zwidth.sim.group import Member, member
 from zwidth.sim.growth import (
     DECAYS,
+    ESCAPE,
     LIMIT_CYCLE,
     UNDECIDED,
     VERDICTS,
@@ -33,12 +33,12 @@ from zwidth.sim.growth import (
     assess,
     window_weights,
 )
-from zwidth.sim.lanes import LANES, MEASURES
 from zwidth.sim.run import Start
-from zwidth.stability.frequency import ultimate_frequencies, velocity_records
+from zwidth.sim.windows import MEASURES
+from zwidth.stability.frequency import ultimate_frequencies
 
 Floats = NDArray[np.float64]
-GROUP = 2 * LANES  # dampings that are hunted down together
+GROUP = 64  # dampings that are hunted down together
 
 
 @dataclass(frozen=True)
@@ -123,14 +123,23 @@ def judge(
     device: Device, ensemble: Walls, trial: Trial = Trial(), workers: int | None = None
 ) -> Growth:
     """Run every wall of a device until its verdict is clear or the time limit is reached."""
-    eq = equations(device, trial.substeps)
-    return _judge(device, eq, ensemble, trial, workers or threads())
+    one = prepared(device, trial.substeps)
+    return _judge(device, one, ensemble, trial, workers or threads())
 
 
-def _judge(device: Device, eq: Equations, ensemble: Walls, trial: Trial, workers: int) -> Growth:
-    runs = start_runs(eq, wall(1.0, 0.0), ensemble, [Start(trial.start)], 1e6 * abs(trial.start))
-    weights = window_weights(max(8, round(trial.window_s / eq.period)))
-    window = weights.size * eq.period
+def prepared(device: Device, substeps: int) -> Member:
+    """Return a device as an ensemble takes it; raises ValueError for too few substeps."""
+    one = member(device, substeps)
+    if one.complaint is not None:
+        raise ValueError(one.complaint)
+    return one
+
+
+def _judge(device: Device, one: Member, ensemble: Walls, trial: Trial, workers: int) -> Growth:
+    runs = _started(one, ensemble, trial)
+    period = device.interface.period
+    weights = window_weights(max(8, round(trial.window_s / period)))
+    window = weights.size * period
     start, rest = abs(trial.start), threshold(device, trial)
     nonlinear = bool(
         not device.interface.linear
@@ -154,6 +163,11 @@ def _judge(device: Device, eq: Equations, ensemble: Walls, trial: Trial, workers
         done, target = target, min(2.0 * target, trial.limit_s)
 
 
+def _started(one: Member, ensemble: Walls, trial: Trial) -> Runs:
+    start = Start(trial.start)
+    return start_runs([one], np.zeros(1, np.int64), ensemble, [start], ESCAPE * abs(trial.start))
+
+
 def threshold(device: Device, trial: Trial) -> float:
     """Return the amplitude of a limit cycle that counts as rest."""
     if trial.threshold is not None:
@@ -171,10 +185,10 @@ class _Hunt:
     """The brackets of one device while they close; NaN stands for not known yet."""
 
     def __init__(
-        self, device: Device, eq: Equations, dampings: Floats, trial: Trial, search: Search
+        self, device: Device, one: Member, dampings: Floats, trial: Trial, search: Search
     ) -> None:
         self.device, self.dampings, self.search = device, dampings, search
-        self.eq, self.limit = eq, threshold(device, trial)
+        self.one, self.limit = one, threshold(device, trial)
         self.lowest, self.highest = search.limits(device)
         shape = self.open = dampings.size
         self.stable, self.unstable, self.doubt_low, self.doubt_high = np.full((4, shape), np.nan)
@@ -191,20 +205,22 @@ class _Hunt:
             self.open = active.size
             closed()
             if active.size == 0:
-                return self.brackets(self.frequencies(trial))
+                return self.brackets(self.frequencies(trial, workers))
             some = walls(tried[active], self.dampings[active])
-            growth = _judge(self.device, self.eq, some, trial, workers)
+            growth = _judge(self.device, self.one, some, trial, workers)
             self.learn(active, tried[active], growth)
 
-    def frequencies(self, trial: Trial) -> Floats:
+    def frequencies(self, trial: Trial, workers: int) -> Floats:
         """Ultimate frequency [Hz] of the run at each unstable end."""
         found = np.full(self.dampings.size, np.nan)
         known = np.flatnonzero(~np.isnan(self.unstable))
         some = walls(self.unstable[known], self.dampings[known])
-        velocities = velocity_records(
-            self.eq, some, Start(trial.start), trial.seconds, 1e6 * abs(trial.start)
-        )
-        found[known] = ultimate_frequencies(velocities, self.eq.period)
+        period = self.device.interface.period
+        weights = np.zeros(round(trial.seconds / period))
+        runs = _started(self.one, some, trial)
+        _, velocities, tasks, _ = runs.tasks(weights, 1, keep=True)
+        in_parallel(tasks, workers)
+        found[known] = ultimate_frequencies(velocities, period)
         return found
 
     def trials(self) -> Floats:
@@ -312,9 +328,9 @@ def find_brackets(
         values = np.asarray(grid, dtype=np.float64)
         if not np.all(np.isfinite(values)):
             raise ValueError("damping contains a value that is not finite; give numbers only")
-        eq = equations(device, trial.substeps)
+        one = prepared(device, trial.substeps)
         groups = np.array_split(values, max(1, -(-values.size // GROUP)))
-        hunts += [_Hunt(device, eq, group, trial, search) for group in groups]
+        hunts += [_Hunt(device, one, group, trial, search) for group in groups]
         counts.append(len(groups))
     total = max(1, sum(h.dampings.size for h in hunts))
     workers = threads()

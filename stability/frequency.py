@@ -13,12 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len, rfft
 
-from zwidth.controllers.wall import wall
-from zwidth.sim.ensemble import Walls, memory_copy
-from zwidth.sim.equations import Equations
-from zwidth.sim.kernel import advance, scratch
-from zwidth.sim.run import Start, start_memory
-
 Floats = NDArray[np.float64]
 FLOOR = 1e-3  # amplitude of a peak over the largest one's
 PADDING = 4
@@ -35,24 +29,6 @@ def blackman_harris(size: int) -> Floats:
     phase = 2.0 * np.pi * np.arange(size) / size
     terms = (0.35875, -0.48829, 0.14128, -0.01168)
     return np.sum([a * np.cos(k * phase) for k, a in enumerate(terms)], axis=0)
-
-
-def velocity_records(
-    eq: Equations, ensemble: Walls, start: Start, seconds: float, bound: float
-) -> Floats:
-    """Return the velocity of m1 at every tick, (runs, ticks), NaN from where it left the bound."""
-    law = wall(1.0, 0.0)
-    memory, space = start_memory(eq, law, start, 0), scratch(eq)
-    record = np.zeros((round(seconds / eq.period), eq.states + 6))
-    free, fine = np.zeros((0, eq.dof)), np.zeros((0, eq.states))
-    velocities = np.full((ensemble.stiffness.size, record.shape[0]), np.nan)
-    for velocity, parameters in zip(velocities, ensemble.parameters(), strict=True):
-        done, _ = advance(
-            eq, law.step, parameters, memory_copy(memory), space, velocity.size, free, bound,
-            record, fine, False,
-        )  # fmt: skip
-        velocity[:done] = record[:done, eq.dof]
-    return velocities
 
 
 def ultimate_frequencies(velocities: Floats, period: float) -> Floats:

@@ -14,7 +14,7 @@ from zwidth.sim.growth import (
     growth_rate,
     window_weights,
 )
-from zwidth.sim.lanes import MEASURES
+from zwidth.sim.windows import MEASURES
 from zwidth.stability.frequency import ultimate_frequencies
 
 T, WINDOW = 1e-3, 500

@@ -38,7 +38,7 @@ def _chain_of_three(rng: np.random.Generator) -> Device:
 
 
 def _after_a_substep(eq: Equations, x: Floats, external: Floats) -> Floats:
-    memory = start_memory(eq, none(), Start(list(x[:3]), list(x[3:])), 0)
+    memory = start_memory(eq, Start(list(x[:3]), list(x[3:])))
     empty, fine = np.zeros((0, 0)), np.zeros((0, 6))
     law = none()
     advance(

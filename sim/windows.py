@@ -1,0 +1,151 @@
+"""Many runs under built-in walls, and what is kept of each window of ticks in place of its trace.
+
+Per window a run keeps two energies weighted over the window (kinetic energy, and the square of the
+third difference of m1's velocity, which shows fast modes a thousand times below slow ones), the
+extremes of m1's position and of the command, and how often m1's velocity changed its sign.
+"""
+
+# pyright: reportMissingParameterType=false, reportUnknownParameterType=false
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.sim.group import VIEWS, seen
+from zwidth.sim.jit import jit, part
+from zwidth.sim.kernel import Memory, amplify, arrives, read_sensor, substep
+from zwidth.sim.lane_type import any_lane, as_lanes, greatest, least, select
+
+Floats = NDArray[np.float64]
+SLOW_ENERGY, FAST_ENERGY, LOWEST, HIGHEST = 0, 1, 2, 3
+LOWEST_COMMAND, HIGHEST_COMMAND, REVERSALS = 4, 5, 6
+MEASURES = 7
+STIFFNESS, DAMPING, POSITION, ONE_SIDED = 0, 1, 2, 3  # of a wall
+
+
+class Bank(NamedTuple):
+    """States of groups of runs, the first axis of each: x (groups, 32), line, internal and scalars.
+
+    As in `Memory`, whose counters (2,) all runs share. walls (groups, 4); past (groups, 3): m1's
+    three velocities before; escaped (groups,): 1 where a run has left the bound.
+    """
+
+    x: Floats
+    line: Floats
+    internal: Floats
+    scalars: Floats
+    walls: Floats
+    past: Floats
+    escaped: Floats
+    counters: NDArray[np.int64]
+
+
+class Kept(NamedTuple):
+    """What is kept: measures (windows, 7, groups), and m1's velocities (ticks or 0, groups)."""
+
+    measures: Floats
+    velocities: Floats
+
+
+@part
+def _lane_bank(b):
+    """View a bank in lanes."""
+    return Bank(
+        as_lanes(b.x), as_lanes(b.line), as_lanes(b.internal), as_lanes(b.scalars),
+        as_lanes(b.walls), as_lanes(b.past), as_lanes(b.escaped), b.counters,
+    )  # fmt: skip
+
+
+@part
+def _lane_kept(k):
+    """View what is kept in lanes."""
+    return Kept(as_lanes(k.measures), as_lanes(k.velocities))
+
+
+VIEWS[Bank] = ("x", 3, _lane_bank)
+VIEWS[Kept] = ("measures", 4, _lane_kept)
+
+
+@part
+def wall_command(wall, y, v):
+    """Command of a wall (`controllers/wall.py`) at a reading y and velocity v."""
+    depth = y - wall[POSITION]
+    push = wall[STIFFNESS] * depth + wall[DAMPING] * v
+    inside = select(depth > 0.0, -greatest(0.0, push), 0.0)
+    return select(wall[ONE_SIDED] == 0.0, -push, inside)
+
+
+@jit
+def run_windows(device, space, banks, weights, bound, results):
+    """Run groups of one device, or of one member a lane, for whole windows of weights.size ticks.
+
+    bound: of the position of m1; all measures of a run that left it are infinite from then on.
+    """
+    eq, scratch, bank, kept = seen(device), seen(space), seen(banks), seen(results)
+    measures = kept.measures
+    none = weights[:0]
+    last = bank.line.shape[1] - 1
+    first_tick, first_head = bank.counters[0], bank.counters[1]
+    tick, head = first_tick, first_head
+    for g in range(bank.x.shape[0]):
+        tick, head = first_tick, first_head
+        x, line, past, wall = bank.x[g], bank.line[g], bank.past[g], bank.walls[g]
+        scalars = bank.scalars[g]
+        memory = Memory(x, line, past, bank.internal[g], scalars, bank.counters, past[:0])
+        alive = bank.escaped[g] == 0.0
+        y_before, v, u = scalars[0], scalars[1], scalars[2]
+        for window in range(measures.shape[0]):
+            if not any_lane(alive):
+                for row in range(MEASURES):
+                    measures[window, row, g] = np.inf
+                for row in range(window * weights.size, kept.velocities.shape[0]):
+                    kept.velocities[row, g] = np.nan
+                tick += weights.size
+                head = (head + weights.size) % line.size
+                continue
+            slow = fast = reversals = 0.0
+            low = high = x[0]
+            low_command = np.inf
+            high_command = -np.inf
+            for k in range(weights.size):
+                speed = x[eq.dof]
+                low, high = least(low, x[0]), greatest(high, x[0])
+                third = speed - 3.0 * (past[0] - past[1]) - past[2]
+                reversals += select(speed * past[0] < 0.0, 1.0, 0.0)
+                past[2], past[1], past[0] = past[1], past[0], speed
+                fast += weights[k] * (third * third)
+                energy = 0.5 * eq.masses[0] * (speed * speed)
+                for i in range(1, eq.dof):
+                    energy += 0.5 * eq.masses[i] * (x[eq.dof + i] * x[eq.dof + i])
+                slow += weights[k] * energy
+                if kept.velocities.shape[0] > 0:
+                    row = window * weights.size + k
+                    kept.velocities[row, g] = select(alive, speed, np.nan)
+                y = read_sensor(eq, x[0])
+                v += eq.smoothing * ((y - y_before) * eq.rate - v)
+                y_before = y
+                wanted = wall_command(wall, y, v)
+                u = select(arrives(eq, tick), amplify(eq, wanted), u)
+                low_command, high_command = least(low_command, u), greatest(high_command, u)
+                line[head] = u
+                head = 0 if head == last else head + 1
+                earlier = line[head]
+                current = line[0 if head == last else head + 1]
+                for segment in range(2):
+                    held = earlier if segment == 0 else current
+                    for _ in range(eq.substeps[segment]):
+                        substep(eq, segment, held, none, memory, scratch)
+                tick += 1
+                alive = alive & (abs(x[0]) <= bound)
+            measures[window, SLOW_ENERGY, g] = select(alive, slow, np.inf)
+            measures[window, FAST_ENERGY, g] = select(alive, fast, np.inf)
+            measures[window, LOWEST, g] = select(alive, low, np.inf)
+            measures[window, HIGHEST, g] = select(alive, high, np.inf)
+            measures[window, LOWEST_COMMAND, g] = select(alive, low_command, np.inf)
+            measures[window, HIGHEST_COMMAND, g] = select(alive, high_command, np.inf)
+            measures[window, REVERSALS, g] = select(alive, reversals, np.inf)
+        scalars[0], scalars[1], scalars[2] = y_before, v, u
+        bank.escaped[g] = select(alive, 0.0, 1.0)
+    bank.counters[0] = tick
+    bank.counters[1] = head
