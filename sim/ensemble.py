@@ -19,7 +19,7 @@ from zwidth.sim.windows import MEASURES, Bank, Kept, run_windows
 Floats = NDArray[np.float64]
 Task = Callable[[], None]
 SMALL, LARGE = 4, 32  # groups of one device a task: for every thread some, and few starts
-ROWS = ("x", "line", "internal", "scalars", "walls", "past", "escaped")  # last axis: runs
+ROWS = ("x", "line", "internal", "scalars", "walls", "past", "bounds", "escaped")  # last axis: runs
 
 
 @dataclass(frozen=True)
@@ -60,13 +60,12 @@ class Runs:
     """An ensemble in the state it is in.
 
     members: the devices. device (runs,): which of them each run has. bank: states whose last axis
-    counts the runs. bound: |position of m1| beyond which a run has escaped.
+    counts the runs.
     """
 
     members: Stack
     device: NDArray[np.int64]
     bank: Bank
-    bound: float
 
     @property
     def size(self) -> int:
@@ -105,7 +104,7 @@ class Runs:
                 np.zeros((velocities.shape[1], groups, WIDTH)),
             )
             own = self._group_of(runs)
-            run_windows(own.eq, own.scratch, bank, weights, self.bound, kept)
+            run_windows(own.eq, own.scratch, bank, weights, kept)
             every = groups * WIDTH
             found = kept.measures.reshape(windows, MEASURES, every)
             measures[:, :, runs] = found[:, :, : runs.size]
@@ -146,13 +145,13 @@ def start_runs(
     device: NDArray[np.int64],
     ensemble: Walls,
     starts: Sequence[Start],
-    bound: float = np.inf,
+    bounds: Floats | float = np.inf,
 ) -> Runs:
     """Return the runs at t = 0, one start a run (or one for all).
 
     devices: of one structure (`sim.group.member`); device (runs,): which of them each run has, (1,)
-    for one that all have. bound: a run has escaped when |position of m1| exceeds it. Raises
-    ValueError for devices of several structures.
+    for one that all have. bounds (runs,) or one: a run has escaped when |position of m1|
+    exceeds it. Raises ValueError for devices of several structures.
     """
     count = ensemble.stiffness.size
     which = np.broadcast_to(device, count).astype(np.int64)
@@ -166,10 +165,11 @@ def start_runs(
         *(np.stack([getattr(m, name) for m in memories], axis=-1) for name in ROWS[:4]),
         walls=ensemble.parameters().T.copy(),
         past=np.stack([np.full(3, m.x[n]) for m in memories], axis=-1),
+        bounds=np.broadcast_to(bounds, count).astype(np.float64),
         escaped=np.zeros(count),
         counters=np.zeros(2, dtype=np.int64),
     )
-    return Runs(stack(devices), which, bank, bound)
+    return Runs(stack(devices), which, bank)
 
 
 def one_by_one(tasks: Sequence[Task]) -> None:

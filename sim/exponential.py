@@ -117,9 +117,11 @@ def held_motion(a, b, h, dof, size, scale, work, out):
             for j in range(size):
                 e[i, j] = select(more, spare[i, j], e[i, j])
         done += 1.0
+    multiply(phi, x, size, e)  # anew, which is free of what the squarings have rounded
     for i in range(size):
         for j in range(size):
-            out[i, j] = e[i, j] * (scale[i] / scale[j])
+            moved = e[i, j] / shrink
+            out[i, j] = (moved + 1.0 if i == j else moved) * (scale[i] / scale[j])
         for u in range(b.shape[1]):
             total = 0.0
             for j in range(size):

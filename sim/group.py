@@ -48,19 +48,21 @@ class Member(NamedTuple):
         )  # fmt: skip
 
     @property
-    def structure(self) -> Structure:
-        """What all members of a group have in common."""
+    def kind(self) -> Structure:
+        """What all members of a population have in common: effects and their places."""
         eq = self.eq
-        tables = (eq.forces, eq.frictions, eq.sensors, eq.amplifiers, eq.clocks)
+        tables = [getattr(eq, name) for name in TABLES]
         shapes = [
             (t.codes.tobytes(), t.first.tobytes(), t.second.tobytes(), t.parameters.shape)
             for t in tables
         ]
         seeds = eq.clocks.parameters[:, 1:].tobytes()
-        return (
-            eq.states, eq.dof, eq.substeps.tobytes(), *shapes, seeds, eq.bounds_vary,
-            eq.whole_delay, eq.period, eq.encoder_floor,
-        )  # fmt: skip
+        return eq.states, eq.dof, *shapes, seeds, eq.period, eq.encoder_floor
+
+    @property
+    def structure(self) -> Structure:
+        """What all members of a group have in common: whole ticks of delay and substeps besides."""
+        return *self.kind, self.eq.whole_delay, self.eq.substeps.tobytes()
 
 
 def member(device: Device, substeps: int, seed: int = 0) -> Member:

@@ -86,16 +86,16 @@ class Growth:
 def assess(
     measures: Floats,
     window: float,
-    start: float,
-    threshold: float,
+    start: Floats | float,
+    threshold: Floats | float,
     nonlinear: bool,
     final: bool = True,
 ) -> Growth:
     """Judge runs from their measures.
 
-    measures (windows, 7, runs); window [s]; start: amplitude at t = 0; threshold: amplitude below
-    which an oscillation counts as rest; nonlinear: limit cycles are possible; final: the runs will
-    not be prolonged.
+    measures (windows, 7, runs); window [s]; start: amplitude at t = 0, and threshold: amplitude
+    below which an oscillation counts as rest, each (runs,) or one for all; nonlinear: limit cycles
+    are possible; final: the runs will not be prolonged.
     """
     windows, _, runs = measures.shape
     with np.errstate(all="ignore"):  # infinities and zeros are verdicts, dealt with below

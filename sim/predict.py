@@ -173,13 +173,14 @@ def copy(source, target, count):
 
 @part
 def whiten(judge, row):
-    """Fill white (o,) from the innovations up to a row of the piece."""
+    """Fill white (o,) from the innovations up to a row; what is missing counts as zero."""
     outputs, taps = judge.filters.shape[0], judge.filters.shape[2]
     for a in range(outputs):
         total = 0.0
         for b in range(outputs):
             for j in range(taps):
-                total += judge.filters[a, b, j] * judge.piece[row - j, b]
+                e = judge.piece[row - j, b]
+                total += judge.filters[a, b, j] * select(e == e, e, 0.0)
         judge.white[a] = total
 
 

@@ -28,7 +28,8 @@ class Bank(NamedTuple):
     """States of groups of runs, the first axis of each: x (groups, 32), line, internal and scalars.
 
     As in `Memory`, whose counters (2,) all runs share. walls (groups, 4); past (groups, 3): m1's
-    three velocities before; escaped (groups,): 1 where a run has left the bound.
+    three velocities before; bounds (groups,) of |position of m1|; escaped
+    (groups,): 1 where a run has left them.
     """
 
     x: Floats
@@ -37,6 +38,7 @@ class Bank(NamedTuple):
     scalars: Floats
     walls: Floats
     past: Floats
+    bounds: Floats
     escaped: Floats
     counters: NDArray[np.int64]
 
@@ -53,7 +55,7 @@ def _lane_bank(b):
     """View a bank in lanes."""
     return Bank(
         as_lanes(b.x), as_lanes(b.line), as_lanes(b.internal), as_lanes(b.scalars),
-        as_lanes(b.walls), as_lanes(b.past), as_lanes(b.escaped), b.counters,
+        as_lanes(b.walls), as_lanes(b.past), as_lanes(b.bounds), as_lanes(b.escaped), b.counters,
     )  # fmt: skip
 
 
@@ -77,10 +79,10 @@ def wall_command(wall, y, v):
 
 
 @jit
-def run_windows(device, space, banks, weights, bound, results):
+def run_windows(device, space, banks, weights, results):
     """Run groups of one device, or of one member a lane, for whole windows of weights.size ticks.
 
-    bound: of the position of m1; all measures of a run that left it are infinite from then on.
+    All measures of a run that has left its bound are infinite from then on.
     """
     eq, scratch, bank, kept = seen(device), seen(space), seen(banks), seen(results)
     measures = kept.measures
@@ -137,7 +139,7 @@ def run_windows(device, space, banks, weights, bound, results):
                     for _ in range(eq.substeps[segment]):
                         substep(eq, segment, held, none, memory, scratch)
                 tick += 1
-                alive = alive & (abs(x[0]) <= bound)
+                alive = alive & (abs(x[0]) <= bank.bounds[g])
             measures[window, SLOW_ENERGY, g] = select(alive, slow, np.inf)
             measures[window, FAST_ENERGY, g] = select(alive, fast, np.inf)
             measures[window, LOWEST, g] = select(alive, low, np.inf)

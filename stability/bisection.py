@@ -123,8 +123,47 @@ def judge(
     device: Device, ensemble: Walls, trial: Trial = Trial(), workers: int | None = None
 ) -> Growth:
     """Run every wall of a device until its verdict is clear or the time limit is reached."""
-    one = prepared(device, trial.substeps)
-    return _judge(device, one, ensemble, trial, workers or threads())
+    count = ensemble.stiffness.size
+    starts, rests = np.full(count, trial.start), np.full(count, threshold(device, trial))
+    return judge_each([device], np.zeros(count, np.int64), ensemble, starts, rests, trial, workers)
+
+
+def judge_each(
+    devices: Sequence[Device],
+    which: NDArray[np.int64],
+    ensemble: Walls,
+    starts: Floats,
+    rests: Floats,
+    trial: Trial,
+    workers: int | None = None,
+) -> Growth:
+    """Run walls of several devices; which, starts, rests (runs,): each run's device, start, rest.
+
+    Devices of one structure go together, whatever their numbers. Raises ValueError for too few
+    substeps.
+    """
+    each = [prepared(device, trial.substeps) for device in devices]
+    kinds: dict[object, list[int]] = {}
+    for i, (one, device) in enumerate(zip(each, devices, strict=True)):
+        kinds.setdefault((one.structure, _nonlinear(device)), []).append(i)
+    groups = [np.flatnonzero(np.isin(which, some)) for some in kinds.values()]
+    workers = workers or threads()
+    inner = 1 if len(groups) >= workers else workers
+    growth = Growth(np.full(which.size, UNDECIDED), *np.full((5, which.size), np.nan))
+
+    def run(some: list[int], runs: NDArray[np.int64]) -> None:
+        place = {device: k for k, device in enumerate(some)}
+        own = np.array([place[i] for i in which[runs].tolist()], dtype=np.int64)
+        subjects = Subjects(
+            [each[i] for i in some], own, starts[runs], rests[runs], _nonlinear(devices[some[0]])
+        )
+        found = judge_subjects(subjects, ensemble.select(runs), trial, inner)
+        for field in fields(Growth):
+            getattr(growth, field.name)[runs] = getattr(found, field.name)
+
+    tasks = [partial(run, s, r) for s, r in zip(kinds.values(), groups, strict=True) if r.size]
+    in_parallel(tasks, workers)
+    return growth
 
 
 def prepared(device: Device, substeps: int) -> Member:
@@ -135,17 +174,40 @@ def prepared(device: Device, substeps: int) -> Member:
     return one
 
 
-def _judge(device: Device, one: Member, ensemble: Walls, trial: Trial, workers: int) -> Growth:
-    runs = _started(one, ensemble, trial)
-    period = device.interface.period
+def _nonlinear(device: Device) -> bool:
+    """Whether limit cycles are possible under a two-sided wall."""
+    forces = any(p.effect.hook != "structure" for p in device.physics)
+    return forces or not device.interface.linear
+
+
+@dataclass(frozen=True)
+class Subjects:
+    """What runs under walls: members of one structure, which (runs,) of them each run has.
+
+    starts (runs,): amplitudes at t = 0; rests (runs,): those of a limit cycle that count as rest.
+    """
+
+    members: Sequence[Member]
+    which: NDArray[np.int64]
+    starts: Floats
+    rests: Floats
+    nonlinear: bool
+
+    def started(self, ensemble: Walls) -> Runs:
+        """Return the runs at t = 0."""
+        starts = [Start(a) for a in self.starts.tolist()]
+        bounds = ESCAPE * np.abs(self.starts)
+        return start_runs(self.members, self.which, ensemble, starts, bounds)
+
+
+def judge_subjects(subjects: Subjects, ensemble: Walls, trial: Trial, workers: int) -> Growth:
+    """Run each wall until its verdict is clear or the time limit is reached."""
+    runs = subjects.started(ensemble)
+    period = subjects.members[0].eq.period
     weights = window_weights(max(8, round(trial.window_s / period)))
     window = weights.size * period
-    start, rest = abs(trial.start), threshold(device, trial)
-    nonlinear = bool(
-        not device.interface.linear
-        or ensemble.one_sided.any()
-        or any(p.effect.hook != "structure" for p in device.physics)
-    )
+    starts, rests = np.abs(subjects.starts), subjects.rests
+    nonlinear = subjects.nonlinear or bool(ensemble.one_sided.any())
     judged = Growth(np.full(runs.size, UNDECIDED), *np.full((5, runs.size), np.nan))
     pending, history = np.arange(runs.size), np.zeros((0, MEASURES, runs.size))
     together = partial(in_parallel, workers=workers)
@@ -153,7 +215,8 @@ def _judge(device: Device, one: Member, ensemble: Walls, trial: Trial, workers: 
     while True:
         measures, runs = advance_runs(runs, weights, round((target - done) / window), together)
         history = np.concatenate([history, measures])
-        growth = assess(history, window, start, rest, nonlinear, target >= trial.limit_s)
+        final = target >= trial.limit_s
+        growth = assess(history, window, starts[pending], rests[pending], nonlinear, final)
         for field in fields(Growth):
             getattr(judged, field.name)[pending] = getattr(growth, field.name)
         left = np.flatnonzero(growth.verdict == UNDECIDED)
@@ -161,11 +224,6 @@ def _judge(device: Device, one: Member, ensemble: Walls, trial: Trial, workers: 
             return judged
         pending, runs, history = pending[left], runs.select(left), history[:, :, left]
         done, target = target, min(2.0 * target, trial.limit_s)
-
-
-def _started(one: Member, ensemble: Walls, trial: Trial) -> Runs:
-    start = Start(trial.start)
-    return start_runs([one], np.zeros(1, np.int64), ensemble, [start], ESCAPE * abs(trial.start))
 
 
 def threshold(device: Device, trial: Trial) -> float:
@@ -207,8 +265,14 @@ class _Hunt:
             if active.size == 0:
                 return self.brackets(self.frequencies(trial, workers))
             some = walls(tried[active], self.dampings[active])
-            growth = _judge(self.device, self.one, some, trial, workers)
+            growth = judge_subjects(self.subjects(active.size, trial), some, trial, workers)
             self.learn(active, tried[active], growth)
+
+    def subjects(self, count: int, trial: Trial) -> Subjects:
+        """Return so many runs of the device."""
+        which = np.zeros(count, dtype=np.int64)
+        starts, rests = np.full(count, trial.start), np.full(count, self.limit)
+        return Subjects([self.one], which, starts, rests, _nonlinear(self.device))
 
     def frequencies(self, trial: Trial, workers: int) -> Floats:
         """Ultimate frequency [Hz] of the run at each unstable end."""
@@ -217,7 +281,7 @@ class _Hunt:
         some = walls(self.unstable[known], self.dampings[known])
         period = self.device.interface.period
         weights = np.zeros(round(trial.seconds / period))
-        runs = _started(self.one, some, trial)
+        runs = self.subjects(known.size, trial).started(some)
         _, velocities, tasks, _ = runs.tasks(weights, 1, keep=True)
         in_parallel(tasks, workers)
         found[known] = ultimate_frequencies(velocities, period)

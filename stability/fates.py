@@ -11,16 +11,17 @@ undecided: the steps decide whether it will stop.
 """
 
 import enum
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import Device
 from zwidth.sim.ensemble import walls
 from zwidth.sim.growth import DECAYS, GROWS, LIMIT_CYCLE, UNDECIDED, Growth
-from zwidth.stability.bisection import Trial, judge, threshold
+from zwidth.stability.bisection import judge_each, threshold
 from zwidth.stability.plane import OF_THE_DEVICE, Floats, Plane
 
 Ints = NDArray[np.int64]
@@ -64,56 +65,68 @@ class Fates:
 
 
 def evaluate(plane: Plane, x: Floats, y: Floats, workers: int | None = None) -> Fates:
-    """Run the device at points (x, y) of the plane, both (n,).
-
-    Points that share everything of the device go through the kernel together; where there are
-    many such groups they go side by side.
-    """
+    """Run the device at points (x, y) of the plane, both (n,): those of one structure together."""
     columns: dict[str, Floats] = {plane.x.quantity: x, plane.y.quantity: y}
-    apart = [columns[q] for q in (*OF_THE_DEVICE, "amplitude") if q in columns]
-    keys = np.column_stack(apart) if apart else np.zeros((x.size, 1))
-    _, group = np.unique(keys, axis=0, return_inverse=True)
-    groups = [np.flatnonzero(group.ravel() == g) for g in range(int(group.max(initial=-1)) + 1)]
-    workers = workers or threads()
-    inner = 1 if len(groups) >= workers else workers
-    result = Fates.empty(x.size)
-
-    def run(points: Ints) -> None:
-        some = {name: column[points] for name, column in columns.items()}
-        result.put(points, _of_one_device(plane, some, inner))
-
-    in_parallel([lambda points=points: run(points) for points in groups], workers)
-    return result
+    apart = {q: columns[q] for q in OF_THE_DEVICE if q in columns}
+    keys = np.column_stack(list(apart.values())) if apart else np.zeros((x.size, 1))
+    values, which = np.unique(keys, axis=0, return_inverse=True)
+    which = which.ravel().astype(np.int64)
+    devices = [plane.device_at(dict(zip(apart, row, strict=False))) for row in values.tolist()]
+    starts = columns.get("amplitude", np.full(x.size, plane.trial.start))
+    stiffness = columns.get("K", np.full(x.size, plane.stiffness))
+    damping = columns.get("B", np.full(x.size, plane.damping))
+    setting = Setting.of(plane, devices, which, starts)
+    ensemble = walls(stiffness, damping, 0.0, plane.one_sided)
+    growth = judge_each(devices, which, ensemble, starts, setting.rest, plane.trial, workers)
+    return classify(growth, setting, plane.trial.limit_s, plane.perceptible, plane.one_sided)
 
 
-def _of_one_device(plane: Plane, columns: dict[str, Floats], workers: int) -> Fates:
-    first = {name: float(column[0]) for name, column in columns.items()}
-    device = plane.device_at(first)
-    trial = plane.trial_at(device, first.get("amplitude", plane.trial.start))
-    count = next(iter(columns.values())).size
-    stiffness = columns.get("K", np.full(count, plane.stiffness))
-    damping = columns.get("B", np.full(count, plane.damping))
-    growth = judge(device, walls(stiffness, damping, 0.0, plane.one_sided), trial, workers)
-    return classify(growth, device, trial, plane.perceptible, plane.one_sided)
+class Setting(NamedTuple):
+    """What of device and trial decides a fate, each (runs,).
+
+    limit of the command, encoder_step, stepped: whether anything is; start: amplitude at t = 0;
+    rest: amplitude of a cycle that counts as rest.
+    """
+
+    limit: Floats
+    encoder_step: Floats
+    stepped: NDArray[np.bool_]
+    start: Floats
+    rest: Floats
+
+    @staticmethod
+    def of(
+        plane: Plane, devices: Sequence[Device], which: NDArray[np.int64], starts: Floats
+    ) -> "Setting":
+        """Return the settings of runs on a plane."""
+        faces = [device.interface for device in devices]
+        steps = np.array([face.encoder_step for face in faces])[which]
+        stepped = np.array([face.encoder_step > 0.0 or face.command_step > 0.0 for face in faces])
+        rests = [
+            threshold(devices[k], plane.trial_at(devices[k], a))
+            for k, a in zip(which.tolist(), starts.tolist(), strict=True)
+        ]
+        limits = np.array([face.command_limit for face in faces])
+        return Setting(limits[which], steps, stepped[which], starts, np.array(rests))
 
 
 def classify(
-    growth: Growth, device: Device, trial: Trial, perceptible: float, one_sided: bool = False
+    growth: Growth, setting: Setting, limit_s: float, perceptible: float, one_sided: bool = False
 ) -> Fates:
     """Turn verdicts into fates.
 
     A cycle at the amplifier's limit is growth that the limit holds; the command of a one-sided wall
     reaches the limit on one side only. Such a cycle may seem to fall a little while it settles.
     """
-    interface = device.interface
-    reach = (0.5 if one_sided else 1.0) * interface.command_limit
-    stepped = interface.encoder_step > 0.0 or interface.command_step > 0.0
+    reach = (0.5 if one_sided else 1.0) * setting.limit
+    stepped = setting.stepped
     with np.errstate(invalid="ignore"):
-        resting = growth.amplitude <= threshold(device, trial)
+        resting = growth.amplitude <= setting.rest
         held = growth.force >= AT_THE_LIMIT * reach
         small = growth.force < perceptible
-        falling = growth.rate * trial.limit_s < -1.0
-        low = growth.amplitude < max(abs(trial.start), FEW_STEPS * interface.encoder_step)
+        falling = growth.rate * limit_s < -1.0
+        few = np.maximum(np.abs(setting.start), FEW_STEPS * setting.encoder_step)
+        low = growth.amplitude < few
     decays, undecided = growth.verdict == DECAYS, growth.verdict == UNDECIDED
     restless = stepped & decays & ~resting
     grows = growth.verdict == GROWS

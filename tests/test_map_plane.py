@@ -11,7 +11,7 @@ from zwidth.sim.growth import DECAYS, GROWS, LIMIT_CYCLE, UNDECIDED, Growth
 from zwidth.sim.physics import make_physics
 from zwidth.stability.bisection import Trial
 from zwidth.stability.fate_map import make_map, save_map
-from zwidth.stability.fates import Fate, classify, evaluate
+from zwidth.stability.fates import Fate, Setting, classify, evaluate
 from zwidth.stability.linear import critical_stiffness
 from zwidth.stability.map_summary import summary
 from zwidth.stability.plane import Axis, Plane, with_friction
@@ -122,8 +122,9 @@ def test_verdicts_become_fates(
     Mutations: any one of `restless`, `drifting`, `held`, `small` left out fails a row.
     """
     device = phantom().with_interface(encoder_step=step, command_limit=0.5)
-    trial = Plane(device, B, K).trial_at(device, 1e-3)
-    assert classify(growth(*found), device, trial, 0.01).fate[0] == fate
+    plane = Plane(device, B, K)
+    setting = Setting.of(plane, [device], np.zeros(1, np.int64), np.array([1e-3]))
+    assert classify(growth(*found), setting, plane.trial.limit_s, 0.01).fate[0] == fate
 
 
 def test_irregular_oscillations_are_judged_as_in_eight_times_the_time() -> None:

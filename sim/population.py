@@ -1,0 +1,236 @@
+"""Many devices of one kind along a recording: their innovations, their costs, or their free runs.
+
+Members have the same masses, links, effects and places; all numbers are their own. They go eight at
+a time through the lanes of the kernel, those with the same whole ticks of delay together, and each
+gives what it would give alone, bit for bit. Whatever happens to one (an overflow, too few substeps
+for its friction) is its own: its innovations are infinite from there on.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.sim.device import Device
+from zwidth.sim.group import Group, Stack, group, member, stack
+from zwidth.sim.kernel import Memory
+from zwidth.sim.lane_type import WIDTH
+from zwidth.sim.predict import Outputs, Reading, judge_of, predict, saved_room
+from zwidth.sim.run import Start, start_memory
+
+Floats = NDArray[np.float64]
+Task = Callable[[], None]
+RunAll = Callable[[Sequence[Task]], object]
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A recording as it is followed.
+
+    command (ticks,); measured (ticks, o), NaN where nothing was; outputs: what the columns are.
+    external (ticks, n): forces on the masses besides, None for none. arriving (ticks,): what is
+    read times each member's jitter, None for none.
+    """
+
+    command: Floats
+    measured: Floats
+    outputs: Outputs
+    external: Floats | None = None
+    arriving: Floats | None = None
+
+    @property
+    def ticks(self) -> int:
+        """Number of samples."""
+        return self.command.size
+
+
+@dataclass(frozen=True)
+class Readings:
+    """How each member reads a recording; what is None is neutral.
+
+    observers: gains L (states, o) of all, or (members, states, o). gains (members,) of the command;
+    origins (members, o) taken from what was measured, and jitters (members, o) times what is
+    arriving.
+    """
+
+    observers: Floats
+    gains: Floats | None = None
+    origins: Floats | None = None
+    jitters: Floats | None = None
+
+
+@dataclass(frozen=True)
+class Followed:
+    """What came of it, a row a member.
+
+    moments (members, o, o): sum of w w' over `counted` ticks, w the whitened innovations; infinite
+    where a member overflowed. innovations (members, ticks, o) where they were kept, else (members,
+    0, o). memories: the states at the end.
+    """
+
+    moments: Floats
+    counted: int
+    innovations: Floats
+    memories: tuple[Memory, ...]
+
+    def costs(self) -> Floats:
+        """Return -2 log likelihood of the whitened innovations, up to a constant: n ln det S."""
+        finite = np.isfinite(self.moments).all(axis=(1, 2))
+        found = np.full(finite.size, np.inf)
+        spread = self.moments[finite] / max(1, self.counted)
+        found[finite] = self.counted * np.linalg.slogdet(spread)[1]
+        return found
+
+
+class Population:
+    """Devices of one kind, ready to follow recordings.
+
+    few, many: substeps a tick, and in ticks in which friction or play turns. seed: of lost samples.
+    Raises ValueError for no devices, devices of several kinds, substeps < 1 or a seed out of range.
+    """
+
+    def __init__(self, devices: Sequence[Device], few: int, many: int, seed: int = 0) -> None:
+        if not devices:
+            raise ValueError("a population of no devices; give at least one")
+        coarse = [member(d, few, seed) for d in devices]
+        kinds = {m.kind for m in coarse}
+        if len(kinds) > 1:
+            raise ValueError(
+                "members of a population differ in masses, effects or places; predict each kind by"
+                " itself"
+            )
+        self.coarse = coarse
+        fine = coarse if many <= few else [member(d, many, seed) for d in devices]
+        sound = [i for i, m in enumerate(fine) if m.complaint is None]
+        structures: dict[object, list[int]] = {}
+        for i in sound:
+            key = (coarse[i].structure, fine[i].structure)
+            structures.setdefault(key, []).append(i)
+        self.batches = [
+            _Batch(np.array(which), *(stack([ms[i] for i in which]) for ms in (coarse, fine)))
+            for which in structures.values()
+        ]
+
+    @property
+    def size(self) -> int:
+        """Number of members."""
+        return len(self.coarse)
+
+    def start(self, positions: Floats, velocities: Floats) -> tuple[Memory, ...]:
+        """Return each member's memory at t = 0; positions and velocities (members, masses)."""
+        return tuple(
+            start_memory(m.eq, Start(q.tolist(), v.tolist()))
+            for m, q, v in zip(self.coarse, positions, velocities, strict=True)
+        )
+
+    def follow(
+        self,
+        recorded: Recorded,
+        starts: Sequence[Memory],
+        readings: Readings,
+        filters: Floats | None = None,
+        skipped: int = 0,
+        keep: bool = False,
+        run_all: RunAll = lambda tasks: [task() for task in tasks],
+    ) -> Followed:
+        """Follow a recording from the states given.
+
+        filters (o, o, order + 1), or (members, o, o, order + 1): what whitens the innovations, None
+        for nothing; missing samples count zero, the first `skipped` ticks not at all. keep: return
+        the innovations. run_all: runs the tasks, a group each, in any order.
+        """
+        ticks, o = recorded.measured.shape
+        plain = np.eye(o)[:, :, None] if filters is None else filters
+        moments = np.full((self.size, o, o), np.inf)
+        innovations = np.full((self.size, ticks if keep else 0, o), np.inf)
+        memories = list(starts)
+
+        def run(batch: _Batch, first: int) -> None:
+            chosen = np.arange(first, min(first + WIDTH, batch.members.size))
+            which = batch.members[chosen]
+            coarse, fine = batch.groups(chosen)
+            memory = _together([starts[i] for i in which])
+            judge = judge_of(_lanes(plain, which, 3), skipped, ticks if keep else 0, (WIDTH,))
+            external = recorded.external
+            predict(
+                coarse.eq, fine.eq, recorded.outputs, recorded.command, recorded.measured,
+                _reading(readings, which, recorded, coarse.eq.states),
+                np.zeros((0, coarse.eq.dof)) if external is None else external,
+                memory, (coarse.scratch, fine.scratch), saved_room(coarse.eq, (WIDTH,)), judge,
+            )  # fmt: skip
+            for lane, i in enumerate(which):
+                memories[i] = _alone(memory, lane)
+                overflowed = memories[i].scalars[3] != 0.0
+                moments[i] = np.inf if overflowed else judge.moments[..., lane]
+                if keep:
+                    innovations[i] = judge.kept[..., lane]
+
+        tasks = [
+            lambda b=batch, f=first: run(b, f)
+            for batch in self.batches
+            for first in range(0, batch.members.size, WIDTH)
+        ]
+        run_all(tasks)
+        return Followed(moments, max(0, ticks - skipped), innovations, tuple(memories))
+
+
+@dataclass(frozen=True)
+class _Batch:
+    """Members of one structure, by their places in the population, in few and in many substeps."""
+
+    members: NDArray[np.int64]
+    coarse: Stack
+    fine: Stack
+
+    def groups(self, chosen: NDArray[np.int64]) -> tuple[Group, Group]:
+        return group(self.coarse, chosen), group(self.fine, chosen)
+
+
+def _filled(which: NDArray[np.int64]) -> NDArray[np.int64]:
+    return which[np.minimum(np.arange(WIDTH), which.size - 1)]
+
+
+def _lanes(values: Floats, which: NDArray[np.int64], axes: int) -> Floats:
+    """Return (..., WIDTH) of one array for all, with so many axes, or of one a member."""
+    shared = values.ndim == axes
+    rows = np.broadcast_to(values, (WIDTH, *values.shape)) if shared else values[_filled(which)]
+    return np.ascontiguousarray(np.moveaxis(rows, 0, -1))
+
+
+def _reading(
+    readings: Readings, which: NDArray[np.int64], recorded: Recorded, states: int
+) -> Reading:
+    o = recorded.measured.shape[1]
+    size = int(which.max()) + 1
+    gains = np.ones(size) if readings.gains is None else readings.gains
+    origins = np.zeros((size, o)) if readings.origins is None else readings.origins
+    jitters = np.zeros((size, o)) if readings.jitters is None else readings.jitters
+    arriving = np.zeros(0) if recorded.arriving is None else recorded.arriving
+    observer = _lanes(readings.observers, which, 2)
+    if observer.shape[:2] != (states, o):
+        raise ValueError(
+            f"observers have shape {readings.observers.shape}; ({states}, {o}) or"
+            f" (members, {states}, {o}) is needed"
+        )
+    return Reading(
+        observer, _lanes(gains[:, None], which, 1), _lanes(origins, which, 1),
+        _lanes(jitters, which, 1), arriving,
+    )  # fmt: skip
+
+
+FLOATING = ("x", "line", "controller", "internal", "scalars", "totals")
+
+
+def _together(memories: Sequence[Memory]) -> Memory:
+    filled = [*memories, *[memories[-1]] * (WIDTH - len(memories))]
+    rows = {
+        name: np.ascontiguousarray(np.stack([getattr(m, name) for m in filled], axis=-1))
+        for name in FLOATING
+    }
+    return Memory(**rows, counters=memories[0].counters.copy())
+
+
+def _alone(memory: Memory, lane: int) -> Memory:
+    rows = {name: getattr(memory, name)[..., lane].copy() for name in FLOATING}
+    return Memory(**rows, counters=memory.counters.copy())
