@@ -14,6 +14,7 @@ import pytest
 
 from zwidth import cli, console
 from zwidth.controllers.excitation import noise
+from zwidth.covariance import save_covariance
 from zwidth.diagnosis.exam.conceal import conceal, orders
 from zwidth.errors import Status
 from zwidth.files.protection import RECORDS, command
@@ -300,6 +301,28 @@ def test_no_command_writes_over_its_inputs(
     assert said == f"error: {target} {why}; give another file to write"
     assert reached == []
     assert files(here) == before
+
+
+@pytest.mark.parametrize(
+    ("name", "option", "file"),
+    [
+        ("boundary", "--covariance spread.json", "spread.json"),
+        ("replay", "--controller law_of_mine:step", "law_of_mine.py"),
+        ("diagnose", "--validate other.toml", "other.csv"),
+    ],
+)
+def test_what_an_option_names_is_an_input_too(
+    name: str, option: str, file: str, here: Path, capsys: pytest.CaptureFixture[str]
+):
+    """Mutation: `reading` left out for covariances, or for a control law of the user's own."""
+    save_covariance(here / "spread.json", ["m"], np.eye(1))
+    (here / "law_of_mine.py").write_text(LAW)
+    shutil.copy("rec.csv", "other.csv")
+    (here / "other.toml").write_text(DESCRIPTION.replace("rec.csv", "other.csv"))
+    before = Path(file).read_bytes()
+    assert run(name, *option.split(), "--json", file, "--force") == Status.BAD_INPUT
+    assert capsys.readouterr().err.splitlines()[-1].endswith("; give another file to write")
+    assert Path(file).read_bytes() == before
 
 
 @pytest.mark.parametrize("name", RUN)
