@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from zwidth.controllers.excitation import chirp, multisine, noise, random_steps, triangle
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.experiment import Experiment
+from zwidth.files.whole import write_bytes, write_text
 from zwidth.scenarios.scenario import SUBSTEPS, Scenario, one_is_exact
 from zwidth.scenarios.scenario_file import scenario_to_text
 from zwidth.sim.device import Device
@@ -189,7 +190,5 @@ def save_scenario(device: Device, command: Floats, path: Path) -> Path:
     scenario = Scenario(device, recorded(command), duration, energy="none")
     buffer = BytesIO()
     np.save(buffer, command)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.with_name(array).write_bytes(buffer.getvalue())
-    path.write_text(scenario_to_text(scenario, array=array), encoding="utf-8")
-    return path
+    write_bytes(path.with_name(array), buffer.getvalue())
+    return write_text(path, scenario_to_text(scenario, array=array))

@@ -19,6 +19,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from zwidth.figures.map import draw_fates, legend
+from zwidth.files.protection import writing_as
 from zwidth.files.whole import write_text, write_with
 from zwidth.sim.device_file import load_device
 from zwidth.sim.jit import cache_folder
@@ -259,10 +260,11 @@ edges about one point in a hundred differs from a full lattice.
 
 
 def main() -> None:
-    """Write the pictures and the page."""
-    paragraphs = text(maps()).split("\n\n")
-    page = "\n\n".join(p if p[0] in "#|!" else textwrap.fill(p, 100) for p in paragraphs)
-    print(f"wrote {write_text(DOCS / f'{PAGE}.md', page.rstrip() + chr(10))}")
+    """Write the pictures and the page over those that are in the tree."""
+    with writing_as("make_linear_boundary_page", overwrite=True):
+        paragraphs = text(maps()).split("\n\n")
+        page = "\n\n".join(p if p[0] in "#|!" else textwrap.fill(p, 100) for p in paragraphs)
+        print(f"wrote {write_text(DOCS / f'{PAGE}.md', page.rstrip() + chr(10))}")
 
 
 if __name__ == "__main__":

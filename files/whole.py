@@ -1,4 +1,8 @@
-"""Write a result whole or not at all: a reader never sees half a file, a full disk no lost one."""
+"""Write a result whole or not at all: a reader never sees half a file, a full disk no lost one.
+
+Nothing else in the tree writes files, so here is where none of the user's is written over (see
+`protection`).
+"""
 
 import json
 import os
@@ -7,6 +11,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import IO, Any
+
+from zwidth.files import protection
 
 
 def check_folder(path: Path) -> None:
@@ -26,13 +32,15 @@ def check_folder(path: Path) -> None:
 
 
 @contextmanager
-def replacing(path: Path, wait: bool = True) -> Generator[IO[bytes]]:
+def replacing(path: Path, wait: bool = True, own: bool = False) -> Generator[IO[bytes]]:
     """Open a binary file that takes the place of `path` when the block ends without an error.
 
     What stood at `path` stays until then, and after an error. Folders are made. A path that is no
     plain file (a terminal, a pipe, /dev/null) is written to directly. wait: until the disk has it,
-    so that it is whole after a power cut, too. Raises OSError.
+    so that it is whole after a power cut, too. own: the caller has made sure that what stands there
+    is its own, and keeps account of it itself. Raises OSError; Protected for a user's file.
     """
+    writer = protection.begin(path, own)
     target = path.resolve()
     plain = target.is_file() or not target.exists()
     draft = target.with_name(f".{target.name}.{os.getpid()}.part") if plain else target
@@ -44,7 +52,7 @@ def replacing(path: Path, wait: bool = True) -> Generator[IO[bytes]]:
             if plain and wait:
                 os.fsync(stream.fileno())
         if plain:
-            draft.replace(target)
+            writer.put(draft, path, recorded=not own)
     except OSError as error:  # in the words of the caller: the draft's name says nothing to him
         raise OSError(error.errno, error.strerror or str(error), str(path)) from error
     finally:
@@ -60,16 +68,16 @@ def write_with(path: Path, write: Callable[[IO[bytes]], object]) -> Path:
     return path
 
 
-def write_bytes(path: Path, content: bytes, wait: bool = True) -> Path:
+def write_bytes(path: Path, content: bytes, wait: bool = True, own: bool = False) -> Path:
     """Write bytes, whole or not at all (see `replacing`); returns the path."""
-    with replacing(path, wait) as stream:
+    with replacing(path, wait, own) as stream:
         stream.write(content)
     return path
 
 
-def write_text(path: Path, text: str) -> Path:
-    """Write UTF-8 text, whole or not at all; returns the path."""
-    return write_with(path, lambda stream: stream.write(text.encode()))
+def write_text(path: Path, text: str, own: bool = False) -> Path:
+    """Write UTF-8 text, whole or not at all (see `replacing`); returns the path."""
+    return write_bytes(path, text.encode(), own=own)
 
 
 def json_text(value: Any) -> str:

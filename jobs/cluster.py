@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 from uuid import uuid4
 
+from zwidth.files.protection import reading
 from zwidth.jobs.digest import code_digest
 from zwidth.jobs.executor import AHEAD
 
@@ -72,7 +73,7 @@ class Cluster:
             logging.getLogger(name).setLevel(logging.CRITICAL)
         file = self.address.endswith(".json")
         try:
-            if not self.address or (file and not Path(self.address).is_file()):
+            if not self.address or (file and not reading(Path(self.address)).is_file()):
                 raise ValueError(self.address)
             self._client = self._connect(ANSWER_WITHIN)
             self._client.wait_for_workers(1, timeout=ANSWER_WITHIN)

@@ -3,7 +3,8 @@
 A folder holds a description (what the work is) and `part-00000.npz`, ..., numbered in the order in
 which the work needs them and written in the order in which they are finished. A run that stops,
 however abruptly, leaves whole parts. The next one checks that they are of the same work, and runs
-those that are missing or damaged.
+those that are missing or damaged. The description says that the parts are the work's own, to be
+written over; a folder with parts and none is somebody else's.
 """
 
 import io
@@ -37,7 +38,10 @@ class PartStore:
         work, subject = what
         file = folder / f"{subject}.json"
         if not file.exists():
-            write_bytes(file, json.dumps(identity, indent=2, allow_nan=False).encode())
+            if next(folder.glob("part-*.npz"), None) is not None:
+                raise ValueError(f"{folder} holds parts, but no {file.name}; choose another folder")
+            text = json.dumps(identity, indent=2, allow_nan=False)
+            write_bytes(file, text.encode(), own=True)
             return
         try:
             earlier = json.loads(file.read_text(encoding="utf-8"))
@@ -70,7 +74,7 @@ class PartStore:
         """
         buffer = io.BytesIO()
         np.savez(buffer, **dict(arrays))
-        write_bytes(self._file(number), buffer.getvalue(), wait=False)
+        write_bytes(self._file(number), buffer.getvalue(), wait=False, own=True)
 
     def _file(self, number: int) -> Path:
         return self.folder / f"part-{number:05d}.npz"

@@ -12,6 +12,7 @@ from types import TracebackType
 import numpy as np
 from mcap.records import Attachment
 
+from zwidth.files.protection import writing_as
 from zwidth.logs.container import Container, Content, encode
 from zwidth.logs.errors import LogBlockError, LogWriteError
 from zwidth.logs.events import Event, encode_events, event_records
@@ -46,12 +47,16 @@ class LogWriter:
 
     Every block reaches the operating system, as complete chunks, before append returns: after
     `kill -9` all blocks appended so far can be read. Until the log is closed it is called
-    `partial` (NAME.partial.mcap); only then does it take the name `path` and replace an older file.
+    `partial` (NAME.partial.mcap); only then does it take the name `path`.
     If the `with` block fails or is interrupted, the log is completed under its partial name.
 
     Append about a second at a time: each block is compressed alone and repeats its schema, 0.7 kB.
 
-    Raises LogPathError (path), LogBlockError (what does not fit), LogWriteError (a full disk).
+    A file at `path` stands in the way unless a log writer wrote it and nobody has edited it since;
+    overwrite: write over it.
+
+    Raises LogPathError (path), Protected (a file in the way), LogBlockError (what does not fit),
+    LogWriteError (a full disk).
     """
 
     def __init__(
@@ -65,6 +70,7 @@ class LogWriter:
         epoch_ns: int | None = None,
         origin: Origin = "simulated",
         facts: Mapping[str, object] | None = None,
+        overwrite: bool = False,
     ) -> None:
         self.epoch_ns = time.time_ns() if epoch_ns is None else epoch_ns
         if not 0 <= self.epoch_ns < 2**63:
@@ -83,7 +89,8 @@ class LogWriter:
         self._event_records = event_records(self._event_id, self.epoch_ns)
         self._event_count = 0
         about = _text(metadata or {})
-        self._sink = Sink(Path(path))
+        with writing_as("LogWriter", overwrite):
+            self._sink = Sink(Path(path))
         self._container = Container(self._sink)
         self._closed = False
         with self._keeping_what_is_written():
@@ -204,18 +211,22 @@ def write_log(
     metadata: Mapping[str, str] | None = None,
     attachments: Mapping[str, bytes] | None = None,
     epoch_ns: int | None = None,
+    overwrite: bool = False,
 ) -> None:
     """Write finished traces as one log; see `LogWriter` for the arguments and errors."""
-    with LogWriter(
-        path,
-        _units(tick),
-        substep_channels=None if substep is None else _units(substep),
-        metadata=metadata,
-        attachments=attachments,
-        epoch_ns=epoch_ns,
-        origin=tick.origin,
-        facts=tick.facts,
-    ) as log:
+    with (
+        writing_as("write_log", overwrite),
+        LogWriter(
+            path,
+            _units(tick),
+            substep_channels=None if substep is None else _units(substep),
+            metadata=metadata,
+            attachments=attachments,
+            epoch_ns=epoch_ns,
+            origin=tick.origin,
+            facts=tick.facts,
+        ) as log,
+    ):
         log.append(tick.t, tick.channels)
         if substep is not None:
             log.append(substep.t, substep.channels, SUBSTEP)

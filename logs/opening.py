@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
+from zwidth.files.protection import reading
 from zwidth.logs.errors import LogEmpty, LogIsDirectory, LogNotFound, LogNotReadable
 
 
@@ -20,7 +21,7 @@ def opened(path: Path) -> Generator[BinaryIO]:
     try:
         if not path.is_dir() and not stat.S_ISREG(path.stat().st_mode):
             raise LogNotReadable(f"{path} is no regular file; give a recording or a log")
-        with path.open("rb") as file:
+        with reading(path).open("rb") as file:
             if not file.read(1):
                 raise LogEmpty(f"{path} is empty; what should have written it left nothing")
             file.seek(0)

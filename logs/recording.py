@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from zwidth.files.protection import reading
 from zwidth.logs.conversion import Converted, convert
 from zwidth.logs.mcap_reader import Log
 from zwidth.logs.one_axis import Stream, group, one_axis
@@ -66,6 +67,7 @@ def read_recording(path: FilePath, folder: FilePath | None = None) -> Trace:
         return read_own(path).tick
     description = load_description(path)
     file = (path.parent if folder is None else Path(folder)) / description.file
+    reading(file, f"is what {path.name} describes")
     try:
         return _read(description, open_source(file, description.csv))
     except RecordingError as error:

@@ -9,6 +9,7 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
+from zwidth.files.protection import begin
 from zwidth.logs.errors import LogPathError, LogWriteError
 
 NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
@@ -22,11 +23,13 @@ class Sink:
     disk is taken back, one cut short by an interrupt is overwritten by the next. What was appended
     survives the end of this process, however it ends; only finish waits for the disk itself.
 
-    Raises LogPathError if the file cannot be created, LogWriteError if the machine fails.
+    Raises LogPathError if the file cannot be created, Protected if another's file stands there,
+    LogWriteError if the machine fails.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self._writer = begin(path)
         self.partial, self._descriptor = _create(path)
         self.offset = 0
         self._open = True
@@ -53,11 +56,11 @@ class Sink:
             os.close(self._descriptor)
 
     def finish(self) -> None:
-        """Wait until the file is on the disk, then give it its name, replacing an older file."""
+        """Wait until the file is on the disk, then give it its name."""
         try:
             os.fsync(self._descriptor)
             self.close()
-            os.replace(self.partial, os.path.realpath(self.path))
+            self._writer.put(self.partial, self.path)
         except OSError as error:
             raise self._failed(error) from None
 

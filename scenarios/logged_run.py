@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from zwidth.files.protection import writing_as
 from zwidth.logs.events import Event
 from zwidth.logs.mcap_writer import LogWriter
 from zwidth.logs.schema import SUBSTEP
@@ -53,6 +54,7 @@ def logged_run(
     metadata: Mapping[str, str] | None = None,
     epoch_ns: int | None = None,
     on_block: Callable[[int], object] | None = None,
+    overwrite: bool = False,
 ) -> LoggedRun:
     """Run a scenario and write its log to `path` while it runs.
 
@@ -63,21 +65,26 @@ def logged_run(
     Until the run is done the log is called NAME.partial.mcap, and keeps that name if the run is
     interrupted or killed: every finished block of 1000 ticks can be read and replayed from it.
 
-    Raises ValueError with a sentence, LogError where the log cannot be written.
+    A file at `path` stands in the way unless this function wrote it and nobody has edited it since;
+    overwrite: write over it. Raises Protected then, ValueError with a sentence, LogError where the
+    log cannot be written.
     """
     setup = scenario.prepare()
     given = dict(metadata or {})
     units, finder = channel_units(scenario, setup), EventFinder(scenario.device)
     done, events = list[Block](), list[Event]()
-    with LogWriter(
-        path,
-        units,
-        substep_channels=_state_units(units) if scenario.fine else None,
-        metadata=_description(scenario) | given,
-        attachments=_attachments(scenario, setup),
-        epoch_ns=epoch_ns,
-        facts={"device": scenario.device.name},
-    ) as log:
+    with (
+        writing_as("logged_run", overwrite),
+        LogWriter(
+            path,
+            units,
+            substep_channels=_state_units(units) if scenario.fine else None,
+            metadata=_description(scenario) | given,
+            attachments=_attachments(scenario, setup),
+            epoch_ns=epoch_ns,
+            facts={"device": scenario.device.name},
+        ) as log,
+    ):
         for block in run_blocks(scenario, setup):
             log.append(block.tick.t, block.tick.channels)
             if block.fine is not None:

@@ -13,6 +13,7 @@ from typing import Any, cast
 
 import tomli_w
 
+from zwidth.files.protection import reading
 from zwidth.scenarios.controller_kinds import Files, controller_entry, read_controller, whole
 from zwidth.scenarios.disturbance import KEYS, Disturbance
 from zwidth.scenarios.scenario import Scenario
@@ -214,7 +215,7 @@ def _beside(path: Path) -> Files:
     def read(name: str) -> bytes:
         file = path.parent / name
         try:
-            return file.read_bytes()
+            return reading(file).read_bytes()
         except FileNotFoundError:
             raise ScenarioError(f"there is no file {str(file)!r}; check the name") from None
         except IsADirectoryError:

@@ -10,13 +10,15 @@ import hashlib
 import os
 import tomllib
 from collections.abc import Generator, Iterable, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import tomli_w
 
+from zwidth.files.protection import reading, writing_as
+from zwidth.files.whole import write_text
 from zwidth.sim.chain import Chain, make_chain
 from zwidth.sim.device import Device, DeviceError, home, place_label
 from zwidth.sim.interface import Interface
@@ -58,7 +60,7 @@ def load_device(name_or_path: str | os.PathLike[str]) -> Device:
     shipped = isinstance(name_or_path, str) and name_or_path in shipped_devices()
     path = SHIPPED / f"{name_or_path}.toml" if shipped else Path(name_or_path)
     try:
-        text = path.read_text(encoding="utf-8")
+        text = reading(path).read_text(encoding="utf-8")
     except FileNotFoundError:
         hint = nearest(path.stem, shipped_devices())
         raise DeviceError(
@@ -71,21 +73,17 @@ def load_device(name_or_path: str | os.PathLike[str]) -> Device:
     return device_from_text(text, str(name_or_path))
 
 
-def save_device(device: Device, path: str | os.PathLike[str]) -> None:
-    """Write the device file as a whole or not at all; raises DeviceError where it cannot."""
-    path = Path(path)
-    draft = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+def save_device(device: Device, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+    """Write the device file as a whole or not at all; folders are made.
+
+    A file stands in the way unless this function wrote it and nobody has edited it since;
+    overwrite: write over it. Raises Protected then, DeviceError where it cannot be written.
+    """
     try:
-        with draft.open("w", encoding="utf-8", newline="\n") as file:
-            file.write(device_to_text(device))
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(draft, path)
+        with writing_as("save_device", overwrite):
+            write_text(Path(path), device_to_text(device))
     except OSError as error:
         raise DeviceError(f"{str(path)!r} cannot be written: {error.strerror}") from None
-    finally:
-        with suppress(OSError):
-            draft.unlink()
 
 
 def model_hash(device: Device) -> str:

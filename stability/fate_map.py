@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.files.protection import writing_as
 from zwidth.files.whole import write_bytes
 from zwidth.jobs.executor import Executor, Local
 from zwidth.jobs.only_driver import only_driver
@@ -136,10 +137,11 @@ def description(plane: Plane, coarse: int, levels: int) -> dict[str, Any]:
     return value | {"sha256": digest, "engine": cache_folder().name}
 
 
-def save_map(result: FateMap, file: Path) -> Path:
+def save_map(result: FateMap, file: Path, *, overwrite: bool = False) -> Path:
     """Write a map as NetCDF with units and attributes, whole or not at all; returns the path.
 
-    The same map gives the same bytes. Raises OSError.
+    The same map gives the same bytes. A file stands in the way unless this function wrote it and
+    nobody has edited it since; overwrite: write over it. Raises Protected then, OSError.
     """
     import xarray  # takes half a second, and only who saves a map needs it
 
@@ -176,9 +178,8 @@ def save_map(result: FateMap, file: Path) -> Path:
         "one_sided": int(plane.one_sided),
     }
     data = xarray.Dataset(contents, axes, attributes)
-    file.parent.mkdir(parents=True, exist_ok=True)
-    write_bytes(file, bytes(data.to_netcdf(engine="scipy")))
-    return file
+    with writing_as("save_map", overwrite):
+        return write_bytes(file, bytes(data.to_netcdf(engine="scipy")))
 
 
 def units_of(plane: Plane, quantity: str) -> str:

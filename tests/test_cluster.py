@@ -119,11 +119,11 @@ def test_a_full_disk_at_the_driver_keeps_what_was_finished(
     arguments += ["--cluster", two.scheduler_address]
     written: list[Path] = []
 
-    def full_after_five(file: Path, content: bytes, wait: bool = True) -> None:
+    def full_after_five(file: Path, content: bytes, **options: bool) -> None:
         written.append(file)
         if len(written) > 5:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(file))
-        whole_file(file, content, wait)
+        whole_file(file, content, **options)
 
     whole_file = store.write_bytes
     with monkeypatch.context() as patch:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from zwidth.sim import device_file
+from zwidth.files.protection import RECORDS
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device, DeviceError, warnings_of
 from zwidth.sim.device_file import (
@@ -136,7 +136,7 @@ def test_saving_and_loading(tmp_path: Path) -> None:
     path = tmp_path / "with friction.toml"
     save_device(device, path)
     assert load_device(path) == load_device(str(path)) == device
-    assert os.listdir(tmp_path) == [path.name]
+    assert set(os.listdir(tmp_path)) == {path.name, RECORDS}
     assert stat.S_IMODE(path.stat().st_mode) & 0o400
 
 
@@ -151,16 +151,20 @@ def test_a_failed_save_leaves_the_earlier_file(
     def full(_: int) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(device_file.os, "fsync", full)
+    monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(DeviceError, match=r"cannot be written: No space left"):
         save_device(PHANTOM.rigid(), path)
     assert path.read_bytes() == before
-    assert os.listdir(tmp_path) == [path.name]
+    assert set(os.listdir(tmp_path)) == {path.name, RECORDS}
 
 
-def test_saving_into_a_missing_folder_says_so(tmp_path: Path) -> None:
-    with pytest.raises(DeviceError, match=r"x\.toml' cannot be written: No such file"):
-        save_device(PHANTOM, tmp_path / "no" / "x.toml")
+def test_a_folder_is_made_where_it_can_be(tmp_path: Path) -> None:
+    save_device(PHANTOM, tmp_path / "new" / "x.toml")
+    assert load_device(tmp_path / "new" / "x.toml") == PHANTOM
+    with pytest.raises(
+        DeviceError, match=r"y\.toml' cannot be written: (Not a directory|File exists)"
+    ):
+        save_device(PHANTOM, tmp_path / "new" / "x.toml" / "y.toml")
 
 
 def test_the_hash_is_of_the_content() -> None:

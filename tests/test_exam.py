@@ -122,6 +122,15 @@ def test_another_seed_is_not_mixed_in(folder: Path) -> None:
         conceal(folder, orders(folder, {"none": 2}, 8, 2.0), Local())
 
 
+def test_keys_without_their_list_are_somebody_elses(tmp_path: Path) -> None:
+    """Mutation: a key that is not ours counts as a recording that is finished."""
+    (tmp_path / "keys").mkdir()
+    key_file(tmp_path, "r0001").write_text("mine")
+    with pytest.raises(ValueError, match=r"holds keys, but no made\.txt; choose another folder"):
+        conceal(tmp_path, orders(tmp_path, {"none": 1}, 7, 2.0), Local())
+    assert key_file(tmp_path, "r0001").read_text() == "mine"
+
+
 def test_an_effect_stands_as_high_in_the_recording_as_its_limit_says() -> None:
     """Sigma of the engine's signature, and of the other integrator's recordings, within 10 %.
 

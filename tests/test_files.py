@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from zwidth.errors import Status, explain
+from zwidth.files.protection import RECORDS
 from zwidth.files.whole import check_folder, json_text, replacing, write_text
 
 
@@ -13,7 +14,8 @@ def test_folders_are_made_and_no_draft_stays(tmp_path: Path):
     file = write_text(tmp_path / "a" / "b.txt", "one\n")
     write_text(file, "two µ\n")
     assert file.read_text(encoding="utf-8") == "two µ\n"
-    assert [entry.name for entry in file.parent.iterdir()] == ["b.txt"]
+    assert {entry.name for entry in file.parent.iterdir()} == {"b.txt", RECORDS}
+    assert [entry.name for entry in (file.parent / RECORDS).iterdir()] == ["b.txt.json"]
 
 
 def test_what_stood_there_survives_an_error(tmp_path: Path):
@@ -23,7 +25,7 @@ def test_what_stood_there_survives_an_error(tmp_path: Path):
         stream.write(b"half of the new")
         raise KeyboardInterrupt
     assert file.read_text() == "old"
-    assert [entry.name for entry in tmp_path.iterdir()] == ["result"]
+    assert {entry.name for entry in tmp_path.iterdir()} == {"result", RECORDS}
 
 
 def test_a_link_stays_a_link(tmp_path: Path):

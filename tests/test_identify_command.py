@@ -43,7 +43,7 @@ def test_a_recording_becomes_a_device_with_its_covariance(recording: Path) -> No
     out, result = recording.parent / "out", recording.parent / "r.json"
     asked = ["identify", str(recording), "--modes", "2", "--out", str(out), "--json", str(result)]
     assert cli.run(asked) == Status.DONE
-    device, truth = load_device(out / "rec.toml"), load_device("phantom_1_0").modal
+    device, truth = load_device(out / "rec.device.toml"), load_device("phantom_1_0").modal
     assert device.modal is not None
     assert truth is not None
     assert device.modal.inertia == pytest.approx(truth.inertia, rel=1e-4)

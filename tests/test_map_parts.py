@@ -124,6 +124,14 @@ def test_threads_change_nothing(whole: FateMap) -> None:
     assert same(make_map(plane(), COARSE, LEVELS, workers=3), whole)
 
 
+def test_parts_without_a_description_are_somebody_elses(tmp_path: Path) -> None:
+    """Mutation: the description is written wherever there is none."""
+    (tmp_path / "part-00000.npz").write_text("mine")
+    with pytest.raises(ValueError, match=r"holds parts, but no plane\.json; choose another folder"):
+        make_map(plane(), 3, 0, tmp_path)
+    assert (tmp_path / "part-00000.npz").read_text() == "mine"
+
+
 def test_a_folder_of_another_map_is_refused(tmp_path: Path) -> None:
     make_map(plane(), 3, 0, tmp_path)
     for other in (replace(plane(), perceptible=0.02), replace(plane(), x=Axis("B", 0.0, 0.1))):

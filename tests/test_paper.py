@@ -81,7 +81,7 @@ def test_one_section_as_a_command(tmp_path: Path):
     done = CliRunner().invoke(command, ["--section", "fig_10", "--out", str(tmp_path)])
     assert done.exit_code == 0, done.output
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert {p.name for p in tmp_path.iterdir()} == {"report.html", "fig_10.png", "fig_10.svg"}
+    assert {p.name for p in tmp_path.glob("[!.]*")} == {"report.html", "fig_10.png", "fig_10.svg"}
     misprints = re.findall(r"misprint, read as ([\d.]+)", page)
     assert misprints == ["0.08", "0.1"]
 

@@ -87,7 +87,7 @@ def rewrite(path: Path, **changes: Trace | None) -> Path:
     assert traces["tick"] is not None
     write_log(
         path, traces["tick"], substep=traces["substep"], metadata=log.metadata,
-        attachments=log.attachments, epoch_ns=log.epoch_ns,
+        attachments=log.attachments, epoch_ns=log.epoch_ns, overwrite=True,
     )  # fmt: skip
     return path
 
@@ -95,7 +95,10 @@ def rewrite(path: Path, **changes: Trace | None) -> Path:
 def with_attachment(path: Path, **attachments: bytes) -> Path:
     log = read_log(path)
     changed = dict(log.attachments) | {k.replace("_", "."): v for k, v in attachments.items()}
-    write_log(path, log.tick, metadata=log.metadata, attachments=changed, epoch_ns=log.epoch_ns)
+    write_log(
+        path, log.tick, metadata=log.metadata, attachments=changed, epoch_ns=log.epoch_ns,
+        overwrite=True,
+    )  # fmt: skip
     return path
 
 

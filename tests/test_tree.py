@@ -88,6 +88,22 @@ def test_importing_zwidth_waits_for_none_of_them():
     assert not modules & {"numpy", "numba", "scipy", "matplotlib", "mcap", "xarray", *ours}
 
 
+def test_only_files_writes_files():
+    """What goes by `files` may write over what a user made; so nothing does.
+
+    Mutation: `path.write_text(...)` anywhere. A log appends to a file that it makes, and `files`
+    gives it its name; what is dropped into the page goes into a temporary folder.
+    """
+    opens = r"\.write_(text|bytes)\(|\bopen\((\w+, )?[\"'][wax]"
+    others = r"\bos\.(open|replace|rename)\(|\.tofile\("
+    writing = re.compile(f"{opens}|{others}")
+    found = {f for f in sources() if writing.search(f.read_text(encoding="utf-8"))}
+    assert {str(file.relative_to(ROOT)) for file in found} == {
+        *("files/whole.py", "files/protection.py", "logs/sink.py"),
+        *("zwidth/cli.py", "zwidth/explore/dropped.py"),
+    }
+
+
 def test_an_unknown_public_name_is_an_attribute_error():
     with pytest.raises(AttributeError, match="no attribute 'boundry'"):
         _ = zwidth.boundry  # pyright: ignore[reportAttributeAccessIssue]

@@ -11,6 +11,7 @@ from typing import Any, NoReturn, TextIO
 import click
 
 from zwidth.errors import Status, explain
+from zwidth.files import protection
 
 # Matrices here are small: threads of the linear algebra library only get in the way of ours. It
 # reads this when numpy is first imported, which is later than here.
@@ -79,11 +80,15 @@ class CommandsByName(click.Group):
 @click.command(
     cls=CommandsByName,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-    epilog="Exit status: 0 done, 1 failed, 2 bad input, 130 interrupted with Ctrl-C.",
+    epilog="Nothing you made is overwritten: a command writes over its own earlier results, unless"
+    " somebody has edited them; over other files only with --force, over its inputs never."
+    " Exit status: 0 done, 1 failed, 2 bad input, 130 interrupted with Ctrl-C.",
 )
 @click.version_option(package_name="zwidth", message="%(prog)s %(version)s")
-def zwidth() -> None:
+@click.pass_context
+def zwidth(context: click.Context) -> None:
     """Find how stiff a virtual wall a haptic device can render, and why no stiffer."""
+    context.with_resource(protection.command(f"zwidth {context.invoked_subcommand}"))
 
 
 def run(arguments: Sequence[str] | None = None) -> int:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TextIO
 
+from zwidth.files.protection import check
 from zwidth.files.whole import json_text, write_text
 
 PLAIN_LINE_EVERY = 5.0  # [s], where progress is written to a file and not to a terminal
@@ -73,6 +74,15 @@ class Console:
         )
         self.say(title)
         writer.print(table)
+
+    def will_write(self, *files: Path) -> None:
+        """Refuse before any work is done what may not be written: these files, and the JSON.
+
+        To be called when the inputs are read, with every result whose name is known by then.
+        Raises Protected.
+        """
+        asked = [] if self.json in (None, "-") else [Path(self.json)]
+        check(*files, *asked)
 
     def result(self, value: Any) -> None:
         """Write the result as JSON where it was asked for; raises OSError, ValueError for NaN."""

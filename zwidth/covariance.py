@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.files.protection import reading
 from zwidth.files.whole import json_text, write_text
 
 Floats = NDArray[np.float64]
@@ -36,7 +37,7 @@ def save_covariance(path: Path, names: Sequence[str], values: Floats) -> Path:
 def load_covariance(path: Path) -> Covariance:
     """Read the file; raises OSError, ValueError (one sentence) for anything else than one."""
     try:
-        known = msgspec.json.decode(path.read_bytes(), type=_File)
+        known = msgspec.json.decode(reading(path).read_bytes(), type=_File)
         values = np.array(known.covariance, dtype=np.float64)
     except (msgspec.DecodeError, ValueError) as error:
         raise ValueError(

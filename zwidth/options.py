@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from zwidth.files import protection
 from zwidth.files.whole import check_folder
 
 # What begins like a number is meant as one: `--delay-ms 2 4x` is a wrong delay, not a device "4x".
@@ -102,6 +103,16 @@ def spread(args: list[str], flags: set[str]) -> list[str]:
         result.append(word)
     return result
 
+
+def _force(context: click.Context, param: click.Parameter, value: bool) -> None:
+    if value:
+        protection.force()
+
+
+force_option = click.option(
+    "--force", is_flag=True, expose_value=False, callback=_force,
+    help="Write over files that this command did not make; inputs never.",
+)  # fmt: skip
 
 json_option = click.option(
     "--json", "json_file", metavar="FILE", help="Write the result as JSON; - for standard output."

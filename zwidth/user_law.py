@@ -7,6 +7,7 @@ from typing import Any, cast
 
 import click
 
+from zwidth.files.protection import reading
 from zwidth.sim.controller import Step
 
 
@@ -28,6 +29,8 @@ class ControlLaw(click.ParamType[Step]):
             self.fail(f"module {module_name} cannot be imported: {type(error).__name__}: {error}.")
         finally:
             sys.path.remove(folder)
+        if module.__file__ is not None:
+            reading(Path(module.__file__))
         found = getattr(module, function, None)
         if not callable(found):
             self.fail(f"module {module_name} has no function {function}.")

@@ -9,10 +9,14 @@ import numpy as np
 
 from zwidth.diagnosis.exam.drawing import Concealed, draw
 from zwidth.diagnosis.exam.strata import STRATA
+from zwidth.files.protection import check, reading
 from zwidth.files.whole import write_text
 from zwidth.jobs.executor import Executor
 from zwidth.scenarios.concealed.handout import (
+    all_files,
     key_file,
+    made_file,
+    names,
     recording_files,
     write_data,
     write_description,
@@ -69,10 +73,14 @@ def conceal(
 def _refuse_others(folder: Path, asked: Sequence[Order]) -> None:
     """Keep beside the keys what they were made by, and mix nothing with it."""
     text = "".join(f"{o.name} {o.stratum} {o.seed} {o.rank} {o.seconds}\n" for o in asked)
-    listed = folder / "keys" / "made.txt"
+    listed = made_file(folder)
     if not listed.exists():
-        write_text(listed, text)
-    elif listed.read_text(encoding="utf-8") != text:
+        if names(folder):
+            raise ValueError(f"{folder} holds keys, but no {listed.name}; choose another folder")
+        for order in asked:
+            check(*all_files(folder, order.name))
+        write_text(listed, text, own=True)
+    elif reading(listed).read_text(encoding="utf-8") != text:
         raise ValueError(
             f"{folder} holds recordings of another seed, count or class; choose another folder"
         )

@@ -2,6 +2,8 @@
 
 DIR/answers/r0001.json    what the diagnosis said, written before any seal is opened
 DIR/marks/r0001.json      held-out errors of the true device beside those of the answer
+
+Either is written where there is none, and never again.
 """
 
 import json
@@ -39,7 +41,7 @@ def sit_all(folder: Path, executor: Executor, done: Said = lambda _: None) -> li
         n: Paper(str(folder.resolve()), n) for n in every if not _answer_file(folder, n).exists()
     }
     for name, answer in executor.run(sit, papers):
-        write_text(_answer_file(folder, name), json.dumps(answer, indent=1) + "\n")
+        write_text(_answer_file(folder, name), json.dumps(answer, indent=1) + "\n", own=True)
         done(name)
     return every
 
@@ -93,7 +95,7 @@ def mark_all(
     (folder / "marks").mkdir(exist_ok=True)
     left = {name: o for name, o in opened.items() if not _mark_file(folder, name).exists()}
     for name, errors in executor.run(fit_of, left):
-        write_text(_mark_file(folder, name), json.dumps(errors) + "\n")
+        write_text(_mark_file(folder, name), json.dumps(errors) + "\n", own=True)
         done(name)
     fits: dict[str, HeldOut] = {}
     marks: list[Mark] = []

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from zwidth.files.protection import reading
 from zwidth.files.whole import write_text
 
 SALT_BYTES = 16
@@ -37,12 +38,13 @@ def seal(salt: str, key: Mapping[str, Any]) -> str:
 
 def digest(path: Path) -> str:
     """Return the SHA-256 of a file."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    return hashlib.sha256(reading(path).read_bytes()).hexdigest()
 
 
 def write_key(path: Path, salt: str, key: Mapping[str, Any]) -> None:
     """Write salt and key, whole or not at all."""
-    write_text(path, json.dumps({"salt": salt, "key": key}, indent=1, allow_nan=False) + "\n")
+    text = json.dumps({"salt": salt, "key": key}, indent=1, allow_nan=False) + "\n"
+    write_text(path, text, own=True)
 
 
 def open_key(path: Path, sealed: str, files: Mapping[str, Path]) -> dict[str, Any]:
@@ -52,7 +54,7 @@ def open_key(path: Path, sealed: str, files: Mapping[str, Path]) -> dict[str, An
     -> file. Raises SealError that says what was changed, or is no key.
     """
     try:
-        stored = json.loads(path.read_text(encoding="utf-8"))
+        stored = json.loads(reading(path).read_text(encoding="utf-8"))
         salt, key = str(stored["salt"]), stored["key"]
         found = seal(salt, key)
         expected: dict[str, str] = dict(key["sha256"])

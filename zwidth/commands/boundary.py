@@ -13,7 +13,8 @@ from zwidth.compiling import announce
 from zwidth.console import Column, Console, progress
 from zwidth.controllers.wall import wall
 from zwidth.covariance import load_covariance
-from zwidth.options import ManyNumbers, Quantities, Quantity, json_option, out_option
+from zwidth.figures.names import picture_files
+from zwidth.options import ManyNumbers, Quantities, Quantity, force_option, json_option, out_option
 from zwidth.results import (
     UNSET,
     BoundaryResult,
@@ -35,6 +36,7 @@ from zwidth.stability.boundary import Boundary, BoundaryPoint, default_dampings,
 
 LOGGED_S = 4.0
 SAME_DAMPING = 1e-9
+SIDES = ("stable", "unstable")  # of a boundary's top, a log each
 
 
 @click.command("boundary", cls=ManyNumbers)
@@ -64,6 +66,7 @@ SAME_DAMPING = 1e-9
               help="95 % band of K_CR from the parameters' covariance, as `zwidth identify` wrote"
               " it.")  # fmt: skip
 @out_option("runs/boundary")
+@force_option
 @json_option
 def command(name: str, out: Path, json_file: str | None, **options: Any) -> None:
     """Find the stability boundary of a device under a sampled virtual wall.
@@ -75,13 +78,15 @@ def command(name: str, out: Path, json_file: str | None, **options: Any) -> None
     device = load_device(name)
     for warning in warnings_of(device):
         console.warn(warning)
+    delays = [1e-3 * ms for ms in options["delay_ms"]] or [device.interface.delay]
     asked = Asked(
         options["criterion"] == "passivity",
         _lever(device, options["hand"], options["lever"]),
         None if options["covariance_file"] is None else load_covariance(options["covariance_file"]),
     )
+    logs = (_log_file(out, delay, side) for delay in delays for side in SIDES)
+    console.will_write(*picture_files(out / "boundary"), *logs)
     announce(console)
-    delays = [1e-3 * ms for ms in options["delay_ms"]] or [device.interface.delay]
     trial = Trial(
         start=options["start"],
         limit_s=max(options["limit_s"], 4.0),
@@ -256,16 +261,19 @@ def _ms(device: Device) -> str:
     return f"{1e3 * device.interface.delay:g} ms"
 
 
+def _log_file(out: Path, delay: float, side: str) -> Path:
+    return out / f"top_{1e3 * delay:g}ms_{side}.mcap"
+
+
 def _log_top(boundary: Boundary, trial: Trial, out: Path) -> list[Path]:
     """Log the runs on either side of the highest point of the boundary."""
     top = boundary.top
     if top is None or top.simulated.stable is None:
         return []
     bracket = top.simulated
-    ends = [("stable", bracket.stable, bracket.stable_verdict)]
-    ends.append(("unstable", bracket.unstable, bracket.unstable_verdict))
+    ends = [(bracket.stable, bracket.stable_verdict), (bracket.unstable, bracket.unstable_verdict)]
     written: list[Path] = []
-    for side, stiffness, verdict in ends:
+    for side, (stiffness, verdict) in zip(SIDES, ends, strict=True):
         if stiffness is None:
             continue
         scenario = Scenario(
@@ -275,7 +283,7 @@ def _log_top(boundary: Boundary, trial: Trial, out: Path) -> list[Path]:
             Start(trial.start),
             substeps=trial.substeps,
         )
-        path = out / f"top_{1e3 * boundary.device.interface.delay:g}ms_{side}.mcap"
+        path = _log_file(out, boundary.device.interface.delay, side)
         path.parent.mkdir(parents=True, exist_ok=True)
         known = {} if verdict is None else {"verdict": verdict.value}
         logged_run(scenario, path, metadata=known)

@@ -8,7 +8,7 @@ from zwidth.console import Console, progress
 from zwidth.diagnosis.exam.conceal import conceal, orders
 from zwidth.diagnosis.exam.strata import STRATA, counts
 from zwidth.jobs.choose import executor
-from zwidth.options import Quantity, cluster_option, json_option, out_option
+from zwidth.options import Quantity, cluster_option, force_option, json_option, out_option
 
 CLASSES = "; ".join(f"{s.name}: {s.title}" for s in STRATA.values())
 
@@ -25,6 +25,7 @@ CLASSES = "; ".join(f"{s.name}: {s.title}" for s in STRATA.values())
 @click.option("--processes", type=click.IntRange(1), help="Processes side by side, else one.")
 @cluster_option
 @out_option("runs/concealed")
+@force_option
 @json_option
 def command(
     count: int,
@@ -45,6 +46,7 @@ def command(
     console = Console(json_file)
     asked = counts(count, strata)
     wanted = orders(out, asked, seed, seconds)
+    console.will_write()
     with executor(cluster, processes) as runner, progress("concealing", len(wanted)) as advance:
         made = conceal(out, wanted, runner, lambda name: advance(now=name))
         advance(len(wanted) - made)

@@ -16,7 +16,7 @@ from zwidth.logs.mcap_writer import write_log
 from zwidth.logs.own import own_log
 from zwidth.logs.recording import load_log
 from zwidth.logs.source import RecordingError, Source
-from zwidth.options import json_option
+from zwidth.options import force_option, json_option
 
 MOST_ROWS = 200
 TARGETS = (".mcap", *WRITERS, ".toml")
@@ -25,6 +25,7 @@ TARGETS = (".mcap", *WRITERS, ".toml")
 @click.command("convert")
 @click.argument("source", metavar="SOURCE", type=click.Path(path_type=Path))
 @click.argument("target", metavar="[TARGET]", required=False, type=click.Path(path_type=Path))
+@force_option
 @json_option
 def command(source: Path, target: Path | None, json_file: str | None) -> None:
     """Show what a recorded file holds, draft its description, or convert it.
@@ -33,8 +34,7 @@ def command(source: Path, target: Path | None, json_file: str | None) -> None:
     another tool (also MAT, NPY, HDF5, text tables). Without TARGET its signals are listed, and for
     a file of another tool a recording TOML to start from is printed.
 
-    TARGET is the file to write: .mcap, .csv, .parquet or .npz, or .toml for the draft. An older
-    file of that name is replaced when the new one is complete; a TOML never is.
+    TARGET is the file to write: .mcap, .csv, .parquet or .npz, or .toml for the draft.
     """
     console = Console(json_file)
     if target is None:
@@ -52,8 +52,7 @@ def _convert(console: Console, source: Path, target: Path) -> None:
             f"{target} ends in {target.suffix!r}; a log is written as {', '.join(TARGETS[:-1])}"
         )
     log = load_log(source)
-    if target.exists() and target.samefile(source):
-        raise RecordingError(f"{target} is the file that is converted; give another name")
+    console.will_write(target)
     if suffix == ".mcap":
         _write_mcap(target, log)
         left_out: list[str] = []
@@ -97,11 +96,10 @@ def _warnings(log: Log) -> list[str]:
 
 
 def _draft(console: Console, source: Path, target: Path) -> None:
-    if target.exists():
-        raise RecordingError(f"{target} exists and may hold your own words; give another name")
     found = _foreign(source)
     if found is None:
         raise RecordingError(f"{source} needs no TOML, zwidth can read it as it is")
+    console.will_write(target)
     text = draft(found, look(found))
     console.say(f"wrote {write_text(target, text)}; check every line of it")
     console.result({"wrote": str(target), "toml": text})
@@ -117,9 +115,12 @@ def _foreign(source: Path) -> Source | None:
 
 def _show(console: Console, source: Path) -> None:
     if source.suffix.lower() == ".toml":
-        _show_log(console, load_log(source))
+        log = load_log(source)
+        console.will_write()
+        _show_log(console, log)
         return
     found = own_log(source)
+    console.will_write()
     if isinstance(found, Log):
         _show_log(console, found)
     else:

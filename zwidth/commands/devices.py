@@ -10,7 +10,7 @@ import numpy as np
 
 from zwidth.console import Column, Console
 from zwidth.files.whole import write_text
-from zwidth.options import json_option
+from zwidth.options import force_option, json_option
 from zwidth.sim.device import Device, place_label, warnings_of
 from zwidth.sim.device_file import device_to_text, load_device, shipped_devices
 from zwidth.sim.modal import ModalModel, from_chain
@@ -30,6 +30,7 @@ TURN = 2.0 * math.pi
     type=click.Path(path_type=Path),
     help="Write what is described as a device file, to be edited or used in other commands.",
 )
+@force_option
 @json_option
 def command(device: str | None, passive: bool, save: Path | None, json_file: str | None) -> None:
     """List the devices that come with zwidth, or describe one.
@@ -47,6 +48,7 @@ def command(device: str | None, passive: bool, save: Path | None, json_file: str
 
 def _list(console: Console) -> None:
     found = {name: load_device(name) for name in shipped_devices()}
+    console.will_write()
     columns = [Column("device", False), Column("masses"), Column("what it is", False)]
     rows = [[name, str(d.chain.masses.size), d.name] for name, d in found.items()]
     console.table(
@@ -57,6 +59,7 @@ def _list(console: Console) -> None:
 
 def _describe(console: Console, name: str, passive: bool, save: Path | None) -> None:
     device = load_device(name)
+    console.will_write(*([save] if save else []))
     result: dict[str, Any] = {}
     if passive:
         fit = nearest_passive(device.chain)

@@ -31,9 +31,12 @@ from zwidth.diagnosis_report import (
 from zwidth.files.whole import write_text
 from zwidth.logs.mcap_writer import write_log
 from zwidth.logs.recording import load_log, read_recording
-from zwidth.options import json_option, out_option
+from zwidth.options import force_option, json_option, out_option
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import device_to_text, load_device
+
+# What is written beside the logs: NAME.diagnosis.html, ...
+RESULTS = ("diagnosis.html", "augmented.toml", "next.toml", "next.npy")
 
 
 @click.command("diagnose")
@@ -53,6 +56,7 @@ from zwidth.sim.device_file import device_to_text, load_device
     help="Judge by this recording; without it by the last 30 % of each.",
 )
 @out_option("runs")
+@force_option
 @json_option
 def command(
     recordings: tuple[Path, ...],
@@ -76,27 +80,26 @@ def command(
     with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # numpy's, on 1e300
         fit_on = [(path, e) for path in recordings for e in _read(console, path, device)]
         judge_by = [e for path in validate for e in _read(console, path, device)] or None
+        paths = [path for path, _ in fit_on]  # of each stretch
+        logs = [out / f"{name}.diagnosis.mcap" for name in _distinct([p.stem for p in paths])]
+        results = {what: out / f"{recordings[0].stem}.{what}" for what in RESULTS}
+        console.will_write(*results.values(), *logs)
         found = diagnose(device, [e for _, e in fit_on], judge_by, console.doing)
     _say(console, found)
-    stem = recordings[0].stem
-    found = replace(found, next_experiment=separating(found, out / f"{stem}.next.toml"))
+    found = replace(found, next_experiment=separating(found, results["next.toml"]))
     if found.next_experiment is not None:
         console.say(f"\n{next_sentence(found.next_experiment)}")
     bounds = _boundary(console, device, found)
-    augmented = write_text(out / f"{stem}.augmented.toml", device_to_text(found.device))
-    paths = [path for path, _ in fit_on]  # of each stretch
-    names = _distinct([path.stem for path in paths])
-    logs = [
-        _log(found, e, path, out / f"{called}.diagnosis.mcap")
-        for e, path, called in zip(found.experiments, paths, names, strict=True)
-    ]
+    augmented = write_text(results["augmented.toml"], device_to_text(found.device))
+    for e, path, log in zip(found.experiments, paths, logs, strict=True):
+        _log(found, e, path, log)
     line = shlex.join(["zwidth", "diagnose", *map(str, recordings), "--device", name])
     view = shlex.join(["zwidth", "explore", name, "--compare", str(augmented)])
     report = save_report(
         found,
         [path.name for path in recordings],
         Commands(line, view),
-        out / f"{stem}.diagnosis.html",
+        results["diagnosis.html"],
         bounds,
     )
     console.say(f"wrote {augmented}")
@@ -153,7 +156,7 @@ def _boundary(console: Console, device: Device, found: Diagnosis) -> AugmentedBo
     return bounds
 
 
-def _log(found: Diagnosis, e: Experiment, recording: Path, path: Path) -> Path:
+def _log(found: Diagnosis, e: Experiment, recording: Path, path: Path) -> None:
     """Write what belongs to a recording, in its own time: a viewer shows both side by side."""
     log = load_log(recording)
     place = max(found.located.entry, key=lambda share: float(share["share"]))["name"]
@@ -163,7 +166,6 @@ def _log(found: Diagnosis, e: Experiment, recording: Path, path: Path) -> Path:
         start_s=float(log.tick.t[0]) + e.begins, rotary=found.device.rotary,
     )  # fmt: skip
     write_log(path, trace, epoch_ns=log.epoch_ns)
-    return path
 
 
 def _read(console: Console, path: Path, device: Device) -> list[Experiment]:

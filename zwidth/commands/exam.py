@@ -13,10 +13,13 @@ from zwidth.diagnosis.exam.strata import counts
 from zwidth.diagnosis.exam.take import mark_all, result, sit_all
 from zwidth.exam_page import goals, page
 from zwidth.figures.exam import confusion_figure, magnitude_figure
+from zwidth.figures.names import picture_files
 from zwidth.figures.style import save_figure
+from zwidth.files.protection import reading
 from zwidth.files.whole import json_text, write_text
 from zwidth.jobs.choose import executor
-from zwidth.options import Quantity, cluster_option, json_option
+from zwidth.options import Quantity, cluster_option, force_option, json_option
+from zwidth.scenarios.concealed.handout import all_files, made_file, names
 
 
 @click.command("exam")
@@ -30,6 +33,7 @@ from zwidth.options import Quantity, cluster_option, json_option
 @cluster_option
 @click.option("--page", "page_file", type=click.Path(dir_okay=False, path_type=Path),
               help="Write the page of evidence here too, with its pictures beside it.")  # fmt: skip
+@force_option
 @json_option
 def command(
     folder: Path,
@@ -52,6 +56,13 @@ def command(
     making = count is not None or strata is not None
     if not making and (seed is not None or seconds is not None):
         raise ValueError("--seed and --seconds say how to make recordings; add --count or --strata")
+    for name in names(folder):  # finished, so they are not made again
+        for file in all_files(folder, name):
+            reading(file)
+    pages = [folder / "exam.md", *([page_file] if page_file else [])]
+    stems = [stem for path in pages for stem in _pictures(path).values()]
+    pictures = [file for stem in stems for file in picture_files(stem)]
+    console.will_write(folder / "exam.json", *pages, *pictures)
     announce(console)
     with executor(cluster, processes) as runner:
         if making:
@@ -71,7 +82,7 @@ def command(
         "seed": made[0][2],
         "length": "10 to 20 s" if made[0][4] == "None" else f"{made[0][4]} s",
     }
-    for path in [folder / "exam.md", *([page_file] if page_file else [])]:
+    for path in pages:
         for written in _write(path, found, facts):
             console.say(f"wrote {written}")
     columns = [Column("asked", False), Column("goal"), Column("seen", False), Column("reached")]
@@ -82,22 +93,24 @@ def command(
 
 def _write(path: Path, found: dict[str, Any], facts: dict[str, Any]) -> list[Path]:
     """Write the page and its pictures beside it."""
-    pictures = {
+    figures = {
         "confusion": confusion_figure(found["confusion"]),
         "magnitude": magnitude_figure(found["by_magnitude"]),
     }
-    written: list[Path] = []
-    names: dict[str, str] = {}
-    for name, figure in pictures.items():
-        stem = path.with_name(f"{path.stem}_{name}")
-        written += save_figure(figure, stem)
-        names[name] = f"{stem.name}.png"
+    stems = _pictures(path)
+    written = [file for name, stem in stems.items() for file in save_figure(figures[name], stem)]
+    names = {name: f"{stem.name}.png" for name, stem in stems.items()}
     return [write_text(path, page(found, facts, names)), *written]
+
+
+def _pictures(page_file: Path) -> dict[str, Path]:
+    """Return the pictures of a page, without the kind of file that ends their names."""
+    return {n: page_file.with_name(f"{page_file.stem}_{n}") for n in ("confusion", "magnitude")}
 
 
 def _made(folder: Path) -> list[list[str]]:
     """Return name, class, seed, rank and length of each recording, as they stand by the keys."""
-    listed = (folder / "keys" / "made.txt").read_text(encoding="utf-8")
+    listed = reading(made_file(folder)).read_text(encoding="utf-8")
     return [line.split() for line in listed.splitlines()]
 
 

@@ -1,6 +1,7 @@
 """`zwidth identify`: the parameters of eq. (1) from a recording, as a device file."""
 
 import math
+import re
 from pathlib import Path
 
 import click
@@ -8,12 +9,13 @@ import numpy as np
 
 from zwidth.console import Column, Console
 from zwidth.covariance import save_covariance
+from zwidth.figures.names import picture_files
 from zwidth.files.whole import write_text
 from zwidth.identification.coordinates import MAX_MODES
 from zwidth.identification.fit import Fit, fit_response
 from zwidth.identification.search import REJECTED
 from zwidth.logs.recording import read_recording
-from zwidth.options import Quantity, json_option, out_option
+from zwidth.options import Quantity, force_option, json_option, out_option
 from zwidth.sim.device import Device, warnings_of
 from zwidth.sim.device_file import device_to_text
 from zwidth.sim.interface import Interface
@@ -35,8 +37,9 @@ from zwidth.sim.sampled import sampled_frequency_response
               help="Lowest frequency used.")  # fmt: skip
 @click.option("--to-hz", type=Quantity("Hz", above=True), default=300.0, show_default=True,
               help="Highest frequency used.")  # fmt: skip
-@click.option("--name", help="Name of the device; the recording's name where not given.")
+@click.option("--name", help="Name of the device and of its files; else the recording's.")
 @out_option("runs/identify")
+@force_option
 @json_option
 def command(
     recording: Path,
@@ -52,13 +55,17 @@ def command(
 ) -> None:
     """Fit a device to a recording of its command and position.
 
-    RECORDING is a log of zwidth, or a TOML that describes another file. Writes a device file, the
-    covariance of its parameters, and a Bode diagram.
+    RECORDING is a log of zwidth, or a TOML that describes another file. Writes the device file,
+    NAME.toml or else RECORDING.device.toml, the covariance of its parameters, and a Bode diagram.
     """
     console = Console(json_file)
     if not recording.exists():
         raise ValueError(f"there is no recording {str(recording)!r}; check the path")
     trace = read_recording(recording)
+    stem = _file_stem(name) if name else recording.stem
+    device_file = out / (f"{stem}.toml" if name else f"{stem}.device.toml")
+    spread, bode = out / f"{stem}.covariance.json", out / f"{stem}_bode"
+    console.will_write(device_file, spread, *picture_files(bode))
     fit = fit_response(
         trace, modes, output=position, command=channel, delay=_delay(delay_ms), from_hz=from_hz,
         to_hz=to_hz,
@@ -75,11 +82,16 @@ def command(
         modal=fit.model,
     )
     _tell(console, device, fit)
-    device_file = write_text(out / f"{recording.stem}.toml", device_to_text(device))
-    spread = save_covariance(out / f"{recording.stem}.covariance.json", fit.names, fit.covariance)
+    write_text(device_file, device_to_text(device))
+    save_covariance(spread, fit.names, fit.covariance)
     console.result(_result(device, fit, device_file, spread))
-    for path in (device_file, spread, *_drawn(fit, out / f"{recording.stem}_bode")):
+    for path in (device_file, spread, *_drawn(fit, bode)):
         console.say(f"wrote {path}")
+
+
+def _file_stem(name: str) -> str:
+    """Return a device's name as the name of a file: what some system does not allow becomes "_"."""
+    return re.sub(r'[\x00-\x1f<>:"/\\|?*]', "_", name).strip(" .") or "device"
 
 
 def _delay(text: str) -> float | None:

@@ -9,9 +9,10 @@ from click.core import ParameterSource
 
 from zwidth.compiling import announce
 from zwidth.console import Column, Console, progress
+from zwidth.figures.names import picture_files
 from zwidth.files.whole import write_with
 from zwidth.jobs.choose import executor
-from zwidth.options import Quantity, cluster_option, json_option, out_option
+from zwidth.options import Quantity, cluster_option, force_option, json_option, out_option
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device
 from zwidth.stability.bisection import Trial
@@ -66,6 +67,7 @@ RISING_BY_RATIOS = ("amplitude",)  # where no range is given
               help="Refinements, each halving the step where the fate changes.")  # fmt: skip
 @cluster_option
 @out_option("runs/map")
+@force_option
 @json_option
 @click.pass_context
 def command(
@@ -85,6 +87,7 @@ def command(
     console = Console(json_file)
     _refuse_idle_options(context, options)
     plane = _plane(load_device(device), options)
+    console.will_write(out / "map.nc", *picture_files(out / "map"))
     announce(console)
     with executor(cluster) as runner, progress("mapping, percent", 100) as advance:
         shown = 0

@@ -9,7 +9,7 @@ import click
 
 from zwidth.compiling import announce
 from zwidth.console import Console, progress
-from zwidth.options import out_option
+from zwidth.options import force_option, out_option
 from zwidth.paper.report import DrawnSection, save_pictures, save_report
 from zwidth.paper.sections import SECTIONS, compute
 
@@ -21,12 +21,14 @@ LONG = ("explained",)  # sections that begin first, so that none is left alone a
 @click.option("--section", "chosen", multiple=True, type=click.Choice(list(SECTIONS)),
               help="Compute this section only; may be given several times.")  # fmt: skip
 @out_option("runs/paper")
+@force_option
 def command(chosen: tuple[str, ...], out: Path) -> None:
     """Reproduce the paper: every figure and table, ours beside theirs, as one HTML report.
 
     Writes DIR/report.html, which holds every picture, and each picture as PNG and SVG.
     """
     console = Console()
+    console.will_write(out / "report.html")
     announce(console)
     keys = [key for key in SECTIONS if key in chosen or not chosen]
     done: dict[str, DrawnSection] = {}

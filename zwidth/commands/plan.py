@@ -18,9 +18,10 @@ from zwidth.diagnosis.experiment import SHORTEST
 from zwidth.diagnosis.limits import SHOWN
 from zwidth.diagnosis.plan import ALIKE, Plan, Visible, better_excitations, plan
 from zwidth.diagnosis.rehearsal import Noise, rehearse
+from zwidth.figures.names import picture_files
 from zwidth.figures.plan import named, plan_figure
 from zwidth.figures.style import save_figure
-from zwidth.options import Quantity, json_option, out_option
+from zwidth.options import Quantity, force_option, json_option, out_option
 from zwidth.scenarios.scenario_file import load_scenario
 from zwidth.sim.device import Device, warnings_of
 from zwidth.sim.device_file import load_device
@@ -54,6 +55,7 @@ Floats = NDArray[np.float64]
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True,
               help="Seed of excitation and noise.")  # fmt: skip
 @out_option("runs/plan")
+@force_option
 @json_option
 def command(
     name: str,
@@ -83,6 +85,9 @@ def command(
     seen = Noise(process_noise or PROCESS * scale.level, _measurement(device, noise, scale.travel))
     commands = {Path(n).stem: _command(n, device, seconds, scale, seed) for n in names}
     _say_experiment(console, device, scale, seen)
+    pictures = [file for stem in commands for file in picture_files(out / f"{stem}_plan")]
+    played_files = [out / f"{stem}.{kind}" for stem in commands for kind in ("toml", "npy")]
+    console.will_write(*pictures, *played_files)
     plans: list[Plan] = []
     files: list[Path] = []
     with progress("planning", len(names) * (EFFECT_PLACES + len(LIBRARY))) as advance:

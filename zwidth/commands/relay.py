@@ -7,9 +7,10 @@ import click
 
 from zwidth.compiling import announce
 from zwidth.console import Column, Console, progress
+from zwidth.figures.names import picture_files
 from zwidth.identification.cycles import RelayCondition, relay_conditions
 from zwidth.identification.relay import RelayTest, waveform
-from zwidth.options import ManyNumbers, Quantities, Quantity, json_option, out_option
+from zwidth.options import ManyNumbers, Quantities, Quantity, force_option, json_option, out_option
 from zwidth.scenarios.scenario import one_is_exact
 from zwidth.scenarios.table_2 import table_2
 from zwidth.sim.device import Device, warnings_of
@@ -25,7 +26,7 @@ SHOWN_S = 0.4
               help="Loop delays, crossed with --damping; else those of Table II.")  # fmt: skip
 @click.option("--damping", cls=Quantities, type=Quantity("N m s/rad | N s/m"), metavar="B ...",
               help="Virtual dampings, crossed with --delay-ms.")  # fmt: skip
-@click.option("--force", type=Quantity("N m | N", above=True), default=0.05, show_default=True,
+@click.option("--level", type=Quantity("N m | N", above=True), default=0.05, show_default=True,
               help="Force of the relay.")  # fmt: skip
 @click.option("--starts", type=click.IntRange(0, 10_000), default=60, show_default=True,
               help="Random starts a condition, to find all limit cycles.")  # fmt: skip
@@ -34,12 +35,13 @@ SHOWN_S = 0.4
 @click.option("--substeps", type=click.IntRange(1, 1000), default=None,
               help="Substeps a tick; default 1 where that is exact, else 10.")  # fmt: skip
 @out_option("runs/relay")
+@force_option
 @json_option
 def command(
     name: str,
     delay_ms: tuple[float, ...],
     damping: tuple[float, ...],
-    force: float,
+    level: float,
     starts: int,
     seed: int,
     substeps: int | None,
@@ -55,10 +57,11 @@ def command(
     device = load_device(name)
     for warning in warnings_of(device):
         console.warn(warning)
+    console.will_write(*picture_files(out / "relay"))
     announce(console)
     asked = _asked(device, delay_ms, damping)
     devices = [device.with_interface(delay=delay) for delay, _ in asked]
-    test = RelayTest(force=force, substeps=substeps or (1 if one_is_exact(device) else 10))
+    test = RelayTest(force=level, substeps=substeps or (1 if one_is_exact(device) else 10))
     with progress("relay", len(asked)) as advance:
         found = relay_conditions(
             devices, [b for _, b in asked], starts, seed, test, lambda: advance(1)

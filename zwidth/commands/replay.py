@@ -7,8 +7,9 @@ import click
 
 from zwidth.console import Console
 from zwidth.errors import Status
+from zwidth.files.protection import reading
 from zwidth.json_number import json_number
-from zwidth.options import json_option
+from zwidth.options import force_option, json_option
 from zwidth.scenarios.comparison import Difference
 from zwidth.scenarios.replay import ReplayResult, replay
 from zwidth.sim.controller import Step
@@ -18,6 +19,7 @@ from zwidth.user_law import controller_option
 @click.command("replay")
 @click.argument("log", metavar="LOG", type=click.Path(path_type=Path))
 @controller_option
+@force_option
 @json_option
 def command(log: Path, controller: Step | None, json_file: str | None) -> int:
     """Simulate a logged run again, from the log alone, and compare every value bit for bit.
@@ -26,6 +28,8 @@ def command(log: Path, controller: Step | None, json_file: str | None) -> int:
     tick and channel are named), 2 a log that cannot be replayed.
     """
     console = Console(json_file)
+    reading(log)
+    console.will_write()
     result = replay(log, controller)
     for note in result.notes:
         console.warn(note)

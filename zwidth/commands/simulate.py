@@ -10,7 +10,7 @@ from zwidth.console import Column, Console, progress
 from zwidth.figures.run import run_figure
 from zwidth.files.whole import replacing
 from zwidth.json_number import json_number
-from zwidth.options import json_option, out_option
+from zwidth.options import force_option, json_option, out_option
 from zwidth.scenarios.logged_run import LoggedRun, logged_run
 from zwidth.scenarios.scenario import Scenario
 from zwidth.scenarios.scenario_file import load_scenario
@@ -36,6 +36,7 @@ WORDS = {
 @click.argument("scenario", metavar="SCENARIO.toml", type=click.Path(path_type=Path))
 @controller_option
 @out_option("runs")
+@force_option
 @json_option
 def command(scenario: Path, controller: Step | None, out: Path, json_file: str | None) -> None:
     """Run the experiment that a TOML file describes.
@@ -47,15 +48,15 @@ def command(scenario: Path, controller: Step | None, out: Path, json_file: str |
     described = load_scenario(scenario, controller)
     for warning in warnings_of(described.device):
         console.warn(warning)
+    log, picture = out / f"{scenario.stem}.mcap", out / f"{scenario.stem}.png"
+    console.will_write(log, picture)
     if not cache_folder().exists():
         console.say("compiling the kernels, once for this version (about 20 s)")
     out.mkdir(parents=True, exist_ok=True)
-    log = out / f"{scenario.stem}.mcap"
     with progress("simulating", described.ticks) as advance:
         logged = logged_run(described, log, on_block=advance)
     _say(console, described, logged)
     console.say(f"wrote {log}")
-    picture = out / f"{scenario.stem}.png"
     figure = run_figure(logged.run.trace, _title(described, logged))
     with replacing(picture) as file:
         figure.savefig(file, format="png", dpi=150)

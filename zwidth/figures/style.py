@@ -6,6 +6,7 @@ from typing import Any
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
+from zwidth.figures.names import KINDS, picture_files
 from zwidth.files.whole import replacing
 
 STYLE: dict[Any, Any] = {
@@ -21,14 +22,14 @@ STYLE: dict[Any, Any] = {
     "svg.hashsalt": "zwidth",  # names in the file do not change from run to run
 }
 DOTS_PER_INCH = 150
+# A file says nothing of when it was made, so that the same numbers give the same bytes.
+TIMELESS: dict[str, dict[str, Any]] = {"png": {}, "svg": {"Date": None}}
 
 
 def save_figure(figure: Figure, stem: Path) -> list[Path]:
     """Write STEM.png and STEM.svg, each whole or not at all; returns the paths, raises OSError."""
-    written: list[Path] = []
-    for kind, metadata in (("png", {}), ("svg", {"Date": None})):
-        path = stem.with_name(f"{stem.name}.{kind}")
+    files = picture_files(stem)
+    for path, kind in zip(files, KINDS, strict=True):
         with rc_context(STYLE), replacing(path) as stream:
-            figure.savefig(stream, format=kind, dpi=DOTS_PER_INCH, metadata=metadata)
-        written.append(path)
-    return written
+            figure.savefig(stream, format=kind, dpi=DOTS_PER_INCH, metadata=TIMELESS[kind])
+    return files

@@ -1,0 +1,230 @@
+"""Nothing a user made is written over: what is read, who writes, and what he wrote before.
+
+A file may be written where nothing stands, or where an earlier result of the same writer stands as
+it was written: it is told by its SHA-256, so that one edited since is the user's. `--force` of a
+command and `overwrite=True` of a function lift that, but never for inputs: what a command has read
+(`reading`) it does not write over. A file is the same file by whatever path, link or hard link it
+is reached.
+
+A writer is a command, for which `command` stands around all that it does, or a public function
+called from Python, which says so by `writing_as`; within a command, the command writes.
+
+What was written is kept beside it, in `.zwidth-results/NAME.json`:
+
+    {"by": "zwidth devices", "sha256": [of what is put there, of the result that it replaces]}
+
+It is written before the result takes its place, and with both sums, so that a result is known
+whenever the program is killed; a file for each, so that programs that write into one folder do
+not lose each other's. Where it cannot be written, the result is written all the same.
+"""
+
+import hashlib
+import json
+import os
+import warnings
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
+from dataclasses import dataclass, field, replace
+from itertools import count
+from pathlib import Path
+from typing import NamedTuple
+
+RECORDS = ".zwidth-results"
+INPUT = "is an input"
+ANOTHER = "give another file to write"
+
+Identity = tuple[int, int]  # device and inode: the same by every path that leads to a file
+
+
+class Protected(ValueError):
+    """A file that is not to be written over; the message says why, and what to do."""
+
+
+@dataclass
+class Writer:
+    """Who writes. inputs: what was read, and why it is protected; late: what came too late to stop.
+
+    late is None for functions, which refuse at once. A command says early what it will write
+    (`check`); where it is refused nevertheless when the work is done, the result takes another
+    name, the other results are written, and the command ends with what is in `late`.
+    """
+
+    name: str = "zwidth"
+    overwrite: bool = False
+    inputs: dict[Identity, str] = field(default_factory=dict[Identity, str])
+    late: list[str] | None = None
+
+    def objection(self, path: Path) -> tuple[str, str] | None:
+        """Return why this writer may not write to a path and what to do instead, None if he may."""
+        identity = _identity(path)
+        if identity is None or not path.is_file():  # a terminal, a pipe, /dev/null: nothing to lose
+            return None
+        if identity in self.inputs:
+            return self.inputs[identity], ANOTHER
+        if self.overwrite:
+            return None
+        say = "say overwrite=True" if self.late is None else "say --force"
+        remedy = f"give another name, move it away, or {say}"
+        known = _record(path.resolve())
+        if known.by != self.name:
+            return f"was not written by '{self.name}'", remedy
+        if _sha256(path) not in known.sha256:
+            return f"was edited since '{self.name}' wrote it", remedy
+        return None
+
+    def put(self, draft: Path, path: Path, recorded: bool = True) -> None:
+        """Let a finished draft take its place at a path, or another name where that is protected.
+
+        Raises OSError, Protected for a function that may not write there.
+        """
+        place, objection = path.resolve(), self.objection(path)
+        if objection is not None:
+            place = _free(place)
+        if recorded:
+            _remember(self.name, draft, place)
+        draft.replace(place)
+        if objection is not None:
+            sentence = f"{path} {objection[0]}, so what was to stand there is in {place.name}"
+            if self.late is None:
+                raise Protected(sentence)
+            self.late.append(sentence)
+
+
+_writer: ContextVar[Writer | None] = ContextVar("writer", default=None)
+
+
+def writer() -> Writer:
+    """Return who writes now; a function without a name of its own writes as "zwidth"."""
+    return _writer.get() or Writer()
+
+
+def reading(path: Path, why: str = INPUT) -> Path:
+    """Remember that a user's file is about to be read, and return it.
+
+    why: what the file is, such as "is what rig.toml describes"; the first that is said stays.
+    """
+    identity = _identity(path)
+    if identity is not None:
+        writer().inputs.setdefault(identity, why)
+    return path
+
+
+def check(*paths: Path) -> None:
+    """Raise Protected for the first path that may not be written now, or that stands there twice.
+
+    Commands call it for all that they will write as soon as they have read their inputs.
+    """
+    for path in paths:
+        if objection := writer().objection(path):
+            raise Protected(f"{path} {'; '.join(objection)}")
+    files = [path for path in paths if path.is_file() or not path.exists()]
+    places = [path.resolve() for path in files]
+    for path, place in zip(files, places, strict=True):
+        if places.count(place) > 1:
+            raise Protected(f"{path} would be written twice; {ANOTHER}")
+
+
+def begin(path: Path, own: bool = False) -> Writer:
+    """Return who is to write to a path; a function that may not is refused with Protected here.
+
+    own: the caller has made sure that what stands there is its own, so only inputs are protected.
+    """
+    present = replace(writer(), overwrite=True) if own else writer()
+    if present.late is None and (objection := present.objection(path)):
+        raise Protected(f"{path} {'; '.join(objection)}")
+    return present
+
+
+def force() -> None:
+    """Let the present command write over all but its inputs."""
+    writer().overwrite = True
+
+
+@contextmanager
+def command(name: str) -> Generator[None]:
+    """Let a command write within the block.
+
+    Raises Protected at the end for results that could not take their places.
+    """
+    present = Writer(name, late=(late := list[str]()))
+    token = _writer.set(present)
+    try:
+        yield
+    except BaseException:
+        for sentence in late:
+            warnings.warn(sentence, stacklevel=2)
+        raise
+    finally:
+        _writer.reset(token)
+    if late:
+        raise Protected("; ".join(late))
+
+
+@contextmanager
+def writing_as(function: str, overwrite: bool = False) -> Generator[None]:
+    """Let a public function write within the block, unless it serves another writer."""
+    if _writer.get() is not None:
+        yield
+        return
+    token = _writer.set(Writer(f"zwidth.{function}", overwrite))
+    try:
+        yield
+    finally:
+        _writer.reset(token)
+
+
+def _identity(path: Path) -> Identity | None:
+    try:
+        known = path.stat()
+    except (OSError, ValueError):  # none there, or no name of a file: whoever opens it says so
+        return None
+    return known.st_dev, known.st_ino
+
+
+def _sha256(path: Path) -> str | None:
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError:
+        return None
+
+
+def _free(path: Path) -> Path:
+    """Return NAME-2, NAME-3 ... beside a path, the first that is free."""
+    names = (path.with_name(f"{path.stem}-{n}{path.suffix}") for n in count(2))
+    return next(name for name in names if not name.exists())
+
+
+class _Record(NamedTuple):
+    by: str = ""
+    sha256: tuple[str, ...] = ()
+
+
+def _record_file(path: Path) -> Path:
+    return path.parent / RECORDS / f"{path.name}.json"
+
+
+def _record(path: Path) -> _Record:
+    """Return what is known of a result; by nobody where there is no record, or a damaged one."""
+    try:
+        known = json.loads(_record_file(path).read_bytes())
+        return _Record(str(known["by"]), tuple(map(str, known["sha256"])))
+    except (OSError, ValueError, KeyError, TypeError):
+        return _Record()
+
+
+def _remember(name: str, draft: Path, place: Path) -> None:
+    """Record a draft as the result that will stand at a place; the one that it replaces, too.
+
+    What a user made, and --force replaces, is no result.
+    """
+    known, standing = _record(place), _sha256(place)
+    earlier = [standing] if known.by == name and standing in known.sha256 else []
+    text = json.dumps({"by": name, "sha256": [_sha256(draft), *earlier]})
+    file = _record_file(place)
+    record = file.with_name(f"{file.name}.{os.getpid()}.part")
+    with suppress(OSError):
+        file.parent.mkdir(exist_ok=True)
+        record.write_text(text)
+        record.replace(file)
