@@ -41,7 +41,7 @@ from numba.np.arrayobj import populate_array
 
 from zwidth.sim.jit import INLINED
 
-WIDTH = 8  # doubles: one register of 512 bits, or two of 256
+WIDTH = 16  # doubles: one register of 512 bits, or two of 256
 
 _INDEX = ir.IntType(32)
 _VECTOR = ir.VectorType(ir.DoubleType(), WIDTH)
