@@ -337,7 +337,7 @@ def test_what_was_found_is_written_before_what_takes_long(
     there: list[str] = []
 
     def separating(*_: Any) -> None:
-        there.extend(sorted(path.name for path in Path("o").iterdir()))
+        there.extend(sorted(path.name for path in Path("o").glob("[!.]*")))
         raise KeyboardInterrupt
 
     monkeypatch.setattr("zwidth.commands.diagnose.diagnose", lambda *_: diagnosed())
