@@ -11,9 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.scenarios.scenario import one_is_exact
+from zwidth.scenarios.scenario import usual_substeps
 from zwidth.sim.device import Device
-from zwidth.sim.equations import equations
 from zwidth.stability.bisection import Bracket, Search, Trial, find_brackets
 from zwidth.stability.linear import boundary, corner, last_stable_damping
 
@@ -22,7 +21,7 @@ POINTS, FURTHEST = 8, 0.95  # dampings, up to this share of the last B with a st
 DENSE = 61  # points of the linear curve
 ROTARY_START, LINEAR_START = 1e-3, 1e-4  # [rad], [m]
 SECONDS, LIMIT_S = 3.0, 6.0
-SUBSTEPS = (4, 8, 16, 32, 64, 128)
+SUBSTEPS = 4
 TOLERANCE, RATIO = 0.02, 2.0
 SAME = 0.03  # relative difference of K_CR that is no more than the brackets' widths
 
@@ -87,7 +86,7 @@ def augmented_boundary(
     period = nominal.interface.period
     window = max(0.25, 16.0 * period)  # six windows are the least a run has
     seconds = max(SECONDS, 8.0 * window)
-    substeps = max(_substeps(nominal), _substeps(augmented))
+    substeps = max(usual_substeps(one, SUBSTEPS) for one in (nominal, augmented))
     trial = Trial(begin, seconds, max(LIMIT_S, seconds), window, substeps=substeps)
     search = Search(TOLERANCE, ratio=RATIO)
     one, other = find_brackets([nominal, augmented], [grid, grid], trial, search, progress)
@@ -99,19 +98,6 @@ def augmented_boundary(
     return AugmentedBoundary(
         curve, tuple(one), tuple(other), begin, nominal.rotary, nominal.interface.delay, sentence
     )
-
-
-def _substeps(device: Device) -> int:
-    """The least that are tried and allowed: dry friction on a fast mode needs many."""
-    if one_is_exact(device):
-        return 1
-    for substeps in SUBSTEPS[:-1]:
-        try:
-            equations(device, substeps)
-        except ValueError:
-            continue
-        return substeps
-    return SUBSTEPS[-1]
 
 
 def _sentence(

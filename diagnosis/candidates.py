@@ -13,6 +13,7 @@ import numpy as np
 
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.predictor import SETTLING, followed, observer_near
+from zwidth.diagnosis.steady import NoObserver
 from zwidth.sim.device import Device, masses_needed, place_label
 from zwidth.sim.physics import EFFECTS, make_physics
 from zwidth.sim.physics.effect import Effect, Physics
@@ -147,7 +148,7 @@ def _stretches(
     bare = device.without_physics() if device.physics else device
     try:
         gain = observer_near(bare, experiments[0], FOLLOWING)
-    except ValueError:
+    except NoObserver:
         return tuple(at_rest.tolist())
     with np.errstate(all="ignore"):
         x = np.concatenate([followed(bare, e, gain)[SETTLING:] for e in experiments])

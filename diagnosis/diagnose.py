@@ -2,20 +2,23 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from zwidth.diagnosis.candidates import CONTAINED, MAGNITUDE, acts_on, candidates
-from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.experiment import Experiment, ExperimentError
 from zwidth.diagnosis.fit import Fitted, Problem
-from zwidth.diagnosis.gate import ON_LATTICE, Fault, corrected, examine
+from zwidth.diagnosis.gate import ON_LATTICE, Fault
 from zwidth.diagnosis.held_out import held_out
-from zwidth.diagnosis.hold import smooth, was_smooth
+from zwidth.diagnosis.intake import Taken, not_diagnosed, take_in
 from zwidth.diagnosis.lattice import STEPPED, chances_seen, step_interval
-from zwidth.diagnosis.locate import locate
+from zwidth.diagnosis.locate import NOWHERE, locate
+from zwidth.diagnosis.mishaps import Mishaps, attempt, collecting, debugging, isolated
 from zwidth.diagnosis.next_experiment import NextExperiment, next_experiment
 from zwidth.diagnosis.parameters import (
     Model,
@@ -25,11 +28,20 @@ from zwidth.diagnosis.parameters import (
     values_of,
 )
 from zwidth.diagnosis.predictor import FINAL
-from zwidth.diagnosis.rectified import unfolded
 from zwidth.diagnosis.removal import fit_without
-from zwidth.diagnosis.result import NEAR, Diagnosis, Estimate, Finding, Residuals, Rival, Verdict
+from zwidth.diagnosis.result import (
+    NEAR,
+    UNKNOWN_FIT,
+    Diagnosis,
+    Estimate,
+    Finding,
+    Residuals,
+    Rival,
+    Verdict,
+)
 from zwidth.diagnosis.screen import Complement, screen
 from zwidth.diagnosis.search import Searched, search
+from zwidth.diagnosis.steady import NoObserver
 from zwidth.diagnosis.trials import Say, Step
 from zwidth.diagnosis.uncertainty import Z95, covariance, inflation
 from zwidth.diagnosis.unknown import Instead
@@ -44,6 +56,14 @@ UNITS = {
     "mass": ("kg m2", "kg"), "damper": DAMPER, "link": DAMPER, "spring": SPRING, "k0": SPRING,
     "gain": ("", ""), "origin": ("rms motions", "rms motions"), "jitter": ("s", "s"),
 }  # fmt: skip
+# Stages without which no verdict stands, and what an error in them takes from it.
+WHAT_IS_LOST = {
+    "search": "a part of the search",
+    "detect": "whether anything is left",
+    "separation": "how well it can be told apart",
+    "held out": "what the held-out data say",
+}
+DECISIVE = tuple(WHAT_IS_LOST)
 SAME_STEP = 0.01  # relative difference of steps that are the same
 NOTICED = 0.1  # of the noise: a step below is a way to write numbers
 
@@ -58,59 +78,122 @@ def diagnose(
 
     validate: recordings to judge by; without them the last 30 % of each recording are kept for it
     and opened once, at the end: to judge, and where a force of no name is left in them, to name it,
-    which a fault then says. Raises ExperimentError or ValueError with one sentence.
+    which a fault then says. An unexpected error costs what it concerns alone (`Diagnosis.errors`).
+    Raises ExperimentError with one sentence where the recordings are no use with this device, and
+    NotDiagnosed where an error leaves nothing to say.
     """
-    swing = max(e.swing for e in experiments)  # one origin for all
-    experiments = [replace(e, swing=swing) for e in experiments]
-    validate = None if validate is None else [replace(e, swing=swing) for e in validate]
-    experiments, folded = _folded_out(device, experiments)
-    validate = None if validate is None else _folded_out(device, validate)[0]
-    faults = examine(device, experiments)
-    acted, notes = _as_they_acted(device, corrected(experiments, faults))
-    faults = (*faults, *notes)
-    for fault in faults:
-        say(fault.sentence)
-    if validate is None:
-        fit_on, judge_by = zip(*(e.split() for e in acted), strict=True)
-    else:
-        fit_on, judge_by = (
-            tuple(acted),
-            tuple(_as_they_acted(device, corrected(validate, faults))[0]),
-        )
-    say("refitting the linear parameters, then trying every effect")
-    found = search(device, fit_on, say)
-    left, other = left_over(found, acted), instead_of(found)
-    by = found
-    if validate is None and _named_only_whole(found, left, other):
-        found, left, note = second_look(device, found, left, acted, say)
-        if note is not None:
-            by, faults = on_first_part(found), (*faults, note)
+    with collecting(say) as mishaps:
+        taken = take_in(device, experiments, validate)
+        for fault in taken.faults:
+            say(fault.sentence)
+        say("refitting the linear parameters, then trying every effect")
+        try:
+            found = search(device, taken.fit_on, say)
+        except NoObserver as error:
+            raise ExperimentError(str(error)) from error
+        except Exception as error:
+            if debugging():
+                raise
+            raise not_diagnosed("refit", error, taken.faults) from error
+        return _answered(device, taken, found, mishaps, say)
+
+
+def _answered(
+    device: Device, taken: Taken, found: Searched, mishaps: Mishaps, say: Say
+) -> Diagnosis:
+    """What a search found, located, judged and with all that is to be said of it."""
+    left, other = _what_is_left(found, taken)
+    by, faults = found, taken.faults
+    if taken.whole_unopened and _named_only_whole(found, left, other):
+        with isolated("search", "all that was recorded"):
+            again, beyond, note = second_look(device, found, left, taken.whole, say)
+            if note is not None:
+                by, faults = on_first_part(again), (*faults, note)
+            found, left = again, beyond
     say("locating")
-    located = locate(found.problem, found.refit)
-    final_device = found.final.model.build(found.final.x)
+    located = attempt("locate", "", partial(locate, found.problem, found.refit)) or NOWHERE
     say("held-out data")
-    one, free = held_out(device, by, judge_by)
-    findings = _findings(found)
-    steps = _encoder(device, found, acted, faults)
-    if steps is not None:
-        findings = (*findings, steps)
-        step = make_physics("encoder_step", "sensor", step=steps.parameters["step"].value)
-        final_device = final_device.with_physics(step)
-    if folded > 1.0:
-        # n samples whose deviation is a factor larger without it
-        sigma = float(np.sqrt(2.0 * sum(e.ticks for e in fit_on) * np.log(folded)))
-        findings = (Finding("rectified_sensor", "sensor", {}, sigma, ()), *findings)  # found first
-        final_device = final_device.with_physics(make_physics("rectified_sensor", "sensor"))
-    refit = _linear(device, found.final, acted)
-    bounds = {} if findings else _upper_bounds(found)
-    verdict, sentence = judged(found, findings, refit, left, other)
+    judge = partial(held_out, device, by, taken.judge_by)
+    one, free = attempt("held out", "", judge) or (UNKNOWN_FIT, UNKNOWN_FIT)
+    findings = _all_findings(device, taken, found)
+    intervals = partial(_linear, device, found.final, taken.whole)
+    refit = attempt("intervals", "linear parameters", intervals) or {}
+    bounds = {} if findings else attempt("limits", "", partial(_upper_bounds, found)) or {}
+    augment = partial(_augmented, found, findings)
+    verdict, sentence = _verdict(found, findings, refit, left, other, mishaps)
     wrong = [f for f in faults if f.wrong]
     if wrong:
-        verdict, sentence = (
-            Verdict.RECORDING_FAULT,
-            f"{wrong[0].sentence}; with that corrected, {sentence}",
-        )
-    facts = {
+        sentence = f"{wrong[0].sentence}; with that corrected, {sentence}"
+        verdict = Verdict.UNDECIDED if verdict is Verdict.UNDECIDED else Verdict.RECORDING_FAULT
+    shape = (-1, len(taken.whole[0].outputs))
+    residuals = Residuals(
+        taken.whole[0].period, found.refit.white.reshape(shape), found.final.white.reshape(shape)
+    )
+    return Diagnosis(
+        verdict, sentence, findings, refit, located, one, free, bounds, faults,
+        attempt("augmented device", "", augment) or device,
+        residuals, found, taken.whole, found.interrupted, _facts(found, left),
+        errors=tuple(mishaps.found), left_out=taken.left_out,
+    )  # fmt: skip
+
+
+def _what_is_left(found: Searched, taken: Taken) -> tuple[Left, Instead | None]:
+    """What the final model leaves, and what of no library may stand in the place of its names."""
+    left = attempt("detect", "what is left", partial(left_over, found, taken.whole))
+    other: Instead | None = None
+    with isolated("detect", "physics of no library in the place of what was named"):
+        other = instead_of(found)
+    return left or Left(0.0, ""), other
+
+
+def _all_findings(device: Device, taken: Taken, found: Searched) -> tuple[Finding, ...]:
+    """The effects of the model, and before them a folded sensor, after them an encoder's step."""
+    findings = _findings(found)
+    with isolated("detect", "encoder_step at sensor"):
+        steps = _encoder(device, found, taken.whole, taken.faults)
+        findings = findings if steps is None else (*findings, steps)
+    if taken.folded > 1.0:
+        # n samples whose deviation is a factor larger without it
+        ticks = sum(e.ticks for e in taken.fit_on)
+        sigma = float(np.sqrt(2.0 * ticks * np.log(taken.folded)))
+        findings = (Finding("rectified_sensor", "sensor", {}, sigma, ()), *findings)  # found first
+    return findings
+
+
+def _augmented(found: Searched, findings: Sequence[Finding]) -> Device:
+    """The device with refitted parameters, and with all that was found."""
+    device = found.final.model.build(found.final.x)
+    for f in findings:
+        if f.effect == "rectified_sensor":
+            device = device.with_physics(make_physics(f.effect, f.at))
+        elif f.effect == "encoder_step" and not found.final.model.has(f.effect):
+            step = f.parameters["step"].value
+            device = device.with_physics(make_physics(f.effect, f.at, step=step))
+    return device
+
+
+def _verdict(
+    found: Searched,
+    findings: tuple[Finding, ...],
+    refit: dict[str, tuple[float, Estimate]],
+    left: Left,
+    other: Instead | None,
+    mishaps: Mishaps,
+) -> tuple[Verdict, str]:
+    """As `judged`; undecided where an error took what the verdict rests on, which it then says."""
+    verdict, sentence = judged(found, findings, refit, left, other)
+    if mishaps.of(*DECISIVE):
+        verdict = Verdict.UNDECIDED
+        lost = " and ".join(dict.fromkeys(WHAT_IS_LOST[m.stage] for m in mishaps.of(*DECISIVE)))
+        sentence = f"an error left out {lost}; from what was done, {sentence}"
+    untried = list(dict.fromkeys(m.what.replace("@", " at ") for m in mishaps.of("candidates")))
+    if untried:
+        sentence += f"; {', '.join(untried)} could not be tried"
+    return verdict, sentence
+
+
+def _facts(found: Searched, left: Left) -> dict[str, Any]:
+    return {
         "chi2_per_sample": {"refit": found.refit.chi2 / found.refit.samples,
                             "final": found.final.chi2 / found.final.samples},
         "samples": found.final.samples,
@@ -118,14 +201,6 @@ def diagnose(
         "explained_chi2": found.refit.chi2 - found.final.chi2,
         "comparisons": sum(len(s.trials) for s in found.steps),
     }  # fmt: skip
-    shape = (-1, len(acted[0].outputs))
-    residuals = Residuals(
-        acted[0].period, found.refit.white.reshape(shape), found.final.white.reshape(shape)
-    )
-    return Diagnosis(
-        verdict, sentence, findings, refit, located, one, free, bounds, faults, final_device,
-        residuals, found, tuple(acted), found.interrupted, facts,
-    )  # fmt: skip
 
 
 def _named_only_whole(found: Searched, left: Left, other: Instead | None) -> bool:
@@ -147,8 +222,10 @@ def second_look(
     say("a force of no name is left in all that was recorded: all of it is searched")
     try:
         again = search(device, acted, say)
-    except (ValueError, KeyboardInterrupt) as end:
-        return replace(found, interrupted=isinstance(end, KeyboardInterrupt)), left, None
+    except NoObserver:
+        return found, left, None
+    except KeyboardInterrupt:
+        return replace(found, interrupted=True), left, None
     if again.interrupted:
         return replace(found, interrupted=True), left, None
     known, labels = (effect_labels(s.final.model.effects) for s in (found, again))
@@ -177,17 +254,6 @@ def on_first_part(found: Searched) -> Searched:
     there = Problem(parts, found.problem.observer, FINAL)
     refit, final = (there.fit(f.model, f.x) for f in (found.refit, found.final))
     return replace(found, problem=there, refit=refit, final=final)
-
-
-def _folded_out(
-    device: Device, experiments: Sequence[Experiment]
-) -> tuple[list[Experiment], float]:
-    """Fold out what a sensor reported as absolute values; by which factor that is better, or 1."""
-    if any(p.effect.name == "rectified_sensor" for p in device.physics):
-        return list(experiments), 1.0
-    tried = [unfolded(device, e) for e in experiments]
-    kept = [e if t is None else t.experiment for e, t in zip(experiments, tried, strict=True)]
-    return kept, max((t.factor for t in tried if t is not None), default=1.0)
 
 
 def separating(found: Diagnosis, out: Path) -> NextExperiment | None:
@@ -225,48 +291,50 @@ def _as_fitted(label: str, fitted: Fitted) -> Physics:
     return replace(fitted.model.effects[index], values=values)
 
 
-def _as_they_acted(
-    device: Device, experiments: Sequence[Experiment]
-) -> tuple[list[Experiment], list[Fault]]:
-    """Take a command as smooth between samples where that explains the motion much better."""
-    acted: list[Experiment] = []
-    notes: list[Fault] = []
-    for e in experiments:
-        factor = was_smooth(device, e)
-        acted.append(e if factor is None else smooth(e))
-        if factor is not None:
-            sentence = (
-                f"the command of {e.name} explains the motion {factor:.3g} times better as a signal"
-                " that is smooth between its samples than as one that is held, and is taken so"
-            )
-            notes.append(Fault("smooth_command", sentence, False, factor))
-    return acted, notes
-
-
 def _findings(found: Searched) -> tuple[Finding, ...]:
-    final = found.final
-    spread = np.sqrt(np.diag(covariance(final)))
-    parameters = final.model.parameters
+    spread = attempt("intervals", "", partial(_spread, found.final))
+    if spread is None:
+        spread = np.full(found.final.x.size, np.nan)
     findings: list[Finding] = []
-    named = effect_labels(final.model.effects)
-    for i, physics in enumerate(final.model.effects):
-        label = place_label(physics)
-        estimates: dict[str, Estimate] = {}
-        for j, p in enumerate(parameters):
-            if p.kind == "effect" and p.index == i:
-                value = physics.values[p.key] + p.scale * float(final.x[j])
-                half = Z95 * p.scale * float(spread[j])
-                unit = physics.effect.parameter(p.key).unit_for(final.model.nominal.rotary)
-                estimates[p.key] = Estimate(value, value - half, value + half, unit)
+    for i, physics in enumerate(found.final.model.effects):
+        name = f"{physics.effect.name} at {physics.at}"
+        estimates = _estimates(found.final, i, spread)
         if physics.effect.name in STEPPED:
-            estimates |= _step_estimate(found, physics)
-        without = fit_without(found.problem, final, i)
-        wide = inflation(final.white)
-        sigma = float(np.sqrt(max(0.0, without.chi2 - final.chi2) / wide))
-        others = rivals_of(label, found.steps, wide, final.model.nominal.rotary)
-        rivals = tuple(r for r in others if f"{r.effect}@{r.at}" not in named)
+            step = partial(_step_estimate, found, physics)
+            estimates |= attempt("intervals", name, step) or {}
+        apart = attempt("separation", name, partial(_separated, found, i))
+        sigma, rivals = (np.nan, ()) if apart is None else apart
         findings.append(Finding(physics.effect.name, physics.at, estimates, sigma, rivals))
     return tuple(findings)
+
+
+def _spread(final: Fitted) -> Floats:
+    """Standard errors in x."""
+    return np.sqrt(np.diag(covariance(final)))
+
+
+def _estimates(final: Fitted, index: int, spread: Floats) -> dict[str, Estimate]:
+    """Values of an effect of the model with their intervals."""
+    physics = final.model.effects[index]
+    estimates: dict[str, Estimate] = {}
+    for j, p in enumerate(final.model.parameters):
+        if p.kind == "effect" and p.index == index:
+            value = physics.values[p.key] + p.scale * float(final.x[j])
+            half = Z95 * p.scale * float(spread[j])
+            unit = physics.effect.parameter(p.key).unit_for(final.model.nominal.rotary)
+            estimates[p.key] = Estimate(value, value - half, value + half, unit)
+    return estimates
+
+
+def _separated(found: Searched, index: int) -> tuple[float, tuple[Rival, ...]]:
+    """At how many sigma an effect stands above doing without it, and its rivals."""
+    final = found.final
+    named = effect_labels(final.model.effects)
+    without = fit_without(found.problem, final, index)
+    wide = inflation(final.white)
+    sigma = float(np.sqrt(max(0.0, without.chi2 - final.chi2) / wide))
+    others = rivals_of(named[index], found.steps, wide, final.model.nominal.rotary)
+    return sigma, tuple(r for r in others if f"{r.effect}@{r.at}" not in named)
 
 
 def _encoder(
@@ -372,7 +440,7 @@ def _upper_bounds(found: Searched) -> dict[str, dict[str, float]]:
     base = off(fitted.residual)
     wide = np.sqrt(inflation(fitted.white))
     bounds: dict[str, dict[str, float]] = {}
-    for one in screen(problem, fitted, candidates(built, problem.experiments)):
+    for one in screen(problem, fitted, candidates(built, problem.experiments), "limits"):
         names = MAGNITUDE.get(one.start.physics.effect.name)
         size = float(np.linalg.norm(one.signature))
         if names is None or size == 0.0:

@@ -15,6 +15,7 @@ from zwidth.diagnosis.fit import Fitted, Problem
 from zwidth.diagnosis.horizon import BETTER, at_ratio, free_run_error
 from zwidth.diagnosis.parameters import Model, effect_labels
 from zwidth.diagnosis.removal import fit_without, prune
+from zwidth.diagnosis.steady import NoObserver
 from zwidth.diagnosis.trials import (
     FIVE_SIGMA,
     THRESHOLD,
@@ -266,7 +267,7 @@ def _settled(
     """Settle a trial and remove what it makes idle; None where it costs or errs too much."""
     try:
         there, settled = settled_on(trial, problem.experiments)
-    except ValueError:
+    except NoObserver:
         return None
     kept = prune(there, settled)
     if against_physics(kept):

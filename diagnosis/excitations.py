@@ -18,7 +18,7 @@ from zwidth.controllers.excitation import chirp, multisine, noise, random_steps,
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.files.whole import write_bytes, write_text
-from zwidth.scenarios.scenario import SUBSTEPS, Scenario, one_is_exact
+from zwidth.scenarios.scenario import Scenario, usual_substeps
 from zwidth.scenarios.scenario_file import scenario_to_text
 from zwidth.sim.device import Device
 from zwidth.sim.nearest import nearest
@@ -47,6 +47,10 @@ class Scale:
         for name, value in (("level", self.level), ("travel", self.travel)):
             if not 0.0 < value < np.inf:
                 raise ValueError(f"{name} is {value:g}; it must be finite and > 0")
+
+
+class NoExcitation(ValueError):
+    """An excitation whose band does not fit in the time that it has."""
 
 
 def scale_for(
@@ -81,7 +85,7 @@ def scale_for(
 def excitation(name: str, device: Device, seconds: float, scale: Scale, seed: int = 0) -> Floats:
     """Return the command (ticks,) of an excitation of the library on a device.
 
-    Raises ValueError for an unknown name (with the nearest one) and for too short a time.
+    Raises ValueError for an unknown name (with the nearest one), NoExcitation for too short a time.
     """
     if name not in LIBRARY:
         raise ValueError(f"there is no excitation {name!r}; {nearest(name, LIBRARY)}")
@@ -90,7 +94,10 @@ def excitation(name: str, device: Device, seconds: float, scale: Scale, seed: in
     period = device.interface.period
     for place, (share, part) in enumerate(parts):
         duration = seconds / len(parts)
-        unit = _unit(part(duration, period, seed + place))
+        try:
+            unit = _unit(part(duration, period, seed + place))
+        except ValueError as error:
+            raise NoExcitation(f"{name} cannot be played in {seconds:g} s: {error}") from error
         commands.append(share * bearable(device, unit, scale) * unit)
     return np.concatenate(commands)
 
@@ -121,7 +128,7 @@ def travelled(device: Device, command: Floats) -> float:
         free,
         recorded(command),
         duration=command.size * device.interface.period,
-        substeps=1 if one_is_exact(device) else SUBSTEPS,
+        substeps=usual_substeps(device),
     )
     return float(np.abs(run.trace["position_m1"]).max())
 

@@ -6,6 +6,7 @@ zero moves. All perturbed runs of a Jacobian are independent and go over all cor
 """
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,9 +20,11 @@ from zwidth.diagnosis.predictor import (
     SETTLING,
     Fineness,
     Observer,
+    enough,
     innovations,
     prepared,
 )
+from zwidth.diagnosis.steady import NoObserver
 from zwidth.jobs.parallel import in_parallel, threads
 
 Floats = NDArray[np.float64]
@@ -112,6 +115,12 @@ class Slopes:
         self.at = None
 
 
+def _enough(model: Model, x: Floats) -> int:
+    with suppress(NoObserver):  # all is `WORST` there
+        return enough(model.acting(x))
+    return 1
+
+
 class Problem:
     """Experiments under one observer, predicted with so many substeps."""
 
@@ -124,10 +133,17 @@ class Problem:
         self.experiments, self.observer, self.fineness = list(experiments), observer, fineness
         self.without: dict[tuple[str, str, bytes], Fitted] = {}  # fits less an effect, by `removal`
 
-    def weighted(self, model: Model, x: Floats) -> Floats:
-        """Return the weighted innovations of all experiments, one after the other."""
+    def weighted(self, model: Model, x: Floats, least: int = 1) -> Floats:
+        """Return the weighted innovations of all experiments, one after the other.
+
+        All `WORST` where the model runs away, or moves too fast to be followed. least: as
+        `prepared` takes it.
+        """
         device = model.acting(x)
-        ready = prepared(device, self.fineness)
+        try:
+            ready = prepared(device, self.fineness, least)
+        except NoObserver:
+            return np.full(self.samples, WORST)
         parts: list[Floats] = []
         for e in self.experiments:
             out = innovations(device, model.seen(e, x), self.observer.gain, ready=ready)
@@ -135,10 +151,15 @@ class Problem:
         joined = np.concatenate(parts)
         return np.clip(np.nan_to_num(joined, nan=WORST, posinf=WORST, neginf=-WORST), -WORST, WORST)
 
-    def residual(self, model: Model, x: Floats) -> Floats:
-        """Return weighted innovations, then the priors."""
+    @property
+    def samples(self) -> int:
+        """Number of weighted innovations."""
+        return sum((e.ticks - SETTLING) * len(e.outputs) for e in self.experiments)
+
+    def residual(self, model: Model, x: Floats, least: int = 1) -> Floats:
+        """Return weighted innovations, then the priors. least: as `prepared` takes it."""
         prior = np.array([xi for p, xi in zip(model.parameters, x, strict=True) if p.prior])
-        return np.concatenate([self.weighted(model, x), prior])
+        return np.concatenate([self.weighted(model, x, least), prior])
 
     def cost(self, fitted: Fitted) -> float:
         """Return -2 log likelihood of the innovations, deviations concentrated out, and priors."""
@@ -157,7 +178,9 @@ class Problem:
     ) -> Floats:
         """Return differences of the residual by x, inwards at a bound.
 
-        known: its first columns, where they are known well enough.
+        known: its first columns, where they are known well enough. All runs take the substeps that
+        the model needs at x: friction errs by its substeps, and two runs that differ in them would
+        show a slope of that error over so small a step.
         """
         base = self.residual(model, x) if at is None else at
         steps = [
@@ -168,13 +191,14 @@ class Problem:
         reads_speed = any(first_velocity(e) is not None for e in self.experiments)
         priors = [i for i, p in enumerate(parameters) if p.prior]
         samples = base.size - len(priors)
+        least = _enough(model, x)
 
         def column(i: int) -> Floats:
             if parameters[i].kind == "jitter" and not reads_speed:
                 return np.eye(1, base.size, samples + priors.index(i))[0]
             moved = x.copy()
             moved[i] += steps[i]
-            return (self.residual(model, moved) - base) / steps[i]
+            return (self.residual(model, moved, least) - base) / steps[i]
 
         first = 0 if known is None else known.shape[1]
         columns = in_parallel([lambda i=i: column(i) for i in range(first, x.size)], threads())

@@ -9,6 +9,7 @@ taken for another unit.
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from scipy.signal import savgol_filter
 
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.predictor import SETTLING, innovations, observer_near
+from zwidth.diagnosis.steady import NoObserver
 from zwidth.sim.device import Device
 from zwidth.sim.physics import make_physics
 
@@ -122,7 +124,10 @@ def _best_scale(device: Device, e: Experiment) -> Fault | None:
     To first order the prediction is linear in the command: e = a - s b, with a the error without
     any command and b the command's own part, so the best s is a regression.
     """
-    gain = observer_near(device.without_physics() if device.physics else device, e, 1e-2)
+    try:
+        gain = observer_near(device.without_physics() if device.physics else device, e, 1e-2)
+    except NoObserver:  # then nothing can be compared
+        return None
 
     def error(command: Floats) -> Floats:
         moved = replace(e, command=command)
@@ -158,10 +163,11 @@ def _weakened(device: Device, e: Experiment, gain: Floats) -> float:
     def error(share: float, name: str, at: str, key: str) -> float:
         size = 2.0 * peak / travel if key == "stiffness" else peak
         physics = make_physics(name, at, **{key: float(share) * size})
-        with np.errstate(all="ignore"):
+        with np.errstate(all="ignore"), suppress(NoObserver):
             errors = innovations(device.with_physics(physics), e, gain)[SETTLING:-SETTLING]
             found = float(np.sqrt(np.mean(errors**2)))
-        return found if np.isfinite(found) else np.inf
+            return found if np.isfinite(found) else np.inf
+        return np.inf
 
     least = np.inf
     for way in WEAKENING:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.predictor import SETTLING, innovations, observer_near
+from zwidth.diagnosis.steady import NoObserver
 from zwidth.sim.device import Device
 
 Floats = NDArray[np.float64]
@@ -43,7 +44,10 @@ def was_smooth(device: Device, experiment: Experiment) -> float | None:
     above = np.fft.rfftfreq(experiment.ticks) > UPPER_BAND
     if float(power[above].sum()) > SHARE_ABOVE * float(power.sum()):
         return None
-    gain = observer_near(device, experiment, RATIO)
+    try:
+        gain = observer_near(device, experiment, RATIO)
+    except NoObserver:  # then nothing can be compared
+        return None
     with np.errstate(all="ignore"):
         held = float(np.std(innovations(device, experiment, gain)[SETTLING:-SETTLING, 0]))
         moved = float(np.std(innovations(device, smooth(experiment), gain)[SETTLING:-SETTLING, 0]))

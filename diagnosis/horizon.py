@@ -13,6 +13,7 @@ from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.fit import Fitted, Problem
 from zwidth.diagnosis.predictor import free_run_errors
 from zwidth.diagnosis.settle import prepared_for
+from zwidth.diagnosis.steady import NoObserver
 
 SLOWER = (1e3, 1e1, 1e-1, 1e-3)
 BETTER = 0.8  # of the free run's error
@@ -35,7 +36,7 @@ def longer_view(
             continue
         try:
             tried = at_ratio(experiments, best[1], ratio)
-        except ValueError:  # so slow that it does not hold a device without springs
+        except NoObserver:  # so slow that it does not hold a device without springs
             continue
         found = free_run_error(experiments, *tried)
         if found < error:

@@ -20,6 +20,7 @@ changes no loss is seen, and the rate is the number seen over the sum of the odd
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,7 @@ from scipy.stats import norm
 
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.fit import Fitted, Problem
+from zwidth.diagnosis.mishaps import attempt
 from zwidth.diagnosis.parameters import Model, delivered
 from zwidth.diagnosis.predictor import SETTLING, innovations
 from zwidth.diagnosis.screen import Complement
@@ -63,8 +65,12 @@ def stepped_trials(
     problem: Problem, fitted: Fitted, experiments: Sequence[Experiment]
 ) -> list[Stepped]:
     """Return the trials of steps and lost commands on top of a fitted model."""
-    tried = (command_step(problem, fitted), encoder_step(problem, fitted, experiments),
-             dropped_samples(problem, fitted, experiments))  # fmt: skip
+    tries = {
+        "command_step@command": partial(command_step, problem, fitted),
+        "encoder_step@sensor": partial(encoder_step, problem, fitted, experiments),
+        "dropped_samples@clock": partial(dropped_samples, problem, fitted, experiments),
+    }
+    tried = [attempt("candidates", label, one) for label, one in tries.items()]
     return [t for t in tried if t is not None]
 
 

@@ -60,6 +60,9 @@ class Located:
     maps: tuple[ForceMap, ...]
 
 
+NOWHERE = Located("where simulation and recording part could not be said", [], [], [], [], ())
+
+
 def locate(problem: Problem, fitted: Fitted) -> Located:
     """Locate what a fitted model leaves unexplained."""
     first = problem.experiments[0]

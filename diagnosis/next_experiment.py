@@ -8,17 +8,27 @@ is as strong as the recording was, goes half as far again, and lasts as long.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from zwidth.diagnosis.candidates import Start
-from zwidth.diagnosis.excitations import LIBRARY, Scale, excitation, save_scenario, scale_for
+from zwidth.diagnosis.excitations import (
+    LIBRARY,
+    NoExcitation,
+    Scale,
+    excitation,
+    save_scenario,
+    scale_for,
+)
 from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.mishaps import isolated
 from zwidth.diagnosis.predictor import Observer
 from zwidth.diagnosis.reference import Reference, reference
-from zwidth.diagnosis.rehearsal import noise_of, rehearse
+from zwidth.diagnosis.rehearsal import RunsAway, noise_of, rehearse
 from zwidth.diagnosis.separation import separation
+from zwidth.diagnosis.steady import NoObserver
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import Device, place_label
 from zwidth.sim.physics.effect import Physics
@@ -75,12 +85,17 @@ def next_experiment(
         try:
             command = excitation(name, device, seconds, scale, seed)
             played = rehearse(device, command, noise, outputs=outputs, seed=seed, name=name)
-        except ValueError:  # too short for the band of a slow device, or it runs away
+            prepared = reference(device, [played], noise)
+        except (NoExcitation, RunsAway, NoObserver):  # too short for the band of a slow device
             return 0.0
-        prepared = reference(device, [played], noise)
         return min(_apart(prepared, a, b), _apart(prepared, b, a))
 
-    found = in_parallel([lambda n=name: distance(n) for name in LIBRARY], threads())
+    def kept(name: str) -> float:
+        with isolated("next experiment", name):
+            return distance(name)
+        return 0.0
+
+    found = in_parallel([partial(kept, name) for name in LIBRARY], threads())
     sigmas = dict(sorted(zip(LIBRARY, found, strict=True), key=lambda pair: -pair[1]))
     best = next(iter(sigmas))
     if not sigmas[best] > TELLING:

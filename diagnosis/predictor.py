@@ -1,9 +1,9 @@
 """Innovations of a device on an experiment, under a fixed observer gain; and its free run.
 
 The gain comes from a noise model of two numbers, process force at m1 per tick and noise of what is
-measured, by the discrete algebraic Riccati equation on the linear part of the device. Only their
-ratio matters for the gain; it is chosen by likelihood (`choose_observer`), and then stays fixed
-inside a fit: a fit that may change its own noise cheats with it.
+measured, on the linear part of the device (`zwidth.diagnosis.steady`). Only their ratio matters for
+the gain; it is chosen by likelihood (`choose_observer`), and then stays fixed inside a fit: a fit
+that may change its own noise cheats with it.
 """
 
 from collections.abc import Iterable, Sequence
@@ -13,15 +13,14 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_discrete_are
 from scipy.signal import lfilter
 
 from zwidth.diagnosis.experiment import Experiment, Output
+from zwidth.diagnosis.steady import NoObserver, steady
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import Device, masses_needed
-from zwidth.sim.equations import Equations, equations
+from zwidth.sim.equations import Equations, enough_substeps, equations
 from zwidth.sim.kernel import Memory
-from zwidth.sim.plant import hold
 from zwidth.sim.predict import alone
 from zwidth.sim.run import Start, start_memory
 
@@ -32,6 +31,7 @@ MEMORY = 24.0  # lags over which they see correlation
 BEGINNING = 2000  # ticks by which the state at the start is judged
 SETTLING = 100  # ticks left out at the start, until the observer has found the state
 SLOPE = (np.arange(10) - 4.5) / 82.5  # of the straight line through the first samples
+MOST_SUBSTEPS = 256  # a tick, of friction beside a mode of 100 kHz at 1 kHz
 RATIOS = np.geomspace(1e-7, 1e9, 33)
 
 
@@ -96,6 +96,8 @@ def whitened(observer: Observer, innovations: Sequence[Floats], memory: float = 
     its shape, and goes when the physics is found. So that no single line is taken out altogether,
     the spectrum that the filter makes flat is smoothed: correlation at lag k counts
     exp(-k^2 / 2 memory^2), a resolution of 1 / (2 pi memory T), 6.6 Hz at 1 kHz.
+
+    Raises NoObserver where no filter makes them white.
     """
     size = np.sqrt(np.mean(np.concatenate([e[SETTLING:] ** 2 for e in innovations]), axis=0))
     kept = [e[SETTLING:] / size for e in innovations]
@@ -112,12 +114,18 @@ def whitened(observer: Observer, innovations: Sequence[Floats], memory: float = 
         [r[k - j] if k >= j else r[j - k].T for k in range(1, order + 1)]
         for j in range(1, order + 1)
     ]
-    a = np.linalg.solve(np.block(blocks).T, np.hstack(r[1:]).T).T
+    try:
+        a = np.linalg.solve(np.block(blocks).T, np.hstack(r[1:]).T).T
+    except np.linalg.LinAlgError as error:
+        raise NoObserver(f"the innovations cannot be whitened: {error}") from error
     filters = np.concatenate([np.eye(o)[:, :, None], -a.reshape(o, order, o).swapaxes(1, 2)], 2)
     plain = replace(observer, whitening=filters, deviation=np.ones(o))
     white = np.concatenate([plain.weigh(e / size)[SETTLING:] for e in innovations])
     covariance = white.T @ white / white.shape[0]
-    mixed = np.linalg.solve(np.linalg.cholesky(covariance), filters.reshape(o, -1))
+    try:
+        mixed = np.linalg.solve(np.linalg.cholesky(covariance), filters.reshape(o, -1))
+    except np.linalg.LinAlgError as error:
+        raise NoObserver(f"the outputs are no two measurements: {error}") from error
     whitening = mixed.reshape(filters.shape) / size[None, :, None]
     return replace(observer, whitening=whitening, deviation=size * np.sqrt(np.diag(covariance)))
 
@@ -148,16 +156,40 @@ class Prepared(NamedTuple):
     fine: Equations
 
 
-def prepared(device: Device, fineness: Fineness = FINAL) -> Prepared:
-    """Prepare a device. A turn inside a substep puts friction wrong for the rest of it."""
+def prepared(device: Device, fineness: Fineness = FINAL, least: int = 1) -> Prepared:
+    """Prepare a device. A turn inside a substep puts friction wrong for the rest of it.
+
+    least: substeps a tick that dry friction takes at least; those that the device needs are taken
+    in any case (`enough`). Raises NoObserver where these are more than `MOST_SUBSTEPS`.
+    """
     hooks = {p.effect.hook for p in device.physics}
+    needed = max(least, enough(device))
     if any(p.effect.name == "backlash" for p in device.physics):
         few, many = fineness.jumping
-        return Prepared(equations(device, few), equations(device, many))
+        return Prepared(_in(device, few, needed), _in(device, many, needed))
     few = fineness.smooth if "force" in hooks else 1
-    coarse = equations(device, few)
-    finer = "friction" in hooks and fineness.turning > few
-    return Prepared(coarse, equations(device, fineness.turning) if finer else coarse)
+    coarse = _in(device, few, needed)
+    turning = max(needed, fineness.turning)
+    finer = "friction" in hooks and turning > max(few, needed)
+    return Prepared(coarse, _in(device, turning, needed) if finer else coarse)
+
+
+def enough(device: Device) -> int:
+    """Return the substeps a tick that dry friction of a device needs, 1 without it.
+
+    Raises NoObserver where these are more than `MOST_SUBSTEPS`.
+    """
+    needed = enough_substeps(device)
+    if needed > MOST_SUBSTEPS:
+        raise NoObserver(
+            f"{device.name} has a mode so fast that dry friction needs {needed} substeps a tick"
+        )
+    return needed
+
+
+def _in(device: Device, wanted: int, needed: int) -> Equations:
+    """The equations in so many substeps, as many as needed where friction asks for more."""
+    return equations(device, max(wanted, needed))
 
 
 def observer_memory(eq: Equations, experiment: Experiment) -> Memory:
@@ -311,40 +343,21 @@ def free_run_errors(
 def observer_for(device: Device, experiment: Experiment, ratio: float) -> Floats:
     """Return the steady gain (states, o) for a ratio of process to measurement variance.
 
-    The process noise is a force at m1 held for a tick, in units of the force that moves the whole
-    mass by one noise unit within a tick: that keeps the ratio free of the device's units.
+    Raises NoObserver where there is none (`zwidth.diagnosis.steady`).
     """
-    plant = device.plant()
-    a, b = hold(plant, experiment.period)
-    places = experiment.places(plant.dof).state
-    c = np.zeros((places.size, plant.size))
-    c[np.arange(places.size), places] = 1.0
-    scale = float(plant.matrices.mass.trace()) / experiment.period**2
-    source = b[:, 1] * scale
-    process = ratio * np.outer(source, source) + 1e-18 * np.eye(plant.size)
-    noise = np.diag(_noise_scale(experiment) ** 2)
-    solution = solve_discrete_are(a.T, c.T, process, noise)
-    innovation = c @ solution @ c.T + noise
-    return np.asarray(np.linalg.solve(innovation, c @ solution).T, dtype=np.float64)
+    return steady(device, experiment, ratio).gain
 
 
 def observer_near(device: Device, experiment: Experiment, ratio: float) -> Floats:
     """Return the gain for a ratio, or for the nearest one for which there is an observer.
 
     The Riccati equation of a light mass on a stiff link may be too badly scaled for one ratio and
-    not for the next. Raises LinAlgError where there is none within six decades.
+    not for the next. Raises NoObserver where there is none within six decades.
     """
     for decades in (0, 1, -1, 2, -2, 3, -3, 4, -4, 5, -5):
-        with suppress(ValueError):  # LinAlgError is one
+        with suppress(NoObserver):
             return observer_for(device, experiment, ratio * 10.0**decades)
     return observer_for(device, experiment, ratio * 1e6)
-
-
-def _noise_scale(experiment: Experiment) -> Floats:
-    """Relative noise of the outputs: velocities are noisier than positions by 1/T."""
-    return np.array(
-        [1.0 if o.quantity == "position" else 1.0 / experiment.period for o in experiment.outputs]
-    )
 
 
 def choose_observer(
@@ -353,13 +366,13 @@ def choose_observer(
     """Choose the ratio by the likelihood of the innovations, the deviations concentrated out.
 
     Every third ratio of a grid, then those beside the best of them. near: a ratio to go on from,
-    downhill, where one was chosen for nearly the same model.
+    downhill, where one was chosen for nearly the same model. Raises NoObserver where none follows.
     """
     ready = prepared(device, SEARCHING)
     scores: dict[int, float] = {}
 
     def score(i: int) -> float:
-        with suppress(np.linalg.LinAlgError, ValueError), np.errstate(all="ignore"):
+        with suppress(NoObserver), np.errstate(all="ignore"):
             gain = observer_for(device, experiments[0], float(RATIOS[i]))
             kept = [innovations(device, e, gain, ready=ready)[SETTLING:] for e in experiments]
             found = sum(k.shape[0] * np.linalg.slogdet(k.T @ k / k.shape[0])[1] for k in kept)
@@ -383,7 +396,7 @@ def choose_observer(
         best = best_of(range(0, RATIOS.size, 3))
         best = best_of(range(best - 2, best + 3))
     if not np.isfinite(scores[best]):
-        raise ValueError(
+        raise NoObserver(
             "no observer follows this recording with this device; check sign, scale and units of"
             " command and outputs"
         )

@@ -26,6 +26,7 @@ from zwidth.diagnosis.leftover import predicted_states
 from zwidth.diagnosis.parameters import Model
 from zwidth.diagnosis.predictor import SETTLING
 from zwidth.diagnosis.settle import settle
+from zwidth.diagnosis.steady import NoObserver
 from zwidth.diagnosis.unknown import CLEARLY, Instead, alone
 from zwidth.sim.device import place_label
 from zwidth.sim.physics.effect import Physics
@@ -67,7 +68,7 @@ def instead_by_law(problem: Problem, final: Fitted) -> Instead | None:
     for probe in probes:
         try:
             there, settled = settle(experiments, *_exchanged(final, probe))
-        except ValueError:  # no observer follows the recording with it
+        except NoObserver:  # no observer follows the recording with it
             continue
         paid = there.cost(settled) + price * settled.x.size
         # Of a case of the law itself, five sigma of the one unknown more are enough, not paid for.

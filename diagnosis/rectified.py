@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.predictor import SETTLING, innovations, observer_near
+from zwidth.diagnosis.steady import NoObserver
 from zwidth.sim.device import Device
 
 Floats = NDArray[np.float64]
@@ -44,7 +45,10 @@ def unfolded(device: Device, experiment: Experiment) -> Unfolded | None:
         return None
     z = folded_out(y)
     plain = device.without_physics() if device.physics else device
-    gains = [observer_near(plain, experiment, ratio) for ratio in RATIOS]
+    try:
+        gains = [observer_near(plain, experiment, ratio) for ratio in RATIOS]
+    except NoObserver:  # then nothing can be compared
+        return None
 
     def error(first: Floats) -> float:
         tried = replace(experiment, measured=np.column_stack([first, experiment.measured[:, 1:]]))

@@ -14,6 +14,7 @@ from zwidth.diagnosis.parameters import Model
 from zwidth.diagnosis.predictor import SETTLING, choose_observer, innovations, prepared, whitened
 from zwidth.diagnosis.rehearsal import Noise, known_observer
 from zwidth.diagnosis.screen import Complement
+from zwidth.diagnosis.steady import NoObserver
 from zwidth.sim.device import Device, place_label
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
@@ -92,7 +93,7 @@ def weighted(problem: Problem, device: Device) -> Floats:
     """
     try:
         ready, gain = prepared(device), problem.observer.gain
-    except ValueError:
+    except NoObserver:
         samples = sum((e.ticks - SETTLING) * len(e.outputs) for e in problem.experiments)
         return np.full(samples, WORST)
     with np.errstate(all="ignore"):

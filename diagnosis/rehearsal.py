@@ -10,15 +10,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_discrete_are
 
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.experiment import Experiment, Output
-from zwidth.diagnosis.predictor import Observer, observer_for
-from zwidth.scenarios.scenario import SUBSTEPS, one_is_exact
+from zwidth.diagnosis.predictor import Observer
+from zwidth.diagnosis.steady import steady
+from zwidth.scenarios.scenario import usual_substeps
 from zwidth.sim.device import Device
 from zwidth.sim.interface import Interface
-from zwidth.sim.plant import hold
 from zwidth.sim.run import Outcome, simulate
 
 Floats = NDArray[np.float64]
@@ -41,6 +40,10 @@ class Noise:
                 raise ValueError(f"noise.{name} is {value:g}; it must be finite and > 0")
 
 
+class RunsAway(ValueError):
+    """A device that leaves all bounds under a command."""
+
+
 def rehearse(
     device: Device,
     command: Floats,
@@ -52,7 +55,7 @@ def rehearse(
 ) -> Experiment:
     """Return the recording that a device would give under a command (ticks,).
 
-    Raises ValueError where the device runs away under that command.
+    Raises RunsAway where the device does under that command.
     """
     random = np.random.default_rng(seed)
     period = device.interface.period
@@ -61,10 +64,10 @@ def rehearse(
         recorded(command),
         duration=command.size * period,
         disturbance=noise.process * random.standard_normal(command.size),
-        substeps=1 if one_is_exact(device) else SUBSTEPS,
+        substeps=usual_substeps(device),
     )
     if run.outcome is not Outcome.COMPLETED:
-        raise ValueError(f"{device.name} runs away under {name}: {run.outcome.value}")
+        raise RunsAway(f"{device.name} runs away under {name}: {run.outcome.value}")
     scale = [1.0 if o.quantity == "position" else 1.0 / period for o in outputs]
     sensed = [o.name == "position_m1" for o in outputs]
     seen = ["encoder" if at else o.name for at, o in zip(sensed, outputs, strict=True)]
@@ -86,27 +89,15 @@ def _counted(y: Floats, interface: Interface) -> Floats:
 def known_observer(device: Device, experiment: Experiment, noise: Noise) -> Observer:
     """Return the observer for a noise that is known: its gain, and its innovations' deviations.
 
-    The deviations are those of the linear part, diag(C P C' + R) with P from the Riccati equation.
-    An encoder's rounding counts as noise, its step squared over twelve.
+    The deviations are those of the linear part. An encoder's rounding counts as noise, its step
+    squared over twelve. Raises NoObserver where there is none (`zwidth.diagnosis.steady`).
     """
     rounding = device.interface.encoder_step**2 / 12.0
     noise = replace(noise, measurement=float(np.sqrt(noise.measurement**2 + rounding)))
-    plant = device.plant()
-    a, b = hold(plant, experiment.period)
-    places = experiment.places(plant.dof)
-    c = np.zeros((places.state.size, plant.size))
-    c[np.arange(places.state.size), places.state] = 1.0
-    velocity = np.array([o.quantity == "velocity" for o in experiment.outputs])
-    r = (noise.measurement * np.where(velocity, 1.0 / experiment.period, 1.0)) ** 2
-    q = noise.process**2 * np.outer(b[:, 1], b[:, 1])
-    unit = noise.measurement**2  # keeps the equation well scaled
-    p = unit * solve_discrete_are(
-        a.T, c.T, q / unit + 1e-18 * np.eye(plant.size), np.diag(r) / unit
-    )
-    mass = float(plant.matrices.mass.trace())
+    mass = float(device.plant().matrices.mass.trace())
     ratio = (noise.process * experiment.period**2 / (mass * noise.measurement)) ** 2
-    deviation = np.sqrt(np.diag(c @ p @ c.T) + r)
-    return Observer(observer_for(device, experiment, ratio), deviation, ratio)
+    found = steady(device, experiment, ratio)
+    return Observer(found.gain, noise.measurement * found.scatter, ratio)
 
 
 def noise_of(device: Device, experiment: Experiment, observer: Observer) -> Noise:

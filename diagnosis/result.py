@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.candidates import CONTAINED
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.gate import Fault
-from zwidth.diagnosis.locate import Located
+from zwidth.diagnosis.locate import NOWHERE, Located
+from zwidth.diagnosis.mishaps import Mishap
 from zwidth.diagnosis.next_experiment import NextExperiment
 from zwidth.diagnosis.search import Searched
 from zwidth.sim.device import Device
@@ -28,6 +29,7 @@ class Verdict(Enum):
     UNKNOWN_PHYSICS = "unknown_physics"
     LINEAR_PARAMETERS = "linear_parameters"
     RECORDING_FAULT = "recording_fault"
+    UNDECIDED = "undecided"
 
 
 @dataclass(frozen=True)
@@ -89,6 +91,9 @@ class HeldOut:
         return dict(vars(self))
 
 
+UNKNOWN_FIT = HeldOut(np.nan, np.nan, np.nan, np.nan)
+
+
 @dataclass(frozen=True)
 class Residuals:
     """Innovations in units of their noise, (ticks, outputs), refitted and with what was found."""
@@ -102,7 +107,8 @@ class Residuals:
 class Diagnosis:
     """The whole answer. device: augmented by what was found, with refitted linear parameters.
 
-    searched: the way there; experiments: the recordings whole, as they were taken.
+    searched: the way there; experiments: the recordings whole, as they were taken. errors: what
+    failed and cost no more than itself; left_out: the recordings, by their place, that this cost.
     """
 
     verdict: Verdict
@@ -121,6 +127,8 @@ class Diagnosis:
     interrupted: bool = False
     facts: dict[str, Any] = field(default_factory=dict[str, Any])
     next_experiment: NextExperiment | None = None
+    errors: tuple[Mishap, ...] = ()
+    left_out: tuple[int, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON of `zwidth diagnose`."""
@@ -156,4 +164,43 @@ class Diagnosis:
             "next_experiment": self.next_experiment and self.next_experiment.as_json(),
             "interrupted": self.interrupted,
             "facts": self.facts,
+            "errors": [m.as_json() for m in self.errors],
         }
+
+
+@dataclass(frozen=True)
+class Unanswered:
+    """What there is to say where an error leaves no diagnosis: faults of recordings, and errors."""
+
+    sentence: str
+    faults: tuple[Fault, ...]
+    errors: tuple[Mishap, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the JSON of `zwidth diagnose`, with nothing where nothing is known."""
+        nothing: list[Any] = []
+        return {
+            "verdict": Verdict.UNDECIDED.value,
+            "sentence": self.sentence,
+            "findings": nothing,
+            "linear_refit": {},
+            "where": {
+                "sentence": NOWHERE.sentence,
+                "time": nothing, "frequency_hz": nothing, "state": nothing, "entry": nothing,
+            },
+            "fit": {name: UNKNOWN_FIT.as_json() for name in ("held_out", "one_step", "free_run")},
+            "upper_bounds": {},
+            "faults": [vars(f) for f in self.faults],
+            "next_experiment": None,
+            "interrupted": False,
+            "facts": {},
+            "errors": [m.as_json() for m in self.errors],
+        }  # fmt: skip
+
+
+class NotDiagnosed(Exception):
+    """An error that leaves nothing to conclude; `unanswered` holds what there was before it."""
+
+    def __init__(self, unanswered: Unanswered) -> None:
+        super().__init__(unanswered.sentence)
+        self.unanswered = unanswered

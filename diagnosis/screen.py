@@ -9,12 +9,14 @@ the start's score, a chi-square. What the refit absorbs is thereby gone before a
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.candidates import MAGNITUDE, QUARTER, Start
 from zwidth.diagnosis.fit import Fitted, Problem
+from zwidth.diagnosis.mishaps import attempt
 from zwidth.diagnosis.predictor import SCREENING
 from zwidth.jobs.parallel import in_parallel, threads
 
@@ -56,8 +58,13 @@ class Complement:
         return -self.inverse @ (self.basis.T @ vector)
 
 
-def screen(problem: Problem, fitted: Fitted, starts: Sequence[Start]) -> list[Screened]:
-    """Return all starts with their scores, best first, at most one per effect and place."""
+def screen(
+    problem: Problem, fitted: Fitted, starts: Sequence[Start], stage: str = "candidates"
+) -> list[Screened]:
+    """Return all starts with their scores, best first, at most one per effect and place.
+
+    stage: of which a start that fails is named (`zwidth.diagnosis.mishaps`).
+    """
     off = Complement(fitted.jacobian)
     base = off(fitted.residual)
     energy = float(base @ base)
@@ -73,17 +80,20 @@ def screen(problem: Problem, fitted: Fitted, starts: Sequence[Start]) -> list[Sc
         after = base + signature
         return Screened(start, energy - float(after @ after), signature, off.absorbing(whole))
 
+    def scores(starts: Sequence[Start]) -> list[Screened]:
+        tasks = [partial(attempt, stage, s.label, partial(score, s)) for s in starts]
+        return [one for one in in_parallel(tasks, threads()) if one is not None]
+
     groups: dict[str, list[Start]] = {}
     for start in starts:
         groups.setdefault(start.label, []).append(start)
     best: list[Screened] = []
     most = 0.0
     for group in groups.values():  # one by one: signatures of a long recording fill memory
-        scored = in_parallel([lambda s=s: score(s) for s in group], threads())
-        most = max(most, *(one.score for one in scored))
-        again = _second_looks(scored, base, max(PROMISING, HOPEFUL * most))
-        scored += in_parallel([lambda s=s: score(s) for s in again], threads())
-        best.append(max(scored, key=lambda one: one.score))
+        scored = scores(group)
+        most = max([most, *(one.score for one in scored)])
+        scored += scores(_second_looks(scored, base, max(PROMISING, HOPEFUL * most)))
+        best += sorted(scored, key=lambda one: one.score, reverse=True)[:1]
     return sorted(best, key=lambda one: one.score, reverse=True)
 
 

@@ -7,7 +7,7 @@ explain more in its place, up to three effects.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.fit import Fitted, Problem
 from zwidth.diagnosis.horizon import longer_view
 from zwidth.diagnosis.leftover import leftover
+from zwidth.diagnosis.mishaps import isolated
 from zwidth.diagnosis.parameters import Model, effect_labels
 from zwidth.diagnosis.predictor import FINAL
 from zwidth.diagnosis.removal import prune
@@ -37,75 +38,136 @@ class Searched:
     interrupted: bool = False
 
 
+@dataclass
+class _Way:
+    """Where a search stands. likely: what likelihood took before free runs decided, if they did.
+
+    trusted: an observer that trusts the model was followed for its free runs.
+    """
+
+    problem: Problem
+    linear: Fitted
+    current: Fitted
+    experiments: Sequence[Experiment]
+    steps: list[Step] = field(default_factory=list[Step])
+    likely: tuple[Problem, Fitted] | None = None
+    trusted: bool = False
+    interrupted: bool = False
+
+
 def search(
     device: Device, experiments: Sequence[Experiment], say: Say = lambda _: None
 ) -> Searched:
-    """Search for missing physics in the experiments (the part to fit on)."""
+    """Search for missing physics in the experiments (the part to fit on).
+
+    What was found stays found where a later step is interrupted or fails. Raises NoObserver where
+    no observer follows the recordings with the device.
+    """
     problem, linear = refit(device, experiments)
-    experiments = problem.experiments
     size = np.sqrt(linear.chi2 / linear.samples)
     say(f"linear refit: innovations {size:.3f} of their noise model")
-    current, steps, interrupted = linear, list[Step](), False
-    likely: tuple[Problem, Fitted] | None = None  # what likelihood took before free runs decided
-    trusted = False  # an observer that trusts the model was followed for its free runs
+    way = _Way(problem, linear, linear, problem.experiments)
     try:
-        for _ in range(2 * MOST):
-            if len(current.model.effects) == MOST:
-                break
-            asked = ask(problem, current, experiments, say)
-            problem, current = asked.problem, asked.current
-            experiments = problem.experiments
-            if not current.model.effects:
-                linear = current
-            kept = surviving(asked.believed)
-            if kept is None:
-                steps.append(replace(asked.step, taken=None))
-                break
-            answer, best = kept
-            freer = runs_freer(asked, answer, best)
-            if freer is not None:
-                say(f"an observer that trusts the model more takes {freer.trial.label}")
-                # Free runs speak for it, and the likeliest observer hides what is slow: it stays.
-                likely = likely or (answer.problem, best)
-                answer, best, trusted = freer, _pruned_but(freer), True
-            say(f"taken: {answer.trial.label}")
-            steps.append(replace(answer.step, taken=answer.trial))
-            problem, current = answer.problem, best
-            experiments = problem.experiments
-            if answer.trial.label not in effect_labels(current.model.effects):
-                break
-            if freer is None and trusted:  # where nothing is left, likelihood judges fairly again
-                trusted = leftover(problem, current).significant
-            if not trusted or plainly_there(problem, current):  # else the fast one takes it back
-                problem, current = split(problem, current, say, trusted)
-                before = current.model.label
-                problem, current, swaps = swapped(problem, current, say, trusted)
-                if current.model.label != before:  # what was put in may be two
-                    problem, current = split(problem, current, say, trusted)
-                steps += swaps
-                if not trusted:
-                    problem, current = paired(problem, current, swaps, say)
-                    problem, current = merged(problem, current, say)
-                experiments = problem.experiments
+        with isolated("search", "a further effect"):
+            for _ in range(2 * MOST):
+                if len(way.current.model.effects) == MOST or not _stepped(way, say):
+                    break
     except KeyboardInterrupt:
         say("interrupted: what was found until now is judged; once more to leave")
-        interrupted = True
-    if current.model.effects:
-        problem, current = longer_view(experiments, problem, current)
-        problem, current = _calm(problem, current)
-        current = prune(problem, current)
-        if not interrupted:
-            if problem.observer.whitening is None:  # free runs decided
-                problem, current = split(problem, current, say, freely=True)
-            steps += _unweighed(problem, current, steps, say)
-    problem, current = _ended(problem, current)
-    if not current.model.effects and likely is not None:  # nothing of the free runs' choice pays
-        problem, current = _calm(*likely)
-        if not interrupted:
-            steps += _unweighed(problem, current, steps, say)
-        problem, current = _ended(problem, current)
-    baseline = problem.fit(Model(device), linear.x)
-    return Searched(problem, baseline, current, tuple(steps), interrupted)
+        way.interrupted = True
+    with isolated("search", "the last look at what was found"):
+        _looked_over(way, say)
+    _end(way)
+    if not way.current.model.effects and way.likely is not None:
+        # Nothing of the free runs' choice pays.
+        with isolated("search", "what likelihood takes"):
+            way.problem, way.current = _calm(*way.likely)
+            _name_rivals(way, say)
+            _end(way)
+    baseline = way.problem.fit(Model(device), way.linear.x)
+    return Searched(way.problem, baseline, way.current, tuple(way.steps), way.interrupted)
+
+
+def _stepped(way: _Way, say: Say) -> bool:
+    """Take the effect that is believed most, and exchange what it shows to be wrong.
+
+    False where nothing is believed.
+    """
+    asked = ask(way.problem, way.current, way.experiments, say)
+    way.problem, way.current = asked.problem, asked.current
+    way.experiments = way.problem.experiments
+    if not way.current.model.effects:
+        way.linear = way.current
+    kept = surviving(asked.believed)
+    if kept is None:
+        way.steps.append(replace(asked.step, taken=None))
+        return False
+    answer, best = kept
+    freer = runs_freer(asked, answer, best)
+    if freer is not None:
+        say(f"an observer that trusts the model more takes {freer.trial.label}")
+        # Free runs speak for it, and the likeliest observer hides what is slow: it stays.
+        way.likely = way.likely or (answer.problem, best)
+        answer, best, way.trusted = freer, _pruned_but(freer), True
+    say(f"taken: {answer.trial.label}")
+    way.steps.append(replace(answer.step, taken=answer.trial))
+    way.problem, way.current = answer.problem, best
+    way.experiments = way.problem.experiments
+    if answer.trial.label not in effect_labels(way.current.model.effects):
+        return False
+    if freer is None and way.trusted:  # where nothing is left, likelihood judges fairly again
+        way.trusted = leftover(way.problem, way.current).significant
+    if not way.trusted or plainly_there(way.problem, way.current):  # else the fast one undoes it
+        _exchange(way, say)
+    return True
+
+
+def _exchange(way: _Way, say: Say) -> None:
+    """Exchange effects for what explains more in their place, one for two, one for one and so on.
+
+    Every kind of exchange fails by itself.
+    """
+    before = way.current.model.label
+    with isolated("exchange", "two for one"):
+        way.problem, way.current = split(way.problem, way.current, say, way.trusted)
+        before = way.current.model.label
+    swaps: list[Step] = []
+    with isolated("exchange", "one for one"):
+        way.problem, way.current, swaps = swapped(way.problem, way.current, say, way.trusted)
+        if way.current.model.label != before:  # what was put in may be two
+            way.problem, way.current = split(way.problem, way.current, say, way.trusted)
+    way.steps += swaps
+    if not way.trusted:
+        with isolated("exchange", "two for two"):
+            way.problem, way.current = paired(way.problem, way.current, swaps, say)
+        with isolated("exchange", "richer ones"):
+            way.problem, way.current = merged(way.problem, way.current, say)
+    way.experiments = way.problem.experiments
+
+
+def _looked_over(way: _Way, say: Say) -> None:
+    """Look at what was found again: by free runs, under calmer observers, without what idles."""
+    if not way.current.model.effects:
+        return
+    way.problem, way.current = longer_view(way.experiments, way.problem, way.current)
+    way.problem, way.current = _calm(way.problem, way.current)
+    way.current = prune(way.problem, way.current)
+    if way.interrupted:
+        return
+    if way.problem.observer.whitening is None:  # free runs decided
+        way.problem, way.current = split(way.problem, way.current, say, freely=True)
+    _name_rivals(way, say)
+
+
+def _name_rivals(way: _Way, say: Say) -> None:
+    if not way.interrupted:
+        way.steps += _unweighed(way.problem, way.current, way.steps, say)
+
+
+def _end(way: _Way) -> None:
+    """Fit the last time; where that fails, the fit before stays."""
+    with isolated("search", "the last fit"):
+        way.problem, way.current = _ended(way.problem, way.current)
 
 
 def _calm(problem: Problem, current: Fitted) -> tuple[Problem, Fitted]:

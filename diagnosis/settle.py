@@ -19,6 +19,7 @@ from zwidth.diagnosis.predictor import (
     observer_for,
     whitened,
 )
+from zwidth.diagnosis.steady import NoObserver
 from zwidth.sim.device import Device
 from zwidth.sim.physics.effect import Physics
 
@@ -44,7 +45,7 @@ def refit(
     return problem, fitted
 
 
-class NotWorth(ValueError):
+class NotWorth(Exception):
     """A model explains too little to be settled."""
 
 
@@ -53,7 +54,8 @@ def settle(
 ) -> tuple[Problem, Fitted]:
     """Fit a model from x, choosing the observer anew between fits until both agree.
 
-    Raises NotWorth where the first fit costs more than `worth` in -2 log likelihood.
+    Raises NotWorth where the first fit costs more than `worth` in -2 log likelihood, and NoObserver
+    where no observer follows the recordings with it.
     """
     near = None
     for _ in range(REFITS):
@@ -80,7 +82,7 @@ def prepared_for(
 
     ratio: None for the likeliest observer, whose innovations are whitened. Those of an observer
     that was asked for are only where `white`: whitened, every observer sees much the same. Raises
-    LinAlgError where there is no observer of that ratio, ValueError where it overflows. near: as
+    NoObserver where there is no observer of that ratio, or the model runs away under it. near: as
     `choose_observer` takes it.
     """
     device = model.acting(x)
@@ -94,7 +96,7 @@ def prepared_for(
     known = [replace(e, start=s) for e, s in zip(experiments, starts, strict=True)]
     errors = [innovations(device, model.seen(e, x), chosen.gain) for e in known]
     if not all(np.all(np.isfinite(e)) for e in errors):
-        raise ValueError(f"no observer follows the recording with {model.label}")
+        raise NoObserver(f"no observer follows the recording with {model.label}")
     if ratio is None or white:
         return Problem(known, whitened(chosen, errors))
     joined = np.concatenate([e[SETTLING:] for e in errors])
@@ -111,7 +113,7 @@ def cost_at(ratio: float, fitted: Fitted, experiments: Sequence[Experiment]) -> 
     try:
         there = prepared_for(experiments, fitted.model, fitted.x, ratio, white=True)
         return there.cost(there.fit(fitted.model, fitted.x))
-    except ValueError:
+    except NoObserver:
         return np.inf
 
 
@@ -128,7 +130,7 @@ def under_likeliest_noise(problem: Problem, fitted: Fitted) -> Problem:
         try:
             ratio = share * problem.observer.ratio
             there = prepared_for(problem.experiments, fitted.model, fitted.x, ratio, white=True)
-        except (ValueError, np.linalg.LinAlgError):  # so slow that it does not hold the device
+        except NoObserver:  # so slow that it does not hold the device
             break
         residual = there.residual(fitted.model, fitted.x)
         cost = there.cost(replace(fitted, residual=residual, chi2=float(residual @ residual)))

@@ -10,9 +10,8 @@ of the residual (a coloured residual makes every gain look larger). Simplest fir
 must beat a simpler one by five sigma.
 """
 
-import itertools
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -23,6 +22,7 @@ from zwidth.diagnosis.candidates import CONTAINED, acts_on, candidates
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.fit import Fitted, Problem
 from zwidth.diagnosis.lattice import STEPPED, stepped_trials
+from zwidth.diagnosis.mishaps import attempt
 from zwidth.diagnosis.modes import PRICE, mode_starts
 from zwidth.diagnosis.parameters import Model
 from zwidth.diagnosis.screen import Screened, screen
@@ -108,8 +108,10 @@ def take(
     """
     built = current.model.build(current.x)
     starts = [s for s in candidates(built, experiments) if s.physics.effect.name not in STEPPED]
-    waves, prices = wave_starts(problem, current)
-    modes = mode_starts(problem, current)
+    find_waves = partial(wave_starts, problem, current)
+    waves, prices = attempt("candidates", "what repeats over position", find_waves) or ([], {})
+    find_modes = partial(mode_starts, problem, current)
+    modes = attempt("candidates", "a further mass", find_modes) or []
     prices = {**prices, "extra_mode": PRICE}
     plain = [s for s in starts if s.physics.effect.name != "extra_mode"]
     screened = screen(problem, current, [*plain, *waves, *modes])
@@ -122,9 +124,7 @@ def take(
         trials += _all_tried(problem, current, straight, again, prices)
         trials = _best_of_each(trials)
     most = max((t.gained for t in trials), default=0.0)
-    near = [most - t.gained < STILL_NEAR * wide for t in trials]
-    longer = iter(_all_further(problem, current, itertools.compress(trials, near)))
-    trials = [next(longer) if go_on else t for go_on, t in zip(near, trials, strict=True)]
+    trials = _near_ones_further(problem, current, trials, most - STILL_NEAR * wide)
     for t in stepped_trials(problem, current, experiments) if stepped else ():
         say(f"{t.label}: chi-square gained {t.gained:.0f}")
         light = t.fitted.light()
@@ -152,7 +152,8 @@ def richer_trials(problem: Problem, current: Fitted, simple: Physics) -> list[Tr
         if start.physics.effect.name in names and acts_on(start.physics.at) == simple.at
     ]
     screened = screen(problem, current, starts) if starts else []
-    return _all_further(problem, current, _all_tried(problem, current, current, screened, {}))
+    tried = _all_tried(problem, current, current, screened, {})
+    return _near_ones_further(problem, current, tried, -math.inf)
 
 
 def best_among(problem: Problem, current: Fitted, labels: Collection[str]) -> Trial | None:
@@ -165,7 +166,9 @@ def best_among(problem: Problem, current: Fitted, labels: Collection[str]) -> Tr
     near = [one for one in screen(problem, current, starts)[:AMONG] if one.score > WORTH]
     trials = _all_tried(problem, current, current, near, {})
     best = max(trials, key=lambda t: evidence(t, current.samples), default=None)
-    return None if best is None else _further(problem, current, best)
+    if best is None:
+        return None
+    return attempt("candidates", best.label, partial(_further, problem, current, best))
 
 
 def _straight(problem: Problem, current: Fitted) -> Fitted | None:
@@ -222,12 +225,31 @@ def _all_tried(
     promising: Sequence[Screened],
     prices: Mapping[str, float],
 ) -> list[Trial]:
-    tasks = [partial(_tried, problem, current, at, one, prices) for one in promising]
-    return in_parallel(tasks, threads())
+    fits = [
+        (one.start.label, partial(_tried, problem, current, at, one, prices)) for one in promising
+    ]
+    return _all_fitted(fits)
 
 
-def _all_further(problem: Problem, current: Fitted, trials: Iterable[Trial]) -> list[Trial]:
-    return in_parallel([partial(_further, problem, current, t) for t in trials], threads())
+def _near_ones_further(
+    problem: Problem, current: Fitted, trials: Sequence[Trial], least: float
+) -> list[Trial]:
+    """The trials, those that gain more than the least fitted to their end, in their order."""
+    fits = [
+        (t.label, partial(_further, problem, current, t) if t.gained > least else partial(_same, t))
+        for t in trials
+    ]
+    return _all_fitted(fits)
+
+
+def _same(trial: Trial) -> Trial:
+    return trial
+
+
+def _all_fitted(fits: Sequence[tuple[str, Callable[[], Trial]]]) -> list[Trial]:
+    """What fits give, named by their labels, less what an error cost."""
+    tasks = [partial(attempt, "candidates", label, fit) for label, fit in fits]
+    return [trial for trial in in_parallel(tasks, threads()) if trial is not None]
 
 
 def _further(problem: Problem, current: Fitted, trial: Trial) -> Trial:

@@ -37,6 +37,7 @@ from zwidth.diagnosis.predictor import SETTLING
 from zwidth.diagnosis.screen import Complement
 from zwidth.diagnosis.settle import cost_at, prepared_for
 from zwidth.diagnosis.spatial import response
+from zwidth.diagnosis.steady import NoObserver
 from zwidth.diagnosis.uncertainty import inflation
 from zwidth.diagnosis.views import SLOWER, WEAK, views
 from zwidth.jobs.parallel import in_parallel, threads
@@ -212,7 +213,7 @@ def instead(
             continue
         try:
             paid = _with_force(problem, without, one, np.inf).cost
-        except ValueError:  # no observer follows the recording with that force
+        except NoObserver:  # no observer follows the recording with that force
             continue
         paid += unknowns * np.log(final.samples)
         if paid < least:
@@ -303,7 +304,7 @@ def alone(fitted: Fitted, experiments: Sequence[Experiment]) -> float:
 
 def _if_followed(view: Problem, fitted: Fitted, one: Gained, base: float) -> Forced | None:
     """As `_with_force`; None where no observer follows the recording with that force."""
-    with suppress(ValueError):
+    with suppress(NoObserver):
         return _with_force(view, fitted, one, base)
     return None
 

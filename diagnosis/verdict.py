@@ -10,6 +10,7 @@ from zwidth.diagnosis.probes import instead_by_law
 from zwidth.diagnosis.removal import fit_without
 from zwidth.diagnosis.result import Estimate, Finding, Verdict
 from zwidth.diagnosis.search import Searched
+from zwidth.diagnosis.steady import NoObserver
 from zwidth.diagnosis.uncertainty import Z95, inflation
 from zwidth.diagnosis.unknown import TOUCHED, Instead, instead, unknown
 
@@ -51,7 +52,7 @@ def left_over(found: Searched, acted: Sequence[Experiment]) -> Left:
         return Left(top.gained, located.sentence)
     try:
         free = unknown(acted, found.final)
-    except ValueError:  # no observer follows what was held out
+    except NoObserver:  # no observer follows what was held out
         return Left(0.0, "")
     if free is not None and free.gained > FREE_FORCE * wide + 1.5 * free.unknowns:
         return Left(free.gained, free.sentence, True)

@@ -23,8 +23,10 @@ from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.fit import Fitted, Problem
 from zwidth.diagnosis.horizon import BETTER, free_run_error
 from zwidth.diagnosis.lattice import sharpened
+from zwidth.diagnosis.mishaps import attempt, isolated
 from zwidth.diagnosis.parameters import Model
 from zwidth.diagnosis.settle import NotWorth, cost_at, prepared_for, settle
+from zwidth.diagnosis.steady import NoObserver
 from zwidth.diagnosis.trials import (
     FIVE_SIGMA,
     THRESHOLD,
@@ -105,7 +107,7 @@ def settled_without(asked: Asked) -> tuple[Problem, Fitted] | None:
     own, best = asked.current, asked.believed[0]
     try:
         again = settle(asked.problem.experiments, own.model, best.settled.x[: own.x.size])
-    except ValueError:
+    except NoObserver:
         return None
     if against_physics(again[1]):
         return None
@@ -127,7 +129,11 @@ def _asked(problem: Problem, current: Fitted, experiments: Sequence[Experiment],
         step = take(view, there, view.experiments, silent if slow else say, stepped=not slow)
         steps.append(step)
         worth = _worth(step, current)
-        standing = in_parallel([partial(_standing, t, view.experiments) for t in worth], threads())
+        tasks = [
+            partial(attempt, "candidates", t.label, partial(_standing, t, view.experiments))
+            for t in worth
+        ]
+        standing = in_parallel(tasks, threads())
         for trial, one in zip(worth, standing, strict=True):
             if one is not None:
                 at, fitted = one
@@ -151,7 +157,7 @@ def _likelier(
         if at.cost(fitted) > own - HOPE:
             return None
         again = settle(view.experiments, there.model, there.x)
-    except ValueError:
+    except NoObserver:
         return None
     return again if again[0].cost(again[1]) < own - HOPE else None
 
@@ -168,7 +174,7 @@ def views(
             refitted = slow.fit(current.model, current.x)
             slow = prepared_for(slow.experiments, current.model, refitted.x, ratio)
             yield slow, slow.fit(current.model, refitted.x), True
-        except ValueError:  # so slow that it does not hold the device
+        except NoObserver:  # so slow that it does not hold the device
             return
 
 
@@ -193,31 +199,41 @@ def _settled(
         if trial.label in tried or len(tried) == SETTLED or answer.cost > own - least:
             continue
         tried.add(trial.label)
-        try:
-            problem, fitted = settled_on(trial, answer.view.experiments, own - HOPE)
-        except NotWorth:
-            continue
-        except ValueError as error:
-            say(f"{trial.label} is left out: {error}")
-            continue
-        if key := at_bound(fitted):
-            say(f"{trial.label} is left out: with it, {key} runs out of what physics allows")
-            continue
-        paid = problem.cost(fitted) + trial.price
-        least = THRESHOLD * wide + 2.0 * trial.parameters
-        if own - paid <= least:
-            continue
-        if cost_at(problem.observer.ratio, current, experiments) - paid <= least:
-            continue
-        if own - paid < WEAK and _by_noise(current, answer, problem, fitted, paid, least):
-            continue
-        found.append(replace(answer, problem=problem, settled=fitted, cost=paid))
+        with isolated("candidates", trial.label):
+            one = _believed(answer, own, current, experiments, say)
+            found += [] if one is None else [one]
     if not found:
         return []
     found.sort(key=weighed)
     near = [a for a in found if a.cost - found[0].cost < FIVE_SIGMA * wide]
     best = min(near, key=lambda a: (a.trial.parameters, a.cost))
     return [best, *(a for a in found if a is not best)]
+
+
+def _believed(
+    answer: Answer, own: float, current: Fitted, experiments: Sequence[Experiment], say: Say
+) -> Answer | None:
+    """An answer settled, None where it does not gain enough, under whatever observer."""
+    trial = answer.trial
+    try:
+        problem, fitted = settled_on(trial, answer.view.experiments, own - HOPE)
+    except NotWorth:
+        return None
+    except NoObserver as error:
+        say(f"{trial.label} is left out: {error}")
+        return None
+    if key := at_bound(fitted):
+        say(f"{trial.label} is left out: with it, {key} runs out of what physics allows")
+        return None
+    paid = problem.cost(fitted) + trial.price
+    least = THRESHOLD * inflation(current.white) + 2.0 * trial.parameters
+    if own - paid <= least:
+        return None
+    if cost_at(problem.observer.ratio, current, experiments) - paid <= least:
+        return None
+    if own - paid < WEAK and _by_noise(current, answer, problem, fitted, paid, least):
+        return None
+    return replace(answer, problem=problem, settled=fitted, cost=paid)
 
 
 def _by_noise(
@@ -262,11 +278,11 @@ def _deepest_valley(problem: Problem, settled: Fitted) -> tuple[Problem, Fitted]
 
     model = settled.model
     best = problem, settled
-    with suppress(ValueError):
+    with suppress(NoObserver, NotWorth):
         best = min(best, _walked(problem, settled), key=cost)
     straight = np.where([p.prior for p in model.parameters], 0.0, settled.x)
     for factor in WIDENED:
-        with suppress(ValueError):
+        with suppress(NoObserver, NotWorth):
             start = with_gaps(model, straight, factor)
             there = settle(problem.experiments, model, start, cost(best) + STOPPED)
             if cost(there) < cost(best) + NEARLY:
@@ -289,7 +305,7 @@ def runs_freer(asked: Asked, best: Answer, settled: Fitted) -> Answer | None:
         free = free_run_error(answer.view.experiments, answer.view, answer.trial.fitted)
         if free > BETTER * limit:
             continue
-        with suppress(ValueError):
+        with suppress(NoObserver, NotWorth):
             problem, fitted = settled_on(answer.trial, answer.view.experiments)
             paid = problem.cost(fitted) + answer.trial.price
             return replace(answer, problem=problem, settled=fitted, cost=paid)
@@ -305,7 +321,7 @@ def _worth(step: Step, current: Fitted) -> list[Trial]:
 
 def _standing(trial: Trial, experiments: Sequence[Experiment]) -> tuple[Problem, Fitted] | None:
     """A trial as it stands under its own likeliest observer; None where none follows."""
-    with suppress(ValueError):
+    with suppress(NoObserver, NotWorth):
         return _as_it_stands(trial.fitted.model, trial.fitted, trial.experiments or experiments)
     return None
 

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextvars import copy_context
 from typing import TypeVar
 
 Result = TypeVar("Result")
@@ -22,11 +23,14 @@ def threads() -> int:
 
 
 def in_parallel(tasks: Sequence[Callable[[], Result]], workers: int) -> list[Result]:
-    """Run tasks on threads (kernels release the interpreter's lock); results in task order."""
+    """Run tasks on threads (kernels release the interpreter's lock); results in task order.
+
+    Each sees the context variables of the caller.
+    """
     if workers == 1 or len(tasks) == 1:
         return [task() for task in tasks]
     with ThreadPoolExecutor(workers) as pool:
-        futures = [pool.submit(task) for task in tasks]
+        futures = [pool.submit(copy_context().run, task) for task in tasks]
         try:
             return [future.result() for future in futures]
         except BaseException:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from zwidth.scenarios.disturbance import Disturbance
 from zwidth.sim.controller import Controller
 from zwidth.sim.device import Device
+from zwidth.sim.equations import enough_substeps
 from zwidth.sim.nearest import nearest
 from zwidth.sim.run import Setup, Start, duration_ticks, prepare
 
@@ -25,7 +26,8 @@ class Scenario:
     """A device under a controller, from a start, under disturbances, for `duration` seconds.
 
     seed: of every random number in the run. substeps a tick: 0 for one where that is exact, ten
-    where the device has friction or smooth nonlinear forces; the field holds the number taken.
+    where the device has friction or smooth nonlinear forces, and more where friction meets a mode
+    so fast that it needs them; the field holds the number taken.
     energy: record nothing of it, the stored energy, or the whole ledger. fine: record the states
     after every substep. bound: the run stops when |position of m1| exceeds it [rad | m].
 
@@ -54,7 +56,7 @@ class Scenario:
         if self.energy not in get_args(Energy):
             raise ValueError(f"energy is {self.energy!r}; {nearest(self.energy, get_args(Energy))}")
         if self.substeps == 0:
-            object.__setattr__(self, "substeps", 1 if one_is_exact(self.device) else SUBSTEPS)
+            object.__setattr__(self, "substeps", usual_substeps(self.device))
         if not self.bound > 0.0:
             raise ValueError(f"bound is {self.bound}; allowed is more than 0")
         start.state(self.masses)
@@ -126,6 +128,11 @@ class Scenario:
 def one_is_exact(device: Device) -> bool:
     """Whether one substep a tick is exact: no dry friction, no smooth nonlinear force."""
     return not any(p.effect.hook in ("force", "friction") for p in device.physics)
+
+
+def usual_substeps(device: Device, usual: int = SUBSTEPS) -> int:
+    """Return the substeps a tick of a run: one where that is exact, else as usual or as needed."""
+    return 1 if one_is_exact(device) else enough_substeps(device, usual)
 
 
 def _plain(values: float | Sequence[float]) -> float | tuple[float, ...]:

@@ -21,12 +21,14 @@ from scipy.linalg import expm
 
 from zwidth.sim.device import Device
 from zwidth.sim.exponential import SPACES, held_motion_alone
+from zwidth.sim.interface import Interface
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.plant import Plant, hold, locked
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 REMEMBERED = 512  # propagators
+SPARED = 0.01  # of a substep, that a device may become faster
 LANES = 8  # width of a block of rows in a propagator: one vector register of doubles
 
 
@@ -109,10 +111,8 @@ def frame(device: Device, substeps: int, seed: int = 0) -> tuple[Equations, Plan
         raise ValueError(f"seed is {seed}; allowed is 0 to 2^64 - 1")
     plant = device.plant()
     interface = device.interface
-    whole, remainder = interface.delay_ticks
-    lengths = np.array([remainder, interface.period - remainder])
-    counts = np.ceil(substeps * lengths / interface.period - 1e-9).astype(np.int64)
-    durations = np.divide(lengths, counts, out=np.zeros(2), where=counts > 0)
+    whole, _ = interface.delay_ticks
+    counts, durations = _segments(interface, substeps)
     table = {
         hook: _table(device, [p for p in device.physics if p.effect.hook == hook], seed)
         for hook in ("force", "friction", "sensor", "command", "clock")
@@ -146,6 +146,36 @@ def frame(device: Device, substeps: int, seed: int = 0) -> tuple[Equations, Plan
         command_limit=interface.command_limit,
     )
     return bare, plant
+
+
+def enough_substeps(device: Device, wanted: int = 1) -> int:
+    """Return how many substeps a tick a device takes: `wanted`, or more where it needs more.
+
+    Only dry friction needs more: a force held over a substep h must not come out as its contrary
+    (`_too_long`), and for the fastest mode omega h < pi is sure. `SPARED` of it is left, so that a
+    device a hair faster, of which a fit asks its slopes, takes as many.
+    """
+    dry = tuple({_places(p.at)[0] for p in device.physics if p.effect.hook == "friction"})
+    if not dry:
+        return wanted
+    plant = device.plant()
+    if _row_sum(plant) * (device.interface.period * (1.0 + SPARED)) ** 2 < np.pi**2:
+        return wanted
+    needed = _sure_substeps(plant, device.interface.period * (1.0 + SPARED))
+    if needed <= wanted:
+        return wanted
+    counts, durations = _segments(device.interface, wanted)
+    lengths = [h for count, h in zip(counts, durations, strict=True) if count > 0]
+    near = [share * h for h in lengths for share in (1.0, 1.0 + SPARED)]
+    return needed if any(_too_long(plant, dry, h) for h in near) else wanted
+
+
+def _segments(interface: Interface, substeps: int) -> tuple[Ints, Floats]:
+    """Return the substeps of both segments of a tick, and how long [s] those of each are."""
+    _, remainder = interface.delay_ticks
+    lengths = np.array([remainder, interface.period - remainder])
+    counts = np.ceil(substeps * lengths / interface.period - 1e-9).astype(np.int64)
+    return counts, np.divide(lengths, counts, out=np.zeros(2), where=counts > 0)
 
 
 class Mechanism(NamedTuple):
@@ -228,31 +258,46 @@ def too_few_substeps(
     counts: Sequence[int],
     durations: Sequence[float],
 ) -> str | None:
-    """Say what is wrong with substeps so long that a held force may come out as its contrary.
+    """Say what is wrong with substeps so long that a held force may come out as its contrary."""
+    if not any(_too_long(plant, dry, h) for c, h in zip(counts, durations, strict=True) if c > 0):
+        return None
+    return (
+        f"substeps is {max(1, round(period / max(durations)))}; dry friction on a device whose"
+        f" fastest mode has {_fastest(plant) / (2.0 * np.pi):.4g} Hz needs at least"
+        f" {_sure_substeps(plant, period)} substeps a tick"
+    )
+
+
+def _too_long(plant: Plant, dry: Sequence[int], h: float) -> bool:
+    """Whether a force held for h [s] at masses with dry friction may come out as its contrary.
 
     A mode answers a force held for h with a velocity of the sign of sin(omega h) / omega: for
     omega h < pi all of W (`sim/kernel.py`, slide) is positive definite, with masses locked too,
     since locking separates frequencies but does not raise the highest. No omega^2 is above the
     largest row sum of |M^-1 K| (Gershgorin), which spares most devices the closer look.
     """
-    n = plant.dof
-    fastest_sum = float(np.abs(plant.a[n : 2 * n, :n]).sum(axis=1).max())
-    if fastest_sum * max(durations) ** 2 < np.pi**2:
-        return None
+    if _row_sum(plant) * h**2 < np.pi**2:
+        return False
     at = np.array(dry)
-    for count, h in zip(counts, durations, strict=True):
-        if count == 0:
-            continue
-        _, b = hold(plant, h)
-        w = b[np.ix_(plant.dof + at, 1 + at)]
-        if np.linalg.eigvalsh(0.5 * (w + w.T))[0] <= 0.0:
-            fastest = float(np.abs(np.linalg.eigvals(plant.a).imag).max())
-            needed = int(period * fastest / np.pi) + 1
-            return (
-                f"substeps is {round(period / h)}; dry friction on a device whose fastest mode has"
-                f" {fastest / (2.0 * np.pi):.4g} Hz needs at least {needed} substeps a tick"
-            )
-    return None
+    _, b = hold(plant, h)
+    w = b[np.ix_(plant.dof + at, 1 + at)]
+    return bool(np.linalg.eigvalsh(0.5 * (w + w.T))[0] <= 0.0)
+
+
+def _row_sum(plant: Plant) -> float:
+    """Return the largest row sum of |M^-1 K|, which no mode's omega^2 exceeds [1/s2]."""
+    n = plant.dof
+    return float(np.abs(plant.a[n : 2 * n, :n]).sum(axis=1).max())
+
+
+def _sure_substeps(plant: Plant, period: float) -> int:
+    """Return the least substeps of a period [s] for which omega h < pi for every mode."""
+    return int(period * _fastest(plant) / np.pi) + 1
+
+
+def _fastest(plant: Plant) -> float:
+    """Return the angular frequency [rad/s] of the fastest mode."""
+    return float(np.abs(np.linalg.eigvals(plant.a).imag).max())
 
 
 def propagator(plant: Plant, duration: float) -> Floats:

@@ -39,9 +39,9 @@ class Counted(Problem):
 
     predictions = 0
 
-    def weighted(self, model: Model, x: Floats) -> Floats:
+    def weighted(self, model: Model, x: Floats, least: int = 1) -> Floats:
         self.predictions += 1
-        return super().weighted(model, x)
+        return super().weighted(model, x, least)
 
 
 def test_spared_slopes_lead_to_the_same_minimum_with_fewer_predictions(
@@ -328,7 +328,7 @@ class Creased(Problem):
         self.white = random.standard_normal(400)
         self.white -= self.slopes @ np.linalg.lstsq(self.slopes, self.white)[0]
 
-    def residual(self, model: Model, x: Floats) -> Floats:
+    def residual(self, model: Model, x: Floats, least: int = 1) -> Floats:
         creases = self.deep * np.sin(self.fine @ x)
         return self.white + self.slopes @ (x - self.best) + creases
 

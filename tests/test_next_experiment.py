@@ -1,5 +1,6 @@
 """Truths of what follows a diagnosis: the next experiment, the boundary, the log."""
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -10,12 +11,13 @@ from tests.diagnosis_examples import phantom
 from zwidth.diagnosis.augmented_boundary import augmented_boundary, critical
 from zwidth.diagnosis.diagnosis_log import diagnosis_trace, missing_force
 from zwidth.diagnosis.excitations import Scale, excitation
-from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.experiment import Experiment, Output
 from zwidth.diagnosis.fit import Problem
 from zwidth.diagnosis.next_experiment import next_experiment
 from zwidth.diagnosis.parameters import Model
 from zwidth.diagnosis.predictor import SETTLING
 from zwidth.diagnosis.rehearsal import Noise, known_observer, noise_of, rehearse
+from zwidth.diagnosis.steady import steady
 from zwidth.figures.augmented_boundary import augmented_boundary_figure
 from zwidth.logs.mcap_reader import read_log
 from zwidth.logs.mcap_writer import write_log
@@ -24,6 +26,7 @@ from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.interface import Interface
 from zwidth.sim.physics import make_physics
+from zwidth.sim.plant import hold
 
 MASS = Device("mass", "", True, make_chain([1e-3], [5e-3]), Interface(period=0.001, delay=0.002))
 SEEN = Noise(1e-3, 1e-5)
@@ -41,6 +44,31 @@ def test_an_observer_gives_its_noise_back():
         found = noise_of(device, recorded(), known_observer(device, recorded(), SEEN))
         assert found.process == pytest.approx(SEEN.process, rel=1e-6)
         assert found.measurement == pytest.approx(SEEN.measurement, rel=1e-6)
+
+
+@pytest.mark.parametrize("ratio", [1e-4, 1.0, 1e4])
+def test_where_a_free_device_stands_is_followed_from_its_velocity(ratio: float):
+    """The steady gain is that of Kalman's recursion, although what is not known of where it stands
+    grows for ever in it.
+
+    Mutations: the gain of where it stands zero; X without the part that P brings.
+    """
+    device = phantom()
+    e = replace(recorded(), outputs=(Output("velocity", 0),))
+    found = steady(device, e, ratio)
+    plant = device.plant()
+    a, b = hold(plant, e.period)
+    c = np.zeros((1, plant.size))
+    c[0, plant.dof] = 1.0
+    source = b[:, 1] * float(plant.matrices.mass.trace()) / e.period**2
+    process = ratio * np.outer(source, source)
+    p, gain = np.zeros((plant.size, plant.size)), np.zeros((plant.size, 1))
+    for _ in range(10000):
+        p = a @ p @ a.T + process
+        gain = p @ c.T / (c @ p @ c.T + e.period**-2)
+        rest = np.eye(plant.size) - gain @ c
+        p = rest @ p @ rest.T + gain @ gain.T * e.period**-2
+    assert found.gain == pytest.approx(gain, rel=1e-3, abs=1e-7 * float(np.abs(gain).max()))
 
 
 def test_the_next_experiment_separates_best_and_plays(tmp_path: Path):

@@ -8,9 +8,11 @@ import pytest
 from physics_examples import EVERYWHERE, EXAMPLES, example, neutral, phantom
 
 from zwidth.controllers.wall import wall
+from zwidth.scenarios.scenario import usual_substeps
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device, DeviceError
 from zwidth.sim.device_file import device_from_text, device_to_text
+from zwidth.sim.equations import enough_substeps
 from zwidth.sim.physics import EFFECTS, PROBES
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.run import Run, Start, simulate
@@ -152,3 +154,17 @@ def test_too_few_substeps_for_friction_are_refused() -> None:
     with pytest.raises(ValueError, match=r"substeps is 1; .* needs at least 12 substeps a tick"):
         simulate(dry, wall(1.0, 0.0), duration=0.01)
     simulate(dry, wall(1.0, 0.0), duration=0.01, substeps=12)
+
+
+def test_a_run_takes_the_substeps_that_friction_needs_and_no_more() -> None:
+    """Of the chain above: those that are surely enough, one without friction, more where asked.
+
+    Mutation: `usual_substeps` ten for every device of which one is not exact.
+    """
+    links = ([2e5, 1.5e4], [0.06, 1e-3])
+    chain = make_chain([2e-4, 9e-4, 7e-5], [0.0, 0.01, 0.004], 0.0, *links)
+    device = replace(phantom(), chain=chain, modal=None)
+    dry = device.with_physics(example("coulomb_friction", "m1"), example("coulomb_friction", "m2"))
+    assert (enough_substeps(device), enough_substeps(dry), enough_substeps(dry, 20)) == (1, 12, 20)
+    assert (usual_substeps(device), usual_substeps(dry)) == (1, 12)
+    simulate(dry, wall(1.0, 0.0), duration=0.01, substeps=usual_substeps(dry))

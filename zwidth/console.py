@@ -84,6 +84,14 @@ class Console:
         asked = [] if self.json in (None, "-") else [Path(self.json)]
         check(*files, *asked)
 
+    def keep(self, value: Any) -> None:
+        """Write a result that is still to grow to its file, without a word; raises as `result`."""
+        if self.json is None or self.json == "-":
+            return
+        path = Path(self.json)
+        if path.is_file() or not path.exists():  # a pipe takes one result
+            write_text(path, json_text(value))
+
     def result(self, value: Any) -> None:
         """Write the result as JSON where it was asked for; raises OSError, ValueError for NaN."""
         if self.json == "-":

@@ -1,7 +1,7 @@
 """The report of a diagnosis as one HTML file: the verdict first, every picture inside it."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -10,8 +10,10 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from zwidth.diagnosis.augmented_boundary import AugmentedBoundary
+from zwidth.diagnosis.mishaps import collecting, isolated
 from zwidth.diagnosis.next_experiment import NextExperiment
-from zwidth.diagnosis.result import Diagnosis, Estimate, HeldOut
+from zwidth.diagnosis.result import Diagnosis, Estimate, HeldOut, Unanswered
+from zwidth.diagnosis.trials import silent
 from zwidth.figures.augmented_boundary import augmented_boundary_figure
 from zwidth.figures.diagnosis import force_map_figure, residual_figure
 from zwidth.figures.style import STYLE
@@ -26,6 +28,7 @@ WORDS = {
     "unknown_physics": "Unknown physics",
     "linear_parameters": "Linear parameters differ",
     "recording_fault": "The recording is at fault",
+    "undecided": "Undecided",
 }
 INTERRUPTED = "interrupted, so only what was found until then"
 
@@ -44,12 +47,20 @@ def save_report(
     commands: Commands,
     path: Path,
     boundary: AugmentedBoundary | None = None,
+    drawn: dict[str, str] | None = None,
 ) -> Path:
-    """Write the report; boundary: the stiffest wall before and after. Returns the path."""
-    top = max(diagnosis.located.maps, key=lambda m: m.gained)
+    """Write the report; boundary: the stiffest wall before and after. Returns the path.
+
+    drawn: the pictures of an earlier report of the diagnosis, which are taken, and to which new
+    ones are added. A picture that fails is left out and named.
+    """
+    top = max(diagnosis.located.maps, key=lambda m: m.gained, default=None)
+    with collecting(silent) as mishaps:
+        pictures = _pictures(diagnosis, boundary, {} if drawn is None else drawn)
+        errors = list(dict.fromkeys((*diagnosis.errors, *mishaps.found)))
     text = page(
         "diagnosis_report.html",
-        {"number": number, "estimate": estimate, "sentence": sentence},
+        {"number": number, "estimate": estimate, "sentence": sentence, "sigma": _sigma},
         d=diagnosis,
         verdict=WORDS[diagnosis.verdict.value],
         interrupted=INTERRUPTED,
@@ -58,16 +69,49 @@ def save_report(
         recordings=recordings,
         commands=commands,
         boundary=boundary,
-        boundary_picture=_embedded(augmented_boundary_figure(boundary)) if boundary else "",
+        errors=errors,
+        pictures=pictures,
         next_sentence=next_sentence(diagnosis.next_experiment),
-        place=top.place,
+        place="" if top is None else top.place,
         state=sorted(diagnosis.located.state, key=lambda s: -float(s["share"])),
         fits=(("one step ahead", diagnosis.one_step), ("free run", diagnosis.free_run)),
         improvement=improvement(diagnosis.free_run),
-        force_map=_embedded(force_map_figure(diagnosis.located, diagnosis.device.rotary)),
-        residual=_embedded(residual_figure(diagnosis.residuals)),
     )
     return write_text(path, text)
+
+
+def save_unanswered(
+    unanswered: Unanswered, device: str, recordings: Sequence[str], again: str, path: Path
+) -> Path:
+    """Write the report where an error left nothing to conclude; again: the line to type."""
+    text = page(
+        "diagnosis_unanswered.html",
+        {"sentence": sentence},
+        u=unanswered,
+        verdict=WORDS["undecided"],
+        device=device,
+        recordings=recordings,
+        again=again,
+    )
+    return write_text(path, text)
+
+
+def _pictures(
+    diagnosis: Diagnosis, boundary: AugmentedBoundary | None, drawn: dict[str, str]
+) -> dict[str, str]:
+    """The pictures by their names, "" for one that there is not, or that failed."""
+    rotary = diagnosis.device.rotary
+    draw: dict[str, Callable[[], Figure]] = {}
+    if diagnosis.located.maps:
+        draw["missing force"] = lambda: force_map_figure(diagnosis.located, rotary)
+    draw["residual"] = lambda: residual_figure(diagnosis.residuals)
+    if boundary is not None:
+        draw["boundary"] = lambda: augmented_boundary_figure(boundary)
+    for name, figure in draw.items():
+        if name not in drawn:
+            with isolated("picture", name):
+                drawn[name] = _embedded(figure())
+    return {name: drawn.get(name, "") for name in ("missing force", "residual", "boundary")}
 
 
 def _bounds(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
@@ -117,6 +161,10 @@ def next_sentence(planned: NextExperiment | None) -> str:
 def number(value: float) -> str:
     """Four significant digits; a dash for what there is too little data to tell."""
     return f"{value:.4g}" if math.isfinite(value) else "-"
+
+
+def _sigma(value: float) -> str:
+    return f"{value:.0f} sigma" if math.isfinite(value) else "by how many sigma is not known"
 
 
 def sentence(text: str) -> str:

@@ -15,6 +15,7 @@ from zwidth.diagnosis.exam.strata import Stratum
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.reference import reference
 from zwidth.diagnosis.settle import refit
+from zwidth.diagnosis.steady import NoObserver
 from zwidth.scenarios.concealed.devices import draw_device, mistaken
 from zwidth.scenarios.concealed.excitation import draw_drive
 from zwidth.scenarios.concealed.outside import OUTSIDE
@@ -61,7 +62,7 @@ def draw(
         for _ in range(TRIES):
             try:
                 made = _try(stratum, names[(rank + offset) % len(names)], random, seconds)
-            except (RunAway, np.linalg.LinAlgError):
+            except (RunAway, NoObserver):
                 continue
             if made is not None:
                 return made

@@ -19,6 +19,7 @@ from zwidth.diagnosis.exam.hidden import seen
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.predictor import choose_observer, free_run_errors, observer_near
 from zwidth.diagnosis.settle import refit
+from zwidth.diagnosis.steady import NoObserver
 from zwidth.logs.recording import read_recording
 from zwidth.scenarios.concealed.handout import description_file, recording_files
 from zwidth.sim.device import Device
@@ -77,7 +78,7 @@ def held_out(
             _error(augmented, _as_seen(judge_by, gain, origin), ratio),
             _error(truth, judge_by, ratio),
         )
-    except ValueError:  # LinAlgError is one
+    except NoObserver:
         return None
 
 

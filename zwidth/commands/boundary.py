@@ -26,7 +26,7 @@ from zwidth.results import (
     as_json,
 )
 from zwidth.scenarios.logged_run import logged_run
-from zwidth.scenarios.scenario import Scenario, one_is_exact
+from zwidth.scenarios.scenario import Scenario, usual_substeps
 from zwidth.scenarios.table_2 import DEVICE, MeasuredPoint, measured_at
 from zwidth.sim.device import Device, warnings_of
 from zwidth.sim.device_file import load_device
@@ -90,7 +90,8 @@ def command(name: str, out: Path, json_file: str | None, **options: Any) -> None
     trial = Trial(
         start=options["start"],
         limit_s=max(options["limit_s"], 4.0),
-        substeps=options["substeps"] or (1 if one_is_exact(device) else 10),
+        substeps=options["substeps"]
+        or max(usual_substeps(device.with_interface(delay=d)) for d in delays),
     )
     search = Search(tolerance=options["tolerance"])
     measured = device.name == load_device(DEVICE).name

@@ -5,7 +5,8 @@ import math
 import shlex
 import warnings
 from collections.abc import Sequence
-from dataclasses import replace
+from contextlib import nullcontext
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -17,7 +18,8 @@ from zwidth.diagnosis.augmented_boundary import AugmentedBoundary, augmented_bou
 from zwidth.diagnosis.diagnose import diagnose, separating
 from zwidth.diagnosis.diagnosis_log import diagnosis_trace
 from zwidth.diagnosis.experiment import Experiment, stretches
-from zwidth.diagnosis.result import Diagnosis
+from zwidth.diagnosis.mishaps import Mishaps, attempt, collecting, isolated
+from zwidth.diagnosis.result import Diagnosis, NotDiagnosed
 from zwidth.diagnosis_report import (
     INTERRUPTED,
     Commands,
@@ -27,6 +29,7 @@ from zwidth.diagnosis_report import (
     next_sentence,
     number,
     save_report,
+    save_unanswered,
 )
 from zwidth.files.whole import write_text
 from zwidth.logs.mcap_writer import write_log
@@ -77,45 +80,165 @@ def command(
     console = Console(json_file)
     _refuse_fitted(recordings, validate)
     device = load_device(name)
-    with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # numpy's, on 1e300
-        fit_on = [(path, e) for path in recordings for e in _read(console, path, device)]
-        judge_by = [e for path in validate for e in _read(console, path, device)] or None
-        paths = [path for path, _ in fit_on]  # of each stretch
-        logs = [out / f"{name}.diagnosis.mcap" for name in _distinct([p.stem for p in paths])]
-        results = {what: out / f"{recordings[0].stem}.{what}" for what in RESULTS}
-        console.will_write(*results.values(), *logs)
-        found = diagnose(device, [e for _, e in fit_on], judge_by, console.doing)
-    _say(console, found)
-    found = replace(found, next_experiment=separating(found, results["next.toml"]))
-    if found.next_experiment is not None:
-        console.say(f"\n{next_sentence(found.next_experiment)}")
-    bounds = _boundary(console, device, found)
-    augmented = write_text(results["augmented.toml"], device_to_text(found.device))
-    for e, path, log in zip(found.experiments, paths, logs, strict=True):
-        _log(found, e, path, log)
-    line = shlex.join(["zwidth", "diagnose", *map(str, recordings), "--device", name])
-    view = shlex.join(["zwidth", "explore", name, "--compare", str(augmented)])
-    report = save_report(
-        found,
-        [path.name for path in recordings],
-        Commands(line, view),
-        results["diagnosis.html"],
-        bounds,
-    )
-    console.say(f"wrote {augmented}")
-    if gain := gain_sentence(found):
-        console.say(gain)
-    for path in (*logs, report):
-        console.say(f"wrote {path}")
-    files = {
-        "augmented_device": str(augmented),
-        "report": str(report),
-        "logs": [str(p) for p in logs],
-    }
-    more = {"boundary": bounds and bounds.as_json(), "device": device.name}
-    console.result(_plain(found.as_json() | more | files))
+    asked = Asked(console, recordings, device, name, out)
+    with collecting(console.warn) as mishaps:
+        with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # numpy's, on 1e300
+            fit_on = _read_all(console, recordings, device)
+            judge_by = [e for _, e in _read_all(console, validate, device)] or None
+            logs = _log_files(out, [path for path, _ in fit_on])
+            console.will_write(*map(asked.file, RESULTS), *(log for _, log in logs))
+            try:
+                found = diagnose(device, [e for _, e in fit_on], judge_by, console.doing)
+            except NotDiagnosed as end:
+                raise _unanswered(asked, end, mishaps) from end
+        _say(console, found)
+        _answer(asked, found, logs, mishaps)
     if found.interrupted:
         raise KeyboardInterrupt
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What was asked, and where answers go: name is that of the device as it was given."""
+
+    console: Console
+    recordings: tuple[Path, ...]
+    device: Device
+    name: str
+    out: Path
+
+    def file(self, ending: str) -> Path:
+        """The path of a file of the answer."""
+        return self.out / f"{self.recordings[0].stem}.{ending}"
+
+    @property
+    def line(self) -> str:
+        """The line that asks again."""
+        return shlex.join(["zwidth", "diagnose", *map(str, self.recordings), "--device", self.name])
+
+
+@dataclass
+class Files:
+    """The files written, and the pictures drawn for them."""
+
+    augmented: Path | None = None
+    logs: list[Path] = field(default_factory=list[Path])
+    report: Path | None = None
+    drawn: dict[str, str] = field(default_factory=dict[str, str])
+
+
+def _answer(
+    asked: Asked, found: Diagnosis, logs: Sequence[tuple[Path, Path]], mishaps: Mishaps
+) -> None:
+    """Write every file as soon as it can be, then what follows from the diagnosis.
+
+    logs: recording and log of each stretch. Report and JSON are written before what
+    follows, which takes long and may fail, and again with it.
+    """
+    console, files = asked.console, Files()
+    with isolated("augmented device"):
+        if not mishaps.of("augmented device"):
+            text = device_to_text(found.device)
+            files.augmented = write_text(asked.file("augmented.toml"), text)
+    _report(asked, found, files, None)
+    console.keep(_result(asked, found, files, None, mishaps))
+    bounds: AugmentedBoundary | None = None
+    try:
+        files.logs = _logs(found, logs)
+        with isolated("next experiment"):
+            found = replace(found, next_experiment=separating(found, asked.file("next.toml")))
+            if found.next_experiment is not None:
+                console.say(f"\n{next_sentence(found.next_experiment)}")
+        bounds = _boundary(console, asked.device, found)
+    finally:  # after Ctrl-C too
+        found = replace(found, errors=tuple(mishaps.found))
+        _report(asked, found, files, bounds)
+        _say_written(console, found, files)
+        console.result(_result(asked, found, files, bounds, mishaps))
+    _fail_for_what_is_not_written(mishaps)
+
+
+def _report(asked: Asked, found: Diagnosis, files: Files, bounds: AugmentedBoundary | None) -> None:
+    """Write the report as far as there is an answer."""
+    shown = str(files.augmented or asked.name)
+    view = shlex.join(["zwidth", "explore", asked.name, "--compare", shown])
+    with isolated("report"):
+        names = [path.name for path in asked.recordings]
+        commands = Commands(asked.line, view)
+        path = asked.file("diagnosis.html")
+        files.report = save_report(found, names, commands, path, bounds, files.drawn)
+
+
+def _log_files(out: Path, paths: Sequence[Path]) -> list[tuple[Path, Path]]:
+    """The recording and the log of each stretch."""
+    names = _distinct([path.stem for path in paths])
+    logs = [out / f"{name}.diagnosis.mcap" for name in names]
+    return list(zip(paths, logs, strict=True))
+
+
+def _logs(found: Diagnosis, files: Sequence[tuple[Path, Path]]) -> list[Path]:
+    """Write a log for every stretch that was diagnosed. files: of all stretches."""
+    kept = [pair for k, pair in enumerate(files) if k not in found.left_out]
+    written: list[Path] = []
+    for e, (recording, path) in zip(found.experiments, kept, strict=True):
+        with isolated("log", recording.name):
+            _log(found, e, recording, path)
+            written.append(path)
+    return written
+
+
+def _result(
+    asked: Asked,
+    found: Diagnosis,
+    files: Files,
+    bounds: AugmentedBoundary | None,
+    mishaps: Mishaps,
+) -> Any:
+    """The JSON of what there is."""
+    found = replace(found, errors=tuple(mishaps.found))
+    more = {
+        "boundary": bounds and bounds.as_json(),
+        "device": asked.device.name,
+        "augmented_device": files.augmented and str(files.augmented),
+        "report": files.report and str(files.report),
+        "logs": [str(p) for p in files.logs],
+    }
+    return _plain(found.as_json() | more)
+
+
+def _say_written(console: Console, found: Diagnosis, files: Files) -> None:
+    if files.augmented is not None:
+        console.say(f"wrote {files.augmented}")
+    if gain := gain_sentence(found):
+        console.say(gain)
+    for path in (*files.logs, files.report):
+        if path is not None:
+            console.say(f"wrote {path}")
+
+
+def _fail_for_what_is_not_written(mishaps: Mishaps) -> None:
+    """Raise the error that cost a file that was promised, so that the exit status tells of it."""
+    for mishap in mishaps.of("augmented device", "log", "report"):
+        if isinstance(mishap.cause, OSError):
+            raise mishap.cause
+        raise click.ClickException(f"a file of the answer was not written: {mishap.sentence}")
+
+
+def _unanswered(asked: Asked, end: NotDiagnosed, mishaps: Mishaps) -> click.ClickException:
+    """Write what there is where nothing can be concluded; the error to end with."""
+    answer = replace(end.unanswered, errors=tuple(mishaps.found))
+    names = [path.name for path in asked.recordings]
+    report: Path | None = None
+    with isolated("report"):
+        path = asked.file("diagnosis.html")
+        report = save_unanswered(answer, asked.device.name, names, asked.line, path)
+        asked.console.say(f"wrote {report}")
+    more = {
+        "boundary": None, "device": asked.device.name, "augmented_device": None,
+        "report": report and str(report), "logs": list[str](),
+    }  # fmt: skip
+    asked.console.result(_plain(answer.as_json() | more))
+    return click.ClickException(answer.sentence)
 
 
 def _refuse_fitted(recordings: Sequence[Path], validate: Sequence[Path]) -> None:
@@ -146,11 +269,7 @@ def _boundary(console: Console, device: Device, found: Diagnosis) -> AugmentedBo
     if not found.findings:
         return None
     names = " and ".join(f"{f.effect} at {f.at}" for f in found.findings)
-    try:
-        bounds = augmented_boundary(device, found.device, names)
-    except ValueError as error:
-        console.warn(f"no boundary before and after: {error}")
-        return None
+    bounds = attempt("boundary", "", lambda: augmented_boundary(device, found.device, names))
     if bounds is not None:
         console.say(bounds.sentence)
     return bounds
@@ -159,13 +278,27 @@ def _boundary(console: Console, device: Device, found: Diagnosis) -> AugmentedBo
 def _log(found: Diagnosis, e: Experiment, recording: Path, path: Path) -> None:
     """Write what belongs to a recording, in its own time: a viewer shows both side by side."""
     log = load_log(recording)
-    place = max(found.located.entry, key=lambda share: float(share["share"]))["name"]
+    shares = found.located.entry or [{"name": "m1", "share": 1.0}]
+    place = max(shares, key=lambda share: float(share["share"]))["name"]
     searched = found.searched
     trace = diagnosis_trace(
         searched.problem, searched.refit, searched.final, e, place=str(place),
         start_s=float(log.tick.t[0]) + e.begins, rotary=found.device.rotary,
     )  # fmt: skip
     write_log(path, trace, epoch_ns=log.epoch_ns)
+
+
+def _read_all(
+    console: Console, paths: Sequence[Path], device: Device
+) -> list[tuple[Path, Experiment]]:
+    """Read recordings as stretches; one of several that cannot be read costs itself alone."""
+    found: list[tuple[Path, Experiment]] = []
+    for path in paths:
+        with isolated("recording", path.name) if len(paths) > 1 else nullcontext():
+            found += [(path, e) for e in _read(console, path, device)]
+    if paths and not found:
+        raise ValueError("none of the recordings can be read, as said above")
+    return found
 
 
 def _read(console: Console, path: Path, device: Device) -> list[Experiment]:

@@ -15,6 +15,7 @@ from zwidth.jobs.choose import executor
 from zwidth.options import Quantity, cluster_option, force_option, json_option, out_option
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device
+from zwidth.sim.equations import enough_substeps
 from zwidth.stability.bisection import Trial
 from zwidth.stability.fate_map import make_map, save_map
 from zwidth.stability.linear import corner, last_stable_damping
@@ -146,11 +147,11 @@ def _plane(device: Device, options: dict[str, Any]) -> Plane:
         _axis(device, quantity, options[limits], quantity in options["log"])
         for quantity, limits in zip(quantities, ("x_range", "y_range"), strict=True)
     ]
-    rough = bool(device.physics) or "friction" in quantities
+    rubbing = with_friction(device, 1.0) if "friction" in quantities else device
     seconds = options["seconds"]
     trial = Trial(
         options["start"], seconds, 4.0 * seconds, min(0.5, seconds / 8.0),
-        substeps=options["substeps"] or (10 if rough else 1),
+        substeps=options["substeps"] or enough_substeps(rubbing, 10 if rubbing.physics else 1),
     )  # fmt: skip
     return Plane(
         device, axes[0], axes[1], options["stiffness"], options["damping"], trial,

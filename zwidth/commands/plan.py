@@ -18,6 +18,7 @@ from zwidth.diagnosis.experiment import SHORTEST
 from zwidth.diagnosis.limits import SHOWN
 from zwidth.diagnosis.plan import ALIKE, Plan, Visible, better_excitations, plan
 from zwidth.diagnosis.rehearsal import Noise, rehearse
+from zwidth.diagnosis.steady import NoObserver
 from zwidth.figures.names import picture_files
 from zwidth.figures.plan import named, plan_figure
 from zwidth.figures.style import save_figure
@@ -94,8 +95,11 @@ def command(
         for stem, played in commands.items():
             told = partial(_tell, advance, stem)
             rehearsed = rehearse(device, played, seen, seed=seed, name=stem)
-            found, _ = plan(device, rehearsed, seen, told)
-            plans.append(better_excitations(device, found, seen, scale, seed, told))
+            try:
+                found, _ = plan(device, rehearsed, seen, told)
+                plans.append(better_excitations(device, found, seen, scale, seed, told))
+            except NoObserver as error:
+                raise ValueError(f"{device.name} cannot be observed: {error}") from error
     _say_limits(console, plans)
     for found in plans:
         _say_pairs(console, found)

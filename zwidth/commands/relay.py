@@ -11,7 +11,7 @@ from zwidth.figures.names import picture_files
 from zwidth.identification.cycles import RelayCondition, relay_conditions
 from zwidth.identification.relay import RelayTest, waveform
 from zwidth.options import ManyNumbers, Quantities, Quantity, force_option, json_option, out_option
-from zwidth.scenarios.scenario import one_is_exact
+from zwidth.scenarios.scenario import usual_substeps
 from zwidth.scenarios.table_2 import table_2
 from zwidth.sim.device import Device, warnings_of
 from zwidth.sim.device_file import load_device
@@ -61,7 +61,7 @@ def command(
     announce(console)
     asked = _asked(device, delay_ms, damping)
     devices = [device.with_interface(delay=delay) for delay, _ in asked]
-    test = RelayTest(force=level, substeps=substeps or (1 if one_is_exact(device) else 10))
+    test = RelayTest(force=level, substeps=substeps or max(map(usual_substeps, devices)))
     with progress("relay", len(asked)) as advance:
         found = relay_conditions(
             devices, [b for _, b in asked], starts, seed, test, lambda: advance(1)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from zwidth.controllers.wall import wall
 from zwidth.explore.measured import MeasuredPoint, measured_on
 from zwidth.explore.view import Span, View
-from zwidth.scenarios.scenario import Scenario, one_is_exact
+from zwidth.scenarios.scenario import Scenario, usual_substeps
 from zwidth.sim.device import Device, place_label
 from zwidth.sim.interface import INTERFACE_FIELDS
 from zwidth.sim.run import Start
@@ -22,7 +22,6 @@ from zwidth.stability.plane import Axis, Plane, with_friction
 
 Floats = NDArray[np.float64]
 SECONDS, LIMIT_S, WINDOW_S = 4.0, 16.0, 0.5
-SUBSTEPS = 10
 LINE_POINTS = 61
 WITHOUT_BOUNDARY = (0.1, 50.0)  # B and K up to which axes go where no wall is stable
 LOST = 100.0  # starts, or ten encoder steps, at which a run that nothing limits is cut off
@@ -95,7 +94,7 @@ class Bench:
         low, high = view.stiffness_range
         trial = Trial(
             view.start, SECONDS, LIMIT_S, WINDOW_S,
-            substeps=1 if one_is_exact(device) else SUBSTEPS,
+            substeps=usual_substeps(device),
         )  # fmt: skip
         return Plane(
             device, Axis("B", *view.damping_range), Axis("K", max(low, 0.004 * high), high),

@@ -1,0 +1,119 @@
+"""Errors that cost one thing alone: a candidate, a recording, a picture, and not the rest.
+
+A diagnosis works for minutes, and what it has found must not be lost to a mistake in what comes
+after. So whatever can be spared runs inside `isolated`, which says in which stage it is and what of
+it is lost if it fails:
+
+    with isolated("separation", "coulomb_friction at m1"):
+        ...
+
+An error in there is named in one line and kept for report and JSON by the nearest `collecting`, and
+what follows goes on. Without `collecting` around it, and with ZWIDTH_DEBUG=1, errors go through. An
+interruption (KeyboardInterrupt) always does. What a model says by an exception (`NoObserver`,
+`NotWorth`) is caught where it is asked, and never comes so far.
+"""
+
+import os
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field
+from typing import TypeVar
+
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class Mishap:
+    """An error that cost `what`, a part of a stage ("" for all of it); error: its kind and text.
+
+    cause: the error itself.
+    """
+
+    stage: str
+    what: str
+    error: str
+    cause: BaseException = field(compare=False, repr=False)
+
+    @property
+    def sentence(self) -> str:
+        """Say it in one line."""
+        return f"{self.stage}{f' ({self.what})' if self.what else ''} failed: {self.error}"
+
+    def as_json(self) -> dict[str, str]:
+        """Return the JSON form."""
+        return {"stage": self.stage, "what": self.what, "error": self.error}
+
+
+class Mishaps:
+    """The errors of one piece of work, in the order in which they came."""
+
+    def __init__(self, say: Callable[[str], None]) -> None:
+        self.say = say
+        self.found: list[Mishap] = []
+
+    def add(self, stage: str, what: str, error: BaseException) -> None:
+        """Keep an error and name it; the same one again, as of a second try, is not said twice."""
+        known = len(self.found)
+        mishap = self.keep(stage, what, error)
+        if len(self.found) > known:
+            self.say(mishap.sentence)
+
+    def keep(self, stage: str, what: str, error: BaseException) -> Mishap:
+        """Keep an error, once, without a word, and return it."""
+        text = " ".join(str(error).split())
+        kind = type(error).__name__
+        mishap = Mishap(stage, what, f"{kind}: {text}" if text else kind, error)
+        if mishap not in self.found:
+            self.found.append(mishap)
+        return mishap
+
+    def of(self, *stages: str) -> list[Mishap]:
+        """Return the errors of some stages."""
+        return [m for m in self.found if m.stage in stages]
+
+
+_COLLECTOR: ContextVar[Mishaps | None] = ContextVar("collector", default=None)
+
+
+@contextmanager
+def collecting(say: Callable[[str], None]) -> Generator[Mishaps]:
+    """Have `isolated` keep its errors; inside another `collecting`, that one goes on to.
+
+    say: is given one line an error.
+    """
+    outer = _COLLECTOR.get()
+    if outer is not None:
+        yield outer
+        return
+    token = _COLLECTOR.set(Mishaps(say))
+    try:
+        mishaps = _COLLECTOR.get()
+        assert mishaps is not None
+        yield mishaps
+    finally:
+        _COLLECTOR.reset(token)
+
+
+def debugging() -> bool:
+    """Whether errors are to go through, so that their traceback shows."""
+    return os.environ.get("ZWIDTH_DEBUG") == "1"
+
+
+def attempt(stage: str, what: str, task: Callable[[], Result]) -> Result | None:
+    """Return what a task gives, None where an error cost it (`isolated`)."""
+    with isolated(stage, what):
+        return task()
+    return None
+
+
+@contextmanager
+def isolated(stage: str, what: str = "") -> Generator[None]:
+    """Let an error in the block cost the block alone, if anybody collects errors."""
+    try:
+        yield
+    except Exception as error:
+        mishaps = _COLLECTOR.get()
+        if mishaps is None or debugging():
+            raise
+        mishaps.add(stage, what, error)

@@ -1,0 +1,447 @@
+"""Nothing found is lost: an error in one stage of a diagnosis costs that stage alone."""
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import zwidth.diagnosis.diagnose
+import zwidth.diagnosis.intake
+from zwidth.cli import run
+from zwidth.diagnosis.diagnose import diagnose
+from zwidth.diagnosis.excitations import Scale, excitation
+from zwidth.diagnosis.experiment import Experiment, ExperimentError, Output
+from zwidth.diagnosis.fit import Fitted, Problem
+from zwidth.diagnosis.mishaps import Mishaps, collecting, isolated
+from zwidth.diagnosis.parameters import Model
+from zwidth.diagnosis.predictor import choose_observer
+from zwidth.diagnosis.rehearsal import Noise, rehearse
+from zwidth.diagnosis.result import Diagnosis, NotDiagnosed, Verdict
+from zwidth.diagnosis.search import Searched
+from zwidth.diagnosis.settle import refit
+from zwidth.diagnosis.steady import NoObserver
+from zwidth.diagnosis.trials import Step, Trial, best_among, silent, take
+from zwidth.diagnosis.verdict import Left
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import save_device
+from zwidth.sim.interface import Interface
+from zwidth.sim.physics import make_physics
+
+MASS = Device("mass", "", True, make_chain([1e-3], [5e-3]), Interface(period=0.001, delay=0.0))
+FRICTION = make_physics("coulomb_friction", "m1", level=3e-3)
+BAND = make_physics("dead_band", "command", width=3e-3)
+POSITION, VELOCITY = Output("position", 0), Output("velocity", 0)
+TOML = """
+file = "{name}.csv"
+rotary = true
+period_s = 0.001
+[input]
+signal = "u"
+unit = "N m"
+[[output]]
+signal = "y"
+unit = "{unit}"
+quantity = "{quantity}"
+at = "m1"
+"""
+
+
+class Bug(ValueError):
+    """A mistake in the code, of the kind that arrays of other shapes make."""
+
+
+@pytest.fixture(autouse=True)
+def _undrawn(monkeypatch: pytest.MonkeyPatch) -> None:  # pyright: ignore[reportUnusedFunction]
+    """Figures are made, and not drawn, which takes a second each."""
+    monkeypatch.setattr("zwidth.diagnosis_report._embedded", lambda _: "data:,")
+
+
+def throw(*_: Any, **__: Any) -> Any:
+    raise Bug("shapes (3,) and (4,) do not fit")
+
+
+def nothing(*_: Any, **__: Any) -> None:
+    return None
+
+
+@cache
+def recorded(output: Output = POSITION, name: str = "swing") -> Experiment:
+    """A second of a mass with friction."""
+    truth = MASS.with_physics(FRICTION)
+    command = excitation("small_multisine", MASS, 1.0, Scale(0.1, 2.0), seed=1)
+    return rehearse(truth, command, Noise(1e-3, 1e-5), outputs=(output,), seed=2, name=name)
+
+
+@cache
+def searched(output: Output = POSITION) -> Searched:
+    """What a search finds, cut short: the friction, and a dead band just as good."""
+    problem, linear = refit(MASS, [recorded(output).split()[0]])
+
+    def with_effect(effect: Any, scales: dict[str, float]) -> Fitted:
+        model = linear.model.with_effect(effect, scales)
+        return problem.fit(model, np.append(linear.x, 0.0))
+
+    final, other = with_effect(FRICTION, {"level": 3e-3}), with_effect(BAND, {"width": 3e-3})
+    taken = Trial("coulomb_friction@m1", final.light(), linear.chi2 - final.chi2, 1)
+    rival = Trial("dead_band@command", other.light(), taken.gained - 4.0, 1)
+    step = Step((taken, rival), taken, 1.0, (taken,))
+    return Searched(problem, problem.fit(Model(MASS), linear.x), final, (step,))
+
+
+@pytest.fixture
+def short(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
+    """Let a diagnosis end at once with what `searched` gives, and find nothing left."""
+    at = zwidth.diagnosis.diagnose
+    monkeypatch.setattr(at, "search", lambda _, e, __: searched(e[0].outputs[0]))
+    monkeypatch.setattr(at, "left_over", lambda *_: Left(0.0, ""))
+    monkeypatch.setattr(at, "instead_of", nothing)
+    return monkeypatch
+
+
+@cache
+def diagnosed() -> Diagnosis:
+    with pytest.MonkeyPatch.context() as patch:
+        at = zwidth.diagnosis.diagnose
+        patch.setattr(at, "search", lambda *_: searched())
+        patch.setattr(at, "left_over", lambda *_: Left(0.0, ""))
+        patch.setattr(at, "instead_of", nothing)
+        return diagnose(MASS, [recorded()])
+
+
+def write(folder: Path, name: str = "swing", output: Output = POSITION) -> None:
+    e = recorded(output)
+    values = np.column_stack([e.command, e.measured[:, 0]])
+    np.savetxt(folder / f"{name}.csv", values, "%.17g", ",", header="u,y", comments="")
+    unit = "rad" if output is POSITION else "rad/s"
+    text = TOML.format(name=name, unit=unit, quantity=output.quantity)
+    (folder / f"{name}.toml").write_text(text)
+    save_device(MASS, folder / "known.toml")
+
+
+LINE = ["diagnose", "swing.toml", "--device", "known.toml", "--out", "o", "--json", "o/r.json"]
+
+
+def answered(line: list[str], status: int) -> dict[str, Any]:
+    """The JSON of a command that ends with a status."""
+    assert run(line) == status
+    return json.loads(Path("o/r.json").read_text())
+
+
+@pytest.mark.parametrize(
+    ("stage", "where", "verdict"),
+    [
+        ("detect", "left_over", Verdict.UNDECIDED),
+        ("detect", "instead_of", Verdict.UNDECIDED),
+        ("separation", "fit_without", Verdict.UNDECIDED),
+        ("held out", "held_out", Verdict.UNDECIDED),
+        ("locate", "locate", Verdict.CONFUSABLE),
+        ("intervals", "covariance", Verdict.CONFUSABLE),
+        ("augmented device", "_augmented", Verdict.CONFUSABLE),
+    ],
+)
+def test_an_error_after_the_search_costs_its_stage_alone(
+    short: pytest.MonkeyPatch, stage: str, where: str, verdict: Verdict
+):
+    """The friction stays found and is named; a verdict stands where the stage decides nothing.
+
+    Mutations: the stage's `attempt` or `isolated` taken off; `DECISIVE` empty.
+    """
+    short.setattr(zwidth.diagnosis.diagnose, where, throw)
+    said: list[str] = []
+    found = diagnose(MASS, [recorded()], say=said.append)
+    assert [m.stage for m in found.errors][:1] == [stage]
+    assert found.findings[0].effect == "coulomb_friction"
+    assert found.verdict is verdict
+    assert sum("Bug: shapes" in line for line in said) == len(found.errors)
+    assert "\n" not in found.errors[0].sentence
+    written = found.as_json()["errors"][0]
+    assert written["stage"] == stage
+    assert written["error"].startswith("Bug: shapes")
+
+
+def test_an_upper_bound_that_fails_costs_that_one(short: pytest.MonkeyPatch):
+    """Mutation: the stage of `screen` not given, or all bounds inside one `isolated` only."""
+    found = searched()
+    alone = replace(found, final=found.refit, steps=())
+    short.setattr(zwidth.diagnosis.diagnose, "search", lambda *_: alone)
+    short.setattr(Model, "with_effect", _failing_with("dead_band", Model.with_effect))
+    answer = diagnose(MASS, [recorded()])
+    assert {(m.stage, m.what) for m in answer.errors} == {("limits", "dead_band@command")}
+    assert "coulomb_friction@m1" in answer.upper_bounds
+    assert "dead_band@command" not in answer.upper_bounds
+
+
+def _failing_with(name: str, real: Callable[..., Model]) -> Callable[..., Model]:
+    def with_effect(model: Model, physics: Any, scales: dict[str, float]) -> Model:
+        return throw() if physics.effect.name == name else real(model, physics, scales)
+
+    return with_effect
+
+
+@pytest.mark.parametrize("when", ["screened", "fitted"])
+def test_a_candidate_that_fails_costs_itself_alone(monkeypatch: pytest.MonkeyPatch, when: str):
+    """Among the others the friction is found. On threads too, which see who collects errors.
+
+    Mutations: `attempt` taken off the candidates of `screen` or of `_all_fitted`; threads without
+    the context of their caller.
+    """
+    monkeypatch.setenv("ZWIDTH_THREADS", "2")
+    problem, linear = searched().problem, searched().refit
+    real = Problem.fit
+
+    def fit(self: Problem, model: Model, *rest: Any, **more: Any) -> Fitted:
+        return throw() if model.has("gain_asymmetry") else real(self, model, *rest, **more)
+
+    with collecting(silent) as mishaps:
+        if when == "screened":
+            failing = _failing_with("gain_asymmetry", Model.with_effect)
+            monkeypatch.setattr(Model, "with_effect", failing)
+        else:
+            monkeypatch.setattr(Problem, "fit", fit)
+            monkeypatch.setattr("zwidth.diagnosis.trials.WORTH", 0.0)
+            monkeypatch.setattr("zwidth.diagnosis.trials.FITTED", 40)
+        step = take(problem, linear, problem.experiments, silent, stepped=False)
+    assert {(m.stage, m.what) for m in mishaps.found} == {("candidates", "gain_asymmetry@command")}
+    assert step.taken is not None
+    assert step.taken.effect.endswith("friction")
+    assert all(t.effect != "gain_asymmetry" for t in step.trials)
+
+
+@pytest.mark.parametrize("where", ["search.refit", "settle.innovations"])
+def test_without_a_refit_there_is_no_answer_but_a_file_that_says_so(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    where: str,
+):
+    """Mutation: NotDiagnosed let through without its files."""
+    write(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(f"zwidth.diagnosis.{where}", throw)
+    answer = answered(LINE, 1)
+    assert answer["verdict"] == "undecided"
+    assert [e["stage"] for e in answer["errors"]] == ["refit"]
+    assert "Bug: shapes" in Path(answer["report"]).read_text(encoding="utf-8")
+    said = capsys.readouterr().err.strip().splitlines()
+    assert said[-1].startswith("error: nothing can be concluded: refit failed: Bug: shapes")
+    assert set(answer) == set(diagnosed().as_json()) | {
+        "boundary", "device", "augmented_device", "report", "logs",
+    }  # fmt: skip
+
+
+def test_a_search_that_fails_keeps_what_it_had(monkeypatch: pytest.MonkeyPatch):
+    """Mutation: `isolated` taken off the steps of the search."""
+    monkeypatch.setattr("zwidth.diagnosis.search.ask", throw)
+    monkeypatch.setattr("zwidth.diagnosis.search.refit", lambda *_: _as_refitted())
+    monkeypatch.setattr(zwidth.diagnosis.diagnose, "left_over", lambda *_: Left(0.0, ""))
+    found = diagnose(MASS, [recorded()])
+    assert found.verdict is Verdict.UNDECIDED
+    assert found.sentence.startswith("an error left out a part of the search")
+    assert [m.stage for m in found.errors] == ["search"]
+    assert found.linear_refit["m1"][1].value > 0.0
+
+
+def _as_refitted() -> tuple[Problem, Fitted]:
+    return searched().problem, searched().refit
+
+
+def test_one_recording_of_several_that_fails_costs_itself_alone(
+    tmp_path: Path, short: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    """One cannot be read, one not judged; the log is that of the third. Alone, none is spared.
+
+    Mutations: `isolated` taken off the reading; `left_out` not taken off the paths.
+    """
+    short.chdir(tmp_path)
+    write(tmp_path)
+    write(tmp_path, "odd")
+    (tmp_path / "gone.toml").write_text('file = "gone.csv"')
+    real = zwidth.diagnosis.intake.examine
+
+    def examine(device: Device, experiments: list[Experiment]) -> Any:
+        return throw() if experiments[0].name == "odd" else real(device, experiments)
+
+    short.setattr("zwidth.diagnosis.intake.examine", examine)
+    short.setattr("zwidth.commands.diagnose.separating", nothing)
+    short.setattr("zwidth.commands.diagnose.augmented_boundary", nothing)
+    answer = answered(["diagnose", "gone.toml", "odd.toml", *LINE[1:]], 0)
+    stages = [(e["stage"], e["what"]) for e in answer["errors"]]
+    assert stages == [("recording", "gone.toml"), ("gate", "odd")]
+    assert [Path(p).name for p in answer["logs"]] == ["swing.diagnosis.mcap"]
+    assert "warning: recording (gone.toml) failed: " in capsys.readouterr().err
+    assert run(["diagnose", "gone.toml", *LINE[2:]]) == 2
+    assert run(["diagnose", "odd.toml", *LINE[2:]]) == 1
+
+
+@pytest.mark.parametrize(
+    ("stage", "where", "status"),
+    [
+        ("next experiment", "commands.diagnose.separating", 0),
+        ("boundary", "commands.diagnose.augmented_boundary", 0),
+        ("picture", "diagnosis_report.force_map_figure", 0),
+        ("picture", "diagnosis_report.residual_figure", 0),
+        ("picture", "diagnosis_report.augmented_boundary_figure", 0),
+        ("log", "commands.diagnose.diagnosis_trace", 1),
+        ("augmented device", "commands.diagnose.device_to_text", 1),
+        ("report", "diagnosis_report.page", 1),
+    ],
+)
+def test_an_error_in_what_follows_leaves_all_other_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stage: str, where: str, status: int
+):
+    """Exit status 1 where a file that was promised is missing.
+
+    Mutations: `isolated` taken off the stage; errors of pictures not shown in the report.
+    """
+    write(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("zwidth.commands.diagnose.diagnose", lambda *_: diagnosed())
+    monkeypatch.setattr("zwidth.commands.diagnose.separating", nothing)
+    monkeypatch.setattr("zwidth.commands.diagnose.augmented_boundary", nothing)
+    if where.endswith("augmented_boundary_figure"):
+        monkeypatch.setattr("zwidth.commands.diagnose.augmented_boundary", _no_boundary)
+    monkeypatch.setattr(f"zwidth.{where}", throw)
+    answer = answered(LINE, status)
+    assert [e["stage"] for e in answer["errors"]] == [stage]
+    assert answer["verdict"] == diagnosed().verdict.value
+    files = {"augmented device": "augmented_device", "report": "report", "log": "logs"}
+    for name, key in files.items():
+        assert bool(answer[key]) == (name != stage)
+    if stage not in ("report",):
+        page = Path(answer["report"]).read_text(encoding="utf-8")
+        assert "What failed" in page
+        assert "Bug: shapes" in page
+
+
+def _no_boundary(*_: Any) -> Any:
+    from zwidth.diagnosis.augmented_boundary import AugmentedBoundary
+
+    return AugmentedBoundary((), (), (), 1e-3, True, 0.0, "it stays")
+
+
+def test_what_was_found_is_written_before_what_takes_long(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """When the next experiment is sought, device, report and JSON are there already.
+
+    Mutation: the first writing of report or JSON left out.
+    """
+    write(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    there: list[str] = []
+
+    def separating(*_: Any) -> None:
+        there.extend(sorted(path.name for path in Path("o").glob("[!.]*")))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("zwidth.commands.diagnose.diagnose", lambda *_: diagnosed())
+    monkeypatch.setattr("zwidth.commands.diagnose.separating", separating)
+    answer = answered(LINE, 130)
+    ends = ["augmented.toml", "diagnosis.html", "diagnosis.mcap"]
+    assert there == ["r.json", *(f"swing.{end}" for end in ends)]
+    assert answer["findings"][0]["effect"] == "coulomb_friction"
+    assert answer["errors"] == []
+
+
+def test_a_velocity_alone_gets_a_next_experiment(
+    tmp_path: Path, short: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    """Nothing says where a free mass stands, and nothing has to.
+
+    Mutation: `_stands_unseen` False.
+    """
+    write(tmp_path, output=VELOCITY)
+    short.chdir(tmp_path)
+    short.setattr("zwidth.commands.diagnose.augmented_boundary", nothing)
+    short.setattr("zwidth.diagnosis.next_experiment.SHORTEST_S", 1.0)
+    short.setattr("zwidth.diagnosis.next_experiment.LIBRARY", ["small_multisine"])
+    answer = answered(LINE, 0)
+    assert answer["errors"] == []
+    assert answer["next_experiment"]["separates"] == ["coulomb_friction@m1", "dead_band@command"]
+    assert Path(answer["next_experiment"]["scenario"]).exists()
+    assert "to tell coulomb_friction at m1 from dead_band at command" in capsys.readouterr().out
+
+
+def test_a_friction_beside_a_fast_mode_is_searched():
+    """A mode of 715 Hz at 1 kHz, where one substep a tick is too long for friction.
+
+    Mutation: `prepared` without the substeps that are needed.
+    """
+    stiff = fast_mode(715.0)
+    truth = stiff.with_physics(make_physics("coulomb_friction", "m2", level=3e-3))
+    command = excitation("small_multisine", stiff, 0.6, Scale(0.1, 2.0), seed=1)
+    e = rehearse(truth, command, Noise(1e-3, 1e-5), seed=2)
+    problem = Problem([e], choose_observer(stiff, [e]))
+    linear = problem.fit(Model(stiff), rounds=2, final=False)
+    found = best_among(problem, linear, {"coulomb_friction@m2"})
+    assert found is not None
+    level = found.fitted.model.build(found.fitted.x).physics[0].values["level"]
+    assert level == pytest.approx(3e-3, rel=0.5)
+    assert found.gained > 22.0
+
+
+def fast_mode(hertz: float, tip: float = 1e-4) -> Device:
+    masses = [1e-3, tip]
+    stiffness = (2.0 * np.pi * hertz) ** 2 * masses[0] * masses[1] / sum(masses)
+    chain = make_chain(masses, [5e-3, 0.0], 0.0, [stiffness], [100.0 * tip])
+    return Device("stiff", "", True, chain, Interface(period=0.001))
+
+
+def test_a_model_that_no_kernel_follows_is_no_mistake():
+    """A mode so fast that friction needs more substeps than are taken: the worst residual, no end.
+
+    Mutation: `Problem.weighted` without its answer to NoObserver.
+    """
+    light = fast_mode(200750.0, tip=1e-9)
+    absurd = light.with_physics(make_physics("coulomb_friction", "m2", level=3e-3))
+    problem = Problem([recorded()], searched().problem.observer)
+    with pytest.raises(NoObserver, match="so fast"):
+        choose_observer(absurd, [recorded()])
+    model = Model(absurd)
+    assert np.all(problem.weighted(model, np.zeros(model.linear_count)) == 1e6)
+
+
+def test_a_recording_of_no_use_is_the_user_s_to_change(monkeypatch: pytest.MonkeyPatch):
+    """No observer at all is a sentence about the recording. Mutation: NoObserver let through."""
+
+    def none(*_: Any) -> Any:
+        raise NoObserver("no observer follows this recording")
+
+    monkeypatch.setattr(zwidth.diagnosis.diagnose, "search", none)
+    with pytest.raises(ExperimentError, match="no observer follows"):
+        diagnose(MASS, [recorded()])
+
+
+def test_errors_go_through_where_nobody_collects_them_or_somebody_looks_for_them(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    """Mutation: `debugging` False."""
+    with pytest.raises(Bug), isolated("stage"):
+        throw()
+    with pytest.raises(KeyboardInterrupt), collecting(silent), isolated("stage"):
+        raise KeyboardInterrupt
+    monkeypatch.setattr("zwidth.diagnosis.search.refit", throw)
+    with pytest.raises(NotDiagnosed):
+        diagnose(MASS, [recorded()])
+    monkeypatch.setenv("ZWIDTH_DEBUG", "1")
+    with pytest.raises(Bug):
+        diagnose(MASS, [recorded()])
+
+
+def test_an_error_is_named_once_and_inner_collectors_are_the_outer_one():
+    """Mutation: a collector inside another keeps its errors to itself."""
+    said: list[str] = []
+    with collecting(said.append) as outer:
+        for _ in range(2):
+            with collecting(silent) as inner:
+                assert inner is outer
+                with isolated("picture", "residual"):
+                    throw()
+    assert isinstance(outer, Mishaps)
+    assert said == ["picture (residual) failed: Bug: shapes (3,) and (4,) do not fit"]
