@@ -24,6 +24,7 @@ from zwidth.sim.ensemble import advance_runs, start_runs, walls
 from zwidth.sim.equations import equations
 from zwidth.sim.growth import window_weights
 from zwidth.sim.kernel import advance, scratch
+from zwidth.sim.modal import to_chain
 from zwidth.sim.physics import make_physics
 from zwidth.sim.plant import hold
 from zwidth.sim.run import Start, prepare
@@ -129,6 +130,13 @@ def test_figure_6_in_the_time_domain(benchmark: BenchmarkFixture, phantom: Devic
 def test_linear_boundary_per_damping(benchmark: BenchmarkFixture, phantom: Device) -> None:
     dampings = np.linspace(0.0, 0.099, 20)
     report(benchmark, lambda: boundary(phantom, dampings), 20, "ms per damping", 10)
+
+
+def test_modal_to_chain(benchmark: BenchmarkFixture, phantom: Device) -> None:
+    """Table I into three masses."""
+    modal = phantom.modal
+    assert modal is not None
+    report(benchmark, lambda: to_chain(modal), 1, "ms", 10)
 
 
 @pytest.mark.filterwarnings("ignore:stability_margins:UserWarning")

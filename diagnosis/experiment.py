@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.logs.stretches import jumps, without_gaps
 from zwidth.sim.device import Device
 from zwidth.sim.predict import Outputs
 from zwidth.sim.trace import Trace
@@ -17,8 +18,6 @@ Floats = NDArray[np.float64]
 OUTPUT = re.compile(r"(position|velocity)_m([1-4])$")
 SHORTEST = 200
 SIMULATED = 1e-5  # noise over the swing that is added to a log without any
-JUMP = 0.5  # periods
-BESIDE = 11  # samples
 
 
 class ExperimentError(ValueError):
@@ -108,17 +107,8 @@ def experiment(trace: Trace, device: Device, name: str = "recording") -> Experim
             f"the recording has no channel 'command' (it has {', '.join(trace.channels)}); name the"
             " input in the recording's TOML"
         )
-    found: list[Output] = []
-    beyond: list[str] = []
-    for channel in trace.channels:
-        match = OUTPUT.match(channel)
-        if match and int(match[2]) <= masses:
-            found.append(Output(match[1], int(match[2]) - 1))
-        elif match:
-            beyond.append(channel)
+    found, beyond = _outputs(trace, device)
     one = "one mass" if masses == 1 else f"{masses} masses"
-    if trace.origin == "simulated":  # a log holds every state; a device is seen at its encoder
-        found = [o for o in found if o.name == "position_m1"]
     if not found:
         raise ExperimentError(
             f"the recording has no position or velocity of a mass of the device, which has {one}"
@@ -161,50 +151,65 @@ def experiment(trace: Trace, device: Device, name: str = "recording") -> Experim
     return Experiment(own, command, measured, tuple(found), name, swing, notes=notes)
 
 
+def _outputs(trace: Trace, device: Device) -> tuple[list[Output], list[str]]:
+    """Return the motions that a device has, and the names of those of masses that it has not."""
+    masses = device.chain.masses.size
+    found: list[Output] = []
+    beyond: list[str] = []
+    for channel in trace.channels:
+        match = OUTPUT.match(channel)
+        if match and int(match[2]) <= masses:
+            found.append(Output(match[1], int(match[2]) - 1))
+        elif match:
+            beyond.append(channel)
+    if trace.origin == "simulated":  # a log holds every state; a device is seen at its encoder
+        found = [o for o in found if o.name == "position_m1"]
+    return found, beyond
+
+
 def stretches(trace: Trace, device: Device, name: str = "recording") -> list[Experiment]:
-    """Return a recording as the stretches between the jumps of its clock, usually one.
+    """Return a recording as the stretches between its gaps, usually one.
 
     Samples are lost, repeated or of another time where the clock jumps; told as one, they would
-    look like physics. Raises ExperimentError as `experiment`, and where no stretch is long enough.
+    look like physics. A sample at which the command or an output is not finite is lost, too. Raises
+    ExperimentError as `experiment`, and where no stretch is long enough.
     """
-    whole = experiment(trace, device, name)
-    jumps = _jumps(trace.t, whole.period)
-    if jumps.size == 0:
+    used = [o.name for o in _outputs(trace, device)[0]]
+    used += ["command"] if "command" in trace.channels else []
+    kept, lacking = without_gaps(trace, sorted(used), name)
+    try:
+        whole = experiment(kept, device, name)
+    except ExperimentError as error:
+        raise ExperimentError(f"{lacking}; without them {error}" if lacking else error) from None
+    if lacking:
+        first = float(kept.t[0] - trace.t[0])
+        whole = replace(whole, begins=first, notes=(*whole.notes, lacking))
+    cuts = jumps(kept.t, whole.period)
+    if cuts.size == 0:
         return [whole]
-    ends = [0, *(int(j) for j in jumps), whole.ticks]
+    ends = [0, *(int(j) for j in cuts), whole.ticks]
     pairs = [(a, b) for a, b in itertools.pairwise(ends) if b - a >= SHORTEST]
-    first = int(jumps[0])
-    far = float(trace.t[first] - trace.t[first - 1])
-    count = "once" if jumps.size == 1 else f"{jumps.size} times"
-    after = f"first by {far:.4g} s after {trace.t[first - 1]:g} s"
-    parts = [replace(whole.part(a, b), begins=float(trace.t[a] - trace.t[0])) for a, b in pairs]
+    first = int(cuts[0])
+    far = float(kept.t[first] - kept.t[first - 1])
+    count = "once" if cuts.size == 1 else f"{cuts.size} times"
+    over = ", also over samples that lack," if lacking else ""
+    after = f"first by {far:.4g} s after {kept.t[first - 1]:g} s"
+    parts = [replace(whole.part(a, b), begins=float(kept.t[a] - trace.t[0])) for a, b in pairs]
     parts = [p for p in parts if np.all(np.ptp(np.column_stack([p.command, p.measured]), axis=0))]
     if not parts:
         raise ExperimentError(
-            f"the clock of {name} jumps {count}, {after}, and no {SHORTEST} samples in motion lie"
-            " between two jumps; record without gaps, or resample with [resample] in the"
+            f"the clock of {name} jumps{over} {count}, {after}, and no {SHORTEST} samples in motion"
+            " lie between two jumps; record without gaps, or write resample = true into the"
             " recording's TOML"
         )
     left = whole.ticks - sum(p.ticks for p in parts)
     short = f"; {left} samples of short or still ones are left out" if left else ""
     one = "one stretch" if len(parts) == 1 else f"{len(parts)} stretches"
-    note = f"the clock of {name} jumps {count}, {after}: it is taken as {one} without jumps{short}"
+    note = (
+        f"the clock of {name} jumps{over} {count}, {after}: it is taken as {one} without jumps"
+        f"{short}"
+    )
     return [replace(parts[0], notes=(*whole.notes, note)), *parts[1:]]
-
-
-def _jumps(t: Floats, period: float) -> NDArray[np.int64]:
-    """Return the samples before which the clock jumps, and stays so.
-
-    Stamps of a busy host bunch up and catch up again: then samples were even and none is lost. So
-    the median of t / T - k over the `BESIDE` samples after a jump must differ from that before.
-    """
-    ahead = (t - t[0]) / period - np.arange(t.size)
-    asked = np.flatnonzero(np.abs(np.diff(ahead)) > JUMP) + 1
-    stays = [
-        abs(np.median(ahead[k : k + BESIDE]) - np.median(ahead[max(0, k - BESIDE) : k])) > JUMP
-        for k in asked
-    ]
-    return asked[np.array(stays, dtype=np.bool_)]
 
 
 def _refuse(channels: Sequence[tuple[str, Floats]]) -> None:

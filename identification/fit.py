@@ -6,7 +6,7 @@ weighted least squares over stable, interlacing modes (`identification/coordinat
 repeated as `identification/search.py` says, with the covariance of `identification/problem.py`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from zwidth.identification.coordinates import MAX_MODES, Coordinates, parameters
 from zwidth.identification.problem import Data
 from zwidth.identification.response import FrequencyResponse, RecordingError, frequency_response
 from zwidth.identification.search import REJECTED, Found, Search
+from zwidth.logs.stretches import longest_stretch
 from zwidth.sim.modal import ModalModel
 from zwidth.sim.trace import Trace
 
@@ -32,7 +33,7 @@ class Fit:
     covariance (p, p) of the natural logarithms of `names`, of the delay [s] itself where it was
     fitted; misfit: mean of |H1 - H1_model|^2 over the noise's variance, 1 where the model explains
     all but noise; noise_rms of the output within the band [rad | m]. fitted: the model's H1;
-    variance (bins,) of H1 by noise.
+    variance (bins,) of H1 by noise. note: a sentence on samples that lack, "" where none does.
     """
 
     model: ModalModel
@@ -44,6 +45,7 @@ class Fit:
     response: FrequencyResponse
     fitted: Complexes
     variance: Floats
+    note: str = ""
 
     @property
     def values(self) -> Floats:
@@ -73,21 +75,30 @@ def fit_response(
 ) -> Fit:
     """Fit eq. (1) with a number of modes (None: as many as the data show) to a recording.
 
-    delay [s] from command to force where it is known; None fits it too. Raises RecordingError with
-    what to record instead where the recording does not carry the fit, ValueError for bad arguments.
+    delay [s] from command to force where it is known; None fits it too. Of a recording with gaps,
+    where the clock jumps or a value is not finite, the longest stretch without one is fitted: what
+    moves the device in a gap is not known. Raises RecordingError with what to record instead where
+    the recording does not carry the fit, ValueError for bad arguments.
     """
     if modes is not None and not 1 <= modes <= MAX_MODES:
         raise ValueError(f"modes is {modes}; allowed is 1 to {MAX_MODES}")
     if delay is not None and not 0.0 <= delay < np.inf:
         raise ValueError(f"delay is {delay}; allowed is >= 0 and finite [s]")
-    measured = frequency_response(trace, output, command, from_hz=from_hz, to_hz=to_hz)
+    note = ""
+    if command in trace.channels and output in trace.channels:
+        trace, note = longest_stretch(trace, (command, output), "the recording")
+    try:
+        measured = frequency_response(trace, output, command, from_hz=from_hz, to_hz=to_hz)
+    except RecordingError as error:
+        raise (RecordingError(f"{note}; {error}") if note else error) from None
     middle = float(np.median(measured.coherence))
     if middle < MIN_COHERENCE:
         raise RecordingError(
             f"the coherence between {command!r} and {output!r} is {middle:.2f} in the median; at"
             f" least {MIN_COHERENCE} is needed: drive harder, record longer, or lower the noise"
         )
-    return fit_data(Data(trace[command], trace[output], measured), modes, delay)
+    fit = fit_data(Data(trace[command], trace[output], measured), modes, delay)
+    return replace(fit, note=note)
 
 
 def fit_data(data: Data, modes: int | None = None, delay: float | None = 0.0) -> Fit:

@@ -35,7 +35,8 @@ def convert(entry: Entry, signal: Signal) -> Converted:
         values = values if entry.offset == 0.0 else values + entry.offset
     rotary = unit.si == SI[entry.quantity][0] if unit.si and entry.scale is None else None
     formula = _formula(entry, signal, unit, scale)
-    return Converted(values, rotary, formula, (*warnings, *_remarks(entry, values)))
+    notes = [signal.note] if signal.note else []
+    return Converted(values, rotary, formula, (*notes, *warnings, *_remarks(entry, values)))
 
 
 def _unit(entry: Entry, signal: Signal) -> tuple[Unit, list[str]]:
@@ -96,7 +97,11 @@ def _remarks(entry: Entry, values: Floats) -> list[str]:
         raise RecordingError(f"{entry.channel} ({entry.signal!r}) has no finite number at all")
     if missing:
         first = int(np.argmin(finite))
-        return [f"{entry.channel} is not finite in {missing} samples, first in sample {first}"]
+        gaps = "a gap" if missing == 1 else "gaps"
+        return [
+            f"{entry.channel} is not finite in {missing} of {values.size} samples, first in sample"
+            f" {first}; taken as {gaps}"
+        ]
     if values.size > 1 and values.min() == values.max():
         return [f"{entry.channel} is constant at {values[0]:g}"]
     return []

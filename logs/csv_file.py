@@ -1,7 +1,8 @@
 """Text tables: CSV, TSV and columns of blanks, by whatever tool they were written.
 
-Lines that begin with #, % or // are comments. A blank cell is NaN. A cell of text does not spoil
-the other columns: its own is reported as unreadable, with line and column.
+Lines that begin with #, % or // are comments. A blank cell is NaN, and so is a cell of text in a
+column of numbers, which the signal's note tells with its line. A column of text does not spoil the
+others: it is reported as unreadable, with line and column of its first text.
 """
 
 import json
@@ -12,9 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from zwidth.logs.cells import BLANKS, NOT_A_NUMBER, Tally, number_in
 from zwidth.logs.csv_form import (
-    BLANKS,
-    NOT_A_NUMBER,
     NOTHING_SAID,
     SNIFFED,
     CsvOptions,
@@ -22,7 +22,6 @@ from zwidth.logs.csv_form import (
     Lines,
     cells_of,
     find_form,
-    number_in,
 )
 from zwidth.logs.source import Floats, RecordingError, Signal, Source
 
@@ -58,8 +57,10 @@ def read_csv(path: Path, data: bytes, options: CsvOptions = NOTHING_SAID) -> Sou
     for name, unit, column in zip(form.names, form.units, columns, strict=True):
         if isinstance(column, str):
             unreadable[name] = column
-        elif name or not np.isnan(column).all():  # a delimiter at the end of every line names none
-            signals[name or f"column{len(signals) + 1}"] = Signal(name, column, unit)
+            continue
+        values, note = column
+        if name or not np.isnan(values).all():  # a delimiter at the end of every line names none
+            signals[name or f"column{len(signals) + 1}"] = Signal(name, values, unit, note=note)
     return Source(path, _kind(form), signals, unreadable, tuple(notes), about)
 
 
@@ -97,10 +98,12 @@ def _lines(text: str) -> Lines:
     return Lines([line for line, _ in numbered], [number for _, number in numbered], comments)
 
 
-def _columns(path: Path, rows: list[str], numbers: Sequence[int], form: Form) -> list[Floats | str]:
-    """Return each column as float64, or the sentence that says which cell is no number."""
+def _columns(
+    path: Path, rows: list[str], numbers: Sequence[int], form: Form
+) -> list[tuple[Floats, str] | str]:
+    """Return each column as float64 with its note, or the sentence that says why it is text."""
     try:
-        return list(_fast(rows, form))
+        return [(column, "") for column in _fast(rows, form)]
     except ValueError:  # a text, a ragged line, a plus sign: the slow way says which, or reads it
         return _slow(path, rows, numbers, form)
 
@@ -129,10 +132,12 @@ def _fast(rows: list[str], form: Form) -> Iterable[Floats]:
     return [table[c].to_numpy(zero_copy_only=False).astype(np.float64) for c in columns]
 
 
-def _slow(path: Path, rows: list[str], numbers: Sequence[int], form: Form) -> list[Floats | str]:
+def _slow(
+    path: Path, rows: list[str], numbers: Sequence[int], form: Form
+) -> list[tuple[Floats, str] | str]:
     width = len(form.names)
     table = np.full((width, len(rows)), np.nan)
-    wrong: dict[int, str] = {}
+    tallies = [Tally() for _ in range(width)]
     for i, row in enumerate(rows):
         cells = cells_of(row, form.delimiter)
         if len(cells) != width:
@@ -146,14 +151,20 @@ def _slow(path: Path, rows: list[str], numbers: Sequence[int], form: Form) -> li
             value = number_in(cell, form.decimal)
             if value is not None:
                 table[j, i] = value
+                tallies[j].numbers += 1
             else:
-                where = f"line {numbers[i]}, column {j + 1}"
-                wrong.setdefault(j, f"has {_brief(cell)} in {where}, which is no number")
-    return [wrong[j] if j in wrong else table[j] for j in range(width)]
+                tallies[j].text(cell, f"line {numbers[i]}")
+    return [
+        _text(tally, j + 1)
+        if tally.is_text
+        else (table[j], tally.note(form.names[j] or f"column{j + 1}", len(rows)))
+        for j, tally in enumerate(tallies)
+    ]
 
 
-def _brief(cell: str) -> str:
-    return repr(cell if len(cell) <= 24 else cell[:21] + "...")
+def _text(tally: Tally, column: int) -> str:
+    more = "" if tally.texts == 1 else f"; {tally.texts - 1} below it are none either"
+    return f"has {tally.first} in {tally.where}, column {column}, which is no number{more}"
 
 
 def _about(path: Path, comments: list[str]) -> dict[str, Any]:

@@ -6,7 +6,6 @@ line of their own. What cannot be found out can be said, in the table [csv] of a
 """
 
 import csv
-import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,11 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from zwidth.logs.cells import BLANKS, number_in
 from zwidth.logs.source import RecordingError
 from zwidth.logs.units import find_unit
 
-BLANKS = ("", "NA", "N/A", "n/a", "null", "NULL", "None", "-", "--")
-NOT_A_NUMBER = ("nan", "NaN", "NAN", "-nan", "-NaN", "nan(ind)", "-nan(ind)", "1.#QNAN", "#N/A")
 DIALECTS = [
     *((delimiter, decimal) for decimal in ".," for delimiter in "\t;,"),
     *((" ", decimal) for decimal in ".,"),
@@ -191,15 +189,3 @@ def cells_of(line: str, delimiter: str) -> list[str]:
 
 def _is_number(cell: str, decimal: str) -> bool:
     return number_in(cell, decimal) is not None
-
-
-def number_in(cell: str, decimal: str) -> float | None:
-    """Return the number in a cell, NaN where it says so, or None."""
-    if cell in NOT_A_NUMBER:
-        return math.nan
-    if "_" in cell or (decimal == "," and "." in cell):
-        return None
-    try:
-        return float(cell.replace(",", ".") if decimal == "," else cell)
-    except ValueError:
-        return None

@@ -5,6 +5,9 @@ sensor_msgs/msg/JointState it is topic.joint.quantity: "/joint_states.elbow.effo
 the clocks of its messages: log_time, publish_time and, where the messages carry it, header.stamp,
 stamp or timestamp.
 
+A field that is a number in most messages of its topic is a signal with gaps where a message lacks
+it or tells a text in its place; one that fewer messages have keeps the stamps of those alone.
+
 The walk over the file is that of our own logs: a chunk with a wrong checksum is left out and named.
 """
 
@@ -24,6 +27,7 @@ from mcap.records import Channel, Chunk, Message, Schema
 from mcap.stream_reader import breakup_chunk
 from numpy.typing import NDArray
 
+from zwidth.logs.cells import Tally
 from zwidth.logs.framing import Walk
 from zwidth.logs.records import Records
 from zwidth.logs.source import RecordingError, Signal, Source
@@ -37,16 +41,17 @@ JOINT_STATE = ("position", "velocity", "effort")
 STAMPS = (("header", "stamp"), ("stamp",), ("timestamp",))
 CLOCKS = ("log_time", "publish_time", *(".".join(place) for place in STAMPS))
 
-Leaves = dict[str, float | int]
+Leaves = dict[str, float | int | str]
 Decoder = Callable[[bytes], Any]
 
 
 @dataclass
 class Series:
-    """What has been read of one field: values and the index of the message of each."""
+    """What has been read of one field: values and the index of the message of each, and texts."""
 
     values: list[float | int] = field(default_factory=list[float | int])
     rows: list[int] = field(default_factory=list[int])
+    tally: Tally = field(default_factory=Tally)
 
 
 @dataclass
@@ -76,22 +81,43 @@ class Topic:
             self.clocks.setdefault(clock, []).append(ns)
         for name, value in leaves.items():
             series = self.series.setdefault(name, Series())
-            series.values.append(value)
-            series.rows.append(self.count)
+            if isinstance(value, str):
+                series.tally.text(value, f"sample {self.count}")
+            else:
+                series.tally.numbers += 1
+                series.values.append(value)
+                series.rows.append(self.count)
         self.count += 1
 
     def signals(self) -> Iterator[Signal]:
-        """Yield a signal for each field."""
+        """Yield a signal for each field of numbers."""
         clocks = {
             clock: np.array(times, dtype=np.int64)
             for clock, times in self.clocks.items()
             if None not in times and _fits(times)
         }
         for name, series in self.series.items():
+            if series.tally.is_text or not series.values:
+                continue
+            full = f"{self.name}.{name}"
+            lacking = self.count - len(series.rows)
+            if lacking and len(series.rows) > lacking:
+                values = np.full(self.count, np.nan)
+                values[series.rows] = [_float(v) for v in series.values]
+                note = series.tally.note(full, self.count)
+                yield Signal(full, values, stamps=clocks, note=note)
+                continue
             rows = np.array(series.rows)
             stamps = {clock: times[rows] for clock, times in clocks.items()}
-            full = f"{self.name}.{name}"
             yield Signal(full, _numbers(series.values), stamps=stamps)
+
+    def texts(self) -> Iterator[tuple[str, str]]:
+        """Yield name and reason of each field that told numbers at times, and texts more often."""
+        for name, series in self.series.items():
+            if series.tally.is_text and series.values:
+                many = f"{series.tally.texts} of {self.count} messages"
+                reason = f"is text in {many}, first {series.tally.first}; a signal is numbers"
+                yield f"{self.name}.{name}", reason
 
 
 def read_foreign_mcap(path: Path, file: BinaryIO) -> Source:
@@ -153,7 +179,7 @@ def _open(channel: Channel, schema: Schema | None) -> Topic | str:
 
 
 def _leaves(body: Any) -> Leaves:
-    """Return field -> number for all numbers in a message."""
+    """Return field -> number or text for all of them in a message."""
     leaves: Leaves = {}
     if _is_joint_state(body):
         for quantity in JOINT_STATE:
@@ -170,10 +196,10 @@ def _is_joint_state(body: Any) -> bool:
 
 
 def _collect(leaves: Leaves, name: str, value: Any, depth: int) -> None:
-    if isinstance(value, bool | int | float):
+    if isinstance(value, bool | int | float | str):
         if name:
             leaves[name] = value
-    elif depth >= DEEPEST or isinstance(value, str | bytes | bytearray) or value is None:
+    elif depth >= DEEPEST or isinstance(value, bytes | bytearray) or value is None:
         return
     elif isinstance(value, list | tuple | array):
         for k, part in enumerate(value[:MOST_ELEMENTS]):
@@ -236,6 +262,7 @@ def _source(
     path: Path, walk: Walk, indexed: bool, inconsistent: int, topics: dict[int, Topic | str]
 ) -> Source:
     signals: dict[str, Signal] = {}
+    unreadable: dict[str, str] = {}
     notes = [f"bytes {d.start} to {d.stop - 1} were skipped: {d.reason}" for d in walk.damages]
     if len(notes) > MOST_NOTES:
         notes[MOST_NOTES:] = [f"{len(notes) - MOST_NOTES} more such places follow"]
@@ -253,9 +280,10 @@ def _source(
             notes.append(f"{topic.undecoded} messages of {topic.name} do not match their schema")
         for signal in topic.signals():
             signals[_free(signal.name, signals)] = signal
+        unreadable.update(topic.texts())
     if not topics:
         raise RecordingError(f"{path.name} is an MCAP file in which no topic is left to read")
-    return Source(path, "MCAP", signals, notes=tuple(notes))
+    return Source(path, "MCAP", signals, unreadable, tuple(notes))
 
 
 def _free(name: str, taken: Mapping[str, Signal]) -> str:

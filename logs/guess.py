@@ -19,6 +19,7 @@ from zwidth.logs.timing import NOTABLE_JITTER, Stamps, Timing, common_origin, ex
 from zwidth.logs.units import SI, UNITS, Unit, find_unit
 
 LEAST_SAMPLES = 3
+MOST_SENTENCES = 8
 QUANTITY_OF = {si: quantity for quantity, units in SI.items() for si in units} | {
     "V": "command",
     "A": "command",
@@ -91,6 +92,7 @@ def _seems(signal: Signal, rows: int) -> str:
     values = signal.floats()
     if values.size != rows and not signal.stamps:
         return "constant" if values.size == 1 else ""
+    values = values[np.isfinite(values)]
     if values.size and values.min() == values.max():
         return "constant"
     unit = unit_seen(signal)
@@ -150,7 +152,9 @@ def time_signal(source: Source) -> Signal | None:
 
 def _rises(values: Floats) -> bool:
     """Return True for a signal that rises all the time but for a few faults."""
-    if values.size < LEAST_SAMPLES or not np.isfinite(values).all():
+    finite = np.isfinite(values)
+    values = values[finite]
+    if values.size < LEAST_SAMPLES or 2 * values.size <= finite.size:
         return False
     with np.errstate(over="ignore"):
         return float((np.diff(values) > 0.0).mean()) > 0.5 and bool(values[-1] > values[0])
@@ -163,7 +167,7 @@ def _even(timing: Timing) -> bool:
 def _timing(time: Signal) -> Timing:
     unit = unit_seen(time)
     factor = unit.factor if unit is not None and unit.si == "s" else 1.0
-    return _examined(Stamps(time.values, factor))
+    return _examined(Stamps(time.values[time.known], factor))
 
 
 def _stamped(signal: Signal) -> Timing:
@@ -176,6 +180,26 @@ def _examined(stamps: Stamps) -> Timing:
 
 def _clock(signal: Signal) -> str:
     return next(clock for clock in CLOCK_ORDER if clock in signal.stamps)
+
+
+def gaps_seen(source: Source) -> list[str]:
+    """Return a sentence for each signal of which some samples are no finite number."""
+    found: list[str] = []
+    for signal in source.signals.values():
+        known = signal.known
+        missing = int(known.size - known.sum())
+        if signal.note:
+            found.append(signal.note)
+        elif 0 < missing < known.size:
+            gaps = "a gap" if missing == 1 else "gaps"
+            found.append(
+                f"{signal.name} is not finite in {missing} of {known.size} samples, first in sample"
+                f" {int(np.argmin(known))}; taken as {gaps}"
+            )
+    if len(found) > MOST_SENTENCES:
+        more = len(found) - MOST_SENTENCES
+        found[MOST_SENTENCES:] = [f"{more} more signals have samples that are not finite"]
+    return found
 
 
 def clock_faults(source: Source) -> list[str]:

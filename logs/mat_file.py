@@ -16,6 +16,7 @@ from zwidth.logs.mat_elements import check_elements
 from zwidth.logs.source import Collector, RecordingError, Source
 
 DEEPEST = 16  # structures within structures
+LEAST_CELLS = 100  # of single numbers and texts, which are then a column
 MOST_PARTS = 10_000  # cells, elements, fields of one file
 MOST_BYTES = 1 << 33  # of one data set of an HDF5 file, whatever its header claims
 COLUMN, CELL, ELEMENT = "{name}(:,{k})", "{name}{{{k}}}", "{name}({k})"
@@ -58,6 +59,8 @@ def _walk(found: _Parts, name: str, value: Any, depth: int) -> None:
     elif isinstance(value, dict):
         for field, part in value.items():
             _walk(found, f"{name}.{field}", part, depth + 1)
+    elif isinstance(value, np.ndarray) and value.dtype == object and _is_column(value):
+        found.add_cells(name, [None if _is_empty(v) else v for v in value.flat])
     elif isinstance(value, np.ndarray) and value.dtype == object:
         pattern = ELEMENT if all(isinstance(v, dict) for v in value.flat) else CELL
         for k, part in enumerate(value.flat, start=1):
@@ -68,6 +71,22 @@ def _walk(found: _Parts, name: str, value: Any, depth: int) -> None:
         found.take(name, value)
     else:
         found.unreadable[name] = f"is a {type(value).__name__}; a signal is a row of numbers"
+
+
+def _is_column(cells: np.ndarray) -> bool:
+    """True for a long cell array of single numbers and texts, as `readcell` gives a column.
+
+    A shorter one is a list of parameters, a signal for each cell.
+    """
+    return (
+        cells.size >= LEAST_CELLS
+        and max(cells.shape) == cells.size
+        and all(isinstance(v, str | int | float | np.number) or _is_empty(v) for v in cells.flat)
+    )
+
+
+def _is_empty(cell: object) -> bool:
+    return isinstance(cell, np.ndarray) and cell.size == 0
 
 
 def read_hdf5(path: Path, data: bytes) -> Source:
@@ -124,6 +143,8 @@ def _hdf5(found: _Parts, name: str, item: Any, above: tuple[int, ...], file: Any
         found.unreadable[name] = "is text; a signal is numbers"
     elif item.size * item.dtype.itemsize > MOST_BYTES:
         found.unreadable[name] = f"claims {item.size} values, more than are read"
+    elif h5py.check_string_dtype(item.dtype) is not None:  # as dtypes, texts equal references
+        found.take(name, np.asarray(item.asstr(errors="replace")[()], dtype=np.str_))
     elif item.dtype == h5py.ref_dtype:
         _references(found, name, item, above, file)
     elif item.dtype.kind in "biuf" or item.dtype.names is not None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from zwidth.logs.source import Collector, RecordingError, Source
+from zwidth.logs.source import Collector, RecordingError, Signal, Source
 
 ABOUT = b"zwidth"  # the key in the file's own metadata
 
@@ -43,10 +43,9 @@ def _take(found: Collector, name: str, column: Any) -> None:
         column = column.cast(
             pa.timestamp("ns", kind.tz) if hasattr(kind, "tz") else pa.duration("ns")
         )
-        if column.null_count:
-            found.unreadable[name] = "holds dates that are missing; a signal is numbers"
-        else:
-            found.add(name, column.cast(pa.int64()).to_numpy(), "ns")
+        _take_dates(found, name, column.cast(pa.int64()))
+    elif pa.types.is_string(kind) or pa.types.is_large_string(kind):
+        found.add_cells(name, column.to_pylist())
     elif pa.types.is_decimal(kind):
         found.add(name, column.cast(pa.float64()).to_numpy())
     elif pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind):
@@ -54,6 +53,19 @@ def _take(found: Collector, name: str, column: Any) -> None:
         found.add(name, values if values.dtype != object else values.astype(np.float64))
     else:
         found.unreadable[name] = f"holds {kind}; a signal is numbers"
+
+
+def _take_dates(found: Collector, name: str, column: Any) -> None:
+    """Take times [ns] as whole numbers, which a double would round, and mark the missing ones."""
+    if not column.null_count:
+        found.add(name, column.to_numpy(), "ns")
+    elif column.null_count == len(column):
+        found.unreadable[name] = "holds dates that are missing; a signal is numbers"
+    else:
+        lost = column.is_null().to_numpy()
+        earliest = column.drop_null().to_numpy().min()
+        values = column.fill_null(int(earliest)).to_numpy()
+        found.signals[name] = Signal(name, values, "ns", lost=lost)
 
 
 def _about(path: Path, metadata: dict[bytes, bytes]) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from zwidth.files.protection import reading
 from zwidth.logs.conversion import Converted, convert
@@ -81,12 +82,17 @@ def read_recording(path: FilePath, folder: FilePath | None = None) -> Trace:
 def _read(description: Description, source: Source) -> Trace:
     entries = description.entries
     signals = {entry.channel: source[entry.signal] for entry in entries}
-    stamps = {e.channel: _stamps(source, e.clock, signals[e.channel]) for e in entries}
-    origin = common_origin(stamps)
     converted = {e.channel: convert(e, signals[e.channel]) for e in entries}
+    rows = {e.channel: _rows(source, e.clock, signals[e.channel]) for e in entries}
+    if description.resample is not None:  # what lacks is no sample, and not NaN for its neighbours
+        rows = {name: known & np.isfinite(converted[name].values) for name, known in rows.items()}
+    stamps = {
+        e.channel: _stamps(source, e.clock, signals[e.channel], rows[e.channel]) for e in entries
+    }
+    origin = common_origin(stamps)
     rotary = _rotary(description.rotary, entries, converted)
     streams = group(entries, {name: s.seconds(origin) for name, s in stamps.items()})
-    values = {name: c.values for name, c in converted.items()}
+    values = {name: c.values[rows[name]] for name, c in converted.items()}
     t, values, resampling = one_axis(description.resample, streams, values)
     facts: dict[str, Any] = {
         "recording": description.path.name,
@@ -96,7 +102,10 @@ def _read(description: Description, source: Source) -> Trace:
         "format": source.kind,
         "signals": {e.channel: _signal_facts(e, converted[e.channel], signals) for e in entries},
         "timing": {s.name: {"counted": s.counted, **s.timing.facts()} for s in streams},
-        "warnings": _warnings(source, streams, converted, rotary),
+        "warnings": [
+            *_clock_notes(source, entries, rows),
+            *_warnings(source, streams, converted, rotary),
+        ],
     }
     if origin:
         facts["counted_from_s"] = _decimal_seconds(origin)
@@ -109,31 +118,65 @@ def _read(description: Description, source: Source) -> Trace:
     return _used(description, trace)
 
 
-def _stamps(source: Source, clock: Clock, signal: Signal) -> Stamps:
-    """Return the stamps of a signal: counted, from a signal of the file, or from its messages."""
-    if clock.signal is None:
-        assert clock.period is not None
-        return Stamps(np.arange(signal.values.size), clock.period, clock.shift)
-    if clock.signal in signal.stamps:
-        return Stamps(signal.stamps[clock.signal], 1e-9, clock.shift)
+def _times(source: Source, clock: Clock, signal: Signal) -> Signal | None:
+    """Return the signal of the file that has the stamps of another, None where none does."""
+    if clock.signal is None or clock.signal in signal.stamps:
+        return None
     if signal.stamps and clock.signal not in source.signals:
         raise RecordingError(
             f"{signal.name!r} has no clock {clock.signal!r}; {nearest(clock.signal, signal.stamps)}"
         )
     times = source[clock.signal]
-    raw = times.values.astype(np.uint8) if times.values.dtype.kind == "b" else times.values
-    if raw.size != signal.values.size:
+    if times.values.size != signal.values.size:
         raise RecordingError(
             f"{signal.name!r} has {signal.values.size} samples and its time {times.name!r} has"
-            f" {raw.size}; they must have equally many"
+            f" {times.values.size}; they must have equally many"
         )
-    finite = np.isfinite(raw)
-    if not finite.all():
+    return times
+
+
+def _rows(source: Source, clock: Clock, signal: Signal) -> NDArray[np.bool_]:
+    """Return True for the samples whose time is known: what has none cannot be placed."""
+    times = _times(source, clock, signal)
+    if times is None:
+        return np.ones(signal.values.size, dtype=np.bool_)
+    if not times.known.any():
         raise RecordingError(
-            f"time {times.name!r} is not finite in {int((~finite).sum())} of {raw.size} samples,"
-            f" first in sample {int(np.argmin(finite))}; name another, or period_s"
+            f"time {times.name!r} has no finite number at all; name another, or period_s"
         )
-    return Stamps(raw, _time_unit(times, clock), clock.shift)
+    return times.known
+
+
+def _stamps(source: Source, clock: Clock, signal: Signal, rows: NDArray[np.bool_]) -> Stamps:
+    """Return the stamps of the rows that are kept: counted, from a signal, or from messages."""
+    times = _times(source, clock, signal)
+    if clock.signal is None:
+        assert clock.period is not None
+        return Stamps(np.arange(signal.values.size)[rows], clock.period, clock.shift)
+    if times is None:
+        return Stamps(signal.stamps[clock.signal][rows], 1e-9, clock.shift)
+    raw = times.values.astype(np.uint8) if times.values.dtype.kind == "b" else times.values
+    return Stamps(raw[rows], _time_unit(times, clock), clock.shift)
+
+
+def _clock_notes(
+    source: Source, entries: Sequence[Entry], rows: dict[str, NDArray[np.bool_]]
+) -> list[str]:
+    """Return sentences on rows without a time, once for each signal of times."""
+    clocks = {e.clock.signal: e for e in entries if e.clock.signal in source.signals}
+    notes: list[str] = []
+    for name, entry in clocks.items():
+        times = source.signals[str(name)]
+        known = times.known
+        if known.all() or rows[entry.channel].size != known.size:
+            continue
+        missing = int(known.size - known.sum())
+        notes += [times.note] if times.note else []
+        notes.append(
+            f"time {times.name!r} is not finite in {missing} of {known.size} samples, first in"
+            f" sample {int(np.argmin(known))}; their rows are left out as lost"
+        )
+    return notes
 
 
 def _time_unit(times: Signal, clock: Clock) -> float:

@@ -1,6 +1,6 @@
 """What a recorded file holds before anyone says what it means: named signals, as they stand."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -9,10 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.logs.cells import column_of
 from zwidth.logs.errors import LogError
 from zwidth.sim.nearest import nearest
 
 Floats = NDArray[np.float64]
+
+TEXT = "is text; a signal is numbers"
 
 
 class RecordingError(LogError):
@@ -25,16 +28,26 @@ class Signal:
 
     values: real numbers of the file's own type, shape (samples,); NaN for a blank cell. unit: as
     the file spells it, "" where it does not. stamps: of messages, clock -> (samples,) times [ns].
+    note: a sentence on cells that are no numbers and were taken as gaps, "" for none. lost
+    (samples,): True where whole numbers, which have no NaN, are missing; None for nowhere.
     """
 
     name: str
     values: NDArray[Any]
     unit: str = ""
     stamps: Mapping[str, NDArray[np.int64]] = field(default_factory=lambda: MappingProxyType({}))
+    note: str = ""
+    lost: NDArray[np.bool_] | None = None
 
     def floats(self) -> Floats:
-        """Return the values as float64, shape (samples,)."""
-        return np.asarray(self.values, dtype=np.float64)
+        """Return the values as float64, NaN where one is missing, shape (samples,)."""
+        values = np.asarray(self.values, dtype=np.float64)
+        return values if self.lost is None else np.where(self.lost, np.nan, values)
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """True for samples that have a finite value, (samples,)."""
+        return np.isfinite(self.floats())
 
 
 @dataclass(frozen=True)
@@ -83,14 +96,16 @@ class Collector:
 
         Time runs along the longer side of a matrix.
         """
-        array = _plain(np.asarray(values))
-        if array.dtype.names is not None:
+        array, lost = _plain(np.asarray(values))
+        if array.dtype.kind in "SU" and max(array.shape, default=1) == array.size > 1:
+            self.add_cells(name, array.reshape(-1).astype(np.str_).tolist(), unit)
+        elif array.dtype.names is not None:
             for part in array.dtype.names:
                 self.add(f"{name}.{part}" if name else part, array[part], unit)
         elif (reason := _no_numbers(array)) is not None:
             self.unreadable[name] = reason
         elif max(array.shape, default=1) == array.size:
-            self.signals[name] = Signal(name, array.reshape(-1), unit)
+            self.signals[name] = Signal(name, array.reshape(-1), unit, lost=lost)
         elif array.ndim > 2:
             self.unreadable[name] = f"has {array.ndim} dimensions; a signal has one"
         else:
@@ -99,18 +114,32 @@ class Collector:
                 part = self.index.format(name=name, k=k + self.first)
                 self.signals[part] = Signal(part, columns[:, k], unit)
 
+    def add_cells(self, name: str, cells: Iterable[object], unit: str = "") -> None:
+        """Take a column of texts and numbers: a signal with gaps where the numbers are more."""
+        column = column_of(name, cells)
+        if column is None:
+            self.unreadable[name] = TEXT
+        else:
+            self.signals[name] = Signal(name, column[0], unit, note=column[1])
 
-def _plain(array: NDArray[Any]) -> NDArray[Any]:
-    """Return dates and durations as int64 nanoseconds, other arrays as they are."""
-    if array.dtype.kind in "mM" and not np.isnat(array).any():
-        return array.astype(f"{array.dtype.kind}8[ns]").astype(np.int64)
-    return array
+
+def _plain(array: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.bool_] | None]:
+    """Return dates and durations as int64 nanoseconds and which are missing; others as they are."""
+    if array.dtype.kind not in "mM":
+        return array, None
+    missing = np.isnat(array)
+    if missing.all() or (missing.any() and array.ndim != 1):
+        return array, None
+    since = array.astype(f"{array.dtype.kind}8[ns]").astype(np.int64)
+    if not missing.any():
+        return since, None
+    return np.where(missing, since[~missing].min(), since), missing
 
 
 def _no_numbers(array: NDArray[Any]) -> str | None:
     """Say why an array is no row of real numbers, or return None."""
     if array.dtype.kind in "US":
-        return "is text; a signal is numbers"
+        return TEXT
     if array.dtype.kind == "c":
         return "is complex; a signal is real numbers"
     if array.dtype.kind in "mM":

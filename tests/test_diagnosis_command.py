@@ -10,12 +10,15 @@ import numpy as np
 import pytest
 
 import zwidth.commands.diagnose
-from tests.diagnosis_examples import phantom, record
+from tests.diagnosis_examples import record
 from zwidth.cli import run
 from zwidth.diagnosis.result import Diagnosis, Estimate
 from zwidth.logs.mcap_reader import read_log
 from zwidth.logs.recording import load_log
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device, save_device
+from zwidth.sim.interface import Interface
 from zwidth.sim.physics import make_physics
 
 TOML = """
@@ -33,13 +36,17 @@ at = "m1"
 """
 
 
+# One mass, which has a tenth of the places for physics that the PHANToM has.
+MOTOR = Device("motor", "", True, make_chain([1.2e-3], [6e-3]), Interface(period=0.001))
+
+
 def write(folder: Path, seconds: float = 3.0) -> None:
-    truth = phantom().with_physics(make_physics("coulomb_friction", "m1", level=0.02))
+    truth = MOTOR.with_physics(make_physics("coulomb_friction", "m1", level=0.02))
     e = record(truth, seconds, seed=1)
     values = np.column_stack([e.command, e.measured[:, 0]])
     np.savetxt(folder / "swing.csv", values, "%.17g", ",", header="u,q", comments="")
     (folder / "swing.toml").write_text(TOML)
-    save_device(phantom(), folder / "known.toml")
+    save_device(MOTOR, folder / "known.toml")
 
 
 def test_diagnose_from_file_to_report(

@@ -63,13 +63,13 @@ def port() -> Generator[int]:
 
     thread = threading.Thread(target=lambda: asyncio.run(serve()))
     thread.start()
-    assert ready.wait(20)
+    assert ready.wait(60)
     number, stop = found["port"], found["stop"]
     assert isinstance(number, int)
     assert callable(stop)
     yield number
     stop()
-    thread.join(20)
+    thread.join(60)
     assert not thread.is_alive()
 
 
@@ -78,7 +78,7 @@ def get(
 ) -> tuple[int, bytes]:
     """Status and body; the path goes out as it stands, without being tidied up."""
     headers = headers or {}
-    with closing(HTTPConnection("127.0.0.1", port, timeout=30)) as connection:
+    with closing(HTTPConnection("127.0.0.1", port, timeout=60)) as connection:
         connection.putrequest("GET", path, skip_host="Host" in headers)
         for name, value in headers.items():
             connection.putheader(name, value)
@@ -240,7 +240,7 @@ def test_a_page_that_is_closed_while_it_computes_leaves_no_work_behind(
 ):
     """Mutation: `close` that does not change the ticket."""
     started, ended = threading.Event(), threading.Event()
-    deadline = time.monotonic() + 10
+    deadline = time.monotonic() + 120
 
     def endless(plane: Plane) -> Generator[Sketch]:
         one = next(iter(sketch(plane)))
@@ -255,10 +255,10 @@ def test_a_page_that_is_closed_while_it_computes_leaves_no_work_behind(
     document = Document()
     session = Session(document, BENCH, View(), [])
     session.page.put_on(document)
-    assert started.wait(10)
+    assert started.wait(60)
     session.close()
     session.change(friction=3e-3)  # what was on its way from the browser
-    assert ended.wait(10)
+    assert ended.wait(60)
     assert time.monotonic() < deadline
 
 
@@ -286,18 +286,18 @@ def test_only_the_newest_request_is_finished():
     def slow(number: int):
         def work():
             started.set()
-            assert go_on.wait(20)
+            assert go_on.wait(60)
             yield
             done.append(number)
 
         return work
 
     newest.ask(slow(1))
-    assert started.wait(20)
+    assert started.wait(60)
     for number in (2, 3, 4):
         newest.ask(slow(number))
     go_on.set()
-    deadline = time.monotonic() + 20
+    deadline = time.monotonic() + 60
     while 4 not in done and time.monotonic() < deadline:
         time.sleep(0.005)
     newest.close()
@@ -312,7 +312,7 @@ def test_an_error_in_the_background_is_told(monkeypatch: pytest.MonkeyPatch):
     document = Document()
     session = Session(document, BENCH, View(), [])
     session.page.put_on(document)
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + 60
     while not session.page.trouble.text and time.monotonic() < deadline:
         shown(document)
         time.sleep(0.01)

@@ -163,7 +163,7 @@ def test_a_model_with_too_few_modes_is_a_compromise_and_says_so(trace: Trace) ->
         (lambda u, y: (u * 0.0, y), "channel 'command' is constant at 0"),
         (lambda u, y: (u, y * 0.0 + 1.0), "channel 'position_m1' is constant at 1"),
         (lambda u, y: (np.sin(0.05 * np.arange(u.size)), y), "at least 20 are needed"),
-        (lambda u, y: (u, np.where(y > 0.1, np.nan, y)), "not finite"),
+        (lambda u, y: (u, np.where(y > 0.1, np.nan, y)), "no number for position_m1"),
         (lambda u, y: (u, np.random.default_rng(0).standard_normal(u.size)), "the coherence"),
     ],
 )
@@ -176,11 +176,29 @@ def test_a_recording_that_does_not_carry_a_fit_says_what_to_record(
         fit_response(bad)
 
 
-def test_gaps_missing_channels_and_bad_arguments_are_refused(trace: Trace) -> None:
-    t = trace.t.copy()
-    t[9000:] += 0.01
-    with pytest.raises(RecordingError, match="without gaps"):
-        fit_response(trace.with_channels(trace.channels, t))
+def test_of_a_recording_with_gaps_the_longest_stretch_is_fitted(trace: Trace) -> None:
+    """Rows deleted and values that are NaN are the same gap, and the fit says so.
+
+    Mutation: gaps joined, as if the samples around one followed each other.
+    """
+    alone = fit_response(trace.with_channels(
+        {name: values[9010:28000] for name, values in trace.channels.items()}, trace.t[9010:28000]
+    ), 2)  # fmt: skip
+    rows = np.r_[9000:9010, 28000]
+    kept = np.delete(np.arange(len(trace)), rows)
+    deleted = trace.with_channels({n: v[kept] for n, v in trace.channels.items()}, trace.t[kept])
+    holes = trace["position_m1"].copy()
+    holes[rows] = np.nan
+    nan = trace.with_channels({**trace.channels, "position_m1": holes})
+    for gapped, words in ((deleted, "jumps 2 times"), (nan, "11 of 30000 samples")):
+        fit = fit_response(gapped, 2)
+        np.testing.assert_array_equal(fit.values, alone.values)
+        assert words in fit.note
+        assert "18990 of" in fit.note
+    assert alone.note == ""
+
+
+def test_missing_channels_and_bad_arguments_are_refused(trace: Trace) -> None:
     with pytest.raises(RecordingError, match="no channel 'torque'; it has command, position_m1"):
         fit_response(trace, command="torque")
     with pytest.raises(ValueError, match="modes is 9; allowed is 1 to 4"):

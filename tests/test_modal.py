@@ -1,5 +1,3 @@
-import time
-from collections.abc import Callable
 from typing import Any
 
 import control
@@ -80,18 +78,6 @@ def test_table_i_is_the_chain_of_fig_4() -> None:
         *(6.339077638e-2, 1.353682884e-3),
     ]
     assert to_vector(to_chain(TABLE_I)) == pytest.approx(expected, rel=1e-8)
-
-
-def test_table_i_converts_in_a_blink() -> None:
-    to_chain(TABLE_I)
-    fastest = min(_seconds(lambda: to_chain(TABLE_I)) for _ in range(5))
-    assert fastest < 0.05
-
-
-def _seconds(action: Callable[[], object]) -> float:
-    start = time.perf_counter()
-    action()
-    return time.perf_counter() - start
 
 
 @pytest.mark.parametrize("modes", [0, 1, 2, 3])

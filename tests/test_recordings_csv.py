@@ -70,19 +70,33 @@ def test_blank_cells_are_nan_and_stay_in_place() -> None:
     np.testing.assert_array_equal(source["b"].values, [np.nan, 4, 6, 8])
 
 
-def test_a_stray_text_cell_is_reported_with_line_and_column() -> None:
-    source = read("# head\na,b,c\n1,2,idle\n3,ERR,idle\n5,6,idle\n")
-    assert columns(source) == {"a": [1, 3, 5]}
-    with pytest.raises(RecordingError, match="'b' has 'ERR' in line 4, column 2"):
-        source["b"]
-    with pytest.raises(RecordingError, match="'c' has 'idle' in line 3, column 3"):
+def test_a_stray_text_is_a_gap_that_is_counted_and_the_first_is_quoted() -> None:
+    """Mutations: the column removed for one text; texts counted among the numbers."""
+    source = read("# head\na,b,c\n1,2,3\n3,ERR,\n5,6,off\n7,8,9\n9,err,2\n")
+    np.testing.assert_array_equal(source["b"].values, [2, np.nan, 6, 8, np.nan])
+    np.testing.assert_array_equal(source["c"].values, [3, np.nan, np.nan, 9, 2])
+    assert [source[name].note for name in "abc"] == [
+        "",
+        "2 cells of 5 in column 'b' are no number, first 'ERR' in line 4; taken as gaps",
+        "1 cell of 5 in column 'c' is no number, first 'off' in line 5; taken as a gap",
+    ]
+
+
+def test_a_column_with_as_many_texts_as_numbers_is_text() -> None:
+    """Blank cells count for neither. Mutation: the texts compared with all cells."""
+    source = read("a,b,c\n1,idle,2\n3,1,idle\n5,run,\n7,2,\n9,3,\n")
+    assert list(source.signals) == ["a", "b"]
+    with pytest.raises(RecordingError, match="'c' has 'idle' in line 3, column 3, which is no num"):
         source["c"]
+    words = read("a,b\n1,idle\n3,idle\n5,6\n")
+    with pytest.raises(RecordingError, match="no number; 1 below it are none either"):
+        words["b"]
 
 
 def test_text_in_the_first_line_of_data_makes_no_header_of_it() -> None:
     source = read("a,b\n1,ERR\n3,4\n5,6\n")
-    assert columns(source) == {"a": [1, 3, 5]}
-    assert "line 2" in source.unreadable["b"]
+    assert columns(source)["a"] == [1, 3, 5]
+    assert "first 'ERR' in line 2" in source["b"].note
 
 
 def test_a_cut_off_end_is_told() -> None:
@@ -106,7 +120,8 @@ def test_a_ragged_line_is_an_error() -> None:
 def test_what_cannot_be_found_out_can_be_said() -> None:
     assert columns(read("a|b\n1|2\n", CsvOptions(delimiter="|"))) == {"a": [1], "b": [2]}
     text = "run,7\nplace,3\na,b\n1,2\n"
-    assert list(read(text).unreadable) == ["column1", "column2"]
+    assert list(read(text).unreadable) == ["column1"]
+    assert "first 'b' in line 3" in read(text)["column2"].note
     assert columns(read(text, CsvOptions(header_line=3))) == {"a": [1], "b": [2]}
     assert columns(read("1,2\n3,4\n", CsvOptions(header_line=1))) == {"1": [3], "2": [4]}
     unnamed = CsvOptions(header_line=0)

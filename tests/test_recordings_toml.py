@@ -3,6 +3,7 @@
 import json
 import math
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pytest
@@ -261,10 +262,18 @@ def test_clocks_of_their_own_in_one_file(tmp_path: Path) -> None:
 
 
 def test_lengths_and_times_that_cannot_be(tmp_path: Path) -> None:
-    np.savez(tmp_path / "a.npz", t=np.array([0.0, 1.0, np.nan]), u=np.arange(3.0), v=np.arange(4.0))
+    """A row without a time cannot be placed. Mutation: the values kept where their time is not."""
+    np.savez(tmp_path / "a.npz", t=np.array([0.0, np.nan, 2.0]), u=np.arange(3.0), v=np.arange(4.0))
     toml = 'file = "a.npz"\ntime = "t"\n[input]\nsignal = "{}"\n'
-    with pytest.raises(RecordingError, match="not finite in 1 of 3 samples, first in sample 2"):
+    trace = recorded(tmp_path, toml.format("u"))
+    np.testing.assert_array_equal(trace.t, [0.0, 2.0])
+    np.testing.assert_array_equal(trace["command"], [0.0, 2.0])
+    warned = cast("list[str]", trace.facts["warnings"])
+    assert "time 't' is not finite in 1 of 3 samples, first in sample 1" in warned[0]
+    np.savez(tmp_path / "a.npz", t=np.full(3, np.nan), u=np.arange(3.0))
+    with pytest.raises(RecordingError, match="time 't' has no finite number at all"):
         recorded(tmp_path, toml.format("u"))
+    np.savez(tmp_path / "a.npz", t=np.arange(3.0), v=np.arange(4.0))
     with pytest.raises(RecordingError, match="'v' has 4 samples and its time 't' has 3"):
         recorded(tmp_path, toml.format("v"))
 
@@ -275,7 +284,7 @@ def test_faults_of_a_signal_are_facts(tmp_path: Path) -> None:
     )
     toml = 'file = "a.npz"\nrotary = true\nperiod_s = 1\n[input]\nsignal = "{}"\n'
     warned = recorded(tmp_path, toml.format("u")).facts["warnings"]
-    assert warned == ["command is not finite in 2 samples, first in sample 1"]
+    assert warned == ["command is not finite in 2 of 3 samples, first in sample 1; taken as gaps"]
     assert recorded(tmp_path, toml.format("v")).facts["warnings"] == ["command is constant at 1"]
     with pytest.raises(RecordingError, match="no finite number at all"):
         recorded(tmp_path, toml.format("w"))

@@ -10,7 +10,7 @@ from zwidth.console import Column, Console
 from zwidth.files.whole import replacing, write_text
 from zwidth.json_number import json_number
 from zwidth.logs.export import WRITERS
-from zwidth.logs.guess import Seen, clock_faults, draft, look
+from zwidth.logs.guess import Seen, clock_faults, draft, gaps_seen, look
 from zwidth.logs.mcap_reader import Log
 from zwidth.logs.mcap_writer import write_log
 from zwidth.logs.own import own_log
@@ -166,7 +166,7 @@ def _show_log(console: Console, log: Log) -> None:
 
 def _show_source(console: Console, source: Source) -> None:
     seen = look(source)
-    faults = clock_faults(source)
+    faults = [*clock_faults(source), *gaps_seen(source)]
     for note in (*source.notes, *faults):
         console.warn(note)
     columns = [

@@ -70,6 +70,10 @@ def command(
         trace, modes, output=position, command=channel, delay=_delay(delay_ms), from_hz=from_hz,
         to_hz=to_hz,
     )  # fmt: skip
+    warned = trace.facts.get("warnings", ())
+    for warning in (*(warned if isinstance(warned, list | tuple) else ()), fit.note):
+        if warning:
+            console.warn(f"{recording.name}: {warning}")
     unit = trace.units[position]
     if unit not in ("rad", "m"):
         raise ValueError(f"channel {position!r} is in {unit!r}; a position in rad or m is needed")
