@@ -235,7 +235,7 @@ def slide(p, dof, states, limits, friction, x):
                 f = -v / entry(p, row, column + i)
                 f = greatest(limits[LOWER, i], least(limits[UPPER, i], f))
                 f = select(free, f, friction[i])
-                wide = limits[UPPER, i] - limits[LOWER, i]
+                wide = select(free, limits[UPPER, i] - limits[LOWER, i], 1.0)
                 change = greatest(change, select(free, abs(f - friction[i]) / wide, 0.0))
                 friction[i] = f
         moving = moving & (sliding > 1.0) & (change >= 1e-14)
@@ -268,7 +268,7 @@ def turn(p, dof, states, limits, friction, x0, x, own, more):
         end = x[row] + entry(p, row, states + 1 + i) * (before - f)
         free = slides(limits, i)
         turns = free & (v != 0.0) & (f != before) & (end * v < 0.0)
-        share = v / (v - end)
+        share = v / select(turns, v - end, 1.0)
         low = select(turns, share * before + (1.0 - share) * lower, lower) - f
         high = select(turns, share * before + (1.0 - share) * upper, upper) - f
         own[LOWER, i] = select(free, low, 0.0)

@@ -6,34 +6,19 @@ from functools import partial
 import numpy as np
 import pytest
 from engine_examples import Floats, coulomb, one_mass, phantom
+from physics_examples import EVERYWHERE, example
 
 from zwidth.controllers.wall import wall
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import Device
-from zwidth.sim.ensemble import (
-    LaneRuns,
-    Runs,
-    ScalarRuns,
-    Walls,
-    advance_runs,
-    start_runs,
-    walls,
-)
-from zwidth.sim.equations import equations
+from zwidth.sim.ensemble import Runs, Walls, advance_runs, start_runs
+from zwidth.sim.group import member
 from zwidth.sim.growth import window_weights
-from zwidth.sim.lanes import (
-    ESTIMATE,
-    FAST_ENERGY,
-    HIGHEST,
-    LANES,
-    LOWEST_COMMAND,
-    READING,
-    REVERSALS,
-    SLOW_ENERGY,
-    signal_row,
-)
+from zwidth.sim.lane_type import WIDTH
 from zwidth.sim.physics import make_physics
-from zwidth.sim.run import Start, simulate, start_memory
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.run import Run, Start, simulate
+from zwidth.sim.windows import FAST_ENERGY, REVERSALS, SLOW_ENERGY
 from zwidth.stability.bisection import Search, Trial, find_brackets
 
 STEPPED = {
@@ -57,8 +42,12 @@ DEVICES: dict[str, tuple[Device, int]] = {
         2,
     ),
     "no friction left": (phantom().with_physics(coulomb(0.0)), 1),
+    "friction everywhere": (
+        phantom().with_physics(coulomb(4e-3), coulomb(2e-3, "m2"), coulomb(1e-3, "m3")),
+        2,
+    ),
 }
-RUNS = LANES + 5
+RUNS = WIDTH + 5
 TICKS = 240
 
 
@@ -81,73 +70,92 @@ def some_starts(dof: int) -> list[Start]:
     ]
 
 
-def in_scalar(device: Device, substeps: int, ensemble: Walls, starts: list[Start]) -> ScalarRuns:
-    eq, law = equations(device, substeps), wall(1.0, 0.0)
-    memories = tuple(start_memory(eq, law, start, 0) for start in starts)
-    past = np.array([[m.x[eq.dof]] * 3 for m in memories])
-    return ScalarRuns(eq, law.step, ensemble.parameters(), memories, past, 1e300)
+def varied(device: Device, physics: Physics | None, members: int) -> list[Device]:
+    """Return devices of one structure whose masses, springs and effects differ."""
+    rng = np.random.default_rng(13)
+    found: list[Device] = []
+    for _ in range(members):
+        chain = device.chain
+        n = chain.masses.size
+        size = 1.0 + 0.1 * rng.uniform(-1.0, 1.0, 2 * n - 1)
+        own = device.with_chain(
+            chain._replace(
+                masses=chain.masses * size[:n], link_springs=chain.link_springs * size[n:]
+            )
+        )
+        if physics is not None:
+            same = physics.effect.name == "loop_delay"  # which changes the substeps, too
+            scale = 1.0 if same else 1.0 + 0.1 * rng.uniform(-1.0, 1.0)
+            values = {name: scale * value for name, value in physics.values.items()}
+            own = own.with_physics(replace(physics, values=values))
+        found.append(own)
+    return found
 
 
-def in_lanes(device: Device, substeps: int, ensemble: Walls, starts: list[Start]) -> LaneRuns:
-    runs = start_runs(equations(device, substeps), wall(1.0, 0.0), ensemble, starts)
-    assert isinstance(runs, LaneRuns)
-    return runs
+def started(devices: list[Device], substeps: int, ensemble: Walls, starts: list[Start]) -> Runs:
+    each = [member(device, substeps) for device in devices]
+    return start_runs(each, np.arange(RUNS) % len(devices), ensemble, starts)
 
 
-@pytest.mark.parametrize("name", DEVICES)
-def test_lanes_equal_scalar_runs(name: str) -> None:
-    """State, reading, estimate and extremes to the bit; energies, summed otherwise, to 1e-12.
-
-    Mutations: the sum over the columns taken from the last to the first; the delay line read one
-    place on.
-    """
-    device, substeps = DEVICES[name]
-    ensemble, starts = some_walls(), some_starts(device.chain.masses.size)
-    weights = window_weights(TICKS // 3)
-    lanes_found, lanes = advance_runs(in_lanes(device, substeps, ensemble, starts), weights, 3)
-    scalar_found, scalar = advance_runs(in_scalar(device, substeps, ensemble, starts), weights, 3)
-    assert isinstance(lanes, LaneRuns)
-    assert isinstance(scalar, ScalarRuns)
-    n = lanes.eq.states
-    assert np.array_equal(lanes.bank[:n].T, [m.x[:n] for m in scalar.memories])
-    assert np.array_equal(
-        lanes.bank[[signal_row(n, READING), signal_row(n, ESTIMATE)]].T,
-        [m.scalars[:2] for m in scalar.memories],
-    )
-    exact = [*range(FAST_ENERGY + 1, HIGHEST + 1), *range(LOWEST_COMMAND, REVERSALS + 1)]
-    assert np.array_equal(lanes_found[:, exact], scalar_found[:, exact])
-    for energy in (SLOW_ENERGY, FAST_ENERGY):
-        np.testing.assert_allclose(lanes_found[:, energy], scalar_found[:, energy], rtol=1e-12)
+def alone(device: Device, substeps: int, ensemble: Walls, i: int, start: Start) -> Run:
+    """Return the run that the scalar kernel makes of one member."""
+    stiffness, damping, position, one_sided = ensemble.parameters()[i].tolist()
+    law = wall(stiffness, damping, position, bool(one_sided))
+    return simulate(device, law, duration=TICKS * 1e-3, start=start, substeps=substeps, bound=1e300)
 
 
-def test_scalar_runs_are_simulations() -> None:
-    """The ensemble's scalar run is `simulate`, measures included: against the trace itself."""
-    device, substeps = DEVICES["friction, steps, fraction"]
-    ensemble, starts = some_walls(), some_starts(3)
+def assert_equal_runs(devices: list[Device], substeps: int, runs: range) -> None:
+    """State, reading, command and extremes to the bit; energies, summed otherwise, to 1e-12."""
+    ensemble, starts = some_walls(), some_starts(devices[0].plant().dof)
     weights = window_weights(TICKS)
-    found, _ = advance_runs(in_scalar(device, substeps, ensemble, starts), weights, 1)
-    for i in (0, 7, RUNS - 1):
-        law = wall(*(float(column) for column in ensemble.parameters()[i, :3]),
-                   one_sided=bool(ensemble.one_sided[i]))  # fmt: skip
-        trace = simulate(
-            device, law, duration=TICKS * 1e-3, start=starts[i], substeps=substeps
-        ).trace
+    found, after = advance_runs(started(devices, substeps, ensemble, starts), weights, 1)
+    for i in runs:
+        device = devices[i % len(devices)]
+        one = alone(device, substeps, ensemble, i, starts[i])
+        n = device.plant().size
+        assert np.array_equal(after.bank.x[:n, i], one.memory.x[:n])
+        assert np.array_equal(after.bank.internal[:, i], one.memory.internal)
+        assert np.array_equal(after.bank.scalars[:3, i], one.memory.scalars[:3])
+        assert np.array_equal(after.bank.counters, one.memory.counters)
+        trace = one.trace
         x, v, u = trace["position_m1"], trace["velocity_m1"], trace["command"]
-        speeds = np.array([trace[f"velocity_m{k}"] for k in (1, 2, 3)])
+        assert found[0, 2:6, i].tolist() == [x.min(), x.max(), u.min(), u.max()]
+        masses = np.diag(device.plant().matrices.mass)
+        speeds = np.array([trace[f"velocity_m{k + 1}"] for k in range(masses.size)])
+        kinetic = 0.5 * masses @ speeds**2
         third = np.diff(np.concatenate([np.full(3, v[0]), v]), 3)
-        kinetic = 0.5 * device.chain.masses @ speeds**2
-        assert found[0, [2, 3, 4, 5], i] == pytest.approx([x.min(), x.max(), u.min(), u.max()])
         assert found[0, SLOW_ENERGY, i] == pytest.approx(weights @ kinetic, rel=1e-12)
         assert found[0, FAST_ENERGY, i] == pytest.approx(weights @ third**2, rel=1e-6)
         assert found[0, REVERSALS, i] == np.count_nonzero(v[1:] * v[:-1] < 0.0)
 
 
-@pytest.mark.parametrize("make", [in_lanes, in_scalar])
-def test_prolonging_some_runs_is_running_them_on(make: type) -> None:
+@pytest.mark.parametrize("name", DEVICES)
+def test_lanes_equal_the_scalar_kernel(name: str) -> None:
+    """Mutations: the sum over the columns from the last to the first; the delay line one place on;
+    the propagators at work not changed where a lane's locked set changes.
+    """
+    device, substeps = DEVICES[name]
+    assert_equal_runs([device], substeps, range(RUNS))
+
+
+@pytest.mark.parametrize(("name", "place"), EVERYWHERE)
+def test_every_effect_at_every_place_in_lanes_equals_the_scalar_kernel(
+    name: str, place: str
+) -> None:
+    """Members differ in masses, springs and the effect's numbers.
+
+    Mutations: a bare `if` of Python in the law in place of `select`; the plant of the first member
+    for all in `lane_choice`.
+    """
+    devices = varied(phantom(), example(name, place), RUNS)
+    assert_equal_runs(devices, 2, range(0, RUNS, 4))
+
+
+def test_prolonging_some_runs_is_running_them_on() -> None:
     """Two windows, a choice of runs, two windows more: as four windows at once, to the bit."""
     device, substeps = DEVICES["friction, steps, fraction"]
     weights = window_weights(50)
-    runs: Runs = make(device, substeps, some_walls(), some_starts(3))
+    runs = started([device], substeps, some_walls(), some_starts(3))
     whole, _ = advance_runs(runs, weights, 4)
     first, half = advance_runs(runs, weights, 2)
     chosen = np.array([3, 4, 17, RUNS - 1])
@@ -156,23 +164,11 @@ def test_prolonging_some_runs_is_running_them_on(make: type) -> None:
     assert np.array_equal(second, whole[2:][:, :, chosen])
 
 
-def test_what_does_not_fit_the_lanes_goes_one_by_one() -> None:
-    """More than Coulomb friction at m1, or any other effect but a lag, is the scalar kernel's."""
-    fits = {
-        "lag": phantom().with_physics(LAG),
-        "friction m1": phantom().with_physics(coulomb(1e-3)),
-    }
-    beyond = {
-        "friction m2": phantom().with_physics(coulomb(1e-3, "m2")),
-        "friction twice": phantom().with_physics(coulomb(1e-3), coulomb(1e-3, "m3")),
-        "dead band": phantom().with_physics(make_physics("dead_band", "command", width=1e-3)),
-        "drag": phantom().with_physics(make_physics("quadratic_drag", "m1", coefficient=1e-3)),
-    }
-    some = walls(np.ones(3), 0.0)
-    for expected, devices in ((LaneRuns, fits), (ScalarRuns, beyond)):
-        for device in devices.values():
-            runs = start_runs(equations(device), wall(1.0, 0.0), some, [Start(1e-3)])
-            assert isinstance(runs, expected)
+def test_devices_of_several_structures_make_no_ensemble() -> None:
+    """Mutation: `stack` without its look at the structures."""
+    devices = [phantom(), phantom().with_physics(coulomb(1e-3))]
+    with pytest.raises(ValueError, match="differ in structure"):
+        started(devices, 1, some_walls(), some_starts(3))
 
 
 def brackets(monkeypatch: pytest.MonkeyPatch, workers: int) -> list[object]:
@@ -187,12 +183,12 @@ def brackets(monkeypatch: pytest.MonkeyPatch, workers: int) -> list[object]:
 def test_results_do_not_depend_on_the_number_of_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     """1, 2 and 5 threads: equal brackets, verdicts and frequencies to the bit.
 
-    Mutation: a memory shared by the tasks of `LaneRuns.tasks`.
+    Mutation: a memory shared by the tasks of `Runs.tasks`.
     """
     one, two, five = (brackets(monkeypatch, n) for n in (1, 2, 5))
     assert one == two == five
     device, substeps = DEVICES["friction"]
-    runs = in_scalar(device, substeps, some_walls(), some_starts(3))
+    runs = started([device], substeps, some_walls(), some_starts(3))
     weights = window_weights(40)
     assert np.array_equal(
         advance_runs(runs, weights, 2)[0],
@@ -218,16 +214,17 @@ def test_an_error_in_a_task_is_raised() -> None:
     assert in_parallel([lambda i=i: i for i in range(7)], 3) == list(range(7))
 
 
-def test_a_run_that_overflows_leaves_its_neighbours_alone() -> None:
+@pytest.mark.parametrize("name", ["linear", "friction everywhere"])
+def test_a_run_that_overflows_leaves_its_neighbours_alone(name: str) -> None:
     """One wall blows up, the others end as they do without it, to the bit."""
-    device, _ = DEVICES["linear"]
+    device, _ = DEVICES[name]
     ensemble, starts = some_walls(), some_starts(3)
     stiff = ensemble.stiffness.copy()
     stiff[3] = 1e5
     weights = window_weights(TICKS)
-    plain, _ = advance_runs(in_lanes(device, 1, ensemble, starts), weights, 4)
+    plain, _ = advance_runs(started([device], 2, ensemble, starts), weights, 4)
     blown, _ = advance_runs(
-        in_lanes(device, 1, replace(ensemble, stiffness=stiff), starts), weights, 4
+        started([device], 2, replace(ensemble, stiffness=stiff), starts), weights, 4
     )
     assert not np.isfinite(blown[-1, SLOW_ENERGY, 3])
     others = np.arange(RUNS) != 3

@@ -58,5 +58,6 @@ def within_gap(q, p):
 @part
 def next_pin(z, q0, q1, h, p):
     """Pin after a substep."""
-    left = select(p[2] > 0.0, exp(-p[1] * h / p[2]), 0.0)
+    damped = p[2] > 0.0
+    left = select(damped, exp(-p[1] * h / select(damped, p[2], 1.0)), 0.0)
     return within_gap(q1 - (q0 - z) * left, p)

@@ -23,4 +23,4 @@ def quantise_command(command, step):
     stepped = step != 0.0
     if not any_lane(stepped):
         return command
-    return select(stepped, to_nearest(command, step), command)
+    return select(stepped, to_nearest(command, select(stepped, step, 1.0)), command)

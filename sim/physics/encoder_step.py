@@ -23,6 +23,6 @@ def read_encoder(position, step, downwards):
     stepped = step != 0.0
     if not any_lane(stepped):
         return position
-    if downwards:
-        return select(stepped, step * floor(position / step), position)
-    return select(stepped, to_nearest(position, step), position)
+    size = select(stepped, step, 1.0)
+    counted = size * floor(position / size) if downwards else to_nearest(position, size)
+    return select(stepped, counted, position)

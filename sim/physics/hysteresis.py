@@ -50,7 +50,9 @@ def bouc_wen_force(z, p):
 def yielding_rate(z, shape):
     """Return dy/dx at 0 <= z <= 1."""
     below = 1.0 - z * z
-    return select(below <= 0.0, 0.5 * shape, (1.0 - power(z, shape)) / below)
+    inside = below > 0.0
+    rate = (1.0 - power(z, shape)) / select(inside, below, 1.0)
+    return select(inside, rate, 0.5 * shape)
 
 
 @part
@@ -64,7 +66,7 @@ def farther(z, d):
 def bouc_wen_along(z, way, p):
     """Return z after a way in one direction."""
     side = signed(1.0, way)
-    x = abs(way) * p[0] / p[1]
+    x = abs(way) * p[0] / select(p[1] == 0.0, 1.0, p[1])
     unloading = greatest(0.0, least(x, -side * z))
     x -= unloading
     bent = side * z + unloading

@@ -12,5 +12,5 @@ def out_and_back(q0, q1, v0, v1, h):
     """
     whole = q1 - q0
     turns = v0 * v1 < 0.0
-    out = select(turns, 0.5 * h * v0 * v0 / (v0 - v1), whole)
+    out = select(turns, 0.5 * h * v0 * v0 / select(turns, v0 - v1, 1.0), whole)
     return out, select(turns, whole - out, 0.0)

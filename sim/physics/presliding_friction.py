@@ -47,7 +47,8 @@ def dahl_force(z, p):
 def dahl_along(z, way, p):
     """Bristle after a way in one direction."""
     side = signed(1.0, way)
-    return side + (z - side) * exp(-p[1] * abs(way) / p[0])
+    level = select(p[0] == 0.0, 1.0, p[0])
+    return side + (z - side) * exp(-p[1] * abs(way) / level)
 
 
 @part
