@@ -432,8 +432,7 @@ def _first_lane_of(x: Any) -> Any:
     return lambda x: x
 
 
-@intrinsic
-def as_lanes(typingctx: Any, array: Any) -> Any:
+def _as_lanes(typingctx: Any, array: Any) -> Any:
     """View a float64 array (..., WIDTH) in C order as an array (...) of lanes."""
     if not (isinstance(array, types.Array) and array.dtype == types.float64 and array.ndim > 1):
         return None
@@ -455,8 +454,10 @@ def as_lanes(typingctx: Any, array: Any) -> Any:
     return signature(seen, array), generate
 
 
-@intrinsic
-def lanes_of(typingctx: Any, array: Any) -> Any:
+as_lanes: Any = intrinsic(_as_lanes)
+
+
+def _lanes_of(typingctx: Any, array: Any) -> Any:
     """Return the lanes that a float64 array (WIDTH,) holds."""
 
     def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
@@ -465,3 +466,6 @@ def lanes_of(typingctx: Any, array: Any) -> Any:
         return builder.load(pointer, align=8)
 
     return signature(lanes, array), generate
+
+
+lanes_of: Any = intrinsic(_lanes_of)

@@ -218,7 +218,7 @@ def test_an_error_in_a_task_is_raised() -> None:
 def test_a_run_that_overflows_leaves_its_neighbours_alone(name: str) -> None:
     """One wall blows up, the others end as they do without it, to the bit."""
     device, _ = DEVICES[name]
-    ensemble, starts = some_walls(), some_starts(3)
+    ensemble, starts = replace(some_walls(), one_sided=np.zeros(RUNS, np.bool_)), some_starts(3)
     stiff = ensemble.stiffness.copy()
     stiff[3] = 1e5
     weights = window_weights(TICKS)
