@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.many import Many
 from zwidth.diagnosis.parameters import Model, first_velocity
 from zwidth.diagnosis.predictor import (
     SEARCHING,
@@ -25,7 +26,6 @@ from zwidth.diagnosis.predictor import (
     prepared,
 )
 from zwidth.diagnosis.steady import NoObserver
-from zwidth.jobs.parallel import in_parallel, threads
 
 Floats = NDArray[np.float64]
 STEP = 1e-4
@@ -115,6 +115,11 @@ class Slopes:
         self.at = None
 
 
+def _bounded(values: Floats) -> Floats:
+    """What overflowed, at the worst there is."""
+    return np.clip(np.nan_to_num(values, nan=WORST, posinf=WORST, neginf=-WORST), -WORST, WORST)
+
+
 def _enough(model: Model, x: Floats) -> int:
     with suppress(NoObserver):  # all is `WORST` there
         return enough(model.acting(x))
@@ -148,8 +153,17 @@ class Problem:
         for e in self.experiments:
             out = innovations(device, model.seen(e, x), self.observer.gain, ready=ready)
             parts.append(self.observer.weigh(out)[SETTLING:].ravel())
-        joined = np.concatenate(parts)
-        return np.clip(np.nan_to_num(joined, nan=WORST, posinf=WORST, neginf=-WORST), -WORST, WORST)
+        return _bounded(np.concatenate(parts))
+
+    def weighted_each(self, model: Model, xs: Sequence[Floats], least: int = 1) -> list[Floats]:
+        """Return `weighted` at several x, run side by side."""
+        many = Many(model, xs, self.fineness, least)
+        parts: list[list[Floats]] = [[] for _ in xs]
+        for e in self.experiments:
+            found = many.innovations(e, self.observer.gain)
+            for own, out in zip(parts, found, strict=True):
+                own.append(_bounded(self.observer.weigh(out)[SETTLING:].ravel()))
+        return [np.concatenate(own) for own in parts]
 
     @property
     def samples(self) -> int:
@@ -193,16 +207,17 @@ class Problem:
         samples = base.size - len(priors)
         least = _enough(model, x)
 
-        def column(i: int) -> Floats:
-            if parameters[i].kind == "jitter" and not reads_speed:
-                return np.eye(1, base.size, samples + priors.index(i))[0]
-            moved = x.copy()
-            moved[i] += steps[i]
-            return (self.residual(model, moved, least) - base) / steps[i]
-
         first = 0 if known is None else known.shape[1]
-        columns = in_parallel([lambda i=i: column(i) for i in range(first, x.size)], threads())
-        return np.column_stack(columns if known is None else [known, *columns])
+        unseen = {i for i, p in enumerate(parameters) if p.kind == "jitter" and not reads_speed}
+        asked = [i for i in range(first, x.size) if i not in unseen]
+        moved = [x + steps[i] * np.eye(1, x.size, i)[0] for i in asked]
+        slopes = np.zeros((base.size, x.size - first))
+        for i, found in zip(asked, self.weighted_each(model, moved, least), strict=True):
+            slopes[:samples, i - first] = (found - base[:samples]) / steps[i]
+        for row, i in enumerate(priors):
+            if i >= first:
+                slopes[samples + row, i - first] = 1.0
+        return slopes if known is None else np.hstack([known, slopes])
 
     def fit(
         self,

@@ -9,6 +9,7 @@ of running away, and a mass cannot triple to mimic friction.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +52,18 @@ class Parameter:
     upper: float = np.inf
     prior: bool = True
     key: str = ""
+
+
+class Reads(NamedTuple):
+    """How a model reads a recording.
+
+    The command counts times gain; origin, in units of the rms motion, is taken from positions, and
+    jitter times the change of the arriving command from the velocity of m1.
+    """
+
+    gain: float
+    origin: float
+    jitter: float
 
 
 @dataclass(frozen=True)
@@ -156,24 +169,25 @@ class Model:
         """Whether an effect of that name is under trial."""
         return any(p.effect.name == name for p in self.effects)
 
-    def seen(self, experiment: Experiment, x: Floats) -> Experiment:
-        """Return a recording as the model at x sees it.
-
-        Lost commands left out, the command in its steps, then gain; errors of the sensor's steps
-        taken off, origin moved. Steps are taken here and not in the device: inside a fit they would
-        turn every slope into noise. Commands that arrive early or late by j in the mean of |j|, as
-        often one as the other: the velocity of m1 is read at the nominal instant, when an early one
-        has acted for j already and a late one not at all, which in the mean adds j / 2 m1 of each
-        command's change to that reading; later readings see both alike.
-        """
+    def reads(self, x: Floats) -> "Reads":
+        """Return how the model at x reads a recording."""
         gain, origin, jitter = 1.0, 0.0, 0.0
         for p, xi in zip(self.parameters, x, strict=True):
             if p.kind == "gain":
                 gain = float(np.exp(p.scale * xi))
             elif p.kind == "origin":
-                origin = p.scale * float(xi) * experiment.swing
+                origin = p.scale * float(xi)
             elif p.kind == "jitter":
                 jitter = p.scale * float(xi)
+        return Reads(gain, origin, 0.5 * jitter * gain / self.nominal.chain.masses[0])
+
+    def plain(self, experiment: Experiment) -> Experiment:
+        """Return a recording as the model sees it at every x alike.
+
+        Lost commands left out, the command in its steps, errors of the sensor's steps taken off.
+        Steps are taken here and not in the device: inside a fit they would turn every slope into
+        noise.
+        """
         measured, command = experiment.measured, experiment.command
         if self.has("dropped_samples") and experiment.dropped is not None:
             command = delivered(command, experiment.dropped)
@@ -182,14 +196,29 @@ class Model:
         if self.sensor_error_known and experiment.sensor_error is not None:
             measured = measured.copy()
             measured[:, 0] -= experiment.sensor_error
-        if origin != 0.0:
+        return replace(experiment, command=command, measured=measured)
+
+    def seen(self, experiment: Experiment, x: Floats) -> Experiment:
+        """Return a recording as the model at x sees it: `plain`, then gain, origin and jitter.
+
+        Commands that arrive early or late by j in the mean of |j|, as often one as the other: the
+        velocity of m1 is read at the nominal instant, when an early one has acted for j already and
+        a late one not at all, which in the mean adds j / 2 m1 of each command's change to that
+        reading; later readings see both alike.
+        """
+        plain, reads = self.plain(experiment), self.reads(x)
+        measured = plain.measured
+        if reads.origin != 0.0:
             still = np.array([o.quantity == "position" for o in experiment.outputs])
-            measured = measured - origin * still
-        if jitter != 0.0 and (place := first_velocity(experiment)) is not None:
+            measured = measured - reads.origin * experiment.swing * still
+        if reads.jitter != 0.0 and (place := first_velocity(experiment)) is not None:
             measured = measured.copy()
-            change = np.diff(arriving(self.nominal, gain * command), prepend=0.0)
-            measured[:, place] -= 0.5 * jitter / self.nominal.chain.masses[0] * change
-        return replace(experiment, command=gain * command, measured=measured)
+            measured[:, place] -= reads.jitter * self.arriving_change(plain)
+        return replace(plain, command=reads.gain * plain.command, measured=measured)
+
+    def arriving_change(self, plain: Experiment) -> Floats:
+        """Return by how much the command that begins to act changes at each reading (ticks,)."""
+        return np.diff(arriving(self.nominal, plain.command), prepend=0.0)
 
     def _command_steps(self) -> list[float]:
         known = [self.nominal.interface.command_step]

@@ -162,16 +162,20 @@ def prepared(device: Device, fineness: Fineness = FINAL, least: int = 1) -> Prep
     least: substeps a tick that dry friction takes at least; those that the device needs are taken
     in any case (`enough`). Raises NoObserver where these are more than `MOST_SUBSTEPS`.
     """
+    few, many = substeps_of(device, fineness, least)
+    coarse = equations(device, few)
+    return Prepared(coarse, equations(device, many) if many > few else coarse)
+
+
+def substeps_of(device: Device, fineness: Fineness, least: int = 1) -> tuple[int, int]:
+    """Return the substeps a tick, and in ticks that need more; see `prepared`."""
     hooks = {p.effect.hook for p in device.physics}
     needed = max(least, enough(device))
     if any(p.effect.name == "backlash" for p in device.physics):
         few, many = fineness.jumping
-        return Prepared(_in(device, few, needed), _in(device, many, needed))
-    few = fineness.smooth if "force" in hooks else 1
-    coarse = _in(device, few, needed)
-    turning = max(needed, fineness.turning)
-    finer = "friction" in hooks and turning > max(few, needed)
-    return Prepared(coarse, _in(device, turning, needed) if finer else coarse)
+        return max(few, needed), max(many, needed)
+    few = max(needed, fineness.smooth if "force" in hooks else 1)
+    return few, max(few, fineness.turning) if "friction" in hooks else few
 
 
 def enough(device: Device) -> int:
@@ -185,11 +189,6 @@ def enough(device: Device) -> int:
             f"{device.name} has a mode so fast that dry friction needs {needed} substeps a tick"
         )
     return needed
-
-
-def _in(device: Device, wanted: int, needed: int) -> Equations:
-    """The equations in so many substeps, as many as needed where friction asks for more."""
-    return equations(device, max(wanted, needed))
 
 
 def observer_memory(eq: Equations, experiment: Experiment) -> Memory:
@@ -232,7 +231,7 @@ def innovations(
         forces = np.pad(external, ((0, 0), (0, eq.dof - external.shape[1])))
     return alone(
         eq, fine, experiment.places(eq.dof), experiment.command, experiment.measured,
-        _padded(gain, device, eq), forces, memory,
+        padded(gain, device, eq), forces, memory,
     )  # fmt: skip
 
 
@@ -287,7 +286,7 @@ def begun(device: Device, experiment: Experiment, observer: "Observer") -> Exper
     return replace(experiment, start=scale * solved)
 
 
-def _padded(gain: Floats, device: Device, eq: Equations) -> Floats:
+def padded(gain: Floats, device: Device, eq: Equations) -> Floats:
     """Gain for a device with more states than the one it was made for: a lag, further masses.
 
     A further mass is corrected as the mass it hangs on, or every correction would pull its spring.
@@ -325,7 +324,7 @@ def free_run_errors(
     eq, fine = prepared(device)
     places = experiment.places(eq.dof)
     memory = observer_memory(eq, experiment)
-    no_force, full = np.zeros((0, eq.dof)), _padded(gain, device, eq)
+    no_force, full = np.zeros((0, eq.dof)), padded(gain, device, eq)
     errors: list[Floats] = []
     signal: list[Floats] = []
     for first in range(0, experiment.ticks - window + 1, window):

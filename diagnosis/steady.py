@@ -19,7 +19,17 @@ the Riccati equation in z gives its gain L, and the covariance X of q1 with z, w
 
 is linear; the gain of q1 is X c' (c P c' + R)^-1. (A force held for a tick moves a mass by T / 2
 for each unit of velocity: so much of an innovation belongs to q1.)
+
+The gains of a population come from doubling, all members at once: with A_0 = A', G_0 = c' R^-1 c,
+H_0 = Q and W = (1 + G H)^-1,
+
+    A <- A W A,    G <- G + A W G A',    H <- H + A' H W A    (A, G, H on the right from before)
+
+goes through 2^k ticks of the recursion in k steps, and H becomes P (Chu, Fan, Lin & Wang, Int. J.
+Control 77(8), 2004).
 """
+
+from collections.abc import Sequence
 
 from typing import NamedTuple
 
@@ -29,10 +39,13 @@ from scipy.linalg import solve_discrete_are
 
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.sim.device import Device
+from zwidth.sim.exponential import SPACES, held_motion_each
 from zwidth.sim.plant import Plant, hold
 
 Floats = NDArray[np.float64]
 FLOOR = 1e-18  # variance of every state a tick, in units of the measurement's
+DOUBLINGS = 60  # 2^60 ticks: what has not settled by then never does
+SETTLED = 1e-12  # change of P over P at which it has
 UNTIED = 1e-14  # of a mass's stiffness, below which what ties it to ground is rounding
 
 
@@ -74,6 +87,69 @@ def steady(device: Device, experiment: Experiment, ratio: float) -> Steady:
     innovation = c @ solution @ c.T + noise
     gain = np.linalg.solve(innovation, c @ solution).T
     return Steady(np.asarray(gain, dtype=np.float64), np.sqrt(np.diag(innovation)))
+
+
+def steady_gains(devices: Sequence[Device], experiment: Experiment, ratio: float) -> Floats:
+    """Return the gains (members, states, o) of devices with the same number of states.
+
+    Of the same noise as `steady`, one ratio for all; NaN for a member without an observer.
+    """
+    plants = [device.plant() for device in devices]
+    if any(_stands_unseen(plant, experiment) for plant in plants):
+        return np.stack([_gain_or_nothing(d, experiment, ratio) for d in devices])
+    size, dof = plants[0].size, plants[0].dof
+    b = np.stack([p.b for p in plants])
+    motion = np.zeros((len(plants), size, size + b.shape[2]))
+    held_motion_each(
+        np.stack([p.a for p in plants]), b, experiment.period, dof, np.zeros(size),
+        np.zeros((SPACES, size, size)), motion,
+    )  # fmt: skip
+    places = experiment.places(dof).state
+    c = np.zeros((places.size, size))
+    c[np.arange(places.size), places] = 1.0
+    scale = np.array([float(p.matrices.mass.trace()) for p in plants]) / experiment.period**2
+    source = motion[:, :, size + 1] * scale[:, None]
+    process = ratio * source[:, :, None] * source[:, None, :] + FLOOR * np.eye(size)
+    noise = np.diag(noise_scale(experiment) ** 2)
+    p = _doubled(motion[:, :, :size], c, process, noise)
+    with np.errstate(all="ignore"):
+        return (c @ p).swapaxes(1, 2) @ np.linalg.inv(c @ p @ c.T + noise)
+
+
+def _gain_or_nothing(device: Device, experiment: Experiment, ratio: float) -> Floats:
+    try:
+        return steady(device, experiment, ratio).gain
+    except NoObserver:
+        return np.full((device.plant().size, len(experiment.outputs)), np.nan)
+
+
+def _doubled(motion: Floats, c: Floats, process: Floats, noise: Floats) -> Floats:
+    """Return P (members, n, n), NaN where it does not settle.
+
+    States are measured in what the observer does not know of them, so that the inverse is of a
+    matrix near 1 whatever the units.
+    """
+    unit = np.sqrt(np.diagonal(process, axis1=1, axis2=2)).max(axis=0)
+    a = (motion * unit / unit[:, None]).swapaxes(1, 2)
+    g = np.broadcast_to((c.T @ np.linalg.inv(noise) @ c) * np.outer(unit, unit), a.shape)
+    h = process / np.outer(unit, unit)
+    eye = np.eye(a.shape[1])
+    settled = np.zeros(a.shape[0], dtype=bool)
+    with np.errstate(all="ignore"):
+        for _ in range(DOUBLINGS):
+            sound = np.isfinite(h).all(axis=(1, 2)) & np.isfinite(a).all(axis=(1, 2))
+            safe = np.where(sound[:, None, None], eye + g @ h, eye)
+            w = np.linalg.inv(safe)
+            added = a.swapaxes(1, 2) @ h @ w @ a
+            g = g + a @ w @ g @ a.swapaxes(1, 2)
+            a = a @ w @ a
+            h = h + added
+            change = np.abs(added).max(axis=(1, 2)) / np.abs(h).max(axis=(1, 2))
+            settled = change < SETTLED
+            if np.all(settled | ~sound):
+                break
+    h = np.where(settled[:, None, None], h, np.nan)
+    return h * np.outer(unit, unit)
 
 
 def _riccati(a: Floats, c: Floats, process: Floats, noise: Floats) -> Floats:

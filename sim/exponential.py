@@ -133,3 +133,10 @@ def held_motion(a, b, h, dof, size, scale, work, out):
 def held_motion_alone(a, b, h, dof, scale, work, out):
     """`held_motion` of one device."""
     held_motion(a, b, h, dof, a.shape[0], scale, work, out)
+
+
+@jit
+def held_motion_each(a, b, h, dof, scale, work, out):
+    """`held_motion` of many devices, one after the other; the first axis counts them."""
+    for m in range(a.shape[0]):
+        held_motion(a[m], b[m], h, dof, a.shape[1], scale, work, out[m])
