@@ -29,7 +29,7 @@ def python(*arguments: str, **environment: str) -> subprocess.CompletedProcess[s
         text=True,
         check=False,
         env=os.environ | environment,
-        timeout=60,
+        timeout=300,
     )
 
 
@@ -145,7 +145,7 @@ def test_a_full_disk_under_standard_output_is_one_sentence():
             text=True,
             check=False,
             env={key: value for key, value in os.environ.items() if key != "PYTHONUNBUFFERED"},
-            timeout=60,
+            timeout=300,
         )
     assert (done.returncode, done.stderr) == (1, "error: No space left on device\n")
 

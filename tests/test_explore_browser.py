@@ -62,7 +62,7 @@ def served(*arguments: str) -> Generator[str]:
             yield line.split(": ")[1].split(" ")[0]
         finally:
             server.send_signal(signal.SIGINT)
-            assert server.wait(20) == 0
+            assert server.wait(120) == 0
             said.seek(0)
             assert "Traceback" not in (text := said.read()), text
 
