@@ -30,7 +30,6 @@ Control 77(8), 2004).
 """
 
 from collections.abc import Sequence
-
 from typing import NamedTuple
 
 import numpy as np
