@@ -174,6 +174,25 @@ class Population:
         run_all(tasks)
         return Followed(moments, max(0, ticks - skipped), innovations, tuple(memories))
 
+    def simulate(
+        self,
+        command: Floats,
+        outputs: Outputs,
+        starts: Sequence[Memory],
+        external: Floats | None = None,
+        run_all: RunAll = lambda tasks: [task() for task in tasks],
+    ) -> tuple[Floats, tuple[Memory, ...]]:
+        """Run freely under a command (ticks,): outputs (members, ticks, o), states at the end.
+
+        starts: from `start`, or where an earlier call ended: a window of a recording is a piece of
+        its command from the states at its beginning. Outputs are infinite after an overflow.
+        """
+        o = outputs.state.size
+        still = Recorded(command, np.zeros((command.size, o)), outputs, external)
+        blind = Readings(np.zeros((self.coarse[0].eq.states, o)))
+        found = self.follow(still, starts, blind, keep=True, run_all=run_all)
+        return -found.innovations, found.memories
+
 
 @dataclass(frozen=True)
 class _Batch:

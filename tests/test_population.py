@@ -8,13 +8,14 @@ from engine_examples import Floats, coulomb, phantom
 from physics_examples import EVERYWHERE, example
 from test_lanes import varied
 
+from zwidth.controllers.recorded import recorded as played
 from zwidth.jobs.parallel import in_parallel
 from zwidth.sim.device import Device
 from zwidth.sim.equations import equations
 from zwidth.sim.lane_type import WIDTH
 from zwidth.sim.population import Population, Readings, Recorded
 from zwidth.sim.predict import Outputs, alone
-from zwidth.sim.run import Start, start_memory
+from zwidth.sim.run import Start, simulate, start_memory
 
 TICKS = 700  # more than a piece
 OUTPUTS = Outputs(np.array([0, 4]), np.array([True, False]))
@@ -139,6 +140,25 @@ def test_a_recording_may_be_taken_in_parts() -> None:
     two = population.follow(second, one.memories, readings, keep=True)
     joined = np.concatenate([one.innovations, two.innovations], axis=1)
     assert np.array_equal(joined, whole.innovations, equal_nan=True)
+
+
+def test_free_runs_are_simulations() -> None:
+    """In two windows, against `simulate` of each member, to the bit. Mutation: a gain of 1e-9."""
+    devices = varied(phantom(), coulomb(4e-3), 3)
+    population = Population(devices, 4, 4)
+    q = start(population)
+    command = recorded().command
+    first, between = population.simulate(
+        command[:333], OUTPUTS, population.start(q, np.zeros_like(q))
+    )
+    second, _ = population.simulate(command[333:], OUTPUTS, between)
+    found = np.concatenate([first, second], axis=1)
+    for i, device in enumerate(devices):
+        run = simulate(
+            device, played(command), duration=TICKS * 1e-3, start=Start(q[i].tolist()), substeps=4
+        )
+        motions = [run.trace["position_m1"], run.trace["velocity_m2"]]
+        assert np.array_equal(found[i], np.column_stack(motions))
 
 
 def test_a_member_that_overflows_costs_itself_alone() -> None:
