@@ -278,6 +278,8 @@ class _Hunt:
         """Ultimate frequency [Hz] of the run at each unstable end."""
         found = np.full(self.dampings.size, np.nan)
         known = np.flatnonzero(~np.isnan(self.unstable))
+        if known.size == 0:
+            return found
         some = walls(self.unstable[known], self.dampings[known])
         period = self.device.interface.period
         weights = np.zeros(round(trial.seconds / period))

@@ -1,5 +1,6 @@
 """Fits that spare slopes, observers chosen from nearby, and trials that are not worth settling."""
 
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 
@@ -42,6 +43,10 @@ class Counted(Problem):
     def weighted(self, model: Model, x: Floats, least: int = 1) -> Floats:
         self.predictions += 1
         return super().weighted(model, x, least)
+
+    def weighted_each(self, model: Model, xs: Sequence[Floats], least: int = 1) -> list[Floats]:
+        self.predictions += len(xs)
+        return super().weighted_each(model, xs, least)
 
 
 def test_spared_slopes_lead_to_the_same_minimum_with_fewer_predictions(
