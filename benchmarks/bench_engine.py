@@ -21,7 +21,7 @@ from zwidth.jobs.parallel import in_parallel
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device
 from zwidth.sim.ensemble import advance_runs, start_runs, walls
-from zwidth.sim.equations import equations
+from zwidth.sim.group import member
 from zwidth.sim.growth import window_weights
 from zwidth.sim.kernel import advance, scratch
 from zwidth.sim.modal import to_chain
@@ -109,7 +109,7 @@ def test_lanes_over_stiffness_and_damping(
     """1024 runs of 4 s, from far below the boundary to just above it."""
     stiffness, damping = np.meshgrid(np.linspace(0.5, 15.0, 32), np.linspace(0.0, 0.08, 32))
     some = walls(stiffness.ravel(), damping.ravel())
-    runs = start_runs(equations(phantom), LAW, some, [Start(1e-3)])
+    runs = start_runs([member(phantom, 1)], np.zeros(1, np.int64), some, [Start(1e-3)])
     weights = window_weights(500)
     together = partial(in_parallel, workers=workers)
     report(

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from zwidth.sim.equations import Equations
 from zwidth.sim.group import VIEWS, seen
 from zwidth.sim.jit import jit, part
-from zwidth.sim.kernel import Memory, amplify, arrives, read_sensor, scratch, substep
+from zwidth.sim.kernel import Memory, Scratch, amplify, arrives, read_sensor, scratch, substep
 from zwidth.sim.lane_type import any_lane, as_lanes, negated, select
 from zwidth.sim.physics.backlash import backlash
 
@@ -165,6 +165,29 @@ def turned(eq, saved, memory):
 
 
 @part
+def at_work(eq, fine, space, fine_space, look):
+    """Return equations and working space of a look, which differ in what substeps are made of.
+
+    The rest is the same for both, and named once, so that it need not be fetched every tick.
+    """
+    now = Equations(
+        eq.dof, eq.states, eq.columns, eq.lagging,
+        eq.substeps if look == 0 else fine.substeps,
+        eq.durations if look == 0 else fine.durations,
+        eq.propagators if look == 0 else fine.propagators,
+        eq.quadratics, eq.reaction, eq.masses, eq.springs, eq.spring_stiffness, eq.forces,
+        eq.frictions, eq.bounds_vary, eq.sensors, eq.amplifiers, eq.clocks, eq.whole_delay,
+        eq.period, eq.rate, eq.smoothing, eq.encoder_step, eq.encoder_floor, eq.command_step,
+        eq.command_limit,
+    )  # fmt: skip
+    room = Scratch(
+        space.before, space.values, space.ahead, space.after, space.friction, space.limits,
+        space.own, space.more, space.shares, space.choice if look == 0 else fine_space.choice,
+    )  # fmt: skip
+    return now, room
+
+
+@part
 def copy(source, target, count):
     """Copy the first numbers of a row onto another."""
     for i in range(count):
@@ -264,8 +287,7 @@ def predict(
                 copy(pins, saved.coarse_internal, pins.size)
                 copy(saved.x, x, eq.states)
                 copy(saved.internal, pins, pins.size)
-            now = eq if look == 0 else fine
-            space = coarse_space if look == 0 else fine_space
+            now, space = at_work(eq, fine, coarse_space, fine_space, look)
             for segment in range(2):
                 held = before if segment == 0 else current
                 for _ in range(now.substeps[segment]):
