@@ -26,7 +26,7 @@ SERIES = (  # 1 / (k + 1)!, k = 0..19
     1.0 / 87178291200.0, 1.0 / 1307674368000.0, 1.0 / 20922789888000.0, 1.0 / 355687428096000.0,
     1.0 / 6402373705728000.0, 1.0 / 121645100408832000.0, 1.0 / 2432902008176640000.0,
 )  # fmt: skip
-MOST_SQUARINGS = 60.0
+MOST_SQUARINGS = 60
 
 
 @part
@@ -72,7 +72,7 @@ def held_motion(a, b, h, dof, size, scale, work, out):
         norm = greatest(norm, row)
     squarings = 0.0
     shrink = 1.0
-    for _ in range(60):
+    for _ in range(MOST_SQUARINGS):
         more = norm * shrink > 1.0
         if not any_lane(more):
             break
@@ -101,7 +101,7 @@ def held_motion(a, b, h, dof, size, scale, work, out):
     for i in range(size):
         e[i, i] += 1.0
     done = 0.0
-    for _ in range(60):
+    for _ in range(MOST_SQUARINGS):
         more = done < squarings
         if not any_lane(more):
             break

@@ -12,8 +12,8 @@ lane. Code that must serve both says
     select(c, a, b)    a where c, else b: both are computed, each lane takes its own
     if any_lane(c):    leave out what no lane needs; what follows still selects by c
 
-and writes least, greatest, floor, signed and square_root for what Python calls min, max,
-math.floor, math.copysign and math.sqrt. `+ - * /`, comparisons, `abs`, `&` and `|` are as ever.
+and writes least, greatest, floor and signed for what Python calls min, max, math.floor and
+math.copysign. `+ - * /`, comparisons, `abs`, `&` and `|` are as ever.
 
 Arrays of lanes are plain float64 arrays whose last axis holds the lanes; compiled code sees them
 one axis shorter through `as_lanes`, and `x[i]` is then a number of every lane.
@@ -251,11 +251,6 @@ def signed(size: Any, sign: Any) -> Any:
     return math.copysign(size, sign)
 
 
-def square_root(x: Any) -> Any:
-    """Return the square root, rounded as IEEE 754 asks; NaN below zero."""
-    return math.sqrt(x) if x >= 0.0 else math.nan
-
-
 def two_to(n: Any) -> Any:
     """Return 2^n for a whole number -1022 <= n <= 1023."""
     return math.ldexp(1.0, int(n)) if math.isfinite(n) else math.nan
@@ -359,10 +354,8 @@ def _intrinsic_of_llvm(name: str, count: int) -> Any:
 
 
 _floor_of = _intrinsic_of_llvm("llvm.floor", 1)
-_root_of = _intrinsic_of_llvm("llvm.sqrt", 1)
 _signed_of = _intrinsic_of_llvm("llvm.copysign", 2)
 overload(floor, strict=False, jit_options=INLINED)(lambda x: lambda x: _floor_of(x))
-overload(square_root, strict=False, jit_options=INLINED)(lambda x: lambda x: _root_of(x))
 overload(signed, strict=False, jit_options=INLINED)(
     lambda size, sign: lambda size, sign: _signed_of(size, sign)
 )
