@@ -1,6 +1,6 @@
 """Many runs of devices under walls, prolonged as long as their verdicts need.
 
-Runs go eight at a time through the lanes of the kernel (`sim/windows.py`), whatever physics the
+Runs go `WIDTH` at a time through the lanes of the kernel (`sim/windows.py`), whatever physics the
 devices have; each gives what it would give alone. Groups are independent tasks without shared
 state, so the result does not depend on the number of threads.
 """

@@ -1,4 +1,4 @@
-"""One source for one run and for many: numbers that are a float, or eight of them side by side.
+"""One source for one run and for many: numbers that are a float, or several side by side.
 
 The parts of the kernel are written once, over numbers that numba takes for either type:
 
@@ -41,7 +41,7 @@ from numba.np.arrayobj import populate_array
 
 from zwidth.sim.jit import INLINED
 
-WIDTH = 16  # doubles: one register of 512 bits, or two of 256
+WIDTH = 16  # doubles: two registers of 512 bits, since one would wait for its own sums
 
 _INDEX = ir.IntType(32)
 _VECTOR = ir.VectorType(ir.DoubleType(), WIDTH)

@@ -32,7 +32,7 @@ from zwidth.sim.physics.backlash import backlash
 Floats = NDArray[np.float64]
 
 BACKLASH = backlash.code
-PIECE = 512  # ticks whose innovations are whitened together: of eight members, in the nearest cache
+PIECE = 512  # ticks whose innovations are whitened together, while they are in a near cache
 OVERFLOW = 1e12  # of the position of m1
 
 
