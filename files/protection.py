@@ -57,8 +57,11 @@ class Writer:
 
     def objection(self, path: Path) -> tuple[str, str] | None:
         """Return why this writer may not write to a path and what to do instead, None if he may."""
-        identity = _identity(path)
-        if identity is None or not path.is_file():  # a terminal, a pipe, /dev/null: nothing to lose
+        place = path.resolve()  # where `replacing` writes: folder/../FILE, too, without that folder
+        identity = _identity(place)
+        if (
+            identity is None or not place.is_file()
+        ):  # a terminal, a pipe, /dev/null: nothing to lose
             return None
         if identity in self.inputs:
             return self.inputs[identity], ANOTHER
@@ -66,10 +69,10 @@ class Writer:
             return None
         say = "say overwrite=True" if self.late is None else "say --force"
         remedy = f"give another name, move it away, or {say}"
-        known = _record(path.resolve())
+        known = _record(place)
         if known.by != self.name:
             return f"was not written by '{self.name}'", remedy
-        if _sha256(path) not in known.sha256:
+        if _sha256(place) not in known.sha256:
             return f"was edited since '{self.name}' wrote it", remedy
         return None
 
@@ -118,10 +121,10 @@ def check(*paths: Path) -> None:
     for path in paths:
         if objection := writer().objection(path):
             raise Protected(f"{path} {'; '.join(objection)}")
-    files = [path for path in paths if path.is_file() or not path.exists()]
-    places = [path.resolve() for path in files]
-    for path, place in zip(files, places, strict=True):
-        if places.count(place) > 1:
+    places = [path.resolve() for path in paths]
+    for path, place in zip(paths, places, strict=True):
+        plain = place.is_file() or not place.exists()
+        if plain and places.count(place) > 1:
             raise Protected(f"{path} would be written twice; {ANOTHER}")
 
 

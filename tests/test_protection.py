@@ -152,6 +152,21 @@ def test_an_input_is_the_same_file_by_every_name(
     assert file.read_text() == MINE
 
 
+def test_an_input_is_not_reached_by_way_of_a_folder_that_is_not_there(tmp_path: Path):
+    """`gone/../x` cannot be read, but it is `x` that would be written once `gone` is made.
+
+    Mutation: the path as it was given in place of `place` in `Writer.objection`.
+    """
+    file = tmp_path / "x"
+    file.write_text(MINE)
+    with command("zwidth one"):
+        protection.force()
+        reading(file)
+        with pytest.raises(Protected, match="is an input; give another file"):
+            check(tmp_path / "gone" / ".." / "x")
+    assert file.read_text() == MINE
+
+
 def test_a_refusal_when_the_work_is_done_loses_nothing(tmp_path: Path):
     """The user's file stays, the result stands beside it, other results are written.
 
