@@ -1,7 +1,7 @@
 """Many devices of one kind along a recording: their innovations, their costs, or their free runs.
 
 Members have the same masses, links, effects and places; all numbers are their own. They go
-`WIDTH` at a time through the lanes of the kernel, those with the same whole ticks of delay together,
+`WIDTH` at a time through the lanes of the kernel, those with equal whole ticks of delay together,
 and each gives what it would give alone, bit for bit. Whatever happens to one (an overflow, too few
 substeps for its friction) is its own: its innovations are infinite from there on.
 """
