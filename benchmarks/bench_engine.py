@@ -113,7 +113,7 @@ def test_lanes_over_stiffness_and_damping(
     weights = window_weights(500)
     together = partial(in_parallel, workers=workers)
     report(
-        benchmark, lambda: advance_runs(runs, weights, 8, together), 1024 * 4000,
+        benchmark, lambda: advance_runs(runs, weights, 8, together, workers), 1024 * 4000,
         "ns per tick and run", 10,
     )  # fmt: skip
 

@@ -5,7 +5,8 @@ devices have; each gives what it would give alone. Groups are independent tasks 
 state, so the result does not depend on the number of threads.
 """
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,7 +19,7 @@ from zwidth.sim.windows import MEASURES, Bank, Kept, run_windows
 
 Floats = NDArray[np.float64]
 Task = Callable[[], None]
-SMALL, LARGE = 4, 32  # groups of one device a task: for every thread some, and few starts
+PIECES = 4  # tasks a thread, of runs of one device: none waits long for the others
 ROWS = ("x", "line", "internal", "scalars", "walls", "past", "bounds", "escaped")  # last axis: runs
 
 
@@ -78,9 +79,9 @@ class Runs:
         return replace(self, device=self.device[runs], bank=self.bank._replace(**some))
 
     def tasks(
-        self, weights: Floats, windows: int, keep: bool = False
+        self, weights: Floats, windows: int, keep: bool = False, workers: int = 1
     ) -> "tuple[Floats, Floats, list[Task], Runs]":
-        """Return (measures, velocities, tasks that fill them, the state afterwards).
+        """Return (measures, velocities, tasks for so many workers that fill them, the state after).
 
         measures (windows, 7, runs); velocities (runs, ticks) of m1 where they are to be kept, NaN
         from where a run escaped, else (runs, 0).
@@ -115,12 +116,13 @@ class Runs:
                     ..., : runs.size
                 ]
 
-        return measures, velocities, [lambda s=s: run(*s) for s in self._spans()], after
+        return measures, velocities, [lambda s=s: run(*s) for s in self._spans(workers)], after
 
-    def _spans(self) -> list[tuple[int, int]]:
-        """Cut the runs into tasks: of one device many groups, of several one group each."""
+    def _spans(self, workers: int) -> list[tuple[int, int]]:
+        """Cut the runs into tasks: of one device several groups, of several devices one each."""
         groups = -(-self.size // WIDTH)
-        wide = min(LARGE, -(-groups // SMALL)) if self.members.size == 1 else 1
+        pieces = 1 if workers == 1 else PIECES * workers
+        wide = -(-groups // pieces) if self.members.size == 1 else 1
         step = wide * WIDTH
         return [(f, min(f + step, self.size)) for f in range(0, self.size, step)]
 
@@ -130,14 +132,16 @@ class Runs:
 
 def _grouped(values: Floats, runs: NDArray[np.int64]) -> Floats:
     """Return (groups, ..., WIDTH) of values (..., runs)."""
-    rows = values[..., runs].reshape(*values.shape[:-1], runs.size // WIDTH, WIDTH)
-    return np.ascontiguousarray(np.moveaxis(rows, -2, 0))
+    shape, groups = values.shape[:-1], runs.size // WIDTH
+    rows = values[..., runs].reshape(math.prod(shape), groups, WIDTH)
+    return np.ascontiguousarray(rows.swapaxes(0, 1)).reshape(groups, *shape, WIDTH)
 
 
 def _runs_of(values: Floats) -> Floats:
     """Return (..., runs) of values (groups, ..., WIDTH)."""
-    rows = np.moveaxis(values, 0, -2)
-    return rows.reshape(*rows.shape[:-2], rows.shape[-2] * WIDTH)
+    groups, shape = values.shape[0], values.shape[1:-1]
+    rows = values.reshape(groups, math.prod(shape), WIDTH).swapaxes(0, 1)
+    return rows.reshape(*shape, groups * WIDTH)
 
 
 def start_runs(
@@ -156,15 +160,20 @@ def start_runs(
     count = ensemble.stiffness.size
     which = np.broadcast_to(device, count).astype(np.int64)
     each = list(starts) * count if len(starts) == 1 else list(starts)
-    different = dict.fromkeys(zip(which.tolist(), map(id, each), strict=True))
-    by_id = {id(s): s for s in each}
-    made = {key: start_memory(devices[key[0]].eq, by_id[key[1]]) for key in different}
-    memories = [made[d, id(s)] for d, s in zip(which.tolist(), each, strict=True)]
+    keys = [(d, id(s)) for d, s in zip(which.tolist(), each, strict=True)]
+    different = dict(zip(keys, each, strict=True))
+    place = {key: i for i, key in enumerate(different)}
+    memories = [start_memory(devices[d].eq, start) for (d, _), start in different.items()]
+    own = np.array([place[key] for key in keys], dtype=np.int64)
+
+    def each_own(rows: Iterable[Floats]) -> Floats:
+        return np.stack(list(rows), axis=-1)[..., own]
+
     n = devices[0].eq.dof
     bank = Bank(
-        *(np.stack([getattr(m, name) for m in memories], axis=-1) for name in ROWS[:4]),
+        *(each_own(getattr(m, name) for m in memories) for name in ROWS[:4]),
         walls=ensemble.parameters().T.copy(),
-        past=np.stack([np.full(3, m.x[n]) for m in memories], axis=-1),
+        past=each_own(np.full(3, m.x[n]) for m in memories),
         bounds=np.broadcast_to(bounds, count).astype(np.float64),
         escaped=np.zeros(count),
         counters=np.zeros(2, dtype=np.int64),
@@ -183,11 +192,12 @@ def advance_runs(
     weights: Floats,
     windows: int,
     run_all: Callable[[Sequence[Task]], object] = one_by_one,
+    workers: int = 1,
 ) -> tuple[Floats, Runs]:
     """Run an ensemble for `windows` windows; return (measures (windows, 7, runs), state).
 
-    run_all: runs the tasks, in any order or side by side, as on threads of the caller's.
+    run_all: runs the tasks, in any order or side by side, as on so many threads of the caller's.
     """
-    measures, _, tasks, after = runs.tasks(weights, windows)
+    measures, _, tasks, after = runs.tasks(weights, windows, workers=workers)
     run_all(tasks)
     return measures, after

@@ -45,7 +45,7 @@ from zwidth.sim.physics.dispatch import (
 )
 from zwidth.sim.physics.encoder_step import read_encoder
 from zwidth.sim.physics.saturation import limit_command
-from zwidth.sim.propagation import Choice, add_column, choice, chosen, entry, propagate
+from zwidth.sim.propagation import Choice, add_column, at_once, choice, chosen, entry, propagate
 
 Floats = NDArray[np.float64]
 
@@ -441,7 +441,7 @@ def advance(
     # With nothing but the linear part, a substep is P alone.
     linear = (
         eq.forces.codes.size == 0 and eq.frictions.codes.size == 0 and external.shape[0] == 0
-        and memory.totals.size == 0 and eq.propagators.shape[2] == 1
+        and memory.totals.size == 0 and at_once(eq.propagators[0, 0])
     )  # fmt: skip
     y_before, v, u = scalars[0], scalars[1], scalars[2]
     head = memory.counters[1]

@@ -70,9 +70,14 @@ def lane_choice(a: Floats, b: Floats, sets: int) -> tuple[Choice, Floats]:
 def propagate(p: Any, w: Any, columns: int, x: Any) -> None:
     """Set x = P w, the sums running over the columns in order.
 
-    Alone x may be w where P has one block of rows: all of w is read before x is written.
+    Where `at_once`, x may be w: all of it is read before any of it is written.
     """
     _eight_rows(p, w, columns, x)
+
+
+def at_once(p: Any) -> bool:
+    """Whether a propagator is one block of rows."""
+    return p.shape[0] == 1
 
 
 @part
@@ -101,15 +106,38 @@ def _eight_rows(p, w, columns, x):
 
 
 @part
-def _two_rows(p, w, columns, x):
-    for i in range(0, p.shape[0], 2):
+def _in_blocks(p, w, columns, x):
+    """Six rows at a time: so many sums of lanes, and what they add, fit the vector registers."""
+    rows = p.shape[0]
+    for i in range(0, rows - rows % 6, 6):
+        a0 = a1 = a2 = a3 = a4 = a5 = 0.0
+        for j in range(columns):
+            wj = w[j]
+            a0 += p[i, j] * wj
+            a1 += p[i + 1, j] * wj
+            a2 += p[i + 2, j] * wj
+            a3 += p[i + 3, j] * wj
+            a4 += p[i + 4, j] * wj
+            a5 += p[i + 5, j] * wj
+        x[i], x[i + 1], x[i + 2] = a0, a1, a2
+        x[i + 3], x[i + 4], x[i + 5] = a3, a4, a5
+    i = rows - rows % 6
+    if rows - i == 4:
+        a0 = a1 = a2 = a3 = 0.0
+        for j in range(columns):
+            wj = w[j]
+            a0 += p[i, j] * wj
+            a1 += p[i + 1, j] * wj
+            a2 += p[i + 2, j] * wj
+            a3 += p[i + 3, j] * wj
+        x[i], x[i + 1], x[i + 2], x[i + 3] = a0, a1, a2, a3
+    elif rows - i == 2:
         a0 = a1 = 0.0
         for j in range(columns):
             wj = w[j]
             a0 += p[i, j] * wj
             a1 += p[i + 1, j] * wj
-        x[i] = a0
-        x[i + 1] = a1
+        x[i], x[i + 1] = a0, a1
 
 
 def entry(p: Any, row: int, column: int) -> Any:
@@ -181,8 +209,15 @@ def _in_lanes(array: Any) -> bool:
 @overload(propagate, strict=False, jit_options=INLINED)
 def _propagate_of(p: Any, w: Any, columns: Any, x: Any) -> Any:
     if _in_lanes(p):
-        return lambda p, w, columns, x: _two_rows(p, w, columns, x)
+        return lambda p, w, columns, x: _in_blocks(p, w, columns, x)
     return lambda p, w, columns, x: _eight_rows(p, w, columns, x)
+
+
+@overload(at_once, strict=False, jit_options=INLINED)
+def _at_once_of(p: Any) -> Any:
+    if _in_lanes(p):
+        return lambda p: p.shape[0] <= 6
+    return lambda p: p.shape[0] == 1
 
 
 @overload(entry, strict=False, jit_options=INLINED)

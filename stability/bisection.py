@@ -7,7 +7,12 @@ takes its trials in the same round, so a round is one batch. A run is prolonged,
 time, until its verdict is clear or the limit is reached; a K that stays undecided is left between
 the ends of its bracket. Nothing here knows the linear theory.
 
-Limit: a band of instability narrower than the scan's ratio can be stepped over.
+The boundary of a linear device moves little from one damping to the next. There only every
+`LEADING`-th damping of a group is scanned from near zero; the others begin one ratio below the
+brackets of the two beside them, and where that is not stable, near zero after all.
+
+Limit: a band of instability narrower than the scan's ratio can be stepped over, and of a linear
+device also one that lies below the boundary and ends between two dampings that lead.
 """
 
 import math
@@ -38,7 +43,8 @@ from zwidth.sim.windows import MEASURES
 from zwidth.stability.frequency import ultimate_frequencies
 
 Floats = NDArray[np.float64]
-GROUP = 64  # dampings that are hunted down together
+GROUP = 128  # dampings that are hunted down together, a multiple of what runs side by side
+LEADING = 4
 
 
 @dataclass(frozen=True)
@@ -195,7 +201,8 @@ class Subjects:
 
     def started(self, ensemble: Walls) -> Runs:
         """Return the runs at t = 0."""
-        starts = [Start(a) for a in self.starts.tolist()]
+        different = {a: Start(a) for a in self.starts.tolist()}
+        starts = [different[a] for a in self.starts.tolist()]
         bounds = ESCAPE * np.abs(self.starts)
         return start_runs(self.members, self.which, ensemble, starts, bounds)
 
@@ -213,7 +220,9 @@ def judge_subjects(subjects: Subjects, ensemble: Walls, trial: Trial, workers: i
     together = partial(in_parallel, workers=workers)
     done, target = 0.0, trial.seconds
     while True:
-        measures, runs = advance_runs(runs, weights, round((target - done) / window), together)
+        measures, runs = advance_runs(
+            runs, weights, round((target - done) / window), together, workers
+        )
         history = np.concatenate([history, measures])
         final = target >= trial.limit_s
         growth = assess(history, window, starts[pending], rests[pending], nonlinear, final)
@@ -254,14 +263,23 @@ class _Hunt:
         self.rates = np.full((2, shape), np.nan)  # at the stable and unstable ends
         self.widths = np.full((4, shape), np.inf)  # of the bracket, now and one to three trials ago
         self.amplitude = np.full(shape, np.nan)
+        self.first = np.full(shape, self.lowest)  # K to begin with
+        self.order = np.argsort(dampings, kind="stable")
+        self.waiting = np.zeros(shape, dtype=bool)  # for the dampings that lead
+        if not _nonlinear(device) and shape > 2:
+            self.waiting[self.order] = True
+            self.waiting[self.order[[*range(0, shape, LEADING), -1]]] = False
 
     def run(self, trial: Trial, workers: int, closed: Callable[[], None]) -> list[Bracket]:
         """Try until every bracket is closed."""
         while True:
             tried = self.trials()
             active = np.flatnonzero(~np.isnan(tried))
-            self.open = active.size
+            self.open = active.size + np.count_nonzero(self.waiting)
             closed()
+            if active.size == 0 and self.waiting.any():
+                self.follow()
+                continue
             if active.size == 0:
                 return self.brackets(self.frequencies(trial, workers))
             some = walls(tried[active], self.dampings[active])
@@ -284,7 +302,7 @@ class _Hunt:
         period = self.device.interface.period
         weights = np.zeros(round(trial.seconds / period))
         runs = self.subjects(known.size, trial).started(some)
-        _, velocities, tasks, _ = runs.tasks(weights, 1, keep=True)
+        _, velocities, tasks, _ = runs.tasks(weights, 1, keep=True, workers=workers)
         in_parallel(tasks, workers)
         found[known] = ultimate_frequencies(velocities, period)
         return found
@@ -295,7 +313,7 @@ class _Hunt:
         with np.errstate(invalid="ignore"):
             scan = np.where(
                 np.isnan(self.stable),
-                self.lowest,
+                self.first,
                 np.minimum(self.stable * self.search.ratio, self.highest),
             )
             scan = np.where(self.stable >= self.highest, np.nan, scan)
@@ -307,7 +325,19 @@ class _Hunt:
             low_open = np.where(doubt, self.doubt_low, self.unstable) > self.stable * near
             high_open = doubt & (self.unstable > self.doubt_high * near)
             closing = np.where(low_open, below, np.where(high_open, above, np.nan))
-            return np.where(np.isnan(self.unstable), scan, closing)
+            tried = np.where(np.isnan(self.unstable), scan, closing)
+            return np.where(self.waiting, np.nan, tried)
+
+    def follow(self) -> None:
+        """Let the others begin below the brackets of the dampings that led."""
+        led = np.flatnonzero(~self.waiting[self.order])
+        known = np.fmax(self.stable[self.order[led]] / self.search.ratio, self.lowest)
+        right = np.searchsorted(led, np.arange(self.dampings.size))
+        left = np.maximum(right - 1, 0)
+        first = np.minimum(known[left], known[right])
+        own = self.waiting[self.order]
+        self.first[self.order[own]] = first[own]
+        self.waiting[:] = False
 
     def _interpolated(self, middle: Floats) -> Floats:
         """Where the growth rate is zero by interpolation, a little towards the farther end.
@@ -335,6 +365,10 @@ class _Hunt:
         good = is_stable(growth, self.limit)
         doubt = growth.verdict == UNDECIDED
         bad = ~good & ~doubt
+        # Begun above a band of instability: from near zero after all.
+        early = bad & np.isnan(self.stable[runs]) & (tried > self.lowest)
+        self.first[runs[early]] = self.lowest
+        bad &= ~early
         self.stable[runs[good]] = tried[good]
         self.unstable[runs[bad]] = tried[bad]
         self.verdicts[0, runs[good]] = growth.verdict[good]
@@ -395,7 +429,7 @@ def find_brackets(
         if not np.all(np.isfinite(values)):
             raise ValueError("damping contains a value that is not finite; give numbers only")
         one = prepared(device, trial.substeps)
-        groups = np.array_split(values, max(1, -(-values.size // GROUP)))
+        groups = np.split(values, range(GROUP, values.size, GROUP))
         hunts += [_Hunt(device, one, group, trial, search) for group in groups]
         counts.append(len(groups))
     total = max(1, sum(h.dampings.size for h in hunts))

@@ -3,6 +3,7 @@
 import ast
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -95,6 +96,36 @@ def test_the_linear_result_seeds_no_bracket() -> None:
         imported |= {a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names}
         ours = {name for name in imported if name and name.startswith(("stability", "identif"))}
         assert ours <= {"zwidth.stability.frequency"}
+
+
+@pytest.mark.parametrize("far", [False, True])
+def test_a_damping_finds_alone_what_it_finds_beside_others_that_lead(
+    far: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Out of order, past the last damping with a stable K, and where those that follow begin far.
+
+    Mutation: an unstable first K above the lowest taken as the end.
+    """
+    device = phantom().with_interface(delay=0.008)
+    last = last_stable_damping(device)
+    assert last is not None
+    dampings = np.linspace(0.0, 1.02 * last, 53)[np.random.default_rng(5).permutation(53)]
+    if far:
+
+        def follow(hunt: Any) -> None:
+            hunt.first[hunt.waiting] = hunt.highest
+            hunt.waiting[:] = False
+
+        monkeypatch.setattr(bisection._Hunt, "follow", follow)
+    (together,) = find_brackets([device], [dampings])
+    for damping, bracket in list(zip(dampings, together, strict=True))[::4]:
+        ((alone,),) = find_brackets([device], [np.array([damping])])
+        assert bracket.damping == damping
+        assert (bracket.stable is None) == (alone.stable is None)
+        if alone.stable is None:
+            assert bracket.unstable == alone.unstable  # near zero in the end
+        else:
+            assert middle(bracket) == pytest.approx(middle(alone), rel=1e-3, abs=5e-3)
 
 
 def test_where_no_stiffness_is_stable_the_bracket_says_so() -> None:

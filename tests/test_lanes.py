@@ -192,7 +192,7 @@ def test_results_do_not_depend_on_the_number_of_threads(monkeypatch: pytest.Monk
     weights = window_weights(40)
     assert np.array_equal(
         advance_runs(runs, weights, 2)[0],
-        advance_runs(runs, weights, 2, partial(in_parallel, workers=4))[0],
+        advance_runs(runs, weights, 2, partial(in_parallel, workers=4), 4)[0],
     )
 
 
