@@ -262,19 +262,24 @@ def turn(p, dof, states, limits, friction, x0, x, own, more):
     turned = False
     for i in range(dof):
         row = dof + i
-        f, v = friction[i], x0[row]
-        lower, upper = limits[LOWER, i], limits[UPPER, i]
-        before = select(v > 0.0, lower, upper)
-        end = x[row] + entry(p, row, states + 1 + i) * (before - f)
         free = slides(limits, i)
-        turns = free & (v != 0.0) & (f != before) & (end * v < 0.0)
-        share = v / select(turns, v - end, 1.0)
-        low = select(turns, share * before + (1.0 - share) * lower, lower) - f
-        high = select(turns, share * before + (1.0 - share) * upper, upper) - f
-        own[LOWER, i] = select(free, low, 0.0)
-        own[UPPER, i] = select(free, high, 0.0)
         own[LOCKED, i] = limits[LOCKED, i]
-        turned = turned | turns
+        own[LOWER, i] = 0.0
+        own[UPPER, i] = 0.0
+        if any_lane(free):
+            f, v = friction[i], x0[row]
+            low, high = limits[LOWER, i], limits[UPPER, i]
+            before = select(v > 0.0, low, high)
+            end = x[row] + entry(p, row, states + 1 + i) * (before - f)
+            turns = free & (v != 0.0) & (f != before) & (end * v < 0.0)
+            if any_lane(turns):
+                share = v / select(turns, v - end, 1.0)
+                then = share * before
+                low = select(turns, then + (1.0 - share) * low, low)
+                high = select(turns, then + (1.0 - share) * high, high)
+                turned = turned | turns
+            own[LOWER, i] = select(free, low - f, 0.0)
+            own[UPPER, i] = select(free, high - f, 0.0)
     if any_lane(turned):
         for i in range(dof):
             own[LOWER, i] = select(turned, own[LOWER, i], 0.0)
