@@ -5,7 +5,7 @@ the lanes of the kernel run together (`sim/population.py`). Members that have lo
 extra mass of nothing) or take other substeps are of another kind, and run with their own.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from zwidth.diagnosis.predictor import Fineness, observer_memory, padded, subste
 from zwidth.diagnosis.steady import NoObserver
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import Device
-from zwidth.sim.population import Population, Readings, Recorded
+from zwidth.sim.population import Followed, Population, Readings, Recorded
 
 Floats = NDArray[np.float64]
 BEGINNING = 32  # samples that say where a run begins
@@ -49,10 +49,33 @@ class Many:
 
     def innovations(self, experiment: Experiment, gain: Floats) -> Floats:
         """Return innovations (x, ticks, o) under an observer's gain."""
+        found = np.full((len(self.xs), *experiment.measured.shape), np.inf)
+        for which, followed in self._followed(experiment, gain, keep=True):
+            found[which] = followed.innovations
+        return found
+
+    def moments(self, experiment: Experiment, gain: Floats, filters: Floats, skip: int) -> Floats:
+        """Return the sums of w w' (x, o, o), w the filtered innovations after the first `skip`.
+
+        Infinite where a member cannot be followed; nothing of the recording's length is kept.
+        """
+        o = len(experiment.outputs)
+        found = np.full((len(self.xs), o, o), np.inf)
+        for which, followed in self._followed(experiment, gain, filters, skip):
+            found[which] = followed.moments
+        return found
+
+    def _followed(
+        self,
+        experiment: Experiment,
+        gain: Floats,
+        filters: Floats | None = None,
+        skip: int = 0,
+        keep: bool = False,
+    ) -> Iterator[tuple[list[int], Followed]]:
         plain = self.model.plain(experiment)
         still = np.array([o.quantity == "position" for o in experiment.outputs], dtype=np.float64)
         place = first_velocity(experiment)
-        found = np.full((len(self.xs), *experiment.measured.shape), np.inf)
         first = experiment.part(0, min(BEGINNING, experiment.ticks))
         for which, population in self.populations:
             reads = [self.model.reads(self.xs[i]) for i in which]
@@ -77,12 +100,10 @@ class Many:
                 plain.command, plain.measured, experiment.places(eq.dof), force,
                 None if place is None else self.model.arriving_change(plain),
             )  # fmt: skip
-            followed = population.follow(
-                recorded, starts, readings, keep=True,
+            yield which, population.follow(
+                recorded, starts, readings, filters, skip, keep,
                 run_all=lambda tasks: in_parallel(tasks, threads()),
             )  # fmt: skip
-            found[which] = followed.innovations
-        return found
 
 
 def _substeps(device: Device, fineness: Fineness, least: int) -> tuple[int, int] | None:

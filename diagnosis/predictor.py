@@ -71,16 +71,21 @@ class Observer:
         divides by and S the covariance of what it returned.
         """
         rows = white.reshape(-1, self.deviation.size)
+        return float(self.cost_of((rows.T @ rows)[None], rows.shape[0])[0])
+
+    def cost_of(self, moments: Floats, rows: int) -> Floats:
+        """Return the same of sums of w w' over so many rows (members, o, o), w weighed."""
         if self.whitening is None:
-            divided = 2.0 * np.sum(np.log(self.deviation))
+            divided = 2.0 * float(np.sum(np.log(self.deviation)))
         else:
-            divided = -2.0 * np.linalg.slogdet(self.whitening[:, :, 0])[1]
-        return rows.shape[0] * float(divided) + _spread(rows)
+            divided = -2.0 * float(np.linalg.slogdet(self.whitening[:, :, 0])[1])
+        return rows * (divided + np.linalg.slogdet(moments / rows)[1])
 
-
-def _spread(rows: Floats) -> float:
-    """N ln det of the covariance of rows (n, o) about zero."""
-    return rows.shape[0] * float(np.linalg.slogdet(rows.T @ rows / rows.shape[0])[1])
+    def filters(self) -> Floats:
+        """Return what `weigh` does as filters (o, o, taps)."""
+        if self.whitening is not None:
+            return self.whitening
+        return np.diag(1.0 / self.deviation)[:, :, None]
 
 
 def whitened(observer: Observer, innovations: Sequence[Floats], memory: float = MEMORY) -> Observer:

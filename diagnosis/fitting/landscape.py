@@ -1,0 +1,70 @@
+"""What a model costs at many x, under one observer, in one call for all of them.
+
+    cost(x) = n ln det S_0 + n ln det S(x) + sum of prior x^2,    S(x) = sum w w' / n,
+
+w the weighed innovations of all recordings, S_0 what weighing divides by: -2 log likelihood with
+the covariance of what is left concentrated out (`Observer.cost`). The kernel adds w w' up as the
+innovations pass, so nothing of the length of a recording is kept.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.fit import Problem
+from zwidth.diagnosis.many import Many
+from zwidth.diagnosis.parameters import Model
+from zwidth.diagnosis.predictor import SETTLING, Fineness, Observer
+
+Floats = NDArray[np.float64]
+# What costs are compared in while a search is far from its end. Of play beside friction, 2 substeps
+# a tick (4 where the pin leaves its side) cost within 500 of 128 and 256, in 16 000 that play
+# explains: such motion scatters by that much whatever the steps.
+FAR = Fineness(2, 2, (2, 4))
+
+
+class Landscape:
+    """A model's cost over x.
+
+    Counts what it was asked, in `asked`: predictions of all recordings.
+    """
+
+    def __init__(
+        self,
+        experiments: Sequence[Experiment],
+        observer: Observer,
+        model: Model,
+        fineness: Fineness = FAR,
+    ) -> None:
+        self.problem = Problem(experiments, observer, fineness)
+        self.model, self.asked = model, 0
+        self.priors = np.array([p.prior for p in model.parameters])
+
+    def costs(self, xs: Sequence[Floats]) -> Floats:
+        """Return the cost at each x; infinite where the model runs away."""
+        self.asked += len(xs)
+        observer = self.problem.observer
+        many = Many(self.model, xs, self.problem.fineness)
+        o = observer.deviation.size
+        moments, counted = np.zeros((len(xs), o, o)), 0
+        for e in self.problem.experiments:
+            moments += many.moments(e, observer.gain, observer.filters(), SETTLING)
+            counted += e.ticks - SETTLING
+        found = np.full(len(xs), np.inf)
+        finite = np.isfinite(moments).all(axis=(1, 2))
+        found[finite] = observer.cost_of(moments[finite], counted)
+        return found + np.sum(np.stack(xs)[:, self.priors] ** 2, axis=1)
+
+    def residuals(self, xs: Sequence[Floats]) -> list[Floats]:
+        """Return weighed innovations, then priors, at each x."""
+        self.asked += len(xs)
+        weighed = self.problem.weighted_each(self.model, xs)
+        return [np.concatenate([w, x[self.priors]]) for w, x in zip(weighed, xs, strict=True)]
+
+    def cost(self, residual: Floats) -> float:
+        """Return the cost of one of `residuals`."""
+        samples = residual.size - int(np.count_nonzero(self.priors))
+        prior = residual[samples:]
+        return self.problem.observer.cost(residual[:samples]) + float(prior @ prior)

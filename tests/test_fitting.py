@@ -1,0 +1,116 @@
+"""The cost of many members at once, and populations that arrive where slopes do not."""
+
+import numpy as np
+import pytest
+from engine_examples import phantom
+from numpy.typing import NDArray
+
+from zwidth.controllers.recorded import recorded
+from zwidth.diagnosis.experiment import Experiment, Output
+from zwidth.diagnosis.fit import Problem
+from zwidth.diagnosis.fitting.evolve import Generations, evolve
+from zwidth.diagnosis.fitting.landscape import FAR, Landscape
+from zwidth.diagnosis.parameters import Model
+from zwidth.diagnosis.settle import prepared_for, refit
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.physics import make_physics
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.run import simulate
+
+Floats = NDArray[np.float64]
+
+
+def drive(scale: Floats | float = 1.0) -> Device:
+    """Return two masses on a link of 34 Hz, at 500 Hz; scale: of masses and spring."""
+    factor = np.broadcast_to(scale, 3)
+    chain = make_chain(
+        np.array([2e-3, 1.5e-3]) * factor[:2], np.array([2e-3, 1e-3]), 0.0, 40.0 * factor[2:],
+        np.array([0.02]),
+    )  # fmt: skip
+    device = phantom().without_physics().with_chain(chain)
+    return device.with_interface(period=2e-3, delay=0.0)
+
+
+def recording(device: Device, ticks: int, seed: int, outputs: tuple[int, ...] = (0,)) -> Experiment:
+    """Return positions of some masses under a multisine of 0.1 to 20 Hz, in steps of an encoder."""
+    period, random = device.interface.period, np.random.default_rng(seed)
+    t = period * np.arange(ticks)
+    hertz = np.arange(0.125, 20.0, 0.125)
+    phases = random.uniform(0.0, 2.0 * np.pi, hertz.size)
+    lines = np.cos(2.0 * np.pi * np.outer(t, hertz) + phases) / np.hypot(1.0, hertz / 3.0)
+    command = 0.1 * lines.sum(axis=1) / np.std(lines.sum(axis=1))
+    run = simulate(device, recorded(command), duration=ticks * period, substeps=64)
+    step, noise = 3.8e-4, 8.7e-5
+    seen = [run.trace[f"position_m{i + 1}"] for i in outputs]
+    noisy = np.column_stack([y + noise * random.standard_normal(ticks) for y in seen])
+    measured = step * np.round(noisy / step)
+    named = tuple(Output("position", i) for i in outputs)
+    return Experiment(period, command, measured, named, "made", float(np.std(measured[:, 0])))
+
+
+def play(gap: float) -> Physics:
+    return make_physics("backlash", "link12", gap=gap)
+
+
+@pytest.mark.parametrize("white", [False, True])
+def test_a_landscape_says_of_many_what_a_problem_says_of_each(white: bool) -> None:
+    """Two recordings of two outputs. Mutations: the first samples counted; priors left out."""
+    truth = drive().with_physics(play(0.01))
+    recordings = [recording(truth, 900, 3, (0, 1)), recording(truth, 700, 4, (0, 1))]
+    model = Model(drive(), (play(0.01),), ({"gap": 0.01},))
+    there = prepared_for(recordings, model, np.zeros(len(model.parameters)), 1e-2, white=white)
+    ground = Landscape(there.experiments, there.observer, model)
+    random = np.random.default_rng(1)
+    xs = [0.3 * random.standard_normal(len(model.parameters)) for _ in range(19)]
+    found = ground.costs(xs)
+    problem = Problem(there.experiments, there.observer, FAR)
+    for x, cost, residual in zip(xs, found, ground.residuals(xs), strict=True):
+        prior = sum(xi**2 for p, xi in zip(model.parameters, x, strict=True) if p.prior)
+        alone = there.observer.cost(problem.weighted(model, x)) + prior
+        assert cost == pytest.approx(alone, abs=1e-6)
+        assert ground.cost(residual) == pytest.approx(alone, abs=1e-6)
+    assert ground.asked == 2 * len(xs)
+
+
+def test_a_member_that_runs_away_has_infinite_cost_and_its_neighbours_have_their_own() -> None:
+    model = Model(drive(), (play(0.01),), ({"gap": 0.01},))
+    made = recording(drive().with_physics(play(0.01)), 600, 3)
+    there = prepared_for([made], model, np.zeros(len(model.parameters)), 1e-2)
+    ground = Landscape(there.experiments, there.observer, model)
+    sound, wild = np.zeros(len(model.parameters)), np.zeros(len(model.parameters))
+    names = [p.name for p in model.parameters]
+    wild[names.index("b1")] = -1e6
+    alone, beside = ground.costs([sound]), ground.costs([wild, sound])
+    assert beside[0] == np.inf
+    assert beside[1] == alone[0]
+
+
+def test_a_population_finds_play_where_the_refit_has_bent_away_from_it() -> None:
+    """Device file up to 30 % off; from its values and from the refit's, gap of 0.01 rad.
+
+    Slopes from the refit stay in its valley. Mutation: generations of a tenth of the spread.
+    """
+    made = recording(drive().with_physics(play(0.01)), 3000, 5)
+    guessed = drive(np.exp(0.3 * np.random.default_rng(2).uniform(-1.0, 1.0, 3)))
+    problem, linear = refit(guessed, [made])
+    model = Model(guessed, (play(0.004),), ({"gap": 0.004},))
+    starts = [np.append(linear.x, 0.0), np.zeros(linear.x.size + 1)]
+    shares: list[float] = []
+    likeliest, plan = problem.observer.ratio, Generations(generations=40)
+    found = evolve([made], model, starts, likeliest, plan, shares.append)
+    assert [f.cost for f in found] == sorted(f.cost for f in found)
+    assert model.build(found[0].x).physics[0].values["gap"] == pytest.approx(0.01, rel=0.1)
+    assert shares[-1] == 1.0
+    by_slopes = prepared_for([made], model, starts[0], likeliest).fit(model, starts[0])
+    assert model.build(by_slopes.x).physics[0].values["gap"] < 0.006
+
+
+def test_a_population_is_the_same_each_time() -> None:
+    made = recording(drive().with_physics(play(0.01)), 600, 5)
+    model = Model(drive(), (play(0.004),), ({"gap": 0.004},))
+    start, plan = np.zeros(len(model.parameters)), Generations(generations=3)
+    first, again = (evolve([made], model, [start], 1.0, plan)[0] for _ in range(2))
+    assert first.cost == again.cost
+    assert np.array_equal(first.x, again.x)
+    assert first.asked == again.asked == 2 * 3 * 16
