@@ -1,0 +1,1 @@
+"""What is believed, and why: one cost for every hypothesis."""

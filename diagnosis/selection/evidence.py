@@ -1,0 +1,127 @@
+"""All that decides what is believed.
+
+A hypothesis H is a structure S (which effects, where), their parameters theta and a model of the
+noise. It costs
+
+    cost(H) = -2 ln p(y | theta, noise) - 2 ln p(theta)              how well it explains
+            + ln det A - k ln 2 pi + 2 sum_k ln range_k              what its freedom costs
+            - 2 ln P(S)                                              how common such physics is
+            + 2 ln (alternatives searched)                           what was looked through
+
+at its best theta: Laplace's approximation of -2 ln of the evidence p(y, S), A half the curvature of
+the first line over all parameters (J'J + 1 for each prior), k effect parameters that are uniform
+over a range each, from nothing to the most that is plausible. With one parameter of standard error
+sigma the second line is 2 ln (range / sigma) - ln 2 pi. Linear parameters are in all hypotheses, so
+what is the same for them is left out.
+
+H' is believed over H where it costs less by more than 2 ln (1 / ALPHA): the only threshold.
+
+Where no hypothesis is true (real machines), a likelihood ratio is too sure of itself: what one
+gains over the other comes from few stretches, one way here and the other there. The gain is summed
+over blocks, and the spread of the blocks says how far the sum scatters,
+
+    phi = variance of the sum / (4 |gain|), at least 1,    sigma = sqrt(|gain| / phi).
+
+Of two hypotheses of which one is true, phi is 1: with e white of variance 1 and d the difference of
+predictions, the gain of a sample is d^2 + 2 d e, of mean d^2 and variance 4 d^2. (Vuong,
+Econometrica 57, 1989; neighbouring blocks by Newey & West, Econometrica 55, 1987; Laplace: Kass &
+Raftery, J. Am. Stat. Assoc. 90, 1995.) The share of each hypothesis is exp(-cost / 2 phi).
+
+Limits: Laplace takes the cost for a parabola in theta; that of creases is one only over their
+width, so A must be seen over as much. Blocks fewer than ten say little of their spread.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+ALPHA = 1e-3  # odds at which a hypothesis that is not true is believed over one that is
+
+
+@dataclass(frozen=True)
+class Cost:
+    """The lines of the equation above, each in -2 ln: what a hypothesis costs, and for what."""
+
+    misfit: float
+    freedom: float = 0.0
+    rarity: float = 0.0
+    searched: float = 0.0
+
+    @property
+    def total(self) -> float:
+        """The cost."""
+        return self.misfit + self.freedom + self.rarity + self.searched
+
+
+def cost(
+    misfit: float,
+    information: Floats,
+    ranges: Sequence[float],
+    odds: Sequence[float] = (),
+    alternatives: float = 1.0,
+) -> Cost:
+    """Return what a hypothesis costs at its best parameters.
+
+    misfit: -2 ln likelihood and priors; information (p, p): A; ranges: of the parameters uniform
+    over them, in the units of A; odds: of each effect to be there, above 0 and below 1;
+    alternatives: how many were looked through, at least 1. Infinite freedom where A says nothing
+    of a parameter. Raises ValueError for ranges, odds or alternatives out of their bounds.
+    """
+    if any(not 0.0 < r < math.inf for r in ranges):
+        raise ValueError(f"ranges are {list(ranges)}; allowed are finite ones above 0")
+    if any(not 0.0 < p < 1.0 for p in odds):
+        raise ValueError(f"odds are {list(odds)}; allowed is more than 0, less than 1")
+    if not alternatives >= 1.0:
+        raise ValueError(f"alternatives are {alternatives}; what was found is one at least")
+    sign, log_det = np.linalg.slogdet(information)
+    bits = float(log_det) if sign > 0.0 else math.inf
+    width = 2.0 * sum(math.log(r) for r in ranges)
+    freedom = bits + width - len(ranges) * math.log(2.0 * math.pi)
+    rarity = -2.0 * sum(math.log(p / (1.0 - p)) for p in odds)
+    return Cost(misfit, freedom, rarity, 2.0 * math.log(alternatives))
+
+
+def believed(new: Cost, old: Cost, phi: float = 1.0) -> bool:
+    """Whether a hypothesis is believed over another; phi: of the two, from `compared`."""
+    return old.total - new.total > 2.0 * phi * math.log(1.0 / ALPHA)
+
+
+@dataclass(frozen=True)
+class Compared:
+    """What one hypothesis gains over another: -2 ln likelihood summed, its overdispersion."""
+
+    gain: float
+    phi: float
+
+    @property
+    def sigma(self) -> float:
+        """How many standard errors apart, with the sign of the gain."""
+        return math.copysign(math.sqrt(abs(self.gain) / self.phi), self.gain)
+
+
+def compared(gains: Floats, lags: int = 2) -> Compared:
+    """Compare two hypotheses by what one gains over the other in each block (blocks,).
+
+    lags: neighbours whose scatter counts together, with falling weight. Blocks of several
+    recordings follow each other; fewer than 3 have no scatter to judge by, and phi is 1.
+    """
+    total, count = float(gains.sum()), gains.size
+    if count < 3 or total == 0.0:
+        return Compared(total, 1.0)
+    off = gains - gains.mean()
+    spread = float(off @ off)
+    for lag in range(1, min(lags, count - 2) + 1):
+        spread += 2.0 * (1.0 - lag / (lags + 1.0)) * float(off[lag:] @ off[:-lag])
+    spread = max(spread, 0.0) * count / (count - 1)
+    return Compared(total, max(1.0, spread / (4.0 * abs(total))))
+
+
+def probabilities(costs: Sequence[float], phi: float = 1.0) -> Floats:
+    """Return the share of each hypothesis kept, (hypotheses,), summing to 1."""
+    least = np.asarray(costs, dtype=np.float64)
+    shares = np.exp(-0.5 * (least - least.min()) / phi)
+    return shares / shares.sum()

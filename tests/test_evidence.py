@@ -1,0 +1,154 @@
+"""The one cost: Laplace against integrals, overdispersion against what is known of it."""
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import quad
+from scipy.signal import lfilter
+
+from zwidth.diagnosis.selection.evidence import (
+    ALPHA,
+    Compared,
+    Cost,
+    believed,
+    compared,
+    cost,
+    probabilities,
+)
+
+Floats = NDArray[np.float64]
+
+
+def test_of_one_magnitude_the_cost_is_the_evidence() -> None:
+    """-2 ln of the integral of p(y | m) over m uniform in its range. Mutation: no ln 2 pi."""
+    random = np.random.default_rng(2)
+    shape, reach = random.normal(size=50), 3.0
+    y = 0.8 * shape + random.normal(size=50)
+
+    def misfit(m: float) -> float:
+        return float(np.sum((y - m * shape) ** 2))
+
+    best = float(shape @ y / (shape @ shape))
+    least = misfit(best)
+    area, _ = quad(lambda m: math.exp(-0.5 * (misfit(m) - least)) / reach, -0.5, 2.5)
+    found = cost(least, np.array([[shape @ shape]]), [reach])
+    assert found.total == pytest.approx(least - 2.0 * math.log(area), abs=1e-6)
+
+
+def test_a_linear_parameter_with_a_prior_is_integrated_too() -> None:
+    """Gaussian prior of 1 on x, uniform on m; exact, since all is quadratic in both."""
+    random = np.random.default_rng(4)
+    columns, reach = random.normal(size=(40, 2)), 2.0
+    y = columns @ np.array([0.3, 0.9]) + random.normal(size=40)
+
+    def misfit(x: float, m: float) -> float:
+        return float(np.sum((y - columns @ np.array([x, m])) ** 2)) + x * x
+
+    information = columns.T @ columns + np.diag([1.0, 0.0])
+    best = np.linalg.solve(information, columns.T @ y)
+    with_it = cost(misfit(*best), information, [reach]).total
+    alone = float(columns[:, 0] @ y / (columns[:, 0] @ columns[:, 0] + 1.0))
+    without = cost(misfit(alone, 0.0), information[:1, :1], []).total
+    x, m = (np.linspace(b - 2.0, b + 2.0, 801) for b in best)
+    grid = np.array([[misfit(a, b) for b in m] for a in x]) - misfit(*best)
+    volume = np.sum(np.exp(-0.5 * grid)) * (x[1] - x[0]) * (m[1] - m[0]) / reach
+    line = np.exp(
+        -0.5 * np.array([misfit(a, 0.0) - misfit(alone, 0.0) for a in x + alone - best[0]])
+    )
+    area = np.sum(line) * (x[1] - x[0])
+    exact = misfit(*best) - misfit(alone, 0.0) - 2.0 * math.log(volume / area)
+    assert with_it - without == pytest.approx(exact, abs=1e-3)
+
+
+def test_what_is_rare_or_found_among_many_costs_more() -> None:
+    one = np.eye(1)
+    common, rare = (cost(0.0, one, [1.0], [p]).total for p in (0.3, 0.01))
+    assert rare - common == pytest.approx(2.0 * math.log(0.3 / 0.7 * 0.99 / 0.01))
+    few, many = (cost(0.0, one, [1.0], alternatives=n).total for n in (1.0, 40.0))
+    assert many - few == pytest.approx(2.0 * math.log(40.0))
+
+
+def test_what_says_nothing_of_a_parameter_is_not_believed() -> None:
+    blind = cost(0.0, np.diag([1.0, 0.0]), [1.0])
+    assert blind.total == math.inf
+    assert not believed(blind, Cost(1e9))
+
+
+def test_a_claim_is_believed_beyond_the_one_threshold() -> None:
+    least = 2.0 * math.log(1.0 / ALPHA)
+    assert believed(Cost(0.0), Cost(least + 0.01))
+    assert not believed(Cost(0.0), Cost(least - 0.01))
+    assert not believed(Cost(0.0), Cost(least + 0.01), phi=2.0)
+
+
+@pytest.mark.parametrize(
+    ("ranges", "odds", "alternatives", "says"),
+    [([0.0], [], 1.0, "ranges"), ([math.inf], [], 1.0, "ranges"), ([1.0], [1.0], 1.0, "odds"),
+     ([1.0], [], 0.0, "alternatives")],
+)  # fmt: skip
+def test_bad_prices_are_refused(
+    ranges: list[float], odds: list[float], alternatives: float, says: str
+) -> None:
+    with pytest.raises(ValueError, match=says):
+        cost(0.0, np.eye(1), ranges, odds, alternatives)
+
+
+def gains_of(difference: Floats, error: Floats, blocks: int) -> Floats:
+    each = difference**2 + 2.0 * difference * error
+    return each.reshape(blocks, -1).sum(axis=1)
+
+
+def test_of_a_true_hypothesis_the_overdispersion_is_one() -> None:
+    """Mean over 200 recordings. Mutation: 2 in place of 4."""
+    random = np.random.default_rng(6)
+    found: list[float] = []
+    for _ in range(200):
+        difference = 0.3 * np.sign(random.normal(size=8000))
+        gains = gains_of(difference, random.normal(size=8000), 40)
+        found.append(compared(gains, lags=0).phi)
+    assert np.mean(found) == pytest.approx(1.09, abs=0.05)  # those below one count as one
+    assert compared(gains).sigma == pytest.approx(math.sqrt(gains.sum()), rel=0.25)
+
+
+def test_slow_errors_count_less() -> None:
+    """Errors and difference of 0.99 from one sample to the next: about 100 times fewer of them."""
+    random = np.random.default_rng(7)
+    slow = lfilter([1.0], [1.0, -0.99], random.normal(size=(2, 40_000)), axis=1)
+    error, difference = slow / np.std(slow, axis=1, keepdims=True) * np.array([[1.0], [0.3]])
+    found = compared(gains_of(difference, error, 40))
+    assert 30.0 < found.phi < 300.0
+    assert found.sigma == pytest.approx(math.sqrt(abs(found.gain) / found.phi))
+
+
+def test_few_blocks_have_no_scatter() -> None:
+    assert compared(np.array([3.0, 5.0])) == Compared(8.0, 1.0)
+    assert compared(np.array([-3.0, -5.0])).sigma == -math.sqrt(8.0)
+
+
+def test_shares_sum_to_one_and_follow_the_cost() -> None:
+    shares = probabilities([10.0, 12.0, 1e4])
+    assert shares.sum() == pytest.approx(1.0)
+    assert shares[0] / shares[1] == pytest.approx(math.e)
+    assert probabilities([10.0, 12.0], phi=1e3)[0] == pytest.approx(0.5, abs=1e-3)
+
+
+def test_shares_are_right_as_often_as_they_say() -> None:
+    """A level that is there in half of 4000 recordings, uniform over its range, judged by cost.
+
+    Mutation: the price of freedom left out.
+    """
+    random, reach, samples = np.random.default_rng(8), 4.0, 30
+    said, true = np.zeros(4000), np.zeros(4000)
+    for i in range(4000):
+        there = random.random() < 0.5
+        y = random.normal(size=samples) + there * random.uniform(-0.5, 0.5) * reach
+        best = float(np.clip(y.mean(), -0.5 * reach, 0.5 * reach))
+        with_it = cost(float(np.sum((y - best) ** 2)), np.array([[float(samples)]]), [reach])
+        said[i] = probabilities([with_it.total, float(np.sum(y**2))])[0]
+        true[i] = there
+    for low, high in ((0.0, 0.2), (0.2, 0.6), (0.6, 0.95), (0.95, 1.0)):
+        some = (said > low) & (said <= high)
+        assert np.count_nonzero(some) > 100
+        assert true[some].mean() == pytest.approx(said[some].mean(), abs=0.05)
