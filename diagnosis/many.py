@@ -48,7 +48,10 @@ class Many:
         ]
 
     def innovations(self, experiment: Experiment, gain: Floats) -> Floats:
-        """Return innovations (x, ticks, o) under an observer's gain."""
+        """Return innovations (x, ticks, o) under an observer's gain (states, o), or one a member.
+
+        experiment.start: of all, or (x, 2n) where each begins with its own.
+        """
         found = np.full((len(self.xs), *experiment.measured.shape), np.inf)
         for which, followed in self._followed(experiment, gain, keep=True):
             found[which] = followed.innovations

@@ -88,14 +88,19 @@ def steady(device: Device, experiment: Experiment, ratio: float) -> Steady:
     return Steady(np.asarray(gain, dtype=np.float64), np.sqrt(np.diag(innovation)))
 
 
-def steady_gains(devices: Sequence[Device], experiment: Experiment, ratio: float) -> Floats:
+def steady_gains(
+    devices: Sequence[Device], experiment: Experiment, ratio: Floats | float
+) -> Floats:
     """Return the gains (members, states, o) of devices with the same number of states.
 
-    Of the same noise as `steady`, one ratio for all; NaN for a member without an observer.
+    Of the same noise as `steady`; ratio: (members,), or one for all. NaN for a member without an
+    observer.
     """
     plants = [device.plant() for device in devices]
+    ratios = np.broadcast_to(ratio, len(devices)).astype(np.float64)
     if any(_stands_unseen(plant, experiment) for plant in plants):
-        return np.stack([_gain_or_nothing(d, experiment, ratio) for d in devices])
+        each = zip(devices, ratios.tolist(), strict=True)
+        return np.stack([_gain_or_nothing(d, experiment, r) for d, r in each])
     size, dof = plants[0].size, plants[0].dof
     b = np.stack([p.b for p in plants])
     motion = np.zeros((len(plants), size, size + b.shape[2]))
@@ -108,7 +113,7 @@ def steady_gains(devices: Sequence[Device], experiment: Experiment, ratio: float
     c[np.arange(places.size), places] = 1.0
     scale = np.array([float(p.matrices.mass.trace()) for p in plants]) / experiment.period**2
     source = motion[:, :, size + 1] * scale[:, None]
-    process = ratio * source[:, :, None] * source[:, None, :] + FLOOR * np.eye(size)
+    process = ratios[:, None, None] * source[:, :, None] * source[:, None, :] + FLOOR * np.eye(size)
     noise = np.diag(noise_scale(experiment) ** 2)
     p = _doubled(motion[:, :, :size], c, process, noise)
     with np.errstate(all="ignore"):

@@ -32,15 +32,24 @@ def drive(scale: Floats | float = 1.0) -> Device:
     return device.with_interface(period=2e-3, delay=0.0)
 
 
-def recording(device: Device, ticks: int, seed: int, outputs: tuple[int, ...] = (0,)) -> Experiment:
-    """Return positions of some masses under a multisine of 0.1 to 20 Hz, in steps of an encoder."""
+def recording(
+    device: Device,
+    ticks: int,
+    seed: int,
+    outputs: tuple[int, ...] = (0,),
+    push: Floats | float = 0.0,
+) -> Experiment:
+    """Return positions of some masses under a multisine of 0.1 to 20 Hz, in steps of an encoder.
+
+    push: a force on m1 that is not in the recorded command.
+    """
     period, random = device.interface.period, np.random.default_rng(seed)
     t = period * np.arange(ticks)
     hertz = np.arange(0.125, 20.0, 0.125)
     phases = random.uniform(0.0, 2.0 * np.pi, hertz.size)
     lines = np.cos(2.0 * np.pi * np.outer(t, hertz) + phases) / np.hypot(1.0, hertz / 3.0)
     command = 0.1 * lines.sum(axis=1) / np.std(lines.sum(axis=1))
-    run = simulate(device, recorded(command), duration=ticks * period, substeps=64)
+    run = simulate(device, recorded(command + push), duration=ticks * period, substeps=64)
     step, noise = 3.8e-4, 8.7e-5
     seen = [run.trace[f"position_m{i + 1}"] for i in outputs]
     noisy = np.column_stack([y + noise * random.standard_normal(ticks) for y in seen])

@@ -28,6 +28,15 @@ def test_doubling_gives_every_member_its_gain(outputs: tuple[Output, ...], ratio
         assert np.all(np.abs(gain - own) <= 1e-9 * np.abs(own).max(axis=0))
 
 
+def test_every_member_may_have_a_ratio_of_its_own() -> None:
+    """Mutation: the first member's for all."""
+    ratios = np.geomspace(1e-4, 1e4, 5)
+    found = steady_gains([phantom()] * 5, seen(POSITION), ratios)
+    for gain, ratio in zip(found, ratios.tolist(), strict=True):
+        alone = steady_gains([phantom()], seen(POSITION), ratio)[0]
+        assert np.allclose(gain, alone, rtol=1e-9, atol=0.0)
+
+
 def test_a_population_of_velocities_alone_has_gains() -> None:
     """Where the device stands never shows; each member's gain is then found by itself."""
     devices = varied(one_mass(1e-3, 2e-3), None, 3)

@@ -1,0 +1,163 @@
+"""The models of the noise that a hypothesis may choose from, all judged at once.
+
+A model of the noise says how much of the motion is disturbance (the observer's ratio of process to
+measurement variance) and what colour and spread are left in each output (the filters that whiten
+the innovations, their covariance). For one device at one x the members of the family differ in
+their observers alone, so they are lanes of one population: the same device, a gain each.
+
+Each observer begins where the first ticks say that it should (`predictor.begun`): e = e_0 + C x_0,
+linear in the beginning, C by the device without its nonlinear physics, a lane for every state.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.fit import Problem
+from zwidth.diagnosis.parameters import Model
+from zwidth.diagnosis.predictor import (
+    BEGINNING,
+    SEARCHING,
+    SETTLING,
+    Fineness,
+    Observer,
+    observer_memory,
+    padded,
+    substeps_of,
+    whitened,
+)
+from zwidth.diagnosis.steady import NoObserver, steady_gains
+from zwidth.jobs.parallel import in_parallel, threads
+from zwidth.sim.device import Device
+from zwidth.sim.population import Population, Readings, Recorded
+
+Floats = NDArray[np.float64]
+# From a device that is nearly believed to one that is hardly: beyond either end nothing changes.
+FAMILY = np.geomspace(1e-7, 1e7, 15)
+NEGLIGIBLE = 1e-6  # of the largest direction, in which a beginning does not show
+
+
+@dataclass(frozen=True)
+class Noise:
+    """A model of the noise for a hypothesis: its observer, and where that begins.
+
+    starts: for each recording, what is added to positions and velocities (2n,) at its beginning.
+    cost: -2 log likelihood under it, up to a constant.
+    """
+
+    observer: Observer
+    starts: tuple[Floats, ...]
+    cost: float
+
+    def problem(self, experiments: Sequence[Experiment], fineness: Fineness = SEARCHING) -> Problem:
+        """Return the recordings under this model of their noise."""
+        known = [replace(e, start=s) for e, s in zip(experiments, self.starts, strict=True)]
+        return Problem(known, self.observer, fineness)
+
+
+def likeliest(
+    experiments: Sequence[Experiment], model: Model, x: Floats, ratios: Floats = FAMILY
+) -> Noise:
+    """Return the likeliest model of the noise; raises NoObserver where none follows."""
+    found = noises(experiments, model, x, ratios)
+    if not found:
+        raise NoObserver(f"no observer follows the recordings with {model.label}")
+    return min(found, key=lambda noise: noise.cost)
+
+
+def noises(
+    experiments: Sequence[Experiment], model: Model, x: Floats, ratios: Floats = FAMILY
+) -> list[Noise]:
+    """Return the models of the noise under which the device at x can be followed."""
+    device = model.acting(x)
+    seen = [model.seen(e, x) for e in experiments]
+    bare = device.without_physics() if device.physics else device
+    gains = steady_gains([bare] * ratios.size, seen[0], ratios)
+    usable = np.flatnonzero(np.isfinite(gains).all(axis=(1, 2)))
+    if usable.size == 0:
+        return []
+    each = _Observed(device, bare, gains[usable])
+    followed = [each.followed(e) for e in seen]
+    found: list[Noise] = []
+    for i, ratio in enumerate(ratios[usable].tolist()):
+        errors = [innovations[i] for _, innovations in followed]
+        if not all(np.all(np.isfinite(e)) for e in errors):
+            continue
+        plain = Observer(each.gains[i], _deviation(errors), ratio)
+        try:
+            white = whitened(plain, errors)
+        except NoObserver:
+            continue
+        weighed = np.concatenate([white.weigh(e)[SETTLING:].ravel() for e in errors])
+        starts = tuple(begins[i] for begins, _ in followed)
+        cost = white.cost(weighed)
+        if np.isfinite(cost):
+            found.append(Noise(white, starts, cost))
+    return found
+
+
+def _deviation(errors: Sequence[Floats]) -> Floats:
+    return np.sqrt(np.mean(np.concatenate([e[SETTLING:] for e in errors]) ** 2, axis=0))
+
+
+class _Observed:
+    """One device under several gains (ratios, states, o)."""
+
+    def __init__(self, device: Device, bare: Device, gains: Floats) -> None:
+        self.device, self.bare, self.gains = device, bare, gains
+        few, many = substeps_of(device, SEARCHING)
+        self.own = Population([device] * gains.shape[0], few, many)
+        self.dof = device.chain.masses.size
+        self.units = Population([bare] * (2 * self.dof * gains.shape[0]), 1, 1)
+
+    def followed(self, experiment: Experiment) -> tuple[Floats, Floats]:
+        """Return beginnings (ratios, 2n) and innovations (ratios, ticks, o)."""
+        count = self.gains.shape[0]
+        first = replace(experiment.part(0, min(BEGINNING, experiment.ticks)), start=None)
+        nothing = np.zeros((count, 2 * self.dof))
+        own = self._innovations(self.own, first, self.device, nothing, self.gains)
+        scale = np.std(own, axis=1)
+        unit = np.repeat([1.0, 1.0 / experiment.period], self.dof)
+        units = np.tile(np.diag(unit), (count, 1)) * np.repeat(scale[:, 0], 2 * self.dof)[:, None]
+        still = replace(
+            first, command=np.zeros(first.ticks), measured=np.zeros(first.measured.shape),
+            sensor_error=None, dropped=None, force=None,
+        )  # fmt: skip
+        repeated = np.repeat(self.gains, 2 * self.dof, axis=0)
+        answers = self._innovations(self.units, still, self.bare, units, repeated)
+        begins = nothing.copy()
+        for i in range(count):
+            mine = slice(2 * self.dof * i, 2 * self.dof * (i + 1))
+            matrix = (answers[mine] / scale[i]).reshape(2 * self.dof, -1).T
+            left = (own[i] / scale[i]).ravel()
+            if np.all(np.isfinite(matrix)) and np.all(np.isfinite(left)):
+                solved, *_ = np.linalg.lstsq(matrix, -left, rcond=NEGLIGIBLE)
+                begins[i] = units[mine].T @ solved
+        return begins, self._innovations(self.own, experiment, self.device, begins, self.gains)
+
+    def _innovations(
+        self,
+        population: Population,
+        experiment: Experiment,
+        device: Device,
+        starts: Floats,
+        gains: Floats,
+    ) -> Floats:
+        eq = population.coarse[0].eq
+        force = experiment.force
+        if force is not None:
+            force = np.pad(force, ((0, 0), (0, eq.dof - force.shape[1])))
+        recorded = Recorded(
+            experiment.command, experiment.measured, experiment.places(eq.dof), force
+        )
+        first = experiment.part(0, min(BEGINNING, experiment.ticks))
+        memories = [observer_memory(eq, replace(first, start=s)) for s in starts]
+        readings = Readings(np.stack([padded(g, device, eq) for g in gains]))
+        with np.errstate(all="ignore"):  # infinite after an overflow
+            return population.follow(
+                recorded, memories, readings, keep=True,
+                run_all=lambda tasks: in_parallel(tasks, threads()),
+            ).innovations  # fmt: skip
