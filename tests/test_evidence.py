@@ -104,6 +104,7 @@ def test_of_a_true_hypothesis_the_overdispersion_is_one() -> None:
     """Mean over 200 recordings. Mutation: 2 in place of 4."""
     random = np.random.default_rng(6)
     found: list[float] = []
+    gains = np.zeros(0)
     for _ in range(200):
         difference = 0.3 * np.sign(random.normal(size=8000))
         gains = gains_of(difference, random.normal(size=8000), 40)
