@@ -280,7 +280,8 @@ def integrate(truth, period, steps, wanted, feedback, jitter, lost, process, noi
     """Move the device from rest; return (commands, readings, ticks done), each (ticks,).
 
     wanted (ticks,): what is asked for; feedback: stiffness and damping by which the encoder's
-    reading is fed back, so that the command is wanted - K y - B (y - y before) / T. jitter (ticks,)
+    reading is fed back, so that the command is wanted - K y - B (y - y before) / T; a third number
+    low-passes that rate: the weight of a new difference in it. jitter (ticks,)
     [s] of each command's arrival. lost (ticks,): commands that never arrive. process (ticks,):
     force on m1 that nobody commanded. noise (ticks,) of the reading. states (ticks, 2n) is filled
     with positions and velocities at the readings. It stops where a position passes 1e6.
@@ -297,10 +298,12 @@ def integrate(truth, period, steps, wanted, feedback, jitter, lost, process, noi
     level, arrival = np.zeros(ticks), np.zeros(ticks)
     held = given = 0.0
     following = 0
-    y_before = 0.0
+    y_before = speed = 0.0
+    weight = feedback[2] if feedback.size > 2 else 1.0
     for tick in range(ticks):
         y = read(truth, x[0], noise[tick])
-        speed = (y - y_before) / period if tick > 0 else 0.0
+        rate = (y - y_before) / period if tick > 0 else 0.0
+        speed = weight * rate + (1.0 - weight) * speed
         y_before = y
         commands[tick] = wanted[tick] - feedback[0] * y - feedback[1] * speed
         readings[tick] = y
