@@ -28,7 +28,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-jit = njit(cache=True, error_model="numpy", nogil=True)
+# No reference counts, which cost more than the arithmetic: callers bring every array. A tuple of
+# arrays handed to a function that is not absorbed into its caller is copied at every call.
+OPTIONS = {"cache": True, "error_model": "numpy", "nogil": True, "_nrt": False}
+compiled = njit(**OPTIONS)
+jit = njit(**OPTIONS, forceinline=True)
 
 
 class Truth(NamedTuple):
@@ -254,7 +258,8 @@ def runge_kutta(truth, t, h, x, held, dry, pins, process, k, stage):
 def step(truth, t, h, x, z, pins, held, process, dry, stretch, k, stage):
     """Bristles by half, masses, bristles by half, pins."""
     n = truth.masses.size
-    dry[:] = 0.0
+    for i in range(n):
+        dry[i] = 0.0
     for b in range(z.size):
         row = truth.bristles[b]
         i = int(row[0])
@@ -275,7 +280,6 @@ def step(truth, t, h, x, z, pins, held, process, dry, stretch, k, stage):
         x[2 * n + 1 + e] = min(max(x[2 * n + 1 + e], -1.0), 1.0)
 
 
-@jit
 def integrate(truth, period, steps, wanted, feedback, jitter, lost, process, noise, states):
     """Move the device from rest; return (commands, readings, ticks done), each (ticks,).
 
@@ -286,28 +290,57 @@ def integrate(truth, period, steps, wanted, feedback, jitter, lost, process, noi
     force on m1 that nobody commanded. noise (ticks,) of the reading. states (ticks, 2n) is filled
     with positions and velocities at the readings. It stops where a position passes 1e6.
     """
+    n, ticks = truth.masses.size, wanted.size
+    rates, links = 2 * n + 1 + truth.yields.shape[0], truth.links.shape[0]
+    room = Room(
+        np.zeros(rates), np.zeros(truth.bristles.shape[0]), np.zeros(links), np.zeros(n),
+        np.zeros(links), np.zeros((4, rates)), np.zeros(rates), np.zeros(ticks), np.zeros(ticks),
+    )  # fmt: skip
+    commands, readings = np.zeros(ticks), np.zeros(ticks)
+    gains = np.array([*feedback[:2], feedback[2] if len(feedback) > 2 else 1.0], dtype=np.float64)
+    done = advance(
+        truth, period, steps, wanted, gains, jitter, lost, process, noise, states, commands,
+        readings, room,
+    )  # fmt: skip
+    return commands, readings, done
+
+
+class Room(NamedTuple):
+    """State and working space: x, bristles, pins, and what a step needs; commands under way."""
+
+    x: Floats
+    z: Floats
+    pins: Floats
+    dry: Floats
+    stretch: Floats
+    k: Floats
+    stage: Floats
+    level: Floats
+    arrival: Floats
+
+
+@compiled
+def advance(
+    truth, period, steps, wanted, feedback, jitter, lost, process, noise, states, commands,
+    readings, room,
+):  # fmt: skip
+    """Move the device as `integrate` says; return the ticks done."""
     n = truth.masses.size
     ticks = wanted.size
     h = period / steps
-    x = np.zeros(2 * n + 1 + truth.yields.shape[0])
-    z = np.zeros(truth.bristles.shape[0])
-    pins = np.zeros(truth.links.shape[0])
-    dry, stretch = np.zeros(n), np.zeros(pins.size)
-    k, stage = np.zeros((4, x.size)), np.zeros(x.size)
-    commands, readings = np.zeros(ticks), np.zeros(ticks)
-    level, arrival = np.zeros(ticks), np.zeros(ticks)
+    x, level, arrival = room.x, room.level, room.arrival
     held = given = 0.0
     following = 0
     y_before = speed = 0.0
-    weight = feedback[2] if feedback.size > 2 else 1.0
     for tick in range(ticks):
         y = read(truth, x[0], noise[tick])
         rate = (y - y_before) / period if tick > 0 else 0.0
-        speed = weight * rate + (1.0 - weight) * speed
+        speed = feedback[2] * rate + (1.0 - feedback[2]) * speed
         y_before = y
         commands[tick] = wanted[tick] - feedback[0] * y - feedback[1] * speed
         readings[tick] = y
-        states[tick] = x[: 2 * n]
+        for i in range(2 * n):
+            states[tick, i] = x[i]
         if not lost[tick]:
             given = drive(truth, commands[tick], given)
         level[tick] = given
@@ -321,7 +354,10 @@ def integrate(truth, period, steps, wanted, feedback, jitter, lost, process, noi
                 held = level[following]
                 following += 1
             mean = (mean + held * (t + h - since)) / h
-            step(truth, t, h, x, z, pins, mean, process[tick], dry, stretch, k, stage)
+            step(
+                truth, t, h, x, room.z, room.pins, mean, process[tick], room.dry, room.stretch,
+                room.k, room.stage,
+            )  # fmt: skip
         if not abs(x[0]) < 1e6:
-            return commands, readings, tick + 1
-    return commands, readings, ticks
+            return tick + 1
+    return ticks
