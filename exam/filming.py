@@ -5,7 +5,7 @@ velocity is the difference of such counts over a period, or that through a first
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 
 from zwidth.exam.machines import Machine, log_uniform
 from zwidth.exam.playing import Playing
-from zwidth.scenarios.concealed.integrator import integrate
+from zwidth.scenarios.concealed.integrator import NO_LAWS, Run, integrate
 from zwidth.scenarios.concealed.rig import Made, RunAway
 from zwidth.scenarios.concealed.truth import lost_rate, truth_of
 from zwidth.sim.device import Device
@@ -42,12 +42,16 @@ class Camera:
 
 @dataclass(frozen=True)
 class Scene:
-    """A machine, what it plays, and how it is seen; the seed makes its noise."""
+    """A machine, what it plays, and how it is seen; the seed makes its noise.
+
+    laws: rows of laws of no name.
+    """
 
     device: Device
     playing: Playing
     camera: Camera
     seed: int
+    laws: Floats = field(default_factory=lambda: NO_LAWS, compare=False)
 
 
 def draw_camera(random: np.random.Generator, machine: Machine) -> Camera:
@@ -88,20 +92,20 @@ def film(scene: Scene) -> Made:
     seeds = np.random.SeedSequence(scene.seed).spawn(3 + len(camera.outputs))
     lost, process, reading, *others = (np.random.default_rng(seed) for seed in seeds)
     drops = lost.random(ticks) < lost_rate(device)
+    force, late = camera.process * process.standard_normal(ticks), np.zeros(ticks)
     steps = steps_a_tick(period)
-    truth = truth_of(device, steps)
+    truth = truth_of(device, steps)._replace(laws=scene.laws)
     n = device.chain.masses.size
     states = np.zeros((ticks, 2 * truth.masses.size))
     commands, y, done = integrate(
-        truth, period, steps, playing.wanted, np.array(playing.feedback), np.zeros(ticks), drops,
-        camera.process * process.standard_normal(ticks),
+        truth, period, steps, playing.wanted, np.array(playing.feedback), late, drops, force,
         camera.reading * reading.standard_normal(ticks), states,
     )  # fmt: skip
     if done < ticks or not np.isfinite(states).all():
         raise RunAway(f"the machine runs away after {done} ticks; conceal something weaker")
     channels = {"command": commands}
-    length, force = ("rad", "N m") if device.rotary else ("m", "N")
-    units = {"command": force}
+    length, unit = ("rad", "N m") if device.rotary else ("m", "N")
+    units = {"command": unit}
     for name, stream in zip(camera.outputs, others, strict=True):
         mass = int(name[-1]) - 1
         counted = y
@@ -112,16 +116,9 @@ def film(scene: Scene) -> Made:
         channels[name] = _rate(counted, period, camera.cutoff_hz) if moving else counted
         units[name] = f"{length}/s" if moving else length
     t = np.arange(ticks, dtype=np.float64) * period
-    trimmed = np.ascontiguousarray(
-        np.hstack([states[:, :n], states[:, truth.masses.size :][:, :n]])
-    )
-    return Made(Trace(t, channels, units, "recorded"), trimmed, drops)
-
-
-def quiet(scene: Scene) -> Scene:
-    """Return the scene without noise and without encoder steps."""
-    camera = replace(scene.camera, reading=0.0, process=0.0)
-    return replace(scene, camera=camera, device=scene.device.with_interface(encoder_step=0.0))
+    run = Run(truth, period, steps, commands, late, drops, force)
+    chain = np.hstack([states[:, :n], states[:, truth.masses.size :][:, :n]])
+    return Made(Trace(t, channels, units, "recorded"), np.ascontiguousarray(chain), drops, run)
 
 
 def _counted(position: Floats, step: float) -> Floats:
