@@ -12,19 +12,19 @@ from click.testing import CliRunner
 
 from tests.physics_examples import phantom
 from zwidth.cli import zwidth
-from zwidth.diagnosis.exam import sitting
-from zwidth.diagnosis.exam.conceal import conceal, make, orders
-from zwidth.diagnosis.exam.drawing import draw
-from zwidth.diagnosis.exam.hidden import seen
-from zwidth.diagnosis.exam.mark import linear_truth, mark, stands_apart
-from zwidth.diagnosis.exam.of_library import DRY, as_made, chosen
-from zwidth.diagnosis.exam.perfect import HeldOut
-from zwidth.diagnosis.exam.strata import STRATA, counts
-from zwidth.diagnosis.exam.take import mark_all, open_seal, sit_all
-from zwidth.diagnosis.exam.tally import Share, tally
 from zwidth.diagnosis.fit import Problem
 from zwidth.diagnosis.parameters import Model
 from zwidth.diagnosis.reference import reference
+from zwidth.exam import sitting
+from zwidth.exam.conceal import conceal, make, orders
+from zwidth.exam.drawing import draw
+from zwidth.exam.hidden import seen
+from zwidth.exam.mark import linear_truth, mark, stands_apart
+from zwidth.exam.of_library import DRY, as_made, chosen
+from zwidth.exam.perfect import HeldOut
+from zwidth.exam.strata import STRATA, counts
+from zwidth.exam.take import mark_all, open_seal, sit_all
+from zwidth.exam.tally import Share, tally
 from zwidth.exam_page import goals, page, ratio
 from zwidth.jobs.executor import Local
 from zwidth.scenarios.concealed.handout import key_file, names, recording_files

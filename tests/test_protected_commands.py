@@ -15,8 +15,8 @@ import pytest
 from zwidth import cli, console
 from zwidth.controllers.excitation import noise
 from zwidth.covariance import save_covariance
-from zwidth.diagnosis.exam.conceal import conceal, orders
 from zwidth.errors import Status
+from zwidth.exam.conceal import conceal, orders
 from zwidth.files.protection import RECORDS, command
 from zwidth.files.whole import write_text
 from zwidth.identification.output import position
@@ -109,7 +109,7 @@ CASES: dict[str, Case | str] = {
             *("o/recordings/r0001.toml", "o/recordings/r0001.device.toml"),
         ),
         (),
-        "zwidth.diagnosis.exam.conceal.make",
+        "zwidth.exam.conceal.make",
     ),
     "exam": Case(
         "sealed --page o/page.md",

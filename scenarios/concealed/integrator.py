@@ -28,7 +28,20 @@ from numba import njit
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-jit = njit(cache=True, error_model="numpy", nogil=True)
+# No reference counts, which cost more than the arithmetic: callers bring every array. A tuple of
+# arrays handed to a function that is not absorbed into its caller is copied at every call.
+OPTIONS = {"cache": True, "error_model": "numpy", "nogil": True, "_nrt": False}
+compiled = njit(**OPTIONS)
+jit = njit(**OPTIONS, forceinline=True)
+
+
+# A law's row: place, mass, link, amplitude, form, depth, then two factors of an argument, a shape,
+# centre and scale of the argument, two numbers of the shape, and its height at five knots.
+ON_MASS, ON_LINK, ON_COMMAND, ON_SENSOR = 0, 1, 2, 3
+PLACE, MASS, LINK, AMPLITUDE, FORM, DEPTH, FACTOR, WIDTH = 0, 1, 2, 3, 4, 5, 6, 11
+LAW = FACTOR + 2 * WIDTH
+KNOTS = 5  # at -2, -1, 0, 1, 2
+NO_LAWS = np.zeros((0, LAW))
 
 
 class Truth(NamedTuple):
@@ -42,7 +55,8 @@ class Truth(NamedTuple):
     amplitude, period, phase; hum: amplitude, Hz, phase; detent: amplitude, period, sharpness; stop:
     position, stiffness, damping. inertia: share by which m1 swings, period in position. warming:
     share by which dampers change, time constant. amplifier: lag, step, band, ratio, limit, slew a
-    tick. sensor: amplitude, period, phase; rectified; step.
+    tick. sensor: amplitude, period, phase; rectified; step. laws (w, LAW): laws of no name, a row
+    each (`law_value`).
     """
 
     masses: Floats
@@ -65,6 +79,7 @@ class Truth(NamedTuple):
     amplifier: Floats
     delay: float
     sensor: Floats
+    laws: Floats = NO_LAWS
 
 
 @jit
@@ -189,6 +204,92 @@ def on_m1(truth, t, q, v):
 
 
 @jit
+def shape_value(row, at, u):
+    """Return the shape of a factor at u, its argument in units of its scale."""
+    shape, a, b = row[at + 1], row[at + 4], row[at + 5]
+    if shape == 1.0:  # odd power
+        return math.copysign(abs(u) ** a, u)
+    if shape == 2.0:  # even power
+        return abs(u) ** a
+    if shape == 3.0:
+        return math.tanh(a * u)
+    if shape == 4.0:
+        return math.sin(a * u + b)
+    if shape == 5.0:  # a bump
+        return math.exp(-0.5 * (a * u) ** 2)
+    if shape == 6.0:  # on one side only
+        return max(0.0, u) ** a
+    knot = min(max(u + 2.0, 0.0), KNOTS - 1.0)
+    left = min(int(knot), KNOTS - 2)
+    share = knot - left
+    return (1.0 - share) * row[at + 6 + left] + share * row[at + 7 + left]
+
+
+@jit
+def argument(row, at, q, v, stretch, rate, command, t):
+    """Return the argument of a factor in units of its scale."""
+    kind = row[at]
+    value = t
+    if kind == 1.0:
+        value = q
+    elif kind == 2.0:
+        value = v
+    elif kind == 3.0:
+        value = stretch
+    elif kind == 4.0:
+        value = rate
+    elif kind == 5.0:
+        value = command
+    return (value - row[at + 2]) / row[at + 3]
+
+
+@jit
+def law_value(row, q, v, stretch, rate, command, t):
+    """Return what a law of no name gives: the product of two factors, or one inside the other.
+
+    Form 0: A f(u) g(w), form 1: A f(u + depth g(w)); a factor without an argument is one, or none
+    inside the other.
+    """
+    one, two = FACTOR, FACTOR + WIDTH
+    u = argument(row, one, q, v, stretch, rate, command, t)
+    if row[two] == 0.0:
+        return row[AMPLITUDE] * shape_value(row, one, u)
+    second = shape_value(row, two, argument(row, two, q, v, stretch, rate, command, t))
+    if row[FORM] == 0.0:
+        return row[AMPLITUDE] * shape_value(row, one, u) * second
+    return row[AMPLITUDE] * shape_value(row, one, u + row[DEPTH] * second)
+
+
+@compiled
+def sampled_laws(laws, n, place, x, command, t):
+    """Return what laws add to a command or a reading."""
+    total = 0.0
+    for e in range(laws.shape[0]):
+        if laws[e, PLACE] == place:
+            total += law_value(laws[e], x[0], x[n], 0.0, 0.0, command, t)
+    return total
+
+
+@compiled
+def forceful_laws(laws, n, x, command, t, out):
+    """Add the forces of laws on masses and in links; masses pull apart where a stretch is > 0."""
+    for e in range(laws.shape[0]):
+        row = laws[e]
+        if row[PLACE] > ON_LINK:
+            continue
+        i, link = int(row[MASS]), int(row[LINK])
+        stretch = rate = 0.0
+        if link >= 0:
+            stretch, rate = x[link] - x[link + 1], x[n + link] - x[n + link + 1]
+        f = law_value(row, x[i], x[n + i], stretch, rate, command, t)
+        if row[PLACE] == ON_MASS:
+            out[n + i] += f
+        else:
+            out[n + link] += f
+            out[n + link + 1] -= f
+
+
+@jit
 def derivative(truth, t, x, held, dry, pins, process, out):
     """Rates of x = [positions, velocities, amplifier's force, Bouc-Wen's z of each]."""
     n = truth.masses.size
@@ -213,6 +314,8 @@ def derivative(truth, t, x, held, dry, pins, process, out):
         out[n + i] -= f
         if j >= 0:
             out[n + j] += f
+    if truth.laws.shape[0] > 0:
+        forceful_laws(truth.laws, n, x, motor, t, out)
     for e in range(truth.yields.shape[0]):
         row = truth.yields[e]
         i, j = int(row[0]), int(row[1])
@@ -254,7 +357,8 @@ def runge_kutta(truth, t, h, x, held, dry, pins, process, k, stage):
 def step(truth, t, h, x, z, pins, held, process, dry, stretch, k, stage):
     """Bristles by half, masses, bristles by half, pins."""
     n = truth.masses.size
-    dry[:] = 0.0
+    for i in range(n):
+        dry[i] = 0.0
     for b in range(z.size):
         row = truth.bristles[b]
         i = int(row[0])
@@ -275,38 +379,124 @@ def step(truth, t, h, x, z, pins, held, process, dry, stretch, k, stage):
         x[2 * n + 1 + e] = min(max(x[2 * n + 1 + e], -1.0), 1.0)
 
 
-@jit
+class Room(NamedTuple):
+    """State and working space: x, bristles, pins, and what a step needs; commands under way.
+
+    now: the command held, the one the amplifier gave last, the last reading, the rate fed back.
+    following: the next command to arrive.
+    """
+
+    x: Floats
+    z: Floats
+    pins: Floats
+    dry: Floats
+    stretch: Floats
+    k: Floats
+    stage: Floats
+    level: Floats
+    arrival: Floats
+    now: Floats
+    following: NDArray[np.int64]
+
+    def copy(self) -> "Room":
+        """Return another in the same state."""
+        return Room(*(array.copy() for array in self))
+
+
+def room_of(truth: Truth, ticks: int) -> Room:
+    """Return the state at rest, with room for so many ticks."""
+    n, links = truth.masses.size, truth.links.shape[0]
+    rates = 2 * n + 1 + truth.yields.shape[0]
+    return Room(
+        np.zeros(rates), np.zeros(truth.bristles.shape[0]), np.zeros(links), np.zeros(n),
+        np.zeros(links), np.zeros((4, rates)), np.zeros(rates), np.zeros(ticks), np.zeros(ticks),
+        np.zeros(4), np.zeros(1, dtype=np.int64),
+    )  # fmt: skip
+
+
 def integrate(truth, period, steps, wanted, feedback, jitter, lost, process, noise, states):
     """Move the device from rest; return (commands, readings, ticks done), each (ticks,).
 
     wanted (ticks,): what is asked for; feedback: stiffness and damping by which the encoder's
-    reading is fed back, so that the command is wanted - K y - B (y - y before) / T. jitter (ticks,)
+    reading is fed back, so that the command is wanted - K y - B (y - y before) / T; a third number
+    low-passes that rate: the weight of a new difference in it. jitter (ticks,)
     [s] of each command's arrival. lost (ticks,): commands that never arrive. process (ticks,):
     force on m1 that nobody commanded. noise (ticks,) of the reading. states (ticks, 2n) is filled
     with positions and velocities at the readings. It stops where a position passes 1e6.
     """
-    n = truth.masses.size
     ticks = wanted.size
-    h = period / steps
-    x = np.zeros(2 * n + 1 + truth.yields.shape[0])
-    z = np.zeros(truth.bristles.shape[0])
-    pins = np.zeros(truth.links.shape[0])
-    dry, stretch = np.zeros(n), np.zeros(pins.size)
-    k, stage = np.zeros((4, x.size)), np.zeros(x.size)
     commands, readings = np.zeros(ticks), np.zeros(ticks)
-    level, arrival = np.zeros(ticks), np.zeros(ticks)
-    held = given = 0.0
-    following = 0
-    y_before = 0.0
-    for tick in range(ticks):
-        y = read(truth, x[0], noise[tick])
-        speed = (y - y_before) / period if tick > 0 else 0.0
+    gains = np.array([*feedback[:2], feedback[2] if len(feedback) > 2 else 1.0], dtype=np.float64)
+    done = advance(
+        truth, period, steps, wanted, gains, jitter, lost, process, noise, states, commands,
+        readings, room_of(truth, ticks), 0, ticks,
+    )  # fmt: skip
+    return commands, readings, done
+
+
+class Run(NamedTuple):
+    """A run as it can be repeated: what was moved, by which commands, late by jitter, and process.
+
+    period and steps a tick; the others as `integrate` takes them, (ticks,) each.
+    """
+
+    truth: Truth
+    period: float
+    steps: int
+    commands: Floats
+    jitter: Floats
+    lost: NDArray[np.bool_]
+    process: Floats
+
+
+def undisturbed(run, window, firsts, states):
+    """Move the device of a run without noise, from its true state at the first tick of windows.
+
+    window: ticks of each. firsts: rising. states (ticks, 2n) takes the motion in windows; it is
+    left as it was elsewhere.
+    """
+    ticks = run.commands.size
+    still, none, room = np.zeros(ticks), np.array([0.0, 0.0, 1.0]), room_of(run.truth, ticks)
+    spare, true = np.zeros((2, ticks)), np.zeros_like(states)
+    reached = 0
+
+    def go(process, into, room, first, last):
+        advance(
+            run.truth, run.period, run.steps, run.commands, none, run.jitter, run.lost, process,
+            still, into, spare[0], spare[1], room, first, last,
+        )  # fmt: skip
+
+    for first in firsts:
+        go(run.process, true, room, reached, first)
+        go(still, states, room.copy(), first, min(first + window, ticks))
+        reached = first
+
+
+@compiled
+def advance(
+    truth, period, steps, wanted, feedback, jitter, lost, process, noise, states, commands,
+    readings, room, first, last,
+):  # fmt: skip
+    """Move the device over some ticks as `integrate` says; return the ticks done."""
+    n = truth.masses.size
+    h = period / steps
+    x, level, arrival = room.x, room.level, room.arrival
+    held, given, y_before, speed = room.now[0], room.now[1], room.now[2], room.now[3]
+    following = room.following[0]
+    for tick in range(first, last):
+        now = tick * period
+        seen = x[0] + sampled_laws(truth.laws, n, ON_SENSOR, x, 0.0, now)
+        y = read(truth, seen, noise[tick])
+        rate = (y - y_before) / period if tick > 0 else 0.0
+        speed = feedback[2] * rate + (1.0 - feedback[2]) * speed
         y_before = y
         commands[tick] = wanted[tick] - feedback[0] * y - feedback[1] * speed
         readings[tick] = y
-        states[tick] = x[: 2 * n]
+        for i in range(states.shape[1]):
+            states[tick, i] = x[i]
         if not lost[tick]:
-            given = drive(truth, commands[tick], given)
+            more = sampled_laws(truth.laws, n, ON_COMMAND, x, commands[tick], now)
+            given = drive(truth, commands[tick] + more, given)
         level[tick] = given
         arrival[tick] = tick * period + truth.delay + jitter[tick]
         for s in range(steps):
@@ -318,7 +508,12 @@ def integrate(truth, period, steps, wanted, feedback, jitter, lost, process, noi
                 held = level[following]
                 following += 1
             mean = (mean + held * (t + h - since)) / h
-            step(truth, t, h, x, z, pins, mean, process[tick], dry, stretch, k, stage)
+            step(
+                truth, t, h, x, room.z, room.pins, mean, process[tick], room.dry, room.stretch,
+                room.k, room.stage,
+            )  # fmt: skip
         if not abs(x[0]) < 1e6:
-            return commands, readings, tick + 1
-    return commands, readings, ticks
+            return tick + 1
+    room.now[0], room.now[1], room.now[2], room.now[3] = held, given, y_before, speed
+    room.following[0] = following
+    return last

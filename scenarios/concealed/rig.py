@@ -1,14 +1,14 @@
 """A recording as it is made: a truth driven, disturbed and seen through noise."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from zwidth.scenarios.concealed.excitation import Drive
-from zwidth.scenarios.concealed.integrator import integrate
+from zwidth.scenarios.concealed.integrator import NO_LAWS, Run, integrate
 from zwidth.scenarios.concealed.outside import Outside
 from zwidth.scenarios.concealed.truth import lost_rate, truth_of
 from zwidth.sim.device import Device
@@ -40,7 +40,7 @@ class Rig:
     """Everything that a recording follows from, and it alone.
 
     device: the truth, with its physics; outside: physics in no library; outputs: channels, such as
-    position_m1; seed of noise and lost commands.
+    position_m1; seed of noise and lost commands. laws: rows of laws of no name (`integrator.LAW`).
     """
 
     device: Device
@@ -49,10 +49,11 @@ class Rig:
     outputs: tuple[str, ...] = ("position_m1",)
     outside: Outside | None = None
     seed: int = 0
+    laws: Floats = field(default_factory=lambda: NO_LAWS, compare=False)
 
     def without_physics(self) -> "Rig":
         """Return the rig on which nothing is concealed: same drive, same noise."""
-        return replace(self, device=self.device.without_physics(), outside=None)
+        return replace(self, device=self.device.without_physics(), outside=None, laws=NO_LAWS)
 
 
 class RunAway(ValueError):
@@ -61,11 +62,15 @@ class RunAway(ValueError):
 
 @dataclass(frozen=True)
 class Made:
-    """A recording, the states (ticks, 2n) that nobody measures, and which commands were lost."""
+    """A recording, the states (ticks, 2n) that nobody measures, which commands were lost.
+
+    run: how it came about, to be repeated without noise.
+    """
 
     trace: Trace
     states: Floats
     lost: NDArray[np.bool_]
+    run: Run
 
 
 def record(rig: Rig, steps: int = STEPS) -> Made:
@@ -79,18 +84,18 @@ def record(rig: Rig, steps: int = STEPS) -> Made:
     nuisance, wanted = rig.nuisance, rig.drive.wanted
     late = nuisance.jitter * jitter.uniform(-1.0, 1.0, ticks)
     drops = lost.random(ticks) < lost_rate(device)
-    truth = truth_of(device, steps, rig.outside)
+    truth = truth_of(device, steps, rig.outside)._replace(laws=rig.laws)
     states = np.zeros((ticks, 2 * truth.masses.size))
+    force = nuisance.process * _noise(process, ticks, nuisance.process_colour)
     commands, y, done = integrate(
-        truth, period, steps, wanted, np.array(rig.drive.feedback), late, drops,
-        nuisance.process * _noise(process, ticks, nuisance.process_colour),
+        truth, period, steps, wanted, np.array(rig.drive.feedback), late, drops, force,
         nuisance.measurement * _noise(reading, ticks, nuisance.colour), states,
     )  # fmt: skip
     if done < ticks or not np.isfinite(states).all():
         raise RunAway(f"the device runs away after {done} ticks; conceal something weaker")
     channels = {"command": commands}
-    length, force = ("rad", "N m") if device.rotary else ("m", "N")
-    units = {"command": force}
+    length, unit = ("rad", "N m") if device.rotary else ("m", "N")
+    units = {"command": unit}
     for name, stream in zip(rig.outputs, others, strict=True):
         noise = nuisance.measurement * _noise(stream, ticks, nuisance.colour)
         mass = int(name[-1]) - 1
@@ -102,7 +107,8 @@ def record(rig: Rig, steps: int = STEPS) -> Made:
             channels[name] = states[:, truth.masses.size + mass] + 0.3 * noise / period
         units[name] = length if name.startswith("position") else f"{length}/s"
     t = np.arange(ticks, dtype=np.float64) * period
-    return Made(Trace(t, channels, units, "recorded"), states, drops)
+    run = Run(truth, period, steps, commands, late, drops, force)
+    return Made(Trace(t, channels, units, "recorded"), states, drops, run)
 
 
 def _noise(random: np.random.Generator, ticks: int, pole: float) -> Floats:

@@ -5,8 +5,8 @@ from pathlib import Path
 import click
 
 from zwidth.console import Console, progress
-from zwidth.diagnosis.exam.conceal import conceal, orders
-from zwidth.diagnosis.exam.strata import STRATA, counts
+from zwidth.exam.conceal import conceal, orders
+from zwidth.exam.strata import STRATA, counts
 from zwidth.jobs.choose import executor
 from zwidth.options import Quantity, cluster_option, force_option, json_option, out_option
 

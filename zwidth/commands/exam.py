@@ -8,9 +8,9 @@ import click
 
 from zwidth.compiling import announce
 from zwidth.console import Column, Console, progress
-from zwidth.diagnosis.exam.conceal import conceal, orders
-from zwidth.diagnosis.exam.strata import counts
-from zwidth.diagnosis.exam.take import mark_all, result, sit_all
+from zwidth.exam.conceal import conceal, orders
+from zwidth.exam.strata import counts
+from zwidth.exam.take import mark_all, result, sit_all
 from zwidth.exam_page import goals, page
 from zwidth.figures.exam import confusion_figure, magnitude_figure
 from zwidth.figures.names import picture_files

@@ -10,8 +10,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from zwidth.diagnosis.exam.hidden import SEEN, Hidden, Stage, draw_times, seen
-from zwidth.diagnosis.exam.strata import Stratum
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.fit import Problem
 from zwidth.diagnosis.limits import limit, sigma
@@ -19,6 +17,8 @@ from zwidth.diagnosis.magnitude import magnitude, strengthened
 from zwidth.diagnosis.parameters import IN_RECORDING, Model
 from zwidth.diagnosis.reference import Reference
 from zwidth.diagnosis.separation import separation
+from zwidth.exam.hidden import SEEN, Hidden, Stage, draw_times, seen
+from zwidth.exam.strata import Stratum
 from zwidth.scenarios.concealed.rig import Rig, record
 from zwidth.scenarios.concealed.shapes import draw_physics, places
 from zwidth.sim.device import Device

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from zwidth.diagnosis.exam.drawing import Concealed, draw
-from zwidth.diagnosis.exam.strata import STRATA
+from zwidth.exam.drawing import Concealed, draw
+from zwidth.exam.strata import STRATA
 from zwidth.files.protection import check, reading
 from zwidth.files.whole import write_text
 from zwidth.jobs.executor import Executor

@@ -12,10 +12,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from zwidth.diagnosis.exam.mark import Mark, linear_truth, mark
-from zwidth.diagnosis.exam.perfect import HeldOut, held_out
-from zwidth.diagnosis.exam.sitting import Paper, sit
-from zwidth.diagnosis.exam.tally import tally
+from zwidth.exam.mark import Mark, linear_truth, mark
+from zwidth.exam.perfect import HeldOut, held_out
+from zwidth.exam.sitting import Paper, sit
+from zwidth.exam.tally import tally
 from zwidth.files.whole import write_text
 from zwidth.jobs.executor import Executor
 from zwidth.logs.recording_file import load_description

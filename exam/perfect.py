@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from zwidth.diagnosis.exam.hidden import seen
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.predictor import choose_observer, free_run_errors, observer_near
 from zwidth.diagnosis.settle import refit
 from zwidth.diagnosis.steady import NoObserver
+from zwidth.exam.hidden import seen
 from zwidth.logs.recording import read_recording
 from zwidth.scenarios.concealed.handout import description_file, recording_files
 from zwidth.sim.device import Device

@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 
 from zwidth.diagnosis.diagnose import diagnose
-from zwidth.diagnosis.exam.hidden import seen
+from zwidth.exam.hidden import seen
 from zwidth.logs.recording import read_recording
 from zwidth.scenarios.concealed.handout import description_file, recording_files
 from zwidth.scenarios.concealed.sealing import digest

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from scipy.stats import binomtest
 
-from zwidth.diagnosis.exam.mark import Mark, Marked
-from zwidth.diagnosis.exam.perfect import HeldOut
-from zwidth.diagnosis.exam.strata import STRATA
+from zwidth.exam.mark import Mark, Marked
+from zwidth.exam.perfect import HeldOut
+from zwidth.exam.strata import STRATA
 
 BINS = (1.0, 1.5, 3.0, 5.0, 10.0, 30.0, 100.1)  # times the limit
 NOTHING, UNKNOWN = "nothing", "unknown"

@@ -1,0 +1,135 @@
+"""A machine of full size on record: what encoders count, differenced and low-passed as drives do.
+
+Every position is counted by an encoder with the machine's step, noise added before it counts. A
+velocity is the difference of such counts over a period, or that through a first-order low-pass.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from zwidth.exam.machines import Machine, log_uniform
+from zwidth.exam.playing import Playing
+from zwidth.scenarios.concealed.integrator import NO_LAWS, Run, integrate
+from zwidth.scenarios.concealed.rig import Made, RunAway
+from zwidth.scenarios.concealed.truth import lost_rate, truth_of
+from zwidth.sim.device import Device
+from zwidth.sim.trace import Trace
+
+Floats = NDArray[np.float64]
+STEP_S = 1e-4  # of the integrator at most; a stiff bristle then bends by microradians
+FEWEST = 4  # steps a tick
+LOW_PASS_HZ = (20.0, 200.0)
+
+
+@dataclass(frozen=True)
+class Camera:
+    """How a machine is seen.
+
+    outputs: channels, such as position_m1. cutoff_hz: of the low-pass of velocities, infinite for
+    mere differences. reading: rms noise before an encoder counts; process: rms of a force on m1
+    that nobody commanded, new every tick.
+    """
+
+    outputs: tuple[str, ...]
+    cutoff_hz: float
+    reading: float
+    process: float
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A machine, what it plays, and how it is seen; the seed makes its noise.
+
+    laws: rows of laws of no name.
+    """
+
+    device: Device
+    playing: Playing
+    camera: Camera
+    seed: int
+    laws: Floats = field(default_factory=lambda: NO_LAWS, compare=False)
+
+
+def draw_camera(random: np.random.Generator, machine: Machine) -> Camera:
+    """Return a way to see a machine; process noise is a share of a command of rms one."""
+    n = machine.device.chain.masses.size
+    kind = float(random.random())
+    last = f"m{n}"
+    if kind < 0.25 and n > 1:
+        outputs: tuple[str, ...] = ("position_m1", f"position_{last}")
+    elif kind < 0.65:
+        outputs = ("position_m1",)
+    elif kind < 0.75 and n > 1:
+        outputs = ("velocity_m1", f"velocity_{last}")
+    elif kind < 0.9:
+        outputs = ("velocity_m1",)
+    else:
+        outputs = ("position_m1", "velocity_m1")
+    cutoff = math.inf
+    nyquist = 0.5 / machine.device.interface.period
+    if random.random() < 0.6:
+        cutoff = log_uniform(random, LOW_PASS_HZ[0], min(LOW_PASS_HZ[1], 0.8 * nyquist))
+    step = machine.device.interface.encoder_step
+    return Camera(
+        outputs, cutoff, step * log_uniform(random, 0.1, 1.0), log_uniform(random, 1e-3, 1e-2)
+    )
+
+
+def steps_a_tick(period: float) -> int:
+    """Return the integrator's steps a tick."""
+    return max(FEWEST, math.ceil(period / STEP_S - 1e-9))
+
+
+def film(scene: Scene) -> Made:
+    """Return the recording; raises RunAway where the machine leaves all bounds."""
+    device, camera, playing = scene.device, scene.camera, scene.playing
+    period, ticks = device.interface.period, playing.wanted.size
+    # One stream of random numbers for each use, so that one use more changes no other.
+    seeds = np.random.SeedSequence(scene.seed).spawn(3 + len(camera.outputs))
+    lost, process, reading, *others = (np.random.default_rng(seed) for seed in seeds)
+    drops = lost.random(ticks) < lost_rate(device)
+    force, late = camera.process * process.standard_normal(ticks), np.zeros(ticks)
+    steps = steps_a_tick(period)
+    truth = truth_of(device, steps)._replace(laws=scene.laws)
+    n = device.chain.masses.size
+    states = np.zeros((ticks, 2 * truth.masses.size))
+    commands, y, done = integrate(
+        truth, period, steps, playing.wanted, np.array(playing.feedback), late, drops, force,
+        camera.reading * reading.standard_normal(ticks), states,
+    )  # fmt: skip
+    if done < ticks or not np.isfinite(states).all():
+        raise RunAway(f"the machine runs away after {done} ticks; conceal something weaker")
+    channels = {"command": commands}
+    length, unit = ("rad", "N m") if device.rotary else ("m", "N")
+    units = {"command": unit}
+    for name, stream in zip(camera.outputs, others, strict=True):
+        mass = int(name[-1]) - 1
+        counted = y
+        if mass > 0:
+            noisy = states[:, mass] + camera.reading * stream.standard_normal(ticks)
+            counted = _counted(noisy, device.interface.encoder_step)
+        moving = name.startswith("velocity")
+        channels[name] = _rate(counted, period, camera.cutoff_hz) if moving else counted
+        units[name] = f"{length}/s" if moving else length
+    t = np.arange(ticks, dtype=np.float64) * period
+    run = Run(truth, period, steps, commands, late, drops, force)
+    chain = np.hstack([states[:, :n], states[:, truth.masses.size :][:, :n]])
+    return Made(Trace(t, channels, units, "recorded"), np.ascontiguousarray(chain), drops, run)
+
+
+def _counted(position: Floats, step: float) -> Floats:
+    if step == 0.0:
+        return position
+    return step * np.sign(position) * np.floor(np.abs(position) / step + 0.5)
+
+
+def _rate(counted: Floats, period: float, cutoff_hz: float) -> Floats:
+    change = np.diff(counted, prepend=counted[0]) / period
+    if math.isinf(cutoff_hz):
+        return change
+    weight = 1.0 - math.exp(-2.0 * math.pi * cutoff_hz * period)
+    return np.asarray(lfilter([weight], [1.0, weight - 1.0], change), dtype=np.float64)

@@ -1,0 +1,61 @@
+"""What is examined: one device, what was recorded of it, its file, and the truth behind them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from zwidth.diagnosis.experiment import Experiment, experiment
+from zwidth.exam.grammar import Law
+from zwidth.exam.hidden import Hidden
+from zwidth.sim.device import Device
+from zwidth.sim.trace import Trace
+
+
+@dataclass(frozen=True)
+class Present:
+    """An effect that a rig has.
+
+    share: of what drives the rig, or of its travel; magnitude as in `diagnosis.magnitude`; sigma:
+    by how much the rest of the truth, linear parameters refitted, predicts the recordings worse.
+    """
+
+    effect: str
+    at: str
+    values: Mapping[str, float]
+    magnitude: float | None
+    share: float
+    sigma: float
+
+
+@dataclass(frozen=True)
+class Subject:
+    """One device under examination.
+
+    traces: recordings to fit; judged: recordings to judge by, none or one. hidden: the library's
+    effects that it has, law: what it has of no name. device_file: "guessed", "fitted" or "exact".
+    about: all else that made it, in JSON's types. floor: rms error of the truth itself over free
+    runs where no device of ours is the truth, None elsewhere.
+    """
+
+    stratum: str
+    traces: tuple[Trace, ...]
+    judged: tuple[Trace, ...]
+    nominal: Device
+    truth: Device
+    hidden: tuple[Hidden | Present, ...]
+    device_file: str
+    about: Mapping[str, Any]
+    law: Law | None = None
+    law_sigma: float = 0.0
+    floor: float | None = None
+
+    @property
+    def experiments(self) -> list[Experiment]:
+        """The recordings to fit, as a diagnosis takes them."""
+        return [experiment(t, self.nominal, f"r{i + 1}") for i, t in enumerate(self.traces)]
+
+    @property
+    def validation(self) -> list[Experiment] | None:
+        """The recordings to judge by, None where there are none."""
+        found = [experiment(t, self.nominal, f"v{i + 1}") for i, t in enumerate(self.judged)]
+        return found or None
