@@ -28,8 +28,18 @@ class Chain(NamedTuple):
     link_dampers: Floats
 
 
+class Chains(NamedTuple):
+    """Many chains of n masses: the fields of `Chain` with a first axis of chains, unvalidated."""
+
+    masses: Floats
+    ground_dampers: Floats
+    ground_spring: Floats
+    link_springs: Floats
+    link_dampers: Floats
+
+
 class Matrices(NamedTuple):
-    """M q'' + C q' + K q = f, each (n, n)."""
+    """M q'' + C q' + K q = f, each (n, n), or (..., n, n) of many."""
 
     mass: Floats
     damping: Floats
@@ -86,16 +96,19 @@ def negative_dampers(chain: Chain) -> dict[str, float]:
     return {name: float(value) for name, value in named.items() if value < 0.0}
 
 
-def matrices(chain: Chain) -> Matrices:
-    """Assemble M, C, K of the chain (n = number of masses)."""
-    stiffness = np.zeros((chain.masses.size,) * 2)
-    damping = np.diag(chain.ground_dampers)
-    stiffness[0, 0] = chain.ground_spring
+def matrices(chain: Chain | Chains) -> Matrices:
+    """Assemble M, C, K of a chain (n, n), or of many (..., n, n); n = number of masses."""
+    n, each = chain.masses.shape[-1], np.arange(chain.masses.shape[-1])
+    mass, damping, stiffness = np.zeros((3, *chain.masses.shape[:-1], n, n))
+    mass[..., each, each] = chain.masses
+    damping[..., each, each] = chain.ground_dampers
+    stiffness[..., 0, 0] = chain.ground_spring
     link = np.array([[1.0, -1.0], [-1.0, 1.0]])
-    for i, (k, b) in enumerate(zip(chain.link_springs, chain.link_dampers, strict=True)):
-        stiffness[i : i + 2, i : i + 2] += k * link
-        damping[i : i + 2, i : i + 2] += b * link
-    return Matrices(np.diag(chain.masses), damping, stiffness)
+    for i in range(n - 1):
+        ends = slice(i, i + 2)
+        stiffness[..., ends, ends] += chain.link_springs[..., i, None, None] * link
+        damping[..., ends, ends] += chain.link_dampers[..., i, None, None] * link
+    return Matrices(mass, damping, stiffness)
 
 
 def rigid_body(chain: Chain) -> Chain:

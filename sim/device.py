@@ -1,16 +1,29 @@
 """A device: mechanism, interface and physics, as one value."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from zwidth.sim.chain import Chain, make_chain, matrices, negative_dampers, rigid_body
+from zwidth.sim.chain import (
+    Chain,
+    Chains,
+    Floats,
+    Matrices,
+    make_chain,
+    matrices,
+    negative_dampers,
+    rigid_body,
+)
 from zwidth.sim.interface import INTERFACE_FIELDS, Interface
 from zwidth.sim.modal import ModalModel, agree, to_chain
 from zwidth.sim.nearest import nearest
-from zwidth.sim.physics.effect import Physics
-from zwidth.sim.plant import Plant, assemble, with_extra_mass, with_ground_spring
+from zwidth.sim.physics.effect import Effect, Numbers, Physics
+from zwidth.sim.place import Place
+from zwidth.sim.plant import Plant, assemble
+
+MASSES_IN_ALL = 8  # of the chain and of effects: the room that the kernel has
 
 
 class DeviceError(ValueError):
@@ -60,11 +73,16 @@ class Device:
             seen.add(label)
             if physics.effect.rotary_only and not self.rotary:
                 raise DeviceError(f"{label} needs an angle; a device with rotary = false has none")
-            if masses_needed(physics.at) > self.chain.masses.size:
+            if physics.place.masses_needed > self.chain.masses.size:
                 raise DeviceError(
                     f"{label} has no place in a chain of {self.chain.masses.size} mass(es);"
                     " choose a place that the chain has"
                 )
+        if self.chain.masses.size + len(self.hosts()) > MASSES_IN_ALL:
+            raise DeviceError(
+                f"the device has {self.chain.masses.size} masses and {len(self.hosts())} further"
+                f" ones; allowed are {MASSES_IN_ALL} together, so leave an extra_mode out"
+            )
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Device):
@@ -85,14 +103,20 @@ class Device:
         The amplifier's lag is in them, and springs to ground and extra masses, which come after
         those of the chain in the order of physics.
         """
+        return plant_of(self.chain, [(p, p.values) for p in self.physics])
+
+    def hosts(self) -> tuple[int, ...]:
+        """Return the mass (index) that each mass which an effect adds hangs on, in their order."""
+        adding = [p for p in self.physics if p.effect.adds_mass]
+        if not adding:
+            return ()
+        found: list[int] = []
         structure = matrices(self.chain)
-        for physics in self.physics:
-            place = masses_needed(physics.at) - 1
-            if physics.effect.name == "ground_spring":
-                structure = with_ground_spring(structure, place, *physics.vector())
-            elif physics.effect.name == "extra_mode" and physics.values["mass"] > 0.0:
-                structure = with_extra_mass(structure, place, *physics.vector())
-        return assemble(structure, self._value("actuator_lag", "time_constant"))
+        for physics in adding:
+            before, host = structure.mass.shape[0], physics.place.index
+            structure = physics.effect.alters(structure, host, physics.values)
+            found += [host] * (structure.mass.shape[0] - before)
+        return tuple(found)
 
     def with_interface(self, **changes: Any) -> "Device":
         """Return the device with other interface fields: `with_interface(delay=0.004)`."""
@@ -116,11 +140,12 @@ class Device:
             entry, where = physics.effect.in_interface, home(physics)
             if entry is not None:
                 (value,) = physics.values.values()
-                earlier = device.interface.delay if entry == "delay" else 0.0
+                earlier = getattr(device.interface, entry) if physics.effect.adds else 0.0
                 device = device.with_interface(**{entry: earlier + value})
             elif where is not None:
-                spring = device.chain.ground_spring + physics.values["stiffness"]
-                device = device.with_chain(device.chain._replace(ground_spring=spring))
+                field, (value,) = physics.effect.in_chain or "", physics.values.values()
+                more = {field: getattr(device.chain, field) + value}
+                device = device.with_chain(device.chain._replace(**more))
             else:
                 label = place_label(physics)
                 kept = tuple(p for p in device.physics if place_label(p) != label)
@@ -153,15 +178,26 @@ class Device:
 
         What acts inside a link has no part in a rigid body; what acts on m2 or m3 acts on m1.
         """
-        kept = (p for p in self.physics if not p.at.startswith("link"))
-        moved = [replace(p, at="m1") if masses_needed(p.at) > 1 else p for p in kept]
+        kept = (p for p in self.physics if p.place.kind != "link")
+        moved = [replace(p, at="m1") if p.place.index > 0 else p for p in kept]
         stay = tuple(p for p in moved if home(p) is None)
         body = replace(self, chain=rigid_body(self.chain), modal=None, physics=stay)
         return body.with_physics(*(p for p in moved if home(p) is not None))
 
-    def _value(self, effect: str, parameter: str) -> float:
-        values = (p.values[parameter] for p in self.physics if p.effect.name == effect)
-        return next(values, 0.0)
+
+def plant_of(chain: Chain | Chains, effects: Iterable[tuple[Physics, Numbers]]) -> Plant:
+    """Return the linear equations of a chain with effects, each with its values (`Device.plant`).
+
+    Of many chains with values (...) where they all have the same further masses, and all lag or
+    none.
+    """
+    structure: Matrices = matrices(chain)
+    lag: float | Floats = 0.0
+    for physics, values in effects:
+        structure = physics.effect.alters(structure, physics.place.index, values)
+        if physics.effect.lags:
+            (lag,) = values.values()
+    return assemble(structure, lag)
 
 
 def place_label(physics: Physics) -> str:
@@ -173,14 +209,25 @@ def home(physics: Physics) -> str | None:
     """Return where the quantity of this effect stands in a device file, None for [[physics]]."""
     if physics.effect.in_interface is not None:
         return "[interface]"
-    if physics.effect.name == "ground_spring" and physics.at == "m1":
+    if physics.effect.in_chain is not None and physics.place == Place("mass", 0):
         return "[chain]"
     return None
 
 
-def masses_needed(at: str) -> int:
-    """Return how many masses a chain must have for this place: m3 or link23 need 3."""
-    return int(at[-1]) if at[-1].isdigit() else 1
+def known(effect: Effect, place: Place, device: Device) -> bool:
+    """Whether the device already has the quantity that this effect would set."""
+    home = effect.in_interface
+    if home is not None and not effect.adds:
+        (parameter,) = effect.parameters
+        return getattr(device.interface, home) != parameter.neutral
+    # With a spring to ground, the recording's origin is fitted: the same as a constant force.
+    sprung = device.chain.ground_spring > 0.0
+    return sprung and effect.known_if_sprung and place == Place("mass", 0)
+
+
+def has_room(effect: Effect, masses: int) -> bool:
+    """Whether a device of so many masses, its effects' included, may have another effect."""
+    return masses + effect.adds_mass <= MASSES_IN_ALL
 
 
 def warnings_of(device: Device) -> list[str]:

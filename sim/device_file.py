@@ -43,7 +43,14 @@ INTERFACE_KEYS = {
     "command_limit": "command_limit",
     "velocity_cutoff_hz": "velocity_cutoff_hz",
     "encoder_rounding": "encoder_rounding",
+    "command_gain": "command_gain",
+    "position_origin": "position_origin",
+    "command_hold": "command_hold",
 }
+NEUTRAL = Interface()
+INTERFACE_TEXTS = ("encoder_rounding", "command_hold")
+# Written where they say something: a device without them has the text, and the hash, of zwidth 0.1.
+WHERE_NEEDED = ("command_gain", "position_origin", "command_hold")
 
 
 def shipped_devices() -> list[str]:
@@ -107,8 +114,12 @@ def device_to_text(device: Device) -> str:
     else:
         values = (np.asarray(value).tolist() for value in device.chain)
         sections.append(_section("[chain]", CHAIN_KEYS, values))
-    interface = [getattr(device.interface, field) for field in INTERFACE_KEYS.values()]
-    sections.append(_section("[interface]", INTERFACE_KEYS, interface))
+    interface = {
+        key: getattr(device.interface, field)
+        for key, field in INTERFACE_KEYS.items()
+        if key not in WHERE_NEEDED or getattr(device.interface, field) != getattr(NEUTRAL, field)
+    }
+    sections.append(_section("[interface]", interface.keys(), interface.values()))
     for physics in device.physics:
         entry: dict[str, object] = {"effect": physics.effect.name, "at": physics.at}
         entry |= physics.values
@@ -187,7 +198,7 @@ def _chain(table: Table) -> Chain:
 def _interface(table: Table) -> Interface:
     table.only(INTERFACE_KEYS)
     values: dict[str, object] = {
-        field: table.text(key) if field == "encoder_rounding" else table.number(key)
+        field: table.text(key) if key in INTERFACE_TEXTS else table.number(key)
         for key, field in INTERFACE_KEYS.items()
         if key in table
     }

@@ -11,18 +11,20 @@ Control 23, 1978): exp([[-W', a b'], [0, W]] h) holds S, with W the generator of
 """
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from zwidth.sim.chain import Chain, Chains
 from zwidth.sim.device import Device
 from zwidth.sim.exponential import SPACES, held_motion_alone
 from zwidth.sim.interface import Interface
 from zwidth.sim.physics.effect import Physics
+from zwidth.sim.place import GROUND
 from zwidth.sim.plant import Plant, hold, locked
 
 Floats = NDArray[np.float64]
@@ -30,14 +32,20 @@ Ints = NDArray[np.int64]
 REMEMBERED = 512  # propagators
 SPARED = 0.01  # of a substep, that a device may become faster
 LANES = 8  # width of a block of rows in a propagator: one vector register of doubles
+HOOKS = ("force", "friction", "sensor", "command", "clock")  # those that have a table
 
 
 class EffectTable(NamedTuple):
-    """Effects of one hook: code, first and second place (-1: ground), parameters (rows)."""
+    """Effects of one hook: code, first and second mass (-1: ground), origin, parameters (rows).
+
+    A force acts on the first mass, and against it on the second. Its law is taken over the first
+    mass's way from the origin: the second mass, or the ground (`Effect.over_first`).
+    """
 
     codes: Ints
     first: Ints
     second: Ints
+    origin: Ints
     parameters: Floats
 
 
@@ -74,7 +82,9 @@ class Equations(NamedTuple):
     encoder_step: float
     encoder_floor: bool
     command_step: float
+    command_gain: float
     command_limit: float
+    position_origin: float
 
 
 def equations(device: Device, substeps: int = 1, ledger: bool = False, seed: int = 0) -> Equations:
@@ -112,11 +122,9 @@ def frame(device: Device, substeps: int, seed: int = 0) -> tuple[Equations, Plan
     plant = device.plant()
     interface = device.interface
     whole, _ = interface.delay_ticks
-    counts, durations = _segments(interface, substeps)
-    table = {
-        hook: _table(device, [p for p in device.physics if p.effect.hook == hook], seed)
-        for hook in ("force", "friction", "sensor", "command", "clock")
-    }
+    counts, durations = segments(interface.delay_ticks[1], interface.period, substeps)
+    values = [p.vector() for p in device.physics]
+    table = {hook: effect_table(hook, device.physics, values, device.chain, seed) for hook in HOOKS}
     bare = Equations(
         dof=plant.dof,
         states=plant.size,
@@ -126,7 +134,7 @@ def frame(device: Device, substeps: int, seed: int = 0) -> tuple[Equations, Plan
         durations=durations,
         propagators=np.zeros((2, 0, 0, 0, 0)),
         quadratics=np.zeros((2, 0, 0, 0, 0)),
-        reaction=_reaction(plant),
+        reaction=reaction(plant),
         masses=np.diag(plant.matrices.mass).copy(),
         springs=np.zeros((0, 2), dtype=np.int64),
         spring_stiffness=np.zeros(0),
@@ -143,7 +151,9 @@ def frame(device: Device, substeps: int, seed: int = 0) -> tuple[Equations, Plan
         encoder_step=interface.encoder_step,
         encoder_floor=interface.encoder_rounding == "floor",
         command_step=interface.command_step,
+        command_gain=interface.command_gain,
         command_limit=interface.command_limit,
+        position_origin=interface.position_origin,
     )
     return bare, plant
 
@@ -151,31 +161,44 @@ def frame(device: Device, substeps: int, seed: int = 0) -> tuple[Equations, Plan
 def enough_substeps(device: Device, wanted: int = 1) -> int:
     """Return how many substeps a tick a device takes: `wanted`, or more where it needs more.
 
-    Only dry friction needs more: a force held over a substep h must not come out as its contrary
-    (`_too_long`), and for the fastest mode omega h < pi is sure. `SPARED` of it is left, so that a
-    device a hair faster, of which a fit asks its slopes, takes as many.
+    Only dry friction needs more (`enough_of`).
     """
-    dry = tuple({_places(p.at)[0] for p in device.physics if p.effect.hook == "friction"})
-    if not dry:
+    dry = dry_masses(device.physics)
+    return enough_of(device.plant(), dry, device.interface, wanted) if dry else wanted
+
+
+def dry_masses(physics: Iterable[Physics]) -> tuple[int, ...]:
+    """Return the masses (index) that have dry friction."""
+    return tuple({p.place.index for p in physics if p.effect.hook == "friction"})
+
+
+def enough_of(plant: Plant, dry: Sequence[int], interface: Interface, wanted: int = 1) -> int:
+    """Return how many substeps a tick a plant takes with dry friction at some masses.
+
+    A force held over a substep h must not come out as its contrary (`_too_long`), and for the
+    fastest mode omega h < pi is sure. `SPARED` of it is left, so that a device a hair faster, of
+    which a fit asks its slopes, takes as many.
+    """
+    spared = interface.period * (1.0 + SPARED)
+    if sure(plant, spared):
         return wanted
-    plant = device.plant()
-    if _row_sum(plant) * (device.interface.period * (1.0 + SPARED)) ** 2 < np.pi**2:
-        return wanted
-    needed = _sure_substeps(plant, device.interface.period * (1.0 + SPARED))
+    needed = _sure_substeps(plant, spared)
     if needed <= wanted:
         return wanted
-    counts, durations = _segments(device.interface, wanted)
+    counts, durations = segments(interface.delay_ticks[1], interface.period, wanted)
     lengths = [h for count, h in zip(counts, durations, strict=True) if count > 0]
     near = [share * h for h in lengths for share in (1.0, 1.0 + SPARED)]
     return needed if any(_too_long(plant, dry, h) for h in near) else wanted
 
 
-def _segments(interface: Interface, substeps: int) -> tuple[Ints, Floats]:
-    """Return the substeps of both segments of a tick, and how long [s] those of each are."""
-    _, remainder = interface.delay_ticks
-    lengths = np.array([remainder, interface.period - remainder])
-    counts = np.ceil(substeps * lengths / interface.period - 1e-9).astype(np.int64)
-    return counts, np.divide(lengths, counts, out=np.zeros(2), where=counts > 0)
+def segments(remainder: float | Floats, period: float, substeps: int) -> tuple[Ints, Floats]:
+    """Return the substeps of both segments of a tick, and how long [s] those of each are.
+
+    remainder (...) [s]: of the delay, beyond whole ticks; what is returned has the shape (..., 2).
+    """
+    lengths = np.stack([remainder, period - remainder], axis=-1)
+    counts = np.ceil(substeps * lengths / period - 1e-9).astype(np.int64)
+    return counts, np.divide(lengths, counts, out=np.zeros(lengths.shape), where=counts > 0)
 
 
 class Mechanism(NamedTuple):
@@ -276,7 +299,7 @@ def _too_long(plant: Plant, dry: Sequence[int], h: float) -> bool:
     since locking separates frequencies but does not raise the highest. No omega^2 is above the
     largest row sum of |M^-1 K| (Gershgorin), which spares most devices the closer look.
     """
-    if _row_sum(plant) * h**2 < np.pi**2:
+    if sure(plant, h):
         return False
     at = np.array(dry)
     _, b = hold(plant, h)
@@ -284,10 +307,13 @@ def _too_long(plant: Plant, dry: Sequence[int], h: float) -> bool:
     return bool(np.linalg.eigvalsh(0.5 * (w + w.T))[0] <= 0.0)
 
 
-def _row_sum(plant: Plant) -> float:
-    """Return the largest row sum of |M^-1 K|, which no mode's omega^2 exceeds [1/s2]."""
+def sure(plant: Plant, h: float | Floats) -> Any:
+    """Return whether no mode is so fast that omega h may be pi, for h [s]; of many, each (...).
+
+    No mode's omega^2 exceeds the largest row sum of |M^-1 K|.
+    """
     n = plant.dof
-    return float(np.abs(plant.a[n : 2 * n, :n]).sum(axis=1).max())
+    return np.abs(plant.a[..., n : 2 * n, :n]).sum(axis=-1).max(axis=-1) * h**2 < np.pi**2
 
 
 def _sure_substeps(plant: Plant, period: float) -> int:
@@ -379,51 +405,61 @@ def _van_loan(generator: Floats, a: Floats, b: Floats, duration: float) -> Float
     return 0.5 * (form + form.T)
 
 
-def _reaction(plant: Plant) -> Floats:
-    """Rows on w whose value is the force on each mass, friction aside."""
+def reaction(plant: Plant) -> Floats:
+    """Return rows on w (..., n, columns) whose value is the force on each mass, friction aside."""
     n, size = plant.dof, plant.size
-    rows = np.zeros((n, size + 1 + n))
-    rows[:, :n], rows[:, n : 2 * n] = -plant.matrices.stiffness, -plant.matrices.damping
-    rows[0, size - 1 if plant.lag > 0.0 else size] = 1.0
-    rows[:, size + 1 :] = np.eye(n)
+    rows = np.zeros((*plant.a.shape[:-2], n, size + 1 + n))
+    rows[..., :n], rows[..., n : 2 * n] = -plant.matrices.stiffness, -plant.matrices.damping
+    rows[..., 0, size - 1 if plant.lag > 0.0 else size] = 1.0
+    rows[..., size + 1 :] = np.eye(n)
     return rows
 
 
-def _table(device: Device, entries: list[Physics], seed: int) -> EffectTable:
-    if not entries:
+def effect_table(
+    hook: str,
+    physics: Sequence[Physics],
+    values: Sequence[Floats],
+    chain: Chain | Chains,
+    seed: int,
+) -> EffectTable:
+    """Return the table of the effects of one hook, with parameters (..., effects, numbers).
+
+    values (..., parameters) of every effect in `physics`, in the order of its declaration; chain:
+    whose links effects read.
+    """
+    mine = [(p, own) for p, own in zip(physics, values, strict=True) if p.effect.hook == hook]
+    if not mine:
         nothing = np.zeros(0, dtype=np.int64)
-        return EffectTable(nothing, nothing, nothing, np.zeros((0, 1)))
-    places = [_places(p.at) for p in entries]
-    rows = [[*p.vector(), *_borrowed(device, p, seed)] for p in entries]
-    parameters = np.zeros((len(rows), max((len(row) for row in rows), default=0) or 1))
-    for padded, row in zip(parameters, rows, strict=True):
-        padded[: len(row)] = row
+        lead = chain.masses.shape[:-1]
+        return EffectTable(nothing, nothing, nothing, nothing, np.zeros((*lead, 0, 1)))
+    entries = [p for p, _ in mine]
+    places = [p.place.ends for p in entries]
+    rows = [_row(p, own, chain, seed) for p, own in mine]
+    width = max(row.shape[-1] for row in rows) or 1
+    parameters = np.zeros((*rows[0].shape[:-1], len(rows), width))
+    for i, row in enumerate(rows):
+        parameters[..., i, : row.shape[-1]] = row
     return EffectTable(
         np.array([p.effect.code for p in entries], dtype=np.int64),
         np.array([i for i, _ in places], dtype=np.int64),
         np.array([j for _, j in places], dtype=np.int64),
+        np.array([GROUND if p.effect.over_first else p.place.ends[1] for p in entries], np.int64),
         parameters,
     )
 
 
-def _borrowed(device: Device, physics: Physics, seed: int) -> list[float]:
-    """Return what the effect reads of its link, or the run's seed as its two 32-bit words."""
-    first, _ = _places(physics.at)
-    values: list[float] = []
+def _row(physics: Physics, values: Floats, chain: Chain | Chains, seed: int) -> Floats:
+    """Return an effect's own numbers, then what it reads of its link or of the run.
+
+    The run's seed comes as its two 32-bit words.
+    """
+    found = [values]
     for name in physics.effect.borrows:
-        if name == "link_spring":
-            values.append(float(device.chain.link_springs[first]))
-        elif name == "link_damper":
-            values.append(float(device.chain.link_dampers[first]))
+        if name == "seed":
+            words = np.array([float(seed & 0xFFFFFFFF), float(seed >> 32)])
+            found.append(np.broadcast_to(words, (*values.shape[:-1], 2)))
         else:
-            values += [float(seed & 0xFFFFFFFF), float(seed >> 32)]
-    return values
-
-
-def _places(at: str) -> tuple[int, int]:
-    """Masses between which an effect acts: m2 -> (1, -1: ground), link12 -> (0, 1)."""
-    if at.startswith("link"):
-        return int(at[4]) - 1, int(at[5]) - 1
-    if at.startswith("m"):
-        return int(at[1]) - 1, -1
-    return 0, -1
+            links = chain.link_springs if name == "link_spring" else chain.link_dampers
+            first = physics.place.index
+            found.append(links[..., first : first + 1])
+    return np.concatenate(found, axis=-1)

@@ -25,7 +25,8 @@ from zwidth.sim.propagation import Choice, lane_choice
 Floats = NDArray[np.float64]
 Structure = tuple[Any, ...]
 NUMBERS = (
-    "durations", "reaction", "masses", "smoothing", "encoder_step", "command_step", "command_limit",
+    "durations", "reaction", "masses", "smoothing", "encoder_step", "command_step", "command_gain",
+    "command_limit", "position_origin",
 )  # fmt: skip
 TABLES = ("forces", "frictions", "sensors", "amplifiers", "clocks")
 
@@ -53,7 +54,7 @@ class Member(NamedTuple):
         eq = self.eq
         tables = [getattr(eq, name) for name in TABLES]
         shapes = [
-            (t.codes.tobytes(), t.first.tobytes(), t.second.tobytes(), t.parameters.shape)
+            (*(a.tobytes() for a in (t.codes, t.first, t.second, t.origin)), t.parameters.shape)
             for t in tables
         ]
         seeds = eq.clocks.parameters[:, 1:].tobytes()
@@ -166,7 +167,9 @@ def _seen_of(value: Any) -> Any:
 @part
 def lane_table(table):
     """View an effect table in lanes."""
-    return EffectTable(table.codes, table.first, table.second, as_lanes(table.parameters))
+    return EffectTable(
+        table.codes, table.first, table.second, table.origin, as_lanes(table.parameters)
+    )
 
 
 @part
@@ -178,7 +181,8 @@ def lane_equations(eq):
         eq.springs, eq.spring_stiffness, lane_table(eq.forces), lane_table(eq.frictions),
         eq.bounds_vary, lane_table(eq.sensors), lane_table(eq.amplifiers), lane_table(eq.clocks),
         eq.whole_delay, eq.period, eq.rate, lanes_of(eq.smoothing), lanes_of(eq.encoder_step),
-        eq.encoder_floor, lanes_of(eq.command_step), lanes_of(eq.command_limit),
+        eq.encoder_floor, lanes_of(eq.command_step), lanes_of(eq.command_gain),
+        lanes_of(eq.command_limit), lanes_of(eq.position_origin),
     )  # fmt: skip
 
 

@@ -12,7 +12,11 @@ class Interface:
     period T [s]; delay [s], any real >= 0, from the encoder reading to the moment the command takes
     effect; encoder_step [rad | m], 0 for none; command_step and command_limit [N m | N], 0 and inf
     for none; velocity_cutoff_hz of the first-order low-pass on the backward difference, inf for
-    none; encoder_rounding "nearest" (ties away from zero) or "floor".
+    none; encoder_rounding "nearest" (ties away from zero) or "floor". command_gain: what a command
+    counts by, after its step and before all else of the amplifier (limits are of the force).
+    position_origin [rad | m]: what is read, and written down as positions, where the chain is at
+    zero and a spring to ground at rest. command_hold: what a *recorded* command is between its
+    samples, "zero_order" or "smooth" (a band-limited signal); a law's command is held in any case.
 
     Raises ValueError with a sentence that names the field, the value and what is allowed.
     """
@@ -24,6 +28,9 @@ class Interface:
     command_limit: float = math.inf
     velocity_cutoff_hz: float = math.inf
     encoder_rounding: Literal["nearest", "floor"] = "nearest"
+    command_gain: float = 1.0
+    position_origin: float = 0.0
+    command_hold: Literal["zero_order", "smooth"] = "zero_order"
 
     def __post_init__(self) -> None:
         for field, allowed, holds in (
@@ -37,6 +44,13 @@ class Interface:
                 "encoder_rounding",
                 "'nearest' or 'floor'",
                 self.encoder_rounding in ("nearest", "floor"),
+            ),
+            ("command_gain", "> 0 and finite", 0.0 < self.command_gain < math.inf),
+            ("position_origin", "any finite number", math.isfinite(self.position_origin)),
+            (
+                "command_hold",
+                "'zero_order' or 'smooth'",
+                self.command_hold in ("zero_order", "smooth"),
             ),
         ):
             if not holds:

@@ -5,7 +5,7 @@ At t = kT, before anything moves:
 (1) the encoder reads m1's position (sensor effects, then its step);
 (2) the velocity is estimated, by default (y_k - y_{k-1})/T;
 (3) the controller computes the command (a one-sided wall pulls never);
-(4) amplifier effects: step, dead band, gain, limit;
+(4) amplifier effects: step, gain, dead band, limit;
 (5) the command enters the delay line and takes effect at kT + delay, held until the next one does
     (a delay that is no multiple of T changes the held value inside the tick, exactly);
 (6) over [kT, (k+1)T) the chain moves in substeps.
@@ -109,7 +109,7 @@ def held_forces(eq, x, internal, values):
     """Value of each smooth force at state x."""
     table = eq.forces
     for e in range(table.codes.size):
-        i, j = table.first[e], table.second[e]
+        i, j = table.first[e], table.origin[e]
         q = across(x, 0, i, j)
         v = across(x, eq.dof, i, j)
         values[e] = smooth_force(table.codes[e], q, v, internal[e], table.parameters[e])
@@ -134,7 +134,7 @@ def advance_internal(eq, x0, x1, internal, h, after):
     table = eq.forces
     n = eq.dof
     for e in range(table.codes.size):
-        i, j = table.first[e], table.second[e]
+        i, j = table.first[e], table.origin[e]
         after[e] = next_internal(
             table.codes[e], internal[e], across(x0, 0, i, j), across(x1, 0, i, j),
             across(x0, n, i, j), across(x1, n, i, j), h, table.parameters[e],
@@ -410,9 +410,15 @@ def read_sensor(eq, position):
 
 
 @part
+def read_position(eq, position):
+    """Return what the encoder reports, counted from its own origin."""
+    return read_sensor(eq, position) + eq.position_origin
+
+
+@part
 def amplify(eq, command):
-    """Step (4): step, further amplifier effects in the order of their declaration, limit."""
-    command = quantise_command(command, eq.command_step)
+    """Step (4): step, gain, further amplifier effects in the order of their declaration, limit."""
+    command = quantise_command(command, eq.command_step) * eq.command_gain
     for e in range(eq.amplifiers.codes.size):
         command = amplified(eq.amplifiers.codes[e], command, eq.amplifiers.parameters[e])
     return limit_command(command, eq.command_limit)
@@ -455,7 +461,7 @@ def advance(
     status = DONE
     done = 0
     while done < ticks:
-        y = read_sensor(eq, x[0])
+        y = read_position(eq, x[0])
         v += eq.smoothing * ((y - y_before) * eq.rate - v)
         if memory.totals.size > 0:
             memory.totals[WALL] += u * (y - y_before)

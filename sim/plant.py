@@ -17,7 +17,10 @@ Floats = NDArray[np.float64]
 
 
 class Plant(NamedTuple):
-    """a (N, N), b (N, 1 + n), matrices (n, n each), lag [s]; n = dof, N = 2n or 2n + 1."""
+    """a (N, N), b (N, 1 + n), matrices (n, n each), lag [s]; n = dof, N = 2n or 2n + 1.
+
+    Of many, with a first axis that counts them, and the longest lag.
+    """
 
     a: Floats
     b: Floats
@@ -27,52 +30,36 @@ class Plant(NamedTuple):
     @property
     def dof(self) -> int:
         """Number of masses, extra modes included."""
-        return self.matrices.mass.shape[0]
+        return self.matrices.mass.shape[-1]
 
     @property
     def size(self) -> int:
         """Number of states."""
-        return self.a.shape[0]
+        return self.a.shape[-1]
 
 
-def assemble(matrices: Matrices, lag: float = 0.0) -> Plant:
-    """Write M q'' + C q' + K q = f, and the actuator's lag [s] if any, in first order."""
-    n = matrices.mass.shape[0]
-    size = 2 * n + (lag > 0.0)
+def assemble(matrices: Matrices, lag: float | Floats = 0.0) -> Plant:
+    """Write M q'' + C q' + K q = f, and the actuator's lag [s] if any, in first order.
+
+    Of one device, or of many with lags (...); either all of them lag or none.
+    """
+    n, lead = matrices.mass.shape[-1], matrices.mass.shape[:-2]
+    longest = float(np.max(lag))
+    size = 2 * n + (longest > 0.0)
     inverse = np.linalg.inv(matrices.mass)
-    a = np.zeros((size, size))
-    b = np.zeros((size, 1 + n))
-    a[:n, n : 2 * n] = np.eye(n)
-    a[n : 2 * n, :n] = -inverse @ matrices.stiffness
-    a[n : 2 * n, n : 2 * n] = -inverse @ matrices.damping
-    b[n : 2 * n, 1:] = inverse
-    if lag > 0.0:
-        a[n : 2 * n, 2 * n] = inverse[:, 0]
-        a[2 * n, 2 * n] = -1.0 / lag
-        b[2 * n, 0] = 1.0 / lag
+    a = np.zeros((*lead, size, size))
+    b = np.zeros((*lead, size, 1 + n))
+    a[..., :n, n : 2 * n] = np.eye(n)
+    a[..., n : 2 * n, :n] = -inverse @ matrices.stiffness
+    a[..., n : 2 * n, n : 2 * n] = -inverse @ matrices.damping
+    b[..., n : 2 * n, 1:] = inverse
+    if longest > 0.0:
+        a[..., n : 2 * n, 2 * n] = inverse[..., 0]
+        a[..., 2 * n, 2 * n] = -1.0 / lag
+        b[..., 2 * n, 0] = 1.0 / lag
     else:
-        b[:, 0] = b[:, 1]
-    return Plant(a, b, matrices, lag)
-
-
-def with_ground_spring(matrices: Matrices, mass: int, stiffness: float) -> Matrices:
-    """Return M, C, K with a spring from one mass to ground."""
-    tied = matrices.stiffness.copy()
-    tied[mass, mass] += stiffness
-    return matrices._replace(stiffness=tied)
-
-
-def with_extra_mass(
-    matrices: Matrices, host: int, mass: float, stiffness: float, damping: float
-) -> Matrices:
-    """Return M, C, K with one more mass, the last, on a spring and damper to `host`."""
-    grown = Matrices(*(np.pad(matrix, (0, 1)) for matrix in matrices))
-    grown.mass[-1, -1] = mass
-    link = np.array([[1.0, -1.0], [-1.0, 1.0]])
-    ends = np.ix_([host, -1], [host, -1])
-    grown.damping[ends] += damping * link
-    grown.stiffness[ends] += stiffness * link
-    return grown
+        b[..., 0] = b[..., 1]
+    return Plant(a, b, matrices, longest)
 
 
 def locked(plant: Plant, masses: tuple[int, ...]) -> Plant:

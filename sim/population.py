@@ -8,16 +8,20 @@ substeps for its friction) is its own: its innovations are infinite from there o
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.sim.device import Device
+from zwidth.sim.equations import Equations
 from zwidth.sim.group import Group, Stack, group, member, stack
-from zwidth.sim.kernel import Memory
+from zwidth.sim.kernel import MAX_COLUMNS, Memory, across
 from zwidth.sim.lane_type import WIDTH
+from zwidth.sim.members import Members, Stacked, stacks
+from zwidth.sim.physics.dispatch import first_internal
 from zwidth.sim.predict import Outputs, Reading, judge_of, predict, saved_room
-from zwidth.sim.run import Start, start_memory
+from zwidth.sim.run import Start
 
 Floats = NDArray[np.float64]
 Task = Callable[[], None]
@@ -86,42 +90,61 @@ class Followed:
 class Population:
     """Devices of one kind, ready to follow recordings.
 
-    few, many: substeps a tick, and in ticks in which friction or play turns. seed: of lost samples.
-    Raises ValueError for no devices, devices of several kinds, substeps < 1 or a seed out of range.
+    Given one by one, or as `Members` of one of their kinds. few, many: substeps a tick, and in
+    ticks in which friction or play turns. seed: of lost samples. Raises ValueError for no devices,
+    devices of several kinds, substeps < 1 or a seed out of range.
+
+    size: how many; dof, states: masses and states of each.
     """
 
-    def __init__(self, devices: Sequence[Device], few: int, many: int, seed: int = 0) -> None:
-        if not devices:
-            raise ValueError("a population of no devices; give at least one")
-        coarse = [member(d, few, seed) for d in devices]
-        kinds = {m.kind for m in coarse}
-        if len(kinds) > 1:
-            raise ValueError(
-                "members of a population differ in masses, effects or places; predict each kind by"
-                " itself"
-            )
-        self.coarse = coarse
-        fine = coarse if many <= few else [member(d, many, seed) for d in devices]
-        sound = [i for i, m in enumerate(fine) if m.complaint is None]
-        structures: dict[object, list[int]] = {}
-        for i in sound:
-            key = (coarse[i].structure, fine[i].structure)
-            structures.setdefault(key, []).append(i)
-        self.batches = [
-            _Batch(np.array(which), *(stack([ms[i] for i in which]) for ms in (coarse, fine)))
-            for which in structures.values()
-        ]
-
-    @property
-    def size(self) -> int:
-        """Number of members."""
-        return len(self.coarse)
+    def __init__(
+        self, devices: Sequence[Device] | Members, few: int, many: int, seed: int = 0
+    ) -> None:
+        if isinstance(devices, Members):
+            self.size = devices.size
+            self.dof, self.states = devices.plant.dof, devices.plant.size
+            laid_out = stacks(devices, few, many, seed)
+        else:
+            self.size = len(devices)
+            eq, laid_out = _one_by_one(devices, few, many, seed)
+            self.dof, self.states = eq.dof, eq.states
+        self.batches = [_Batch(*found) for found in laid_out]
 
     def start(self, positions: Floats, velocities: Floats) -> tuple[Memory, ...]:
-        """Return each member's memory at t = 0; positions and velocities (members, masses)."""
+        """Return each member's memory at t = 0; positions and velocities (members, masses).
+
+        The encoder's earlier reading, which only a controller asks for, is the true position's.
+        Raises ValueError for numbers that are not finite.
+        """
+        finite = np.isfinite(positions).all(axis=1) & np.isfinite(velocities).all(axis=1)
+        if not finite.all():
+            wrong = int(np.argmin(finite))
+            Start(positions[wrong].tolist(), velocities[wrong].tolist()).state(self.dof)
+        x = np.zeros((self.size, MAX_COLUMNS))
+        x[:, : self.dof], x[:, self.dof : 2 * self.dof] = positions, velocities
+        memories: dict[int, Memory] = {}
+        for batch in self.batches:
+            eq = batch.coarse.eq
+            codes, firsts, _, origins, parameters = eq.forces
+            rows = np.ascontiguousarray(np.moveaxis(parameters, -1, 0))
+            scalars = np.zeros((batch.members.size, 4))
+            scalars[:, 1] = x[batch.members, self.dof]
+            scalars[:, 0] = x[batch.members, 0] - eq.period * scalars[:, 1]
+            for m, i in enumerate(batch.members.tolist()):
+                internal = [
+                    first_internal(code, across(x[i], 0, first, origin), p)
+                    for code, first, origin, p in zip(codes, firsts, origins, rows[m], strict=True)
+                ]
+                memories[i] = Memory(
+                    x[i], np.zeros(eq.whole_delay + 2), np.zeros(1),
+                    np.array(internal, dtype=np.float64), scalars[m], np.zeros(2, dtype=np.int64),
+                    np.zeros(0),
+                )  # fmt: skip
+        nothing = np.zeros(0)
         return tuple(
-            start_memory(m.eq, Start(q.tolist(), v.tolist()))
-            for m, q, v in zip(self.coarse, positions, velocities, strict=True)
+            memories.get(i)
+            or Memory(x[i], nothing, nothing, nothing, nothing, np.zeros(2, np.int64), nothing)
+            for i in range(self.size)
         )
 
     def follow(
@@ -167,7 +190,7 @@ class Population:
                     innovations[i] = judge.kept[..., lane]
 
         tasks = [
-            lambda b=batch, f=first: run(b, f)
+            partial(run, batch, first)
             for batch in self.batches
             for first in range(0, batch.members.size, WIDTH)
         ]
@@ -189,7 +212,7 @@ class Population:
         """
         o = outputs.state.size
         still = Recorded(command, np.zeros((command.size, o)), outputs, external)
-        blind = Readings(np.zeros((self.coarse[0].eq.states, o)))
+        blind = Readings(np.zeros((self.states, o)))
         found = self.follow(still, starts, blind, keep=True, run_all=run_all)
         return -found.innovations, found.memories
 
@@ -203,7 +226,34 @@ class _Batch:
     fine: Stack
 
     def groups(self, chosen: NDArray[np.int64]) -> tuple[Group, Group]:
-        return group(self.coarse, chosen), group(self.fine, chosen)
+        """Return members in few and in many substeps, the same where there are no more."""
+        coarse = group(self.coarse, chosen)
+        return coarse, coarse if self.fine is self.coarse else group(self.fine, chosen)
+
+
+def _one_by_one(
+    devices: Sequence[Device], few: int, many: int, seed: int
+) -> tuple[Equations, list[Stacked]]:
+    """Return devices laid out, and the equations of the first without propagators."""
+    if not devices:
+        raise ValueError("a population of no devices; give at least one")
+    coarse = [member(d, few, seed) for d in devices]
+    kinds = {m.kind for m in coarse}
+    if len(kinds) > 1:
+        raise ValueError(
+            "members of a population differ in masses, effects or places; predict each kind by"
+            " itself"
+        )
+    fine = coarse if many <= few else [member(d, many, seed) for d in devices]
+    structures: dict[object, list[int]] = {}
+    for i in (i for i, m in enumerate(fine) if m.complaint is None):
+        structures.setdefault((coarse[i].structure, fine[i].structure), []).append(i)
+    found: list[Stacked] = []
+    for which in structures.values():
+        few_of = stack([coarse[i] for i in which])
+        many_of = few_of if fine is coarse else stack([fine[i] for i in which])
+        found.append(Stacked(np.array(which), few_of, many_of))
+    return coarse[0].eq, found
 
 
 def _filled(which: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -2,7 +2,7 @@
 
 import enum
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -19,10 +19,11 @@ from zwidth.sim.kernel import (
     Memory,
     across,
     advance,
-    read_sensor,
+    read_position,
     scratch,
 )
 from zwidth.sim.physics.dispatch import first_internal
+from zwidth.sim.smooth_command import held_for
 from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
@@ -91,9 +92,11 @@ def start_memory(eq: Equations, start: Start, memory: int = 1, entries: int = 0)
     memory: how many values the controller keeps; entries: of the ledger.
     """
     x = start.state(eq.dof)
-    before = read_sensor(eq, x[0] - eq.period * x[eq.dof])
-    forces = zip(*eq.forces, strict=True)
-    internal = [first_internal(code, across(x, 0, i, j), p) for code, i, j, p in forces]
+    before = read_position(eq, x[0] - eq.period * x[eq.dof])
+    internal = [
+        first_internal(code, across(x, 0, i, origin), p)
+        for code, i, _, origin, p in zip(*eq.forces, strict=True)
+    ]
     return Memory(
         x=x,
         line=np.zeros(eq.whole_delay + 2),
@@ -166,6 +169,9 @@ class Setup:
 
     def _trace(self, t: Floats, rows: Floats, units: dict[str, str]) -> Trace:
         columns = dict(zip(units, np.ascontiguousarray(rows.T), strict=True))
+        for name in columns if self.eq.position_origin != 0.0 else ():
+            if name.startswith("position_m"):
+                columns[name] = columns[name] + self.eq.position_origin
         return Trace(t, columns, units, "simulated", MappingProxyType({"device": self.device.name}))
 
     def _fine_trace(self, t: Floats, rows: Floats) -> Trace:
@@ -196,7 +202,10 @@ def prepare(
         raise ValueError(f"bound is {bound}; the position where a run is stopped must be > 0")
     external = _external(disturbance, ticks, eq.dof)
     names = ledger_names(device, device.plant()) if ledger else []
-    memory = start_memory(eq, start, controller.memory, len(names))
+    from_rest = Start(np.asarray(start.position) - eq.position_origin, start.velocity)
+    memory = start_memory(eq, from_rest, controller.memory, len(names))
+    if device.interface.command_hold == "smooth" and controller.kind == "recorded":
+        controller = replace(controller, parameters=held_for(controller.parameters))
     return Setup(
         device, controller, ticks, eq, memory, external, bound, energy or ledger, fine, names
     )

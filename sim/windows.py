@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from zwidth.sim.group import VIEWS, seen
 from zwidth.sim.jit import jit, part
-from zwidth.sim.kernel import Memory, amplify, arrives, read_sensor, substep
+from zwidth.sim.kernel import Memory, amplify, arrives, read_position, substep
 from zwidth.sim.lane_type import any_lane, as_lanes, greatest, least, select
 from zwidth.sim.propagation import at_once, chosen, propagate
 
@@ -131,7 +131,7 @@ def run_windows(device, space, banks, weights, results):
                 if kept.velocities.shape[0] > 0:
                     row = window * weights.size + k
                     kept.velocities[row, g] = select(alive, speed, np.nan)
-                y = read_sensor(eq, x[0])
+                y = read_position(eq, x[0])
                 v += eq.smoothing * ((y - y_before) * eq.rate - v)
                 y_before = y
                 wanted = wall_command(wall, y, v)

@@ -2,10 +2,13 @@
 
 from functools import cache
 
+from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device
+from zwidth.sim.interface import Interface
 from zwidth.sim.physics import EFFECTS, make_physics
 from zwidth.sim.physics.effect import Effect, Physics
+from zwidth.sim.place import place_at
 
 EXAMPLES: dict[str, dict[str, float]] = {
     "coulomb_friction": {"level": 2e-3},
@@ -38,13 +41,37 @@ EXAMPLES: dict[str, dict[str, float]] = {
     "rectified_sensor": {},
 }
 
-EVERYWHERE = [(name, place) for name, effect in EFFECTS.items() for place in effect.places]
+MASSES = 3  # of the PHANToM
+EVERYWHERE = [
+    (name, place)
+    for name, effect in EFFECTS.items()
+    for place in effect.places
+    if place_at(place).masses_needed <= MASSES
+]
+"""Every effect at every place that the PHANToM has."""
+FARTHER = [
+    (name, place)
+    for name, effect in EFFECTS.items()
+    for place in effect.places
+    if place_at(place).masses_needed > MASSES
+]
+"""Every effect at every place that only a chain of four or five masses has."""
 
 
 @cache
 def phantom() -> Device:
     """Return the device of Table I."""
     return load_device("phantom_1_0")
+
+
+@cache
+def five() -> Device:
+    """Return a rotary chain of five masses, free to turn."""
+    chain = make_chain(
+        [2e-4, 9e-4, 7e-5, 3e-4, 2e-4], [1e-3, 1e-2, 4e-3, 2e-3, 1e-3], 0.0,
+        [217.0, 14.5, 60.0, 30.0], [0.06, 1.3e-3, 5e-3, 4e-3],
+    )  # fmt: skip
+    return Device("five masses", "", True, chain, Interface(delay=0.0013))
 
 
 def example(name: str, at: str | None = None) -> Physics:

@@ -9,19 +9,11 @@ from zwidth.sim.device import Device, DeviceError
 from zwidth.sim.device_file import load_device
 from zwidth.sim.modal import ModalModel, from_chain, to_chain
 from zwidth.sim.physics import EFFECTS, PROBES, make_physics
-from zwidth.sim.physics.effect import Effect, Parameter, Physics
+from zwidth.sim.physics.effect import Physics
 from zwidth.sim.plant import hold
 
 PHANTOM = load_device("phantom_1_0")
-GROUND_SPRING = Effect(
-    name="ground_spring",
-    summary="a spring to ground",
-    places=("m1", "m3"),
-    parameters=(Parameter("stiffness", "k_0", "N m/rad", 0.0, 1e9, 0.0),),
-    hook="structure",
-    code=0,
-    reference="-",
-)
+GROUND_SPRING = EFFECTS["ground_spring"]
 
 
 def friction(level: float = 0.02, at: str = "m1") -> Physics:

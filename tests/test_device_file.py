@@ -267,7 +267,8 @@ def test_a_bad_chain_says_what_to_change(old: str, new: str, sentence: str) -> N
     ("entry", "sentence"),
     [
         ('effect = "coulomb_fricton"', "physics[0].effect is 'coulomb_fricton'; did you mean"),
-        ('effect = "coulomb_friction"\nat = "m4"\nlevel = 1', "physics[0]: coulomb_friction.at"),
+        ('effect = "coulomb_friction"\nat = "m7"\nlevel = 1', "physics[0]: coulomb_friction.at"),
+        ('effect = "coulomb_friction"\nat = "m4"\nlevel = 1', "coulomb_friction@m4 has no place"),
         ('effect = "coulomb_friction"\nat = "m1"\nlevl = 1', "unknown key 'physics[0].levl'"),
         ('effect = "coulomb_friction"\nat = "m1"', "physics[0].level is missing; add it"),
         (

@@ -214,6 +214,17 @@ def test_an_error_in_a_task_is_raised() -> None:
     assert in_parallel([lambda i=i: i for i in range(7)], 3) == list(range(7))
 
 
+def test_tasks_that_ask_for_tasks_end_on_few_threads() -> None:
+    """Five deep, each of three. Mutation: a caller that waits for threads instead of working."""
+
+    def deep(left: int) -> int:
+        if left == 0:
+            return 1
+        return sum(in_parallel([partial(deep, left - 1)] * 3, 2))
+
+    assert deep(5) == 3**5
+
+
 @pytest.mark.parametrize("name", ["linear", "friction everywhere"])
 def test_a_run_that_overflows_leaves_its_neighbours_alone(name: str) -> None:
     """One wall blows up, the others end as they do without it, to the bit."""

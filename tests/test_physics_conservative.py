@@ -67,3 +67,47 @@ def test_ripple_traps_with_the_frequency_of_its_valley() -> None:
     expected = 2.0 * math.pi / math.sqrt(2.0 * math.pi * a / (period * MASS))
     q = run.trace["position_m1"] - valley
     assert _period(run.trace.t, q) == pytest.approx(expected, rel=1e-5)
+
+
+def test_a_gear_mesh_rings_as_a_driven_oscillator() -> None:
+    """Two masses, the first so heavy that it turns on at v: with y = q_2 - q_1 and w = 2 pi v / p,
+
+        m_2 y'' + c y' + k y = -a sin(w t + phi),
+
+    from rest; 1e-4 of its range at 40 substeps. Mutations: the force taken over the deflection, or
+    on the first mass alone.
+    """
+    a, period, phase, v = 3e-3, 0.05, 0.4, 1.1
+    m, c, k = 2e-4, 5e-3, 20.0
+    chain = make_chain([1e6, m], [0.0, 0.0], 0.0, [k], [c])
+    values = {"amplitude": a, "period": period, "phase": phase}
+    mesh = make_physics("force_ripple", "link12", **values)
+    device = Device("gear", "", True, chain).with_physics(mesh)
+    run = simulate(device, none(), duration=0.3, start=Start(0.0, v), substeps=40, ledger=True)
+    y, t = run.trace["position_m2"] - run.trace["position_m1"], run.trace.t
+    w = 2.0 * math.pi * v / period
+    steady = -a / complex(k - m * w * w, c * w) * np.exp(1j * phase)  # imaginary part of it
+    decay = complex(-c / (2.0 * m), math.sqrt(k / m - (c / (2.0 * m)) ** 2))
+    # y = Im(steady exp(iwt)) + Re(free exp(decay t)), at rest at t = 0
+    real = -steady.imag
+    free = complex(real, ((1j * w * steady).imag + real * decay.real) / decay.imag)
+    expected = (steady * np.exp(1j * w * t)).imag + (free * np.exp(decay * t)).real
+    assert np.abs(y - expected).max() < 1e-4 * np.ptp(expected)
+    # What the pair does on the stretch it does once: the ledger books f dy.
+    force = a * np.sin(2.0 * math.pi * run.trace["position_m1"] / period + phase)
+    spent = np.concatenate([[0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(y))])
+    booked = run.trace["work_force_ripple_link12"]
+    assert np.abs(booked - spent).max() < 0.1 * np.ptp(spent)
+
+
+@pytest.mark.parametrize("place", [1, 2, 3, 4])
+def test_a_pendulum_at_any_mass_of_a_stiff_chain_is_one_of_all_masses(place: int) -> None:
+    """T = 4 sqrt(sum m / level) K(sin^2(swing / 2)) to 1e-4. Mutation: m1's position in the law."""
+    level, swing, masses = 0.05, 1.0, [1e-3, 4e-4, 3e-4, 2e-4]
+    chain = make_chain(masses, [0.0] * 4, 0.0, [3e3] * 3, [0.3] * 3)
+    weight = make_physics("gravity_pendulum", f"m{place}", level=level, angle=0.0)
+    device = Device("stiff", "", True, chain).with_physics(weight)
+    run = simulate(device, none(), duration=4.0, start=Start(swing), substeps=10)
+    expected = 4.0 * math.sqrt(sum(masses) / level) * ellipk(math.sin(0.5 * swing) ** 2)
+    found = _period(run.trace.t, run.trace[f"position_m{place}"])
+    assert found == pytest.approx(expected, rel=1e-4)

@@ -2,6 +2,7 @@
 
 import itertools
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,24 +15,25 @@ from zwidth.sim.device import Device, DeviceError
 from zwidth.sim.device_file import device_from_text, device_to_text
 from zwidth.sim.equations import enough_substeps
 from zwidth.sim.physics import EFFECTS, PROBES
-from zwidth.sim.physics.effect import Physics
+from zwidth.sim.physics.effect import Effect, Physics
 from zwidth.sim.run import Run, Start, simulate
 
-FRICTION_PLACES = ("m1", "m2", "m3")
+MASSES = ("m1", "m2", "m3", "m4", "m5")
+LINKS = ("link12", "link23", "link34", "link45")
 TABLE = {
-    "coulomb_friction": (FRICTION_PLACES, "level"),
-    "stribeck_friction": (FRICTION_PLACES, "level static_level velocity"),
-    "presliding_friction": (FRICTION_PLACES, "level stiffness"),
-    "directional_friction": (("m1",), "level_plus level_minus viscous_plus viscous_minus"),
-    "quadratic_drag": (FRICTION_PLACES, "coefficient"),
-    "constant_force": (("m1",), "level"),
-    "ground_spring": (("m1", "m3"), "stiffness"),
-    "gravity_pendulum": (("m1",), "level angle"),
-    "force_ripple": (("m1",), "amplitude period phase"),
-    "backlash": (("link12", "link23"), "gap"),
-    "cubic_stiffness": (("ground", "link12", "link23"), "coefficient"),
+    "coulomb_friction": (MASSES, "level"),
+    "stribeck_friction": (MASSES, "level static_level velocity"),
+    "presliding_friction": (MASSES, "level stiffness"),
+    "directional_friction": (MASSES, "level_plus level_minus viscous_plus viscous_minus"),
+    "quadratic_drag": (MASSES, "coefficient"),
+    "constant_force": (MASSES, "level"),
+    "ground_spring": (MASSES, "stiffness"),
+    "gravity_pendulum": (MASSES, "level angle"),
+    "force_ripple": ((*MASSES, *LINKS), "amplitude period phase"),
+    "backlash": (LINKS, "gap"),
+    "cubic_stiffness": (("ground", *LINKS), "coefficient"),
     "hysteresis": (("ground", "link12"), "stiffness level shape"),
-    "extra_mode": (("m1", "m3"), "mass stiffness damping"),
+    "extra_mode": (MASSES, "mass stiffness damping"),
     "saturation": (("command",), "limit"),
     "dead_band": (("command",), "width"),
     "command_step": (("command",), "step"),
@@ -53,6 +55,24 @@ def test_the_registry_is_the_table_of_the_design() -> None:
     }
     assert found == TABLE
     assert all(name == effect.name for name, effect in EFFECTS.items())
+
+
+def test_the_page_of_effects_says_what_they_declare() -> None:
+    page = (Path(__file__).parents[1] / "docs" / "effects.md").read_text(encoding="utf-8")
+    rows = [line for line in page.splitlines() if line.startswith("| `")]
+    assert rows == [_row(effect) for effect in EFFECTS.values()]
+
+
+def _row(effect: Effect) -> str:
+    places = " ".join(effect.places)
+    for every, words in ((MASSES, "any mass"), (LINKS, "any link")):
+        places = places.replace(" ".join(every), words)
+    parameters = (f"{p.name} [{p.unit}]" if p.unit else p.name for p in effect.parameters)
+    prior = f"{effect.prior:g}"
+    if effect.elsewhere is not None:
+        prior += f", elsewhere {effect.elsewhere:g}"
+    cells = (places, ", ".join(parameters) or "none", prior, " ".join(effect.contains))
+    return " | ".join([f"| `{effect.name}`", *cells, f"{effect.sought} |"])
 
 
 def test_codes_are_unique_under_each_hook() -> None:
@@ -129,7 +149,7 @@ def test_values_outside_their_bounds_are_refused_by_name(name: str, place: str) 
 def test_all_effects_at_once_in_one_device_file() -> None:
     device = phantom().with_physics(*itertools.starmap(example, EVERYWHERE))
     assert device_from_text(device_to_text(device)) == device
-    assert device.plant().dof == 5
+    assert device.plant().dof == 6
 
 
 def test_a_pendulum_needs_an_angle() -> None:

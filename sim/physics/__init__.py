@@ -6,6 +6,7 @@ from types import MappingProxyType
 
 from zwidth.sim.nearest import nearest
 from zwidth.sim.physics.effect import Effect, Physics
+from zwidth.sim.place import Place, place_at
 
 NAMES = (
     "coulomb_friction",
@@ -44,6 +45,27 @@ def _declared(names: Sequence[str]) -> Mapping[str, Effect]:
 
 EFFECTS = _declared(NAMES)
 PROBES = _declared(PROBE_NAMES)
+RICHER_FORMS: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
+    {name: tuple(e for e in EFFECTS.values() if name in e.contains) for name in EFFECTS}
+)
+"""Effect -> those that are a richer form of it (`Effect.contains`)."""
+
+
+def contains(richer: str, there: Place, simple: str, place: Place) -> bool:
+    """Whether one effect somewhere is a richer form of another elsewhere; no for unknown names."""
+    known = richer in EFFECTS and simple in EFFECTS[richer].contains
+    return known and there.acts_on == place.acts_on
+
+
+def richer_at(simple: str, place: Place, rotary: bool) -> list[tuple[Effect, Place]]:
+    """Return every effect at every place that is a richer form of one at a place."""
+    return [
+        (effect, there)
+        for effect in RICHER_FORMS.get(simple, ())
+        if rotary or not effect.rotary_only
+        for there in map(place_at, effect.places)
+        if contains(effect.name, there, simple, place)
+    ]
 
 
 def effect_named(name: str) -> Effect:

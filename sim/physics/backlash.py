@@ -21,20 +21,70 @@ ledger, what the link's damper books inside the gap this effect books back: read
 Other effects in the same link act beside it, between its two masses.
 """
 
+from collections.abc import Iterator
+
+import numpy as np
+
 from zwidth.sim.elementary import exp
 from zwidth.sim.jit import part
 from zwidth.sim.lane_type import greatest, least, select
-from zwidth.sim.physics.effect import Effect, Parameter
+from zwidth.sim.physics.effect import Bounds, Effect, Parameter, Scaled, Values
+from zwidth.sim.physics.sizes import SMALLEST, Sizes, up_to
+from zwidth.sim.place import LINKS, Place
+
+
+def _starts(z: Sizes, place: Place) -> Iterator[Scaled]:
+    """From a part of what the spring gives way to what a lightly driven device rattles in."""
+    reach = z.reach(place)
+    for gap in np.geomspace(0.003 * reach, max(0.3 * reach, 0.03 * z.position), 6).tolist():
+        yield {"gap": gap}, {"gap": gap}
+
+
+def _sweep(z: Sizes, place: Place) -> Iterator[Scaled]:
+    for gap in up_to(z.span, min(SMALLEST * z.span, 0.03 * z.reach(place))):
+        yield {"gap": gap}, {"gap": gap}
+
+
+def _bounds(z: Sizes, _: Place) -> Bounds:
+    """In a wider gap the first mass would never have met the second."""
+    return {"gap": (0.0, z.span)}
+
+
+def _natural(z: Sizes, place: Place) -> float:
+    return z.reach(place)
+
+
+def _drawn(_: np.random.Generator, z: Sizes, place: Place) -> Values:
+    return {"gap": 0.1 * z.reach(place)}
+
+
+def _at_share(_: np.random.Generator, z: Sizes, __: Place, share: float) -> Values:
+    """Of the rms travel."""
+    return {"gap": share * z.position}
+
 
 backlash = Effect(
     name="backlash",
     summary="free play in a link",
-    places=("link12", "link23"),
-    parameters=(Parameter("gap", "2 alpha", "rad", 0.0, 1e3, 0.0),),
+    places=LINKS,
+    parameters=(
+        Parameter(
+            "gap", "2 alpha", "rad", 0.0, 1e3, 0.0, role="magnitude", vanishing=1e-15, valleys=True
+        ),
+    ),
     hook="force",
     code=8,
     reference="Nordin, Galic & Gutman, Int. J. Adaptive Control Signal Proc. 11(1), 1997",
     borrows=("link_spring", "link_damper"),
+    prior=0.1,  # of links, those with gears or couplings; cables and belts have none
+    creased=True,
+    starts=_starts,
+    sweep=_sweep,
+    bounds=_bounds,
+    natural=_natural,
+    drawn=_drawn,
+    odds=3.0,
+    at_share=_at_share,
 )
 
 

@@ -9,24 +9,80 @@ its values at the start and at the predicted end of a substep: second order for 
 also across v = 0 without dry levels, where the bound is continuous.
 """
 
+from collections.abc import Iterator
+
+import numpy as np
+
 from zwidth.sim.jit import part
 from zwidth.sim.lane_type import greatest
-from zwidth.sim.physics.effect import Effect, Parameter
+from zwidth.sim.physics.effect import Bounds, Effect, Parameter, Scaled, Values
+from zwidth.sim.physics.sizes import Sizes, most_friction, spread, up_to
+from zwidth.sim.place import MASSES, Place
+
+
+def _starts(z: Sizes, _: Place) -> Iterator[Scaled]:
+    for share in (0.01, 0.06, 0.2):
+        drag = 0.3 * share * z.force / z.speed
+        level = share * z.force
+        yield (
+            {"level_plus": level, "level_minus": level, "viscous_plus": drag,
+             "viscous_minus": 0.5 * drag},
+            {"level_plus": level, "level_minus": level, "viscous_plus": drag,
+             "viscous_minus": drag},
+        )  # fmt: skip
+
+
+def _sweep(z: Sizes, place: Place) -> Iterator[Scaled]:
+    for level in up_to(z.peak):
+        drag = 0.3 * level / z.speeds[place.index]
+        scales = {"level_plus": level, "level_minus": level, "viscous_plus": drag,
+                  "viscous_minus": drag}  # fmt: skip
+        for plus, minus in ((1.0, 0.5), (0.5, 1.0)):
+            for viscous in (0.0, 1.0):
+                yield (
+                    {"level_plus": plus * level, "level_minus": minus * level,
+                     "viscous_plus": plus * viscous * drag,
+                     "viscous_minus": minus * viscous * drag},
+                    scales,
+                )  # fmt: skip
+
+
+def _bounds(z: Sizes, place: Place) -> Bounds:
+    most = most_friction(z, place)
+    return {"level_plus": (0.0, most), "level_minus": (0.0, most)}
+
+
+def _drawn(random: np.random.Generator, z: Sizes, _: Place) -> Values:
+    level = 0.01 * z.force
+    plus = level / z.speed * float(random.uniform(0.2, 1.0))
+    return {"level_plus": level, "level_minus": level * spread(random, 0.3, 3.0),
+            "viscous_plus": plus, "viscous_minus": plus * spread(random, 0.3, 3.0)}  # fmt: skip
+
 
 directional_friction = Effect(
     name="directional_friction",
     summary="dry and viscous friction that differ between the two directions",
-    places=("m1",),
+    places=MASSES,
     parameters=(
-        Parameter("level_plus", "f_c+", "N m", 0.0, 1e6, 0.0),
-        Parameter("level_minus", "f_c-", "N m", 0.0, 1e6, 0.0),
-        Parameter("viscous_plus", "b_+", "N m s/rad", 0.0, 1e6, 0.0),
-        Parameter("viscous_minus", "b_-", "N m s/rad", 0.0, 1e6, 0.0),
+        Parameter("level_plus", "f_c+", "N m", 0.0, 1e6, 0.0, role="magnitude"),
+        Parameter("level_minus", "f_c-", "N m", 0.0, 1e6, 0.0, role="magnitude"),
+        Parameter("viscous_plus", "b_+", "N m s/rad", 0.0, 1e6, 0.0, role="magnitude"),
+        Parameter("viscous_minus", "b_-", "N m s/rad", 0.0, 1e6, 0.0, role="magnitude"),
     ),
     hook="friction",
     code=3,
     reference="Armstrong-Helouvry, Control of Machines with Friction, Kluwer 1991",
     varies_with_speed=True,
+    prior=0.03,  # worn gears and brushes; most friction is the same both ways
+    contains=("coulomb_friction", "constant_force", "quadratic_drag"),
+    parts_first=True,
+    family="dry friction",
+    creased=True,
+    starts=_starts,
+    sweep=_sweep,
+    bounds=_bounds,
+    drawn=_drawn,
+    odds=1.5,
 )
 
 

@@ -6,21 +6,57 @@ pass of MurmurHash3's 32-bit finaliser (Appleby), keyed anew between the passes,
 2^64, which no integer type rounds or wraps; it repeats after 2^32 ticks (49 days at 1 kHz).
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from zwidth.sim.jit import part
 from zwidth.sim.lane_type import first_lane, negated
-from zwidth.sim.physics.effect import Effect, Parameter
+from zwidth.sim.physics.effect import Effect, Parameter, Scaled, Values
+from zwidth.sim.physics.sizes import Sizes, up_to
+from zwidth.sim.place import Place
+
+
+def _starts(_: Sizes, __: Place) -> Iterator[Scaled]:
+    yield {"rate": 1e-3}, {}
+
+
+def _sweep(_: Sizes, __: Place) -> Iterator[Scaled]:
+    for rate in up_to(0.1):  # of more, a loop would not be called one
+        yield {"rate": rate}, {}
+
+
+def _natural(_: Sizes, __: Place) -> float:
+    return 1.0
+
+
+def _drawn(_: np.random.Generator, __: Sizes, ___: Place) -> Values:
+    return {"rate": 1e-3}
+
+
+def _at_share(_: np.random.Generator, __: Sizes, ___: Place, share: float) -> Values:
+    return {"rate": 0.2 * share}
+
 
 dropped_samples = Effect(
     name="dropped_samples",
     summary="commands that are lost, seldom and at random",
     places=("clock",),
-    parameters=(Parameter("rate", "p_d", "", 0.0, 1.0, 0.0),),
+    parameters=(Parameter("rate", "p_d", "", 0.0, 1.0, 0.0, role="strength"),),
     hook="clock",
     code=1,
     reference="counter-based: Salmon et al., Proc. SC11, 2011",
     borrows=("seed",),
+    prior=0.01,  # a network or a desktop system in the loop, and seldom there
+    creased=True,
+    sought="lattice",
+    in_recording=True,
+    starts=_starts,
+    sweep=_sweep,
+    natural=_natural,
+    drawn=_drawn,
+    odds=0.4,
+    at_share=_at_share,
 )
 
 _WORD = np.uint64(0xFFFFFFFF)

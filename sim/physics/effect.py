@@ -1,4 +1,4 @@
-"""What an effect is: its parameters, where it may enter, and by which hook of the tick.
+"""What an effect is: its parameters, where it enters, by which hook of the tick, how it is sought.
 
 Hooks, in the order of the tick (`sim/kernel.py`):
 
@@ -8,17 +8,44 @@ Hooks, in the order of the tick (`sim/kernel.py`):
     structure  a change of the linear equations themselves (exact, by the propagator)
     force      a smooth force between two places, second order in the substep
     friction   a dry force with bounds, implicit in the substep
+
+How the diagnosis seeks an effect:
+
+    fit          from its starts
+    waves        the same, and at the periods over position that a residual shows
+    resonances   the same, and at the frequencies that a residual shows
+    lattice      no slope leads there: by what its steps or losses repeat
+    folding      before all else: the recording is unfolded
+
+All of that stands in the effect's own file. What of it depends on the recording is a function of
+`Sizes` and a place.
 """
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
 
+from zwidth.sim.chain import Matrices
+from zwidth.sim.physics.sizes import Sizes
+from zwidth.sim.place import Place, place_at
+
 Hook = Literal["sensor", "command", "clock", "structure", "force", "friction"]
 Borrowed = Literal["link_spring", "link_damper", "seed"]
+Sought = Literal["fit", "waves", "resonances", "lattice", "folding"]
+Role = Literal["magnitude", "strength", "turning", "shape"]
+Values = dict[str, float]
+Numbers = Mapping[str, float] | Mapping[str, np.ndarray]
+"""Values of the parameters of one device, or of many (...)."""
+Scaled = tuple[Values, Values]
+"""Values of the parameters, and the scales by which they are of order one; 0 holds one fixed."""
+Starts = Callable[[Sizes, Place], Iterable[Scaled]]
+Bounds = Mapping[str, tuple[float, float]]
+AtShare = Callable[[np.random.Generator, Sizes, Place, float], Values]
 
 
 @dataclass(frozen=True)
@@ -29,6 +56,13 @@ class Parameter:
     linear one, which is linear_unit where it is no mere matter of N for N m and m for rad. neutral
     is the value at which the effect changes nothing, None where no single value of this parameter
     does.
+
+    role: a magnitude scales all that the effect does, to first order and counted from its neutral
+    value; a strength says how strong the effect is and is no such factor; turning is a phase or an
+    angle; the rest is shape. least, most: factors of its start between which a fit may move it.
+    open_ended: above its upper bound the law hardly changes, and a fit that ends there is sound.
+    vanishing: value at which nothing is left of the effect but how the kernel steps. valleys: the
+    errors over it have a valley every few percent, so that a fit ends in the one where it began.
     """
 
     name: str
@@ -38,6 +72,12 @@ class Parameter:
     upper: float
     neutral: float | None
     linear_unit: str | None = None
+    role: Role = "shape"
+    least: float = 0.0
+    most: float = math.inf
+    open_ended: bool = False
+    vanishing: float | None = None
+    valleys: bool = False
 
     def unit_for(self, rotary: bool) -> str:
         """Return the unit on a rotary or a linear device."""
@@ -47,17 +87,80 @@ class Parameter:
             return self.linear_unit
         return self.unit.replace("N m", "N").replace("rad", "m")
 
+    def none_of_it(self, peak: float = math.inf) -> float:
+        """Return the value from which a strength counts: a limit's is the largest command."""
+        if self.neutral is None:
+            return 0.0
+        return self.neutral if math.isfinite(self.neutral) else peak
 
-@dataclass(frozen=True)
+
+def unaltered(matrices: Matrices, _: int, __: Numbers) -> Matrices:
+    """Return M, C, K as they are."""
+    return matrices
+
+
+def no_starts(_: Sizes, __: Place) -> Iterator[Scaled]:
+    """Yield no start."""
+    yield from ()
+
+
+def no_bounds(_: Sizes, __: Place) -> Bounds:
+    """Return no bounds besides those of the declaration."""
+    return {}
+
+
+def rms_command(sizes: Sizes, _: Place) -> float:
+    """Return the force that a recording moves by."""
+    return sizes.force
+
+
+def one_percent(_: np.random.Generator, __: Sizes, ___: Place) -> Values:
+    """Return no values: of an effect that has none."""
+    return {}
+
+
+def allowed(_: Values) -> str:
+    """Return that nothing is wrong."""
+    return ""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Effect:
     """A piece of physics that a device may have.
 
-    places: where it may enter. code: its number in the kernel's dispatch of that hook (unused for
-    effects whose hook needs none). in_interface: the `Interface` field that is its home, if any.
-    reference: where the law comes from. borrows: values of the device or the run that the law reads
-    after its own parameters (`sim/equations.py`). rotary_only: the law needs an angle.
-    varies_with_speed: a dry force whose bounds do, and are therefore taken at both ends of a
-    substep.
+    In the simulation. places: where it may enter. code: its number in the kernel's dispatch of that
+    hook (unused for effects whose hook needs none). in_interface: the `Interface` field that is its
+    home, if any; adds: to what stands there, where else it replaces it. reference: where the law
+    comes from. borrows: values of the device or the run that the law reads after its own parameters
+    (`sim/equations.py`). rotary_only: the law needs an angle. varies_with_speed: a dry force whose
+    bounds do, and are therefore taken at both ends of a substep. over_first: in a link the law is
+    taken over the first mass's own position and not over the deflection. alters: what a structural
+    effect makes of M, C and K at a mass (index), (..., n, n) with values (...); adds_mass: also a
+    further mass, unless its strength is neutral, which it then is for all. lags: its one parameter
+    is the amplifier's lag. in_chain: the `Chain` field that is its home at m1, if any, to
+    which it adds.
+
+    In the diagnosis. prior: how likely a device has it at one place, before anything is recorded;
+    elsewhere: the same at all places but the first, where they differ. contains: the simpler
+    effects that it is a richer form of, where it acts (`Place.acts_on`): it never explains less,
+    and at some values is the simpler one. parts_first: such an effect is named before it already
+    where it explains most. family: effects of one family are laws of the same thing, of which a
+    place has one. creased: what it predicts is no smooth function of its parameters. sought: how.
+    in_recording: taken off the recording and not simulated. absorbed: a refit of linear parameters
+    takes a little of it up; known_if_sprung: it has it already at m1 of a device with a spring to
+    ground (the spring, or the origin of the position). weakens: a device with it seems driven by a
+    smaller command.
+
+    starts: values that a fit may begin from, over the magnitudes a recording could show. sweep: the
+    same from hardly anything to the most that is plausible, for a search that starts far. bounds:
+    what physics allows given the recording, where that is less than `Parameter` says. natural: the
+    magnitude that would be all of what the recording moves by. drawn: the effect at about a percent
+    of that, its other numbers by chance. forbidden: the parameter by which values are no physics.
+
+    In the exam, which draws machines with effects. odds: how often one meets it, all its places
+    together, against the odds of the others; 0 where none is drawn. excludes: the effects that no
+    machine has besides it, anywhere. at_share: its values where it is such a share of what
+    the machine is driven by, its other numbers by chance; None: as `drawn`, so much stronger.
     """
 
     name: str
@@ -68,13 +171,75 @@ class Effect:
     code: int
     reference: str
     in_interface: str | None = None
+    adds: bool = False
     borrows: tuple[Borrowed, ...] = ()
     rotary_only: bool = False
     varies_with_speed: bool = False
+    over_first: bool = False
+    alters: Callable[[Matrices, int, Numbers], Matrices] = unaltered
+    adds_mass: bool = False
+    lags: bool = False
+    in_chain: str | None = None
+
+    prior: float = 0.0
+    elsewhere: float | None = None
+    contains: tuple[str, ...] = ()
+    parts_first: bool = False
+    family: str = ""
+    creased: bool = False
+    sought: Sought = "fit"
+    in_recording: bool = False
+    absorbed: bool = False
+    known_if_sprung: bool = False
+    weakens: bool = False
+
+    starts: Starts = no_starts
+    sweep: Starts = no_starts
+    bounds: Callable[[Sizes, Place], Bounds] = no_bounds
+    natural: Callable[[Sizes, Place], float] = rms_command
+    drawn: Callable[[np.random.Generator, Sizes, Place], Values] = one_percent
+    forbidden: Callable[[Values], str] = allowed
+
+    odds: float = 0.0
+    excludes: tuple[str, ...] = ()
+    at_share: AtShare | None = None
 
     def parameter(self, name: str) -> Parameter:
         """Return the parameter of that name; raises KeyError."""
-        return next(p for p in self.parameters if p.name == name)
+        found = next((p for p in self.parameters if p.name == name), None)
+        if found is None:
+            raise KeyError(name)
+        return found
+
+    @cached_property
+    def magnitudes(self) -> tuple[str, ...]:
+        """The parameters that scale all that it does."""
+        return tuple(p.name for p in self.parameters if p.role == "magnitude")
+
+    @cached_property
+    def turning(self) -> tuple[str, ...]:
+        """Its phases and angles."""
+        return tuple(p.name for p in self.parameters if p.role == "turning")
+
+    @cached_property
+    def strength(self) -> str | None:
+        """The parameter that says how strong it is, None where there is none."""
+        strong = (p for p in self.parameters if p.role in ("magnitude", "strength"))
+        return next((p.name for p in strong if p.neutral is not None), None)
+
+    def prior_at(self, place: Place) -> float:
+        """Return how likely a device has it at a place."""
+        first = self.places[0] == str(place)
+        return self.prior if first or self.elsewhere is None else self.elsewhere
+
+    def within(self, sizes: Sizes, place: Place) -> Bounds:
+        """Return lower and upper bound of every parameter, given a recording."""
+        narrower = self.bounds(sizes, place)
+        found: dict[str, tuple[float, float]] = {}
+        for p in self.parameters:
+            low, high = narrower.get(p.name, (p.lower, p.upper))
+            found[p.name] = max(p.lower, low), min(p.upper, high)
+        return found
 
 
 @dataclass(frozen=True)
@@ -112,6 +277,11 @@ class Physics:
     def __reduce__(self) -> tuple[type["Physics"], tuple[Effect, str, dict[str, float]]]:
         """A view that cannot be changed cannot be pickled either: pickle the values."""
         return Physics, (self.effect, self.at, dict(self.values))
+
+    @cached_property
+    def place(self) -> Place:
+        """Where it is."""
+        return place_at(self.at)
 
     def vector(self) -> np.ndarray:
         """Return the values in the order of the declaration, shape (parameters,)."""

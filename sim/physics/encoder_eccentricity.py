@@ -5,23 +5,92 @@ the disk is of m1's position.
 """
 
 import math
+from collections.abc import Iterator
+
+import numpy as np
 
 from zwidth.sim.elementary import sin
 from zwidth.sim.jit import part
-from zwidth.sim.physics.effect import Effect, Parameter
+from zwidth.sim.physics.effect import Bounds, Effect, Parameter, Scaled, Values
+from zwidth.sim.physics.sizes import LONGEST, QUARTER, Sizes, spread, turn, up_to
+from zwidth.sim.place import Place
+
+SHARES = (1.2, 0.9, 0.7, 0.5, 0.2, 0.07)  # of the travel; what is shorter the residual shows
+
+
+def _periods(z: Sizes, shares: tuple[float, ...]) -> list[float]:
+    """Along a line less than one wave in all its travel is a bend; on a disk a turn is a turn."""
+    turns = [2.0 * math.pi] if z.rotary else []
+    return [*(z.span * share for share in shares if z.rotary or share < 1.0), *turns]
+
+
+def _starts(z: Sizes, _: Place) -> Iterator[Scaled]:
+    for period in _periods(z, SHARES):
+        for phase in (0.0, QUARTER):
+            yield (
+                {"amplitude": 1e-3 * z.span, "period": period, "phase": phase},
+                {"amplitude": 1e-3 * z.span, "period": 0.1 * period, "phase": 0.5},
+            )
+
+
+def _sweep(z: Sizes, _: Place) -> Iterator[Scaled]:
+    for period in _periods(z, (0.9, 0.3, 0.07)):
+        for amplitude in up_to(0.9 * period / (2.0 * math.pi)):
+            for phase in (0.0, QUARTER):
+                yield (
+                    {"amplitude": amplitude, "period": period, "phase": phase},
+                    {"amplitude": amplitude, "period": 0.1 * period, "phase": 0.5},
+                )
+
+
+def _bounds(z: Sizes, _: Place) -> Bounds:
+    return {"period": (0.0, LONGEST * max(z.span, 2.0 * math.pi if z.rotary else 0.0))}
+
+
+def _natural(z: Sizes, _: Place) -> float:
+    return z.span
+
+
+def _drawn(random: np.random.Generator, z: Sizes, _: Place) -> Values:
+    period = z.span * spread(random, 0.05, 1.0)
+    return {"amplitude": 1e-3 * z.span, "period": period, "phase": turn(random)}
+
+
+def _forbidden(values: Values) -> str:
+    """So far off centre an encoder would count backwards."""
+    backwards = 2.0 * math.pi * abs(values["amplitude"]) > values["period"]
+    return "amplitude" if backwards else ""
+
+
+def _at_share(random: np.random.Generator, z: Sizes, place: Place, share: float) -> Values:
+    """A tenth of the share, of the rms travel."""
+    return _drawn(random, z, place) | {"amplitude": 0.1 * share * z.position}
+
 
 encoder_eccentricity = Effect(
     name="encoder_eccentricity",
     summary="the reading errs periodically in position",
     places=("sensor",),
     parameters=(
-        Parameter("amplitude", "a_e", "rad", 0.0, 1e3, 0.0),
-        Parameter("period", "lambda_e", "rad", 1e-9, 1e6, None),
-        Parameter("phase", "phi_e", "rad", -2.0 * math.pi, 2.0 * math.pi, None, "rad"),
+        Parameter("amplitude", "a_e", "rad", 0.0, 1e3, 0.0, role="magnitude"),
+        Parameter("period", "lambda_e", "rad", 1e-9, 1e6, None, most=LONGEST),
+        Parameter(
+            "phase", "phi_e", "rad", -2.0 * math.pi, 2.0 * math.pi, None, "rad", role="turning"
+        ),
     ),
     hook="sensor",
     code=1,
     reference="first harmonic of an off-centre disk, to first order in the eccentricity",
+    prior=0.05,  # every disk is off centre; few of them so far that it shows
+    sought="waves",
+    starts=_starts,
+    sweep=_sweep,
+    bounds=_bounds,
+    natural=_natural,
+    drawn=_drawn,
+    forbidden=_forbidden,
+    odds=0.7,
+    at_share=_at_share,
 )
 
 

@@ -2,28 +2,87 @@
 
     f = amplitude sin(2 pi q / period + phase)
 
-It has the potential amplitude period / (2 pi) cos(2 pi q / period + phase). A substep must be short
-against the time period / |v| in which the mass crosses a period.
+At a mass it has the potential amplitude period / (2 pi) cos(2 pi q / period + phase). A substep
+must be short against the time period / |v| in which the mass crosses a period.
+
+In a link it is the ripple of a gear mesh or a capstan: f on the first mass and -f on the second,
+over the position q of the first. Teeth that are not where they should be, by e(q), stretch the link
+by as much, and it carries k (q_1 - q_2 + e): both masses feel k e more, so the amplitude is k |e|.
+Left out is de/dq times what the link carries, a force on the first mass alone that takes the work
+which the pair does on the stretch s of the link; beside f it is of order 2 pi s / period. So the
+law is for a link that gives way by little of a period, where it does not matter either which of its
+masses' positions counts.
 """
 
 import math
+from collections.abc import Iterator
+
+import numpy as np
 
 from zwidth.sim.elementary import sin
 from zwidth.sim.jit import part
-from zwidth.sim.physics.effect import Effect, Parameter
+from zwidth.sim.physics.effect import Bounds, Effect, Parameter, Scaled, Values
+from zwidth.sim.physics.sizes import LONGEST, QUARTER, Sizes, spread, turn, up_to
+from zwidth.sim.place import LINKS, MASSES, Place
+
+
+def _starts(z: Sizes, _: Place) -> Iterator[Scaled]:
+    """A start must lie within a fraction of a wave over all travel.
+
+    The residual's own spectrum (`zwidth.diagnosis.waves`) shows the shorter ones.
+    """
+    for period in np.geomspace(z.span / 9.0, z.span / 1.8, 7).tolist():
+        for phase in (0.0, QUARTER):
+            yield (
+                {"amplitude": 0.02 * z.force, "period": period, "phase": phase},
+                {"amplitude": 0.02 * z.force, "period": 0.02 * period, "phase": 0.5},
+            )
+
+
+def _sweep(z: Sizes, place: Place) -> Iterator[Scaled]:
+    for amplitude in up_to(z.peak):
+        for waves in (9.0, 4.0, 1.8):
+            period = z.spans[place.index] / waves
+            for phase in (0.0, QUARTER):
+                yield (
+                    {"amplitude": amplitude, "period": period, "phase": phase},
+                    {"amplitude": amplitude, "period": 0.02 * period, "phase": 0.5},
+                )
+
+
+def _bounds(z: Sizes, place: Place) -> Bounds:
+    """Of a longer wave less than one is seen: a bend."""
+    return {"period": (0.0, LONGEST * z.spans[place.index])}
+
+
+def _drawn(random: np.random.Generator, z: Sizes, _: Place) -> Values:
+    period = z.span * spread(random, 0.03, 0.5)
+    return {"amplitude": 0.01 * z.force, "period": period, "phase": turn(random)}
+
 
 force_ripple = Effect(
     name="force_ripple",
     summary="a force periodic in position",
-    places=("m1",),
+    places=(*MASSES, *LINKS),
     parameters=(
-        Parameter("amplitude", "a_r", "N m", 0.0, 1e6, 0.0),
-        Parameter("period", "lambda_r", "rad", 1e-9, 1e6, None),
-        Parameter("phase", "phi_r", "rad", -2.0 * math.pi, 2.0 * math.pi, None, "rad"),
+        Parameter("amplitude", "a_r", "N m", 0.0, 1e6, 0.0, role="magnitude"),
+        Parameter("period", "lambda_r", "rad", 1e-9, 1e6, None, most=LONGEST),
+        Parameter(
+            "phase", "phi_r", "rad", -2.0 * math.pi, 2.0 * math.pi, None, "rad", role="turning"
+        ),
     ),
     hook="force",
     code=7,
     reference="Holtz & Springob, IEEE T. Industrial Electronics 43(2), 1996",
+    over_first=True,
+    prior=0.1,  # cogging of motors with iron, capstans and gears
+    elsewhere=0.03,  # no motor there
+    sought="waves",
+    starts=_starts,
+    sweep=_sweep,
+    bounds=_bounds,
+    drawn=_drawn,
+    odds=2.5,
 )
 
 

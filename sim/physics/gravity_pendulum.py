@@ -1,26 +1,55 @@
-"""Weight of a pendulum on the axis of m1: f = -level sin(q + angle).
+"""Weight of a pendulum that turns with a mass: f = -level sin(q + angle).
 
 level: weight times lever; angle: how far from hanging straight down it is at q = 0.
 """
 
 import math
+from collections.abc import Iterator
+
+import numpy as np
 
 from zwidth.sim.elementary import sin
 from zwidth.sim.jit import part
-from zwidth.sim.physics.effect import Effect, Parameter
+from zwidth.sim.physics.effect import Effect, Parameter, Scaled, Values
+from zwidth.sim.physics.sizes import QUARTER, Sizes, turn, up_to
+from zwidth.sim.place import MASSES, Place
+
+
+def _starts(z: Sizes, _: Place) -> Iterator[Scaled]:
+    for share in (0.01, 0.1, 0.5):
+        for angle in (0.0, QUARTER):
+            level = share * z.force
+            yield {"level": level, "angle": angle}, {"level": level, "angle": 0.5}
+
+
+def _sweep(z: Sizes, _: Place) -> Iterator[Scaled]:
+    for level in up_to(z.peak):
+        for angle in (-QUARTER, 0.0, QUARTER, 2.0 * QUARTER):
+            yield {"level": level, "angle": angle}, {"level": level, "angle": 0.5}
+
+
+def _drawn(random: np.random.Generator, z: Sizes, _: Place) -> Values:
+    return {"level": 0.01 * z.force, "angle": turn(random)}
+
 
 gravity_pendulum = Effect(
     name="gravity_pendulum",
     summary="weight on a lever that turns with the axis",
-    places=("m1",),
+    places=MASSES,
     parameters=(
-        Parameter("level", "f_g", "N m", 0.0, 1e6, 0.0),
-        Parameter("angle", "phi_g", "rad", -2.0 * math.pi, 2.0 * math.pi, None),
+        Parameter("level", "f_g", "N m", 0.0, 1e6, 0.0, role="magnitude"),
+        Parameter("angle", "phi_g", "rad", -2.0 * math.pi, 2.0 * math.pi, None, role="turning"),
     ),
     hook="force",
     code=6,
     reference="plane pendulum",
     rotary_only=True,
+    prior=0.1,  # a link or a handle out of balance, unless the axis is vertical
+    contains=("constant_force", "ground_spring"),
+    starts=_starts,
+    sweep=_sweep,
+    drawn=_drawn,
+    odds=2.5,
 )
 
 

@@ -19,24 +19,72 @@ is held over the substep at the mean of both ends: second order, stable for
 h < 2 sqrt(m / stiffness).
 """
 
+from collections.abc import Iterator
+
+import numpy as np
+
 from zwidth.sim.elementary import power, tanh
 from zwidth.sim.jit import part
 from zwidth.sim.lane_type import any_lane, greatest, least, select, signed
-from zwidth.sim.physics.effect import Effect, Parameter
+from zwidth.sim.physics.effect import Bounds, Effect, Parameter, Scaled, Values
 from zwidth.sim.physics.path import out_and_back
+from zwidth.sim.physics.sizes import Sizes, spread, up_to
+from zwidth.sim.place import Place
+
+
+def _starts(z: Sizes, place: Place) -> Iterator[Scaled]:
+    reach, held = z.reach(place), z.held(place)
+    for share in (0.03, 0.15):
+        for yields in (0.1, 0.5):
+            stiffness = share * held / (yields * reach)
+            yield (
+                {"stiffness": stiffness, "level": share * held, "shape": 1.5},
+                {"stiffness": 0.5 * stiffness, "level": 0.5 * share * held, "shape": 0.5},
+            )
+
+
+def _sweep(z: Sizes, place: Place) -> Iterator[Scaled]:
+    reach = z.reach(place)
+    for level in up_to(z.peak if place.kind == "ground" else z.held(place)):
+        for yields in (0.1, 0.5):
+            stiffness = level / (yields * reach)
+            yield (
+                {"stiffness": stiffness, "level": level, "shape": 1.5},
+                {"stiffness": 0.5 * stiffness, "level": 0.5 * level, "shape": 0.5},
+            )
+
+
+def _bounds(_: Sizes, __: Place) -> Bounds:
+    """A sharper one is elastic and ideally plastic all the same."""
+    return {"shape": (1.0, 10.0)}
+
+
+def _drawn(random: np.random.Generator, z: Sizes, place: Place) -> Values:
+    level = 0.01 * z.force
+    return {"stiffness": level / (z.reach(place) * spread(random, 0.03, 0.5)), "level": level,
+            "shape": float(random.uniform(1.0, 3.0))}  # fmt: skip
+
 
 hysteresis = Effect(
     name="hysteresis",
     summary="a spring that yields and dissipates, Bouc-Wen",
     places=("ground", "link12"),
     parameters=(
-        Parameter("stiffness", "k_h", "N m/rad", 0.0, 1e12, None),
-        Parameter("level", "f_h", "N m", 0.0, 1e6, 0.0),
-        Parameter("shape", "n", "", 1.0, 100.0, None),
+        Parameter("stiffness", "k_h", "N m/rad", 0.0, 1e12, None, role="magnitude"),
+        Parameter("level", "f_h", "N m", 0.0, 1e6, 0.0, role="magnitude"),
+        Parameter("shape", "n", "", 1.0, 100.0, None, open_ended=True),
     ),
     hook="force",
     code=5,
     reference="Y.-K. Wen, J. Eng. Mechanics Div. ASCE 102(2), 1976; R. Bouc, 1967",
+    prior=0.02,  # rubber, tendons, piezo stacks
+    contains=("coulomb_friction", "ground_spring", "presliding_friction"),
+    creased=True,
+    starts=_starts,
+    sweep=_sweep,
+    bounds=_bounds,
+    drawn=_drawn,
+    odds=1.0,
 )
 
 

@@ -1,6 +1,8 @@
 """A force of any shape that repeats over position, as four harmonics of its period.
 
-    f = sum over k = 1..4 of a_k cos(k phi) + b_k sin(k phi),    phi = 2 pi q / period.
+    f = sum over k = 1..4 of a_k cos(k phi) + b_k sin(k phi),    phi = 2 pi q / period,
+
+in a link over the position of its first mass, as `force_ripple`.
 
 No effect of the library, which has the first harmonic alone: the diagnosis asks with it whether
 what was named `force_ripple` is one of more (`diagnosis/probes.py`), as a magnet's detent or the
@@ -12,13 +14,14 @@ import math
 from zwidth.sim.elementary import cos, sin
 from zwidth.sim.jit import part
 from zwidth.sim.physics.effect import Effect, Parameter
+from zwidth.sim.place import LINKS, MASSES
 
 HARMONICS = 4
 
 periodic_force = Effect(
     name="periodic_force",
     summary="a force of any shape that repeats over position",
-    places=("m1",),
+    places=(*MASSES, *LINKS),
     parameters=(
         Parameter("period", "lambda_p", "rad", 1e-9, 1e6, None),
         *(
@@ -29,6 +32,7 @@ periodic_force = Effect(
     ),
     hook="force",
     code=11,
+    over_first=True,
     reference="Holtz & Springob, IEEE T. Industrial Electronics 43(2), 1996",
 )
 

@@ -10,11 +10,12 @@ from zwidth.sim.elementary import power
 from zwidth.sim.jit import part
 from zwidth.sim.lane_type import signed
 from zwidth.sim.physics.effect import Effect, Parameter
+from zwidth.sim.place import MASSES
 
 power_drag = Effect(
     name="power_drag",
     summary="drag that grows with a power of speed",
-    places=("m1", "m2", "m3"),
+    places=MASSES,
     parameters=(
         Parameter("level", "f_p", "N m", 0.0, 1e6, 0.0),
         Parameter("power", "p", "", 1.0, 8.0, None),

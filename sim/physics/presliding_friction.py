@@ -17,23 +17,71 @@ below that far from it. Like every such model it creeps under a load that trembl
 for good is `coulomb_friction`.
 """
 
+from collections.abc import Iterator
+
+import numpy as np
+
 from zwidth.sim.elementary import exp
 from zwidth.sim.jit import part
 from zwidth.sim.lane_type import any_lane, select, signed
-from zwidth.sim.physics.effect import Effect, Parameter
+from zwidth.sim.physics.effect import Bounds, Effect, Parameter, Scaled, Values
 from zwidth.sim.physics.path import out_and_back
+from zwidth.sim.physics.sizes import Sizes, most_friction, spread, up_to
+from zwidth.sim.place import MASSES, Place
+
+
+def _starts(z: Sizes, _: Place) -> Iterator[Scaled]:
+    for share in (0.01, 0.06, 0.2):
+        for reach in (0.01, 0.1):
+            level = share * z.force
+            values = {"level": level, "stiffness": level / (reach * z.position)}
+            yield values, {k: 0.5 * x for k, x in values.items()}
+
+
+def _sweep(z: Sizes, place: Place) -> Iterator[Scaled]:
+    for level in up_to(z.peak):
+        for reach in (0.01, 0.1):
+            values = {"level": level, "stiffness": level / (reach * z.positions[place.index])}
+            yield values, {k: 0.5 * x for k, x in values.items()}
+
+
+def _bounds(z: Sizes, place: Place) -> Bounds:
+    return {"level": (0.0, most_friction(z, place))}
+
+
+def _drawn(random: np.random.Generator, z: Sizes, _: Place) -> Values:
+    level = 0.01 * z.force
+    return {"level": level, "stiffness": level / (z.position * spread(random, 1e-3, 3e-2))}
+
+
+def _at_share(random: np.random.Generator, z: Sizes, _: Place, share: float) -> Values:
+    """Bent by less than some steps of the encoder, a bristle is Coulomb friction."""
+    level = share * z.force
+    bend = max(z.position * float(random.uniform(0.01, 0.1)), 3.0 * z.step)
+    return {"level": level, "stiffness": level / bend}
+
 
 presliding_friction = Effect(
     name="presliding_friction",
     summary="friction that yields like a spring before it slips",
-    places=("m1", "m2", "m3"),
+    places=MASSES,
     parameters=(
-        Parameter("level", "f_c", "N m", 0.0, 1e6, 0.0),
-        Parameter("stiffness", "sigma_0", "N m/rad", 0.0, 1e12, None),
+        Parameter("level", "f_c", "N m", 0.0, 1e6, 0.0, role="magnitude"),
+        Parameter("stiffness", "sigma_0", "N m/rad", 0.0, 1e12, None, role="magnitude"),
     ),
     hook="force",
     code=4,
     reference="P. R. Dahl, A solid friction model, Aerospace Corporation TOR-0158(3107-18)-1, 1968",
+    prior=0.05,  # of dry friction, where the motion is so small that its bristles show
+    contains=("coulomb_friction",),
+    family="dry friction",
+    creased=True,
+    starts=_starts,
+    sweep=_sweep,
+    bounds=_bounds,
+    drawn=_drawn,
+    odds=1.5,
+    at_share=_at_share,
 )
 
 

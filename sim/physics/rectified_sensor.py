@@ -11,6 +11,10 @@ rectified_sensor = Effect(
     hook="sensor",
     code=2,
     reference="-",
+    prior=0.003,  # a sensor wired or read without its sign: a mistake, and soon seen
+    creased=True,
+    sought="folding",
+    in_recording=True,
 )
 
 

@@ -1,20 +1,71 @@
 """The amplifier gives no more than its limit; its home is `Interface.command_limit`."""
 
 import math
+from collections.abc import Iterator
+
+import numpy as np
 
 from zwidth.sim.jit import part
 from zwidth.sim.lane_type import greatest, least
-from zwidth.sim.physics.effect import Effect, Parameter
+from zwidth.sim.physics.effect import Bounds, Effect, Parameter, Scaled, Values
+from zwidth.sim.physics.sizes import Sizes, up_to
+from zwidth.sim.place import Place
+
+
+def _starts(z: Sizes, _: Place) -> Iterator[Scaled]:
+    for share in (0.97, 0.85, 0.7, 0.5, 0.3):
+        yield {"limit": share * z.peak}, {"limit": 0.05 * z.peak}
+    for share in (0.5, 0.2):  # of a command that bursts, far below its peak
+        if share * z.force < 0.2 * z.peak:
+            yield {"limit": share * z.force}, {"limit": 0.2 * share * z.force}
+
+
+def _sweep(z: Sizes, _: Place) -> Iterator[Scaled]:
+    for cut in up_to(0.95):
+        limit = (1.0 - cut) * z.peak
+        yield {"limit": limit}, {"limit": 0.5 * cut * limit}
+
+
+def _bounds(z: Sizes, _: Place) -> Bounds:
+    """A limit above the largest command does nothing."""
+    return {"limit": (0.0, z.peak)}
+
+
+def _natural(z: Sizes, _: Place) -> float:
+    return z.peak
+
+
+def _drawn(_: np.random.Generator, z: Sizes, __: Place) -> Values:
+    return {"limit": 0.95 * z.peak}
+
+
+def _at_share(_: np.random.Generator, z: Sizes, __: Place, share: float) -> Values:
+    """So much of the largest command is cut off."""
+    return {"limit": (1.0 - share) * z.peak}
+
 
 saturation = Effect(
     name="saturation",
     summary="the amplifier's limit",
     places=("command",),
-    parameters=(Parameter("limit", "u_max", "N m", 1e-12, math.inf, math.inf),),
+    parameters=(
+        # A sine cut flat is another mechanism: a fit goes no further down at once.
+        Parameter("limit", "u_max", "N m", 1e-12, math.inf, math.inf, role="strength", least=0.3),
+    ),
     hook="command",
     code=0,
     reference="ideal saturation",
     in_interface="command_limit",
+    prior=0.1,  # every amplifier has a limit; few recordings go there
+    creased=True,
+    weakens=True,
+    starts=_starts,
+    sweep=_sweep,
+    bounds=_bounds,
+    natural=_natural,
+    drawn=_drawn,
+    odds=2.0,
+    at_share=_at_share,
 )
 
 

@@ -10,23 +10,83 @@ velocity: the substep must be short against the time m velocity / (static_level 
 the mass runs away there.
 """
 
+from collections.abc import Iterator
+
+import numpy as np
+
 from zwidth.sim.elementary import exp
 from zwidth.sim.jit import part
-from zwidth.sim.physics.effect import Effect, Parameter
+from zwidth.sim.physics.effect import Bounds, Effect, Parameter, Scaled, Values
+from zwidth.sim.physics.sizes import Sizes, most_friction, spread, up_to
+from zwidth.sim.place import MASSES, Place
+
+
+def _starts(z: Sizes, _: Place) -> Iterator[Scaled]:
+    for share in (0.01, 0.06, 0.2):
+        for slow in (0.03, 0.3):
+            values = {
+                "level": share * z.force,
+                "static_level": 1.6 * share * z.force,
+                "velocity": slow * z.speed,
+            }
+            yield values, {k: 0.5 * x for k, x in values.items()}
+
+
+def _sweep(z: Sizes, place: Place) -> Iterator[Scaled]:
+    for level in up_to(z.peak / 1.6):
+        for slow in (0.03, 0.3):
+            values = {
+                "level": level,
+                "static_level": 1.6 * level,
+                "velocity": slow * z.speeds[place.index],
+            }
+            yield values, {k: 0.5 * x for k, x in values.items()}
+
+
+def _bounds(z: Sizes, place: Place) -> Bounds:
+    """At no speed above the highest recorded is there anything to see of a fall."""
+    most = most_friction(z, place)
+    return {
+        "level": (0.0, most),
+        "static_level": (0.0, most),
+        "velocity": (0.0, z.fastest[place.index]),
+    }
+
+
+def _drawn(random: np.random.Generator, z: Sizes, _: Place) -> Values:
+    level = 0.01 * z.force
+    static = level * float(random.uniform(1.3, 2.5))
+    return {"level": level, "static_level": static, "velocity": z.speed * spread(random, 0.03, 0.5)}
+
+
+def _forbidden(values: Values) -> str:
+    """Friction that sticks less than it slides takes a drag's place beside others."""
+    return "static_level" if values["static_level"] < values["level"] else ""
+
 
 stribeck_friction = Effect(
     name="stribeck_friction",
     summary="dry friction that falls with speed from a higher level at rest",
-    places=("m1", "m2", "m3"),
+    places=MASSES,
     parameters=(
-        Parameter("level", "f_c", "N m", 0.0, 1e6, 0.0),
-        Parameter("static_level", "f_s", "N m", 0.0, 1e6, 0.0),
+        Parameter("level", "f_c", "N m", 0.0, 1e6, 0.0, role="magnitude"),
+        Parameter("static_level", "f_s", "N m", 0.0, 1e6, 0.0, role="magnitude"),
         Parameter("velocity", "v_s", "rad/s", 1e-12, 1e6, None),
     ),
     hook="friction",
     code=2,
     reference="Armstrong-Helouvry, Dupont & Canudas de Wit, Automatica 30(7), 1994, eq. (4)",
     varies_with_speed=True,
+    prior=0.05,  # of dry friction, where it is lubricated and moves slowly enough
+    contains=("coulomb_friction",),
+    family="dry friction",
+    creased=True,
+    starts=_starts,
+    sweep=_sweep,
+    bounds=_bounds,
+    drawn=_drawn,
+    forbidden=_forbidden,
+    odds=2.0,
 )
 
 

@@ -1,0 +1,330 @@
+"""Devices of one make with numbers of their own, as arrays: what a population is made from at once.
+
+A search asks of thousands of devices that differ in numbers alone. Here these numbers are arrays
+with a first axis of members, changed as those of a `Device` are (`with_physics`, `with_interface`),
+and laid out for the lanes of the kernel without a `Device` for each. What follows from a member's
+numbers is bit for bit what follows from its `device`.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.sim.chain import Chain, Chains
+from zwidth.sim.device import Device, home, place_label, plant_of
+from zwidth.sim.equations import (
+    Equations,
+    dry_masses,
+    effect_table,
+    enough_of,
+    frame,
+    reaction,
+    segments,
+    sure,
+    too_few_substeps,
+)
+from zwidth.sim.group import NUMBERS, TABLES, Stack
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.plant import Plant
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+VARIES = ("delay", "encoder_step", "command_step", "command_limit")  # of the interface
+HOOK_OF = dict(zip(TABLES, ("force", "friction", "sensor", "command", "clock"), strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class Members:
+    """Devices with the same masses, links, effects and places; rows of the arrays are members.
+
+    like: what they have in common besides. chains: (members, n). interface: (members,) of those
+    fields of the interface, among `VARIES`, in which they are not like it. physics: effects and
+    places, whose own values do not count; values (members, parameters) of each, in the order of its
+    declaration.
+    """
+
+    like: Device
+    chains: Chains
+    interface: Mapping[str, Floats] = field(default_factory=dict[str, Floats])
+    physics: tuple[Physics, ...] = ()
+    values: tuple[Floats, ...] = ()
+
+    @property
+    def size(self) -> int:
+        """How many there are."""
+        return self.chains.masses.shape[0]
+
+    def device(self, i: int) -> Device:
+        """Return a member; raises ValueError, DeviceError among it, where it can be no device."""
+        return self._device(lambda numbers: numbers[i])
+
+    def _device(self, of: Callable[[Floats], Floats]) -> Device:
+        changes = {name: float(of(numbers)) for name, numbers in self.interface.items()}
+        physics = tuple(
+            replace(
+                p,
+                values=dict(
+                    zip([q.name for q in p.effect.parameters], of(own).tolist(), strict=True)
+                ),
+            )
+            for p, own in zip(self.physics, self.values, strict=True)
+        )
+        masses, dampers, spring, links, link_dampers = (of(numbers) for numbers in self.chains)
+        return Device(  # which validates the chain
+            self.like.name, self.like.source, self.like.rotary,
+            Chain(masses, dampers, float(spring), links, link_dampers),
+            replace(self.like.interface, **changes), physics,
+        )  # fmt: skip
+
+    @cached_property
+    def first(self) -> Device:
+        """The device of the first."""
+        return self.device(0)
+
+    def check(self) -> None:
+        """Raise what `device` raises, if any member can be no device.
+
+        What is allowed of a number is an interval, whatever the others are: all members are within
+        it where the least and the largest number are.
+        """
+        for extreme in (np.min, np.max):
+            self._device(lambda numbers, of=extreme: of(numbers, axis=0, keepdims=False))
+
+    def taken(self, which: Ints | list[int]) -> "Members":
+        """Return some of the members, in this order; themselves where it is all of them."""
+        if np.array_equal(which, np.arange(self.size)):
+            return self
+        return replace(
+            self,
+            chains=Chains(*(numbers[which] for numbers in self.chains)),
+            interface={name: numbers[which] for name, numbers in self.interface.items()},
+            values=tuple(own[which] for own in self.values),
+        )
+
+    def with_interface(self, **changes: float | Floats) -> "Members":
+        """Return them with other fields of the interface, (members,) or one for all.
+
+        Raises ValueError for a field in which members cannot differ.
+        """
+        for name in changes:
+            if name not in VARIES:
+                raise ValueError(
+                    f"members cannot differ in interface.{name}; they can in {', '.join(VARIES)}"
+                )
+        wide = {n: np.broadcast_to(np.float64(v), self.size) for n, v in changes.items()}
+        return replace(self, interface={**self.interface, **wide})
+
+    def of_interface(self, name: str) -> Floats:
+        """Return a number of the interface, (members,)."""
+        if name in self.interface:
+            return self.interface[name]
+        return np.full(self.size, float(getattr(self.like.interface, name)))
+
+    def with_physics(self, physics: Physics, values: Floats) -> "Members":
+        """Return them with an effect, values (members, parameters), brought to its home.
+
+        As `Device.with_physics` brings it.
+        """
+        entry, chain = physics.effect.in_interface, physics.effect.in_chain
+        if entry is not None:
+            earlier = self.of_interface(entry) if physics.effect.adds else 0.0
+            return self.with_interface(**{entry: earlier + values[:, 0]})
+        if home(physics) is not None and chain is not None:
+            changed = getattr(self.chains, chain) + values[:, 0]
+            return replace(self, chains=self.chains._replace(**{chain: changed}))
+        label = place_label(physics)
+        kept = [i for i, p in enumerate(self.physics) if place_label(p) != label]
+        return replace(
+            self,
+            physics=(*(self.physics[i] for i in kept), physics),
+            values=(*(self.values[i] for i in kept), values),
+        )
+
+    def without_physics(self, left_out: Callable[[Physics], bool]) -> "Members":
+        """Return them without the effects of which that is true."""
+        kept = [i for i, p in enumerate(self.physics) if not left_out(p)]
+        return replace(
+            self,
+            physics=tuple(self.physics[i] for i in kept),
+            values=tuple(self.values[i] for i in kept),
+        )
+
+    def kinds(self) -> list[Ints]:
+        """Return members with the same states together.
+
+        An effect without strength adds no mass, an amplifier without lag no state.
+        """
+        present = np.zeros((self.size, len(self.physics)), dtype=bool)
+        for j, (p, own) in enumerate(zip(self.physics, self.values, strict=True)):
+            if p.effect.adds_mass:
+                names = [q.name for q in p.effect.parameters]
+                strength = p.effect.parameter(p.effect.strength or names[0])
+                present[:, j] = own[:, names.index(strength.name)] != strength.neutral
+            elif p.effect.lags:
+                present[:, j] = own[:, 0] > 0.0
+        return together(present)
+
+    @cached_property
+    def plant(self) -> Plant:
+        """The linear equations of all, which are of one of the `kinds`."""
+        return plant_of(
+            self.chains,
+            [
+                (p, {q.name: own[:, j] for j, q in enumerate(p.effect.parameters)})
+                for p, own in zip(self.physics, self.values, strict=True)
+            ],
+        )
+
+    def plant_at(self, i: int) -> Plant:
+        """Return the linear equations of one."""
+        plant = self.plant
+        return Plant(
+            plant.a[i], plant.b[i], type(plant.matrices)(*(m[i] for m in plant.matrices)), plant.lag
+        )
+
+    def delay_ticks(self) -> tuple[Ints, Floats]:
+        """Return whole ticks of delay and what remains [s], as `Interface.delay_ticks`."""
+        period, delay = self.like.interface.period, self.of_interface("delay")
+        whole = np.floor(delay / period + 1e-9)
+        left = delay - whole * period
+        return whole.astype(np.int64), np.where(left > 1e-9 * period, left, 0.0)
+
+    def enough_substeps(self) -> Ints:
+        """Return how many substeps a tick each takes at least, as `equations.enough_substeps`.
+
+        They are of one of the `kinds`.
+        """
+        found = np.ones(self.size, dtype=np.int64)
+        dry = dry_masses(self.physics)
+        if not dry:
+            return found
+        # A hair more than `enough_of` asks for, which has the last word.
+        close = ~sure(self.plant, 1.02 * self.like.interface.period)
+        for i in np.flatnonzero(close).tolist():
+            interface = replace(self.like.interface, delay=float(self.of_interface("delay")[i]))
+            found[i] = enough_of(self.plant_at(i), dry, interface)
+        return found
+
+
+def alike(device: Device, count: int) -> Members:
+    """Return so many members that are the same device."""
+
+    def rows(numbers: Floats | float) -> Floats:
+        own = np.asarray(numbers, dtype=np.float64)
+        return np.broadcast_to(own, (count, *own.shape))
+
+    return Members(
+        device, Chains(*(rows(numbers) for numbers in device.chain)), {}, device.physics,
+        tuple(rows(p.vector()) for p in device.physics),
+    )  # fmt: skip
+
+
+def together(rows: NDArray[np.generic]) -> list[Ints]:
+    """Return the indices of equal rows together, in the order in which they first occur."""
+    found: dict[bytes, list[int]] = {}
+    for i, row in enumerate(np.ascontiguousarray(rows)):
+        found.setdefault(row.tobytes(), []).append(i)
+    return [np.array(which, dtype=np.int64) for which in found.values()]
+
+
+class Stacked(NamedTuple):
+    """Members of one structure, by their index, in few and in many substeps a tick."""
+
+    which: Ints
+    coarse: Stack
+    fine: Stack
+
+
+def stacks(members: Members, few: int, many: int, seed: int = 0) -> list[Stacked]:
+    """Return members of one of the `kinds` laid out, those of one structure together.
+
+    Members whose dry friction would need more substeps are left out. Raises ValueError as
+    `equations.frame` does; members are those that `Members.check` lets pass.
+    """
+    period = members.like.interface.period
+    whole, remainder = members.delay_ticks()
+    steps = [segments(remainder, period, n) for n in (few, max(few, many))]
+    sound = np.flatnonzero(_followed(members, *steps[1]))
+    counts = [np.ascontiguousarray(c[sound]) for c, _ in steps]
+    found: list[Stacked] = []
+    for some in together(np.column_stack([whole[sound], *counts])):
+        which = sound[some]
+        own = members.taken(which)
+        coarse = _stack(own, members.plant, which, few, steps[0], seed)
+        fine = coarse
+        if many > few:
+            fine_counts, durations = steps[1]
+            eq = coarse.eq._replace(
+                substeps=fine_counts[which[0]], durations=np.ascontiguousarray(durations[which].T)
+            )
+            fine = coarse._replace(eq=eq)
+        found.append(Stacked(which, coarse, fine))
+    return found
+
+
+def _followed(members: Members, counts: Ints, durations: Floats) -> NDArray[np.bool_]:
+    """Whether substeps are short enough for dry friction, as `Member.complaint` says it."""
+    dry = sorted(dry_masses(members.physics))
+    found = np.ones(members.size, dtype=bool)
+    if not dry:
+        return found
+    longest = np.max(np.where(counts > 0, durations, 0.0), axis=1)
+    close = ~sure(members.plant, 1.01 * longest)
+    for i in np.flatnonzero(close).tolist():
+        found[i] = not too_few_substeps(
+            members.plant_at(i), dry, members.like.interface.period, counts[i].tolist(),
+            durations[i].tolist(),
+        )  # fmt: skip
+    return found
+
+
+def _stack(
+    members: Members, plants: Plant, which: Ints, few: int, steps: tuple[Ints, Floats], seed: int
+) -> Stack:
+    """Lay out members of one structure; plants: of more, these among them."""
+    first, _ = frame(members.first, few, seed)
+    counts, durations = steps
+    plant = Plant(
+        plants.a[which], plants.b[which],
+        type(plants.matrices)(*(m[which] for m in plants.matrices)), plants.lag,
+    )  # fmt: skip
+    each = {
+        "durations": durations[which],
+        "reaction": reaction(plant),
+        "masses": np.diagonal(plant.matrices.mass, axis1=-2, axis2=-1),
+        "smoothing": np.full(members.size, first.smoothing),
+    }  # the others are fields of the interface
+    numbers = {
+        name: _last(each[name] if name in each else members.of_interface(name)) for name in NUMBERS
+    }
+    tables = {
+        name: getattr(first, name)._replace(
+            parameters=_last(
+                effect_table(
+                    HOOK_OF[name], members.physics, members.values, members.chains, seed
+                ).parameters
+            )
+        )
+        for name in TABLES
+    }
+    eq: Equations = first._replace(substeps=counts[which[0]], **numbers, **tables)
+    return Stack(eq, _last(plant.a), _last(plant.b))
+
+
+def _last(values: Floats) -> Floats:
+    """Return values (members, ...) with the members last."""
+    return np.ascontiguousarray(np.moveaxis(values, 0, -1))
+
+
+def chains_of(chain: Chain, count: int) -> Chains:
+    """Return so many of a chain, whose numbers may be changed."""
+    return Chains(
+        *(
+            np.repeat(np.asarray(numbers, dtype=np.float64)[None], count, axis=0)
+            for numbers in chain
+        )
+    )

@@ -1,0 +1,84 @@
+"""What a recording moves by: what an effect sizes its starts, its sweep and its bounds with."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from zwidth.sim.place import Place
+
+QUARTER = 0.5 * math.pi
+SMALLEST = 0.003  # of the command or the travel: where a sweep begins
+SWEPT = 7  # magnitudes a sweep
+LONGEST = 1.2  # waves of a period, and travels: of a longer wave less than one is seen, a bend
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """The sizes of one or several recordings of a device, SI.
+
+    force, peak: rms and largest command; speed, position, span: rms speed, rms position and travel
+    of m1 as measured; period: of the ticks. By mass: speeds, positions, spans, and fastest, the
+    highest speed recorded. By link: springs, and stretches, the rms deflection (far less than the
+    force over the spring where the end is light, and more at a resonance). step: of the encoder.
+    """
+
+    rotary: bool
+    period: float
+    force: float
+    peak: float
+    speed: float
+    position: float
+    span: float
+    masses: tuple[float, ...]
+    speeds: tuple[float, ...]
+    positions: tuple[float, ...]
+    spans: tuple[float, ...]
+    fastest: tuple[float, ...]
+    springs: tuple[float, ...]
+    stretches: tuple[float, ...]
+    step: float = 0.0
+
+    @property
+    def mass(self) -> float:
+        """All masses together."""
+        return sum(self.masses)
+
+    def reach(self, place: Place) -> float:
+        """Rms deflection of a link; rms position of m1 elsewhere."""
+        return self.stretches[place.index] if place.kind == "link" else self.position
+
+    def held(self, place: Place) -> float:
+        """Rms force of a link's spring; that of the command elsewhere."""
+        if place.kind == "link":
+            return self.springs[place.index] * self.stretches[place.index]
+        return self.force
+
+
+def up_to(most: float, least: float | None = None) -> Iterator[float]:
+    """Yield the magnitudes of a sweep, in equal ratios from `SMALLEST` of the most on."""
+    yield from np.geomspace(SMALLEST * most if least is None else least, most, SWEPT).tolist()
+
+
+def most_friction(z: Sizes, place: Place) -> float:
+    """Return the level that would have held a mass still.
+
+    m1 is moved by the command. Farther on, at a resonance, a link pulls more than that.
+    """
+    return z.peak if place.index == 0 else math.inf
+
+
+def spread(random: np.random.Generator, low: float, high: float) -> float:
+    """Draw a number that is as likely in every octave."""
+    return float(np.exp(random.uniform(math.log(low), math.log(high))))
+
+
+def sign(random: np.random.Generator) -> float:
+    """Draw a sign."""
+    return float(random.choice((-1.0, 1.0)))
+
+
+def turn(random: np.random.Generator) -> float:
+    """Draw a phase."""
+    return float(random.uniform(-math.pi, math.pi))
