@@ -7,19 +7,24 @@ from typing import Any
 
 import numpy as np
 
-from zwidth.exam.drawing import Concealed, draw
-from zwidth.exam.strata import STRATA
+from zwidth.exam.drawing import draw
+from zwidth.exam.outsiders import draw_outsider
+from zwidth.exam.rigs import draw_rig
+from zwidth.exam.strata import OUTSIDE, RIGS, STRATA
+from zwidth.exam.subject import Subject
 from zwidth.files.protection import check, reading
 from zwidth.files.whole import write_text
 from zwidth.jobs.executor import Executor
 from zwidth.scenarios.concealed.handout import (
+    PARTS,
+    VALIDATION,
     all_files,
     key_file,
     made_file,
     names,
     recording_files,
     write_data,
-    write_description,
+    write_descriptions,
 )
 from zwidth.scenarios.concealed.sealing import SALT_BYTES, digest, seal, write_key
 from zwidth.sim.device_file import device_to_text
@@ -87,34 +92,51 @@ def _refuse_others(folder: Path, asked: Sequence[Order]) -> None:
 
 
 def make(order: Order) -> str:
-    """Draw and write one recording; the key comes last."""
+    """Draw and write one subject with its recordings; the key comes last."""
     folder = Path(order.folder)
-    made = draw(STRATA[order.stratum], order.seed, order.index, order.rank, order.seconds)
-    write_data(folder, order.name, made.trace, made.nominal)
-    key = key_of(order, made)
+    subject = drawn(order)
+    traces = dict(zip(PARTS, subject.traces, strict=False))
+    traces |= dict(zip([VALIDATION], subject.judged, strict=False))
+    write_data(folder, order.name, traces, subject.nominal)
+    key = key_of(order, subject)
     random = np.random.default_rng([order.seed, order.index, 1])
     salt = random.bytes(SALT_BYTES).hex()
-    write_description(folder, order.name, made.trace, made.nominal, seal(salt, key))
+    write_descriptions(folder, order.name, traces, subject.nominal, seal(salt, key))
     write_key(key_file(folder, order.name), salt, key)
     return order.name
 
 
-def key_of(order: Order, made: Concealed) -> dict[str, Any]:
-    """Return everything that is known of a recording, in JSON's types."""
-    files = recording_files(Path(order.folder), order.name)
-    rig = made.rig
-    outside = rig.outside
+def drawn(order: Order) -> Subject:
+    """Draw what an order asks for."""
+    stratum = STRATA[order.stratum]
+    if stratum.kind == RIGS:
+        return draw_rig(order.seed, order.index, seconds=order.seconds)
+    if stratum.kind == OUTSIDE:
+        return draw_outsider(order.seed, order.index, order.seconds)
+    return draw(stratum, order.seed, order.index, order.rank, order.seconds).subject()
+
+
+def key_of(order: Order, subject: Subject) -> dict[str, Any]:
+    """Return everything that is known of a subject, in JSON's types."""
+    folder = Path(order.folder)
+    files = recording_files(folder, order.name)
+    law = subject.law
+    if law is not None:
+        outside = {"name": "law", "text": law.text, "sigma": subject.law_sigma} | asdict(law)
+    else:
+        outside = subject.outside
     return {
         "recording": order.name,
-        "stratum": made.stratum,
+        "stratum": subject.stratum,
         "seed": order.seed,
         "index": order.index,
         "rank": order.rank,
-        "hidden": [asdict(h) for h in made.hidden],
-        "outside": None if outside is None else {"name": outside.name, **outside.values},
-        "device": device_to_text(rig.device),
-        "device_file": "fitted to this recording" if made.fitted else "up to 10 % off",
-        "drive": {"kind": rig.drive.kind, "feedback": list(rig.drive.feedback)},
-        "noise": asdict(rig.nuisance),
+        "recordings": {part: path.name for part, path in files.items() if part in PARTS},
+        "hidden": [asdict(h) for h in subject.hidden],
+        "outside": outside,
+        "floor": subject.floor,
+        "device": device_to_text(subject.truth),
+        "device_file": subject.device_file,
+        **subject.about,
         "sha256": {name: digest(path) for name, path in files.items()},
     }

@@ -4,7 +4,7 @@ The limit is that of the true device without its physics, on a recording that di
 handed out by nothing but the physics: same drive, same noise, same jitter.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from zwidth.exam.hidden import Hidden, Stage, seen
 from zwidth.exam.of_library import conceal_effects
 from zwidth.exam.of_no_library import conceal_outside
 from zwidth.exam.strata import Stratum
+from zwidth.exam.subject import Subject
 from zwidth.scenarios.concealed.devices import draw_device, mistaken
 from zwidth.scenarios.concealed.excitation import draw_drive
 from zwidth.scenarios.concealed.outside import OUTSIDE
@@ -46,6 +47,19 @@ class Concealed:
         """The recording as a diagnosis takes it."""
         return seen(self.trace, self.nominal)
 
+    def subject(self) -> Subject:
+        """Return it as what is examined."""
+        rig, outside = self.rig, self.rig.outside
+        about = {
+            "drive": {"kind": rig.drive.kind, "feedback": list(rig.drive.feedback)},
+            "noise": asdict(rig.nuisance),
+        }
+        return Subject(
+            self.stratum, (self.trace,), (), self.nominal, rig.device, self.hidden,
+            "fitted to this recording" if self.fitted else "up to 10 % off", about,
+            None if outside is None else {"name": outside.name, **outside.values},
+        )  # fmt: skip
+
 
 def draw(
     stratum: Stratum, seed: int, index: int, rank: int = 0, seconds: float | None = None
@@ -74,7 +88,7 @@ def _names(stratum: Stratum) -> list[str]:
         return list(OUTSIDE)
     if stratum.effects == 0:
         return []
-    scalable = [name for name in EFFECTS if name != "rectified_sensor"]
+    scalable = [name for name, effect in EFFECTS.items() if effect.strength is not None]
     return scalable if stratum.most < 5.0 or stratum.effects > 1 else list(EFFECTS)
 
 

@@ -34,6 +34,7 @@ from zwidth.scenarios.concealed.integrator import (
     WIDTH,
 )  # fmt: skip
 from zwidth.sim.device import Device
+from zwidth.sim.place import Place, place_at
 
 Floats = NDArray[np.float64]
 ARGUMENTS = ("", "position", "velocity", "stretch", "rate", "command", "time")  # by their code
@@ -142,15 +143,16 @@ class Law:
 
 def _where(at: str, masses: int) -> tuple[int, int, int]:
     """Place, mass, and the link whose stretch the law may know; -1 for none."""
-    if at == "command":
-        return ON_COMMAND, 0, -1
-    if at == "sensor":
-        return ON_SENSOR, 0, -1
-    if at.startswith("link"):
-        link = int(at[4]) - 1
-        return ON_LINK, link, link
-    mass = int(at[1]) - 1
-    return ON_MASS, mass, min(mass, masses - 2)
+    there = place_at(at)
+    match there.kind:
+        case "command":
+            return ON_COMMAND, 0, -1
+        case "sensor":
+            return ON_SENSOR, 0, -1
+        case "link":
+            return ON_LINK, there.index, there.index
+        case _:
+            return ON_MASS, there.index, min(there.index, masses - 2)
 
 
 def motion_at(at: str, t: Floats, states: Floats, command: Floats) -> dict[str, Floats]:
@@ -178,10 +180,9 @@ def draw_law(
     kind = _pick(random, kinds)
     match kind:
         case "mass":
-            at = f"m{int(random.integers(n)) + 1}"
+            at = str(Place("mass", int(random.integers(n))))
         case "link":
-            link = int(random.integers(n - 1)) + 1
-            at = f"link{link}{link + 1}"
+            at = str(Place("link", int(random.integers(n - 1))))
         case _:
             at = kind
     motion = motion_at(at, t, states, command)
@@ -275,7 +276,7 @@ def _library(at: str, t: Floats, states: Floats, command: Floats) -> list[Floats
     n = states.shape[1] // 2
     motion = motion_at(at if at not in ("command", "sensor") else "m1", t, states, command)
     q, v = motion["position"], motion["velocity"]
-    if at.startswith("link"):
+    if place_at(at).kind == "link":
         q, v = motion["stretch"], motion["rate"]
     span = float(np.ptp(q)) or 1.0
     found = [q**3, q * np.abs(q), np.sin(q), np.cos(q), np.abs(q)]

@@ -1,4 +1,4 @@
-"""Machines of full size: one to three masses, clocks and encoders as drives have them.
+"""Machines of full size: one to five masses, clocks and encoders as drives have them.
 
 Sizes are those of small drives: inertias of 1e-4 to 2e-2 kg m2 that turn, 0.1 to 10 kg along a
 line, which a pinion of 10 to 50 mm moves. A device file is what a user has: a guess, a guess to
@@ -16,7 +16,7 @@ from zwidth.sim.device import Device
 from zwidth.sim.interface import Interface
 
 Floats = NDArray[np.float64]
-MASSES = (0.35, 0.4, 0.25)  # shares of one, two and three masses
+MASSES = (0.35, 0.35, 0.2, 0.06, 0.04)  # shares of one to five masses
 ROTARY_SHARE, SPRUNG_SHARE = 0.65, 0.15
 RATES_HZ = (100.0, 200.0, 250.0, 500.0, 1000.0, 2000.0)
 COUNTS = (500.0, 20000.0)  # steps a turn
@@ -36,7 +36,7 @@ class Machine:
 
 def draw_machine(random: np.random.Generator) -> Machine:
     """Return a machine whose encoder and clock its device file knows."""
-    n = int(random.choice(3, p=MASSES)) + 1
+    n = int(random.choice(5, p=MASSES)) + 1
     rotary = bool(random.random() < ROTARY_SHARE)
     radius = 1.0 if rotary else log_uniform(random, 0.01, 0.05)
     total = log_uniform(random, 1e-4, 2e-2) if rotary else log_uniform(random, 0.1, 10.0)

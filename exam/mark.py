@@ -1,19 +1,28 @@
 """Marking one answer against its key.
 
-An effect stands apart where the computed separation from every rival is at least five sigma; there
-it must be named first. Elsewhere it must stand in the class that was named: the finding and its
-rivals within five sigma. A rival that merely contains the effect does not count: the simplest is
-meant (`diagnosis.candidates.CONTAINED`).
+At the limit: an effect stands apart where the computed separation from every rival is at least five
+sigma; there it must be named first. Elsewhere it must stand in the class that was named: the
+finding and its rivals within five sigma. A rival that merely contains the effect does not count:
+the simplest is meant (`Effect.contains`).
+
+On rigs at full size: an effect must be found at its place, or be in a class that was named.
+
+Everywhere: a finding stands alone where the answer names no rival within five sigma, or gives it a
+probability of nine in ten; what then explains nothing concealed is a confident wrong name. Whatever
+the answer says with a probability is kept with whether it is so.
 """
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
-from zwidth.diagnosis.candidates import CONTAINED
+from zwidth.exam.strata import STRATA
+from zwidth.sim.physics import contains
+from zwidth.sim.place import of_label, place_at
 
 APART = 5.0  # sigma
+SURE = 0.9  # probability from which on a finding is said with confidence
 ANGLES = ("phase", "angle")
 
 
@@ -21,7 +30,8 @@ ANGLES = ("phase", "angle")
 class Marked:
     """One concealed effect: does it stand apart, was it named first or at all, or in the class.
 
-    inside: parameter -> whether its 95 % interval holds the truth, where it was found.
+    inside: parameter -> whether its 95 % interval holds the truth, where it was found; errors:
+    parameter -> by what share of the truth its value is off.
     """
 
     effect: str
@@ -33,6 +43,7 @@ class Marked:
     found: bool
     in_class: bool
     inside: Mapping[str, bool]
+    errors: Mapping[str, float] = field(default_factory=dict[str, float])
 
     @property
     def right(self) -> bool:
@@ -45,6 +56,9 @@ class Mark:
     """One answer. claims: findings that nothing concealed explains. first: first finding, if any.
 
     linear: of the device's masses, dampers and springs, parameter -> truth inside its interval.
+    kind: of the stratum. alone: findings that stand alone -> whether each explains something.
+    first_right: whether the first finding is a concealed effect at its place. adequate: what the
+    answer says of itself, None where it does not. stated: (probability, whether it is so).
     """
 
     recording: str
@@ -58,38 +72,91 @@ class Mark:
     seconds: float
     core_seconds: float
     samples: int
+    kind: str = "limit"
+    alone: Mapping[str, bool] = field(default_factory=dict[str, bool])
+    first_right: bool = False
+    adequate: bool | None = None
+    stated: tuple[tuple[float, bool], ...] = ()
+
+    @property
+    def all_named(self) -> bool:
+        """Whether every concealed effect was found or is in a class named."""
+        return all(e.in_class for e in self.effects)
+
+    @property
+    def right(self) -> bool:
+        """Whether all that is concealed was named, and nothing else."""
+        return self.all_named and not self.claims and not self.outside
+
+    @property
+    def first_alone(self) -> bool:
+        """Whether the first finding stands alone."""
+        return self.first in self.alone
 
 
 def mark(key: Mapping[str, Any], answer: Mapping[str, Any], truth: Mapping[str, float]) -> Mark:
     """Return the mark; truth: linear parameters of the true device by name."""
     said: Mapping[str, Any] = answer["diagnosis"] or {}
     findings: Sequence[Mapping[str, Any]] = said.get("findings", ())
+    kind = STRATA[str(key["stratum"])].kind
     outside = key["outside"]["name"] if key["outside"] else ""
-    hidden: Sequence[Mapping[str, Any]] = () if outside else key["hidden"]
+    # What is of another library is no effect to be named; beside a law there may be some.
+    unnamed = bool(outside) and kind == "limit"
+    hidden: Sequence[Mapping[str, Any]] = () if unnamed else key["hidden"]
     labels = [_label(f) for f in findings]
     classes = [named_class(f) for f in findings]
     effects = tuple(_marked(h, findings, labels, classes) for h in hidden)
     explained = {_label(h) for h in hidden}
-    claims = tuple(
-        label
-        for label, group in zip(labels, classes, strict=True)
-        if not explained.intersection(group)
-    )
+    right = [bool(explained.intersection(group)) for group in classes]
     refit: Mapping[str, Any] = said.get("linear_refit", {})
-    linear = {k: _inside(refit[k], value) for k, value in truth.items() if k in refit}
+    adequacy = said.get("adequacy")
     return Mark(
         str(key["recording"]),
         str(key["stratum"]),
         str(said.get("verdict", "error")),
         labels[0] if labels else "",
         effects,
-        claims,
+        tuple(label for label, so in zip(labels, right, strict=True) if not so),
         outside,
-        linear,
+        {k: _inside(refit[k], value) for k, value in truth.items() if k in refit},
         float(answer["seconds"]),
         float(answer["core_seconds"]),
         int(answer["samples"]),
+        kind,
+        {
+            label: so
+            for label, f, so in zip(labels, findings, right, strict=True)
+            if stands_alone(f)
+        },
+        bool(labels) and labels[0] in explained,
+        None if adequacy is None else bool(adequacy["adequate"]),
+        tuple(_stated(findings, explained)),
     )
+
+
+def stands_alone(finding: Mapping[str, Any]) -> bool:
+    """Whether a finding is said with confidence.
+
+    By its probability where it has one, else where no rival is within five sigma that does not
+    merely contain it.
+    """
+    if (probability := finding.get("probability")) is not None:
+        return float(probability) >= SURE
+    near = {
+        _label(r): float(r["separation_sigma"])
+        for r in finding.get("rivals", ())
+        if r["separation_sigma"] is not None
+    }
+    return stands_apart({"effect": finding["effect"], "at": finding["at"], "rivals": near})
+
+
+def _stated(
+    findings: Sequence[Mapping[str, Any]], explained: Collection[str]
+) -> Iterator[tuple[float, bool]]:
+    for finding in findings:
+        for said in (finding, *finding.get("rivals", ())):
+            if said.get("probability") is not None:
+                yield float(said["probability"]), _label(said) in explained
 
 
 def _label(entry: Mapping[str, Any]) -> str:
@@ -114,31 +181,34 @@ def _marked(
 ) -> Marked:
     label = _label(hidden)
     inside: dict[str, bool] = {}
+    errors: dict[str, float] = {}
     if label in labels:
         estimates = findings[labels.index(label)]["parameters"]
         for name, value in hidden["values"].items():
-            if name in estimates:
-                inside[name] = _inside(estimates[name], value, name in ANGLES)
+            if name not in estimates:
+                continue
+            inside[name] = _inside(estimates[name], value, name in ANGLES)
+            if value and estimates[name]["value"] is not None:
+                errors[name] = float(estimates[name]["value"]) / value - 1.0
     return Marked(
         hidden["effect"],
         hidden["at"],
-        float(hidden["times_limit"]),
+        float(hidden.get("times_limit", hidden["sigma"] / APART)),
         float(hidden["sigma"]),
         stands_apart(hidden),
         bool(labels) and labels[0] == label,
         label in labels,
         any(label in group for group in classes),
         inside,
+        errors,
     )
 
 
 def stands_apart(hidden: Mapping[str, Any]) -> bool:
     """Whether no rival comes within five sigma that does not merely contain the effect."""
-    richer = CONTAINED.get(hidden["effect"], set())
-    for rival, distance in hidden["rivals"].items():
-        effect, _, at = rival.partition("@")
-        contains = effect in richer and at in (hidden["at"], "ground")
-        if distance < APART and not contains:
+    own = hidden["effect"], place_at(hidden["at"])
+    for rival, distance in hidden.get("rivals", {}).items():
+        if distance < APART and not contains(*of_label(rival), *own):
             return False
     return True
 

@@ -14,7 +14,7 @@ from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.fit import Problem
 from zwidth.diagnosis.limits import limit, sigma
 from zwidth.diagnosis.magnitude import magnitude, strengthened
-from zwidth.diagnosis.parameters import IN_RECORDING, Model
+from zwidth.diagnosis.parameters import Model
 from zwidth.diagnosis.reference import Reference
 from zwidth.diagnosis.separation import separation
 from zwidth.exam.hidden import SEEN, Hidden, Stage, draw_times, seen
@@ -22,15 +22,13 @@ from zwidth.exam.strata import Stratum
 from zwidth.scenarios.concealed.rig import Rig, record
 from zwidth.scenarios.concealed.shapes import draw_physics, places
 from zwidth.sim.device import Device
+from zwidth.sim.physics import EFFECTS
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.trace import Trace
 
 BESIDE = 0.6  # share of its sigma that an effect must keep beside others
 AGREE = (0.5, 2.0)  # of the limit's sigma, the one in the recording as it was made
 NEAR = 15.0  # sigma, beyond which a rival need not be written down
-DRY = ("coulomb_friction", "stribeck_friction", "presliding_friction", "directional_friction")
-"""Laws of one and the same friction: a mass has one of them."""
-
 Made = tuple[Rig, Trace, tuple[Hidden, ...]]
 
 
@@ -75,14 +73,17 @@ def conceal_effects(
 def chosen(
     stratum: Stratum, first: str, random: np.random.Generator, device: Device
 ) -> list[tuple[str, str]]:
-    """Return effects and places, `first` first: one friction law a mass, each effect once."""
-    possible = [place for place in places(device) if place[0] != "rectified_sensor"]
+    """Return effects and places, `first` first: one law of a family a place, each effect once."""
+    possible = [place for place in places(device) if EFFECTS[place[0]].strength is not None]
     ats = [at for name, at in places(device) if name == first]
     found = [(first, str(random.choice(ats)))]
     while len(found) < stratum.effects:
         taken = {name for name, _ in found}
-        dry = {at for name, at in found if name in DRY}
-        left = [p for p in possible if p[0] not in taken and not (p[0] in DRY and p[1] in dry)]
+        families = {(EFFECTS[name].family, at) for name, at in found if EFFECTS[name].family}
+        left = [
+            (name, at) for name, at in possible
+            if name not in taken and (EFFECTS[name].family, at) not in families
+        ]  # fmt: skip
         found.append(left[int(random.integers(len(left)))])
     return found
 
@@ -120,7 +121,7 @@ def as_made(known: Reference, made: Experiment, physics: Sequence[Physics]) -> l
 
     def innovations(kept: Sequence[Physics], fitted: bool) -> np.ndarray:
         # Lost commands are taken off the recording, where they are under trial.
-        lost = [p for p in kept if p.effect.name in IN_RECORDING]
+        lost = [p for p in kept if p.effect.in_recording]
         model = Model(known.device.with_physics(*(p for p in kept if p not in lost)))
         for p in lost:
             model = model.with_effect(p, {})

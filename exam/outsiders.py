@@ -33,6 +33,7 @@ from zwidth.scenarios.concealed.rig import (
 from zwidth.sim.device import Device
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
+from zwidth.sim.place import place_at
 
 STREAM = 23
 RIG_SHARE = 0.6  # of devices at full size
@@ -120,7 +121,8 @@ def _on_rig(random: np.random.Generator, seconds: float | None) -> Subject | Non
     about = stage.about() | {"share": share, "on": "a rig at full size"}
     return Subject(
         "outside", traces[: stage.fitted], traces[stage.fitted :], nominal,
-        device.with_physics(*physics), hidden, kind, about, law, sigma, floor(made, stage.fitted),
+        device.with_physics(*physics), hidden, kind, about, law=law, law_sigma=sigma,
+        floor=floor(made, stage.fitted),
     )  # fmt: skip
 
 
@@ -156,8 +158,8 @@ def _at_limit(random: np.random.Generator, seconds: float | None) -> Subject | N
         "on": "a device as at the limit",
     }
     return Subject(
-        "outside", (made[0].trace,), (), nominal, device, (), kind, about, law, sigma,
-        floor(made, 1),
+        "outside", (made[0].trace,), (), nominal, device, (), kind, about, law=law, law_sigma=sigma,
+        floor=floor(made, 1),
     )  # fmt: skip
 
 
@@ -176,7 +178,7 @@ def floor(made: Sequence[Made], fitted: int) -> float:
         moved = np.zeros((ticks, 2 * one.run.truth.masses.size))
         undisturbed(one.run, window, firsts, moved)
         quantity, _, at = next(n for n in one.trace.channels if n != "command").partition("_")
-        column = int(at[1]) - 1 + (moved.shape[1] // 2 if quantity == "velocity" else 0)
+        column = place_at(at).index + (moved.shape[1] // 2 if quantity == "velocity" else 0)
         seen = one.trace[f"{quantity}_{at}"]
         for f in firsts:
             errors.append(seen[f : f + window] - moved[f : f + window, column])

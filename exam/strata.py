@@ -8,9 +8,9 @@ from dataclasses import dataclass
 class Stratum:
     """A class of recordings.
 
-    effects: how many are concealed, at magnitudes log-uniform from least to most times the
-    information limit. outside: it is one that is in no library. share: of all recordings, where no
-    numbers are asked for.
+    kind: "limit", "rigs" or "outside". At the limit, effects: how many are concealed, at magnitudes
+    log-uniform from least to most times the information limit; outside: it is one that is in no
+    library; share: of all recordings, where no numbers are asked for.
     """
 
     name: str
@@ -20,8 +20,10 @@ class Stratum:
     most: float = 0.0
     outside: bool = False
     share: float = 0.0
+    kind: str = "limit"
 
 
+RIGS, OUTSIDE = "rigs", "outside"
 STRATA: Mapping[str, Stratum] = {
     s.name: s
     for s in (
@@ -32,18 +34,32 @@ STRATA: Mapping[str, Stratum] = {
         Stratum("two_5x", "two effects at 5 times", 2, 5.0, 5.0, share=0.1),
         Stratum("three_5x", "three effects at 5 times", 3, 5.0, 5.0, share=0.08),
         Stratum("unknown", "physics in no library, 5 to 50 times", 1, 5.0, 50.0, True, share=0.08),
+        Stratum(RIGS, "a rig at full size, none to five effects", 5, kind=RIGS),
+        Stratum(OUTSIDE, "a law of no name, drawn from a grammar", 1, outside=True, kind=OUTSIDE),
     )
 }
 
 
-def counts(total: int, asked: str | None = None) -> dict[str, int]:
-    """Return how many recordings of each class: by share, or as asked ("none=100,unknown=20").
+def counts(
+    total: int | None, asked: str | None = None, rigs: int = 0, outside: int = 0
+) -> dict[str, int]:
+    """Return how many recordings of each class.
 
-    Raises ValueError (field, value, what is allowed).
+    total: so many at the limit, by share; asked: so many of each class named instead
+    ("none=100,unknown=20"). rigs, outside: so many of these besides. Raises ValueError (field,
+    value, what is allowed).
     """
+    found = {} if total is None and asked is None else _at_limit(total, asked)
+    for name, count in ((RIGS, rigs), (OUTSIDE, outside)):
+        if count:
+            found[name] = found.get(name, 0) + count
+    return found
+
+
+def _at_limit(total: int | None, asked: str | None) -> dict[str, int]:
     if asked is not None:
         return _asked(asked)
-    if total < 1:
+    if total is None or total < 1:
         raise ValueError(f"count is {total}; at least one recording must be made")
     exact = {name: s.share * total for name, s in STRATA.items() if s.share > 0.0}
     whole = {name: int(value) for name, value in exact.items()}

@@ -32,7 +32,8 @@ class Subject:
     """One device under examination.
 
     traces: recordings to fit; judged: recordings to judge by, none or one. hidden: the library's
-    effects that it has, law: what it has of no name. device_file: "guessed", "fitted" or "exact".
+    effects that it has, law: what it has of no name, outside: what it has of another library, in
+    JSON's types. device_file: "guessed", "fitted" or "exact".
     about: all else that made it, in JSON's types. floor: rms error of the truth itself over free
     runs where no device of ours is the truth, None elsewhere.
     """
@@ -45,6 +46,7 @@ class Subject:
     hidden: tuple[Hidden | Present, ...]
     device_file: str
     about: Mapping[str, Any]
+    outside: dict[str, Any] | None = None
     law: Law | None = None
     law_sigma: float = 0.0
     floor: float | None = None

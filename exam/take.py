@@ -19,7 +19,13 @@ from zwidth.exam.tally import tally
 from zwidth.files.whole import write_text
 from zwidth.jobs.executor import Executor
 from zwidth.logs.recording_file import load_description
-from zwidth.scenarios.concealed.handout import description_file, key_file, names, recording_files
+from zwidth.scenarios.concealed.handout import (
+    PARTS,
+    description_file,
+    key_file,
+    names,
+    recording_files,
+)
 from zwidth.scenarios.concealed.sealing import SealError, digest, open_key
 from zwidth.sim.device_file import device_from_text
 
@@ -72,6 +78,12 @@ def open_seal(folder: Path, name: str) -> Opened:
     sealed = load_description(description_file(folder, name)).source
     files = recording_files(folder, name)
     key = open_key(key_file(folder, name), sealed, files)
+    if missing := set(key["sha256"]) - set(files):
+        raise SealError(f"{name} lacks its {', '.join(sorted(missing))}; make it anew")
+    for part in PARTS:
+        other = description_file(folder, name, part)
+        if part in files and not load_description(other).source == sealed:
+            raise SealError(f"{other.name} does not carry the seal of {name}; make it anew")
     answer = json.loads(_answer_file(folder, name).read_text(encoding="utf-8"))
     for part, path in files.items():
         if answer["sha256"].get(part) != digest(path):

@@ -1,57 +1,43 @@
 """From marks to shares, each with its Clopper-Pearson interval."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.stats import binomtest
 
+from zwidth.exam.calibration import calibration
 from zwidth.exam.mark import Mark, Marked
 from zwidth.exam.perfect import HeldOut
-from zwidth.exam.strata import STRATA
+from zwidth.exam.share import share
+from zwidth.exam.strata import OUTSIDE, RIGS, STRATA
+from zwidth.exam.tally_rigs import SILENT, adequacy, held_out, outside, rigs
 
 BINS = (1.0, 1.5, 3.0, 5.0, 10.0, 30.0, 100.1)  # times the limit
 NOTHING, UNKNOWN = "nothing", "unknown"
-SILENT = ("nothing_missing", "linear_parameters")
-
-
-@dataclass(frozen=True)
-class Share:
-    """right of count, with the exact 95 % interval of the share (None of nothing)."""
-
-    right: int
-    count: int
-
-    @property
-    def share(self) -> float | None:
-        """The share itself."""
-        return self.right / self.count if self.count else None
-
-    @property
-    def interval(self) -> tuple[float, float] | None:
-        """Clopper & Pearson, Biometrika 26, 1934."""
-        if self.count == 0:
-            return None
-        found = binomtest(self.right, self.count).proportion_ci(0.95, method="exact")
-        return float(found.low), float(found.high)
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the JSON form."""
-        return {"right": self.right, "count": self.count, "share": self.share,
-                "ci95": self.interval}  # fmt: skip
-
-
-def share(of: Iterable[bool]) -> Share:
-    """Return how many are true."""
-    values = list(of)
-    return Share(sum(values), len(values))
 
 
 def tally(marks: Sequence[Mark], fits: Mapping[str, HeldOut]) -> dict[str, Any]:
     """Return the JSON of `zwidth exam`; fits: recording -> its held-out errors."""
+    by_kind = {kind: [m for m in marks if m.kind == kind] for kind in ("limit", RIGS, OUTSIDE)}
+    stated = {kind: [s for m in found for s in m.stated] for kind, found in by_kind.items()}
+    return {
+        "recordings": len(marks),
+        **_at_limit(by_kind["limit"], fits),
+        "rigs": rigs(by_kind[RIGS], fits),
+        "outside": outside(by_kind[OUTSIDE], fits),
+        "adequacy": adequacy(marks, fits),
+        "calibration": {
+            **calibration([s for kind in stated.values() for s in kind]),
+            "by_kind": {kind: calibration(said) for kind, said in stated.items() if said},
+        },
+        "seconds": _seconds(marks),
+        "errors": sorted(m.recording for m in marks if m.verdict == "error"),
+    }
+
+
+def _at_limit(marks: Sequence[Mark], fits: Mapping[str, HeldOut]) -> dict[str, Any]:
     by_class = {name: [m for m in marks if m.stratum == name] for name in STRATA}
     single = [m for m in marks if m.stratum.startswith("single")]
     none, unknown = by_class["none"], by_class["unknown"]
@@ -59,7 +45,6 @@ def tally(marks: Sequence[Mark], fits: Mapping[str, HeldOut]) -> dict[str, Any]:
     inside = [ok for m in marks for e in m.effects for ok in e.inside.values()]
     coverage, linear = share(inside), share(ok for m in marks for ok in m.linear.values())
     return {
-        "recordings": len(marks),
         "classes": {
             name: _class(found)
             for name, found in by_class.items()
@@ -86,10 +71,8 @@ def tally(marks: Sequence[Mark], fits: Mapping[str, HeldOut]) -> dict[str, Any]:
         "coverage": coverage.share,
         "coverage_counts": coverage.as_json(),
         "coverage_linear": linear.as_json(),
-        "held_out": _held_out(marks, fits),
+        "held_out": held_out([m for m in marks if m.effects], fits),
         "confusion": confusion(single),
-        "seconds": _seconds(marks),
-        "errors": sorted(m.recording for m in marks if m.verdict == "error"),
     }
 
 
@@ -166,22 +149,6 @@ def confusion(single: Sequence[Mark]) -> dict[str, Any]:
         "columns": columns,
         "counts": [[counted[row, column] for column in columns] for row in rows],
     }
-
-
-def _held_out(marks: Sequence[Mark], fits: Mapping[str, HeldOut]) -> dict[str, Any]:
-    of_effects = [fits[m.recording] for m in marks if m.effects and m.recording in fits]
-    return {
-        "share": _quantiles([f.share for f in of_effects]),
-        "share_beyond_refit": _quantiles([f.share_beyond_refit for f in of_effects]),
-    }
-
-
-def _quantiles(values: Sequence[float | None]) -> dict[str, Any]:
-    known = [v for v in values if v is not None and np.isfinite(v)]
-    if not known:
-        return {"count": 0, "median": None, "lower_quartile": None, "tenth": None}
-    tenth, lower, median = np.quantile(known, (0.1, 0.25, 0.5)).tolist()
-    return {"count": len(known), "median": median, "lower_quartile": lower, "tenth": tenth}
 
 
 def _seconds(marks: Sequence[Mark]) -> dict[str, Any]:

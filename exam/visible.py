@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.fit import Problem
-from zwidth.diagnosis.parameters import IN_RECORDING, Model, linear_parameters
+from zwidth.diagnosis.parameters import Model, linear_parameters
 from zwidth.diagnosis.predictor import SCREENING, SETTLING, Observer, innovations, whitened
 from zwidth.diagnosis.rehearsal import Noise, known_observer
 from zwidth.diagnosis.screen import Complement
@@ -111,7 +111,7 @@ def _without(seen: Sight, problem: Problem, model: Model, asked: float) -> float
 
 def _model(bare: Device, effects: Sequence[Physics]) -> Model:
     """The device with effects; lost commands are taken off the recording."""
-    lost = [p for p in effects if p.effect.name in IN_RECORDING]
+    lost = [p for p in effects if p.effect.in_recording]
     model = Model(bare.with_physics(*(p for p in effects if p not in lost)))
     for p in lost:
         model = model.with_effect(p, {})

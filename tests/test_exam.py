@@ -20,12 +20,14 @@ from zwidth.exam.conceal import conceal, make, orders
 from zwidth.exam.drawing import draw
 from zwidth.exam.hidden import seen
 from zwidth.exam.mark import linear_truth, mark, stands_apart
-from zwidth.exam.of_library import DRY, as_made, chosen
+from zwidth.exam.of_library import as_made, chosen
 from zwidth.exam.perfect import HeldOut
+from zwidth.exam.share import Share
 from zwidth.exam.strata import STRATA, counts
 from zwidth.exam.take import mark_all, open_seal, sit_all
-from zwidth.exam.tally import Share, tally
-from zwidth.exam_page import goals, page, ratio
+from zwidth.exam.tally import tally
+from zwidth.exam_page import goals, page
+from zwidth.exam_sections import ratio
 from zwidth.jobs.executor import Local
 from zwidth.scenarios.concealed.handout import key_file, names, recording_files
 from zwidth.scenarios.concealed.outside import OUTSIDE
@@ -33,7 +35,7 @@ from zwidth.scenarios.concealed.rig import record
 from zwidth.scenarios.concealed.sealing import SealError, canonical, seal
 from zwidth.scenarios.concealed.shapes import Motion, draw_physics, places
 from zwidth.sim.chain import make_chain
-from zwidth.sim.physics import NAMES
+from zwidth.sim.physics import EFFECTS, NAMES
 
 FRICTION = {
     "effect": "coulomb_friction", "at": "m1", "values": {"level": 0.01}, "magnitude": 0.01,
@@ -189,7 +191,7 @@ def test_several_effects_are_of_several_kinds() -> None:
         assert several[0][0] == "coulomb_friction"
         assert len({name for name, _ in several}) == 3
         assert set(several) <= set(places(device))
-        dry = [at for name, at in several if name in DRY]
+        dry = [at for name, at in several if EFFECTS[name].family]
         assert len(set(dry)) == len(dry)
 
 
