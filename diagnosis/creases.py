@@ -118,7 +118,11 @@ def with_gaps(model: Model, x: Floats, factor: float) -> Floats:
 
 
 def _gaps(model: Model) -> list[int]:
-    return [j for j, p in enumerate(model.parameters) if p.key == "gap"]
+    return [
+        j
+        for j, p in enumerate(model.parameters)
+        if p.kind == "effect" and model.effects[p.index].effect.parameter(p.key).valleys
+    ]
 
 
 def _with_slopes(problem: Problem, fitted: Fitted, errors: float = 1.0) -> tuple[Fitted, Floats]:

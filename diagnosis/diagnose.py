@@ -10,13 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binomtest
 
-from zwidth.diagnosis.candidates import CONTAINED, MAGNITUDE, acts_on, candidates
+from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy
+from zwidth.diagnosis.augmented import all_smooth, augmented
+from zwidth.diagnosis.candidates import candidates
 from zwidth.diagnosis.experiment import Experiment, ExperimentError
 from zwidth.diagnosis.fit import Fitted, Problem
 from zwidth.diagnosis.gate import ON_LATTICE, Fault
 from zwidth.diagnosis.held_out import held_out
 from zwidth.diagnosis.intake import Taken, not_diagnosed, take_in
-from zwidth.diagnosis.lattice import STEPPED, chances_seen, step_interval
+from zwidth.diagnosis.lattice import chances_seen, step_interval
 from zwidth.diagnosis.locate import NOWHERE, locate
 from zwidth.diagnosis.mishaps import Mishaps, attempt, collecting, debugging, isolated
 from zwidth.diagnosis.next_experiment import NextExperiment, next_experiment
@@ -41,14 +43,17 @@ from zwidth.diagnosis.result import (
 )
 from zwidth.diagnosis.screen import Complement, screen
 from zwidth.diagnosis.search import Searched, search
+from zwidth.diagnosis.selection.effort import Effort
+from zwidth.diagnosis.selection.searched import probability, rivals, searched, without
 from zwidth.diagnosis.steady import NoObserver
 from zwidth.diagnosis.trials import Say, Step
 from zwidth.diagnosis.uncertainty import Z95, covariance, inflation
 from zwidth.diagnosis.unknown import Instead
 from zwidth.diagnosis.verdict import Left, instead_of, judged, left_over, matters
 from zwidth.sim.device import Device, place_label
-from zwidth.sim.physics import effect_named, make_physics
+from zwidth.sim.physics import richer_at
 from zwidth.sim.physics.effect import Physics
+from zwidth.sim.place import label_of, of_label
 
 Floats = NDArray[np.float64]
 DAMPER, SPRING = ("N m s/rad", "N s/m"), ("N m/rad", "N/m")
@@ -73,12 +78,14 @@ def diagnose(
     experiments: Sequence[Experiment],
     validate: Sequence[Experiment] | None = None,
     say: Say = lambda _: None,
+    effort: Effort | None = None,
 ) -> Diagnosis:
     """Say why recordings differ from the simulation of a device.
 
     validate: recordings to judge by; without them the last 30 % of each recording are kept for it
     and opened once, at the end: to judge, and where a force of no name is left in them, to name it,
     which a fault then says. An unexpected error costs what it concerns alone (`Diagnosis.errors`).
+    effort: how much the search of whole hypotheses may try, None for the search of single steps.
     Raises ExperimentError with one sentence where the recordings are no use with this device, and
     NotDiagnosed where an error leaves nothing to say.
     """
@@ -88,25 +95,38 @@ def diagnose(
             say(fault.sentence)
         say("refitting the linear parameters, then trying every effect")
         try:
-            found = search(device, taken.fit_on, say)
+            found = _searched(device, taken.fit_on, say, effort)
         except NoObserver as error:
             raise ExperimentError(str(error)) from error
         except Exception as error:
             if debugging():
                 raise
             raise not_diagnosed("refit", error, taken.faults) from error
-        return _answered(device, taken, found, mishaps, say)
+        return _answered(device, taken, found, mishaps, say, effort)
+
+
+def _searched(
+    device: Device, experiments: Sequence[Experiment], say: Say, effort: Effort | None
+) -> Searched:
+    if effort is None:
+        return search(device, experiments, say)
+    return searched(device, experiments, say, effort)
 
 
 def _answered(
-    device: Device, taken: Taken, found: Searched, mishaps: Mishaps, say: Say
+    device: Device,
+    taken: Taken,
+    found: Searched,
+    mishaps: Mishaps,
+    say: Say,
+    effort: Effort | None,
 ) -> Diagnosis:
     """What a search found, located, judged and with all that is to be said of it."""
     left, other = _what_is_left(found, taken)
     by, faults = found, taken.faults
     if taken.whole_unopened and _named_only_whole(found, left, other):
         with isolated("search", "all that was recorded"):
-            again, beyond, note = second_look(device, found, left, taken.whole, say)
+            again, beyond, note = second_look(device, found, left, taken.whole, say, effort)
             if note is not None:
                 by, faults = on_first_part(again), (*faults, note)
             found, left = again, beyond
@@ -115,15 +135,18 @@ def _answered(
     say("held-out data")
     judge = partial(held_out, device, by, taken.judge_by)
     one, free = attempt("held out", "", judge) or (UNKNOWN_FIT, UNKNOWN_FIT)
+    sound = attempt("adequacy", "", partial(_adequacy, device, found, taken))
     findings = _all_findings(device, taken, found)
     intervals = partial(_linear, device, found.final, taken.whole)
     refit = attempt("intervals", "linear parameters", intervals) or {}
     bounds = {} if findings else attempt("limits", "", partial(_upper_bounds, found)) or {}
-    augment = partial(_augmented, found, findings)
-    verdict, sentence = _verdict(found, findings, refit, left, other, mishaps)
+    augment = partial(_augmented, taken, found, findings)
+    judge = sound if found.tried is not None else None
+    verdict, sentence = _verdict(found, findings, refit, left, other, mishaps, judge)
     wrong = [f for f in faults if f.wrong]
     if wrong:
-        sentence = f"{wrong[0].sentence}; with that corrected, {sentence}"
+        said = "; ".join(f.sentence for f in wrong)
+        sentence = f"{said}; with that corrected, {sentence}"
         verdict = Verdict.UNDECIDED if verdict is Verdict.UNDECIDED else Verdict.RECORDING_FAULT
     shape = (-1, len(taken.whole[0].outputs))
     residuals = Residuals(
@@ -133,8 +156,14 @@ def _answered(
         verdict, sentence, findings, refit, located, one, free, bounds, faults,
         attempt("augmented device", "", augment) or device,
         residuals, found, taken.whole, found.interrupted, _facts(found, left),
-        errors=tuple(mishaps.found), left_out=taken.left_out,
+        errors=tuple(mishaps.found), left_out=taken.left_out, adequacy=sound,
     )  # fmt: skip
+
+
+def _adequacy(device: Device, found: Searched, taken: Taken) -> Adequacy | None:
+    """How the answer stands on held-out data."""
+    observer = found.problem.observer
+    return adequacy(Model(device), found.refit, found.final, observer, taken.judge_by)
 
 
 def _what_is_left(found: Searched, taken: Taken) -> tuple[Left, Instead | None]:
@@ -160,16 +189,16 @@ def _all_findings(device: Device, taken: Taken, found: Searched) -> tuple[Findin
     return findings
 
 
-def _augmented(found: Searched, findings: Sequence[Finding]) -> Device:
-    """The device with refitted parameters, and with all that was found."""
-    device = found.final.model.build(found.final.x)
-    for f in findings:
-        if f.effect == "rectified_sensor":
-            device = device.with_physics(make_physics(f.effect, f.at))
-        elif f.effect == "encoder_step" and not found.final.model.has(f.effect):
-            step = f.parameters["step"].value
-            device = device.with_physics(make_physics(f.effect, f.at, step=step))
-    return device
+def _augmented(taken: Taken, found: Searched, findings: Sequence[Finding]) -> Device:
+    """The device with refitted parameters, with all that was found and how recordings are read."""
+    model = found.final.model
+    steps = [f for f in findings if f.effect == "encoder_step" and not model.has(f.effect)]
+    return augmented(
+        model, found.final.x, taken.whole[0].swing,
+        smooth=all_smooth(taken.faults, taken.whole),
+        folded=any(f.effect == "rectified_sensor" for f in findings),
+        encoder_step=max((f.parameters["step"].value for f in steps), default=0.0),
+    )  # fmt: skip
 
 
 def _verdict(
@@ -179,9 +208,10 @@ def _verdict(
     left: Left,
     other: Instead | None,
     mishaps: Mishaps,
+    sound: Adequacy | None = None,
 ) -> tuple[Verdict, str]:
     """As `judged`; undecided where an error took what the verdict rests on, which it then says."""
-    verdict, sentence = judged(found, findings, refit, left, other)
+    verdict, sentence = judged(found, findings, refit, left, other, sound)
     if mishaps.of(*DECISIVE):
         verdict = Verdict.UNDECIDED
         lost = " and ".join(dict.fromkeys(WHAT_IS_LOST[m.stage] for m in mishaps.of(*DECISIVE)))
@@ -199,8 +229,14 @@ def _facts(found: Searched, left: Left) -> dict[str, Any]:
         "samples": found.final.samples,
         "left_chi2": left.gained,
         "explained_chi2": found.refit.chi2 - found.final.chi2,
-        "comparisons": sum(len(s.trials) for s in found.steps),
+        "comparisons": _comparisons(found),
     }  # fmt: skip
+
+
+def _comparisons(found: Searched) -> int:
+    if found.tried is not None:
+        return found.tried.fits
+    return sum(len(s.trials) for s in found.steps)
 
 
 def _named_only_whole(found: Searched, left: Left, other: Instead | None) -> bool:
@@ -210,7 +246,12 @@ def _named_only_whole(found: Searched, left: Left, other: Instead | None) -> boo
 
 
 def second_look(
-    device: Device, found: Searched, left: Left, acted: Sequence[Experiment], say: Say
+    device: Device,
+    found: Searched,
+    left: Left,
+    acted: Sequence[Experiment],
+    say: Say,
+    effort: Effort | None = None,
 ) -> tuple[Searched, Left, Fault | None]:
     """Search all that was recorded, where a force is seen there that has no name in the first part.
 
@@ -221,7 +262,7 @@ def second_look(
     """
     say("a force of no name is left in all that was recorded: all of it is searched")
     try:
-        again = search(device, acted, say)
+        again = _searched(device, acted, say, effort)
     except NoObserver:
         return found, left, None
     except KeyboardInterrupt:
@@ -271,14 +312,24 @@ def separating(found: Diagnosis, out: Path) -> NextExperiment | None:
         near = finding.confusable_with[0]
         label = f"{near.effect}@{near.at}"
         kept, x = final.model.less(final.x, labels.index(own))
-        trials = [t for s in searched.steps for t in s.trials if t.label == label]
-        if not trials:
+        other = _with_rival(searched, own, label)
+        if other is None:
             continue
-        a = _as_fitted(own, final)
-        b = _as_fitted(label, max(trials, key=lambda t: t.gained).fitted)
+        a, b = _as_fitted(own, final), _as_fitted(label, other)
         observer = searched.problem.observer
         return next_experiment(kept.acting(x), a, b, found.experiments, observer, out)
     return None
+
+
+def _with_rival(searched: Searched, own: str, label: str) -> Fitted | None:
+    """A fit with a rival in the place of an effect, or of it at all."""
+    if searched.tried is not None:
+        kept = searched.tried.tried
+        wanted = searched.tried.best.labels - {own} | {label}
+        found = kept.get(wanted)
+        return None if found is None else found.fitted
+    trials = [t for s in searched.steps for t in s.trials if t.label == label]
+    return max(trials, key=lambda t: t.gained).fitted if trials else None
 
 
 def _as_fitted(label: str, fitted: Fitted) -> Physics:
@@ -296,15 +347,19 @@ def _findings(found: Searched) -> tuple[Finding, ...]:
     if spread is None:
         spread = np.full(found.final.x.size, np.nan)
     findings: list[Finding] = []
+    labels = effect_labels(found.final.model.effects)
     for i, physics in enumerate(found.final.model.effects):
         name = f"{physics.effect.name} at {physics.at}"
         estimates = _estimates(found.final, i, spread)
-        if physics.effect.name in STEPPED:
+        if physics.effect.sought == "lattice":
             step = partial(_step_estimate, found, physics)
             estimates |= attempt("intervals", name, step) or {}
         apart = attempt("separation", name, partial(_separated, found, i))
-        sigma, rivals = (np.nan, ()) if apart is None else apart
-        findings.append(Finding(physics.effect.name, physics.at, estimates, sigma, rivals))
+        sigma, near = (np.nan, ()) if apart is None else apart
+        chance = None
+        if found.tried is not None:
+            chance = attempt("separation", name, partial(probability, found.tried, labels[i]))
+        findings.append(Finding(physics.effect.name, physics.at, estimates, sigma, near, chance))
     return tuple(findings)
 
 
@@ -330,9 +385,11 @@ def _separated(found: Searched, index: int) -> tuple[float, tuple[Rival, ...]]:
     """At how many sigma an effect stands above doing without it, and its rivals."""
     final = found.final
     named = effect_labels(final.model.effects)
-    without = fit_without(found.problem, final, index)
+    if found.tried is not None:
+        return without(found.tried, named[index]), rivals(found.tried, named[index])
+    bare = fit_without(found.problem, final, index)
     wide = inflation(final.white)
-    sigma = float(np.sqrt(max(0.0, without.chi2 - final.chi2) / wide))
+    sigma = float(np.sqrt(max(0.0, bare.chi2 - final.chi2) / wide))
     others = rivals_of(named[index], found.steps, wide, final.model.nominal.rotary)
     return sigma, tuple(r for r in others if f"{r.effect}@{r.at}" not in named)
 
@@ -402,17 +459,13 @@ def rivals_of(label: str, steps: Sequence[Step], wide: float, rotary: bool) -> t
 
 def _containing(label: str, rotary: bool) -> Iterator[str]:
     """The effects that contain one, where it is."""
-    name, at = label.split("@")
-    for richer in CONTAINED.get(name, ()):
-        effect = effect_named(richer)
-        for place in effect.places:
-            if acts_on(place) == at and (rotary or not effect.rotary_only):
-                yield f"{richer}@{place}"
+    for effect, place in richer_at(*of_label(label), rotary):
+        yield label_of(effect.name, place)
 
 
 def _rival(label: str, sigma: float) -> Rival:
-    effect, at = label.split("@")
-    return Rival(effect, at, sigma)
+    effect, place = of_label(label)
+    return Rival(effect, str(place), sigma)
 
 
 def _linear(
@@ -441,12 +494,13 @@ def _upper_bounds(found: Searched) -> dict[str, dict[str, float]]:
     wide = np.sqrt(inflation(fitted.white))
     bounds: dict[str, dict[str, float]] = {}
     for one in screen(problem, fitted, candidates(built, problem.experiments), "limits"):
-        names = MAGNITUDE.get(one.start.physics.effect.name)
-        size = float(np.linalg.norm(one.signature))
-        if names is None or size == 0.0:
+        effect = one.start.physics.effect
+        name, size = effect.strength, float(np.linalg.norm(one.signature))
+        if name is None or not effect.magnitudes or size == 0.0:
             continue
         best = max(0.0, -float(base @ one.signature) / size**2)
         factor = best + Z95 * float(wide) / size
-        name = names[0]
-        bounds[one.start.label] = {name: abs(one.start.physics.values[name]) * factor}
+        none = effect.parameter(name).none_of_it()
+        own = abs(one.start.physics.values[name] - none)
+        bounds[one.start.label] = {name: none + own * factor}
     return bounds

@@ -23,6 +23,7 @@ from zwidth.diagnosis.fit import Fitted, Problem
 from zwidth.diagnosis.horizon import window
 from zwidth.diagnosis.predictor import SETTLING, free_run_errors, innovations
 from zwidth.diagnosis.spatial import response
+from zwidth.sim.place import place_at
 from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
@@ -65,7 +66,7 @@ def diagnosis_trace(
     output = experiment.outputs[0]
     unit = length if output.quantity == "position" else f"{length}/s"
     name, measured = output.name, experiment.measured[:, 0]
-    entry = place if place.startswith(("m", "link")) else "m1"
+    entry = place if place_at(place).kind in ("mass", "link") else "m1"
     channels: dict[str, Floats] = {"command": experiment.command, name: measured}
     units = {"command": force, name: unit}
     for word, fitted in (("refit", refit), ("found", final)):
@@ -105,7 +106,7 @@ def missing_force(problem: Problem, fitted: Fitted, experiment: Experiment, plac
     weighted = innovations(fitted.model.acting(fitted.x), seen, problem.observer.gain)
     weighted = np.nan_to_num(problem.observer.weigh(weighted))
     weighted[:SETTLING] = 0.0
-    answer = _answer(problem, fitted, place)
+    answer = response(problem, fitted, place)
     size = next_fast_len(experiment.ticks + answer.shape[0], real=True)
     gain = -np.fft.rfft(answer, size, axis=0)
     data = np.fft.rfft(weighted, size, axis=0)
@@ -113,13 +114,6 @@ def missing_force(problem: Problem, fitted: Fitted, experiment: Experiment, plac
     reach = np.sum(np.abs(gain) ** 2, axis=1)
     colour = _likeliest(pull, reach, experiment, size)
     return np.fft.irfft(pull * colour / (1.0 + reach * colour), size)[: experiment.ticks]
-
-
-def _answer(problem: Problem, fitted: Fitted, place: str) -> Floats:
-    if not place.startswith("link"):
-        return response(problem, fitted, place)
-    first, second = f"m{place[4]}", f"m{place[5]}"
-    return response(problem, fitted, first) - response(problem, fitted, second)
 
 
 def _likeliest(pull: Complexes, reach: Floats, experiment: Experiment, size: int) -> Floats:

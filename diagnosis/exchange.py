@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import chi2
 
-from zwidth.diagnosis.candidates import CONTAINED, acts_on, candidates, simpler
+from zwidth.diagnosis.candidates import candidates
 from zwidth.diagnosis.fit import Fitted, Problem
 from zwidth.diagnosis.horizon import BETTER, at_ratio, free_run_error
 from zwidth.diagnosis.parameters import Model, effect_labels
@@ -32,6 +32,8 @@ from zwidth.diagnosis.trials import (
 from zwidth.diagnosis.uncertainty import inflation
 from zwidth.diagnosis.views import settled_on
 from zwidth.sim.device import place_label
+from zwidth.sim.physics import EFFECTS, RICHER_FORMS
+from zwidth.sim.place import label_of, of_label
 
 MOST = 3  # effects
 SWAP_GAIN = 4.0  # chi-square by which an effect as simple must be better to replace one
@@ -149,7 +151,7 @@ def split(
     paid = current.chi2 + price * current.x.size
     parts: list[Trial] = []
     for i, one in enumerate(current.model.effects):
-        if len(current.model.effects) == MOST or not simpler(one.effect.name):
+        if len(current.model.effects) == MOST or not one.effect.contains:
             continue
         there = _simplest_instead(problem, current, i)
         if there is None:
@@ -178,12 +180,12 @@ def _simplest_instead(problem: Problem, current: Fitted, index: int) -> Fitted |
     Not from the model without it: that may have bent itself so far that nothing leads back.
     """
     one = current.model.effects[index]
-    labels = {f"{name}@{acts_on(one.at)}" for name in simpler(one.effect.name)}
+    labels = {label_of(name, one.place.acts_on) for name in one.effect.contains}
     model, x = current.model.less(current.x, index)
     best: dict[str, tuple[float, Model, np.ndarray]] = {}
     for start in candidates(model.build(x), problem.experiments):
         if start.label in labels:
-            tried = model.with_effect(start.physics, start.scales)
+            tried = model.with_effect(start.physics, start.scales, start.bounds)
             begin = np.concatenate([x, np.zeros(len(tried.parameters) - x.size)])
             residual = problem.residual(tried, begin)
             left = float(residual @ residual)
@@ -295,9 +297,10 @@ def _akin(step: Step, wide: float) -> set[str]:
     """Labels of what may stand for an effect: near rivals, what is simpler, what is richer."""
     if step.taken is None:
         return set()
-    name, at = step.taken.label.split("@")
+    name, place = of_label(step.taken.label)
     found = {t.label for t in _near(step, wide)}
-    found |= {f"{other}@{at}" for other in (*simpler(name), *CONTAINED.get(name, ()))}
+    akin = (*EFFECTS[name].contains, *(effect.name for effect in RICHER_FORMS[name]))
+    found |= {label_of(other, place) for other in akin}
     return found - {step.taken.label}
 
 

@@ -5,7 +5,8 @@ its sign is wrong. Also looked at: repeated samples, the encoder step actually s
 command, and whether another scale of the command explains the motion much better, by the one-step
 prediction of the nominal device, whose error falls by the factor that is reported. A smaller scale
 must also explain more than what weakens a command by itself, or a saturated amplifier would be
-taken for another unit.
+taken for another unit. A fault belongs to its recording: what corrects one is not applied to
+another.
 """
 
 from collections.abc import Sequence
@@ -21,75 +22,75 @@ from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.predictor import SETTLING, innovations, observer_near
 from zwidth.diagnosis.steady import NoObserver
 from zwidth.sim.device import Device
-from zwidth.sim.physics import make_physics
+from zwidth.sim.physics import EFFECTS
+from zwidth.sim.physics.effect import Effect, Physics
 
 Floats = NDArray[np.float64]
+COMMAND = ("command",)
 BETTER = 1.5  # factor of the rms error that makes another sign or scale a fault
-REPEATS = 0.02
 POWER = 0.1
+SHARES = np.geomspace(0.01, 0.9, 16)  # of the largest command (a spring: held at an end), tried
+FORCE = "N m"  # unit of what holds a command back; all else that does is a spring
+REPEATS = 0.02
 CLIPPED = 0.005
 ON_LATTICE = 0.1  # of a step, by which a value may lie beside it
-# What weakens a command, where, and the parameter that says how much.
-WEAKENING = (
-    ("saturation", "command", "limit"),
-    ("dead_band", "command", "width"),
-    ("coulomb_friction", "m1", "level"),
-    ("ground_spring", "m1", "stiffness"),
-)
-SHARES = np.geomspace(0.01, 0.9, 16)  # of the largest command (a spring: held at an end), tried
 FEW = 10  # neighbouring values that are one step apart
 
 
 @dataclass(frozen=True)
 class Fault:
-    """Something about the recording. kind: a word; wrong: it makes the recording false as it is.
+    """Something about a recording. kind: a word; wrong: it makes the recording false as it is.
 
-    value: what was seen, by kind; for command_sign and command_scale the factor that corrects it.
+    value: what was seen, by kind; the factor that corrects the command where channels name it.
+    recording: the name of the one that it is of, "" for all.
     """
 
     kind: str
     sentence: str
     wrong: bool
     value: float
+    recording: str = ""
+    channels: tuple[str, ...] = ()
 
 
 def examine(device: Device, experiments: Sequence[Experiment]) -> list[Fault]:
-    """Return what is odd about recordings, those that make it wrong first."""
+    """Return what is odd about recordings, those that make it wrong first.
+
+    Steps and repeats are those of the recordings once corrected by their own faults.
+    """
     faults: list[Fault] = []
     for e in experiments:
-        faults += [Fault("recording", note, False, e.begins) for note in e.notes]
-        faults += _command_faults(device, e) + _output_faults(device, e)
+        wrong = _misread(device, e)
+        found = [Fault("recording", note, False, e.begins) for note in e.notes]
+        found += _clipped(e) + wrong + _output_faults(device, corrected(e, wrong))
+        faults += [replace(fault, recording=e.name) for fault in found]
     return sorted(faults, key=lambda f: not f.wrong)
 
 
-def corrected(experiments: Sequence[Experiment], faults: Sequence[Fault]) -> list[Experiment]:
-    """Return the recordings with the command's sign and scale as the faults say."""
-    factor = 1.0
+def corrected(experiment: Experiment, faults: Sequence[Fault]) -> Experiment:
+    """Return a recording with its channels as its own faults say."""
     for fault in faults:
-        if fault.kind in ("command_sign", "command_scale"):
-            factor = fault.value
-            break
-    return [replace(e, command=factor * e.command) for e in experiments]
+        if fault.channels == COMMAND:
+            experiment = replace(experiment, command=fault.value * experiment.command)
+    return experiment
 
 
-def _command_faults(device: Device, e: Experiment) -> list[Fault]:
-    found: list[Fault] = []
-    peak = np.abs(e.command).max()
+def _clipped(e: Experiment) -> list[Fault]:
+    peak = float(np.abs(e.command).max())
     share = float(np.mean(np.abs(e.command) > (1.0 - 1e-9) * peak))
-    if share > CLIPPED and np.unique(np.abs(e.command)).size > 20:
-        found.append(
-            Fault(
-                "clipped_command",
-                f"{100.0 * share:.1f} % of the command of {e.name} stands at +-{peak:.4g}: it was"
-                " clipped before it was recorded",
-                False,
-                peak,
-            )
-        )
-    scaled = _against_power(device, e) or _best_scale(device, e)
-    if scaled is not None:
-        found.append(scaled)
-    return found
+    if share <= CLIPPED or np.unique(np.abs(e.command)).size <= 20:
+        return []
+    sentence = (
+        f"{100.0 * share:.1f} % of the command of {e.name} stands at +-{peak:.4g}: it was clipped"
+        " before it was recorded"
+    )
+    return [Fault("clipped_command", sentence, False, peak)]
+
+
+def _misread(device: Device, e: Experiment) -> list[Fault]:
+    """The sign or scale of the command, if it is wrong."""
+    found = _against_power(device, e) or _best_scale(device, e)
+    return [] if found is None else [found]
 
 
 def _against_power(device: Device, e: Experiment) -> Fault | None:
@@ -115,6 +116,8 @@ def _against_power(device: Device, e: Experiment) -> Fault | None:
         " inverted; turn the sign of the scale of [input]",
         True,
         -1.0,
+        e.name,
+        COMMAND,
     )
 
 
@@ -151,6 +154,8 @@ def _best_scale(device: Device, e: Experiment) -> Fault | None:
             f" by {scale:.3g}: check its sign and unit",
             True,
             scale,
+            e.name,
+            COMMAND,
         )
     return None
 
@@ -160,9 +165,10 @@ def _weakened(device: Device, e: Experiment, gain: Floats) -> float:
     peak = float(np.abs(e.command).max())
     travel = float(np.ptp(e.measured[:, 0])) if e.outputs[0].quantity == "position" else 0.0
 
-    def error(share: float, name: str, at: str, key: str) -> float:
-        size = 2.0 * peak / travel if key == "stiffness" else peak
-        physics = make_physics(name, at, **{key: float(share) * size})
+    def error(share: float, effect: Effect) -> float:
+        (parameter,) = effect.parameters
+        size = peak if parameter.unit == FORCE else 2.0 * peak / travel
+        physics = Physics(effect, effect.places[0], {parameter.name: float(share) * size})
         with np.errstate(all="ignore"), suppress(NoObserver):
             errors = innovations(device.with_physics(physics), e, gain)[SETTLING:-SETTLING]
             found = float(np.sqrt(np.mean(errors**2)))
@@ -170,15 +176,17 @@ def _weakened(device: Device, e: Experiment, gain: Floats) -> float:
         return np.inf
 
     least = np.inf
-    for way in WEAKENING:
-        known = any(p.effect.name == way[0] for p in device.physics)
-        if known or (way[0] == "ground_spring" and travel == 0.0):
+    for effect in EFFECTS.values():
+        known = any(p.effect.name == effect.name for p in device.physics)
+        still = travel == 0.0 and any(p.unit != FORCE for p in effect.parameters)
+        if not effect.weakens or known or still:
             continue
-        errors = [error(share, *way) for share in SHARES]
+        errors = [error(share, effect) for share in SHARES]
         best = int(np.argmin(errors))
         around = SHARES[max(0, best - 1)], SHARES[min(best + 1, SHARES.size - 1)]
         finer = minimize_scalar(
-            error, bounds=around, args=way, method="bounded", options={"xatol": 0.01 * SHARES[best]}
+            error, bounds=around, args=(effect,), method="bounded",
+            options={"xatol": 0.01 * SHARES[best]},
         )  # fmt: skip
         least = min(least, errors[best], float(finer.fun))
     return least

@@ -1,11 +1,4 @@
-"""A command that was not held from sample to sample, but smooth between them.
-
-A controller holds its command. A command recorded by other equipment is often a sample of a smooth,
-band-limited signal u(t): a hold of the samples is then late by half a tick and loses sinc(f T) of
-its amplitude. What must be held to act like u(t) in the band is
-
-    c = F^-1[ U(f) exp(+i pi f T) / sinc(f T) ].
-"""
+"""Tell whether a command was held between its samples or smooth (`sim/smooth_command.py`)."""
 
 from dataclasses import replace
 
@@ -16,6 +9,7 @@ from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.predictor import SETTLING, innovations, observer_near
 from zwidth.diagnosis.steady import NoObserver
 from zwidth.sim.device import Device
+from zwidth.sim.smooth_command import held_for
 
 Floats = NDArray[np.float64]
 BETTER = 1.3  # by which the rms of the prediction error must fall
@@ -26,13 +20,7 @@ SHARE_ABOVE = 1e-3
 
 def smooth(experiment: Experiment) -> Experiment:
     """Return the recording with the command whose hold acts like the smooth signal."""
-    u = experiment.command
-    line = np.linspace(u[0], u[-1], u.size)
-    slope = (u[-1] - u[0]) / (u.size - 1)
-    frequency = np.fft.rfftfreq(u.size)
-    turned = np.fft.rfft(u - line) * np.exp(1j * np.pi * frequency) / np.sinc(frequency)
-    command = np.fft.irfft(turned, u.size) + line + 0.5 * slope
-    return replace(experiment, command=command)
+    return replace(experiment, command=held_for(experiment.command))
 
 
 def was_smooth(device: Device, experiment: Experiment) -> float | None:

@@ -38,35 +38,37 @@ class Taken:
 def take_in(
     device: Device, experiments: Sequence[Experiment], validate: Sequence[Experiment] | None
 ) -> Taken:
-    """Take recordings in: fold them out, correct sign and scale, take them held or smooth.
+    """Take recordings in: fold each out, correct it by its own faults, take it held or smooth.
 
     An error in one of several costs that one alone. Raises ExperimentError where the only one is of
     no use, and NotDiagnosed where an error leaves none.
     """
-    swing = max(e.swing for e in experiments)  # one origin for all
 
     def looked_at(e: Experiment) -> tuple[Experiment, float, list[Fault]]:
-        one, factor = _folded_out(device, replace(e, swing=swing))
-        return one, factor, examine(device, [one])
+        one, factor = _folded_out(device, e)
+        own = examine(device, [one])
+        return corrected(one, own), factor, own
 
     passed = _each(experiments, looked_at)
     every = [fault for _, (_, _, faults) in passed for fault in faults]
-    faults = sorted(every, key=lambda f: not f.wrong)
+    swing = max(e.swing for _, (e, _, _) in passed)  # one origin for all
 
     def acted(e: Experiment) -> tuple[Experiment, list[Fault]]:
-        return _as_it_acted(device, corrected([e], faults)[0])
+        return _as_it_acted(device, replace(e, swing=swing))
 
     places = [place for place, _ in passed]
     taken = _each([one for _, (one, _, _) in passed], acted)
-    faults += [note for _, (_, notes) in taken for note in notes]
+    notes = [note for _, (_, notes) in taken for note in notes]
     whole = tuple(e for _, (e, _) in taken)
     left_out = {*range(len(experiments))} - {places[k] for k, _ in taken}
     if validate is None:
         fit_on, judge_by = zip(*(e.split() for e in whole), strict=True)
     else:
-        others = _each(validate, lambda e: _folded_out(device, replace(e, swing=swing))[0])
-        judges = _each([e for _, e in others], acted)
+        others = _each(validate, looked_at)
+        every += [fault for _, (_, _, faults) in others for fault in faults if fault.wrong]
+        judges = _each([e for _, (e, _, _) in others], acted)
         fit_on, judge_by = whole, tuple(e for _, (e, _) in judges)
+    faults = [*sorted(every, key=lambda f: not f.wrong), *notes]
     folded = max(factor for _, (_, factor, _) in passed)
     return Taken(
         whole, fit_on, judge_by, tuple(faults), folded, validate is None, tuple(sorted(left_out))
@@ -109,7 +111,12 @@ def _folded_out(device: Device, e: Experiment) -> tuple[Experiment, float]:
 
 
 def _as_it_acted(device: Device, e: Experiment) -> tuple[Experiment, list[Fault]]:
-    """Take a command as smooth between samples where that explains the motion much better."""
+    """Take a command as smooth between samples where that explains the motion much better.
+
+    Or where the device file says that it is.
+    """
+    if device.interface.command_hold == "smooth":
+        return smooth(e), []
     factor = was_smooth(device, e)
     if factor is None:
         return e, []
@@ -117,4 +124,4 @@ def _as_it_acted(device: Device, e: Experiment) -> tuple[Experiment, list[Fault]
         f"the command of {e.name} explains the motion {factor:.3g} times better as a signal"
         " that is smooth between its samples than as one that is held, and is taken so"
     )
-    return smooth(e), [Fault("smooth_command", sentence, False, factor)]
+    return smooth(e), [Fault("smooth_command", sentence, False, factor, e.name)]

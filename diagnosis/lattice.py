@@ -36,7 +36,6 @@ from zwidth.diagnosis.spatial import matched, peaks, pulls, response, step_peaks
 from zwidth.sim.physics import make_physics
 
 Floats = NDArray[np.float64]
-STEPPED = ("command_step", "encoder_step", "dropped_samples")
 PROMISING = 4.0  # chi-square by which a wave must stand above the highest of noise
 AROUND = 41  # steps tried around a peak, two lines to either side
 DELIVERED = 3.0  # log odds from which a command counts as lost

@@ -16,7 +16,7 @@ What a refit absorbs is taken off the residual and off the noise: a damper that 
 travel is nearly a damper. Limits: q is what the observer predicts.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,6 +27,7 @@ from zwidth.diagnosis.fit import Fitted, Problem
 from zwidth.diagnosis.predictor import SETTLING, followed, innovations, whitened
 from zwidth.diagnosis.screen import Complement
 from zwidth.diagnosis.spatial import matched
+from zwidth.sim.place import GROUND, MASSES, masses_and_links, place_at
 
 Floats = NDArray[np.float64]
 ODDS = 1e8  # the drawn noise is not the noise of every rig
@@ -83,7 +84,7 @@ def leftover(problem: Problem, fitted: Fitted) -> Leftover:
     off = Complement(fitted.jacobian)
     fitted = replace(fitted, residual=off(fitted.residual))
     states = predicted_states(problem, fitted)
-    rippled = fitted.model.has("force_ripple")
+    rippled = {p.at for p in fitted.model.effects if p.effect.sought == "waves"}
     bank = list(_bank(states, problem.experiments[0].period, rippled))
     hums = [f for f in bank if f.hums]
     sways = [f for f in bank if not f.hums]
@@ -155,13 +156,13 @@ class Family:
         return np.abs(np.fft.rfft(product)[self.kept]) ** 2
 
 
-def _bank(states: list[Floats], period: float, rippled: bool) -> Iterator[Family]:
+def _bank(states: list[Floats], period: float, rippled: Collection[str]) -> Iterator[Family]:
     """Every family; of forces that repeat over position alone those beside a ripple at m1.
 
     The library has one ripple and springs: what is sought here are the harmonics of another shape.
     """
     n = states[0].shape[1] // 2
-    places = [f"m{i + 1}" for i in range(n)] + [f"link{i + 1}{i + 2}" for i in range(n - 1)]
+    places = map(str, masses_and_links(n))
     positions = [x[:, 0] for x in states]
     low = min(float(x.min()) for x in positions)
     span = max(float(x.max()) for x in positions) - low
@@ -176,7 +177,7 @@ def _bank(states: list[Floats], period: float, rippled: bool) -> Iterator[Family
             kept = (np.arange(frequency.size) > 0) & (frequency < fastest)
             times = 1.0 / np.maximum(frequency, frequency[1])
             yield Family(place, follows, "time", factor, None, kept, times[kept])
-            if not span > 0.0 or (follows == "1" and not (rippled and place == "m1")):
+            if not span > 0.0 or (follows == "1" and place not in rippled):
                 continue
             width = 2.0 * span / BINS
             bins = [np.minimum(((x - low) / width).astype(np.int64), BINS - 1) for x in positions]
@@ -191,8 +192,9 @@ def _powers(problem: Problem, fitted: Fitted, families: Sequence[Family]) -> lis
 
     def pull(place: str) -> list[Floats]:
         if place not in pulls:
-            if place.startswith("link"):
-                ends = zip(pull(f"m{place[4]}"), pull(f"m{place[5]}"), strict=True)
+            first, second = place_at(place).ends
+            if second != GROUND:
+                ends = zip(pull(MASSES[first]), pull(MASSES[second]), strict=True)
                 pulls[place] = [a - b for a, b in ends]
             else:
                 pulls[place] = matched(problem, fitted, place)
@@ -203,13 +205,12 @@ def _powers(problem: Problem, fitted: Fitted, families: Sequence[Family]) -> lis
 
 def factors(place: str, states: list[Floats], n: int, period: float) -> dict[str, list[Floats]]:
     """Q at every tick of every recording, by name."""
-    if place.startswith("link"):
-        i = int(place[4]) - 1
+    i, j = place_at(place).ends
+    if j != GROUND:
         return {
-            "deflection": [x[:, i] - x[:, i + 1] for x in states],
-            "rate of deflection": [x[:, n + i] - x[:, n + i + 1] for x in states],
+            "deflection": [x[:, i] - x[:, j] for x in states],
+            "rate of deflection": [x[:, n + i] - x[:, n + j] for x in states],
         }
-    i = int(place[1]) - 1
     return {
         "1": [np.ones(x.shape[0]) for x in states],
         "velocity": [x[:, n + i] for x in states],

@@ -26,7 +26,7 @@ from zwidth.diagnosis.magnitude import magnitude, strengthened
 from zwidth.diagnosis.reference import Reference, reference
 from zwidth.diagnosis.rehearsal import Noise
 from zwidth.diagnosis.separation import separation
-from zwidth.sim.physics import make_physics
+from zwidth.sim.physics.dropped_samples import dropped_samples
 from zwidth.sim.physics.effect import Physics
 
 __all__ = ["SHOWN", "Noise", "Reference", "limit", "magnitude", "reference", "separation", "sigma",
@@ -47,7 +47,7 @@ def sigma(reference: Reference, physics: Physics) -> float:
     dropped_samples: in the mean over which commands are lost, and zero where less than one is.
     """
     name = physics.effect.name
-    if name == "dropped_samples":
+    if name == dropped_samples.name:
         return _lost(reference, physics.values["rate"])
     return float(np.linalg.norm(reference.off(name)(reference.signature(physics))))
 
@@ -57,7 +57,7 @@ def _lost(reference: Reference, rate: float) -> float:
     if rate * reference.ticks < 1.0:
         return 0.0
     tried = min(1.0, max(rate, DROPS / reference.ticks))
-    signature = reference.signature(make_physics("dropped_samples", "clock", rate=tried))
+    signature = reference.signature(Physics(dropped_samples, "clock", {"rate": tried}))
     return float(np.linalg.norm(reference.off()(signature))) * (rate / tried) ** 0.5
 
 

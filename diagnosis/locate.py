@@ -25,6 +25,7 @@ from zwidth.diagnosis.predictor import SETTLING
 from zwidth.diagnosis.screen import Complement
 from zwidth.diagnosis.spatial import response
 from zwidth.jobs.parallel import in_parallel, threads
+from zwidth.sim.place import MASSES, Place, masses_and_links
 
 Floats = NDArray[np.float64]
 Share = dict[str, Any]  # {"from", "to" or "name", "share"}
@@ -156,14 +157,12 @@ def force_maps(
     off = Complement(fitted.jacobian)
     left = off(fitted.residual)
     prior = fitted.residual[fitted.samples :] * 0.0
-    places = [(f"m{i + 1}", (i, -1)) for i in range(device.chain.masses.size)]
-    places += [(f"link{i + 1}{i + 2}", (i, i + 1)) for i in range(device.chain.masses.size - 1)]
+    n = device.chain.masses.size
+    units = np.array([response(problem, fitted, at) for at in MASSES[:n]])
 
-    units = [response(problem, fitted, f"m{i + 1}") for i in range(device.chain.masses.size)]
-
-    def signature(place: tuple[int, int], masks: Sequence[NDArray[np.bool_]]) -> Floats:
+    def signature(place: Place, masks: Sequence[NDArray[np.bool_]]) -> Floats:
         """Of a unit force where a mask is true, by the response of the linear device."""
-        answer = units[place[0]] - (units[place[1]] if place[1] >= 0 else 0.0)
+        answer = np.tensordot(place.row(n), units, 1)
         parts = [
             fftconvolve(mask[:, None].astype(float), answer, axes=0)[SETTLING : mask.size].ravel()
             for mask in masks
@@ -171,7 +170,7 @@ def force_maps(
         return off(np.concatenate([*parts, prior]))
 
     found: list[ForceMap] = []
-    for name, place in places:
+    for place in masses_and_links(n):
         for against in STATES:
             pairs = zip(problem.experiments, moved, strict=True)
             values = [state_of(e, motion, against) for e, motion in pairs]
@@ -185,7 +184,7 @@ def force_maps(
             gained = float(left @ left - np.sum((left + matrix @ solved) ** 2))
             error = np.sqrt(np.diag(np.linalg.pinv(matrix.T @ matrix, rcond=1e-10)))
             force = np.asarray(solved, dtype=np.float64)
-            found.append(ForceMap(name, against, edges, force, error, gained))
+            found.append(ForceMap(str(place), against, edges, force, error, gained))
     return tuple(found)
 
 

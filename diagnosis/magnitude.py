@@ -1,20 +1,10 @@
 """How strong an effect is, as one number: what a limit is given in, and what may be scaled."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
-from zwidth.diagnosis.candidates import MAGNITUDE
-from zwidth.sim.physics.effect import Physics
-
-STEPS = {"command_step": "step", "encoder_step": "step", "dropped_samples": "rate"}
-
-
-def magnitude_name(physics: Physics) -> str | None:
-    """Return the parameter that says how strong an effect is, None where there is none."""
-    name = physics.effect.name
-    if name in MAGNITUDE:
-        return MAGNITUDE[name][0]
-    return {"saturation": "limit", "gain_asymmetry": "ratio", **STEPS}.get(name)
+from zwidth.sim.physics.effect import Effect, Physics
 
 
 def magnitude(physics: Physics, peak: float = math.inf) -> float | None:
@@ -23,13 +13,13 @@ def magnitude(physics: Physics, peak: float = math.inf) -> float | None:
     Of friction the level, of a cubic spring the absolute coefficient, of a gain asymmetry
     |ratio - 1|, of a saturation how far its limit lies below the largest command, `peak`.
     """
-    key = magnitude_name(physics)
-    if key is None:
+    name = physics.effect.strength
+    if name is None:
         return None
-    value = physics.values[key]
-    if physics.effect.name == "saturation":
+    parameter, value = physics.effect.parameter(name), physics.values[name]
+    if parameter.neutral == math.inf:
         return max(0.0, peak - value)
-    return abs(value - 1.0) if physics.effect.name == "gain_asymmetry" else abs(value)
+    return abs(value - parameter.none_of_it())
 
 
 def strengthened(physics: Physics, factor: float, peak: float = math.inf) -> Physics | None:
@@ -37,18 +27,15 @@ def strengthened(physics: Physics, factor: float, peak: float = math.inf) -> Phy
 
     What says how large and not how strong (a ripple's period, a Stribeck velocity) stays.
     """
-    name, values = physics.effect.name, dict(physics.values)
-    if name in MAGNITUDE:
-        values |= {key: factor * values[key] for key in MAGNITUDE[name]}
-    elif name == "saturation":
-        values["limit"] = peak - factor * (peak - values["limit"])
-        if values["limit"] <= 0.0:
-            return None
-    elif name == "gain_asymmetry":
-        values["ratio"] = 1.0 + factor * (values["ratio"] - 1.0)
-    elif name in STEPS:
-        values[STEPS[name]] *= factor
-    else:
+    effect, values = physics.effect, dict(physics.values)
+    if effect.strength is None:
         return None
-    inside = all(p.lower <= values[p.name] <= p.upper for p in physics.effect.parameters)
-    return replace(physics, values=values) if inside else None
+    for name in effect.magnitudes or (effect.strength,):
+        none = effect.parameter(name).none_of_it(peak)
+        values[name] = none + factor * (values[name] - none)
+    return replace(physics, values=values) if within_bounds(effect, values) else None
+
+
+def within_bounds(effect: Effect, values: Mapping[str, float]) -> bool:
+    """Whether a device may have the effect with these values."""
+    return all(p.lower <= values[p.name] <= p.upper for p in effect.parameters)

@@ -6,16 +6,24 @@ extra mass of nothing) or take other substeps are of another kind, and run with 
 """
 
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.parameters import Model, first_velocity
-from zwidth.diagnosis.predictor import Fineness, observer_memory, padded, substeps_of
-from zwidth.diagnosis.steady import NoObserver
+from zwidth.diagnosis.predictor import (
+    MOST_SUBSTEPS,
+    Fineness,
+    first_motion,
+    observer_memories,
+    padded,
+    substeps_for,
+)
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import Device
+from zwidth.sim.members import together
 from zwidth.sim.population import Followed, Population, Readings, Recorded
 
 Floats = NDArray[np.float64]
@@ -26,33 +34,36 @@ class Many:
     """A model at several x: prepared once, to follow one recording after the other.
 
     least: substeps a tick that all take at least, as `predictor.prepared` has it. A member that
-    moves too fast to be followed has infinite innovations.
+    moves too fast to be followed has infinite innovations. Raises ValueError as `Model.acting`.
     """
 
     def __init__(
         self, model: Model, xs: Sequence[Floats], fineness: Fineness, least: int = 1
     ) -> None:
-        self.model, self.xs = model, list(xs)
-        self.devices = [model.acting(x) for x in xs]
-        kinds: dict[object, list[int]] = {}
-        for i, device in enumerate(self.devices):
-            substeps = _substeps(device, fineness, least)
-            if substeps is not None:
-                size = device.plant().size
-                labels = tuple((p.effect.name, p.at) for p in device.physics)
-                kinds.setdefault((substeps, size, labels), []).append(i)
-        self.populations = [
-            (which, Population([self.devices[i] for i in which], *key[0]))
-            for key, which in kinds.items()
-            if isinstance(key, tuple)
-        ]
+        self.model, self.size = model, len(xs)
+        self.xs = np.stack(xs) if len(xs) else np.zeros((0, len(model.parameters)))
+        self.kinds: list[_Kind] = []
+        if not self.size:
+            return
+        everyone = model.members(self.xs)
+        everyone.check()
+        for which in everyone.kinds():
+            alike = everyone.taken(which)
+            needed = alike.enough_substeps()
+            for some in together(needed):
+                steps = int(needed[some[0]])
+                if steps <= MOST_SUBSTEPS:
+                    few, many = substeps_for(alike.physics, fineness, max(least, steps))
+                    members = alike.taken(some)
+                    population = Population(members, few, many)
+                    self.kinds.append(_Kind(which[some], population, members.first))
 
     def innovations(self, experiment: Experiment, gain: Floats) -> Floats:
-        """Return innovations (x, ticks, o) under an observer's gain (states, o), or one a member.
+        """Return innovations (x, ticks, o) under an observer's gain (states, o).
 
         experiment.start: of all, or (x, 2n) where each begins with its own.
         """
-        found = np.full((len(self.xs), *experiment.measured.shape), np.inf)
+        found = np.full((self.size, *experiment.measured.shape), np.inf)
         for which, followed in self._followed(experiment, gain, keep=True):
             found[which] = followed.innovations
         return found
@@ -63,7 +74,7 @@ class Many:
         Infinite where a member cannot be followed; nothing of the recording's length is kept.
         """
         o = len(experiment.outputs)
-        found = np.full((len(self.xs), o, o), np.inf)
+        found = np.full((self.size, o, o), np.inf)
         for which, followed in self._followed(experiment, gain, filters, skip):
             found[which] = followed.moments
         return found
@@ -75,42 +86,62 @@ class Many:
         filters: Floats | None = None,
         skip: int = 0,
         keep: bool = False,
-    ) -> Iterator[tuple[list[int], Followed]]:
+    ) -> Iterator[tuple[NDArray[np.int64], Followed]]:
         plain = self.model.plain(experiment)
         still = np.array([o.quantity == "position" for o in experiment.outputs], dtype=np.float64)
         place = first_velocity(experiment)
-        first = experiment.part(0, min(BEGINNING, experiment.ticks))
-        for which, population in self.populations:
-            reads = [self.model.reads(self.xs[i]) for i in which]
-            eq = population.coarse[0].eq
-            jitters = np.zeros((len(which), still.size))
-            if place is not None:
-                jitters[:, place] = [r.jitter for r in reads]
-            readings = Readings(
-                padded(gain, self.devices[which[0]], eq),
-                np.array([r.gain for r in reads]),
-                np.array([r.origin * experiment.swing * still for r in reads]),
-                jitters,
-            )
-            starts = [
-                observer_memory(m.eq, self.model.seen(first, self.xs[i]))
-                for i, m in zip(which, population.coarse, strict=True)
-            ]
+        first = self.model.plain(experiment.part(0, min(BEGINNING, experiment.ticks)))
+        change = None if place is None else self.model.arriving_change(first)
+        gains, at, jitter = self.model.reads_each(self.xs)
+        origins = at[:, None] * experiment.swing * still
+        jitters = np.zeros((self.size, still.size))
+        if place is not None:
+            jitters[:, place] = jitter
+        period = self.model.nominal.interface.period
+        for which, population, device in self.kinds:
+            motions = np.array([
+                _first_motion(first, period, origins[i], place, float(jitter[i]), change)
+                for i in which
+            ])  # fmt: skip
+            starts = experiment.start
+            own = starts if starts is None or starts.ndim == 1 else starts[which]
             force = experiment.force
             if force is not None:
-                force = np.pad(force, ((0, 0), (0, eq.dof - force.shape[1])))
+                force = np.pad(force, ((0, 0), (0, population.dof - force.shape[1])))
             recorded = Recorded(
-                plain.command, plain.measured, experiment.places(eq.dof), force,
+                plain.command, plain.measured, experiment.places(population.dof), force,
                 None if place is None else self.model.arriving_change(plain),
             )  # fmt: skip
+            readings = Readings(
+                padded(gain, device, population), gains[which], origins[which], jitters[which]
+            )
             yield which, population.follow(
-                recorded, starts, readings, filters, skip, keep,
-                run_all=lambda tasks: in_parallel(tasks, threads()),
+                recorded, observer_memories(population, motions, own), readings, filters, skip,
+                keep, run_all=lambda tasks: in_parallel(tasks, threads()),
             )  # fmt: skip
 
 
-def _substeps(device: Device, fineness: Fineness, least: int) -> tuple[int, int] | None:
-    try:
-        return substeps_of(device, fineness, least)
-    except NoObserver:
-        return None
+class _Kind(NamedTuple):
+    """Members with the same states and substeps: which, ready to follow, and the first of them."""
+
+    which: NDArray[np.int64]
+    population: Population
+    device: Device
+
+
+def _first_motion(
+    first: Experiment,
+    period: float,
+    origin: Floats,
+    place: int | None,
+    jitter: float,
+    change: Floats | None,
+) -> tuple[float, float]:
+    """Return the motion at the first sample as a member reads it, see `Model.seen`."""
+    measured = first.measured
+    if origin.any():
+        measured = measured - origin
+    if place is not None and jitter != 0.0 and change is not None:
+        measured = measured.copy()
+        measured[:, place] -= jitter * change
+    return first_motion(first.outputs, measured, period)

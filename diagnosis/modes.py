@@ -24,8 +24,10 @@ from zwidth.diagnosis.leftover import predicted_states
 from zwidth.diagnosis.predictor import SETTLING
 from zwidth.diagnosis.screen import Complement
 from zwidth.diagnosis.spatial import response
-from zwidth.sim.device import masses_needed, place_label
-from zwidth.sim.physics import EFFECTS, make_physics
+from zwidth.sim.device import has_room, place_label
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.physics.extra_mode import extra_mode
+from zwidth.sim.place import Place, label_of, place_at
 
 Floats = NDArray[np.float64]
 LOWEST_HZ = 3.0
@@ -50,17 +52,20 @@ class Resonance:
 def mode_starts(problem: Problem, fitted: Fitted) -> list[Start]:
     """Return the most promising further masses at every host that may have one."""
     device = fitted.model.acting(fitted.x)
-    present = {place_label(p) for p in fitted.model.build(fitted.x).physics}
+    built = fitted.model.build(fitted.x)
+    if not has_room(extra_mode, built.chain.masses.size + len(built.hosts())):
+        return []
+    present = {place_label(p) for p in built.physics}
     masses = device.chain.masses
     off = Complement(fitted.jacobian)
     base = off(fitted.residual)
     starts: list[Start] = []
     states = predicted_states(problem, fitted)
-    for at in EFFECTS["extra_mode"].places:
-        host = masses_needed(at) - 1
-        if host >= masses.size or f"extra_mode@{at}" in present:
+    for place in map(place_at, extra_mode.places):
+        host = place.index
+        if host >= masses.size or label_of(extra_mode.name, place) in present:
             continue
-        answer = response(problem, fitted, at)
+        answer = response(problem, fitted, str(place))
         speeds = [x[:, masses.size + host] for x in states]
         found = sorted(
             _resonances(problem, off, base, answer, speeds), key=lambda r: r.gained, reverse=True
@@ -69,7 +74,7 @@ def mode_starts(problem: Problem, fitted: Fitted) -> list[Start]:
         for one in found:
             if all(abs(math.log(one.omega / k.omega)) > 0.3 for k in kept):
                 kept.append(one)
-        starts += [_start(at, one, float(masses[host])) for one in kept[:COUNT]]
+        starts += [_start(place, one, float(masses[host])) for one in kept[:COUNT]]
     return starts
 
 
@@ -104,11 +109,11 @@ def _filter(omega: float, ratio: float, period: float) -> tuple[Floats, Floats]:
     return bilinear(top, [1.0, *top], 1.0 / period)
 
 
-def _start(at: str, one: Resonance, host: float) -> Start:
+def _start(place: Place, one: Resonance, host: float) -> Start:
     mass = min(one.mass, HEAVIEST * host)
     stiffness, damping = mass * one.omega**2, 2.0 * one.ratio * one.omega * mass
     values = {"mass": mass, "stiffness": stiffness, "damping": damping}
     return Start(
-        make_physics("extra_mode", at, **values),
+        Physics(extra_mode, str(place), values),
         {"mass": 0.5 * mass, "stiffness": 0.5 * stiffness, "damping": damping},
     )

@@ -110,7 +110,7 @@ def _apart(prepared: Reference, true: Physics, rival: Physics) -> float:
     others = [s for s in prepared.starts if s.label == label]
     free = {k for start in others for k, scale in start.scales.items() if scale != 0.0}
     kept = free or set(rival.values)
-    own = Start(rival, {k: _scale(rival, k) for k in kept})
+    own = Start(rival, {k: _scale(rival, k) for k in kept}, others[0].bounds if others else {})
     return separation(prepared, true, [own, *others])[label]
 
 

@@ -6,7 +6,7 @@ the recording does not tell (gain against all masses at once) stays near the nom
 of running away, and a mass cannot triple to mimic friction.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device, place_label
-from zwidth.sim.physics.effect import Physics
+from zwidth.sim.members import Members, alike, chains_of
+from zwidth.sim.physics.effect import Bounds, Physics
+from zwidth.sim.physics.effect import Parameter as Declared
 
 Floats = NDArray[np.float64]
 MASS_SCALE, SPRING_SCALE, DAMPER_SCALE, GAIN_SCALE = 0.2, 0.2, 0.5, 0.05
@@ -26,13 +28,7 @@ ORIGIN_SCALE = 0.1  # of the rms motion: where a spring to ground is at rest
 FARTHEST = 4.0  # scales that a mass, spring or gain may move: a mass that doubles mimics friction
 DAMPER_FLOOR = 0.1  # of the mean damper: what a damper of nearly zero may change by
 
-IN_RECORDING = ("dropped_samples", "rectified_sensor")  # taken off the recording, not simulated
 MARGIN = 1e-9  # of x, by which a start keeps off a bound
-LONGEST_WAVE = 1.2  # times the period that a fit starts from
-LEAST_LIMIT = 0.3  # times the limit that a fit starts from: a sine cut flat is another mechanism
-SHARPEST = 10.0  # shape of a hysteresis: sharper ones are elastic and ideally plastic all the same
-# A lag or delay of many ticks is another mechanism, and a lag without end cuts the command off.
-MOST_TICKS = {"actuator_lag": 50.0, "loop_delay": 50.0}
 
 
 @dataclass(frozen=True)
@@ -41,7 +37,8 @@ class Parameter:
 
     kind: "mass", "spring", "damper", "link", "k0", "origin", "gain", "jitter" or "effect".
 
-    scale: of x. lower, upper: bounds of x. prior: whether x has a unit Gaussian prior.
+    scale: of x. lower, upper: bounds of x. prior: whether x has a unit Gaussian prior. key: of an
+    effect's parameter its name; ends: at which of its bounds a fit is no physics, "lower", "upper".
     """
 
     name: str
@@ -52,6 +49,7 @@ class Parameter:
     upper: float = np.inf
     prior: bool = True
     key: str = ""
+    ends: tuple[str, ...] = ()
 
 
 class Reads(NamedTuple):
@@ -70,15 +68,18 @@ class Reads(NamedTuple):
 class Model:
     """A device with its free parameters; `build(x)` is the device at x, `seen` a recording at x.
 
-    effects: the physics under trial, at the values where x of their parameters is zero.
+    effects: the physics under trial, at the values where x of their parameters is zero. scales: of
+    their free parameters; bounds: of them, given the recordings, where that is less than the effect
+    allows.
     sensor_error_known: the recordings say what an encoder_step under trial adds to the sensor, so
     that it is taken off there and not simulated.
     """
 
     nominal: Device
     effects: tuple[Physics, ...] = ()
-    scales: tuple[dict[str, float], ...] = ()
+    scales: tuple[Mapping[str, float], ...] = ()
     sensor_error_known: bool = False
+    bounds: tuple[Bounds, ...] = ()
 
     @cached_property
     def parameters(self) -> list[Parameter]:
@@ -92,27 +93,15 @@ class Model:
 
     def _effect_parameters(self) -> list[Parameter]:
         found: list[Parameter] = []
-        for i, (physics, scales) in enumerate(zip(self.effects, self.scales, strict=True)):
-            for p in physics.effect.parameters:
-                if p.name not in scales or scales[p.name] == 0.0:
-                    continue
-                value, scale = physics.values[p.name], scales[p.name]
-                least, most = p.lower, p.upper
-                if physics.effect.name == "saturation":
-                    least = LEAST_LIMIT * value
-                if p.name == "period":  # a wave of which less than one is seen is a bend
-                    most = value * LONGEST_WAVE
-                if p.name == "shape":
-                    most = max(SHARPEST, 2.0 * value)
-                if physics.effect.name in MOST_TICKS:
-                    ticks = MOST_TICKS[physics.effect.name]
-                    most = max(ticks * self.nominal.interface.period, 2.0 * value)
-                found.append(
-                    Parameter(
-                        f"{place_label(physics)}.{p.name}", "effect", i, scale,
-                        (least - value) / scale, (most - value) / scale, False, p.name,
-                    )
-                )  # fmt: skip
+        bounds = self.bounds or ({},) * len(self.effects)
+        all_of = zip(self.effects, self.scales, bounds, strict=True)
+        for i, (physics, scales, limits) in enumerate(all_of):
+            found += [
+                _of_effect(f"{place_label(physics)}.{p.name}", i, p, physics.values[p.name],
+                           scales[p.name], limits.get(p.name, (p.lower, p.upper)))
+                for p in physics.effect.parameters
+                if scales.get(p.name, 0.0) != 0.0
+            ]  # fmt: skip
         return found
 
     def less(self, x: Floats, *gone: int) -> tuple["Model", Floats]:
@@ -161,9 +150,38 @@ class Model:
         device = self.build(x).with_interface(command_step=0.0)
         if self.sensor_error_known or not self.has("encoder_step"):
             device = device.with_interface(encoder_step=0.0)
-        names = {p.effect.name for p in device.physics}
-        gone = names.intersection(IN_RECORDING)
+        gone = {p.effect.name for p in device.physics if p.effect.in_recording}
         return device.without_physics(*gone) if gone else device
+
+    def members(self, xs: Floats) -> Members:
+        """Return the devices that are `acting` at many x (members, parameters), all at once.
+
+        Their numbers are those of `acting` bit for bit; `Members.check` raises what it raises.
+        """
+        count = xs.shape[0]
+        chains = chains_of(self.nominal.chain, count)
+        values = [np.tile(p.vector(), (count, 1)) for p in self.effects]
+        factored = {"mass": chains.masses, "spring": chains.link_springs,
+                    "k0": chains.ground_spring[:, None]}  # fmt: skip
+        shifted = {"damper": chains.ground_dampers, "link": chains.link_dampers}
+        for p, x in zip(self.parameters, np.ascontiguousarray(xs.T), strict=True):
+            if p.kind in factored:
+                factored[p.kind][:, p.index] *= np.exp(p.scale * x)
+            elif p.kind in shifted:
+                shifted[p.kind][:, p.index] += p.scale * x
+            elif p.kind == "effect":
+                names = [q.name for q in self.effects[p.index].effect.parameters]
+                values[p.index][:, names.index(p.key)] += p.scale * x
+        found = replace(alike(self.nominal, count), chains=chains)
+        for physics, own in zip(self.effects, values, strict=True):
+            lower = np.array([p.lower for p in physics.effect.parameters])
+            upper = np.array([p.upper for p in physics.effect.parameters])
+            above = np.where(lower > own, lower, own)
+            found = found.with_physics(physics, np.where(upper < above, upper, above))
+        found = found.with_interface(command_step=0.0)
+        if self.sensor_error_known or not self.has("encoder_step"):
+            found = found.with_interface(encoder_step=0.0)
+        return found.without_physics(lambda p: p.effect.in_recording)
 
     def has(self, name: str) -> bool:
         """Whether an effect of that name is under trial."""
@@ -179,12 +197,27 @@ class Model:
                 origin = p.scale * float(xi)
             elif p.kind == "jitter":
                 jitter = p.scale * float(xi)
-        return Reads(gain, origin, 0.5 * jitter * gain / self.nominal.chain.masses[0])
+        counts = gain * self.nominal.interface.command_gain
+        return Reads(gain, origin, 0.5 * jitter * counts / self.nominal.chain.masses[0])
+
+    def reads_each(self, xs: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return gain, origin and jitter of `reads` at many x (members, parameters), (members,)."""
+        gain, origin, jitter = np.ones(xs.shape[0]), np.zeros(xs.shape[0]), np.zeros(xs.shape[0])
+        for p, x in zip(self.parameters, np.ascontiguousarray(xs.T), strict=True):
+            if p.kind == "gain":
+                gain = np.exp(p.scale * x)
+            elif p.kind == "origin":
+                origin = p.scale * x
+            elif p.kind == "jitter":
+                jitter = p.scale * x
+        counts = gain * self.nominal.interface.command_gain
+        return gain, origin, 0.5 * jitter * counts / self.nominal.chain.masses[0]
 
     def plain(self, experiment: Experiment) -> Experiment:
         """Return a recording as the model sees it at every x alike.
 
-        Lost commands left out, the command in its steps, errors of the sensor's steps taken off.
+        Lost commands left out, the command in its steps, errors of the sensor's steps and the
+        device's own origin taken off.
         Steps are taken here and not in the device: inside a fit they would turn every slope into
         noise.
         """
@@ -196,6 +229,9 @@ class Model:
         if self.sensor_error_known and experiment.sensor_error is not None:
             measured = measured.copy()
             measured[:, 0] -= experiment.sensor_error
+        if self.nominal.interface.position_origin != 0.0:
+            positions = np.array([o.quantity == "position" for o in experiment.outputs])
+            measured = measured - self.nominal.interface.position_origin * positions
         return replace(experiment, command=command, measured=measured)
 
     def seen(self, experiment: Experiment, x: Floats) -> Experiment:
@@ -225,9 +261,17 @@ class Model:
         found = [p.values["step"] for p in self.effects if p.effect.name == "command_step"]
         return [step for step in found or known if step > 0.0]
 
-    def with_effect(self, physics: Physics, scales: dict[str, float]) -> "Model":
+    def with_effect(
+        self, physics: Physics, scales: Mapping[str, float], bounds: Bounds | None = None
+    ) -> "Model":
         """Return the model with one more effect."""
-        return replace(self, effects=(*self.effects, physics), scales=(*self.scales, scales))
+        before = self.bounds or ({},) * len(self.effects)
+        return replace(
+            self,
+            effects=(*self.effects, physics),
+            scales=(*self.scales, scales),
+            bounds=(*before, bounds or {}),
+        )
 
     def without_effect(self, index: int) -> "Model":
         """Return the model without one of its effects."""
@@ -238,6 +282,7 @@ class Model:
             sensor_error_known=steps,
             effects=tuple(self.effects[i] for i in keep),
             scales=tuple(self.scales[i] for i in keep),
+            bounds=tuple(self.bounds[i] for i in keep) if self.bounds else (),
         )
 
     @property
@@ -269,6 +314,27 @@ def _inside(physics: Physics, values: dict[str, float]) -> dict[str, float]:
     """Rounding may leave a value a hair outside its bounds."""
     bounds = {p.name: (p.lower, p.upper) for p in physics.effect.parameters}
     return {k: min(max(v, bounds[k][0]), bounds[k][1]) for k, v in values.items()}
+
+
+def _of_effect(
+    name: str, index: int, p: Declared, value: float, scale: float, limits: tuple[float, float]
+) -> Parameter:
+    """A parameter of an effect that a fit starts at a value.
+
+    Within the bounds that physics sets given the recording, which hold the start, and as far from
+    it as the effect says.
+    """
+    lower = max(p.lower, min(limits[0], value))
+    upper = min(p.upper, max(limits[1], value))
+    if p.least > 0.0:
+        lower = max(lower, p.least * value)
+    if p.most < np.inf:
+        upper = min(upper, p.most * value)
+    ends = ("lower",) * (lower > p.lower) + ("upper",) * (not p.open_ended)
+    return Parameter(
+        name, "effect", index, scale, (lower - value) / scale, (upper - value) / scale, False,
+        p.name, ends,
+    )  # fmt: skip
 
 
 def linear_parameters(device: Device) -> list[Parameter]:

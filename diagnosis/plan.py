@@ -12,22 +12,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.candidates import CONTAINED, Magnitudes, Start, magnitudes
+from zwidth.diagnosis.candidates import Start, starts_of
 from zwidth.diagnosis.excitations import LIBRARY, Scale, excitation
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.limits import SHOWN, limit
-from zwidth.diagnosis.magnitude import magnitude, magnitude_name, strengthened
+from zwidth.diagnosis.magnitude import magnitude, strengthened
 from zwidth.diagnosis.reference import Reference, reference
 from zwidth.diagnosis.rehearsal import Noise, rehearse
 from zwidth.diagnosis.separation import shapes
+from zwidth.diagnosis.sizes import sizes_of
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import Device, place_label
-from zwidth.sim.physics import make_physics
+from zwidth.sim.physics import EFFECTS, contains
 from zwidth.sim.physics.effect import Physics
+from zwidth.sim.physics.sizes import Sizes
+from zwidth.sim.place import of_label, place_at
 
 Floats = NDArray[np.float64]
 ALIKE = 3.0  # times the limit, where effects are held against each other
-LOST_RATE = 1e-3
 RAN_AWAY = 1e5  # sigma of one sample
 Advance = Callable[[str], object]
 
@@ -93,16 +95,16 @@ def plan(
     advance is told every effect that is done. `better_excitations` fills in what would do better.
     """
     prepared = reference(device, [experiment], noise)
-    typical = _typical(prepared)
-    size = magnitudes(device, [experiment])
+    sizes = sizes_of(device, [experiment])
+    typical = _typical(prepared, sizes)
 
     def seen(start: Start) -> Visible:
         found = limit(prepared, start.physics)
         advance(start.label)
-        return _visible(prepared, size, start.physics, found)
+        return _visible(prepared, sizes, start.physics, found)
 
     visible = tuple(in_parallel([lambda s=s: seen(s) for s in typical], threads()))
-    compared = [v for v in visible if v.physics is not None and _may_rival(v.label)]
+    compared = [v for v in visible if v.physics is not None and not v.physics.effect.in_recording]
     advance("comparing")
     distances = _distances(prepared, [v.physics for v in compared if v.physics is not None])
     labels = tuple(v.label for v in compared)
@@ -111,45 +113,26 @@ def plan(
     return Plan(experiment.name, seconds, visible, labels, distances, pairs), prepared
 
 
-def _typical(prepared: Reference) -> list[Start]:
-    """One start an effect and place, of a middle shape, and lost commands, which have no start."""
+def _typical(prepared: Reference, sizes: Sizes) -> list[Start]:
+    """One start an effect and place, of a middle shape; also of what no candidate is of."""
+    aside = [
+        start
+        for effect in EFFECTS.values()
+        if effect.in_recording
+        for start in starts_of(effect, place_at(effect.places[0]), sizes)
+    ]
     grouped: dict[str, list[Start]] = {}
-    for start in shapes(prepared.starts):
+    for start in (*shapes(prepared.starts), *aside):
         grouped.setdefault(start.label, []).append(start)
-    lost = Start(make_physics("dropped_samples", "clock", rate=LOST_RATE), {})
-    return [*(group[len(group) // 2] for group in grouped.values()), lost]
+    return [group[len(group) // 2] for group in grouped.values()]
 
 
-def _may_rival(label: str) -> bool:
-    return not label.startswith("dropped_samples")
-
-
-def _visible(
-    prepared: Reference, size: Magnitudes, physics: Physics, found: Physics | None
-) -> Visible:
-    device, name = prepared.device, magnitude_name(physics) or ""
+def _visible(prepared: Reference, sizes: Sizes, physics: Physics, found: Physics | None) -> Visible:
+    device, name = prepared.device, physics.effect.strength or ""
     unit = physics.effect.parameter(name).unit_for(device.rotary) if name else ""
     strength = None if found is None else magnitude(found, prepared.peak)
-    natural = _natural(physics, size)
+    natural = physics.effect.natural(sizes, physics.place)
     return Visible(place_label(physics), found, strength, name, unit, natural)
-
-
-def _natural(physics: Physics, size: Magnitudes) -> float:
-    force, stretch = size.force, size.reach(physics.at)
-    return {
-        "quadratic_drag": force / size.speed**2,
-        "ground_spring": force / size.position,
-        "backlash": stretch,
-        "cubic_stiffness": force / stretch**3,
-        "extra_mode": size.mass,
-        "saturation": size.peak,
-        "actuator_lag": size.period,
-        "loop_delay": size.period,
-        "gain_asymmetry": 1.0,
-        "dropped_samples": 1.0,
-        "encoder_step": size.span,
-        "encoder_eccentricity": size.span,
-    }.get(physics.effect.name, force)
 
 
 def _distances(prepared: Reference, at_limit: Sequence[Physics]) -> Floats:
@@ -199,10 +182,10 @@ def _bank(prepared: Reference, labels: Sequence[str], strength: float) -> dict[s
 def nearest_of(target: Floats, signatures: Sequence[Floats], rival: str) -> float:
     """Distance of a target from the nearest multiple of any signature, all projected.
 
-    Effects of either sign may be taken negative; waves are given at two phases, and span all.
+    Waves, and what else turns, are given at two phases, and span all.
     """
     whole = float(target @ target)
-    wave = rival.split("@")[0] in ("force_ripple", "encoder_eccentricity")
+    wave = bool(EFFECTS[of_label(rival)[0]].turning)
     groups = (
         [signatures[i : i + 2] for i in range(0, len(signatures), 2)]
         if wave
@@ -233,9 +216,8 @@ def _confusable(labels: Sequence[str], distances: Floats) -> list[Confusable]:
 
 
 def _nested(one: str, other: str) -> bool:
-    (a, at_a), (b, at_b) = one.split("@"), other.split("@")
-    same = at_a == at_b or "ground" in (at_a, at_b)
-    return same and (b in CONTAINED.get(a, ()) or a in CONTAINED.get(b, ()))
+    a, b = of_label(one), of_label(other)
+    return contains(*a, *b) or contains(*b, *a)
 
 
 def better_excitations(

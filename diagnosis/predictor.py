@@ -18,9 +18,11 @@ from scipy.signal import lfilter
 from zwidth.diagnosis.experiment import Experiment, Output
 from zwidth.diagnosis.steady import NoObserver, steady
 from zwidth.jobs.parallel import in_parallel, threads
-from zwidth.sim.device import Device, masses_needed
+from zwidth.sim.device import Device
 from zwidth.sim.equations import Equations, enough_substeps, equations
 from zwidth.sim.kernel import Memory
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.population import Population
 from zwidth.sim.predict import alone
 from zwidth.sim.run import Start, start_memory
 
@@ -114,13 +116,12 @@ def whitened(observer: Observer, innovations: Sequence[Floats], memory: float = 
         found = np.sum([k[lag:].T @ k[: k.shape[0] - lag] for k in kept], axis=0) / total
         return found * float(np.exp(-0.5 * (lag / memory) ** 2))
 
-    r = [together(lag) for lag in range(order + 1)]
-    blocks = [
-        [r[k - j] if k >= j else r[j - k].T for k in range(1, order + 1)]
-        for j in range(1, order + 1)
-    ]
+    r = np.stack([together(lag) for lag in range(order + 1)])
+    lags = np.arange(order) - np.arange(order)[:, None]
+    each = np.where((lags >= 0)[:, :, None, None], r[abs(lags)], r[abs(lags)].swapaxes(2, 3))
+    blocks = each.swapaxes(1, 2).reshape(order * o, order * o)
     try:
-        a = np.linalg.solve(np.block(blocks).T, np.hstack(r[1:]).T).T
+        a = np.linalg.solve(blocks.T, np.hstack(list(r[1:])).T).T
     except np.linalg.LinAlgError as error:
         raise NoObserver(f"the innovations cannot be whitened: {error}") from error
     filters = np.concatenate([np.eye(o)[:, :, None], -a.reshape(o, order, o).swapaxes(1, 2)], 2)
@@ -174,9 +175,13 @@ def prepared(device: Device, fineness: Fineness = FINAL, least: int = 1) -> Prep
 
 def substeps_of(device: Device, fineness: Fineness, least: int = 1) -> tuple[int, int]:
     """Return the substeps a tick, and in ticks that need more; see `prepared`."""
-    hooks = {p.effect.hook for p in device.physics}
-    needed = max(least, enough(device))
-    if any(p.effect.name == "backlash" for p in device.physics):
+    return substeps_for(device.physics, fineness, max(least, enough(device)))
+
+
+def substeps_for(physics: Sequence[Physics], fineness: Fineness, needed: int) -> tuple[int, int]:
+    """Return the same of effects where at least so many are `needed`."""
+    hooks = {p.effect.hook for p in physics}
+    if any(q.vanishing is not None for p in physics for q in p.effect.parameters):
         few, many = fineness.jumping
         return max(few, needed), max(many, needed)
     few = max(needed, fineness.smooth if "force" in hooks else 1)
@@ -201,20 +206,44 @@ def observer_memory(eq: Equations, experiment: Experiment) -> Memory:
 
     What the recording is known to begin with besides (`begun`) is added.
     """
-    position = velocity = 0.0
-    for o, output in enumerate(experiment.outputs):
-        y = experiment.measured[:, o]
-        if output.quantity == "position":
-            position = float(y[0])
-            velocity = float(SLOPE @ y[: SLOPE.size]) / eq.period
-            break
-        velocity = float(y[:5].mean())
+    position, velocity = first_motion(experiment.outputs, experiment.measured, eq.period)
     memory = start_memory(eq, Start(position, velocity))
     if experiment.start is not None:
         n = experiment.start.size // 2
         memory.x[:n] += experiment.start[:n]
         memory.x[eq.dof : eq.dof + n] += experiment.start[n:]
     return memory
+
+
+def first_motion(outputs: Sequence[Output], measured: Floats, period: float) -> tuple[float, float]:
+    """Return position and velocity at the first sample of what was measured (ticks, o)."""
+    velocity = 0.0
+    for o, output in enumerate(outputs):
+        y = measured[:, o]
+        if output.quantity == "position":
+            return float(y[0]), float(SLOPE @ y[: SLOPE.size]) / period
+        velocity = float(y[:5].mean())
+    return 0.0, velocity
+
+
+def observer_memories(
+    population: Population, motions: Floats, starts: Floats | None
+) -> tuple[Memory, ...]:
+    """Return the memories of `observer_memory` for all members.
+
+    motions (members, 2): of `first_motion`; starts: what is added, (2n,) or (members, 2n).
+    """
+    dof = population.dof
+    whole = np.ones((population.size, dof))
+    memories = population.start(motions[:, :1] * whole, motions[:, 1:] * whole)
+    if starts is not None:
+        n = starts.shape[-1] // 2
+        for memory, own in zip(
+            memories, np.broadcast_to(starts, (population.size, 2 * n)), strict=True
+        ):
+            memory.x[:n] += own[:n]
+            memory.x[dof : dof + n] += own[n:]
+    return memories
 
 
 def innovations(
@@ -291,7 +320,7 @@ def begun(device: Device, experiment: Experiment, observer: "Observer") -> Exper
     return replace(experiment, start=scale * solved)
 
 
-def padded(gain: Floats, device: Device, eq: Equations) -> Floats:
+def padded(gain: Floats, device: Device, eq: Equations | Population) -> Floats:
     """Gain for a device with more states than the one it was made for: a lag, further masses.
 
     A further mass is corrected as the mass it hangs on, or every correction would pull its spring.
@@ -300,12 +329,10 @@ def padded(gain: Floats, device: Device, eq: Equations) -> Floats:
     known = min(gain.shape[0] // 2, eq.dof)
     full[:known] = gain[:known]
     full[eq.dof : eq.dof + known] = gain[gain.shape[0] // 2 :][:known]
-    if gain.shape[0] % 2 and eq.lagging:
+    if gain.shape[0] % 2 and eq.states % 2:
         full[-1] = gain[-1]
-    extra = [p for p in device.physics if p.effect.name == "extra_mode" and p.values["mass"] > 0.0]
-    for place, physics in enumerate(extra, device.chain.masses.size):
+    for place, parent in enumerate(device.hosts(), device.chain.masses.size):
         if place >= known:
-            parent = masses_needed(physics.at) - 1
             full[[place, eq.dof + place]] = full[[parent, eq.dof + parent]]
     return full
 

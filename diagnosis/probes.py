@@ -20,16 +20,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.candidates import magnitudes
 from zwidth.diagnosis.fit import Fitted, Problem
 from zwidth.diagnosis.leftover import predicted_states
 from zwidth.diagnosis.parameters import Model
 from zwidth.diagnosis.predictor import SETTLING
 from zwidth.diagnosis.settle import settle
+from zwidth.diagnosis.sizes import sizes_of
 from zwidth.diagnosis.steady import NoObserver
 from zwidth.diagnosis.unknown import CLEARLY, Instead, alone
 from zwidth.sim.device import place_label
 from zwidth.sim.physics.effect import Physics
+from zwidth.sim.physics.force_ripple import force_ripple
 from zwidth.sim.physics.one_sided_spring import one_sided_spring
 from zwidth.sim.physics.periodic_force import HARMONICS, periodic_force
 from zwidth.sim.physics.power_drag import power_drag
@@ -57,7 +58,7 @@ class Probe:
 
 def instead_by_law(problem: Problem, final: Fitted) -> Instead | None:
     """Return the law of no library that is likelier than what was named, the likeliest of them."""
-    probes = [*_powers(problem, final), *_stops(problem, final), *_repeating(final)]
+    probes = [*_powers(problem, final), *_stops(problem, final), *repeating(final)]
     if not probes:
         return None
     rotary = final.model.nominal.rotary
@@ -100,7 +101,7 @@ def _powers(problem: Problem, final: Fitted) -> Iterator[Probe]:
         if named.effect.name != "quadratic_drag":
             continue
         found = next(p for p in device.physics if place_label(p) == place_label(named))
-        speed = magnitudes(device, problem.experiments).speed
+        speed = sizes_of(device, problem.experiments).speed
         level = max(found.values["coefficient"] * speed**2, np.finfo(float).tiny)
         physics = Physics(power_drag, named.at, {"level": level, "power": 2.0, "speed": speed})
         scales = {"level": level, "power": 0.5}
@@ -117,7 +118,7 @@ def _stops(problem: Problem, final: Fitted) -> Iterator[Probe]:
         return
     sets = {(i,) for i in named} | {tuple(named)}
     q = np.concatenate([x[SETTLING:, 0] for x in predicted_states(problem, final)])
-    force = magnitudes(final.model.build(final.x), problem.experiments).force
+    force = sizes_of(final.model.build(final.x), problem.experiments).force
     for gone in sorted(sets):
         for share in MET:
             for side in (-1.0, 1.0):
@@ -129,14 +130,16 @@ def _stops(problem: Problem, final: Fitted) -> Iterator[Probe]:
                     yield Probe(gone, Physics(one_sided_spring, "m1", values), scales, False)
 
 
-def _repeating(final: Fitted) -> Iterator[Probe]:
-    """From the ripple that was found, taken for one harmonic after the other."""
+def repeating(final: Fitted) -> Iterator[Probe]:
+    """From each ripple that was found, where it is, taken for one harmonic after the other."""
+    built = {place_label(p): p for p in final.model.build(final.x).physics}
+    for ripple, named in enumerate(final.model.effects):
+        if named.effect is force_ripple:
+            yield from _harmonics(final, ripple, built[place_label(named)])
+
+
+def _harmonics(final: Fitted, ripple: int, found: Physics) -> Iterator[Probe]:
     effects = final.model.effects
-    labels = [place_label(p) for p in effects]
-    if "force_ripple@m1" not in labels:
-        return
-    ripple = labels.index("force_ripple@m1")
-    found = next(p for p in final.model.build(final.x).physics if p.effect.name == "force_ripple")
     amplitude, period, phase = found.vector()
     rest = [i for i in range(len(effects)) if i != ripple]
     waves = [f"{wave}{k}" for k in range(1, HARMONICS + 1) for wave in ("cosine", "sine")]
@@ -147,7 +150,7 @@ def _repeating(final: Fitted) -> Iterator[Probe]:
             values[f"sine{first}"] = amplitude * math.cos(phase)
             scales = {"period": first * final.model.scales[ripple]["period"]}
             scales |= {wave: float(amplitude) for wave in waves}
-            yield Probe(gone, Physics(periodic_force, "m1", values), scales, False)
+            yield Probe(gone, Physics(periodic_force, found.at, values), scales, False)
 
 
 def _exchanged(final: Fitted, probe: Probe) -> tuple[Model, Floats]:

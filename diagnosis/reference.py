@@ -7,20 +7,22 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.candidates import Start, candidates, magnitudes
+from zwidth.diagnosis.candidates import Start, candidates
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.fit import WORST, Problem
 from zwidth.diagnosis.parameters import Model
 from zwidth.diagnosis.predictor import SETTLING, choose_observer, innovations, prepared, whitened
 from zwidth.diagnosis.rehearsal import Noise, known_observer
 from zwidth.diagnosis.screen import Complement
+from zwidth.diagnosis.sizes import sizes_of
 from zwidth.diagnosis.steady import NoObserver
-from zwidth.sim.device import Device, place_label
-from zwidth.sim.physics import make_physics
+from zwidth.sim.device import Device, known, place_label
+from zwidth.sim.physics import EFFECTS
 from zwidth.sim.physics.effect import Physics
+from zwidth.sim.place import place_at
 
 Floats = NDArray[np.float64]
-NO_GAP = 1e-15  # [rad | m]
+SMALL = 1e-4  # of what a recording moves by: of an effect so small the signature is a slope
 
 
 @dataclass(frozen=True)
@@ -70,15 +72,18 @@ class Reference:
     def signature(self, physics: Physics) -> Floats:
         """Return e(device with the effect) - e(device), (samples and priors,), not projected.
 
-        A free play that is nothing is taken off a free play: while its pin crosses, a substep goes
-        without the link's damper, which is an error of the substep and none of the device.
+        What an effect of no size does is taken off where that is something (`Parameter.vanishing`):
+        while the pin of a free play crosses, a substep goes without the link's damper, which is an
+        error of the substep and none of the device.
         """
         found = self._moved(physics)
-        if physics.effect.name != "backlash":
+        parameters = physics.effect.parameters
+        nothing = {p.name: p.vanishing for p in parameters if p.vanishing is not None}
+        if not nothing:
             return found
         key = place_label(physics)
         if key not in self._floor:
-            self._floor[key] = self._moved(replace(physics, values={"gap": NO_GAP}))
+            self._floor[key] = self._moved(replace(physics, values={**physics.values, **nothing}))
         return found - self._floor[key]
 
     def _moved(self, physics: Physics) -> Floats:
@@ -136,10 +141,11 @@ def _small(device: Device, experiments: Sequence[Experiment]) -> list[Physics]:
     A device with a spring to ground has that spring and the recording's origin in its refit, which
     are the same as a further spring and a constant force.
     """
-    size = magnitudes(device, experiments)
-    found = [make_physics("loop_delay", "clock", delay=1e-3 * size.period)]
-    if device.chain.ground_spring == 0.0:
-        found.append(make_physics("constant_force", "m1", level=1e-3 * size.force))
-        stiffness = 1e-4 * size.force / size.position
-        found.append(make_physics("ground_spring", "m1", stiffness=stiffness))
+    sizes = sizes_of(device, experiments)
+    found: list[Physics] = []
+    for effect in EFFECTS.values():
+        place = place_at(effect.places[0])
+        if effect.absorbed and not known(effect, place, device):
+            values = {effect.strength or "": SMALL * effect.natural(sizes, place)}
+            found.append(Physics(effect, str(place), values))
     return found

@@ -3,9 +3,7 @@
 import numpy as np
 from scipy.stats import chi2
 
-from zwidth.diagnosis.candidates import MAGNITUDE
 from zwidth.diagnosis.fit import Fitted, Problem
-from zwidth.diagnosis.screen import TURNING
 from zwidth.diagnosis.trials import THRESHOLD
 from zwidth.diagnosis.uncertainty import covariance, inflation
 from zwidth.sim.device import place_label
@@ -14,7 +12,6 @@ UNSURE = 5.7e-7  # odds that nothing looks as large as what is kept, five sigma 
 CERTAIN = 400.0  # what Wald's test must say of an effect that is kept without another fit
 NOTHING = 0.1  # the same of an effect of no size, which only changes how the kernel steps
 BEYOND = 1e3  # chi-square lost without an effect, that no coarse tick or short fit explains
-NO_GAP = 1e-15  # [rad | m]
 FREE = 1e12  # variance, in x, of what the recording does not determine at all
 
 
@@ -46,17 +43,20 @@ def prune(problem: Problem, fitted: Fitted) -> Fitted:
 
 
 def _only_steps(problem: Problem, fitted: Fitted, index: int) -> bool:
-    """Whether play explains no more than play of no gap, which only changes how the kernel steps.
+    """Whether an effect of no size explains as much, which only changes how the kernel steps.
 
-    In a log without noise that gained 364 sigma beside friction, at a gap of 3e-7 +- 8e-7 rad.
+    Play beside friction gained 364 sigma so in a log without noise, a gap of 3e-7 +- 8e-7 rad.
     """
-    x, parameters = fitted.x.copy(), fitted.model.parameters
-    gap = [j for j, p in enumerate(parameters) if p.index == index and p.key == "gap"]
-    if not gap:
+    x, physics = fitted.x.copy(), fitted.model.effects[index]
+    vanishes = False
+    for j, p in enumerate(fitted.model.parameters):
+        if p.kind == "effect" and p.index == index:
+            nothing = physics.effect.parameter(p.key).vanishing
+            if nothing is not None:
+                x[j] = (nothing - physics.values[p.key]) / p.scale
+                vanishes = True
+    if not vanishes:
         return False
-    (j,) = gap
-    width = fitted.model.effects[index].values["gap"] + parameters[j].scale * x[j]
-    x[j] -= (width - NO_GAP) / parameters[j].scale
     none = problem.residual(fitted.model, x)
     return float(none @ none) - fitted.chi2 < THRESHOLD * inflation(fitted.white)
 
@@ -79,9 +79,9 @@ def wald(fitted: Fitted, index: int) -> tuple[float, int] | None:
     which at a magnitude of zero means nothing: its chi-square is no normal deviate's there.
     """
     physics = fitted.model.effects[index]
-    if any(name in physics.values for name in TURNING):
+    if physics.effect.turning:
         return None
-    names = MAGNITUDE.get(physics.effect.name, ())
+    names = physics.effect.magnitudes
     parameters = fitted.model.parameters
     own = [
         j for j, p in enumerate(parameters)
@@ -90,7 +90,9 @@ def wald(fitted: Fitted, index: int) -> tuple[float, int] | None:
     if not own:
         return None
     scales = np.array([parameters[j].scale for j in own])
-    size = np.array([physics.values[parameters[j].key] for j in own]) / scales + fitted.x[own]
+    keys = [parameters[j].key for j in own]
+    none = np.array([physics.effect.parameter(key).none_of_it() for key in keys])
+    size = (np.array([physics.values[key] for key in keys]) - none) / scales + fitted.x[own]
     spread = np.nan_to_num(covariance(fitted)[np.ix_(own, own)], posinf=FREE)
     variance, axes = np.linalg.eigh(spread)
     found = np.sum((axes.T @ size) ** 2 / np.maximum(variance, np.finfo(float).tiny))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.candidates import CONTAINED
+from zwidth.diagnosis.answer.adequacy import Adequacy
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.gate import Fault
 from zwidth.diagnosis.locate import NOWHERE, Located
@@ -15,6 +15,8 @@ from zwidth.diagnosis.mishaps import Mishap
 from zwidth.diagnosis.next_experiment import NextExperiment
 from zwidth.diagnosis.search import Searched
 from zwidth.sim.device import Device
+from zwidth.sim.physics import contains
+from zwidth.sim.place import place_at
 
 Floats = NDArray[np.float64]
 NEAR = 5.0  # sigma within which a rival cannot be told apart
@@ -53,27 +55,32 @@ class Rival:
     effect: str
     at: str
     separation_sigma: float
+    probability: float | None = None
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One effect found. separation_sigma: from doing without it. rivals: nearest first."""
+    """One effect found. separation_sigma: from doing without it. rivals: nearest first.
+
+    probability: that the device has it, among all hypotheses that were fitted; None where it was
+    seen in the recording itself.
+    """
 
     effect: str
     at: str
     parameters: dict[str, Estimate]
     separation_sigma: float
     rivals: tuple[Rival, ...]
+    probability: float | None = None
 
     @property
     def confusable_with(self) -> tuple[Rival, ...]:
         """The rivals within five sigma that do not merely contain this effect."""
-        richer = CONTAINED.get(self.effect, set())
+        own = self.effect, place_at(self.at)
         return tuple(
             r
             for r in self.rivals
-            if r.separation_sigma < NEAR
-            and not (r.effect in richer and r.at in (self.at, "ground"))
+            if r.separation_sigma < NEAR and not contains(r.effect, place_at(r.at), *own)
         )
 
 
@@ -129,6 +136,7 @@ class Diagnosis:
     next_experiment: NextExperiment | None = None
     errors: tuple[Mishap, ...] = ()
     left_out: tuple[int, ...] = ()
+    adequacy: Adequacy | None = None
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON of `zwidth diagnose`."""
@@ -149,6 +157,7 @@ class Diagnosis:
                     "at": f.at,
                     "parameters": {k: v.as_json() for k, v in f.parameters.items()},
                     "separation_sigma": f.separation_sigma,
+                    "probability": f.probability,
                     "rivals": [vars(r) for r in f.rivals],
                 }
                 for f in self.findings
@@ -159,6 +168,7 @@ class Diagnosis:
             },
             "where": where,
             "fit": {"held_out": one, "one_step": one, "free_run": free},
+            "adequacy": self.adequacy and self.adequacy.as_json(),
             "upper_bounds": self.upper_bounds,
             "faults": [vars(f) for f in self.faults],
             "next_experiment": self.next_experiment and self.next_experiment.as_json(),
@@ -189,6 +199,7 @@ class Unanswered:
                 "time": nothing, "frequency_hz": nothing, "state": nothing, "entry": nothing,
             },
             "fit": {name: UNKNOWN_FIT.as_json() for name in ("held_out", "one_step", "free_run")},
+            "adequacy": None,
             "upper_bounds": {},
             "faults": [vars(f) for f in self.faults],
             "next_experiment": None,

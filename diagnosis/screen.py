@@ -14,15 +14,15 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.candidates import MAGNITUDE, QUARTER, Start
+from zwidth.diagnosis.candidates import Start
 from zwidth.diagnosis.fit import Fitted, Problem
 from zwidth.diagnosis.mishaps import attempt
 from zwidth.diagnosis.predictor import SCREENING
 from zwidth.jobs.parallel import in_parallel, threads
+from zwidth.sim.physics.sizes import QUARTER
 
 Floats = NDArray[np.float64]
 COLUMNS_KEPT = 1e-10
-TURNING = ("phase", "angle")
 PROMISING = 5.0  # first-order chi-square that is worth a second look at another strength
 HOPEFUL = 0.02  # the same as a share of the best start's
 
@@ -107,8 +107,7 @@ def _second_looks(scored: Sequence[Screened], base: Floats, least: float) -> lis
         size = float(one.signature @ one.signature)
         along = -float(base @ one.signature)
         factor = along / size if size > 0.0 else 0.0
-        near = abs(factor - 1.0) < 0.3
-        turning = any(name in one.start.physics.values for name in TURNING)
+        near, turning = abs(factor - 1.0) < 0.3, one.start.physics.effect.turning
         if near or turning or not 1e-3 < factor < 30.0 or along * factor < least:
             continue
         other = one.start.scaled(factor)
@@ -128,10 +127,9 @@ def turned_starts(scored: Sequence[Screened], base: Floats, least: float = 0.0) 
     quarters: dict[tuple[object, ...], dict[float, Screened]] = {}
     for one in scored:
         physics = one.start.physics
-        name = next((n for n in TURNING if n in physics.values), None)
-        if name is not None:
-            size = MAGNITUDE[physics.effect.name][0]
-            rest = [v for k, v in physics.values.items() if k not in (name, size)]
+        for name in physics.effect.turning:
+            own = (name, physics.effect.strength)
+            rest = [v for k, v in physics.values.items() if k not in own]
             quarters.setdefault((one.start.label, *rest), {})[physics.values[name]] = one
     found: list[Start] = []
     for pair in quarters.values():
@@ -149,12 +147,12 @@ def _between(first: Screened, second: Screened, base: Floats, least: float) -> S
     if base @ base - left @ left < least:
         return None
     physics = first.start.physics
-    name = next(n for n in TURNING if n in physics.values)
-    key = MAGNITUDE[physics.effect.name][0]
+    (name,), (key,) = physics.effect.turning, physics.effect.magnitudes
     along = float(a) * physics.values[key]
     across = float(b) * second.start.physics.values[key]
     size = math.hypot(along, across)
     if not size > 0.0:
         return None
     values = {**physics.values, key: size, name: math.atan2(across, along)}
-    return Start(replace(physics, values=values), {**first.start.scales, key: size})
+    scales = {**first.start.scales, key: size}
+    return replace(first.start, physics=replace(physics, values=values), scales=scales)

@@ -21,6 +21,7 @@ from zwidth.diagnosis.mishaps import isolated
 from zwidth.diagnosis.parameters import Model, effect_labels
 from zwidth.diagnosis.predictor import FINAL
 from zwidth.diagnosis.removal import prune
+from zwidth.diagnosis.selection.search import Search
 from zwidth.diagnosis.settle import refit, under_likeliest_noise
 from zwidth.diagnosis.trials import Say, Step, against_physics
 from zwidth.diagnosis.views import Answer, ask, runs_freer
@@ -36,6 +37,7 @@ class Searched:
     final: Fitted
     steps: tuple[Step, ...]
     interrupted: bool = False
+    tried: "Search | None" = None
 
 
 @dataclass

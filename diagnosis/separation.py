@@ -16,17 +16,17 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.candidates import MAGNITUDE, Start
+from zwidth.diagnosis.candidates import Start
 from zwidth.diagnosis.fit import Fitted
 from zwidth.diagnosis.magnitude import strengthened
 from zwidth.diagnosis.modes import mode_starts
 from zwidth.diagnosis.parameters import Model
 from zwidth.diagnosis.reference import Reference
 from zwidth.diagnosis.screen import Complement
-from zwidth.diagnosis.waves import WAVES, wave_starts
+from zwidth.diagnosis.waves import wave_starts
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import place_label
-from zwidth.sim.physics.effect import Physics
+from zwidth.sim.physics.effect import Physics, Sought
 
 Floats = NDArray[np.float64]
 ROUNDS = 5
@@ -59,8 +59,8 @@ def separation(
         if start.label != own:
             grouped.setdefault(start.label, []).append(start)
     signature = reference.signature(physics)
-    names = {label.split("@")[0] for label in grouped} if refine else set[str]()
-    for start in _sought(reference, signature, names):
+    ways = {starts[0].physics.effect.sought for starts in grouped.values()} if refine else set()
+    for start in _sought(reference, signature, ways):
         if start.label in grouped:
             grouped[start.label].append(start)
 
@@ -79,8 +79,8 @@ def separation(
     return dict(sorted(found.items(), key=lambda pair: pair[1]))
 
 
-def _sought(reference: Reference, signature: Floats, names: Collection[str]) -> list[Start]:
-    """Starts of the effects named where a matched search finds most of a signature.
+def _sought(reference: Reference, signature: Floats, ways: Collection[Sought]) -> list[Start]:
+    """Starts of effects sought in some ways, where a matched search finds most of a signature.
 
     Over periods and resonances: both are narrow, and from a start beside one no slope leads there
     (a mode at another mass seemed 9.7 sigma away, and was 0.7).
@@ -91,8 +91,8 @@ def _sought(reference: Reference, signature: Floats, names: Collection[str]) -> 
         Model(reference.device), x, float(left @ left), left, reference.jacobian,
         reference.base.size,
     )  # fmt: skip
-    waves = wave_starts(reference.problem, as_left)[0] if WAVES.keys() & names else []
-    modes = mode_starts(reference.problem, as_left) if "extra_mode" in names else []
+    waves = wave_starts(reference.problem, as_left)[0] if "waves" in ways else []
+    modes = mode_starts(reference.problem, as_left) if "resonances" in ways else []
     return [*waves, *modes]
 
 
@@ -105,11 +105,12 @@ def shapes(starts: Iterable[Start]) -> list[Start]:
 
 
 def _shape(start: Start) -> object:
-    physics, names = start.physics, MAGNITUDE.get(start.physics.effect.name, ())
-    if not names:
-        return (start.label, *physics.values.items())
-    strength = abs(physics.values[names[0]])
-    ratios = [f"{v / strength if k in names else v:.4g}" for k, v in physics.values.items()]
+    effect, values = start.physics.effect, start.physics.values
+    if effect.strength is None or not effect.magnitudes:
+        return (start.label, *values.items())
+    none = {name: effect.parameter(name).none_of_it() for name in effect.magnitudes}
+    strength = abs(values[effect.strength] - none[effect.strength])
+    ratios = [f"{(v - none[k]) / strength if k in none else v:.4g}" for k, v in values.items()]
     return (start.label, *ratios)
 
 
@@ -150,9 +151,9 @@ def _aimed(reference: Reference, off: Complement, target: Floats, start: Start) 
 
 def _scaled(start: Start, factor: float, peak: float) -> Start | None:
     physics = strengthened(start.physics, factor, peak)
-    names = MAGNITUDE.get(start.physics.effect.name, ())
+    names = start.physics.effect.magnitudes
     scales = {k: v * factor if k in names else v for k, v in start.scales.items()}
-    return None if physics is None else Start(physics, scales)
+    return None if physics is None else replace(start, physics=physics, scales=scales)
 
 
 def _at(reference: Reference, off: Complement, target: Floats, start: Start) -> Aimed:
@@ -198,4 +199,4 @@ def _moved(start: Start, steps: Mapping[str, float]) -> Start:
     for name, step in steps.items():
         p = start.physics.effect.parameter(name)
         values[name] = min(p.upper, max(p.lower, values[name] + step * start.scales[name]))
-    return Start(replace(start.physics, values=values), start.scales)
+    return replace(start, physics=replace(start.physics, values=values))

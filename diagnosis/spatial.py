@@ -24,6 +24,7 @@ from scipy.signal import fftconvolve
 
 from zwidth.diagnosis.fit import Fitted, Problem
 from zwidth.diagnosis.predictor import SETTLING, innovations, prepared
+from zwidth.sim.place import place_at
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -47,9 +48,10 @@ class Peak:
 
 
 def response(problem: Problem, fitted: Fitted, place: str) -> Floats:
-    """Return the weighted innovations (ticks, o) after a unit at "m1".., "command" or "sensor".
+    """Return the weighted innovations (ticks, o) after a unit at a place.
 
-    The response is that of the device without its nonlinear physics.
+    In a link it pushes the first mass, and the second the other way. The response is that of the
+    device without its nonlinear physics.
     """
     device = fitted.model.acting(fitted.x)
     device = device.without_physics() if device.physics else device
@@ -63,7 +65,7 @@ def response(problem: Problem, fitted: Fitted, place: str) -> Floats:
     elif place == "sensor":
         measured[LEAD, 0] = 1.0
     else:
-        force[LEAD, int(place[1]) - 1] = 1.0
+        force[LEAD] = place_at(place).row(ready.coarse.dof)
     still = replace(
         first, command=command, measured=measured, sensor_error=None, dropped=None, start=None,
         force=None,

@@ -18,10 +18,10 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.candidates import CONTAINED, acts_on, candidates
+from zwidth.diagnosis.candidates import candidates
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.fit import Fitted, Problem
-from zwidth.diagnosis.lattice import STEPPED, stepped_trials
+from zwidth.diagnosis.lattice import stepped_trials
 from zwidth.diagnosis.mishaps import attempt
 from zwidth.diagnosis.modes import PRICE, mode_starts
 from zwidth.diagnosis.parameters import Model
@@ -29,7 +29,9 @@ from zwidth.diagnosis.screen import Screened, screen
 from zwidth.diagnosis.uncertainty import inflation
 from zwidth.diagnosis.waves import wave_starts
 from zwidth.jobs.parallel import in_parallel, threads
+from zwidth.sim.physics import EFFECTS, contains
 from zwidth.sim.physics.effect import Physics
+from zwidth.sim.place import of_label
 
 Floats = NDArray[np.float64]
 THRESHOLD = 22.0
@@ -71,7 +73,12 @@ class Trial:
     @property
     def effect(self) -> str:
         """The effect's name."""
-        return self.label.split("@")[0]
+        return of_label(self.label)[0]
+
+    @property
+    def has_valleys(self) -> bool:
+        """Whether a fit of the effect ends in the valley where it began."""
+        return any(p.valleys for p in EFFECTS[self.effect].parameters)
 
     @property
     def worth(self) -> float:
@@ -107,13 +114,14 @@ def take(
     too much where it is known to lack something large.
     """
     built = current.model.build(current.x)
-    starts = [s for s in candidates(built, experiments) if s.physics.effect.name not in STEPPED]
+    starts = [s for s in candidates(built, experiments) if s.physics.effect.sought != "lattice"]
     find_waves = partial(wave_starts, problem, current)
     waves, prices = attempt("candidates", "what repeats over position", find_waves) or ([], {})
     find_modes = partial(mode_starts, problem, current)
     modes = attempt("candidates", "a further mass", find_modes) or []
-    prices = {**prices, "extra_mode": PRICE}
-    plain = [s for s in starts if s.physics.effect.name != "extra_mode"]
+    resonant = [name for name, effect in EFFECTS.items() if effect.sought == "resonances"]
+    prices = {**prices, **dict.fromkeys(resonant, PRICE)}
+    plain = [s for s in starts if s.physics.effect.name not in resonant]
     screened = screen(problem, current, [*plain, *waves, *modes])
     wide = inflation(current.white) if wide is None else wide
     promising = [one for one in screened[:FITTED] if one.score > WORTH] or screened[:1]
@@ -145,11 +153,12 @@ def take(
 
 def richer_trials(problem: Problem, current: Fitted, simple: Physics) -> list[Trial]:
     """Fit every effect that contains a simple one, on top of a model without it."""
-    names = CONTAINED.get(simple.effect.name, set())
     starts = [
         start
         for start in candidates(current.model.build(current.x), problem.experiments)
-        if start.physics.effect.name in names and acts_on(start.physics.at) == simple.at
+        if contains(
+            start.physics.effect.name, start.physics.place, simple.effect.name, simple.place
+        )
     ]
     screened = screen(problem, current, starts) if starts else []
     tried = _all_tried(problem, current, current, screened, {})
@@ -199,7 +208,7 @@ def _tried(
     the better beginning: from the unmoved model a fit of few rounds would not arrive.
     """
     start = one.start
-    model = current.model.with_effect(start.physics, start.scales)
+    model = current.model.with_effect(start.physics, start.scales, start.bounds)
     extra = np.zeros(len(model.parameters) - current.x.size)
     x, known = np.concatenate([at.x, extra]), at.jacobian if at is current else None
     far = float(np.abs(one.shift).max(initial=0.0))
@@ -264,39 +273,28 @@ def _further(problem: Problem, current: Fitted, trial: Trial) -> Trial:
 def at_bound(fitted: Fitted) -> str:
     """Return a parameter that physics does not allow, "" for none.
 
-    Of the last effect: it stands on its upper bound, or a saturation on its lower one (the sharpest
-    hysteresis is a limit of the law, elastic and ideally plastic, and none of physics). Of any: as
-    `against_physics`.
+    Of the last effect: it stands on one of its bounds where that is a limit of physics and none of
+    the law (`Parameter.ends`). Of any: as `against_physics`.
     """
-    if fitted.model.effects:
-        last = len(fitted.model.effects) - 1
-        name = fitted.model.effects[last].effect.name
-        for p, x in zip(fitted.model.parameters, fitted.x, strict=True):
-            if p.kind == "effect" and p.index == last:
-                low = name == "saturation" and x < p.lower + 1e-3
-                high = p.key != "shape" and x > p.upper - 1e-3 * max(1.0, abs(p.upper))
-                if low or high:
-                    return p.key
+    last = len(fitted.model.effects) - 1
+    for p, x in zip(fitted.model.parameters, fitted.x, strict=True):
+        if p.kind == "effect" and p.index == last:
+            low = "lower" in p.ends and x < p.lower + 1e-3
+            high = "upper" in p.ends and x > p.upper - 1e-3 * max(1.0, abs(p.upper))
+            if low or high:
+                return p.key
     return against_physics(fitted)
 
 
 def against_physics(fitted: Fitted) -> str:
-    """Return a parameter by which an effect is no physics, "" for none.
-
-    Friction that sticks less than it slides, which then takes a drag's place beside others; an
-    eccentric encoder that would count backwards.
-    """
+    """Return a parameter by which an effect is no physics (`Effect.forbidden`), "" for none."""
     for i, physics in enumerate(fitted.model.effects):
         values = dict(physics.values)
         for p, x in zip(fitted.model.parameters, fitted.x, strict=True):
             if p.kind == "effect" and p.index == i:
                 values[p.key] += p.scale * float(x)
-        name = physics.effect.name
-        if name == "stribeck_friction" and values["static_level"] < values["level"]:
-            return "static_level"
-        turns = 2.0 * math.pi * abs(values.get("amplitude", 0.0))
-        if name == "encoder_eccentricity" and turns > values["period"]:
-            return "amplitude"
+        if wrong := physics.effect.forbidden(values):
+            return wrong
     return ""
 
 
@@ -308,8 +306,8 @@ def evidence(trial: Trial, samples: int) -> float:
 def _simplest(trials: Sequence[Trial], wide: float) -> Trial:
     """The trial with the fewest parameters among those within five sigma of the best."""
     top = trials[0]
-    if top.effect == "directional_friction":  # Coulomb and a constant force come before it
-        plain = [t for t in trials if top.effect in CONTAINED.get(t.effect, ())]
+    if EFFECTS[top.effect].parts_first:
+        plain = [t for t in trials if t.effect in EFFECTS[top.effect].contains]
         most = max(plain, key=lambda t: t.gained, default=top)
         if most.gained > MOSTLY * top.gained:
             return most

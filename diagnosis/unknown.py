@@ -41,6 +41,7 @@ from zwidth.diagnosis.steady import NoObserver
 from zwidth.diagnosis.uncertainty import inflation
 from zwidth.diagnosis.views import SLOWER, WEAK, views
 from zwidth.jobs.parallel import in_parallel, threads
+from zwidth.sim.place import MASSES, masses_and_links, place_at
 
 Floats = NDArray[np.float64]
 # Of the samples, between bins: narrow at the ends, where a stop is.
@@ -261,10 +262,7 @@ def _repeating(problem: Problem, fitted: Fitted, line: Leftover, n: int) -> Shap
     """The strongest line as a force: its cosine and sine, by what it is in proportion to."""
     states = predicted_states(problem, fitted)
     period = problem.experiments[0].period
-    masses = np.eye(n)
-    ends = masses[int(line.at[-1]) - 1]
-    if line.at.startswith("link"):
-        ends = masses[int(line.at[4]) - 1] - ends
+    place = place_at(line.at)
     columns: list[Floats] = []
     for x, q in zip(states, factors(line.at, states, n, period)[line.follows], strict=True):
         over = period * np.arange(q.size) if line.over == "time" else x[:, 0]
@@ -273,7 +271,7 @@ def _repeating(problem: Problem, fitted: Fitted, line: Leftover, n: int) -> Shap
         if (line.follows, line.over) == ("acceleration", "position"):
             # An inertia m(x) takes m a + m'(x) v^2 / 2, or it would make energy. What an eccentric
             # encoder reports moves just so; only command and dampers swing with it besides.
-            speed = _settled(x[:, n + int(line.at[1]) - 1] ** 2)[:, None]
+            speed = _settled(x[:, n + place.index] ** 2)[:, None]
             both += np.pi / line.period * speed * np.column_stack([-np.sin(turn), np.cos(turn)])
         columns.append(both)
     how = f"follows the {line.follows} and repeats over {line.over}"
@@ -282,7 +280,7 @@ def _repeating(problem: Problem, fitted: Fitted, line: Leftover, n: int) -> Shap
     elif (line.follows, line.over) == ("acceleration", "position"):
         how = "follows the acceleration, as an inertia that repeats over position,"
     again = partial(_repeating, line=line, n=n)
-    return Shape(line.at, how, ends, columns, again)
+    return Shape(line.at, how, place.row(n), columns, again)
 
 
 def _surplus(one: Gained) -> float:
@@ -357,7 +355,7 @@ def _solved(
     size = np.linalg.norm(matrix, axis=0)
     size[size == 0.0] = 1.0
     solved = np.linalg.lstsq(matrix / size, -left, rcond=1e-6)[0] / size
-    if shape.place.startswith("link") and shape.follows in STATES:
+    if place_at(shape.place).kind == "link" and shape.follows in STATES:
         # Bins add up to one, and a constant force on a link is another beginning and nothing else.
         solved -= float(np.mean(np.concatenate(shape.columns) @ solved))
     gained = float(left @ left - np.sum((left + matrix @ solved) ** 2))
@@ -388,7 +386,7 @@ def _moved(problem: Problem, fitted: Fitted, one: Gained) -> Floats:
 def _answer(problem: Problem, fitted: Fitted, shape: Shape) -> Floats:
     """Response of the weighted innovations to a unit force of a shape."""
     ends = shape.ends[shape.ends != 0.0]
-    answers = [response(problem, fitted, f"m{i + 1}") for i in np.flatnonzero(shape.ends)]
+    answers = [response(problem, fitted, MASSES[i]) for i in np.flatnonzero(shape.ends)]
     return np.tensordot(ends, np.array(answers), 1)
 
 
@@ -403,11 +401,9 @@ def _signature(
 
 def _shapes(problem: Problem, fitted: Fitted, n: int) -> Iterator[Shape]:
     moved, states = motions(problem, fitted), predicted_states(problem, fitted)
-    masses = np.eye(n)
-    places = {f"m{i + 1}": masses[i] for i in range(n)}
-    places |= {f"link{i + 1}{i + 2}": masses[i] - masses[i + 1] for i in range(n - 1)}
     pairs = list(zip(problem.experiments, moved, strict=True))
-    for place, ends in places.items():
+    for there in masses_and_links(n):
+        place, ends = str(there), there.row(n)
         for state in STATES:
             values = [state_of(e, m, state) for e, m in pairs]
             edges = np.unique(np.quantile(np.concatenate(values), QUANTILES))
@@ -415,8 +411,8 @@ def _shapes(problem: Problem, fitted: Fitted, n: int) -> Iterator[Shape]:
             bins = [np.clip(np.searchsorted(edges, v, "right") - 1, 0, last) for v in values]
             binned = [np.eye(last + 1, dtype=np.bool_)[b] for b in bins]
             yield Shape(place, state, ends, binned, _same(place, state, n))
-        if not place.startswith("link"):
-            speeds = [x[:, n + int(place[1]) - 1] for x in states]
+        if there.kind == "mass":
+            speeds = [x[:, n + there.index] for x in states]
             cubes = [_settled(v**3)[:, None] for v in speeds]
             yield Shape(place, CUBE, ends, cubes, _same(place, CUBE, n))
         for name, q in factors(place, states, n, problem.experiments[0].period).items():

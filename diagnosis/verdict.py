@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from zwidth.diagnosis.answer.adequacy import Adequacy
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.leftover import leftover
 from zwidth.diagnosis.locate import locate
@@ -91,11 +92,12 @@ def judged(
     refit: dict[str, tuple[float, Estimate]],
     left: Left,
     other: Instead | None,
+    sound: Adequacy | None = None,
 ) -> tuple[Verdict, str]:
     """Return the verdict and its sentence.
 
     refit: name -> (nominal, estimate) of the linear parameters; other: physics of no library in the
-    place of what was found, if any.
+    place of what was found, if any; sound: what held-out data say.
     """
     if other is not None:
         return Verdict.UNKNOWN_PHYSICS, (
@@ -106,6 +108,8 @@ def judged(
         return Verdict.UNKNOWN_PHYSICS, (
             f"something is missing{beyond} that no effect of the library explains: {left.sentence}"
         )
+    if findings and sound is not None and not sound.adequate:
+        return Verdict.UNKNOWN_PHYSICS, not_adequate(findings, sound)
     if findings:
         names = " and ".join(f"{f.effect} at {f.at}" for f in findings)
         many = len(findings) > 1
@@ -129,3 +133,19 @@ def judged(
             f"no physics is missing, but {', '.join(moved)} differ from the device file"
         )
     return Verdict.NOTHING_MISSING, "nothing is missing that this recording could show"
+
+
+def not_adequate(findings: tuple[Finding, ...], sound: Adequacy) -> str:
+    """Say of names that do not hold on held-out data how far they go."""
+    names = " and ".join(f"{f.effect} at {f.at}" for f in findings)
+    if not sound.useful:
+        return (
+            f"something is missing, and no name for it holds: with {names} held-out data are"
+            f" predicted worse than without, by {-sound.better:.1f} sigma"
+        )
+    worst = max(sound.ahead, key=lambda a: a.error / a.most)
+    return (
+        f"something is missing beyond {names}: over {worst.horizon:g} s free runs on held-out data"
+        f" err {worst.error / worst.expected:.3g} times as far as its own noise would make them;"
+        f" the names explain {100.0 * sound.explained:.0f} % of the square error"
+    )

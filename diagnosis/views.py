@@ -257,7 +257,7 @@ def settled_on(
     """
     experiments = trial.experiments or experiments
     problem, settled = settle(experiments, trial.fitted.model, trial.fitted.x, worth)
-    if trial.effect == "backlash" and problem.cost(settled) < worth - WALKED:
+    if trial.has_valleys and problem.cost(settled) < worth - WALKED:
         problem, settled = _deepest_valley(problem, settled)
     if settled.model.sensor_error_known:
         for _ in range(SHARPENED):

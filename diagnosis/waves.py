@@ -2,41 +2,81 @@
 
 import math
 
-from zwidth.diagnosis.candidates import QUARTER, Start, magnitudes
+import numpy as np
+
+from zwidth.diagnosis.candidates import Start
 from zwidth.diagnosis.fit import Fitted, Problem
 from zwidth.diagnosis.lattice import predicted
-from zwidth.diagnosis.spatial import peaks, pulls
-from zwidth.sim.physics import make_physics
+from zwidth.diagnosis.leftover import predicted_states
+from zwidth.diagnosis.sizes import sizes_of
+from zwidth.diagnosis.spatial import Peak, peaks, pulls
+from zwidth.sim.device import Device, known, place_label
+from zwidth.sim.physics import EFFECTS
+from zwidth.sim.physics.effect import Effect, Physics
+from zwidth.sim.physics.sizes import QUARTER, Sizes
+from zwidth.sim.place import Place, label_of, place_at
 
-WAVES = {"force_ripple": ("m1", "m1"), "encoder_eccentricity": ("sensor", "sensor")}
 FINEST = 1e-3  # of the travel
 PHASES = (0.0, QUARTER)  # between them lies every other (`diagnosis.screen`)
 
 
 def wave_starts(problem: Problem, fitted: Fitted) -> tuple[list[Start], dict[str, float]]:
-    """Return starts, and what the search over periods costs each effect in chi-square."""
+    """Return starts, and what the search over periods costs each effect in chi-square.
+
+    A start is as strong as the effect's own, and its phase one of two, a quarter turn apart. The
+    search is over the lines of all places of an effect.
+    """
     if problem.experiments[0].outputs[0].quantity != "position":
         return [], {}
     device = fitted.model.acting(fitted.x)
-    size = magnitudes(device, problem.experiments)
-    positions = predicted(problem, fitted)
-    span = max(float(q.max() - q.min()) for q in positions)
-    amplitudes = {"force_ripple": 0.02 * size.force, "encoder_eccentricity": 1e-3 * span}
+    sizes = sizes_of(device, problem.experiments)
+    followed = predicted_states(problem, fitted) if device.chain.masses.size > 1 else []
+    first = predicted(problem, fitted)
+    noise = 6.0 * float(problem.observer.deviation[0])
     starts: list[Start] = []
     prices: dict[str, float] = {}
-    for name, (at, place) in WAVES.items():
-        if fitted.model.has(name) or any(p.effect.name == name for p in device.physics):
-            continue
-        finest = max(FINEST * span, 6.0 * float(problem.observer.deviation[0]))
-        found, lines = peaks(pulls(problem, fitted, place), positions, finest)
-        prices[name] = 2.0 * math.log(max(lines, 1))
-        a = amplitudes[name]
-        for peak in found:
-            if peak.gained < prices[name]:
-                continue
-            scales = {"amplitude": a, "period": 0.1 * peak.period**2 / span, "phase": 0.5}
-            starts += [
-                Start(make_physics(name, at, amplitude=a, period=peak.period, phase=phase), scales)
-                for phase in PHASES
-            ]
+    for effect, places in _sought(device, fitted).items():
+        peaks_at: list[tuple[Place, float, list[Peak]]] = []
+        lines = 0
+        for place in places:
+            over = [x[:, place.index] for x in followed] if place.index else first
+            span = max(float(np.ptp(q)) for q in over)
+            finest = max(FINEST * span, noise)
+            found, seen = peaks(pulls(problem, fitted, str(place)), over, finest)
+            peaks_at.append((place, span, found))
+            lines += seen
+        prices[effect.name] = 2.0 * math.log(max(lines, 1))
+        for place, span, found in peaks_at:
+            for peak in found:
+                if peak.gained >= prices[effect.name]:
+                    starts += _at_period(effect, place, sizes, peak.period, span)
     return starts, prices
+
+
+def _at_period(
+    effect: Effect, place: Place, sizes: Sizes, period: float, span: float
+) -> list[Start]:
+    values, scales = next(iter(effect.starts(sizes, place)))
+    (turning,) = effect.turning
+    values, scales = values | {"period": period}, scales | {"period": 0.1 * period**2 / span}
+    bounds = effect.within(sizes, place)
+    return [
+        Start(Physics(effect, str(place), values | {turning: phase}), scales, bounds)
+        for phase in PHASES
+    ]
+
+
+def _sought(device: Device, fitted: Fitted) -> dict[Effect, list[Place]]:
+    """What may repeat over position, and where."""
+    named = {place_label(p) for p in (*device.physics, *fitted.model.effects)}
+    found: dict[Effect, list[Place]] = {}
+    for effect in EFFECTS.values():
+        if effect.sought == "waves":
+            found[effect] = [
+                place
+                for place in map(place_at, effect.places)
+                if place.masses_needed <= device.chain.masses.size
+                and label_of(effect.name, place) not in named
+                and not known(effect, place, device)
+            ]
+    return found

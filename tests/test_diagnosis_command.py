@@ -74,7 +74,7 @@ def test_diagnose_from_file_to_report(
     assert ">nan<" not in page
     out, err = capsys.readouterr()
     assert "... " not in out
-    assert "... locating" in err
+    assert " s  locating" in err
     residual, recording = read_log(result["logs"][0]), load_log("swing.toml")
     assert residual.epoch_ns == recording.epoch_ns
     assert residual.tick.t == pytest.approx(recording.tick.t)
@@ -112,13 +112,13 @@ def _what_else_it_may_say(
     assert run(line) == 130
     out, _ = capsys.readouterr()
     assert "\ninterrupted, so only what was found until then: identified: " in out
-    assert "augmented.toml\nmultiply the command by 0.938" in out
+    assert "augmented.toml\nthe command counts 0.938 times in the augmented device" in out
     assert "swing.diagnosis.mcap\nwrote o/swing-2.diagnosis.mcap\n" in out
     page = Path("o/swing.diagnosis.html").read_text(encoding="utf-8")
     assert '<p class="verdict">Interrupted, so only what was found until then: ' in page
     assert "coulomb_friction at m1</td>" in page
     assert "<td>below 0.001 N m</td>" in page
-    assert "Multiply the command by 0.938" in page
+    assert "The command counts 0.938 times in the augmented device" in page
 
 
 def test_a_recording_that_is_fitted_does_not_judge(

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from tests.diagnosis_examples import phantom, record
 from zwidth.diagnosis import exchange, search
-from zwidth.diagnosis.candidates import MAGNITUDE
 from zwidth.diagnosis.exchange import paired, plainly_there, split, swapped
 from zwidth.diagnosis.fit import Fitted, Problem
 from zwidth.diagnosis.parameters import Model, effect_labels
@@ -23,7 +22,7 @@ Floats = NDArray[np.float64]
 
 def fitted_with(problem: Problem, *effects: Physics) -> Fitted:
     """The device with some effects, magnitudes free, fitted."""
-    scales = tuple({k: abs(p.values[k]) or 1.0 for k in MAGNITUDE[p.effect.name]} for p in effects)
+    scales = tuple({k: abs(p.values[k]) or 1.0 for k in p.effect.magnitudes} for p in effects)
     return problem.fit(Model(phantom(), effects, scales), rounds=30)
 
 

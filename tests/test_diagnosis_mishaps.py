@@ -178,8 +178,8 @@ def test_an_upper_bound_that_fails_costs_that_one(short: pytest.MonkeyPatch):
 
 
 def _failing_with(name: str, real: Callable[..., Model]) -> Callable[..., Model]:
-    def with_effect(model: Model, physics: Any, scales: dict[str, float]) -> Model:
-        return throw() if physics.effect.name == name else real(model, physics, scales)
+    def with_effect(model: Model, physics: Any, *rest: Any) -> Model:
+        return throw() if physics.effect.name == name else real(model, physics, *rest)
 
     return with_effect
 

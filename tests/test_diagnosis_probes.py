@@ -10,7 +10,7 @@ from zwidth.controllers.none import none
 from zwidth.diagnosis.fit import Fitted, Problem
 from zwidth.diagnosis.leftover import leftover
 from zwidth.diagnosis.parameters import Model
-from zwidth.diagnosis.probes import instead_by_law
+from zwidth.diagnosis.probes import instead_by_law, repeating
 from zwidth.diagnosis.settle import refit, settle
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
@@ -68,6 +68,44 @@ def test_a_force_that_repeats_is_its_fourier_series():
         work += waves[f"cosine{k}"] * np.sin(turn * q) / turn
         work += waves[f"sine{k}"] * (1.0 - np.cos(turn * q)) / turn
     np.testing.assert_allclose(v**2, 81.0 + 2.0 * work / MASS, rtol=1e-6)
+
+
+@pytest.mark.parametrize("at", ["m2", "link12"])
+def test_of_one_harmonic_it_is_a_ripple_where_that_is(at: str):
+    """To 1e-12 of the motion. Mutation: the force in a link over its deflection."""
+    chain = make_chain([MASS, 4e-4], [1e-3, 1e-3], 0.0, [20.0], [5e-3])
+    device = Device("gear", "", True, chain, Interface(period=T))
+    ripple = make_physics("force_ripple", at, amplitude=2e-3, period=0.2, phase=0.5)
+    waves = dict.fromkeys((f"{w}{k}" for k in range(1, 5) for w in ("cosine", "sine")), 0.0)
+    waves |= {"cosine1": 2e-3 * np.sin(0.5), "sine1": 2e-3 * np.cos(0.5)}
+    same = Physics(periodic_force, at, {"period": 0.2, **waves})
+    start = Start([0.0, 0.01], [5.0, 5.0])
+    one, other, none_of_it = (
+        simulate(d, none(), duration=0.2, start=start, substeps=8).trace["velocity_m2"]
+        for d in (device.with_physics(ripple), device.with_physics(same), device)
+    )
+    np.testing.assert_allclose(one, other, rtol=0.0, atol=1e-12 * np.abs(one).max())
+    assert np.abs(one - none_of_it).max() > 1e-3
+
+
+def test_every_ripple_is_asked_whether_it_is_one_of_more_where_it_is():
+    """Mutations: the first ripple's values for all; all of them at m1."""
+    chain = make_chain([MASS, 4e-4], [1e-3, 1e-3], 0.0, [20.0], [5e-3])
+    device = Device("gear", "", True, chain, Interface(period=T))
+    problem, linear = refit(device, [record(device, 1.0, seed=22)])
+    places = {"m1": 0.1, "link12": 0.3}
+    ripples = tuple(
+        make_physics("force_ripple", at, amplitude=1e-4, period=period, phase=0.0)
+        for at, period in places.items()
+    )
+    scales = ({"amplitude": 1e-4, "period": 1e-3, "phase": 0.5},) * 2
+    x = np.append(linear.x, np.zeros(6))
+    fitted = problem.fit(Model(device, ripples, scales), x, 1)
+    built = {p.at: p.values["period"] for p in fitted.model.build(fitted.x).physics}
+    for at in places:
+        asked = [p.physics for p in repeating(fitted) if len(p.gone) == 1 and p.physics.at == at]
+        periods = [p.values["period"] / built[at] for p in asked]
+        assert periods == pytest.approx([1.0, 2.0, 3.0, 4.0], rel=1e-12)
 
 
 def square_found(truth: Device) -> tuple[Problem, Fitted]:

@@ -10,7 +10,7 @@ from scipy.stats import multivariate_normal
 from tests.diagnosis_examples import ENCODER_NOISE, FORCE_NOISE, OUTPUTS, phantom, record
 from zwidth.controllers.excitation import noise
 from zwidth.controllers.recorded import recorded
-from zwidth.diagnosis.candidates import QUARTER, Start, candidates, magnitudes
+from zwidth.diagnosis.candidates import Start, candidates
 from zwidth.diagnosis.experiment import Experiment, Output
 from zwidth.diagnosis.fit import Fitted, Problem
 from zwidth.diagnosis.modes import mode_starts
@@ -19,6 +19,7 @@ from zwidth.diagnosis.predictor import SETTLING, Observer, innovations, whitened
 from zwidth.diagnosis.removal import fit_without, may_be_zero
 from zwidth.diagnosis.screen import Screened, turned_starts
 from zwidth.diagnosis.settle import prepared_for, refit, settle
+from zwidth.diagnosis.sizes import sizes_of
 from zwidth.diagnosis.spatial import response
 from zwidth.diagnosis.trials import at_bound
 from zwidth.diagnosis.unknown import instead, unknown
@@ -26,6 +27,8 @@ from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.interface import Interface
 from zwidth.sim.physics import make_physics
+from zwidth.sim.physics.sizes import QUARTER
+from zwidth.sim.place import place_at
 from zwidth.sim.run import simulate
 
 Floats = NDArray[np.float64]
@@ -250,10 +253,10 @@ def test_deflections_are_those_that_the_recording_had():
     e = record(device, 4.0, seed=4)
     run = simulate(device, recorded(e.command), duration=4.0)
     x = run.trace["position_m1"] - run.trace["position_m2"]
-    size = magnitudes(device, [e])
-    assert size.reach("link12") == pytest.approx(float(np.std(x)), rel=0.1)
-    assert size.reach("link12") < 0.2 * size.force / 1.0
-    assert size.reach("ground") == size.position
+    size = sizes_of(device, [e])
+    assert size.reach(place_at("link12")) == pytest.approx(float(np.std(x)), rel=0.1)
+    assert size.reach(place_at("link12")) < 0.2 * size.force / 1.0
+    assert size.reach(place_at("ground")) == size.position
 
 
 def test_a_slower_observer_is_not_whitened():

@@ -24,7 +24,8 @@ from zwidth.diagnosis.predictor import (
     SETTLING,
     Fineness,
     Observer,
-    observer_memory,
+    first_motion,
+    observer_memories,
     padded,
     substeps_of,
     whitened,
@@ -32,6 +33,7 @@ from zwidth.diagnosis.predictor import (
 from zwidth.diagnosis.steady import NoObserver, steady_gains
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import Device
+from zwidth.sim.members import alike
 from zwidth.sim.population import Population, Readings, Recorded
 
 Floats = NDArray[np.float64]
@@ -109,9 +111,9 @@ class _Observed:
     def __init__(self, device: Device, bare: Device, gains: Floats) -> None:
         self.device, self.bare, self.gains = device, bare, gains
         few, many = substeps_of(device, SEARCHING)
-        self.own = Population([device] * gains.shape[0], few, many)
+        self.own = Population(alike(device, gains.shape[0]), few, many)
         self.dof = device.chain.masses.size
-        self.units = Population([bare] * (2 * self.dof * gains.shape[0]), 1, 1)
+        self.units = Population(alike(bare, 2 * self.dof * gains.shape[0]), 1, 1)
 
     def followed(self, experiment: Experiment) -> tuple[Floats, Floats]:
         """Return beginnings (ratios, 2n) and innovations (ratios, ticks, o)."""
@@ -146,16 +148,15 @@ class _Observed:
         starts: Floats,
         gains: Floats,
     ) -> Floats:
-        eq = population.coarse[0].eq
+        dof, period = population.dof, device.interface.period
         force = experiment.force
         if force is not None:
-            force = np.pad(force, ((0, 0), (0, eq.dof - force.shape[1])))
-        recorded = Recorded(
-            experiment.command, experiment.measured, experiment.places(eq.dof), force
-        )
-        first = experiment.part(0, min(BEGINNING, experiment.ticks))
-        memories = [observer_memory(eq, replace(first, start=s)) for s in starts]
-        readings = Readings(np.stack([padded(g, device, eq) for g in gains]))
+            force = np.pad(force, ((0, 0), (0, dof - force.shape[1])))
+        recorded = Recorded(experiment.command, experiment.measured, experiment.places(dof), force)
+        motion = np.array(first_motion(experiment.outputs, experiment.measured, period))
+        motions = np.tile(motion, (population.size, 1))
+        memories = observer_memories(population, motions, starts)
+        readings = Readings(np.stack([padded(g, device, population) for g in gains]))
         with np.errstate(all="ignore"):  # infinite after an overflow
             return population.follow(
                 recorded, memories, readings, keep=True,

@@ -1,0 +1,1 @@
+"""What is said in the end, and whether it is any good."""

@@ -1,0 +1,139 @@
+"""Downhill in lanes: slopes and steps of several lengths, each a population.
+
+Gauss and Newton's step, damped as by Levenberg and Marquardt: with r the weighed innovations and J
+their slopes,
+
+    (J'J + m diag(J'J)) d = -J'r,
+
+for several m at once, since a lane more costs little; the cheapest x is gone on from. Slopes are
+differences over a width of each parameter: what creases (friction that lets go, play that is
+crossed, a limit that is met) shows no slope over less than some hundredth of what the recording
+tells apart, and is smooth over more.
+
+Limits: as every descent it ends in the valley in which it began. The cost is that of `Landscape`.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.diagnosis.fitting.landscape import Landscape
+
+Floats = NDArray[np.float64]
+DAMPING = (1e-4, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e3)  # of the diagonal: from Newton's step to a nudge
+SMOOTH, CREASED = 1e-4, 0.02  # widths of differences in x, of which one is a file's uncertainty
+SHARE = 0.5  # of a parameter's own standard error: narrower where it is known better
+NARROWEST = 1e-5
+ENOUGH = 0.1  # of the cost, that is worth another round
+FARTHEST = 5.0  # in x, that one step goes at most
+
+
+@dataclass(frozen=True)
+class Descended:
+    """Where a descent ended.
+
+    slopes: of residual (samples + priors, x) there or one round before.
+    """
+
+    x: Floats
+    cost: float
+    residual: Floats
+    slopes: Floats
+    rounds: int
+
+    @property
+    def information(self) -> Floats:
+        """Half the curvature of the cost (x, x)."""
+        return self.slopes.T @ self.slopes
+
+
+def slopes_at(
+    ground: Landscape, x: Floats, residual: Floats, widths: Floats, both: bool
+) -> tuple[Floats, list[Floats], list[Floats]]:
+    """Return slopes (samples + priors, x), and the x and residuals they were taken from.
+
+    both: differences to both sides, for what has creases.
+    """
+    model = ground.model
+    upper = np.array([p.upper for p in model.parameters])
+    lower = np.array([p.lower for p in model.parameters])
+    forward = np.where(x + widths <= upper, widths, -widths)
+    asked = [x + forward[i] * np.eye(1, x.size, i)[0] for i in range(x.size)]
+    backward = np.clip(x - forward, lower, upper)
+    if both:
+        asked += [np.where(np.arange(x.size) == i, backward, x) for i in range(x.size)]
+    found = ground.residuals(asked)
+    columns: list[Floats] = []
+    for i in range(x.size):
+        if both and backward[i] != x[i]:
+            columns.append((found[i] - found[x.size + i]) / (asked[i][i] - backward[i]))
+        else:
+            columns.append((found[i] - residual) / forward[i])
+    return np.column_stack(columns), asked, found
+
+
+def descend(
+    ground: Landscape, x: Floats, rounds: int = 12, creased: bool = False, worth: float = ENOUGH
+) -> Descended:
+    """Go downhill from x; creased: whether the model has effects that are (`Effect.creased`)."""
+    x = ground.model.within(x)
+    (residual,) = ground.residuals([x])
+    cost = ground.cost(residual)
+    widths = np.full(x.size, CREASED if creased else SMOOTH)
+    slopes = np.zeros((residual.size, x.size))
+    made = 0
+    while made < rounds:
+        made += 1
+        slopes, asked, beside = slopes_at(ground, x, residual, widths, creased)
+        if not np.all(np.isfinite(slopes)):
+            slopes = np.nan_to_num(slopes, nan=0.0, posinf=0.0, neginf=0.0)
+        steps = _steps(ground, x, residual, slopes)
+        costs = ground.costs(steps) if steps else np.zeros(0)
+        near = np.array([ground.cost(r) for r in beside])
+        best = int(np.nanargmin(costs)) if costs.size else -1
+        side = int(np.nanargmin(near))
+        gained = cost - (costs[best] if best >= 0 else np.inf)
+        if best >= 0 and costs[best] <= near[side]:
+            other, new = steps[best], float(costs[best])
+        else:
+            other, new = asked[side], float(near[side])
+        if not new < cost:
+            if creased and widths.max() > 4.0 * NARROWEST and made < rounds:
+                widths = np.maximum(0.25 * widths, NARROWEST)
+                if widths.max() < 1e-3:
+                    break
+                continue
+            break
+        gained = cost - new
+        x, cost = other, new
+        (residual,) = ground.residuals([x])
+        if gained < worth:
+            break
+        if creased:
+            widths = _widths(slopes, residual)
+    return Descended(x, cost, residual, slopes, made)
+
+
+def _widths(slopes: Floats, residual: Floats) -> Floats:
+    """Widths by what the recording tells of each parameter alone."""
+    size = float(residual @ residual) / residual.size
+    own = np.sqrt(size / np.maximum(np.sum(slopes**2, axis=0), 1e-300))
+    return np.clip(SHARE * own, 1e-3, CREASED)
+
+
+def _steps(ground: Landscape, x: Floats, residual: Floats, slopes: Floats) -> list[Floats]:
+    square = slopes.T @ slopes
+    downhill = slopes.T @ residual
+    diagonal = np.diag(square) + 1e-12 * np.trace(square) / x.size
+    found: list[Floats] = []
+    for damping in DAMPING:
+        try:
+            step = -np.linalg.solve(square + damping * np.diag(diagonal), downhill)
+        except np.linalg.LinAlgError:
+            continue
+        longest = float(np.abs(step).max(initial=0.0))
+        if not np.isfinite(longest):
+            continue
+        found.append(ground.model.within(x + step * min(1.0, FARTHEST / max(longest, 1e-300))))
+    return found

@@ -1,0 +1,1 @@
+"""Where to look: what each effect could explain of what a hypothesis leaves."""

@@ -1,0 +1,61 @@
+"""What may still be added to a device: every effect at every place, over its magnitudes."""
+
+from collections.abc import Sequence
+
+from zwidth.diagnosis.candidates import Start
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.magnitude import within_bounds
+from zwidth.diagnosis.sizes import sizes_of
+from zwidth.sim.device import Device, has_room, known
+from zwidth.sim.physics import EFFECTS
+from zwidth.sim.physics.effect import Effect, Physics
+from zwidth.sim.physics.sizes import Sizes
+from zwidth.sim.place import Place, place_at
+
+ELSEWHERE = ("lattice", "folding")  # ways of seeking that no prediction of a start shows
+
+
+def open_places(device: Device) -> list[tuple[Effect, Place]]:
+    """Return effects and places that a device has not yet.
+
+    Of a family (laws of the same thing) a place has one. What the device file knows is not sought.
+    """
+    present = {(p.effect.name, p.place.acts_on) for p in device.physics}
+    families = {(p.effect.family, p.place.acts_on) for p in device.physics if p.effect.family}
+    masses = device.chain.masses.size + len(device.hosts())
+    found: list[tuple[Effect, Place]] = []
+    for effect in EFFECTS.values():
+        if effect.sought in ELSEWHERE or (effect.rotary_only and not device.rotary):
+            continue
+        if not has_room(effect, masses):
+            continue
+        for place in map(place_at, effect.places):
+            there = place.masses_needed <= device.chain.masses.size
+            taken = (effect.name, place.acts_on) in present
+            akin = (effect.family, place.acts_on) in families
+            if there and not taken and not akin and not known(effect, place, device):
+                found.append((effect, place))
+    return found
+
+
+def starts_at(
+    effects: Sequence[tuple[Effect, Place]], sizes: Sizes, far: bool
+) -> dict[str, list[Start]]:
+    """Return starts by label; far: over all plausible magnitudes, else about the limit."""
+    found: dict[str, list[Start]] = {}
+    for effect, place in effects:
+        bounds = effect.within(sizes, place)
+        way = effect.sweep if far else effect.starts
+        starts = [
+            Start(Physics(effect, str(place), values), scales, bounds)
+            for values, scales in way(sizes, place)
+            if within_bounds(effect, values)
+        ]
+        if starts:
+            found[starts[0].label] = starts
+    return found
+
+
+def sizes_at(device: Device, experiments: Sequence[Experiment]) -> Sizes:
+    """Return the sizes with which effects say where to seek them."""
+    return sizes_of(device, experiments)

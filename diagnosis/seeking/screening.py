@@ -1,0 +1,126 @@
+"""How much of what is left could each effect explain? One prediction a start, no fit.
+
+With r the weighed residual of a hypothesis, J its slopes and s = r_c - r the signature of an
+effect switched on at a start, the best that effect and parameters can do together at that magnitude
+is, to first order, |(I - P)(r + s)|^2, P the projector on the span of J. The gain over
+|(I - P) r|^2 is the start's score.
+
+What it shows depends on how far ahead one looks. One sample ahead, whitened, an effect near the
+limit of what can be seen stands out by its exact shape. What is strong has bent the parameters and
+the model of the noise to itself and hides there; over a long horizon (an observer that trusts the
+model) it stands out by a factor. So a hypothesis is looked at in several views: under its own
+noise, and under slow observers at its own parameters and at those of the device file, which the
+refit may have left for the worse.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.diagnosis.candidates import Start
+from zwidth.diagnosis.fit import Fitted, Problem
+from zwidth.diagnosis.fitting.descend import CREASED, SMOOTH, slopes_at
+from zwidth.diagnosis.fitting.landscape import FAR, Landscape
+from zwidth.diagnosis.mishaps import isolated
+from zwidth.diagnosis.modes import mode_starts
+from zwidth.diagnosis.parameters import Model
+from zwidth.diagnosis.screen import Complement, Screened, turned_starts
+from zwidth.diagnosis.waves import wave_starts
+from zwidth.jobs.parallel import in_parallel, threads
+
+Floats = NDArray[np.float64]
+OVERFLOWED = 1e5  # weighed innovation of a start that runs away
+WORTH_TURNING = 10.0  # first-order gain from which a phase between two is worth a look
+
+
+@dataclass(frozen=True)
+class View:
+    """A model at x under one observer, with residual and slopes. own: under its likeliest noise."""
+
+    problem: Problem
+    model: Model
+    x: Floats
+    residual: Floats
+    slopes: Floats
+    own: bool
+
+    @property
+    def samples(self) -> int:
+        """Number of weighed innovations in the residual."""
+        return self.residual.size - sum(p.prior for p in self.model.parameters)
+
+    @property
+    def fitted(self) -> Fitted:
+        """The same, as what reads a residual takes it."""
+        chi2 = float(self.residual @ self.residual)
+        return Fitted(self.model, self.x, chi2, self.residual, self.slopes, self.samples)
+
+
+def view(problem: Problem, model: Model, x: Floats, own: bool) -> View:
+    """Return a view of a model at x."""
+    ground = Landscape(problem.experiments, problem.observer, model, FAR)
+    (residual,) = ground.residuals([x])
+    creased = any(p.effect.creased for p in model.effects)
+    widths = np.full(x.size, CREASED if creased else SMOOTH)
+    slopes, _, _ = slopes_at(ground, x, residual, widths, creased)
+    return View(problem, model, x, residual, slopes, own)
+
+
+def screened(seen: View, starts: Mapping[str, Sequence[Start]]) -> list[Screened]:
+    """Return the best start of each label, the highest score first.
+
+    Scores are in units of the residual's own variance a sample.
+    """
+    if not np.all(np.isfinite(seen.slopes)):
+        return []
+    off = Complement(seen.slopes)
+    base = off(seen.residual)
+
+    def best(label: str, group: Sequence[Start]) -> Screened | None:
+        with isolated("candidates", label):
+            scored = _scored(seen, off, base, group)
+            for start in turned_starts(scored, base, WORTH_TURNING):
+                scored += _scored(seen, off, base, [start])
+            return max(scored, key=lambda one: one.score, default=None)
+        return None
+
+    tasks = [partial(best, label, group) for label, group in starts.items()]
+    found = [one for one in in_parallel(tasks, threads()) if one is not None]
+    unit = float(seen.residual @ seen.residual) / seen.residual.size
+    found = [replace(one, score=one.score / max(unit, 1e-300)) for one in found]
+    return sorted(found, key=lambda one: one.score, reverse=True)
+
+
+def _scored(seen: View, off: Complement, base: Floats, starts: Sequence[Start]) -> list[Screened]:
+    """Signatures of starts of one effect at one place, all in one call."""
+    first = starts[0].physics
+    names = [p.name for p in first.effect.parameters]
+    model = seen.model.with_effect(first, dict.fromkeys(names, 1.0))
+    beyond = [[s.physics.values[k] - first.values[k] for k in names] for s in starts]
+    asked = [np.concatenate([seen.x, extra]) for extra in beyond]
+    ground = Problem(seen.problem.experiments, seen.problem.observer, FAR)
+    energy, samples = float(base @ base), seen.samples
+    none = np.zeros(seen.residual.size - samples)
+    found: list[Screened] = []
+    for start, weighed in zip(starts, ground.weighted_each(model, asked), strict=True):
+        if not np.all(np.abs(weighed) < OVERFLOWED):
+            continue
+        whole = np.concatenate([weighed - seen.residual[:samples], none])
+        signature = off(whole)
+        after = base + signature
+        gain = energy - float(after @ after)
+        found.append(Screened(start, gain, signature, off.absorbing(whole)))
+    return found
+
+
+def shown_starts(seen: View) -> list[Start]:
+    """Return starts that the residual itself shows: periods over position, resonances."""
+    found: list[Start] = []
+    with isolated("candidates", "what repeats over position"):
+        found += wave_starts(seen.problem, seen.fitted)[0]
+    with isolated("candidates", "a further mass"):
+        found += mode_starts(seen.problem, seen.fitted)
+    return found

@@ -1,0 +1,35 @@
+"""How much a search may try: nothing that is believed depends on it by name."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How many hypotheses a search fits.
+
+    effects: at most, in one hypothesis. beam: hypotheses gone on from. near, far: effects begun of
+    what stands out in a view under the likeliest noise, and in a far one; judged: of each view,
+    under their own noise; ended: of a round, fitted to their end. rivals: begun in the place of
+    each effect, beside: of them, fitted to their end. generations, members: of a population that
+    looks for the valley anew. rounds: of adding and exchanging.
+    """
+
+    effects: int = 5
+    beam: int = 1
+    near: int = 5
+    far: int = 3
+    rivals: int = 4
+    judged: int = 3
+    ended: int = 3
+    beside: int = 2
+    generations: int = 25
+    members: int = 14
+    rounds: int = 3
+    first_rounds: ClassVar[int] = 4
+
+
+QUICK = Effort(effects=3, near=3, far=2, rivals=2, ended=2, generations=0, rounds=1)
+NORMAL = Effort()
+THOROUGH = Effort(beam=3, near=8, far=6, rivals=8, ended=8, generations=80, members=32, rounds=5)
+EFFORTS = {"quick": QUICK, "normal": NORMAL, "thorough": THOROUGH}

@@ -1,0 +1,187 @@
+"""A hypothesis is whole: a structure, its parameters, a model of the noise, and what they cost."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.fit import Fitted, Problem
+from zwidth.diagnosis.fitting.descend import CREASED, SHARE, SMOOTH, descend, slopes_at
+from zwidth.diagnosis.fitting.landscape import Landscape
+from zwidth.diagnosis.noise.family import FAMILY, Noise, likeliest
+from zwidth.diagnosis.parameters import Model, effect_labels
+from zwidth.diagnosis.predictor import SEARCHING
+from zwidth.diagnosis.selection.evidence import Cost, cost
+from zwidth.sim.physics.sizes import SMALLEST
+
+Floats = NDArray[np.float64]
+NEAR_RATIOS = 2.5  # decades about the last ratio in which the next is sought
+SWEEP = -math.log(SMALLEST)  # of a magnitude that is as likely in every octave of its sweep
+BLOCKS = 40  # stretches of the recordings over which gains are compared
+SHORTEST_BLOCK = 50  # samples
+ODDS = 1e-3  # of an effect that says nothing of how common it is
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """Structure and parameters (model, x) of recordings, noise, and their cost.
+
+    experiments: the recordings, with what the structure knows of them (lost commands, the error of
+    an encoder's steps). blocks: -2 log likelihood by stretches of the recordings. residual: weighed
+    innovations and priors under the noise; slopes: of it by x, None while it was only judged and
+    not fitted.
+    """
+
+    experiments: Sequence[Experiment]
+    model: Model
+    x: Floats
+    noise: Noise
+    cost: Cost
+    blocks: Floats
+    residual: Floats
+    slopes: Floats | None = None
+
+    @cached_property
+    def labels(self) -> frozenset[str]:
+        """effect@place of each effect."""
+        return frozenset(effect_labels(self.model.effects))
+
+    @property
+    def creased(self) -> bool:
+        """Whether what it predicts is no smooth function of its parameters."""
+        return any(p.effect.creased for p in self.model.effects)
+
+    @property
+    def ratio(self) -> float:
+        """The observer's ratio."""
+        return self.noise.observer.ratio
+
+    @property
+    def problem(self) -> Problem:
+        """The recordings under its noise."""
+        return self.noise.problem(self.experiments)
+
+    @property
+    def ground(self) -> Landscape:
+        """What its model costs over x under its noise."""
+        problem = self.problem
+        return Landscape(problem.experiments, problem.observer, self.model, SEARCHING)
+
+    @property
+    def samples(self) -> int:
+        """Number of weighed innovations in the residual."""
+        return self.residual.size - sum(p.prior for p in self.model.parameters)
+
+    @property
+    def fitted(self) -> Fitted:
+        """The same, as what reads a fit takes it; of one that was priced."""
+        assert self.slopes is not None
+        chi2 = float(self.residual @ self.residual)
+        return Fitted(self.model, self.x, chi2, self.residual, self.slopes, self.samples)
+
+
+def judged(
+    experiments: Sequence[Experiment], model: Model, x: Floats, ratios: Floats = FAMILY
+) -> Hypothesis:
+    """Return a model at x under its likeliest noise; raises NoObserver where none follows."""
+    noise = likeliest(experiments, model, x, ratios)
+    there = noise.problem(experiments)
+    ground = Landscape(there.experiments, there.observer, model, SEARCHING)
+    (residual,) = ground.residuals([x])
+    known = Cost(ground.cost(residual), rarity=_rarity(model))
+    return Hypothesis(experiments, model, x, noise, known, _blocks(ground, residual), residual)
+
+
+def ratios_near(ratio: float) -> Floats:
+    """Return the family's ratios about one."""
+    return FAMILY[np.abs(np.log10(FAMILY / ratio)) < NEAR_RATIOS]
+
+
+def settled(begun: Hypothesis, turns: int = 3, rounds: int = 6, worth: float = 1.0) -> Hypothesis:
+    """Fit, and choose the noise anew, in turn, until neither gains; then price its freedom."""
+    best = begun
+    for _ in range(turns):
+        there = descend(best.ground, best.x, rounds, best.creased)
+        again = judged(best.experiments, best.model, there.x, ratios_near(best.ratio))
+        gained = best.cost.misfit - again.cost.misfit
+        if gained > 0.0:
+            best = again
+        if gained < worth:
+            break
+    return priced(best)
+
+
+def priced(h: Hypothesis) -> Hypothesis:
+    """Return the hypothesis with its slopes, and with what its freedom costs.
+
+    The slopes of what has creases are differences over half a standard error to both sides.
+    """
+    ground = h.ground
+    widths = np.full(h.x.size, CREASED if h.creased else SMOOTH)
+    slopes, _, _ = slopes_at(ground, h.x, h.residual, widths, h.creased)
+    if h.creased:
+        own = 1.0 / np.sqrt(np.maximum(np.sum(slopes**2, axis=0), 1e-300))
+        widths = np.clip(SHARE * own, SMOOTH, CREASED)
+        slopes, _, _ = slopes_at(ground, h.x, h.residual, widths, both=True)
+    information = slopes.T @ slopes
+    lines = cost(h.cost.misfit, information, _ranges(h.model, h.x, information))
+    return replace(h, slopes=slopes, cost=replace(lines, rarity=h.cost.rarity))
+
+
+def _rarity(model: Model) -> float:
+    total = 0.0
+    for p in model.effects:
+        odds = p.effect.prior_at(p.place) or ODDS
+        total -= 2.0 * math.log(odds / (1.0 - odds))
+    return total
+
+
+def _ranges(model: Model, x: Floats, information: Floats) -> list[float]:
+    """Range of each effect parameter in x, at least its own standard error.
+
+    A magnitude is as likely in every octave of its sweep: its density at v is 1 / (v ln(most /
+    least)), that of a range of v ln(most / least). A phase may be anywhere on its turn.
+    """
+    variance = np.diag(np.linalg.pinv(information))
+    found: list[float] = []
+    for i, p in enumerate(model.parameters):
+        if p.kind != "effect":
+            continue
+        physics = model.effects[p.index]
+        declared = physics.effect.parameter(p.key)
+        if declared.role == "turning":
+            found.append(2.0 * math.pi / p.scale)
+            continue
+        value = physics.values[p.key] / p.scale + float(x[i])
+        none = declared.none_of_it()
+        size = abs(value - (none / p.scale if math.isfinite(none) else 0.0))
+        found.append(SWEEP * max(size, math.sqrt(max(float(variance[i]), 1e-300))))
+    return found
+
+
+def _blocks(ground: Landscape, residual: Floats) -> Floats:
+    """-2 log likelihood over stretches of the recordings, (blocks,), summing to that of all."""
+    observer = ground.problem.observer
+    o = observer.deviation.size
+    rows = residual[: residual.size - int(np.count_nonzero(ground.priors))].reshape(-1, o)
+    moments = rows.T @ rows
+    count = rows.shape[0]
+    each = float(observer.cost_of(moments[None], count)[0]) / count
+    inverse = np.linalg.pinv(moments / count)
+    own = np.einsum("ki,ij,kj->k", rows, inverse, rows) - o + each
+    pieces = max(1, min(BLOCKS, count // SHORTEST_BLOCK))
+    return np.array([part.sum() for part in np.array_split(own, pieces)])
+
+
+def gains(new: Hypothesis, old: Hypothesis) -> Floats:
+    """What one gains over the other in each stretch (blocks,)."""
+    return old.blocks - new.blocks
+
+
+def best_of(hypotheses: Sequence[Hypothesis]) -> Hypothesis:
+    """Return the one that costs least."""
+    return min(hypotheses, key=lambda h: h.cost.total)

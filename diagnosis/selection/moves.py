@@ -1,0 +1,195 @@
+"""Moves: from a hypothesis to others that are worth a fit. They decide nothing."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.diagnosis.candidates import Start
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.fit import Problem
+from zwidth.diagnosis.fitting.descend import descend
+from zwidth.diagnosis.fitting.landscape import FAR, Landscape
+from zwidth.diagnosis.lattice import stepped_trials
+from zwidth.diagnosis.parameters import Model
+from zwidth.diagnosis.screen import Screened
+from zwidth.diagnosis.seeking.places import open_places, starts_at
+from zwidth.diagnosis.seeking.screening import View, screened, shown_starts, view
+from zwidth.diagnosis.selection.effort import Effort
+from zwidth.diagnosis.selection.hypothesis import Hypothesis
+from zwidth.diagnosis.settle import prepared_for
+from zwidth.diagnosis.sizes import sizes_of
+from zwidth.diagnosis.steady import NoObserver
+from zwidth.sim.device import place_label
+
+Floats = NDArray[np.float64]
+SLOWEST = 1e-6  # ratio of an observer that hardly corrects the model
+NO_SIGN = 10.0  # score below which a start says nothing: the noise of a few samples
+FAR_TICKS = 6000  # of all recordings together, in far views: what is strong shows in as many
+GIVEN_WAY = 2.0  # in x, that parameters give way at most before a fit
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A model worth a fit, and where from: x, and the problem under which a fit begins.
+
+    under: None where it needs no first fit. near: ratio about which its noise is sought, None for
+    all of the family.
+    """
+
+    experiments: Sequence[Experiment]
+    model: Model
+    x: Floats
+    under: Problem | None = None
+    near: float | None = None
+
+    @property
+    def label(self) -> str:
+        """Its effects."""
+        return self.model.label
+
+    def begun(self) -> "Begun":
+        """Return where a first fit under the problem in which it stood out leads."""
+        if self.under is None:
+            return Begun(self, self.x, 0.0)
+        ground = Landscape(self.under.experiments, self.under.observer, self.model, FAR)
+        creased = any(p.effect.creased for p in self.model.effects)
+        first = descend(ground, self.x, Effort.first_rounds, creased)
+        return Begun(self, first.x, first.cost)
+
+
+@dataclass(frozen=True)
+class Begun:
+    """A proposal after its first fit: x, and its cost under the observer of that fit."""
+
+    proposal: Proposal
+    x: Floats
+    cost: float
+
+
+Move = Callable[[Hypothesis, Effort], Iterator[Proposal]]
+
+
+def added(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
+    """Yield the hypothesis with one effect more: those that stand out in one of its views."""
+    device = h.model.build(h.x)
+    where = open_places(device)
+    sizes = sizes_of(device, h.experiments)
+    near, far = (starts_at(where, sizes, far) for far in (False, True))
+    for seen in _views(h):
+        starts: Mapping[str, Sequence[Start]] = near if seen.own else far
+        if seen.own:
+            starts = _together(near, shown_starts(seen))
+        count = effort.near if seen.own else effort.far
+        for one in screened(seen, starts)[:count]:
+            if one.score > NO_SIGN:
+                yield _with(h, seen, one)
+
+
+def stepped(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
+    """Yield the hypothesis with steps of the command or the sensor, or with lost commands."""
+    if h.slopes is None:
+        return
+    for trial in stepped_trials(h.problem, h.fitted, h.experiments):
+        yield Proposal(trial.problem.experiments, trial.fitted.model, trial.fitted.x)
+
+
+def removed(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
+    """Yield the hypothesis less each of its effects."""
+    for i in range(len(h.model.effects)):
+        model, x = h.model.less(h.x, i)
+        yield Proposal(h.experiments, model, x, h.problem, h.ratio)
+
+
+def simpler(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
+    """Yield the hypothesis with each effect in turn as one of those that it contains."""
+    device = h.model.build(h.x)
+    sizes = sizes_of(device.without_physics(), h.experiments)
+    for i, physics in enumerate(h.model.effects):
+        model, x = h.model.less(h.x, i)
+        bare = model.build(x)
+        for effect, place in open_places(bare):
+            if effect.name not in physics.effect.contains or place.acts_on != physics.place.acts_on:
+                continue
+            groups = starts_at([(effect, place)], sizes, far=True)
+            for starts in groups.values():
+                yield from _among(h, model, x, starts)
+
+
+def replaced(index: int) -> Move:
+    """Return the move that puts another effect in the place of one."""
+
+    def move(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
+        model, x = h.model.less(h.x, index)
+        gone = place_label(h.model.effects[index])
+        device = model.build(x)
+        ground = Landscape(h.problem.experiments, h.problem.observer, model, FAR)
+        x = descend(ground, x, Effort.first_rounds, any(p.effect.creased for p in model.effects)).x
+        seen = view(h.problem, model, x, own=True)
+        sizes = sizes_of(device, h.experiments)
+        where = open_places(device)
+        near, far = (starts_at(where, sizes, far) for far in (False, True))
+        starts = _together(
+            _together(near, shown_starts(seen)), [s for g in far.values() for s in g]
+        )
+        others = [one for one in screened(seen, starts) if one.start.label != gone]
+        base = replace(h, model=model, x=x)
+        for one in others[: effort.rivals]:
+            yield _with(base, seen, one)
+
+    return move
+
+
+def _views(h: Hypothesis) -> Iterator[View]:
+    """Yield a hypothesis under its own noise, and far ahead from itself and the device file."""
+    yield view(h.problem, h.model, h.x, own=True)
+    prior = np.array([p.prior for p in h.model.parameters])
+    share = FAR_TICKS // len(h.experiments)
+    stretch = [e.part(0, min(share, e.ticks)) for e in h.experiments]
+    for x in (h.x, np.where(prior, 0.0, h.x)):
+        try:
+            yield view(prepared_for(stretch, h.model, x, SLOWEST), h.model, x, own=False)
+        except NoObserver:
+            continue
+
+
+def _together(
+    starts: Mapping[str, Sequence[Start]], more: Sequence[Start]
+) -> dict[str, list[Start]]:
+    found = {label: list(group) for label, group in starts.items()}
+    for start in more:
+        if start.label in found:
+            found[start.label].append(start)
+    return found
+
+
+def _with(h: Hypothesis, seen: View, one: Screened) -> Proposal:
+    """The hypothesis with a start, its parameters given way if that is the better beginning."""
+    start = one.start
+    model = seen.model.with_effect(start.physics, start.scales, start.bounds)
+    extra = np.zeros(len(model.parameters) - seen.x.size)
+    longest = float(np.abs(one.shift).max(initial=0.0))
+    given = one.shift * min(1.0, GIVEN_WAY / max(longest, 1e-300))
+    xs = [model.within(np.concatenate([x, extra])) for x in (seen.x, seen.x + given)]
+    costs = Landscape(seen.problem.experiments, seen.problem.observer, model, FAR).costs(xs)
+    x = xs[int(np.argmin(np.nan_to_num(costs, nan=np.inf)))]
+    near = h.ratio if seen.own else None
+    return Proposal(h.experiments, model, x, seen.problem, near)
+
+
+def _among(h: Hypothesis, model: Model, x: Floats, starts: Sequence[Start]) -> Iterator[Proposal]:
+    """The best of some starts of one effect under the noise of a hypothesis."""
+    problem = h.problem
+    first = starts[0]
+    names = [p.name for p in first.physics.effect.parameters]
+    tried = model.with_effect(first.physics, dict.fromkeys(names, 1.0))
+    asked = [
+        np.concatenate([x, [s.physics.values[k] - first.physics.values[k] for k in names]])
+        for s in starts
+    ]
+    costs = Landscape(problem.experiments, problem.observer, tried, FAR).costs(asked)
+    best = starts[int(np.argmin(np.nan_to_num(costs, nan=np.inf)))]
+    other = model.with_effect(best.physics, best.scales, best.bounds)
+    extra = np.zeros(len(other.parameters) - x.size)
+    yield Proposal(h.experiments, other, other.within(np.concatenate([x, extra])), problem, h.ratio)

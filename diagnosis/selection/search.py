@@ -1,0 +1,252 @@
+"""The search: from the device file to the hypothesis that costs least.
+
+    settle the linear parameters
+    repeat: add the effect that is believed most        (a beam, until nothing is believed)
+            let a population look for the valley anew   (where there are creases)
+            put simpler, other, fewer effects in place  (until nothing costs less: the rivals)
+
+What is believed, `evidence` says; what is tried, `moves` say; how much, `Effort`.
+"""
+
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.fitting.evolve import Generations, evolve
+from zwidth.diagnosis.mishaps import attempt, isolated
+from zwidth.diagnosis.noise.family import FAMILY
+from zwidth.diagnosis.parameters import Model
+from zwidth.diagnosis.selection.effort import NORMAL, Effort
+from zwidth.diagnosis.selection.evidence import believed, compared
+from zwidth.diagnosis.selection.hypothesis import (
+    Hypothesis,
+    gains,
+    judged,
+    ratios_near,
+    settled,
+)
+from zwidth.diagnosis.selection.moves import (
+    Begun,
+    Move,
+    Proposal,
+    added,
+    removed,
+    replaced,
+    simpler,
+    stepped,
+)
+from zwidth.diagnosis.steady import NoObserver
+from zwidth.jobs.parallel import in_parallel, threads
+from zwidth.sim.device import Device
+
+Floats = NDArray[np.float64]
+Say = Callable[[str], None]
+Result = TypeVar("Result")
+SLOWER = (1e-1, 1e-2)  # of the likeliest observer, under which a population grows
+
+
+def silent(_: str) -> None:
+    """Say nothing."""
+
+
+@dataclass(frozen=True)
+class Moves:
+    """What a search tries: to add, to put in place of a hypothesis, and of one of its effects."""
+
+    adding: Sequence[Move] = (added, stepped)
+    exchanging: Sequence[Move] = (removed, simpler)
+    replacing: Callable[[int], Move] = replaced
+
+
+@dataclass
+class Search:
+    """What was tried and kept, by structure: the cheapest fit of each.
+
+    plain: without physics; best: what costs least of all that is believed.
+    """
+
+    plain: Hypothesis
+    best: Hypothesis
+    effort: Effort
+    say: Say
+    moves: Moves = Moves()
+    tried: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
+    grown: set[frozenset[str]] = field(default_factory=set)
+    exchanged: set[frozenset[str]] = field(default_factory=set)
+    fits: int = 0
+    spent: float = 0.0
+    interrupted: bool = False
+
+    def keep(self, h: Hypothesis) -> Hypothesis:
+        """Keep a hypothesis unless a cheaper one of its structure is known; return that one."""
+        known = self.tried.get(h.labels)
+        if known is None or h.cost.total < known.cost.total:
+            self.tried[h.labels] = h
+        return self.tried[h.labels]
+
+    def ahead(self, new: Hypothesis, old: Hypothesis) -> bool:
+        """Whether a hypothesis is believed over another.
+
+        One with no more effects than the other needs no threshold: it only has to cost less.
+        """
+        if len(new.model.effects) <= len(old.model.effects):
+            return new.cost.total < old.cost.total
+        return believed(new.cost, old.cost, compared(gains(new, old)).phi)
+
+
+def search(
+    device: Device,
+    experiments: Sequence[Experiment],
+    effort: Effort = NORMAL,
+    say: Say = silent,
+    moves: Moves = Moves(),
+) -> Search:
+    """Search for what explains recordings; raises NoObserver where none follows with the device."""
+    model = Model(device)
+    plain = settled(judged(experiments, model, np.zeros(len(model.parameters))))
+    found = Search(plain, plain, effort, say, moves)
+    found.keep(plain)
+    say(f"the device as refitted costs {plain.cost.misfit:.0f}; trying every effect")
+    try:
+        with isolated("search", "a further effect"):
+            for _ in range(effort.rounds):
+                before = found.best
+                _grown(found)
+                _exchanged(found)
+                if found.best is before:
+                    break
+    except KeyboardInterrupt:
+        say("interrupted: what was found until now is judged; once more to leave")
+        found.interrupted = True
+    return found
+
+
+def _grown(found: Search) -> None:
+    """Add effects while one is believed."""
+    beam = [found.best]
+    while len(found.best.model.effects) < found.effort.effects:
+        if found.best.labels in found.grown:
+            return
+        found.grown.add(found.best.labels)
+        found.say(f"what may be missing beside {found.best.model.label}")
+        proposals = [
+            p for h in beam for move in found.moves.adding for p in _proposed(move, h, found.effort)
+        ]
+        new = fitted(found, proposals, found.effort.ended)
+        if not new:
+            return
+        found.say(f"best of {len(proposals)}: {new[0].model.label}")
+        accepted = [h for h in new if found.ahead(h, found.best)]
+        if not accepted:
+            return
+        found.best, beam = accepted[0], accepted[: found.effort.beam]
+        found.say(f"taken: {found.best.model.label}")
+        _looked_for_anew(found)
+        beam = [found.best, *(h for h in beam if h.labels != found.best.labels)]
+
+
+def _exchanged(found: Search) -> None:
+    """Put simpler, other and fewer effects in place while that costs less.
+
+    What is tried in the place of each is its rival where it stays.
+    """
+    for _ in range(2 * found.effort.effects):
+        h, effort = found.best, found.effort
+        if not h.model.effects or h.labels in found.exchanged:
+            return
+        found.exchanged.add(h.labels)
+        found.say(f"what may stand in the place of {h.model.label}")
+        many = max(effort.ended, len(h.model.effects))
+        new = [n for move in found.moves.exchanging for n in _tried(found, move, many)]
+        for i in range(len(h.model.effects)):
+            new += _tried(found, found.moves.replacing(i), effort.beside)
+        # An effect must be believed over its absence, not only cost less.
+        idle = [n for n in new if n.labels < h.labels and not _worth(h, n)]
+        better = [n for n in new if n.cost.total < h.cost.total]
+        if not idle and not better:
+            return
+        found.best = min(idle or better, key=lambda n: n.cost.total)
+        found.say(f"rather: {found.best.model.label}")
+
+
+def _worth(more: Hypothesis, less: Hypothesis) -> bool:
+    return believed(more.cost, less.cost, compared(gains(more, less)).phi)
+
+
+def _looked_for_anew(found: Search) -> None:
+    """Let a population grow from where the best hypothesis stands and from the device file."""
+    h, effort = found.best, found.effort
+    if not h.creased or effort.generations == 0:
+        return
+    prior = np.array([p.prior for p in h.model.parameters])
+    plan = Generations(effort.members, effort.generations, SLOWER)
+    found.say(f"looking for the valley of {h.model.label} anew")
+    starts = [h.x, np.where(prior, 0.0, h.x)]
+    for arrived in evolve(h.experiments, h.model, starts, h.ratio, plan):
+        with isolated("search", "a population"):
+            try:
+                new = found.keep(settled(judged(h.experiments, h.model, arrived.x)))
+            except NoObserver:
+                continue
+            if new.cost.total < found.best.cost.total:
+                found.best = new
+
+
+def _proposed(move: Move, h: Hypothesis, effort: Effort) -> list[Proposal]:
+    return attempt("search", move.__name__, lambda: list(move(h, effort))) or []
+
+
+def _tried(found: Search, move: Move, ended: int) -> list[Hypothesis]:
+    return fitted(found, _proposed(move, found.best, found.effort), ended)
+
+
+def fitted(found: Search, proposals: Iterable[Proposal], ended: int) -> list[Hypothesis]:
+    """Fit proposals, so many of them to their end; return these, the cheapest first.
+
+    Costs under one observer compare, so of each view the first fits that cost least go on; their
+    own noise then decides which are fitted to their end.
+    """
+    asked, begun_at = list(proposals), time.monotonic()
+    if found.fits and asked:
+        each = found.spent / found.fits
+        found.say(f"fitting {len(asked)} hypotheses, about {each * len(asked):.0f} s")
+    views: dict[int, list[Begun]] = {}
+    for start in _each("candidates", [(p.label, p.begun) for p in asked]):
+        views.setdefault(id(start.proposal.under), []).append(start)
+    promising: list[Begun] = []
+    for group in views.values():
+        order = sorted(group, key=lambda b: b.cost)
+        promising += order[: max(ended, found.effort.judged)]
+    begun: dict[frozenset[str], Hypothesis] = {}
+    first = [(b.proposal.label, partial(_judged, b)) for b in promising]
+    for h in _each("candidates", first):
+        known = begun.get(h.labels)
+        if known is None or h.cost.total < known.cost.total:
+            begun[h.labels] = h
+    likely = sorted(begun.values(), key=lambda h: h.cost.total)[:ended]
+    fits = [(h.model.label, partial(settled, h, turns=2)) for h in likely]
+    finished = [found.keep(h) for h in _each("candidates", fits)]
+    found.fits += len(asked)
+    found.spent += time.monotonic() - begun_at
+    return sorted(finished, key=lambda h: h.cost.total)
+
+
+def _each(stage: str, tasks: Sequence[tuple[str, Callable[[], Result | None]]]) -> list[Result]:
+    """What tasks give, side by side, named by their labels, less what an error cost."""
+    asked = [partial(attempt, stage, label, task) for label, task in tasks]
+    return [one for one in in_parallel(asked, threads()) if one is not None]
+
+
+def _judged(begun: Begun) -> Hypothesis | None:
+    p = begun.proposal
+    ratios = FAMILY if p.near is None else ratios_near(p.near)
+    try:
+        return judged(p.experiments, p.model, begun.x, ratios)
+    except NoObserver:
+        return None

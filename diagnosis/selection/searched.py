@@ -1,0 +1,88 @@
+"""What a search found, as the rest of a diagnosis reads it."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.fit import Fitted, Problem
+from zwidth.diagnosis.parameters import Model
+from zwidth.diagnosis.predictor import FINAL
+from zwidth.diagnosis.result import Rival
+from zwidth.diagnosis.search import Searched
+from zwidth.diagnosis.selection.effort import NORMAL, Effort
+from zwidth.diagnosis.selection.evidence import compared, probabilities
+from zwidth.diagnosis.selection.hypothesis import Hypothesis, gains
+from zwidth.diagnosis.selection.search import Say, Search, search
+from zwidth.sim.device import Device
+from zwidth.sim.place import of_label
+
+
+def searched(
+    device: Device, experiments: Sequence[Experiment], say: Say, effort: Effort = NORMAL
+) -> Searched:
+    """Search, and return refit and best hypothesis under the noise of the best."""
+    found = search(device, experiments, effort, say)
+    best = found.best
+    problem = Problem(best.problem.experiments, best.noise.observer, FINAL)
+    baseline = problem.fit(Model(device), found.plain.x)
+    return Searched(problem, baseline, _final(problem, best), (), found.interrupted, found)
+
+
+def _final(problem: Problem, h: Hypothesis) -> Fitted:
+    """A hypothesis in fine substeps: fitted once more where it has no creases."""
+    if not h.creased:
+        return problem.fit(h.model, h.x)
+    residual = problem.residual(h.model, h.x)
+    assert h.slopes is not None
+    chi2 = float(residual @ residual)
+    return Fitted(h.model, h.x, chi2, residual, h.slopes, h.samples)
+
+
+def without(found: Search, label: str) -> float:
+    """At how many sigma the best hypothesis stands above the best that lacks an effect."""
+    best = found.best
+    lacking = [h for h in found.tried.values() if label not in h.labels]
+    nearest = min(lacking, key=lambda h: h.cost.total)
+    bare = found.tried.get(best.labels - {label}, nearest)
+    return max(0.0, compared(gains(best, bare)).sigma)
+
+
+def shares(found: Search) -> dict[frozenset[str], float]:
+    """Return the probability of every structure that was fitted to its end."""
+    best = found.best
+    kept = list(found.tried.values())
+    relative = [_behind(h, best) for h in kept]
+    return dict(zip((h.labels for h in kept), probabilities(relative).tolist(), strict=True))
+
+
+def probability(found: Search, label: str) -> float:
+    """Return the probability that a device has an effect: of all structures with it."""
+    return math.fsum(p for labels, p in shares(found).items() if label in labels)
+
+
+def rivals(found: Search, label: str) -> tuple[Rival, ...]:
+    """Return what was fitted in the place of an effect of the best hypothesis, nearest first."""
+    best = found.best
+    behind: dict[str, float] = {}
+    for h in found.tried.values():
+        new, gone = h.labels - best.labels, best.labels - h.labels
+        if gone == frozenset((label,)) and len(new) == 1:
+            (other,) = new
+            behind[other] = math.sqrt(max(0.0, _behind(h, best)))
+    ordered = sorted(behind.items(), key=lambda pair: pair[1])
+    return tuple(_rival(found, other, sigma) for other, sigma in ordered)
+
+
+def _rival(found: Search, label: str, sigma: float) -> Rival:
+    effect, place = of_label(label)
+    return Rival(effect, str(place), sigma, probability(found, label))
+
+
+def _behind(h: Hypothesis, best: Hypothesis) -> float:
+    """By how much a hypothesis costs more than the best, in units of the pair's overdispersion."""
+    if h is best:
+        return 0.0
+    phi = compared(gains(best, h)).phi
+    return float(np.nan_to_num((h.cost.total - best.cost.total) / phi, posinf=1e300))

@@ -1,0 +1,154 @@
+"""What a fit used, the file of its device says: it runs freely as the fit does, to rounding."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.diagnosis_examples import OUTPUTS, phantom, record
+from zwidth.diagnosis.augmented import augmented, free_run, scenario_of
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.hold import smooth
+from zwidth.diagnosis.parameters import Model
+from zwidth.scenarios.scenario_file import scenario_from_text, scenario_to_text
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import device_from_text, device_to_text, model_hash
+from zwidth.sim.interface import Interface
+from zwidth.sim.physics import make_physics
+
+SUBSTEPS = 4
+EFFECTS = {
+    "nothing": (),
+    "friction": (("coulomb_friction", "m1", {"level": 3e-2}),),
+    "play": (("backlash", "link12", {"gap": 2e-4}),),
+    "limit": (("saturation", "command", {"limit": 0.2}),),
+    "dead band": (("dead_band", "command", {"width": 0.05}),),
+    "step": (("command_step", "command", {"step": 0.05}),),
+    "lag": (("actuator_lag", "command", {"time_constant": 2e-3}),),
+    "asymmetry": (("gain_asymmetry", "command", {"ratio": 1.2}),),
+    "delay": (("loop_delay", "clock", {"delay": 1.5e-3}),),
+    "spring": (("ground_spring", "m1", {"stiffness": 0.5}),),
+    "mode": (("extra_mode", "m1", {"mass": 1e-4, "stiffness": 50.0, "damping": 1e-3}),),
+    "force and drag": (
+        ("constant_force", "m1", {"level": 1e-2}),
+        ("quadratic_drag", "m1", {"coefficient": 1e-3}),
+    ),
+}
+
+
+def sprung() -> Device:
+    device = phantom()
+    return device.with_chain(device.chain._replace(ground_spring=1.0))
+
+
+def model_of(device: Device, name: str = "nothing") -> tuple[Model, np.ndarray]:
+    """A model at an x at which gain, origin and every linear parameter differ from the file's."""
+    effects = tuple(make_physics(e, at, **values) for e, at, values in EFFECTS[name])
+    model = Model(device, effects, tuple({} for _ in effects))
+    return model, np.linspace(0.5, 1.5, model.linear_count)
+
+
+def runs_alike(
+    model: Model, x: np.ndarray, e: Experiment, taken: Experiment, device: Device
+) -> None:
+    saved = device_from_text(device_to_text(device))
+    assert saved == device
+    scenario = scenario_of(saved, model, x, e, taken, SUBSTEPS)
+    scenario = scenario_from_text(scenario_to_text(scenario))
+    own = free_run(model, x, taken, SUBSTEPS)[:, 0]
+    (trace, _, _), *_ = scenario.prepare().blocks(scenario.ticks)
+    np.testing.assert_allclose(trace["position_m1"], own, rtol=0, atol=1e-9 * np.ptp(own))
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_the_saved_device_runs_as_the_fit_does(name: str):
+    """Gain and origin of the fit beside every kind of effect.
+
+    Mutations that break it: command_gain after the limit; an origin that the start is not less;
+    a gain before the command's step.
+    """
+    e = record(sprung(), 1.0, seed=2)
+    model, x = model_of(sprung(), name)
+    runs_alike(model, x, e, e, augmented(model, x, e.swing))
+
+
+def test_a_smooth_command_runs_as_the_fit_took_it():
+    """Mutation that breaks it: command_hold left out."""
+    t = 1e-3 * np.arange(1000)
+    u = 0.1 * np.sin(40.0 * t) + 0.05 * np.cos(133.0 * t)
+    e = Experiment(1e-3, u, record(sprung(), 1.0).measured, OUTPUTS)
+    model, x = model_of(sprung())
+    runs_alike(model, x, e, smooth(e), augmented(model, x, e.swing, smooth=True))
+
+
+def test_lost_commands_are_those_of_the_recording():
+    """Mutation that breaks it: the device's rate loses others besides."""
+    e = record(sprung(), 1.0, seed=3)
+    random = np.random.default_rng(1)
+    taken = replace(e, dropped=random.random(e.ticks) < 0.05)
+    lost = make_physics("dropped_samples", "clock", rate=0.05)
+    model = Model(sprung(), (lost,), ({},))
+    x = np.linspace(0.5, 1.5, model.linear_count)
+    device = augmented(model, x, e.swing)
+    assert "dropped_samples" in [p.effect.name for p in device.physics]
+    runs_alike(model, x, e, taken, device)
+
+
+def test_a_folded_sensor_and_steps_leave_the_motion():
+    """The encoder reads absolute values in steps; what moves is what the fit says.
+
+    Mutation that breaks it: folded out, and not said.
+    """
+    e = record(sprung(), 1.0, seed=4)
+    model, x = model_of(sprung())
+    device = augmented(model, x, e.swing, folded=True, encoder_step=1e-3)
+    assert [p.effect.name for p in device.physics] == ["rectified_sensor"]
+    assert device.interface.encoder_step == 1e-3
+    runs_alike(model, x, e, e, device)
+
+
+def test_the_fit_of_an_augmented_device_begins_where_the_last_one_ended():
+    """Its gain and origin count in a prediction, too. Mutation: an origin not taken off."""
+    e = record(sprung(), 1.0, seed=5)
+    model, x = model_of(sprung())
+    again = Model(augmented(model, x, e.swing))
+    none = np.zeros(again.linear_count)
+    one, other = free_run(model, x, e, SUBSTEPS), free_run(again, none, e, SUBSTEPS)
+    np.testing.assert_allclose(other, one, rtol=0, atol=1e-9 * np.ptp(one))
+
+
+def test_a_run_reads_from_the_origin_of_the_recording():
+    """Positions, start and encoder count from there. Mutation: an origin of the encoder alone."""
+    e = record(sprung(), 0.5, seed=6)
+    model, x = model_of(sprung())
+    device = augmented(model, x, e.swing, smooth=True)
+    scenario = scenario_of(device, model, x, e, smooth(e), SUBSTEPS)
+    run = scenario.prepare()
+    (trace, _, _), *_ = run.blocks(scenario.ticks)
+    np.testing.assert_allclose(trace["encoder"], trace["position_m1"], atol=1e-15)
+    assert trace["position_m1"][0] == pytest.approx(float(e.measured[0, 0]), abs=1e-12)
+
+
+def test_a_device_that_needs_none_of_it_is_written_as_before():
+    """Its hash stays, so that logs of it replay. Mutation: keys written always."""
+    text = device_to_text(phantom())
+    for key in ("command_gain", "position_origin", "command_hold"):
+        assert key not in text
+    changed = phantom().with_interface(command_gain=1.5, command_hold="smooth")
+    assert model_hash(changed) != model_hash(phantom())
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "allowed"),
+    [
+        ("command_gain", 0.0, "> 0 and finite"),
+        ("command_gain", np.inf, "> 0 and finite"),
+        ("position_origin", np.nan, "any finite number"),
+        ("command_hold", "first_order", "'zero_order' or 'smooth'"),
+    ],
+)
+def test_what_is_not_allowed_is_named(field: str, value: object, allowed: str):
+    """Mutation: a check left out."""
+    with pytest.raises(ValueError, match=f"interface.{field} is {value}; allowed is") as error:
+        Interface(**{field: value})  # pyright: ignore[reportArgumentType]
+    assert allowed in str(error.value)
