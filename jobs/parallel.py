@@ -1,12 +1,15 @@
 """Tasks on the threads of this process, for kernels that release the interpreter's lock."""
 
 import os
+import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextvars import copy_context
+from functools import cache
 from typing import TypeVar
 
 Result = TypeVar("Result")
+MOST = 1024  # threads, far more than are ever asked for at once
 
 
 def threads() -> int:
@@ -25,14 +28,49 @@ def threads() -> int:
 def in_parallel(tasks: Sequence[Callable[[], Result]], workers: int) -> list[Result]:
     """Run tasks on threads (kernels release the interpreter's lock); results in task order.
 
-    Each sees the context variables of the caller.
+    Each sees the context variables of the caller, who works as well: so tasks may ask for the same,
+    and nobody waits for a task that nobody has begun. Raises what the first task of those that
+    failed raised; after a failure none is begun.
     """
-    if workers == 1 or len(tasks) == 1:
+    if workers == 1 or len(tasks) <= 1:
         return [task() for task in tasks]
-    with ThreadPoolExecutor(workers) as pool:
-        futures = [pool.submit(copy_context().run, task) for task in tasks]
-        try:
-            return [future.result() for future in futures]
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+    open_tasks, over = iter(range(len(tasks))), threading.Event()
+    found: dict[int, Result] = {}
+    broken: dict[int, BaseException] = {}
+    lock = threading.Lock()
+
+    def work() -> None:
+        while not over.is_set():
+            with lock:
+                i = next(open_tasks, None)
+            if i is None:
+                return
+            try:
+                found[i] = copy_context().run(tasks[i])
+            except BaseException as error:
+                broken[i] = error
+                over.set()
+
+    helpers = [
+        _pool().submit(copy_context().run, work) for _ in range(min(workers, len(tasks)) - 1)
+    ]
+    try:
+        work()
+        for helper in helpers:
+            if not helper.cancel():
+                helper.result()
+    finally:
+        over.set()  # an interrupt here begins nothing more either
+    if broken:
+        raise broken[min(broken)]
+    return [found[i] for i in range(len(tasks))]
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    """Return the threads that are kept; one is started where none is idle."""
+    return ThreadPoolExecutor(MOST, thread_name_prefix="zwidth")
+
+
+if hasattr(os, "register_at_fork"):  # a forked process has none of its parent's threads
+    os.register_at_fork(after_in_child=_pool.cache_clear)

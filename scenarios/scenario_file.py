@@ -21,6 +21,7 @@ from zwidth.sim.controller import Step
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import (
     INTERFACE_KEYS,
+    INTERFACE_TEXTS,
     device_from_text,
     device_to_text,
     load_device,
@@ -158,7 +159,7 @@ def _device(top: Table, files: Files) -> Device:
 def _with_interface(device: Device, table: Table) -> Device:
     table.only(INTERFACE_KEYS)
     changes = {
-        field: table.text(key) if field == "encoder_rounding" else table.number(key)
+        field: table.text(key) if key in INTERFACE_TEXTS else table.number(key)
         for key, field in INTERFACE_KEYS.items()
         if key in table
     }

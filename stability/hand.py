@@ -42,8 +42,7 @@ HANDS = (MIDDLE, *(Hand(*values) for values in product(MASS, DAMPING, STIFFNESS)
 def with_hand(device: Device, hand: Hand, lever: float = 1.0) -> Device:
     """Return the device held by a hand; lever [m] of the hand on a rotary device, unused else.
 
-    Raises ValueError for a lever that is not > 0, a hand with a value < 0, or a chain whose last
-    mass cannot take a spring to ground (1 and 3 masses can).
+    Raises ValueError for a lever that is not > 0 or a hand with a value < 0.
     """
     if device.rotary and not 0.0 < lever < np.inf:
         raise ValueError(
@@ -53,11 +52,6 @@ def with_hand(device: Device, hand: Hand, lever: float = 1.0) -> Device:
         if not 0.0 <= value < np.inf:
             raise ValueError(f"hand.{field} is {value}; it must be >= 0 and finite")
     masses = device.chain.masses.size
-    if masses not in (1, 3):
-        raise ValueError(
-            f"{device.name} has {masses} masses; a hand can hold a chain of 1 or of 3: give a"
-            " device of no mode or of two modes"
-        )
     mass, damping, stiffness = (v * (lever**2 if device.rotary else 1.0) for v in hand)
     chain = device.chain
     held = device.with_chain(

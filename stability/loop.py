@@ -91,7 +91,9 @@ def open_loop(device: Device) -> Loop:
     if remainder > 0.0:
         transition = hold(plant, period)[0]
         older = late @ hold(plant, remainder)[1][:, 0]
-    loop = wired(transition, newer[:, 0], older, whole, period, smoothing)
+    gain = device.interface.command_gain
+    newer, older = gain * newer[:, 0], None if older is None else gain * older
+    loop = wired(transition, newer, older, whole, period, smoothing)
     shift = loop.shift
     grounded = plant.matrices.stiffness
     if np.all(np.abs(grounded.sum(axis=1)) <= 1e-14 * np.diag(grounded)):

@@ -23,6 +23,8 @@ from zwidth.paper.report import draw, save_pictures, save_report, symbols
 from zwidth.paper.sections import SECTIONS
 from zwidth.results import UNSET, Point
 from zwidth.scenarios.paddle import paddle_boundary
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device
 from zwidth.sim.modal import ModalModel
 from zwidth.stability.hand import HANDS, MIDDLE, Hand, hand_band, with_hand
@@ -175,6 +177,18 @@ def test_a_hand_acts_by_its_lever_squared():
     for a, b in zip(once.chain, twice.chain, strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-12)
     assert once.chain.masses[-1] - PHANTOM.chain.masses[-1] == pytest.approx(4e-5)
+
+
+@pytest.mark.parametrize("masses", [1, 2, 4, 5])
+def test_a_hand_holds_the_last_mass_of_any_chain(masses: int):
+    """Mutation: the spring of the hand at m1."""
+    links = [20.0] * (masses - 1)
+    chain = make_chain([1e-3] * masses, [1e-3] * masses, 0.0, links, [1e-2] * (masses - 1))
+    held = with_hand(Device("chain", "", True, chain), Hand(0.1, 1.0, 100.0), 0.1)
+    last = held.plant().matrices
+    assert last.mass[-1, -1] == pytest.approx(2e-3)
+    assert last.stiffness.sum() == pytest.approx(1.0)
+    assert last.stiffness[-1].sum() == pytest.approx(1.0)
 
 
 def test_the_band_holds_every_hand_in_it():

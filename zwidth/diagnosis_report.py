@@ -126,13 +126,13 @@ def _bounds(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
 
 
 def gain_sentence(diagnosis: Diagnosis) -> str:
-    """Say what the augmented device file cannot: the refitted gain, "" where it may be one."""
+    """Say by how much more the command counts than the device file says, "" where it may be one."""
     _, gain = diagnosis.linear_refit.get("gain", (1.0, Estimate(1.0, 1.0, 1.0)))
     if gain.lower <= 1.0 <= gain.upper or not math.isfinite(gain.upper - gain.lower):
         return ""
     return (
-        f"multiply the command by {gain.value:.3g} when you use the augmented device: a device file"
-        " holds no gain"
+        f"the command counts {gain.value:.3g} times in the augmented device (command_gain in its"
+        " [interface])"
     )
 
 

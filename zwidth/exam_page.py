@@ -3,9 +3,20 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from zwidth.exam_sections import (
+    calibration_section,
+    held_out_line,
+    outside_section,
+    ratio,
+    rig_section,
+    table,
+)
+
 SINGLE_2X, SINGLE_5X, IN_CLASS = 0.90, 0.97, 0.99
 TWO, THREE, UNKNOWN, CONFIDENT, FALSE = 0.90, 0.80, 0.90, 0.05, 0.02
 COVERED, HELD_OUT, SECONDS = (0.92, 0.98), 0.95, 10.0
+RIG_NAMED, RIG_FIRST, RIG_PLAY, RIG_WRONG, RIG_CLEAN = 0.80, 0.90, 0.90, 0.02, 0.95
+OWN_JUDGEMENT, CALIBRATED = 0.05, 0.03
 FEW = 50  # parameters that cannot tell 92 % from 98 %
 
 
@@ -15,55 +26,72 @@ def page(found: Mapping[str, Any], facts: Mapping[str, Any], pictures: Mapping[s
     found: the JSON of `zwidth exam`. facts: command, seed, length of the recordings. pictures: name
     -> path, relative to the page.
     """
-    parts = [
-        _head(found, facts),
-        _goals(found),
-        _magnitudes(found, pictures),
-        _effects(found, pictures),
-        _several(found),
-        _silent(found),
-        _misses(found["marks"]),
-        _numbers(found),
-    ]
+    parts = [_head(found, facts), _goals(found)]
+    if _at_limit(found):
+        parts += [
+            "# At the limit",
+            _limit_head(),
+            _magnitudes(found, pictures),
+            _effects(found, pictures),
+            _several(found),
+            _silent(found),
+            _misses([m for m in found["marks"] if m["kind"] == "limit"]),
+        ]
+    if found["rigs"]["recordings"]:
+        parts.append(rig_section(found["rigs"]))
+    if found["outside"]["recordings"]:
+        parts.append(outside_section(found["outside"]))
+    if found["calibration"]["statements"]:
+        parts.append(calibration_section(found["calibration"], pictures))
+    parts.append(_numbers(found))
     return "\n\n".join(parts) + "\n"
 
 
+def _at_limit(found: Mapping[str, Any]) -> int:
+    """Return how many recordings are of classes at the limit."""
+    return found["recordings"] - found["rigs"]["recordings"] - found["outside"]["recordings"]
+
+
 def _head(found: Mapping[str, Any], facts: Mapping[str, Any]) -> str:
-    return f"""# Evidence: an exam on {found["recordings"]} sealed recordings
+    limit, rigs, outside = _at_limit(found), found["rigs"], found["outside"]
+    kinds = [
+        f"{count} {what}"
+        for count, what in (
+            (limit, "recordings at the limit"),
+            (rigs["recordings"], "rigs at full size"),
+            (outside["recordings"], "subjects with a law of no name"),
+        )
+        if count
+    ]
+    length = f", {facts['length']} each" if facts["length"] else ""
+    return f"""# Evidence: an exam on {found["recordings"]} sealed subjects
 
     {facts["command"]}
 
-{found["recordings"]} recordings of {facts["length"]} at 1 kHz, seed {facts["seed"]}.
-Devices (chains of one to four masses, rotary and linear, free or tied to ground, the PHANToM of
-Table I), drives (noise, multisine, steps, slow triangles, sessions of all; open and closed loop),
-noise (white and coloured, of force and of reading), encoder steps and jitter are drawn. Device
-files are up to 10 % off in every number, or were fitted to the recording with the concealed effect
-in it.
+{", ".join(kinds)}{length}, seed {facts["seed"]}.
+What each class is, and how it is marked, stands in [exam.md](exam.md).
 
-The truth is integrated by other code than the simulation that is fitted: Runge-Kutta with 40 steps
-a tick instead of matrix exponentials, LuGre friction with stiff bristles instead of a set-valued
+The truth is integrated by other code than the simulation that is fitted: Runge-Kutta in steps of 25
+to 100 us instead of matrix exponentials, LuGre friction with stiff bristles instead of a set-valued
 force (`scenarios/concealed/integrator.py`). What was concealed was sealed before the first
 diagnosis: the SHA-256 of each salted key stands in its recording's description, the key holds those
-of recording and device file, and the exam refuses to mark what does not fit.
+of recording and device file, and the exam refuses to mark what does not fit. Intervals are
+Clopper-Pearson, 95 %."""
+
+
+def _limit_head() -> str:
+    return """Recordings of 10 to 20 s at 1 kHz. Devices (chains of one to five masses, rotary and
+linear, free or tied to ground, the PHANToM of Table I), drives (noise, multisine, steps, slow
+triangles, sessions of all; open and closed loop), noise (white and coloured, of force and of
+reading), encoder steps and jitter are drawn. Device files are up to 10 % off in every number, or
+were fitted to the recording with the concealed effect in it.
 
 *The limit* is the magnitude that stands five sigma above what a linear refit of this recording
 absorbs (`diagnosis/limits.py`). An effect *stands apart* where the computed separation from every
 rival is at least five sigma (`diagnosis/separation.py`): there it must be named first, at its
 place. Elsewhere it must stand in the class that is named: the finding and its rivals within five
 sigma. A rival that merely contains the effect does not count against it. The limit is that of the
-whole recording; a diagnosis fits on 70 % of it, where five sigma are 4.2. Intervals are
-Clopper-Pearson, 95 %."""
-
-
-def ratio(s: Mapping[str, Any]) -> str:
-    """Return "93.1 % (27 of 29; 77.2 to 99.2 %)"."""
-    if not s["count"]:
-        return "none"
-    low, high = s["ci95"]
-    return (
-        f"{100 * s['share']:.1f} % ({s['right']} of {s['count']};"
-        f" {100 * low:.1f} to {100 * high:.1f} %)"
-    )
+whole recording; a diagnosis fits on 70 % of it, where five sigma are 4.2."""
 
 
 def _row(asked: str, goal: str, s: Mapping[str, Any] | None, reached: bool) -> list[str]:
@@ -72,15 +100,10 @@ def _row(asked: str, goal: str, s: Mapping[str, Any] | None, reached: bool) -> l
     return [asked, goal, ratio(s), "yes" if reached else "**no**"]
 
 
-def table(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a Markdown table."""
-    lines = [heading, ["---"] * len(heading), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
-
-
 def goals(found: Mapping[str, Any]) -> list[list[str]]:
     """Return rows: what is asked, the goal, what was found, whether that reaches it."""
     classes, rows = found["classes"], list[list[str]]()
+    rigs, outside = found["rigs"], found["outside"]
 
     def least(asked: str, s: Mapping[str, Any] | None, goal: float) -> None:
         reached = s is not None and bool(s["count"]) and s["share"] >= goal
@@ -90,32 +113,62 @@ def goals(found: Mapping[str, Any]) -> list[list[str]]:
         reached = s is not None and bool(s["count"]) and s["share"] <= goal
         rows.append(_row(asked, f"<= {100 * goal:.0f} %", s, reached))
 
-    for name, title, goal in (
-        ("single_2x", "one effect at 2 times the limit", SINGLE_2X),
-        ("single_5x", "one effect at 5 times and above", SINGLE_5X),
-    ):
-        c = classes.get(name)
-        least(f"{title}: right effect and place first, where it stands apart",
-              c and c["right_where_apart"], goal)  # fmt: skip
-        least(f"{title}: the true one in the class named", c and c["in_class"], IN_CLASS)
-    for name, title, goal in (("two_5x", "two effects", TWO), ("three_5x", "three", THREE)):
-        c = classes.get(name)
-        least(f"{title} at 5 times: all found", c and c["all_right"], goal)
-    most("nothing concealed: a false claim", found["none"]["false_claims"], FALSE)
-    least("in no library: `unknown_physics`", found["unknown"]["said_so"], UNKNOWN)
-    most("in no library: a confident wrong name", found["unknown"]["confident_wrong"], CONFIDENT)
-    covered = found["coverage_counts"]
-    row = _row("95 % intervals of effects hold the truth", "92 to 98 %", covered, _covers(covered))
-    rows.append([*row[:3], "too few to tell"] if _too_few(covered) else row)
-    share = found["held_out"]["share"]
-    if share["count"]:
-        rows.append(
-            ["held-out free run: median share of the improvement that perfect knowledge gives",
-             ">= 95 %", f"{100 * share['median']:.1f} % (of {share['count']})",
-             "yes" if share["median"] >= HELD_OUT else "**no**"]
-        )  # fmt: skip
+    def near(asked: str, share: Mapping[str, Any]) -> None:
+        if share["count"]:
+            seen = f"{100 * share['median']:.1f} % (of {share['count']})"
+            reached = share["median"] >= HELD_OUT
+            rows.append([asked, f">= {100 * HELD_OUT:.0f} %", seen, "yes" if reached else "**no**"])
+
+    def covers(asked: str, s: Mapping[str, Any]) -> None:
+        row = _row(asked, "92 to 98 %", s, _covers(s))
+        rows.append([*row[:3], "too few to tell"] if _too_few(s) else row)
+
+    if _at_limit(found):
+        for name, title, goal in (
+            ("single_2x", "one effect at 2 times the limit", SINGLE_2X),
+            ("single_5x", "one effect at 5 times and above", SINGLE_5X),
+        ):
+            c = classes.get(name)
+            least(f"{title}: right effect and place first, where it stands apart",
+                  c and c["right_where_apart"], goal)  # fmt: skip
+            least(f"{title}: the true one in the class named", c and c["in_class"], IN_CLASS)
+        for name, title, goal in (("two_5x", "two effects", TWO), ("three_5x", "three", THREE)):
+            c = classes.get(name)
+            least(f"{title} at 5 times: all found", c and c["all_right"], goal)
+        most("nothing concealed: a false claim", found["none"]["false_claims"], FALSE)
+        least("in no library: `unknown_physics`", found["unknown"]["said_so"], UNKNOWN)
+        most(
+            "in no library: a confident wrong name", found["unknown"]["confident_wrong"], CONFIDENT
+        )
+        covers("95 % intervals of effects hold the truth", found["coverage_counts"])
+        near("held-out free run: median share of the improvement that perfect knowledge gives",
+             found["held_out"]["share"])  # fmt: skip
+    if rigs["recordings"]:
+        least("rigs: every effect found at its place, or in a class named",
+              rigs["all_named"], RIG_NAMED)  # fmt: skip
+        least("rigs: the first finding right, and standing alone",
+              rigs["first_right_and_alone"], RIG_FIRST)  # fmt: skip
+        least("rigs: play named, its gap within 10 %", rigs["play"], RIG_PLAY)
+        most("rigs: of what is `identified`, wrong", rigs["identified_and_wrong"], RIG_WRONG)
+        most("rigs: of findings that stand alone, wrong", rigs["confident_wrong_names"], RIG_WRONG)
+        least("clean rigs: `nothing_missing`", rigs["clean"]["nothing_missing"], RIG_CLEAN)
+        covers("rigs: 95 % intervals of effects hold the truth", rigs["coverage"])
+        near("rigs, held-out free run: median share of what the true device improves",
+             rigs["held_out"]["share"])  # fmt: skip
+    if outside["recordings"]:
+        least("laws of no name: `unknown_physics`, or rightly adequate", outside["right"], UNKNOWN)
+        most("laws of no name: a confident wrong name", outside["confident_wrong"], CONFIDENT)
+    adequacy, calibration = found["adequacy"], found["calibration"]
+    if adequacy["asked"]:
+        most("own judgement: sound answers refused", adequacy["sound_refused"], OWN_JUDGEMENT)
+        most("own judgement: bad answers passed", adequacy["bad_passed"], OWN_JUDGEMENT)
+    if calibration["statements"]:
+        error = calibration["expected_error"]
+        rows.append(["probabilities: expected calibration error", f"<= {CALIBRATED:g}",
+                     f"{error:.3f} ({calibration['statements']} statements)",
+                     "yes" if error <= CALIBRATED else "**no**"])  # fmt: skip
     seconds = found["seconds"]["median_of_10_s"]
-    rows.append(["diagnosis of a 10 s recording, median", "<= 10 s", f"{seconds:.1f} s",
+    rows.append(["diagnosis of 10 000 samples, median", "<= 10 s", f"{seconds:.1f} s",
                  "yes" if seconds <= SECONDS else "**no**"])  # fmt: skip
     return rows
 
@@ -221,27 +274,20 @@ def _told(e: Mapping[str, Any], several: bool) -> bool:
 def _numbers(found: Mapping[str, Any]) -> str:
     share, beyond = found["held_out"]["share"], found["held_out"]["share_beyond_refit"]
     seconds = found["seconds"]
-    lines = [
-        "## Numbers",
-        f"Intervals of linear parameters hold the truth: {ratio(found['coverage_linear'])}.",
-        _held_out("the device file", share),
-        _held_out("the linear refit", beyond),
+    lines = ["# Numbers"]
+    if _at_limit(found):
+        lines += [
+            "At the limit, intervals of linear parameters hold the truth:"
+            f" {ratio(found['coverage_linear'])}.",
+            held_out_line("the device file", share),
+            held_out_line("the linear refit", beyond),
+        ]
+    lines.append(
         f"A diagnosis took {seconds['median']:.1f} s in the median and {seconds['most']:.1f} s at"
-        f" most, per 10 s of recording {seconds['median_of_10_s']:.1f} s in the median and"
+        f" most, per 10 000 samples {seconds['median_of_10_s']:.1f} s in the median and"
         f" {seconds['ninth_decile_of_10_s']:.1f} s in the ninth decile; it kept one core busy for"
-        f" {seconds['core_seconds_of_10_s']:.1f} s of 10 s of recording, in the median.",
-    ]
+        f" {seconds['core_seconds_of_10_s']:.1f} s of 10 000 samples, in the median."
+    )
     if found["errors"]:
         lines.append(f"Diagnoses that ended with an error: {', '.join(found['errors'])}.")
     return "\n\n".join(lines)
-
-
-def _held_out(of: str, s: Mapping[str, Any]) -> str:
-    if not s["count"]:
-        return f"Held-out improvement on {of}: none to be told."
-    return (
-        f"Held-out improvement on {of}, share of perfect knowledge's: median"
-        f" {100 * s['median']:.1f} %, lower quartile {100 * s['lower_quartile']:.1f} %, tenth"
-        f" {100 * s['tenth']:.1f} % ({s['count']} recordings where perfect knowledge improves it by"
-        " 2 % or more)."
-    )

@@ -1,4 +1,4 @@
-"""Devices to conceal physics in: the PHANToM of Table I, and chains of one to four masses."""
+"""Devices to conceal physics in: the PHANToM of Table I, and chains of one to five masses."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from zwidth.sim.device_file import load_device
 from zwidth.sim.interface import Interface
 
 PHANTOM_SHARE, SPRUNG_SHARE, LINEAR_SHARE, ENCODER_SHARE = 0.3, 0.3, 0.35, 0.25
-MASSES = (0.2, 0.3, 0.35, 0.15)  # shares of chains of one to four masses
+MASSES = (0.2, 0.3, 0.35, 0.1, 0.05)  # shares of chains of one to five masses
 LEVER = 0.05  # m: a linear device is a rotary one seen at the end of a lever
 DELAYS = (0.001, 0.001, 0.002, 0.0015)
 OFF = 0.1  # how far a device file is from its device, at most, in every number
@@ -36,7 +36,7 @@ def draw_device(random: np.random.Generator, encoder: bool = True) -> Device:
 
 def draw_chain(random: np.random.Generator) -> Chain:
     """Return a passive chain like that of a haptic device: links of 12 to 200 Hz, light dampers."""
-    n = int(random.choice(4, p=MASSES)) + 1
+    n = int(random.choice(5, p=MASSES)) + 1
     total = float(np.exp(random.uniform(np.log(3e-4), np.log(5e-3))))
     masses = total * random.dirichlet(np.full(n, 4.0))
     hertz = np.exp(random.uniform(np.log(12.0), np.log(200.0), n - 1))

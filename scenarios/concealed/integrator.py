@@ -50,13 +50,14 @@ class Truth(NamedTuple):
     masses, dampers, springs to ground, drag (v|v|), cubic_drag (v^3): (n,). links (l, 8): from, to
     (-1 is ground), stiffness, damping, cubic stiffness, gap, sway (share, Hz: the stiffness swings
     with time). yields (y, 5), Bouc-Wen: from, to, stiffness, level, shape. bristles (b, 8): mass,
-    sigma_0, sigma_1, level and static level for v > 0, both for v < 0, Stribeck velocity. viscous:
-    for v > 0 and v < 0 at m1. The other forces act on m1: constant; gravity: level, angle; ripple:
-    amplitude, period, phase; hum: amplitude, Hz, phase; detent: amplitude, period, sharpness; stop:
-    position, stiffness, damping. inertia: share by which m1 swings, period in position. warming:
-    share by which dampers change, time constant. amplifier: lag, step, band, ratio, limit, slew a
-    tick. sensor: amplitude, period, phase; rectified; step. laws (w, LAW): laws of no name, a row
-    each (`law_value`).
+    sigma_0, sigma_1, level and static level for v > 0, both for v < 0, Stribeck velocity. viscous
+    (n, 2): for v > 0 and v < 0. constant (n,). gravity (g, 3): mass, level, angle. ripples (r, 5):
+    mass, mass that feels the contrary (-1: ground), amplitude, period, phase over the position of
+    the first. The other forces act on m1: hum: amplitude, Hz, phase; detent: amplitude, period,
+    sharpness; stop: position, stiffness, damping. inertia: share by which m1 swings, period in
+    position. warming: share by which dampers change, time constant. amplifier: lag, step, band,
+    ratio, limit, slew a tick. sensor: amplitude, period, phase; rectified; step. laws (w, LAW):
+    laws of no name, a row each (`law_value`).
     """
 
     masses: Floats
@@ -68,9 +69,9 @@ class Truth(NamedTuple):
     yields: Floats
     bristles: Floats
     viscous: Floats
-    constant: float
+    constant: Floats
     gravity: Floats
-    ripple: Floats
+    ripples: Floats
     hum: Floats
     detent: Floats
     stop: Floats
@@ -183,14 +184,9 @@ def next_pin(row, pin, before, after, h):
 
 @jit
 def on_m1(truth, t, q, v):
-    """All forces on m1 that depend on its own motion or on time alone."""
+    """Forces on m1 alone, of no library, by its own motion or by time."""
     turn = 2.0 * math.pi
-    f = truth.constant
-    f -= (truth.viscous[0] if v > 0.0 else truth.viscous[1]) * v
-    if truth.gravity[0] != 0.0:
-        f -= truth.gravity[0] * math.sin(q + truth.gravity[1])
-    if truth.ripple[0] != 0.0:
-        f += truth.ripple[0] * math.sin(turn * q / truth.ripple[1] + truth.ripple[2])
+    f = 0.0
     if truth.hum[0] != 0.0:
         f += truth.hum[0] * math.sin(turn * truth.hum[1] * t + truth.hum[2])
     if truth.detent[0] != 0.0:
@@ -201,6 +197,22 @@ def on_m1(truth, t, q, v):
         push = truth.stop[1] * (abs(q) - truth.stop[0]) + truth.stop[2] * side * v
         f -= side * max(0.0, push)
     return f
+
+
+@jit
+def by_position(truth, x, out):
+    """Add the forces that follow the position of a mass."""
+    n = truth.masses.size
+    for e in range(truth.gravity.shape[0]):
+        i = int(truth.gravity[e, 0])
+        out[n + i] -= truth.gravity[e, 1] * math.sin(x[i] + truth.gravity[e, 2])
+    for e in range(truth.ripples.shape[0]):
+        i, j = int(truth.ripples[e, 0]), int(truth.ripples[e, 1])
+        amplitude, period, phase = truth.ripples[e, 2:]
+        f = amplitude * math.sin(2.0 * math.pi * x[i] / period + phase)
+        out[n + i] += f
+        if j >= 0:
+            out[n + j] -= f
 
 
 @jit
@@ -299,7 +311,8 @@ def derivative(truth, t, x, held, dry, pins, process, out):
     for i in range(n):
         v = x[n + i]
         out[i] = v
-        f = dry[i] - warm * truth.dampers[i] * v - truth.springs[i] * x[i]
+        f = dry[i] - warm * truth.dampers[i] * v - truth.springs[i] * x[i] + truth.constant[i]
+        f -= (truth.viscous[i, 0] if v > 0.0 else truth.viscous[i, 1]) * v
         out[n + i] = f - truth.drag[i] * v * abs(v) - truth.cubic_drag[i] * v * v * v
     lag = truth.amplifier[0]
     motor = held
@@ -307,6 +320,7 @@ def derivative(truth, t, x, held, dry, pins, process, out):
         motor = x[2 * n]
         out[2 * n] = (held - motor) / lag
     out[n] += motor + process + on_m1(truth, t, x[0], x[n])
+    by_position(truth, x, out)
     for e in range(truth.links.shape[0]):
         row = truth.links[e]
         i, j = int(row[0]), int(row[1])

@@ -1,7 +1,7 @@
 """From a device, as it is declared, to the numbers that the integrator moves."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -9,7 +9,9 @@ from zwidth.scenarios.concealed.integrator import Floats, Truth
 from zwidth.scenarios.concealed.outside import Outside
 from zwidth.sim.device import Device
 from zwidth.sim.physics.effect import Physics
+from zwidth.sim.place import Place
 
+ROW = 5  # numbers of a row of which there is none
 BRISTLE, MICRO = 0.3, 0.7  # omega h of a stiff bristle, its damping ratio
 
 
@@ -31,14 +33,17 @@ def truth_of(device: Device, steps: int, outside: Outside | None = None) -> Trut
 
     masses, dampers, links = _chain(device, by_name)
     n = masses.size
-    springs, drag = np.zeros(n), np.zeros(n)
+    springs, drag, constant, viscous = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((n, 2))
     springs[0] = device.chain.ground_spring
     for physics in by_name.get("ground_spring", ()):
-        springs[_mass(physics)] += physics.values["stiffness"]
+        springs[physics.place.index] += physics.values["stiffness"]
     for physics in by_name.get("quadratic_drag", ()):
-        drag[_mass(physics)] += physics.values["coefficient"]
+        drag[physics.place.index] += physics.values["coefficient"]
+    for physics in by_name.get("constant_force", ()):
+        constant[physics.place.index] += physics.values["level"]
+    for physics in by_name.get("directional_friction", ()):
+        _, _, *viscous[physics.place.index] = physics.values.values()
     interface = device.interface
-    sided = one("directional_friction")
     amplifier = [
         one("actuator_lag").get("time_constant", 0.0),
         interface.command_step,
@@ -57,10 +62,10 @@ def truth_of(device: Device, steps: int, outside: Outside | None = None) -> Trut
         links=links,
         yields=_yields(by_name),
         bristles=_bristles(by_name, masses, interface.period / steps),
-        viscous=np.array([sided.get("viscous_plus", 0.0), sided.get("viscous_minus", 0.0)]),
-        constant=one("constant_force").get("level", 0.0),
-        gravity=row("gravity_pendulum", (0.0, 0.0)),
-        ripple=row("force_ripple", (0.0, 1.0, 0.0)),
+        viscous=viscous,
+        constant=constant,
+        gravity=_rows([p.place.index, *p.vector()] for p in by_name.get("gravity_pendulum", ())),
+        ripples=_rows([*p.place.ends, *p.vector()] for p in by_name.get("force_ripple", ())),
         hum=np.array([0.0, 1.0, 0.0]),
         detent=np.array([0.0, 1.0, 1.0]),
         stop=np.array([math.inf, 0.0, 0.0]),
@@ -81,13 +86,10 @@ def lost_rate(device: Device) -> float:
     return next((p.values["rate"] for p in named), 0.0)
 
 
-def _mass(physics: Physics) -> int:
-    return int(physics.at[-1]) - 1
-
-
-def _ends(at: str) -> tuple[float, float]:
-    """Masses that a place lies between; -1 is ground."""
-    return (0.0, -1.0) if at == "ground" else (float(at[4]) - 1.0, float(at[5]) - 1.0)
+def _rows(rows: Iterable[Sequence[float]]) -> Floats:
+    """Rows as the integrator takes them, also where there is none."""
+    found = [list(row) for row in rows]
+    return np.array(found, dtype=np.float64).reshape(len(found), -1 if found else ROW)
 
 
 def _chain(device: Device, by_name: Mapping[str, list[Physics]]) -> tuple[Floats, Floats, Floats]:
@@ -95,17 +97,17 @@ def _chain(device: Device, by_name: Mapping[str, list[Physics]]) -> tuple[Floats
     chain = device.chain
     masses, dampers = list(chain.masses), list(chain.ground_dampers)
     links: list[list[float]] = []
-    gaps = {p.at: p.values["gap"] for p in by_name.get("backlash", ())}
+    gaps = {p.place: p.values["gap"] for p in by_name.get("backlash", ())}
     for i, (k, c) in enumerate(zip(chain.link_springs, chain.link_dampers, strict=True)):
-        gap = gaps.get(f"link{i + 1}{i + 2}", 0.0)
+        gap = gaps.get(Place("link", i), 0.0)
         # Masses pull apart: stretch is counted from the first to the second.
         links.append([i, i + 1, k, c, 0.0, gap, 0.0, 1.0])
     for physics in by_name.get("cubic_stiffness", ()):
-        links.append([*_ends(physics.at), 0.0, 0.0, *physics.values.values(), 0.0, 0.0, 1.0])
+        links.append([*physics.place.ends, 0.0, 0.0, *physics.values.values(), 0.0, 0.0, 1.0])
     for physics in by_name.get("extra_mode", ()):
         mass, k, c = physics.values.values()
         if mass > 0.0:
-            links.append([_mass(physics), len(masses), k, c, 0.0, 0.0, 0.0, 1.0])
+            links.append([physics.place.index, len(masses), k, c, 0.0, 0.0, 0.0, 1.0])
             masses.append(mass)
             dampers.append(0.0)
     return np.array(masses), np.array(dampers), np.array(links, dtype=np.float64).reshape(-1, 8)
@@ -113,7 +115,7 @@ def _chain(device: Device, by_name: Mapping[str, list[Physics]]) -> tuple[Floats
 
 def _yields(by_name: Mapping[str, list[Physics]]) -> Floats:
     rows = [
-        [*_ends(p.at), *p.values.values()]
+        [*p.place.ends, *p.values.values()]
         for p in by_name.get("hysteresis", ())
         if p.values["level"] > 0.0
     ]
@@ -129,17 +131,17 @@ def _bristles(by_name: Mapping[str, list[Physics]], masses: Floats, h: float) ->
 
     for p in by_name.get("coulomb_friction", ()):
         level = p.values["level"]
-        stiff(_mass(p), (level, level, level, level), 1.0)
+        stiff(p.place.index, (level, level, level, level), 1.0)
     for p in by_name.get("stribeck_friction", ()):
         level, static, velocity = p.values.values()
-        stiff(_mass(p), (level, static, level, static), velocity)
+        stiff(p.place.index, (level, static, level, static), velocity)
     for p in by_name.get("directional_friction", ()):
         plus, minus, *_ = p.values.values()
-        stiff(_mass(p), (plus, plus, minus, minus), 1.0)
+        stiff(p.place.index, (plus, plus, minus, minus), 1.0)
     for p in by_name.get("presliding_friction", ()):
         level, stiffness = p.values.values()
         if stiffness > 0.0:
-            rows.append([_mass(p), stiffness, 0.0, level, level, level, level, 1.0])
+            rows.append([p.place.index, stiffness, 0.0, level, level, level, level, 1.0])
     return np.array(rows, dtype=np.float64).reshape(-1, 8)
 
 

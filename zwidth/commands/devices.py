@@ -147,6 +147,8 @@ def _settings(console: Console, device: Device) -> None:
         ("encoder step", interface.encoder_step, 0.0),
         ("command step", interface.command_step, 0.0),
         ("command limit", interface.command_limit, math.inf),
+        ("command gain", interface.command_gain, 1.0),
+        ("position origin", interface.position_origin, 0.0),
         ("velocity cutoff [Hz]", interface.velocity_cutoff_hz, math.inf),
     ):
         if value != none:

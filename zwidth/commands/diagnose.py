@@ -3,8 +3,9 @@
 import itertools
 import math
 import shlex
+import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -20,6 +21,7 @@ from zwidth.diagnosis.diagnosis_log import diagnosis_trace
 from zwidth.diagnosis.experiment import Experiment, stretches
 from zwidth.diagnosis.mishaps import Mishaps, attempt, collecting, isolated
 from zwidth.diagnosis.result import Diagnosis, NotDiagnosed
+from zwidth.diagnosis.selection.effort import EFFORTS
 from zwidth.diagnosis_report import (
     INTERRUPTED,
     Commands,
@@ -58,6 +60,11 @@ RESULTS = ("diagnosis.html", "augmented.toml", "next.toml", "next.npy")
     type=click.Path(path_type=Path),
     help="Judge by this recording; without it by the last 30 % of each.",
 )
+@click.option(
+    "--effort",
+    type=click.Choice(list(EFFORTS)),
+    help="Search whole hypotheses, so many; without it, step by step (see docs/diagnosis.md).",
+)
 @out_option("runs")
 @force_option
 @json_option
@@ -65,6 +72,7 @@ def command(
     recordings: tuple[Path, ...],
     name: str,
     validate: tuple[Path, ...],
+    effort: str | None,
     out: Path,
     json_file: str | None,
 ) -> None:
@@ -88,13 +96,29 @@ def command(
             logs = _log_files(out, [path for path, _ in fit_on])
             console.will_write(*map(asked.file, RESULTS), *(log for _, log in logs))
             try:
-                found = diagnose(device, [e for _, e in fit_on], judge_by, console.doing)
+                found = diagnose(
+                    device,
+                    [e for _, e in fit_on],
+                    judge_by,
+                    _timed(console),
+                    EFFORTS.get(effort or ""),
+                )
             except NotDiagnosed as end:
                 raise _unanswered(asked, end, mishaps) from end
         _say(console, found)
         _answer(asked, found, logs, mishaps)
     if found.interrupted:
         raise KeyboardInterrupt
+
+
+def _timed(console: Console) -> Callable[[str], None]:
+    """What is being done, with the time since the beginning."""
+    begun = time.monotonic()
+
+    def say(text: str) -> None:
+        console.doing(f"{time.monotonic() - begun:4.0f} s  {text}")
+
+    return say
 
 
 @dataclass(frozen=True)

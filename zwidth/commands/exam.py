@@ -12,7 +12,7 @@ from zwidth.exam.conceal import conceal, orders
 from zwidth.exam.strata import counts
 from zwidth.exam.take import mark_all, result, sit_all
 from zwidth.exam_page import goals, page
-from zwidth.figures.exam import confusion_figure, magnitude_figure
+from zwidth.figures.exam import confusion_figure, magnitude_figure, reliability_figure
 from zwidth.figures.names import picture_files
 from zwidth.figures.style import save_figure
 from zwidth.files.protection import reading
@@ -21,12 +21,17 @@ from zwidth.jobs.choose import executor
 from zwidth.options import Quantity, cluster_option, force_option, json_option
 from zwidth.scenarios.concealed.handout import all_files, made_file, names
 
+PICTURES = ("confusion", "magnitude", "reliability")
+
 
 @click.command("exam")
 @click.argument("folder", metavar="DIR", type=click.Path(file_okay=False, path_type=Path))
 @click.option("--count", type=click.IntRange(1),
               help="Make so many recordings in DIR first, as zwidth conceal does.")  # fmt: skip
 @click.option("--strata", metavar="NAME=N,...", help="Make so many of each class first.")
+@click.option("--rigs", type=click.IntRange(0), default=0, help="Make so many rigs first.")
+@click.option("--outside", type=click.IntRange(0), default=0,
+              help="Make so many with a law of no name first.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), help="Seed of the recordings made first.")
 @click.option("--seconds", type=Quantity("s", 2.0), help="Length of each, else 10 to 20 s.")
 @click.option("--processes", type=click.IntRange(1), help="Processes side by side, else one.")
@@ -39,6 +44,8 @@ def command(
     folder: Path,
     count: int | None,
     strata: str | None,
+    rigs: int,
+    outside: int,
     seed: int | None,
     seconds: float | None,
     processes: int | None,
@@ -48,14 +55,18 @@ def command(
 ) -> None:
     """Diagnose concealed recordings, open the seals, and score.
 
-    DIR is a folder of zwidth conceal, or is filled first where --count or --strata is given. Writes
-    DIR/exam.json and DIR/exam.md with its pictures. Answers are kept as they come: an interrupted
-    exam goes on where it stopped. Delete DIR/answers and DIR/marks to sit it again.
+    DIR is a folder of zwidth conceal, or is filled first where --count, --strata, --rigs or
+    --outside is given. Writes DIR/exam.json and DIR/exam.md with its pictures. Answers are kept as
+    they come: an interrupted exam goes on where it stopped. Delete DIR/answers and DIR/marks to sit
+    it again.
     """
     console = Console(json_file)
-    making = count is not None or strata is not None
+    making = count is not None or strata is not None or rigs > 0 or outside > 0
     if not making and (seed is not None or seconds is not None):
-        raise ValueError("--seed and --seconds say how to make recordings; add --count or --strata")
+        raise ValueError(
+            "--seed and --seconds say how to make recordings; add --count, --strata, --rigs or"
+            " --outside"
+        )
     for name in names(folder):  # finished, so they are not made again
         for file in all_files(folder, name):
             reading(file)
@@ -66,7 +77,7 @@ def command(
     announce(console)
     with executor(cluster, processes) as runner:
         if making:
-            asked = orders(folder, counts(count or 1, strata), seed or 0, seconds)
+            asked = orders(folder, counts(count, strata, rigs, outside), seed or 0, seconds)
             with progress("concealing", len(asked)) as advance:
                 conceal(folder, asked, runner, lambda name: advance(now=name))
         total = len(list((folder / "keys").glob("*.json")))
@@ -80,7 +91,7 @@ def command(
     facts = {
         "command": _line(folder, made, processes, page_file),
         "seed": made[0][2],
-        "length": "10 to 20 s" if made[0][4] == "None" else f"{made[0][4]} s",
+        "length": None if made[0][4] == "None" else f"{made[0][4]} s",
     }
     for path in pages:
         for written in _write(path, found, facts):
@@ -96,8 +107,11 @@ def _write(path: Path, found: dict[str, Any], facts: dict[str, Any]) -> list[Pat
     figures = {
         "confusion": confusion_figure(found["confusion"]),
         "magnitude": magnitude_figure(found["by_magnitude"]),
+        "reliability": reliability_figure(found["calibration"]),
     }
     stems = _pictures(path)
+    if not found["calibration"]["statements"]:
+        del stems["reliability"]
     written = [file for name, stem in stems.items() for file in save_figure(figures[name], stem)]
     names = {name: f"{stem.name}.png" for name, stem in stems.items()}
     return [write_text(path, page(found, facts, names)), *written]
@@ -105,7 +119,7 @@ def _write(path: Path, found: dict[str, Any], facts: dict[str, Any]) -> list[Pat
 
 def _pictures(page_file: Path) -> dict[str, Path]:
     """Return the pictures of a page, without the kind of file that ends their names."""
-    return {n: page_file.with_name(f"{page_file.stem}_{n}") for n in ("confusion", "magnitude")}
+    return {n: page_file.with_name(f"{page_file.stem}_{n}") for n in PICTURES}
 
 
 def _made(folder: Path) -> list[list[str]]:

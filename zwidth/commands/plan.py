@@ -28,11 +28,11 @@ from zwidth.sim.device import Device, warnings_of
 from zwidth.sim.device_file import load_device
 from zwidth.sim.nearest import nearest
 from zwidth.sim.physics import EFFECTS
+from zwidth.sim.place import place_at
 from zwidth.sim.run import simulate
 
 PROCESS = 0.002  # of the largest command: the process noise where none is given
 LONGEST = 120_000  # ticks: a hundred signatures as long are held at once
-EFFECT_PLACES = sum(len(effect.places) for effect in EFFECTS.values())
 Floats = NDArray[np.float64]
 
 
@@ -91,7 +91,7 @@ def command(
     console.will_write(*pictures, *played_files)
     plans: list[Plan] = []
     files: list[Path] = []
-    with progress("planning", len(names) * (EFFECT_PLACES + len(LIBRARY))) as advance:
+    with progress("planning", len(names) * (_places(device) + len(LIBRARY))) as advance:
         for stem, played in commands.items():
             told = partial(_tell, advance, stem)
             rehearsed = rehearse(device, played, seen, seed=seed, name=stem)
@@ -123,6 +123,12 @@ def command(
             "files": [str(path) for path in files],
         }
     )
+
+
+def _places(device: Device) -> int:
+    """Return at how many places of a device an effect may be, all effects together."""
+    every = (place_at(at) for effect in EFFECTS.values() for at in effect.places)
+    return sum(place.masses_needed <= device.chain.masses.size for place in every)
 
 
 def _tell(advance: Advance, stem: str, now: str) -> None:

@@ -1,4 +1,4 @@
-"""What single effects were taken for, and how often rightly, against their size."""
+"""What single effects were taken for, how often rightly against their size, and what was sure."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -77,4 +77,31 @@ def magnitude_figure(found: Sequence[Mapping[str, Any]]) -> Figure:
         axes.set_ylabel("share")
         axes.set_title("Single effects, with exact 95 % intervals")
         figure.legend(loc="outside upper left", ncols=2, frameon=False)
+    return figure
+
+
+def reliability_figure(found: Mapping[str, Any]) -> Figure:
+    """Return how often what was said with a probability was so, against that probability.
+
+    found: `calibration` in the JSON of `zwidth exam`. The area of a point grows with the statements
+    in it; bars are exact 95 % intervals.
+    """
+    with rc_context(STYLE):
+        figure = Figure(figsize=(4.4, 4.2), layout="constrained")
+        axes = figure.subplots()
+        axes.plot([0.0, 1.0], [0.0, 1.0], color="#888888", linewidth=1.0)
+        table = found["table"]
+        x = np.array([row["said"] for row in table])
+        y = np.array([row["seen"]["share"] for row in table])
+        ends = np.array([row["seen"]["ci95"] for row in table]).reshape(-1, 2)
+        counts = np.array([row["seen"]["count"] for row in table], dtype=np.float64)
+        axes.errorbar(x, y, np.abs(ends.T - y), fmt="none", ecolor="#004488", capsize=2)
+        axes.scatter(x, y, 12.0 + 150.0 * counts / max(counts.sum(), 1.0), color="#004488")
+        axes.set_xlim(-0.02, 1.02)
+        axes.set_ylim(-0.02, 1.02)
+        axes.set_xlabel("probability that was stated")
+        axes.set_ylabel("share of statements that are so")
+        error = found["expected_error"]
+        said = f"{found['statements']} statements"
+        axes.set_title(f"{said}, calibration error {error:.3f}" if table else "none was stated")
     return figure
