@@ -93,6 +93,12 @@ class Experiment:
         return self.part(0, cut), self.part(cut, self.ticks)
 
 
+def beginnings(experiments: Sequence[Experiment], ticks: int) -> list[Experiment]:
+    """Return the first samples of recordings, as many of each, `ticks` of all together at most."""
+    share = max(1, ticks // len(experiments))
+    return [e.part(0, min(share, e.ticks)) for e in experiments]
+
+
 def experiment(trace: Trace, device: Device, name: str = "recording") -> Experiment:
     """Take command and measured motions from a trace.
 

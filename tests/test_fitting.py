@@ -98,20 +98,17 @@ def test_a_member_that_runs_away_has_infinite_cost_and_its_neighbours_have_their
 def test_a_population_finds_play_where_the_refit_has_bent_away_from_it() -> None:
     """Device file up to 30 % off; from its values and from the refit's, gap of 0.01 rad.
 
-    Slopes from the refit stay in its valley. Mutation: generations of a tenth of the spread.
+    Slopes from the refit stay in its valley. Mutation: members that do not spread.
     """
     made = recording(drive().with_physics(play(0.01)), 3000, 5)
     guessed = drive(np.exp(0.3 * np.random.default_rng(2).uniform(-1.0, 1.0, 3)))
     problem, linear = refit(guessed, [made])
     model = Model(guessed, (play(0.004),), ({"gap": 0.004},))
     starts = [np.append(linear.x, 0.0), np.zeros(linear.x.size + 1)]
-    shares: list[float] = []
-    likeliest, plan = problem.observer.ratio, Generations(generations=40)
-    found = evolve([made], model, starts, likeliest, plan, shares.append)
+    found = evolve([made], model, starts, 1e-2)
     assert [f.cost for f in found] == sorted(f.cost for f in found)
     assert model.build(found[0].x).physics[0].values["gap"] == pytest.approx(0.01, rel=0.1)
-    assert shares[-1] == 1.0
-    by_slopes = prepared_for([made], model, starts[0], likeliest).fit(model, starts[0])
+    by_slopes = prepared_for([made], model, starts[0], problem.observer.ratio).fit(model, starts[0])
     assert model.build(by_slopes.x).physics[0].values["gap"] < 0.006
 
 
@@ -122,4 +119,4 @@ def test_a_population_is_the_same_each_time() -> None:
     first, again = (evolve([made], model, [start], 1.0, plan)[0] for _ in range(2))
     assert first.cost == again.cost
     assert np.array_equal(first.x, again.x)
-    assert first.asked == again.asked == 2 * 3 * 16
+    assert first.asked == again.asked == 3 * 32

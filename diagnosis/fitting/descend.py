@@ -31,27 +31,28 @@ FARTHEST = 5.0  # in x, that one step goes at most
 
 @dataclass(frozen=True)
 class Descended:
-    """Where a descent ended.
-
-    slopes: of residual (samples + priors, x) there or one round before.
-    """
+    """Where a descent ended: x, its cost, and how many rounds it made."""
 
     x: Floats
     cost: float
-    residual: Floats
-    slopes: Floats
     rounds: int
 
-    @property
-    def information(self) -> Floats:
-        """Half the curvature of the cost (x, x)."""
-        return self.slopes.T @ self.slopes
+
+@dataclass(frozen=True)
+class Slopes:
+    """Slopes (samples + priors, x) of the residual at x, and what else was asked to have them.
+
+    beside: the x of the differences; costs: of these.
+    """
+
+    residual: Floats
+    slopes: Floats
+    beside: list[Floats]
+    costs: Floats
 
 
-def slopes_at(
-    ground: Landscape, x: Floats, residual: Floats, widths: Floats, both: bool
-) -> tuple[Floats, list[Floats], list[Floats]]:
-    """Return slopes (samples + priors, x), and the x and residuals they were taken from.
+def slopes_at(ground: Landscape, x: Floats, widths: Floats, both: bool) -> Slopes:
+    """Return residual and slopes at x, in one call for all.
 
     both: differences to both sides, for what has creases.
     """
@@ -63,14 +64,15 @@ def slopes_at(
     backward = np.clip(x - forward, lower, upper)
     if both:
         asked += [np.where(np.arange(x.size) == i, backward, x) for i in range(x.size)]
-    found = ground.residuals(asked)
+    residual, *found = ground.residuals([x, *asked])
     columns: list[Floats] = []
     for i in range(x.size):
         if both and backward[i] != x[i]:
             columns.append((found[i] - found[x.size + i]) / (asked[i][i] - backward[i]))
         else:
             columns.append((found[i] - residual) / forward[i])
-    return np.column_stack(columns), asked, found
+    costs = np.array([ground.cost(r) for r in found])
+    return Slopes(residual, np.column_stack(columns), asked, costs)
 
 
 def descend(
@@ -78,41 +80,35 @@ def descend(
 ) -> Descended:
     """Go downhill from x; creased: whether the model has effects that are (`Effect.creased`)."""
     x = ground.model.within(x)
-    (residual,) = ground.residuals([x])
-    cost = ground.cost(residual)
     widths = np.full(x.size, CREASED if creased else SMOOTH)
-    slopes = np.zeros((residual.size, x.size))
-    made = 0
+    cost, made = np.inf, 0
     while made < rounds:
         made += 1
-        slopes, asked, beside = slopes_at(ground, x, residual, widths, creased)
-        if not np.all(np.isfinite(slopes)):
-            slopes = np.nan_to_num(slopes, nan=0.0, posinf=0.0, neginf=0.0)
-        steps = _steps(ground, x, residual, slopes)
-        costs = ground.costs(steps) if steps else np.zeros(0)
-        near = np.array([ground.cost(r) for r in beside])
-        best = int(np.nanargmin(costs)) if costs.size else -1
-        side = int(np.nanargmin(near))
-        gained = cost - (costs[best] if best >= 0 else np.inf)
-        if best >= 0 and costs[best] <= near[side]:
-            other, new = steps[best], float(costs[best])
-        else:
-            other, new = asked[side], float(near[side])
-        if not new < cost:
-            if creased and widths.max() > 4.0 * NARROWEST and made < rounds:
-                widths = np.maximum(0.25 * widths, NARROWEST)
-                if widths.max() < 1e-3:
-                    break
-                continue
-            break
-        gained = cost - new
-        x, cost = other, new
-        (residual,) = ground.residuals([x])
+        at = slopes_at(ground, x, widths, creased)
+        if made == 1:
+            cost = ground.cost(at.residual)
+        slopes = np.nan_to_num(at.slopes, nan=0.0, posinf=0.0, neginf=0.0)
+        steps = _steps(ground, x, at.residual, slopes)
+        tried = [*steps, *at.beside]
+        costs = np.concatenate([ground.costs(steps) if steps else np.zeros(0), at.costs])
+        best = int(np.argmin(np.nan_to_num(costs, nan=np.inf)))
+        gained = cost - float(costs[best])
+        if not gained > 0.0:
+            if not creased or widths.max() <= 4.0 * NARROWEST:
+                break
+            widths = np.maximum(0.25 * widths, NARROWEST)
+            if widths.max() < 1e-3:
+                break
+            continue
+        x, cost = tried[best], float(costs[best])
         if gained < worth:
             break
         if creased:
-            widths = _widths(slopes, residual)
-    return Descended(x, cost, residual, slopes, made)
+            widths = _widths(slopes, at.residual)
+    if made == 0:
+        (residual,) = ground.residuals([x])
+        cost = ground.cost(residual)
+    return Descended(x, cost, made)
 
 
 def _widths(slopes: Floats, residual: Floats) -> Floats:

@@ -62,11 +62,10 @@ class View:
 def view(problem: Problem, model: Model, x: Floats, own: bool) -> View:
     """Return a view of a model at x."""
     ground = Landscape(problem.experiments, problem.observer, model, FAR)
-    (residual,) = ground.residuals([x])
     creased = any(p.effect.creased for p in model.effects)
     widths = np.full(x.size, CREASED if creased else SMOOTH)
-    slopes, _, _ = slopes_at(ground, x, residual, widths, creased)
-    return View(problem, model, x, residual, slopes, own)
+    at = slopes_at(ground, x, widths, creased)
+    return View(problem, model, x, at.residual, at.slopes, own)
 
 
 def screened(seen: View, starts: Mapping[str, Sequence[Start]]) -> list[Screened]:

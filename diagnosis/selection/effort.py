@@ -23,13 +23,13 @@ class Effort:
     judged: int = 3
     ended: int = 3
     beside: int = 2
-    generations: int = 25
-    members: int = 14
+    generations: int = 80
+    members: int = 16
     rounds: int = 3
     first_rounds: ClassVar[int] = 4
 
 
 QUICK = Effort(effects=3, near=3, far=2, rivals=2, ended=2, generations=0, rounds=1)
 NORMAL = Effort()
-THOROUGH = Effort(beam=3, near=8, far=6, rivals=8, ended=8, generations=80, members=32, rounds=5)
+THOROUGH = Effort(beam=3, near=8, far=6, rivals=8, ended=8, generations=200, members=32, rounds=5)
 EFFORTS = {"quick": QUICK, "normal": NORMAL, "thorough": THOROUGH}

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.fit import Fitted, Problem
 from zwidth.diagnosis.fitting.descend import CREASED, SHARE, SMOOTH, descend, slopes_at
-from zwidth.diagnosis.fitting.landscape import Landscape
+from zwidth.diagnosis.fitting.landscape import FAR, Landscape
 from zwidth.diagnosis.noise.family import FAMILY, Noise, likeliest
 from zwidth.diagnosis.parameters import Model, effect_labels
-from zwidth.diagnosis.predictor import SEARCHING
+from zwidth.diagnosis.predictor import SEARCHING, Fineness
 from zwidth.diagnosis.selection.evidence import Cost, cost
 from zwidth.sim.physics.sizes import SMALLEST
 
@@ -56,6 +56,11 @@ class Hypothesis:
         return any(p.effect.creased for p in self.model.effects)
 
     @property
+    def has_valleys(self) -> bool:
+        """Whether a fit of it ends in the valley where it began."""
+        return any(q.valleys for p in self.model.effects for q in p.effect.parameters)
+
+    @property
     def ratio(self) -> float:
         """The observer's ratio."""
         return self.noise.observer.ratio
@@ -68,8 +73,16 @@ class Hypothesis:
     @property
     def ground(self) -> Landscape:
         """What its model costs over x under its noise."""
+        return self._ground(SEARCHING)
+
+    @property
+    def far_ground(self) -> Landscape:
+        """The same in as few substeps as costs compare in while a search is far from its end."""
+        return self._ground(FAR)
+
+    def _ground(self, fineness: Fineness) -> Landscape:
         problem = self.problem
-        return Landscape(problem.experiments, problem.observer, self.model, SEARCHING)
+        return Landscape(problem.experiments, problem.observer, self.model, fineness)
 
     @property
     def samples(self) -> int:
@@ -102,15 +115,19 @@ def ratios_near(ratio: float) -> Floats:
 
 
 def settled(begun: Hypothesis, turns: int = 3, rounds: int = 6, worth: float = 1.0) -> Hypothesis:
-    """Fit, and choose the noise anew, in turn, until neither gains; then price its freedom."""
+    """Fit, and choose the noise anew, in turn, until neither gains; then price its freedom.
+
+    The first turn is made in as few substeps as costs compare in, which brings most of the way.
+    """
     best = begun
-    for _ in range(turns):
-        there = descend(best.ground, best.x, rounds, best.creased)
+    for turn in range(turns):
+        ground = best.ground if turn else best.far_ground
+        there = descend(ground, best.x, rounds, best.creased)
         again = judged(best.experiments, best.model, there.x, ratios_near(best.ratio))
         gained = best.cost.misfit - again.cost.misfit
         if gained > 0.0:
             best = again
-        if gained < worth:
+        if turn and gained < worth:
             break
     return priced(best)
 
@@ -122,11 +139,11 @@ def priced(h: Hypothesis) -> Hypothesis:
     """
     ground = h.ground
     widths = np.full(h.x.size, CREASED if h.creased else SMOOTH)
-    slopes, _, _ = slopes_at(ground, h.x, h.residual, widths, h.creased)
+    slopes = slopes_at(ground, h.x, widths, h.creased).slopes
     if h.creased:
         own = 1.0 / np.sqrt(np.maximum(np.sum(slopes**2, axis=0), 1e-300))
         widths = np.clip(SHARE * own, SMOOTH, CREASED)
-        slopes, _, _ = slopes_at(ground, h.x, h.residual, widths, both=True)
+        slopes = slopes_at(ground, h.x, widths, both=True).slopes
     information = slopes.T @ slopes
     lines = cost(h.cost.misfit, information, _ranges(h.model, h.x, information))
     return replace(h, slopes=slopes, cost=replace(lines, rarity=h.cost.rarity))

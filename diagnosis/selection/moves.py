@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.candidates import Start
-from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.experiment import Experiment, beginnings
 from zwidth.diagnosis.fit import Problem
 from zwidth.diagnosis.fitting.descend import descend
 from zwidth.diagnosis.fitting.landscape import FAR, Landscape
@@ -145,8 +145,7 @@ def _views(h: Hypothesis) -> Iterator[View]:
     """Yield a hypothesis under its own noise, and far ahead from itself and the device file."""
     yield view(h.problem, h.model, h.x, own=True)
     prior = np.array([p.prior for p in h.model.parameters])
-    share = FAR_TICKS // len(h.experiments)
-    stretch = [e.part(0, min(share, e.ticks)) for e in h.experiments]
+    stretch = beginnings(h.experiments, FAR_TICKS)
     for x in (h.x, np.where(prior, 0.0, h.x)):
         try:
             yield view(prepared_for(stretch, h.model, x, SLOWEST), h.model, x, own=False)

@@ -10,6 +10,7 @@ What is believed, `evidence` says; what is tried, `moves` say; how much, `Effort
 
 import time
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from typing import TypeVar
@@ -17,7 +18,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.experiment import Experiment, beginnings
 from zwidth.diagnosis.fitting.evolve import Generations, evolve
 from zwidth.diagnosis.mishaps import attempt, isolated
 from zwidth.diagnosis.noise.family import FAMILY
@@ -48,7 +49,12 @@ from zwidth.sim.device import Device
 Floats = NDArray[np.float64]
 Say = Callable[[str], None]
 Result = TypeVar("Result")
-SLOWER = (1e-1, 1e-2)  # of the likeliest observer, under which a population grows
+LADDER = (1.0, 1e-1, 1e-2, 1e-3, 1e-4)  # ratios under which populations grow
+LEADING = 2  # of what arrived, that grow on
+GROWN_TICKS = 3000  # of all recordings together: twice as many, and half, arrived no more often
+AGAIN, STILL = 6, 10.0  # turns about the best, and what one must gain in misfit for another
+FAR_SPREAD, NEAR_SPREADS = 0.5, (0.3, 0.1)  # in x, of which one is a file's own uncertainty
+Grown = list[Hypothesis]
 
 
 def silent(_: str) -> None:
@@ -78,6 +84,7 @@ class Search:
     moves: Moves = Moves()
     tried: dict[frozenset[str], Hypothesis] = field(default_factory=dict)
     grown: set[frozenset[str]] = field(default_factory=set)
+    looked: set[frozenset[str]] = field(default_factory=set)
     exchanged: set[frozenset[str]] = field(default_factory=set)
     fits: int = 0
     spent: float = 0.0
@@ -119,6 +126,7 @@ def search(
                 before = found.best
                 _grown(found)
                 _exchanged(found)
+                _looked_for_anew(found)  # from another structure another valley may be seen
                 if found.best is before:
                     break
     except KeyboardInterrupt:
@@ -180,22 +188,53 @@ def _worth(more: Hypothesis, less: Hypothesis) -> bool:
 
 
 def _looked_for_anew(found: Search) -> None:
-    """Let a population grow from where the best hypothesis stands and from the device file."""
+    """Let populations grow from where the best hypothesis stands and from the device file.
+
+    Where a fit ends in the valley in which it began (play), each ratio of a ladder has its own:
+    what the best has left unexplained is noise to it, so its own ratio says little of the right
+    one. Those that cost least of all that arrived, under their own noise, grow on about where they are,
+    while that gains.
+    """
     h, effort = found.best, found.effort
-    if not h.creased or effort.generations == 0:
+    if not h.creased or effort.generations == 0 or h.labels in found.looked:
         return
+    found.looked.add(h.labels)
+    label = h.model.label
+    found.say(f"looking for the valley of {label} anew")
+    stretch = beginnings(h.experiments, GROWN_TICKS)
+
+    def grown(ratio: float, xs: Sequence[Floats], generations: int, spread: float) -> Grown:
+        plan = Generations(effort.members, generations, spread)
+        arrived: list[Hypothesis] = []
+        for a in evolve(stretch, h.model, xs, ratio, plan):
+            with suppress(NoObserver):
+                arrived.append(judged(h.experiments, h.model, a.x))
+        return arrived
+
+    def best_of(legs: Sequence[tuple[float, Sequence[Floats], float]]) -> list[Hypothesis]:
+        asked = [
+            (label, partial(grown, ratio, xs, effort.generations, spread))
+            for ratio, xs, spread in legs
+        ]
+        every = [a for arrived in _each("a population", asked) for a in arrived]
+        return sorted(every, key=lambda a: a.cost.misfit)
+
     prior = np.array([p.prior for p in h.model.parameters])
-    plan = Generations(effort.members, effort.generations, SLOWER)
-    found.say(f"looking for the valley of {h.model.label} anew")
     starts = [h.x, np.where(prior, 0.0, h.x)]
-    for arrived in evolve(h.experiments, h.model, starts, h.ratio, plan):
-        with isolated("search", "a population"):
-            try:
-                new = found.keep(settled(judged(h.experiments, h.model, arrived.x)))
-            except NoObserver:
-                continue
-            if new.cost.total < found.best.cost.total:
-                found.best = new
+    ladder = LADDER if h.has_valleys else (h.ratio,)
+    leading = best_of([(ratio, starts, FAR_SPREAD) for ratio in ladder])[:LEADING]
+    for _ in range(AGAIN):
+        near = best_of([(a.ratio, [a.x], spread) for a in leading for spread in NEAR_SPREADS])
+        if not near or leading[0].cost.misfit - near[0].cost.misfit < STILL:
+            break
+        leading = near[:LEADING]
+    best = min(leading, key=lambda a: a.cost.misfit, default=None)
+    ended = None if best is None else attempt("a population", label, partial(settled, best))
+    if ended is None:
+        return
+    new = found.keep(ended)
+    if new.cost.total < h.cost.total:
+        found.best = new
 
 
 def _proposed(move: Move, h: Hypothesis, effort: Effort) -> list[Proposal]:
