@@ -21,7 +21,7 @@ from zwidth.sim.physics import EFFECTS
 from zwidth.sim.run import Start, prepare
 
 sys.path.append(str(Path(__file__).parents[1] / "tests"))
-from physics_examples import example
+from physics_examples import example  # pyright: ignore[reportMissingImports]
 
 LAW = wall(10.0, 0.03)
 TICKS, SUBSTEPS = 2000, 10
@@ -44,7 +44,7 @@ def measure(benchmark: BenchmarkFixture, device: Device) -> None:
     done = benchmark.pedantic(run, rounds=40, warmup_rounds=2)  # a rectified sensor loses the wall
     if benchmark.stats is None:
         return
-    cost = 1e9 * benchmark.stats.stats.min / (done * int(setup.eq.substeps.sum()))
+    cost = 1e9 * np.min(benchmark.stats.stats.data) / (done * int(setup.eq.substeps.sum()))
     benchmark.extra_info["ns_per_substep"] = cost
     print(f"\n{benchmark.name}: {cost:.1f} ns per substep")
 

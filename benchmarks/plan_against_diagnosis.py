@@ -11,7 +11,6 @@ import argparse
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.excitations import excitation, scale_for
 from zwidth.diagnosis.limits import Noise, limit, reference, sigma, strengthened
-from zwidth.diagnosis.magnitude import magnitude_name
 from zwidth.diagnosis.rehearsal import rehearse
 from zwidth.sim.device import place_label
 from zwidth.sim.device_file import load_device
@@ -49,7 +48,7 @@ def main() -> None:
         at_limit = limit(prepared, effect)
         assert at_limit is not None
         true = strengthened(at_limit, asked.times, prepared.peak)
-        name = magnitude_name(effect)
+        name = effect.effect.strength
         assert true is not None
         assert name is not None
         promised = FITTED**0.5 * sigma(prepared, true)

@@ -45,6 +45,21 @@ class Start:
             return None
         return replace(self, physics=replace(self.physics, values=values), scales=scales)
 
+    def as_strong_as(self, other: Physics) -> "Start | None":
+        """Return the start with the strength of another effect; None where theirs do not compare.
+
+        A law that contains another, or is contained in it, begins best where the other ended.
+        """
+        own, its = self.physics.effect, other.effect
+        if own.strength is None or its.strength is None:
+            return None
+        mine, theirs = own.parameter(own.strength), its.parameter(its.strength)
+        if mine.unit != theirs.unit:
+            return None
+        size = abs(self.physics.values[mine.name] - mine.none_of_it())
+        wanted = abs(other.values[theirs.name] - theirs.none_of_it())
+        return self.scaled(wanted / size) if size > 0.0 and wanted > 0.0 else None
+
 
 def candidates(device: Device, experiments: Sequence[Experiment]) -> list[Start]:
     """Return all starts for a device and its recordings."""

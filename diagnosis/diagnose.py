@@ -334,12 +334,8 @@ def _with_rival(searched: Searched, own: str, label: str) -> Fitted | None:
 
 def _as_fitted(label: str, fitted: Fitted) -> Physics:
     """An effect of a model with its fitted values."""
-    index = [place_label(p) for p in fitted.model.effects].index(label)
-    values = dict(fitted.model.effects[index].values)
-    for p, x in zip(fitted.model.parameters, fitted.x, strict=True):
-        if p.kind == "effect" and p.index == index:
-            values[p.key] += p.scale * float(x)
-    return replace(fitted.model.effects[index], values=values)
+    every = fitted.model.effects_at(fitted.x)
+    return next(p for p in every if place_label(p) == label)
 
 
 def _findings(found: Searched) -> tuple[Finding, ...]:

@@ -120,13 +120,23 @@ class Model:
         return np.clip(x, np.where(np.isfinite(lower), lower + margin, lower),
                        np.where(np.isfinite(upper), upper - margin, upper))  # fmt: skip
 
+    def effects_at(self, x: Floats) -> tuple[Physics, ...]:
+        """Return the effects under trial with their values at x."""
+        values = [dict(p.values) for p in self.effects]
+        for p, xi in zip(self.parameters, x, strict=True):
+            if p.kind == "effect":
+                values[p.index][p.key] += p.scale * float(xi)
+        return tuple(
+            replace(physics, values=_inside(physics, changed))
+            for physics, changed in zip(self.effects, values, strict=True)
+        )
+
     def build(self, x: Floats) -> Device:
         """Return the device at x."""
         chain = self.nominal.chain
         masses, dampers = chain.masses.copy(), chain.ground_dampers.copy()
         springs, links = chain.link_springs.copy(), chain.link_dampers.copy()
         k0 = chain.ground_spring
-        values = [dict(p.values) for p in self.effects]
         for p, xi in zip(self.parameters, x, strict=True):
             if p.kind == "mass":
                 masses[p.index] *= np.exp(p.scale * xi)
@@ -138,11 +148,9 @@ class Model:
                 links[p.index] += p.scale * xi
             elif p.kind == "k0":
                 k0 *= float(np.exp(p.scale * xi))
-            elif p.kind == "effect":
-                values[p.index][p.key] += p.scale * float(xi)
         device = self.nominal.with_chain(make_chain(masses, dampers, k0, springs, links))
-        for physics, changed in zip(self.effects, values, strict=True):
-            device = device.with_physics(replace(physics, values=_inside(physics, changed)))
+        for physics in self.effects_at(x):
+            device = device.with_physics(physics)
         return device
 
     def acting(self, x: Floats) -> Device:

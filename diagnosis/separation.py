@@ -59,7 +59,9 @@ def separation(
         if start.label != own:
             grouped.setdefault(start.label, []).append(start)
     signature = reference.signature(physics)
-    ways = {starts[0].physics.effect.sought for starts in grouped.values()} if refine else set()
+    ways: set[Sought] = set()
+    if refine:
+        ways = {starts[0].physics.effect.sought for starts in grouped.values()}
     for start in _sought(reference, signature, ways):
         if start.label in grouped:
             grouped[start.label].append(start)

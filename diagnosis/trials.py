@@ -288,14 +288,8 @@ def at_bound(fitted: Fitted) -> str:
 
 def against_physics(fitted: Fitted) -> str:
     """Return a parameter by which an effect is no physics (`Effect.forbidden`), "" for none."""
-    for i, physics in enumerate(fitted.model.effects):
-        values = dict(physics.values)
-        for p, x in zip(fitted.model.parameters, fitted.x, strict=True):
-            if p.kind == "effect" and p.index == i:
-                values[p.key] += p.scale * float(x)
-        if wrong := physics.effect.forbidden(values):
-            return wrong
-    return ""
+    effects = fitted.model.effects_at(fitted.x)
+    return next((wrong for p in effects if (wrong := p.effect.forbidden(dict(p.values)))), "")
 
 
 def evidence(trial: Trial, samples: int) -> float:

@@ -73,7 +73,7 @@ class PartStore:
         every part would take ten times as long as to write it.
         """
         buffer = io.BytesIO()
-        np.savez(buffer, **dict(arrays))
+        np.savez(buffer, allow_pickle=False, **dict(arrays))
         write_bytes(self._file(number), buffer.getvalue(), wait=False, own=True)
 
     def _file(self, number: int) -> Path:

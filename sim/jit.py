@@ -54,7 +54,7 @@ OPTIONS: dict[str, Any] = {
 }
 
 
-INLINED = OPTIONS | {"cache": False, "forceinline": True}  # of functions that choose by type
+INLINED: Any = OPTIONS | {"cache": False, "forceinline": True}  # of functions that choose by type
 
 
 def jit(function: Function) -> Function:

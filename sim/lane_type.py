@@ -19,15 +19,18 @@ Arrays of lanes are plain float64 arrays whose last axis holds the lanes; compil
 one axis shorter through `as_lanes`, and `x[i]` is then a number of every lane.
 """
 
+# The compiler types what overloads return, and hands intrinsics a first argument of its own.
+# pyright: reportUnknownLambdaType=false, reportCallIssue=false
+
 import math
 import operator
 from collections.abc import Callable
 from typing import Any
 
-import numba
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
+from numba.core.typeconv import Conversion
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import (
     intrinsic,
@@ -57,7 +60,7 @@ class LanesType(types.Type):
 
     def can_convert_from(self, typingctx: Any, other: Any) -> Any:
         """A plain number is the same in every lane."""
-        return numba.core.typeconv.Conversion.safe if _plain(other) else None
+        return Conversion.safe if _plain(other) else None
 
     def unify(self, typingctx: Any, other: Any) -> Any:
         """A variable that is a plain number here and lanes there is lanes."""
@@ -73,7 +76,7 @@ class ConditionsType(types.Type):
     def can_convert_from(self, typingctx: Any, other: Any) -> Any:
         """A plain truth value is the same in every lane."""
         same = isinstance(other, types.Boolean)
-        return numba.core.typeconv.Conversion.safe if same else None
+        return Conversion.safe if same else None
 
     def unify(self, typingctx: Any, other: Any) -> Any:
         """A variable that is a plain truth value here and one a lane there is one a lane."""
@@ -143,7 +146,7 @@ def _define(
                 return signature(gives, *args)
             return None
 
-    infer_global(function)(Typing)
+    infer_global(function)(Typing)  # pyright: ignore[reportOptionalCall]
     spread = _as_vector if of == lanes else _as_conditions
 
     def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
@@ -195,7 +198,7 @@ def _define_unary(function: Any, make: Callable[[Any, Any], Any]) -> None:
         def generic(self, args: Any, kws: Any) -> Any:
             return signature(lanes, lanes) if args == (lanes,) and not kws else None
 
-    infer_global(function)(Typing)
+    infer_global(function)(Typing)  # pyright: ignore[reportOptionalCall]
     lower_builtin(function, LanesType)(lambda context, builder, sig, args: make(builder, args[0]))
 
 

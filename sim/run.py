@@ -202,7 +202,7 @@ def prepare(
         raise ValueError(f"bound is {bound}; the position where a run is stopped must be > 0")
     external = _external(disturbance, ticks, eq.dof)
     names = ledger_names(device, device.plant()) if ledger else []
-    from_rest = Start(np.asarray(start.position) - eq.position_origin, start.velocity)
+    from_rest = Start((np.asarray(start.position) - eq.position_origin).tolist(), start.velocity)
     memory = start_memory(eq, from_rest, controller.memory, len(names))
     if device.interface.command_hold == "smooth" and controller.kind == "recorded":
         controller = replace(controller, parameters=held_for(controller.parameters))

@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from test_fitting import drive, recording
+from test_fitting import drive, play, recording
 
+from zwidth.diagnosis.candidates import Start
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.fitting.descend import descend
 from zwidth.diagnosis.fitting.landscape import Landscape
@@ -15,8 +16,8 @@ from zwidth.diagnosis.parameters import Model
 from zwidth.diagnosis.selection.effort import NORMAL, QUICK, Effort
 from zwidth.diagnosis.selection.evidence import ALPHA
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, gains, judged, settled
-from zwidth.diagnosis.selection.moves import Move, Proposal
-from zwidth.diagnosis.selection.search import Moves, search
+from zwidth.diagnosis.selection.moves import Move, Proposal, replaced
+from zwidth.diagnosis.selection.search import Moves, Search, _looked_for_anew, search
 from zwidth.diagnosis.selection.searched import probability, rivals, shares, without
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
@@ -125,3 +126,66 @@ def test_friction_is_found_from_a_device_file_that_is_exact_or_off(
     assert found.best.labels == {"coulomb_friction@m1"}
     level = found.best.model.build(found.best.x).physics[0].values["level"]
     assert level == pytest.approx(0.03, rel=0.1)
+
+
+def test_a_richer_law_begins_where_the_simpler_ended() -> None:
+    """Mutation: the start's own strength."""
+    stribeck = make_physics("stribeck_friction", "m1", level=0.01, static_level=0.016, velocity=0.1)
+    scales = {"level": 0.005, "static_level": 0.008, "velocity": 0.05}
+    began = Start(stribeck, scales).as_strong_as(FRICTION)
+    assert began is not None
+    assert began.physics.values == pytest.approx(
+        {"level": 0.03, "static_level": 0.048, "velocity": 0.1}
+    )
+    assert began.scales == pytest.approx({"level": 0.015, "static_level": 0.024, "velocity": 0.05})
+    spring = make_physics("ground_spring", "m1", stiffness=0.1)
+    assert Start(spring, {"stiffness": 0.1}).as_strong_as(FRICTION) is None  # another unit
+
+
+def test_what_contains_an_effect_is_always_fitted_in_its_place(rubbed: list[Experiment]) -> None:
+    """However little it promises: it has to be fitted to say how much more it explains.
+
+    Mutation: only the most promising are.
+    """
+    h = settled(judged(rubbed, with_friction(0.03), np.zeros(with_friction(0.03).linear_count + 1)))
+    none = replace(NORMAL, rivals=0)
+    labels = {p.model.label for p in replaced(0)(h, none)}
+    assert labels == {
+        "stribeck_friction@m1", "presliding_friction@m1", "directional_friction@m1",
+        "hysteresis@ground",
+    }  # fmt: skip
+
+
+def test_friction_that_sticks_less_than_it_slides_is_no_answer(rubbed: list[Experiment]) -> None:
+    """Mutation: whatever is cheapest is kept."""
+    model = Model(drive()).with_effect(
+        make_physics("stribeck_friction", "m1", level=0.03, static_level=0.02, velocity=0.1),
+        {"level": 0.03, "static_level": 0.03, "velocity": 0.1},
+    )
+    x = np.zeros(len(model.parameters))
+    assert judged(rubbed, model, x).against_physics == "static_level"
+    x[-2] = 0.5
+    assert judged(rubbed, model, x).against_physics == ""
+
+    def backwards(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
+        yield Proposal(h.experiments, model, np.append(h.x, [0.0, 0.0, 0.0]))
+
+    moves = replace(only(), adding=(backwards,))
+    found = search(drive(), rubbed, QUICK, moves=moves)
+    kept = [h for h in found.tried.values() if h.model.effects]
+    assert not [h for h in kept if h.against_physics]
+
+
+def test_the_valley_of_play_is_found_from_another() -> None:
+    """Play of 0.01 rad: a fit from the device file ends where it began, a population does not.
+
+    Mutation: populations under the hypothesis's own ratio alone.
+    """
+    made = [recording(drive().with_physics(play(0.01)), 4000, 8)]
+    model = Model(drive(), (play(0.003),), ({"gap": 0.01},))
+    h = settled(judged(made, model, np.zeros(len(model.parameters))))
+    assert model.effects_at(h.x)[0].values["gap"] < 0.005
+    found = Search(h, h, NORMAL, lambda _: None)
+    _looked_for_anew(found)
+    assert found.best.cost.misfit < h.cost.misfit - 500.0
+    assert model.effects_at(found.best.x)[0].values["gap"] == pytest.approx(0.01, rel=0.1)

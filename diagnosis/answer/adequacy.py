@@ -212,7 +212,8 @@ def _better(
     ticks = max(SHORTEST, round(HORIZONS[1] / own[0].period))
     free = _squares(device, own, observer, ticks)
     step = _steps(device, own, observer)
-    rest_free, rest_step = [], []
+    rest_free: list[Floats] = []
+    rest_step: list[Floats] = []
     for (model, x), seen in zip(others, without, strict=True):
         rest_free.append(_squares(model.acting(x), seen, observer, ticks))
         rest_step.append(_steps(model.acting(x), seen, observer))

@@ -23,6 +23,7 @@ NEAR_RATIOS = 2.5  # decades about the last ratio in which the next is sought
 SWEEP = -math.log(SMALLEST)  # of a magnitude that is as likely in every octave of its sweep
 BLOCKS = 40  # stretches of the recordings over which gains are compared
 SHORTEST_BLOCK = 50  # samples
+EDGE = 1e-3  # in x, from a bound on which a fit has ended
 ODDS = 1e-3  # of an effect that says nothing of how common it is
 
 
@@ -59,6 +60,21 @@ class Hypothesis:
     def has_valleys(self) -> bool:
         """Whether a fit of it ends in the valley where it began."""
         return any(q.valleys for p in self.model.effects for q in p.effect.parameters)
+
+    @property
+    def against_physics(self) -> str:
+        """A parameter that stands where physics does not allow it, "" for none.
+
+        On a bound that is one of physics (`Parameter.ends`), or with others as none can have it
+        (`Effect.forbidden`).
+        """
+        for p, x in zip(self.model.parameters, self.x, strict=True):
+            low = "lower" in p.ends and x < p.lower + EDGE
+            high = "upper" in p.ends and x > p.upper - EDGE * max(1.0, abs(p.upper))
+            if low or high:
+                return p.name
+        effects = self.model.effects_at(self.x)
+        return next((wrong for p in effects if (wrong := p.effect.forbidden(dict(p.values)))), "")
 
     @property
     def ratio(self) -> float:

@@ -22,6 +22,9 @@ from zwidth.diagnosis.settle import prepared_for
 from zwidth.diagnosis.sizes import sizes_of
 from zwidth.diagnosis.steady import NoObserver
 from zwidth.sim.device import place_label
+from zwidth.sim.physics import richer_at
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.place import label_of
 
 Floats = NDArray[np.float64]
 SLOWEST = 1e-6  # ratio of an observer that hardly corrects the model
@@ -105,6 +108,7 @@ def removed(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
 def simpler(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
     """Yield the hypothesis with each effect in turn as one of those that it contains."""
     device = h.model.build(h.x)
+    fitted = h.model.effects_at(h.x)
     sizes = sizes_of(device.without_physics(), h.experiments)
     for i, physics in enumerate(h.model.effects):
         model, x = h.model.less(h.x, i)
@@ -114,7 +118,7 @@ def simpler(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
                 continue
             groups = starts_at([(effect, place)], sizes, far=True)
             for starts in groups.values():
-                yield from _among(h, model, x, starts)
+                yield from _among(h, model, x, [*starts, *_as_strong(starts, fitted[i])])
 
 
 def replaced(index: int) -> Move:
@@ -122,7 +126,9 @@ def replaced(index: int) -> Move:
 
     def move(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
         model, x = h.model.less(h.x, index)
-        gone = place_label(h.model.effects[index])
+        own = h.model.effects_at(h.x)[index]
+        gone, rotary = place_label(own), h.model.nominal.rotary
+        richer = {label_of(e.name, at) for e, at in richer_at(own.effect.name, own.place, rotary)}
         device = model.build(x)
         ground = Landscape(h.problem.experiments, h.problem.observer, model, FAR)
         x = descend(ground, x, Effort.first_rounds, any(p.effect.creased for p in model.effects)).x
@@ -133,10 +139,14 @@ def replaced(index: int) -> Move:
         starts = _together(
             _together(near, shown_starts(seen)), [s for g in far.values() for s in g]
         )
+        for label in richer & starts.keys():
+            starts[label] += _as_strong(starts[label], own)
         others = [one for one in screened(seen, starts) if one.start.label != gone]
         base = replace(h, model=model, x=x)
-        for one in others[: effort.rivals]:
-            yield _with(base, seen, one)
+        for rank, one in enumerate(others):
+            # What contains it explains as much at least, and has to be fitted to say how much more.
+            if rank < effort.rivals or one.start.label in richer:
+                yield _with(base, seen, one)
 
     return move
 
@@ -161,6 +171,10 @@ def _together(
         if start.label in found:
             found[start.label].append(start)
     return found
+
+
+def _as_strong(starts: Sequence[Start], other: Physics) -> list[Start]:
+    return [s for s in (start.as_strong_as(other) for start in starts) if s is not None]
 
 
 def _with(h: Hypothesis, seen: View, one: Screened) -> Proposal:

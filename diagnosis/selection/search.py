@@ -54,7 +54,6 @@ LEADING = 2  # of what arrived, that grow on
 GROWN_TICKS = 3000  # of all recordings together: twice as many, and half, arrived no more often
 AGAIN, STILL = 6, 10.0  # turns about the best, and what one must gain in misfit for another
 FAR_SPREAD, NEAR_SPREADS = 0.5, (0.3, 0.1)  # in x, of which one is a file's own uncertainty
-Grown = list[Hypothesis]
 
 
 def silent(_: str) -> None:
@@ -172,6 +171,11 @@ def _exchanged(found: Search) -> None:
         found.say(f"what may stand in the place of {h.model.label}")
         many = max(effort.ended, len(h.model.effects))
         new = [n for move in found.moves.exchanging for n in _tried(found, move, many)]
+        if effort.generations:  # held against a law that it contains, in the valley of both
+            less = [
+                n for n in new if n.has_valleys and len(n.model.effects) == len(h.model.effects)
+            ]
+            new += [n for n in (_grown_on(found, [one]) for one in less) if n is not None]
         for i in range(len(h.model.effects)):
             new += _tried(found, found.moves.replacing(i), effort.beside)
         # An effect must be believed over its absence, not only cost less.
@@ -192,49 +196,62 @@ def _looked_for_anew(found: Search) -> None:
 
     Where a fit ends in the valley in which it began (play), each ratio of a ladder has its own:
     what the best has left unexplained is noise to it, so its own ratio says little of the right
-    one. Those that cost least of all that arrived, under their own noise, grow on about where they are,
-    while that gains.
+    one. Those that cost least of all that arrived, under their own noise, grow on.
     """
     h, effort = found.best, found.effort
     if not h.creased or effort.generations == 0 or h.labels in found.looked:
         return
     found.looked.add(h.labels)
-    label = h.model.label
-    found.say(f"looking for the valley of {label} anew")
+    found.say(f"looking for the valley of {h.model.label} anew")
+    prior = np.array([p.prior for p in h.model.parameters])
+    starts = [h.x, np.where(prior, 0.0, h.x)]
+    ladder = LADDER if h.has_valleys else (h.ratio,)
+    first = _arrived(h, effort, [(ratio, starts, FAR_SPREAD) for ratio in ladder])
+    new = _grown_on(found, [h, *first])
+    if new is not None and new.cost.total < h.cost.total:
+        found.best = new
+
+
+def _grown_on(found: Search, begun: Sequence[Hypothesis]) -> Hypothesis | None:
+    """Let populations grow about the best of some hypotheses of one structure while that gains.
+
+    Returns the best fitted to its end, None where that is no physics.
+    """
+    effort = found.effort
+    leading = sorted(begun, key=lambda a: a.cost.misfit)[:LEADING]
+    for _ in range(AGAIN):
+        legs = [(a.ratio, [a.x], spread) for a in leading for spread in NEAR_SPREADS]
+        near = _arrived(leading[0], effort, legs)
+        if not near or leading[0].cost.misfit - near[0].cost.misfit < STILL:
+            break
+        leading = near[:LEADING]
+    best = min(leading, key=lambda a: a.cost.misfit)
+    ended = attempt("a population", best.model.label, partial(settled, best))
+    if ended is None or ended.against_physics:
+        return None
+    return found.keep(ended)
+
+
+def _arrived(
+    h: Hypothesis, effort: Effort, legs: Sequence[tuple[float, Sequence[Floats], float]]
+) -> list[Hypothesis]:
+    """Where populations arrive under their own noise, the best first.
+
+    Each leg: a ratio, the x that populations start from, their spread.
+    """
     stretch = beginnings(h.experiments, GROWN_TICKS)
 
-    def grown(ratio: float, xs: Sequence[Floats], generations: int, spread: float) -> Grown:
-        plan = Generations(effort.members, generations, spread)
+    def grown(ratio: float, xs: Sequence[Floats], spread: float) -> list[Hypothesis]:
+        plan = Generations(effort.members, effort.generations, spread)
         arrived: list[Hypothesis] = []
         for a in evolve(stretch, h.model, xs, ratio, plan):
             with suppress(NoObserver):
                 arrived.append(judged(h.experiments, h.model, a.x))
         return arrived
 
-    def best_of(legs: Sequence[tuple[float, Sequence[Floats], float]]) -> list[Hypothesis]:
-        asked = [
-            (label, partial(grown, ratio, xs, effort.generations, spread))
-            for ratio, xs, spread in legs
-        ]
-        every = [a for arrived in _each("a population", asked) for a in arrived]
-        return sorted(every, key=lambda a: a.cost.misfit)
-
-    prior = np.array([p.prior for p in h.model.parameters])
-    starts = [h.x, np.where(prior, 0.0, h.x)]
-    ladder = LADDER if h.has_valleys else (h.ratio,)
-    leading = best_of([(ratio, starts, FAR_SPREAD) for ratio in ladder])[:LEADING]
-    for _ in range(AGAIN):
-        near = best_of([(a.ratio, [a.x], spread) for a in leading for spread in NEAR_SPREADS])
-        if not near or leading[0].cost.misfit - near[0].cost.misfit < STILL:
-            break
-        leading = near[:LEADING]
-    best = min(leading, key=lambda a: a.cost.misfit, default=None)
-    ended = None if best is None else attempt("a population", label, partial(settled, best))
-    if ended is None:
-        return
-    new = found.keep(ended)
-    if new.cost.total < h.cost.total:
-        found.best = new
+    asked = [(h.model.label, partial(grown, *leg)) for leg in legs]
+    every = [a for arrived in _each("a population", asked) for a in arrived]
+    return sorted(every, key=lambda a: a.cost.misfit)
 
 
 def _proposed(move: Move, h: Hypothesis, effort: Effort) -> list[Proposal]:
@@ -249,7 +266,8 @@ def fitted(found: Search, proposals: Iterable[Proposal], ended: int) -> list[Hyp
     """Fit proposals, so many of them to their end; return these, the cheapest first.
 
     Costs under one observer compare, so of each view the first fits that cost least go on; their
-    own noise then decides which are fitted to their end.
+    own noise then decides which are fitted to their end. What ends where physics does not allow it
+    is no answer and no rival.
     """
     asked, begun_at = list(proposals), time.monotonic()
     if found.fits and asked:
@@ -270,7 +288,7 @@ def fitted(found: Search, proposals: Iterable[Proposal], ended: int) -> list[Hyp
             begun[h.labels] = h
     likely = sorted(begun.values(), key=lambda h: h.cost.total)[:ended]
     fits = [(h.model.label, partial(settled, h, turns=2)) for h in likely]
-    finished = [found.keep(h) for h in _each("candidates", fits)]
+    finished = [found.keep(h) for h in _each("candidates", fits) if not h.against_physics]
     found.fits += len(asked)
     found.spent += time.monotonic() - begun_at
     return sorted(finished, key=lambda h: h.cost.total)

@@ -68,7 +68,8 @@ def rivals(found: Search, label: str) -> tuple[Rival, ...]:
     behind: dict[str, float] = {}
     for h in found.tried.values():
         new, gone = h.labels - best.labels, best.labels - h.labels
-        if gone == frozenset((label,)) and len(new) == 1:
+        # What costs without bound has a parameter of which the recordings say nothing.
+        if gone == frozenset((label,)) and len(new) == 1 and math.isfinite(h.cost.total):
             (other,) = new
             behind[other] = math.sqrt(max(0.0, _behind(h, best)))
     ordered = sorted(behind.items(), key=lambda pair: pair[1])

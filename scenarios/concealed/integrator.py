@@ -21,7 +21,7 @@ All that is compiled stands in this one file, because numba's cache watches a si
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 # No reference counts, which cost more than the arithmetic: callers bring every array. A tuple of
 # arrays handed to a function that is not absorbed into its caller is copied at every call.
-OPTIONS = {"cache": True, "error_model": "numpy", "nogil": True, "_nrt": False}
+OPTIONS: Any = {"cache": True, "error_model": "numpy", "nogil": True, "_nrt": False}
 compiled = njit(**OPTIONS)
 jit = njit(**OPTIONS, forceinline=True)
 
@@ -414,7 +414,7 @@ class Room(NamedTuple):
 
     def copy(self) -> "Room":
         """Return another in the same state."""
-        return Room(*(array.copy() for array in self))
+        return Room(**{name: array.copy() for name, array in self._asdict().items()})
 
 
 def room_of(truth: Truth, ticks: int) -> Room:
