@@ -44,7 +44,7 @@ from zwidth.diagnosis.result import (
 from zwidth.diagnosis.screen import Complement, screen
 from zwidth.diagnosis.search import Searched, search
 from zwidth.diagnosis.selection.effort import Effort
-from zwidth.diagnosis.selection.searched import probability, rivals, searched, without
+from zwidth.diagnosis.selection.searched import probability, rivals, searched, unnamed, without
 from zwidth.diagnosis.steady import NoObserver
 from zwidth.diagnosis.trials import Say, Step
 from zwidth.diagnosis.uncertainty import Z95, covariance, inflation
@@ -122,6 +122,7 @@ def _answered(
     effort: Effort | None,
 ) -> Diagnosis:
     """What a search found, located, judged and with all that is to be said of it."""
+    found = _standing(device, taken, found, say)
     left, other = _what_is_left(found, taken)
     by, faults = found, taken.faults
     if taken.whole_unopened and _named_only_whole(found, left, other):
@@ -158,6 +159,17 @@ def _answered(
         residuals, found, taken.whole, found.interrupted, _facts(found, left),
         errors=tuple(mishaps.found), left_out=taken.left_out, adequacy=sound,
     )  # fmt: skip
+
+
+def _standing(device: Device, taken: Taken, found: Searched, say: Say) -> Searched:
+    """What was found, or nothing where its names predict held-out data no better than without."""
+    if found.tried is None or not found.final.model.effects:
+        return found
+    sound = attempt("adequacy", "", partial(_adequacy, device, found, taken))
+    if sound is None or sound.useful:
+        return found
+    say(f"{found.final.model.label} predicts held-out data no better than without: not named")
+    return unnamed(found)
 
 
 def _adequacy(device: Device, found: Searched, taken: Taken) -> Adequacy | None:

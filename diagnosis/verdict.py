@@ -108,7 +108,7 @@ def judged(
         return Verdict.UNKNOWN_PHYSICS, (
             f"something is missing{beyond} that no effect of the library explains: {left.sentence}"
         )
-    if findings and sound is not None and not sound.adequate:
+    if findings and sound is not None and not sound.sound:
         return Verdict.UNKNOWN_PHYSICS, not_adequate(findings, sound)
     if findings:
         names = " and ".join(f"{f.effect} at {f.at}" for f in findings)
@@ -138,11 +138,6 @@ def judged(
 def not_adequate(findings: tuple[Finding, ...], sound: Adequacy) -> str:
     """Say of names that do not hold on held-out data how far they go."""
     names = " and ".join(f"{f.effect} at {f.at}" for f in findings)
-    if not sound.useful:
-        return (
-            f"something is missing, and no name for it holds: with {names} held-out data are"
-            f" predicted worse than without, by {-sound.better:.1f} sigma"
-        )
     worst = max(sound.ahead, key=lambda a: a.error / a.most)
     return (
         f"something is missing beyond {names}: over {worst.horizon:g} s free runs on held-out data"

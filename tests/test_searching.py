@@ -179,7 +179,7 @@ def test_friction_that_sticks_less_than_it_slides_is_no_answer(rubbed: list[Expe
 def test_the_valley_of_play_is_found_from_another() -> None:
     """Play of 0.01 rad: a fit from the device file ends where it began, a population does not.
 
-    Mutation: populations under the hypothesis's own ratio alone.
+    Mutation: populations under the hypothesis's own ratio alone, which do not grow on.
     """
     made = [recording(drive().with_physics(play(0.01)), 4000, 8)]
     model = Model(drive(), (play(0.003),), ({"gap": 0.01},))

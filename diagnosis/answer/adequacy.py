@@ -12,8 +12,9 @@ length and e_i those of R rehearsals, the answer is adequate where for all lengt
 
 t the quantile of Student's t with R - 1 degrees of freedom that is exceeded with odds of ALPHA.
 
-And it must be of use: its free runs, or its likelihood a step ahead, must not be worse than those
-of the better one of device file and refit by more than the scatter of the blocks (`compared`).
+And it must be of use: its free runs, or its likelihood a step ahead, must be better than those of
+the better one of device file and refit by more than the scatter of the blocks (`compared`). What is
+not names nothing.
 
 Limits: the noise is white force at m1 and white noise of what is measured, of the size that the
 innovations have; noise of a strong slow colour makes free runs err more than that says.
@@ -49,7 +50,7 @@ SHORTEST = 5  # ticks of a free run
 RUNS = 3  # free runs of a length at least, or nothing is said of it
 REHEARSALS = 16
 TOLD = 10.0  # information in a direction of x, of which a device file's own is one
-WORSE = -2.0  # sigma of blocks by which an answer must not be worse than doing without it
+SCATTER = 1.0  # sigma of blocks by which an answer must be better than doing without it
 
 
 @dataclass(frozen=True)
@@ -76,12 +77,13 @@ class Adequacy:
 
     explained: share of the mean square error over half a second (of the better one of device file
     and refit) that the answer takes away. better: sigma by which it predicts better than these, in
-    free runs or a step ahead, whichever is more.
+    free runs or a step ahead, whichever is more. names: whether it has any effects.
     """
 
     ahead: tuple[Ahead, ...]
     explained: float
     better: float
+    names: bool
 
     @property
     def sound(self) -> bool:
@@ -90,8 +92,8 @@ class Adequacy:
 
     @property
     def useful(self) -> bool:
-        """Whether it is no worse than device file and refit."""
-        return self.better > WORSE
+        """Whether what it names is better than doing without, by more than blocks scatter."""
+        return not self.names or self.better > SCATTER
 
     @property
     def adequate(self) -> bool:
@@ -146,7 +148,7 @@ def adequacy(
     if not ahead:
         return None
     explained, better = _better(final, others, observer, own, without)
-    return Adequacy(tuple(ahead), explained, better)
+    return Adequacy(tuple(ahead), explained, better, bool(final.model.effects))
 
 
 def _seen(model: Model, x: Floats, e: Experiment, observer: Observer) -> Experiment:

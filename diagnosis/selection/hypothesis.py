@@ -24,6 +24,7 @@ SWEEP = -math.log(SMALLEST)  # of a magnitude that is as likely in every octave 
 BLOCKS = 40  # stretches of the recordings over which gains are compared
 SHORTEST_BLOCK = 50  # samples
 EDGE = 1e-3  # in x, from a bound on which a fit has ended
+UNSEEN = 1e-9  # information on x, of which the whole uncertainty of a file is one
 ODDS = 1e-3  # of an effect that says nothing of how common it is
 
 
@@ -151,7 +152,9 @@ def settled(begun: Hypothesis, turns: int = 3, rounds: int = 6, worth: float = 1
 def priced(h: Hypothesis) -> Hypothesis:
     """Return the hypothesis with its slopes, and with what its freedom costs.
 
-    The slopes of what has creases are differences over half a standard error to both sides.
+    The slopes of what has creases are differences over half a standard error to both sides. Freedom
+    is infinite where the recordings say nothing of a parameter of an effect: they cannot have shown
+    that effect, but only a simpler one.
     """
     ground = h.ground
     widths = np.full(h.x.size, CREASED if h.creased else SMOOTH)
@@ -160,7 +163,9 @@ def priced(h: Hypothesis) -> Hypothesis:
         own = 1.0 / np.sqrt(np.maximum(np.sum(slopes**2, axis=0), 1e-300))
         widths = np.clip(SHARE * own, SMOOTH, CREASED)
         slopes = slopes_at(ground, h.x, widths, both=True).slopes
-    information = slopes.T @ slopes
+    information, parameters = slopes.T @ slopes, h.model.parameters
+    if any(p.kind == "effect" and information[i, i] < UNSEEN for i, p in enumerate(parameters)):
+        return replace(h, slopes=slopes, cost=replace(h.cost, freedom=math.inf))
     lines = cost(h.cost.misfit, information, _ranges(h.model, h.x, information))
     return replace(h, slopes=slopes, cost=replace(lines, rarity=h.cost.rarity))
 

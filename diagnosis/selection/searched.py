@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -28,6 +29,16 @@ def searched(
     problem = Problem(best.problem.experiments, best.noise.observer, FINAL)
     baseline = problem.fit(Model(device), found.plain.x)
     return Searched(problem, baseline, _final(problem, best), (), found.interrupted, found)
+
+
+def unnamed(found: Searched) -> Searched:
+    """Return a search as if nothing had been believed: the device file's own physics, refitted."""
+    assert found.tried is not None
+    plain = found.tried.plain
+    problem = Problem(plain.problem.experiments, plain.noise.observer, FINAL)
+    refit = problem.fit(plain.model, plain.x)
+    tried = replace(found.tried, best=plain)
+    return replace(found, problem=problem, refit=refit, final=refit, tried=tried)
 
 
 def _final(problem: Problem, h: Hypothesis) -> Fitted:
