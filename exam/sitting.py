@@ -51,7 +51,10 @@ def sit(paper: Paper) -> dict[str, Any]:
     recorded = recordings(folder, paper.name, device)
     start, busy = time.perf_counter(), time.process_time()
     try:
-        found = diagnose(device, recorded.fit, recorded.judge or None)
+        if recorded.judge:
+            found = diagnose(device, recorded.fit, recorded.judge)
+        else:
+            found = diagnose(device, recorded.fit)
     except Exception as error:
         answer["error"] = f"{type(error).__name__}: {error}"
     else:

@@ -5,10 +5,6 @@ substeps; all numbers their own) make a group. Every array of `Equations` gets a
 places that are left over in a group repeat its last member.
 """
 
-# The compiler types what overloads return, and hands intrinsics a first argument of its own.
-# pyright: reportUnknownLambdaType=false
-
-
 # pyright: reportMissingParameterType=false, reportUnknownParameterType=false
 
 from collections.abc import Sequence

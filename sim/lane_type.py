@@ -19,9 +19,6 @@ Arrays of lanes are plain float64 arrays whose last axis holds the lanes; compil
 one axis shorter through `as_lanes`, and `x[i]` is then a number of every lane.
 """
 
-# The compiler types what overloads return, and hands intrinsics a first argument of its own.
-# pyright: reportUnknownLambdaType=false, reportCallIssue=false
-
 import math
 import operator
 from collections.abc import Callable
@@ -33,7 +30,9 @@ from numba.core import cgutils
 from numba.core.typeconv import Conversion
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import (
-    intrinsic,
+    intrinsic as untyped_intrinsic,
+)
+from numba.extending import (
     lower_builtin,
     lower_cast,
     models,
@@ -44,6 +43,7 @@ from numba.np.arrayobj import populate_array
 
 from zwidth.sim.jit import INLINED
 
+intrinsic: Any = untyped_intrinsic  # the compiler hands it a first argument of its own
 WIDTH = 16  # doubles: two registers of 512 bits, since one would wait for its own sums
 
 _INDEX = ir.IntType(32)

@@ -9,10 +9,6 @@ for all members at once, when it first occurs; and since members may have differ
 ones at work are kept together and changed, lane by lane, where a set changes, which is rare.
 """
 
-# The compiler types what overloads return, and hands intrinsics a first argument of its own.
-# pyright: reportUnknownLambdaType=false
-
-
 # pyright: reportMissingParameterType=false, reportUnknownParameterType=false
 
 from typing import Any, NamedTuple

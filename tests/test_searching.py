@@ -17,7 +17,7 @@ from zwidth.diagnosis.selection.effort import NORMAL, QUICK, Effort
 from zwidth.diagnosis.selection.evidence import ALPHA
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, gains, judged, settled
 from zwidth.diagnosis.selection.moves import Move, Proposal, replaced
-from zwidth.diagnosis.selection.search import Moves, Search, _looked_for_anew, search
+from zwidth.diagnosis.selection.search import Moves, Search, look_for_valleys, search
 from zwidth.diagnosis.selection.searched import probability, rivals, shares, without
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
@@ -186,6 +186,6 @@ def test_the_valley_of_play_is_found_from_another() -> None:
     h = settled(judged(made, model, np.zeros(len(model.parameters))))
     assert model.effects_at(h.x)[0].values["gap"] < 0.005
     found = Search(h, h, NORMAL, lambda _: None)
-    _looked_for_anew(found)
+    look_for_valleys(found)
     assert found.best.cost.misfit < h.cost.misfit - 500.0
     assert model.effects_at(found.best.x)[0].values["gap"] == pytest.approx(0.01, rel=0.1)

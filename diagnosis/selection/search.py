@@ -125,7 +125,7 @@ def search(
                 before = found.best
                 _grown(found)
                 _exchanged(found)
-                _looked_for_anew(found)  # from another structure another valley may be seen
+                look_for_valleys(found)  # from another structure another valley may be seen
                 if found.best is before:
                     break
     except KeyboardInterrupt:
@@ -154,7 +154,7 @@ def _grown(found: Search) -> None:
             return
         found.best, beam = accepted[0], accepted[: found.effort.beam]
         found.say(f"taken: {found.best.model.label}")
-        _looked_for_anew(found)
+        look_for_valleys(found)
         beam = [found.best, *(h for h in beam if h.labels != found.best.labels)]
 
 
@@ -191,7 +191,7 @@ def _worth(more: Hypothesis, less: Hypothesis) -> bool:
     return believed(more.cost, less.cost, compared(gains(more, less)).phi)
 
 
-def _looked_for_anew(found: Search) -> None:
+def look_for_valleys(found: Search) -> None:
     """Let populations grow from where the best hypothesis stands and from the device file.
 
     Where a fit ends in the valley in which it began (play), each ratio of a ladder has its own:

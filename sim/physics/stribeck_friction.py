@@ -21,6 +21,9 @@ from zwidth.sim.physics.sizes import Sizes, most_friction, spread, up_to
 from zwidth.sim.place import MASSES, Place
 
 
+SLOWEST = 1e-3  # of the rms speed
+
+
 def _starts(z: Sizes, _: Place) -> Iterator[Scaled]:
     for share in (0.01, 0.06, 0.2):
         for slow in (0.03, 0.3):
@@ -44,12 +47,15 @@ def _sweep(z: Sizes, place: Place) -> Iterator[Scaled]:
 
 
 def _bounds(z: Sizes, place: Place) -> Bounds:
-    """At no speed above the highest recorded is there anything to see of a fall."""
+    """At no speed above the highest recorded is there anything to see of a fall.
+
+    Nor at one so low that a mass is past it within a sample: what falls there is Coulomb friction.
+    """
     most = most_friction(z, place)
     return {
         "level": (0.0, most),
         "static_level": (0.0, most),
-        "velocity": (0.0, z.fastest[place.index]),
+        "velocity": (SLOWEST * z.speeds[place.index], z.fastest[place.index]),
     }
 
 
