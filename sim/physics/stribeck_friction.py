@@ -20,7 +20,6 @@ from zwidth.sim.physics.effect import Bounds, Effect, Parameter, Scaled, Values
 from zwidth.sim.physics.sizes import Sizes, most_friction, spread, up_to
 from zwidth.sim.place import MASSES, Place
 
-
 SLOWEST = 1e-3  # of the rms speed
 
 
