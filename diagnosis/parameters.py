@@ -353,7 +353,9 @@ def linear_parameters(device: Device) -> list[Parameter]:
     floor = DAMPER_FLOOR * float(every.mean()) or 1e-3 * float(chain.masses.sum())
 
     def damper(name: str, kind: str, i: int, value: float) -> Parameter:
-        return Parameter(name, kind, i, DAMPER_SCALE * max(abs(value), floor))
+        # One that pushes is no damper; a file that has one (a modal fit) says that it is no chain.
+        scale = DAMPER_SCALE * max(abs(value), floor)
+        return Parameter(name, kind, i, scale, -value / scale if value >= 0.0 else -np.inf)
 
     found = [Parameter(f"m{i + 1}", "mass", i, MASS_SCALE, -FARTHEST, FARTHEST) for i in range(n)]
     found += [damper(f"b{i + 1}", "damper", i, chain.ground_dampers[i]) for i in range(n)]

@@ -226,6 +226,29 @@ def _better(
     return explained, max(_sigma(best_free - free), compared(best_step - step).sigma)
 
 
+def freer(
+    new: tuple[Fitted, Observer], old: tuple[Fitted, Observer], experiments: Sequence[Experiment]
+) -> bool | None:
+    """Whether one answer runs free better than another, by more than blocks scatter.
+
+    Each under its own observer; the horizon that tells most clearly decides. None where none tells.
+    """
+    told: list[float] = []
+    for horizon in HORIZONS:
+        ticks = max(SHORTEST, round(horizon / experiments[0].period))
+        if not all(e.ticks > SETTLING + RUNS * ticks for e in experiments):
+            continue
+        a, b = (
+            _squares(
+                f.model.acting(f.x), [_seen(f.model, f.x, e, o) for e in experiments], o, ticks
+            )
+            for f, o in (new, old)
+        )
+        told.append(_sigma(b - a))
+    clearest = max(told, key=abs, default=0.0)
+    return None if abs(clearest) < SCATTER else clearest > 0.0
+
+
 def _squares(device: Any, seen: Sequence[Experiment], observer: Observer, ticks: int) -> Floats:
     """Mean square error of each free run."""
     errors = [free_run_errors(device, e, observer.gain, ticks)[0][:, 0] for e in seen]

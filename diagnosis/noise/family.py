@@ -9,6 +9,7 @@ Each observer begins where the first ticks say that it should (`predictor.begun`
 linear in the beginning, C by the device without its nonlinear physics, a lane for every state.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -39,7 +40,40 @@ from zwidth.sim.population import Population, Readings, Recorded
 Floats = NDArray[np.float64]
 # From a device that is nearly believed to one that is hardly: beyond either end nothing changes.
 FAMILY = np.geomspace(1e-7, 1e7, 15)
+NEAR_RATIOS = 2.5  # decades about the last ratio in which the next is sought
 NEGLIGIBLE = 1e-6  # of the largest direction, in which a beginning does not show
+
+
+@dataclass(frozen=True)
+class Family:
+    """The models of the noise that a hypothesis may choose from.
+
+    ratios: of their observers. whitening: whether what is left is taken to be white once filtered,
+    so that the next sample judges; without it, errors count as far ahead as the observer looks.
+    """
+
+    ratios: tuple[float, ...]
+    whitening: bool = True
+
+    def near(self, ratio: float) -> "Family":
+        """Return the members about one."""
+        about = [r for r in self.ratios if abs(math.log10(r / ratio)) < NEAR_RATIOS]
+        return replace(self, ratios=tuple(about))
+
+
+NEXT_SAMPLE = Family(tuple(FAMILY.tolist()))
+
+
+def as_far_as(horizon: float, experiments: Sequence[Experiment]) -> Family:
+    """Return the noise under which errors count over a horizon [s], and the next sample does not.
+
+    The steady observer of a rigid body that white force moves under white noise of its position
+    has poles of omega_0 with (omega_0 T)^4 = ratio, of its velocity omega_0 T = sqrt(ratio): it
+    forgets over T / ratio^(1/4), or T / ratio^(1/2).
+    """
+    first = experiments[0]
+    power = 4.0 if any(o.quantity == "position" for o in first.outputs) else 2.0
+    return Family(((first.period / horizon) ** power,), whitening=False)
 
 
 @dataclass(frozen=True)
@@ -61,19 +95,20 @@ class Noise:
 
 
 def likeliest(
-    experiments: Sequence[Experiment], model: Model, x: Floats, ratios: Floats = FAMILY
+    experiments: Sequence[Experiment], model: Model, x: Floats, family: Family = NEXT_SAMPLE
 ) -> Noise:
     """Return the likeliest model of the noise; raises NoObserver where none follows."""
-    found = noises(experiments, model, x, ratios)
+    found = noises(experiments, model, x, family)
     if not found:
         raise NoObserver(f"no observer follows the recordings with {model.label}")
     return min(found, key=lambda noise: noise.cost)
 
 
 def noises(
-    experiments: Sequence[Experiment], model: Model, x: Floats, ratios: Floats = FAMILY
+    experiments: Sequence[Experiment], model: Model, x: Floats, family: Family = NEXT_SAMPLE
 ) -> list[Noise]:
     """Return the models of the noise under which the device at x can be followed."""
+    ratios = np.array(family.ratios)
     device = model.acting(x)
     seen = [model.seen(e, x) for e in experiments]
     bare = device.without_physics() if device.physics else device
@@ -90,7 +125,7 @@ def noises(
             continue
         plain = Observer(each.gains[i], _deviation(errors), ratio)
         try:
-            white = whitened(plain, errors)
+            white = whitened(plain, errors) if family.whitening else plain
         except NoObserver:
             continue
         weighed = np.concatenate([white.weigh(e)[SETTLING:].ravel() for e in errors])

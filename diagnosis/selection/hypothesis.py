@@ -12,14 +12,13 @@ from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.fit import Fitted, Problem
 from zwidth.diagnosis.fitting.descend import CREASED, SHARE, SMOOTH, descend, slopes_at
 from zwidth.diagnosis.fitting.landscape import FAR, Landscape
-from zwidth.diagnosis.noise.family import FAMILY, Noise, likeliest
+from zwidth.diagnosis.noise.family import NEXT_SAMPLE, Family, Noise, likeliest
 from zwidth.diagnosis.parameters import Model, effect_labels
 from zwidth.diagnosis.predictor import SEARCHING, Fineness
 from zwidth.diagnosis.selection.evidence import Cost, cost
 from zwidth.sim.physics.sizes import SMALLEST
 
 Floats = NDArray[np.float64]
-NEAR_RATIOS = 2.5  # decades about the last ratio in which the next is sought
 SWEEP = -math.log(SMALLEST)  # of a magnitude that is as likely in every octave of its sweep
 BLOCKS = 40  # stretches of the recordings over which gains are compared
 SHORTEST_BLOCK = 50  # samples
@@ -35,7 +34,7 @@ class Hypothesis:
     experiments: the recordings, with what the structure knows of them (lost commands, the error of
     an encoder's steps). blocks: -2 log likelihood by stretches of the recordings. residual: weighed
     innovations and priors under the noise; slopes: of it by x, None while it was only judged and
-    not fitted.
+    not fitted. family: of the noise that it was chosen from; costs compare within one.
     """
 
     experiments: Sequence[Experiment]
@@ -46,6 +45,7 @@ class Hypothesis:
     blocks: Floats
     residual: Floats
     slopes: Floats | None = None
+    family: Family = NEXT_SAMPLE
 
     @cached_property
     def labels(self) -> frozenset[str]:
@@ -106,6 +106,11 @@ class Hypothesis:
         """Number of weighed innovations in the residual."""
         return self.residual.size - sum(p.prior for p in self.model.parameters)
 
+    def moved(self, x: Floats) -> "Hypothesis":
+        """Return the hypothesis at another x, its noise sought anew about its own."""
+        family = self.family
+        return judged(self.experiments, self.model, x, family, family.near(self.ratio))
+
     @property
     def fitted(self) -> Fitted:
         """The same, as what reads a fit takes it; of one that was priced."""
@@ -115,20 +120,23 @@ class Hypothesis:
 
 
 def judged(
-    experiments: Sequence[Experiment], model: Model, x: Floats, ratios: Floats = FAMILY
+    experiments: Sequence[Experiment],
+    model: Model,
+    x: Floats,
+    family: Family = NEXT_SAMPLE,
+    among: Family | None = None,
 ) -> Hypothesis:
-    """Return a model at x under its likeliest noise; raises NoObserver where none follows."""
-    noise = likeliest(experiments, model, x, ratios)
+    """Return a model at x under its likeliest noise; raises NoObserver where none follows.
+
+    among: the members of the family that are looked at, None for all.
+    """
+    noise = likeliest(experiments, model, x, among or family)
     there = noise.problem(experiments)
     ground = Landscape(there.experiments, there.observer, model, SEARCHING)
     (residual,) = ground.residuals([x])
     known = Cost(ground.cost(residual), rarity=_rarity(model))
-    return Hypothesis(experiments, model, x, noise, known, _blocks(ground, residual), residual)
-
-
-def ratios_near(ratio: float) -> Floats:
-    """Return the family's ratios about one."""
-    return FAMILY[np.abs(np.log10(FAMILY / ratio)) < NEAR_RATIOS]
+    blocks = _blocks(ground, residual)
+    return Hypothesis(experiments, model, x, noise, known, blocks, residual, family=family)
 
 
 def settled(begun: Hypothesis, turns: int = 3, rounds: int = 6, worth: float = 1.0) -> Hypothesis:
@@ -140,7 +148,7 @@ def settled(begun: Hypothesis, turns: int = 3, rounds: int = 6, worth: float = 1
     for turn in range(turns):
         ground = best.ground if turn else best.far_ground
         there = descend(ground, best.x, rounds, best.creased)
-        again = judged(best.experiments, best.model, there.x, ratios_near(best.ratio))
+        again = best.moved(there.x)
         gained = best.cost.misfit - again.cost.misfit
         if gained > 0.0:
             best = again

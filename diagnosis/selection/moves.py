@@ -12,12 +12,13 @@ from zwidth.diagnosis.fit import Problem
 from zwidth.diagnosis.fitting.descend import descend
 from zwidth.diagnosis.fitting.landscape import FAR, Landscape
 from zwidth.diagnosis.lattice import stepped_trials
+from zwidth.diagnosis.noise.family import Family
 from zwidth.diagnosis.parameters import Model
 from zwidth.diagnosis.screen import Screened
 from zwidth.diagnosis.seeking.places import open_places, starts_at
 from zwidth.diagnosis.seeking.screening import View, screened, shown_starts, view
 from zwidth.diagnosis.selection.effort import Effort
-from zwidth.diagnosis.selection.hypothesis import Hypothesis
+from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged
 from zwidth.diagnosis.settle import prepared_for
 from zwidth.diagnosis.sizes import sizes_of
 from zwidth.diagnosis.steady import NoObserver
@@ -37,15 +38,21 @@ GIVEN_WAY = 2.0  # in x, that parameters give way at most before a fit
 class Proposal:
     """A model worth a fit, and where from: x, and the problem under which a fit begins.
 
-    under: None where it needs no first fit. near: ratio about which its noise is sought, None for
-    all of the family.
+    under: None where it needs no first fit. family: of its noise; near: ratio about which that is
+    sought, None for all of the family.
     """
 
     experiments: Sequence[Experiment]
     model: Model
     x: Floats
+    family: Family
     under: Problem | None = None
     near: float | None = None
+
+    def judged(self, x: Floats) -> Hypothesis:
+        """Return it at x under its likeliest noise; raises NoObserver where none follows."""
+        among = None if self.near is None else self.family.near(self.near)
+        return judged(self.experiments, self.model, x, self.family, among)
 
     @property
     def label(self) -> str:
@@ -95,14 +102,14 @@ def stepped(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
     if h.slopes is None:
         return
     for trial in stepped_trials(h.problem, h.fitted, h.experiments):
-        yield Proposal(trial.problem.experiments, trial.fitted.model, trial.fitted.x)
+        yield Proposal(trial.problem.experiments, trial.fitted.model, trial.fitted.x, h.family)
 
 
 def removed(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
     """Yield the hypothesis less each of its effects."""
     for i in range(len(h.model.effects)):
         model, x = h.model.less(h.x, i)
-        yield Proposal(h.experiments, model, x, h.problem, h.ratio)
+        yield Proposal(h.experiments, model, x, h.family, h.problem, h.ratio)
 
 
 def simpler(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
@@ -188,7 +195,7 @@ def _with(h: Hypothesis, seen: View, one: Screened) -> Proposal:
     costs = Landscape(seen.problem.experiments, seen.problem.observer, model, FAR).costs(xs)
     x = xs[int(np.argmin(np.nan_to_num(costs, nan=np.inf)))]
     near = h.ratio if seen.own else None
-    return Proposal(h.experiments, model, x, seen.problem, near)
+    return Proposal(h.experiments, model, x, h.family, seen.problem, near)
 
 
 def _among(h: Hypothesis, model: Model, x: Floats, starts: Sequence[Start]) -> Iterator[Proposal]:
@@ -205,4 +212,5 @@ def _among(h: Hypothesis, model: Model, x: Floats, starts: Sequence[Start]) -> I
     best = starts[int(np.argmin(np.nan_to_num(costs, nan=np.inf)))]
     other = model.with_effect(best.physics, best.scales, best.bounds)
     extra = np.zeros(len(other.parameters) - x.size)
-    yield Proposal(h.experiments, other, other.within(np.concatenate([x, extra])), problem, h.ratio)
+    begin = other.within(np.concatenate([x, extra]))
+    yield Proposal(h.experiments, other, begin, h.family, problem, h.ratio)

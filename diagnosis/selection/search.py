@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.experiment import Experiment, beginnings
 from zwidth.diagnosis.fitting.evolve import Generations, evolve
 from zwidth.diagnosis.mishaps import attempt, isolated
-from zwidth.diagnosis.noise.family import FAMILY
+from zwidth.diagnosis.noise.family import NEXT_SAMPLE, Family
 from zwidth.diagnosis.parameters import Model
 from zwidth.diagnosis.selection.effort import NORMAL, Effort
 from zwidth.diagnosis.selection.evidence import believed, compared
@@ -29,7 +29,6 @@ from zwidth.diagnosis.selection.hypothesis import (
     Hypothesis,
     gains,
     judged,
-    ratios_near,
     settled,
 )
 from zwidth.diagnosis.selection.moves import (
@@ -112,10 +111,14 @@ def search(
     effort: Effort = NORMAL,
     say: Say = silent,
     moves: Moves = Moves(),
+    family: Family = NEXT_SAMPLE,
 ) -> Search:
-    """Search for what explains recordings; raises NoObserver where none follows with the device."""
+    """Search for what explains recordings; raises NoObserver where none follows with the device.
+
+    family: the models of the noise under which all hypotheses are held against each other.
+    """
     model = Model(device)
-    plain = settled(judged(experiments, model, np.zeros(len(model.parameters))))
+    plain = settled(judged(experiments, model, np.zeros(len(model.parameters)), family))
     found = Search(plain, plain, effort, say, moves)
     found.keep(plain)
     say(f"the device as refitted costs {plain.cost.misfit:.0f}; trying every effect")
@@ -205,7 +208,7 @@ def look_for_valleys(found: Search) -> None:
     found.say(f"looking for the valley of {h.model.label} anew")
     prior = np.array([p.prior for p in h.model.parameters])
     starts = [h.x, np.where(prior, 0.0, h.x)]
-    ladder = LADDER if h.has_valleys else (h.ratio,)
+    ladder = LADDER if h.has_valleys and h.family.whitening else (h.ratio,)
     first = _arrived(h, effort, [(ratio, starts, FAR_SPREAD) for ratio in ladder])
     new = _grown_on(found, [h, *first])
     if new is not None and new.cost.total < h.cost.total:
@@ -246,7 +249,7 @@ def _arrived(
         arrived: list[Hypothesis] = []
         for a in evolve(stretch, h.model, xs, ratio, plan):
             with suppress(NoObserver):
-                arrived.append(judged(h.experiments, h.model, a.x))
+                arrived.append(judged(h.experiments, h.model, a.x, h.family))
         return arrived
 
     asked = [(h.model.label, partial(grown, *leg)) for leg in legs]
@@ -301,9 +304,7 @@ def _each(stage: str, tasks: Sequence[tuple[str, Callable[[], Result | None]]]) 
 
 
 def _judged(begun: Begun) -> Hypothesis | None:
-    p = begun.proposal
-    ratios = FAMILY if p.near is None else ratios_near(p.near)
     try:
-        return judged(p.experiments, p.model, begun.x, ratios)
+        return begun.proposal.judged(begun.x)
     except NoObserver:
         return None

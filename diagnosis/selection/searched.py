@@ -1,44 +1,135 @@
-"""What a search found, as the rest of a diagnosis reads it."""
+"""What a search found, as the rest of a diagnosis reads it.
 
-import math
+Where the family of noise models holds the truth, the next sample says all that a recording can say,
+and what costs least there is the answer. Whether it does is asked (`answer.adequacy`): free runs of
+the answer must err no farther than its noise makes them. Where they err farther no hypothesis of
+the family is true, and the sample after next is a different judge: what the next one shows best is
+then the colour of filters, clocks and bristles. So the search is made once more under noise that
+counts errors as far ahead as free runs go (`noise.family.as_far_as`), and the two answers are held
+against each other by what their free runs err over every horizon, stretch by stretch: the horizon
+that tells most clearly decides, and where none tells, the simpler one stands.
+
+What was found so far ahead is also a place to begin from: fitted to its end under its own likeliest
+noise it may cost less than what the first search found.
+"""
+
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 
-import numpy as np
-
+from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy, freer
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.fit import Fitted, Problem
+from zwidth.diagnosis.mishaps import attempt
+from zwidth.diagnosis.noise.family import as_far_as
 from zwidth.diagnosis.parameters import Model
-from zwidth.diagnosis.predictor import FINAL
-from zwidth.diagnosis.result import Rival
-from zwidth.diagnosis.search import Searched
+from zwidth.diagnosis.predictor import FINAL, Observer
 from zwidth.diagnosis.selection.effort import NORMAL, Effort
-from zwidth.diagnosis.selection.evidence import compared, probabilities
-from zwidth.diagnosis.selection.hypothesis import Hypothesis, gains
-from zwidth.diagnosis.selection.search import Say, Search, search
+from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged
+from zwidth.diagnosis.selection.moves import added
+from zwidth.diagnosis.selection.search import Moves, Say, Search, search
+from zwidth.diagnosis.steady import NoObserver
 from zwidth.sim.device import Device
-from zwidth.sim.place import of_label
+
+FAR_S = 0.05  # that errors are counted over where the next sample is no judge
+AHEAD = Moves(adding=(added,))  # steps and lost commands show in the next sample alone
+
+
+@dataclass(frozen=True)
+class Searched:
+    """What a search found: the refit without physics, the final fit, and all that was tried.
+
+    problem: the recordings under the noise of the best hypothesis; judge: the observer by which the
+    answer is held against held-out data, which is its own likeliest one.
+    """
+
+    problem: Problem
+    refit: Fitted
+    final: Fitted
+    tried: Search
+    judge: Observer
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether the search was."""
+        return self.tried.interrupted
 
 
 def searched(
     device: Device, experiments: Sequence[Experiment], say: Say, effort: Effort = NORMAL
 ) -> Searched:
-    """Search, and return refit and best hypothesis under the noise of the best."""
-    found = search(device, experiments, effort, say)
+    """Search, and where no hypothesis that was found holds over free runs, search for what does.
+
+    Raises NoObserver where no observer follows the recordings with the device.
+    """
+    near = search(device, experiments, effort, say)
+    first = as_found(device, near)
+    sound = attempt("search", "how far ahead it holds", partial(holds, device, first))
+    if near.interrupted or sound is None or sound.sound:
+        return first
+    say("over free runs it errs more than its noise: searched by what shows over a longer horizon")
+    far = attempt("search", "over a longer horizon", partial(_farther, device, near))
+    if far is None:
+        return first
+    second = as_found(device, far)
+    if len(_differing(near, far)) == 0 and not far.best.model.effects:
+        return first
+    better = freer(
+        (second.final, second.judge), (first.final, first.judge), near.best.experiments
+    )
+    simpler = len(far.best.model.effects) < len(near.best.model.effects)
+    if better or (better is None and simpler):
+        say(f"over a longer horizon rather: {far.best.model.label}")
+        return second
+    return replace(first, tried=replace(near, interrupted=far.interrupted))
+
+
+def holds(device: Device, found: Searched) -> Adequacy | None:
+    """How an answer stands on the recordings that it was fitted to."""
+    experiments = found.problem.experiments
+    return adequacy(Model(device), found.refit, found.final, found.judge, experiments)
+
+
+def _differing(one: Search, other: Search) -> frozenset[str]:
+    return one.best.labels ^ other.best.labels
+
+
+def _farther(device: Device, near: Search) -> Search | None:
+    """The search over a longer horizon; None where no observer looks so far."""
+    experiments = near.best.experiments
+    family = as_far_as(FAR_S, experiments)
+    try:
+        return search(device, experiments, near.effort, near.say, AHEAD, family)
+    except NoObserver:
+        return None
+
+
+def as_found(device: Device, found: Search) -> Searched:
+    """Return refit and best hypothesis of a search under the noise of the best."""
     best = found.best
     problem = Problem(best.problem.experiments, best.noise.observer, FINAL)
     baseline = problem.fit(Model(device), found.plain.x)
-    return Searched(problem, baseline, _final(problem, best), (), found.interrupted, found)
+    final = _final(problem, best)
+    return Searched(problem, baseline, final, found, _judge(best))
+
+
+def _judge(best: Hypothesis) -> Observer:
+    """The likeliest observer of a hypothesis, whatever it was found under."""
+    if best.family.whitening:
+        return best.noise.observer
+    try:
+        return judged(best.experiments, best.model, best.x).noise.observer
+    except NoObserver:
+        return best.noise.observer
 
 
 def unnamed(found: Searched) -> Searched:
     """Return a search as if nothing had been believed: the device file's own physics, refitted."""
-    assert found.tried is not None
     plain = found.tried.plain
     problem = Problem(plain.problem.experiments, plain.noise.observer, FINAL)
     refit = problem.fit(plain.model, plain.x)
     tried = replace(found.tried, best=plain)
-    return replace(found, problem=problem, refit=refit, final=refit, tried=tried)
+    return Searched(problem, refit, refit, tried, _judge(plain))
 
 
 def _final(problem: Problem, h: Hypothesis) -> Fitted:
@@ -49,52 +140,3 @@ def _final(problem: Problem, h: Hypothesis) -> Fitted:
     assert h.slopes is not None
     chi2 = float(residual @ residual)
     return Fitted(h.model, h.x, chi2, residual, h.slopes, h.samples)
-
-
-def without(found: Search, label: str) -> float:
-    """At how many sigma the best hypothesis stands above the best that lacks an effect."""
-    best = found.best
-    lacking = [h for h in found.tried.values() if label not in h.labels]
-    nearest = min(lacking, key=lambda h: h.cost.total)
-    bare = found.tried.get(best.labels - {label}, nearest)
-    return max(0.0, compared(gains(best, bare)).sigma)
-
-
-def shares(found: Search) -> dict[frozenset[str], float]:
-    """Return the probability of every structure that was fitted to its end."""
-    best = found.best
-    kept = list(found.tried.values())
-    relative = [_behind(h, best) for h in kept]
-    return dict(zip((h.labels for h in kept), probabilities(relative).tolist(), strict=True))
-
-
-def probability(found: Search, label: str) -> float:
-    """Return the probability that a device has an effect: of all structures with it."""
-    return math.fsum(p for labels, p in shares(found).items() if label in labels)
-
-
-def rivals(found: Search, label: str) -> tuple[Rival, ...]:
-    """Return what was fitted in the place of an effect of the best hypothesis, nearest first."""
-    best = found.best
-    behind: dict[str, float] = {}
-    for h in found.tried.values():
-        new, gone = h.labels - best.labels, best.labels - h.labels
-        # What costs without bound has a parameter of which the recordings say nothing.
-        if gone == frozenset((label,)) and len(new) == 1 and math.isfinite(h.cost.total):
-            (other,) = new
-            behind[other] = math.sqrt(max(0.0, _behind(h, best)))
-    ordered = sorted(behind.items(), key=lambda pair: pair[1])
-    return tuple(_rival(found, other, sigma) for other, sigma in ordered)
-
-
-def _rival(found: Search, label: str, sigma: float) -> Rival:
-    effect, place = of_label(label)
-    return Rival(effect, str(place), sigma, probability(found, label))
-
-
-def _behind(h: Hypothesis, best: Hypothesis) -> float:
-    """By how much a hypothesis costs more than the best, in units of the pair's overdispersion."""
-    if h is best:
-        return 0.0
-    phi = compared(gains(best, h)).phi
-    return float(np.nan_to_num((h.cost.total - best.cost.total) / phi, posinf=1e300))

@@ -1,0 +1,60 @@
+"""What stands beside an answer: how sure it is, and what else was fitted in its place."""
+
+import math
+
+import numpy as np
+
+from zwidth.diagnosis.result import Rival
+from zwidth.diagnosis.selection.evidence import compared, probabilities
+from zwidth.diagnosis.selection.hypothesis import Hypothesis, gains
+from zwidth.diagnosis.selection.search import Search
+from zwidth.sim.place import of_label
+
+
+def without(found: Search, label: str) -> float:
+    """At how many sigma the best hypothesis stands above the best that lacks an effect."""
+    best = found.best
+    lacking = [h for h in found.tried.values() if label not in h.labels]
+    nearest = min(lacking, key=lambda h: h.cost.total)
+    bare = found.tried.get(best.labels - {label}, nearest)
+    return max(0.0, compared(gains(best, bare)).sigma)
+
+
+def shares(found: Search) -> dict[frozenset[str], float]:
+    """Return the probability of every structure that was fitted to its end."""
+    best = found.best
+    kept = list(found.tried.values())
+    relative = [_behind(h, best) for h in kept]
+    return dict(zip((h.labels for h in kept), probabilities(relative).tolist(), strict=True))
+
+
+def probability(found: Search, label: str) -> float:
+    """Return the probability that a device has an effect: of all structures with it."""
+    return math.fsum(p for labels, p in shares(found).items() if label in labels)
+
+
+def rivals(found: Search, label: str) -> tuple[Rival, ...]:
+    """Return what was fitted in the place of an effect of the best hypothesis, nearest first."""
+    best = found.best
+    behind: dict[str, float] = {}
+    for h in found.tried.values():
+        new, gone = h.labels - best.labels, best.labels - h.labels
+        # What costs without bound has a parameter of which the recordings say nothing.
+        if gone == frozenset((label,)) and len(new) == 1 and math.isfinite(h.cost.total):
+            (other,) = new
+            behind[other] = math.sqrt(max(0.0, _behind(h, best)))
+    ordered = sorted(behind.items(), key=lambda pair: pair[1])
+    return tuple(_rival(found, other, sigma) for other, sigma in ordered)
+
+
+def _rival(found: Search, label: str, sigma: float) -> Rival:
+    effect, place = of_label(label)
+    return Rival(effect, str(place), sigma, probability(found, label))
+
+
+def _behind(h: Hypothesis, best: Hypothesis) -> float:
+    """By how much a hypothesis costs more than the best, in units of the pair's overdispersion."""
+    if h is best:
+        return 0.0
+    phi = compared(gains(best, h)).phi
+    return float(np.nan_to_num((h.cost.total - best.cost.total) / phi, posinf=1e300))
