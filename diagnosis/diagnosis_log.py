@@ -20,8 +20,7 @@ from scipy.fft import next_fast_len
 
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.fit import Fitted, Problem
-from zwidth.diagnosis.horizon import window
-from zwidth.diagnosis.predictor import SETTLING, free_run_errors, innovations
+from zwidth.diagnosis.predictor import SETTLING, free_run_errors, innovations, window
 from zwidth.diagnosis.spatial import response
 from zwidth.sim.place import place_at
 from zwidth.sim.trace import Trace

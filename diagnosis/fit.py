@@ -26,6 +26,7 @@ from zwidth.diagnosis.predictor import (
     prepared,
 )
 from zwidth.diagnosis.steady import NoObserver
+from zwidth.sim.device import place_label
 
 Floats = NDArray[np.float64]
 STEP = 1e-4
@@ -136,7 +137,7 @@ class Problem:
         fineness: Fineness = SEARCHING,
     ) -> None:
         self.experiments, self.observer, self.fineness = list(experiments), observer, fineness
-        self.without: dict[tuple[str, str, bytes], Fitted] = {}  # fits less an effect, by `removal`
+        self._without: dict[tuple[str, str, bytes], Fitted] = {}
 
     def weighted(self, model: Model, x: Floats, least: int = 1) -> Floats:
         """Return the weighted innovations of all experiments, one after the other.
@@ -260,3 +261,11 @@ class Problem:
         slopes = best.slope(found.x)
         samples = found.fun.size - sum(p.prior for p in parameters)
         return Fitted(model, found.x, float(found.fun @ found.fun), found.fun, slopes, samples)
+
+    def fit_without(self, fitted: Fitted, index: int) -> Fitted:
+        """Fit a model again without one of its effects; asked twice, the answer is from memory."""
+        gone = place_label(fitted.model.effects[index])
+        key = (gone, fitted.model.label, fitted.x.tobytes())
+        if key not in self._without:
+            self._without[key] = self.fit(*fitted.model.less(fitted.x, index))
+        return self._without[key]

@@ -6,11 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.experiment import Experiment
-from zwidth.diagnosis.horizon import window
 from zwidth.diagnosis.parameters import Model
-from zwidth.diagnosis.predictor import SETTLING, begun, deviation, free_run_errors, innovations
+from zwidth.diagnosis.predictor import (
+    SETTLING,
+    begun,
+    deviation,
+    free_run_errors,
+    innovations,
+    window,
+)
 from zwidth.diagnosis.result import HeldOut
-from zwidth.diagnosis.search import Searched
+from zwidth.diagnosis.selection.searched import Searched
 from zwidth.sim.device import Device
 
 Floats = NDArray[np.float64]
@@ -23,7 +29,7 @@ def held_out(
 
     Errors of the first output over its own variation; free runs start from the observer's state.
     """
-    gain = found.problem.observer.gain
+    gain = found.judge.gain
     nominal = Model(device)
     models = [
         (nominal, np.zeros(nominal.linear_count)),
@@ -38,7 +44,7 @@ def held_out(
     for model, x in models:
         built = model.acting(x)
         # Each begins where it fits best: an observer that trusts its model forgets slowly.
-        scaled = [begun(built, model.seen(e, x), found.problem.observer) for e in judge_by]
+        scaled = [begun(built, model.seen(e, x), found.judge) for e in judge_by]
         one.append(_rms([innovations(built, e, gain)[SETTLING:, 0] for e in scaled]) / swing)
         runs = [free_run_errors(built, e, gain, window(e)) for e in scaled]
         windows = _rms([signal[:, 0] for _, signal in runs])

@@ -8,10 +8,9 @@ from typing import TypeVar
 from zwidth.diagnosis.experiment import Experiment, ExperimentError
 from zwidth.diagnosis.gate import Fault, corrected, examine
 from zwidth.diagnosis.hold import smooth, was_smooth
-from zwidth.diagnosis.mishaps import collecting, debugging, isolated
+from zwidth.diagnosis.mishaps import collecting, debugging, isolated, silent
 from zwidth.diagnosis.rectified import unfolded
 from zwidth.diagnosis.result import NotDiagnosed, Unanswered
-from zwidth.diagnosis.trials import silent
 from zwidth.sim.device import Device
 
 Result = TypeVar("Result")

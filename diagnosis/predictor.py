@@ -35,6 +35,8 @@ SETTLING = 100  # ticks left out at the start, until the observer has found the 
 SLOPE = (np.arange(10) - 4.5) / 82.5  # of the straight line through the first samples
 MOST_SUBSTEPS = 256  # a tick, of friction beside a mode of 100 kHz at 1 kHz
 RATIOS = np.geomspace(1e-7, 1e9, 33)
+FREE_RUN_S = 0.5
+SHORTEST_WINDOW = 50  # ticks of a free run
 
 
 @dataclass(frozen=True)
@@ -344,6 +346,11 @@ def copied(memory: Memory) -> Memory:
         m.x.copy(), m.line.copy(), m.controller.copy(), m.internal.copy(), m.scalars.copy(),
         m.counters.copy(), m.totals.copy(),
     )  # fmt: skip
+
+
+def window(experiment: Experiment) -> int:
+    """Return the ticks of a free run."""
+    return max(SHORTEST_WINDOW, round(FREE_RUN_S / experiment.period))
 
 
 def free_run_errors(

@@ -13,7 +13,7 @@ from zwidth.diagnosis.gate import Fault
 from zwidth.diagnosis.locate import NOWHERE, Located
 from zwidth.diagnosis.mishaps import Mishap
 from zwidth.diagnosis.next_experiment import NextExperiment
-from zwidth.diagnosis.search import Searched
+from zwidth.diagnosis.selection.searched import Searched
 from zwidth.sim.device import Device
 from zwidth.sim.physics import contains
 from zwidth.sim.place import place_at

@@ -27,7 +27,6 @@ Floats = NDArray[np.float64]
 REFITS = 6
 SETTLED = 1.02  # chi2 per sample at which the observer and the refit agree
 TURNS = 4
-CALMER = (0.1, 0.01, 0.001)  # of an observer's ratio
 AGREED = 10.0  # -2 log likelihood gained by a turn, below which they do
 
 
@@ -45,24 +44,15 @@ def refit(
     return problem, fitted
 
 
-class NotWorth(Exception):
-    """A model explains too little to be settled."""
-
-
-def settle(
-    experiments: Sequence[Experiment], model: Model, x: Floats, worth: float = np.inf
-) -> tuple[Problem, Fitted]:
+def settle(experiments: Sequence[Experiment], model: Model, x: Floats) -> tuple[Problem, Fitted]:
     """Fit a model from x, choosing the observer anew between fits until both agree.
 
-    Raises NotWorth where the first fit costs more than `worth` in -2 log likelihood, and NoObserver
-    where no observer follows the recordings with it.
+    Raises NoObserver where no observer follows the recordings with it.
     """
     near = None
     for _ in range(REFITS):
         problem = prepared_for(experiments, model, x, near=near)
         fitted = problem.fit(model, x, final=False)
-        if near is None and problem.cost(fitted) > worth:
-            raise NotWorth(f"{model.label} explains too little")
         experiments, x, near = problem.experiments, fitted.x, problem.observer.ratio
         if abs(fitted.chi2 / fitted.samples - 1.0) < SETTLED - 1.0:
             break
@@ -115,25 +105,3 @@ def cost_at(ratio: float, fitted: Fitted, experiments: Sequence[Experiment]) -> 
         return there.cost(there.fit(fitted.model, fitted.x))
     except NoObserver:
         return np.inf
-
-
-def under_likeliest_noise(problem: Problem, fitted: Fitted) -> Problem:
-    """Return the problem under a slower observer, whitened, where that makes a fit likelier.
-
-    An observer is chosen before its innovations are whitened, as for white noise of what is
-    measured. Where that noise is coloured (0.9 from one tick to the next), a slower one leaves a
-    colour that a filter of few lags can take: likelier by 145, and an eccentric encoder that was
-    off by 3.1 of its errors then by 0.6.
-    """
-    best, least = problem, problem.cost(fitted) - AGREED
-    for share in CALMER:
-        try:
-            ratio = share * problem.observer.ratio
-            there = prepared_for(problem.experiments, fitted.model, fitted.x, ratio, white=True)
-        except NoObserver:  # so slow that it does not hold the device
-            break
-        residual = there.residual(fitted.model, fitted.x)
-        cost = there.cost(replace(fitted, residual=residual, chi2=float(residual @ residual)))
-        if cost < least:
-            best, least = there, cost
-    return best

@@ -7,7 +7,7 @@ What is missing and has no name is let in as a force of free shape at one place,
     f = a v^3,
 
 the second a damper, mass or spring that drifts, the third what a drag by another power leaves.
-Under a slower observer, which takes no motion for disturbance (`diagnosis.views`), least squares
+Under a slower observer, which takes no motion for disturbance, least squares
 gives the a off the refit's span; the best shapes are then added to the recording as a known force,
 and what counts is how much likelier the recording is with it, each under its own likeliest
 observer. The force is computed along the motion that the model with it predicts, from one turn to
@@ -39,7 +39,6 @@ from zwidth.diagnosis.settle import cost_at, prepared_for
 from zwidth.diagnosis.spatial import response
 from zwidth.diagnosis.steady import NoObserver
 from zwidth.diagnosis.uncertainty import inflation
-from zwidth.diagnosis.views import SLOWER, WEAK, views
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.place import MASSES, masses_and_links, place_at
 
@@ -59,6 +58,8 @@ PART = 0.5  # of what the named explain, that such a force must to first order
 WAVING = 3  # unknowns of what repeats: cosine, sine and period
 SWINGS = np.arange(0.5, 10.0, 0.25)  # half periods over the travel, of an inertia
 JUDGED = 3  # shapes of each view whose likelihood is looked at
+SLOWER = 1e-2  # of the observer's ratio
+WEAK = 200.0  # -2 log likelihood gained, below which a slower observer must agree
 
 
 @dataclass(frozen=True)
@@ -148,13 +149,13 @@ def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None
     best: tuple[float, Gained, Forced] | None = None
     problem = prepared_for(experiments, fitted.model, fitted.x)
     plain = problem.fit(fitted.model, fitted.x)
-    asked = list(views(problem, plain, experiments, lambda _: None))
-    without = in_parallel([partial(alone, at, v.experiments) for v, at, _ in asked], threads())
+    asked = list(_views(problem, plain, experiments))
+    without = in_parallel([partial(alone, at, v.experiments) for v, at in asked], threads())
     base = min(problem.cost(plain), *without)
-    gains = in_parallel([partial(_gains, v, at) for v, at, _ in asked], threads())
+    gains = in_parallel([partial(_gains, v, at) for v, at in asked], threads())
     tried = [
         (view, there, one)
-        for (view, there, _), every in zip(asked, gains, strict=True)
+        for (view, there), every in zip(asked, gains, strict=True)
         for one in sorted(every, key=_surplus, reverse=True)[:JUDGED]
     ]
     judged = in_parallel([partial(_if_followed, *each, base) for each in tried], threads())
@@ -175,11 +176,24 @@ def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None
     both = plain, forced.fitted
     base = min(base, alone(forced.fitted, experiments))
     base = min(base, *(cost_at(forced.ratio, one, experiments) for one in both))
-    if base - found < WEAK:  # as a claim by name is asked (`diagnosis.views`)
-        slower = SLOWER[0] * forced.ratio
+    if base - found < WEAK:  # a slower observer must agree
+        slower = SLOWER * forced.ratio
         base = min(base, *(cost_at(slower, one, experiments) for one in both))
         found = min(found, cost_at(slower, forced.fitted, forced.experiments))
     return Unknown(base - found, one.strength.size, one.shape.place, one.shape.follows)
+
+
+def _views(
+    problem: Problem, current: Fitted, experiments: Sequence[Experiment]
+) -> Iterator[tuple[Problem, Fitted]]:
+    """The given observer, then a slower one if it holds the device, with the model fitted again."""
+    yield problem, current
+    ratio = SLOWER * problem.observer.ratio
+    with suppress(NoObserver):  # so slow that it does not hold the device
+        slow = prepared_for(experiments, current.model, current.x, ratio)
+        refitted = slow.fit(current.model, current.x)
+        slow = prepared_for(slow.experiments, current.model, refitted.x, ratio)
+        yield slow, slow.fit(current.model, refitted.x)
 
 
 def instead(

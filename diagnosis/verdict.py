@@ -8,9 +8,8 @@ from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.leftover import leftover
 from zwidth.diagnosis.locate import locate
 from zwidth.diagnosis.probes import instead_by_law
-from zwidth.diagnosis.removal import fit_without
 from zwidth.diagnosis.result import Estimate, Finding, Verdict
-from zwidth.diagnosis.search import Searched
+from zwidth.diagnosis.selection.searched import Searched
 from zwidth.diagnosis.steady import NoObserver
 from zwidth.diagnosis.uncertainty import Z95, inflation
 from zwidth.diagnosis.unknown import TOUCHED, Instead, instead, unknown
@@ -62,12 +61,12 @@ def left_over(found: Searched, acted: Sequence[Experiment]) -> Left:
 
 def instead_of(found: Searched) -> Instead | None:
     """Return a force of no library that explains more than one of the effects, or all of them."""
-    if found.problem.observer.whitening is None:  # free runs decided, and likelihood is no judge
+    if found.problem.observer.whitening is None:  # free runs judged, and likelihood is no judge
         return None
     final, effects = found.final, found.final.model.effects
     experiments = found.problem.experiments
     names = [f"{p.effect.name} at {p.at}" for p in effects]
-    models = [(name, fit_without(found.problem, final, i)) for i, name in enumerate(names)]
+    models = [(name, found.problem.fit_without(final, i)) for i, name in enumerate(names)]
     if len(effects) > 1:
         models.append((" and ".join(names), found.refit))
     asked = [

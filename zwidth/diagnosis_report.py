@@ -10,10 +10,9 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from zwidth.diagnosis.augmented_boundary import AugmentedBoundary
-from zwidth.diagnosis.mishaps import collecting, isolated
+from zwidth.diagnosis.mishaps import collecting, isolated, silent
 from zwidth.diagnosis.next_experiment import NextExperiment
 from zwidth.diagnosis.result import Diagnosis, Estimate, HeldOut, Unanswered
-from zwidth.diagnosis.trials import silent
 from zwidth.figures.augmented_boundary import augmented_boundary_figure
 from zwidth.figures.diagnosis import force_map_figure, residual_figure
 from zwidth.figures.style import STYLE

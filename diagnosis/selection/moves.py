@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,6 +127,30 @@ def simpler(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
             groups = starts_at([(effect, place)], sizes, far=True)
             for starts in groups.values():
                 yield from _among(h, model, x, [*starts, *_as_strong(starts, fitted[i])])
+
+
+def split(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
+    """Yield the hypothesis with each effect in turn as two of those that it contains.
+
+    A constant force and Coulomb friction are a directional friction of other levels.
+    """
+    device = h.model.build(h.x)
+    fitted = h.model.effects_at(h.x)
+    sizes = sizes_of(device.without_physics(), h.experiments)
+    for i, physics in enumerate(h.model.effects):
+        model, x = h.model.less(h.x, i)
+        held = [
+            (effect, place)
+            for effect, place in open_places(model.build(x))
+            if effect.name in physics.effect.contains and place.acts_on == physics.place.acts_on
+        ]
+        for pair in combinations(held, 2):
+            whole = Proposal(h.experiments, model, x, h.family, h.problem, h.ratio)
+            for one in pair:
+                (starts,) = starts_at([one], sizes, far=True).values()
+                every = [*starts, *_as_strong(starts, fitted[i])]
+                (whole,) = _among(h, whole.model, whole.x, every)
+            yield whole
 
 
 def replaced(index: int) -> Move:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.experiment import Experiment, beginnings
 from zwidth.diagnosis.fitting.evolve import Generations, evolve
-from zwidth.diagnosis.mishaps import attempt, isolated
+from zwidth.diagnosis.mishaps import Say, attempt, isolated, silent
 from zwidth.diagnosis.noise.family import NEXT_SAMPLE, Family
 from zwidth.diagnosis.parameters import Model
 from zwidth.diagnosis.selection.effort import NORMAL, Effort
@@ -39,6 +39,7 @@ from zwidth.diagnosis.selection.moves import (
     removed,
     replaced,
     simpler,
+    split,
     stepped,
 )
 from zwidth.diagnosis.steady import NoObserver
@@ -46,7 +47,6 @@ from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import Device
 
 Floats = NDArray[np.float64]
-Say = Callable[[str], None]
 Result = TypeVar("Result")
 LADDER = (1.0, 1e-1, 1e-2, 1e-3, 1e-4)  # ratios under which populations grow
 LEADING = 2  # of what arrived, that grow on
@@ -55,16 +55,12 @@ AGAIN, STILL = 6, 10.0  # turns about the best, and what one must gain in misfit
 FAR_SPREAD, NEAR_SPREADS = 0.5, (0.3, 0.1)  # in x, of which one is a file's own uncertainty
 
 
-def silent(_: str) -> None:
-    """Say nothing."""
-
-
 @dataclass(frozen=True)
 class Moves:
     """What a search tries: to add, to put in place of a hypothesis, and of one of its effects."""
 
     adding: Sequence[Move] = (added, stepped)
-    exchanging: Sequence[Move] = (removed, simpler)
+    exchanging: Sequence[Move] = (removed, simpler, split)
     replacing: Callable[[int], Move] = replaced
 
 

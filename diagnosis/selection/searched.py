@@ -20,14 +20,14 @@ from functools import partial
 from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy, freer
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.fit import Fitted, Problem
-from zwidth.diagnosis.mishaps import attempt
+from zwidth.diagnosis.mishaps import Say, attempt
 from zwidth.diagnosis.noise.family import as_far_as
 from zwidth.diagnosis.parameters import Model
 from zwidth.diagnosis.predictor import FINAL, Observer
 from zwidth.diagnosis.selection.effort import NORMAL, Effort
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged
 from zwidth.diagnosis.selection.moves import added
-from zwidth.diagnosis.selection.search import Moves, Say, Search, search
+from zwidth.diagnosis.selection.search import Moves, Search, search
 from zwidth.diagnosis.steady import NoObserver
 from zwidth.sim.device import Device
 
@@ -74,9 +74,7 @@ def searched(
     second = as_found(device, far)
     if len(_differing(near, far)) == 0 and not far.best.model.effects:
         return first
-    better = freer(
-        (second.final, second.judge), (first.final, first.judge), near.best.experiments
-    )
+    better = freer((second.final, second.judge), (first.final, first.judge), near.best.experiments)
     simpler = len(far.best.model.effects) < len(near.best.model.effects)
     if better or (better is None and simpler):
         say(f"over a longer horizon rather: {far.best.model.label}")

@@ -15,8 +15,9 @@ import click
 import numpy as np
 
 from zwidth.console import Column, Console
+from zwidth.diagnosis.answer.separating import separating
 from zwidth.diagnosis.augmented_boundary import AugmentedBoundary, augmented_boundary
-from zwidth.diagnosis.diagnose import diagnose, separating
+from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.diagnosis_log import diagnosis_trace
 from zwidth.diagnosis.experiment import Experiment, stretches
 from zwidth.diagnosis.mishaps import Mishaps, attempt, collecting, isolated
@@ -63,7 +64,9 @@ RESULTS = ("diagnosis.html", "augmented.toml", "next.toml", "next.npy")
 @click.option(
     "--effort",
     type=click.Choice(list(EFFORTS)),
-    help="Search whole hypotheses, so many; without it, step by step (see docs/diagnosis.md).",
+    default="normal",
+    show_default=True,
+    help="How much to try: quick looks for three effects at most, and for no play.",
 )
 @out_option("runs")
 @force_option
@@ -72,7 +75,7 @@ def command(
     recordings: tuple[Path, ...],
     name: str,
     validate: tuple[Path, ...],
-    effort: str | None,
+    effort: str,
     out: Path,
     json_file: str | None,
 ) -> None:
@@ -101,7 +104,7 @@ def command(
                     [e for _, e in fit_on],
                     judge_by,
                     _timed(console),
-                    EFFORTS.get(effort or ""),
+                    EFFORTS[effort],
                 )
             except NotDiagnosed as end:
                 raise _unanswered(asked, end, mishaps) from end

@@ -1,0 +1,160 @@
+"""From what a search found to the answer: located, judged, and all that is to be said of it."""
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy
+from zwidth.diagnosis.answer.findings import all_findings, linear, upper_bounds
+from zwidth.diagnosis.answer.second_look import named_only_whole, on_first_part, second_look
+from zwidth.diagnosis.augmented import all_smooth, augmented
+from zwidth.diagnosis.gate import Fault
+from zwidth.diagnosis.held_out import held_out
+from zwidth.diagnosis.intake import Taken
+from zwidth.diagnosis.locate import NOWHERE, locate
+from zwidth.diagnosis.mishaps import Mishaps, Say, attempt, isolated
+from zwidth.diagnosis.parameters import Model
+from zwidth.diagnosis.result import (
+    UNKNOWN_FIT,
+    Diagnosis,
+    Estimate,
+    Finding,
+    Residuals,
+    Verdict,
+)
+from zwidth.diagnosis.selection.effort import Effort
+from zwidth.diagnosis.selection.searched import Searched, unnamed
+from zwidth.diagnosis.unknown import Instead
+from zwidth.diagnosis.verdict import Left, instead_of, judged, left_over
+from zwidth.sim.device import Device
+
+# Stages without which no verdict stands, and what an error in them takes from it.
+WHAT_IS_LOST = {
+    "search": "a part of the search",
+    "detect": "whether anything is left",
+    "separation": "how well it can be told apart",
+    "held out": "what the held-out data say",
+}
+DECISIVE = tuple(WHAT_IS_LOST)
+
+
+def answered(
+    device: Device, taken: Taken, found: Searched, mishaps: Mishaps, say: Say, effort: Effort
+) -> Diagnosis:
+    """Return the answer; opens the held-out data.
+
+    An error in one part costs that part, and the verdict where it rests on it.
+    """
+    found = _standing(device, taken, found, say)
+    left, other = _what_is_left(found, taken)
+    by, faults = found, taken.faults
+    if taken.whole_unopened and named_only_whole(found, left, other):
+        with isolated("search", "all that was recorded"):
+            again, beyond, note = second_look(device, found, left, taken.whole, say, effort)
+            if note is not None:
+                by, faults = on_first_part(again), (*faults, note)
+            found, left = again, beyond
+    say("locating")
+    located = attempt("locate", "", partial(locate, found.problem, found.refit)) or NOWHERE
+    say("held-out data")
+    judge = partial(held_out, device, by, taken.judge_by)
+    one, free = attempt("held out", "", judge) or (UNKNOWN_FIT, UNKNOWN_FIT)
+    sound = attempt("adequacy", "", partial(_adequacy, device, found, taken))
+    findings = all_findings(device, taken, found)
+    intervals = partial(linear, device, found.final, taken.whole)
+    refit = attempt("intervals", "linear parameters", intervals) or {}
+    bounds = {} if findings else attempt("limits", "", partial(upper_bounds, found)) or {}
+    augment = partial(_augmented, taken, found, findings)
+    verdict, sentence = _verdict(found, findings, refit, left, other, mishaps, sound)
+    verdict, sentence = _with_faults(verdict, sentence, faults)
+    shape = (-1, len(taken.whole[0].outputs))
+    residuals = Residuals(
+        taken.whole[0].period, found.refit.white.reshape(shape), found.final.white.reshape(shape)
+    )
+    return Diagnosis(
+        verdict, sentence, findings, refit, located, one, free, bounds, faults,
+        attempt("augmented device", "", augment) or device,
+        residuals, found, taken.whole, found.interrupted, _facts(found, left),
+        errors=tuple(mishaps.found), left_out=taken.left_out, adequacy=sound,
+    )  # fmt: skip
+
+
+def _standing(device: Device, taken: Taken, found: Searched, say: Say) -> Searched:
+    """What was found, or nothing where its names predict held-out data no better than without."""
+    if not found.final.model.effects:
+        return found
+    sound = attempt("adequacy", "", partial(_adequacy, device, found, taken))
+    if sound is None or sound.useful:
+        return found
+    say(f"{found.final.model.label} predicts held-out data no better than without: not named")
+    return unnamed(found)
+
+
+def _adequacy(device: Device, found: Searched, taken: Taken) -> Adequacy | None:
+    """How the answer stands on held-out data."""
+    return adequacy(Model(device), found.refit, found.final, found.judge, taken.judge_by)
+
+
+def _what_is_left(found: Searched, taken: Taken) -> tuple[Left, Instead | None]:
+    """What the final model leaves, and what of no library may stand in the place of its names."""
+    left = attempt("detect", "what is left", partial(left_over, found, taken.whole))
+    other: Instead | None = None
+    with isolated("detect", "physics of no library in the place of what was named"):
+        other = instead_of(found)
+    return left or Left(0.0, ""), other
+
+
+def _augmented(taken: Taken, found: Searched, findings: Sequence[Finding]) -> Device:
+    """The device with refitted parameters, with all that was found and how recordings are read."""
+    model = found.final.model
+    steps = [f for f in findings if f.effect == "encoder_step" and not model.has(f.effect)]
+    return augmented(
+        model, found.final.x, taken.whole[0].swing,
+        smooth=all_smooth(taken.faults, taken.whole),
+        folded=any(f.effect == "rectified_sensor" for f in findings),
+        encoder_step=max((f.parameters["step"].value for f in steps), default=0.0),
+    )  # fmt: skip
+
+
+def _verdict(
+    found: Searched,
+    findings: tuple[Finding, ...],
+    refit: dict[str, tuple[float, Estimate]],
+    left: Left,
+    other: Instead | None,
+    mishaps: Mishaps,
+    sound: Adequacy | None,
+) -> tuple[Verdict, str]:
+    """As `judged`; undecided where an error took what the verdict rests on, which it then says."""
+    verdict, sentence = judged(found, findings, refit, left, other, sound)
+    if mishaps.of(*DECISIVE):
+        verdict = Verdict.UNDECIDED
+        lost = " and ".join(dict.fromkeys(WHAT_IS_LOST[m.stage] for m in mishaps.of(*DECISIVE)))
+        sentence = f"an error left out {lost}; from what was done, {sentence}"
+    untried = list(dict.fromkeys(m.what.replace("@", " at ") for m in mishaps.of("candidates")))
+    if untried:
+        sentence += f"; {', '.join(untried)} could not be tried"
+    return verdict, sentence
+
+
+def _with_faults(verdict: Verdict, sentence: str, faults: Sequence[Fault]) -> tuple[Verdict, str]:
+    """The verdict beside what is wrong about the recordings, which comes first."""
+    said = "; ".join(f.sentence for f in faults if f.wrong)
+    if not said:
+        return verdict, sentence
+    undecided = verdict is Verdict.UNDECIDED
+    return (
+        Verdict.UNDECIDED if undecided else Verdict.RECORDING_FAULT,
+        f"{said}; with that corrected, {sentence}",
+    )
+
+
+def _facts(found: Searched, left: Left) -> dict[str, Any]:
+    return {
+        "chi2_per_sample": {"refit": found.refit.chi2 / found.refit.samples,
+                            "final": found.final.chi2 / found.final.samples},
+        "samples": found.final.samples,
+        "left_chi2": left.gained,
+        "explained_chi2": found.refit.chi2 - found.final.chi2,
+        "comparisons": found.tried.fits,
+    }  # fmt: skip

@@ -1,0 +1,175 @@
+"""What was found, in the words of an answer: values with intervals, rivals, bounds."""
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import binomtest
+
+from zwidth.diagnosis.answer.beside import probability, rivals, without
+from zwidth.diagnosis.candidates import candidates
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.fit import Fitted
+from zwidth.diagnosis.gate import ON_LATTICE, Fault
+from zwidth.diagnosis.intake import Taken
+from zwidth.diagnosis.lattice import chances_seen, step_interval
+from zwidth.diagnosis.mishaps import attempt, isolated
+from zwidth.diagnosis.parameters import (
+    Model,
+    effect_labels,
+    first_velocity,
+    linear_parameters,
+    values_of,
+)
+from zwidth.diagnosis.result import Estimate, Finding, Rival
+from zwidth.diagnosis.screen import Complement, screen
+from zwidth.diagnosis.selection.searched import Searched
+from zwidth.diagnosis.uncertainty import Z95, covariance, inflation
+from zwidth.sim.device import Device
+from zwidth.sim.physics.effect import Physics
+
+Floats = NDArray[np.float64]
+DAMPER, SPRING = ("N m s/rad", "N s/m"), ("N m/rad", "N/m")
+UNITS = {
+    "mass": ("kg m2", "kg"), "damper": DAMPER, "link": DAMPER, "spring": SPRING, "k0": SPRING,
+    "gain": ("", ""), "origin": ("rms motions", "rms motions"), "jitter": ("s", "s"),
+}  # fmt: skip
+SAME_STEP = 0.01  # relative difference of steps that are the same
+NOTICED = 0.1  # of the noise: a step below is a way to write numbers
+
+
+def all_findings(device: Device, taken: Taken, found: Searched) -> tuple[Finding, ...]:
+    """The effects of the model, and before them a folded sensor, after them an encoder's step."""
+    findings = _findings(found)
+    with isolated("detect", "encoder_step at sensor"):
+        steps = _encoder(device, found, taken.whole, taken.faults)
+        findings = findings if steps is None else (*findings, steps)
+    if taken.folded > 1.0:
+        # n samples whose deviation is a factor larger without it
+        ticks = sum(e.ticks for e in taken.fit_on)
+        sigma = float(np.sqrt(2.0 * ticks * np.log(taken.folded)))
+        findings = (Finding("rectified_sensor", "sensor", {}, sigma, ()), *findings)  # found first
+    return findings
+
+
+def _findings(found: Searched) -> tuple[Finding, ...]:
+    """The effects of the model, what explains most first."""
+    spread = attempt("intervals", "", partial(_spread, found.final))
+    if spread is None:
+        spread = np.full(found.final.x.size, np.nan)
+    findings: list[Finding] = []
+    labels = effect_labels(found.final.model.effects)
+    for i, physics in enumerate(found.final.model.effects):
+        name = f"{physics.effect.name} at {physics.at}"
+        estimates = _estimates(found.final, i, spread)
+        if physics.effect.sought == "lattice":
+            step = partial(_step_estimate, found, physics)
+            estimates |= attempt("intervals", name, step) or {}
+        apart = attempt("separation", name, partial(_separated, found, labels[i]))
+        sigma, near, chance = (np.nan, (), None) if apart is None else apart
+        findings.append(Finding(physics.effect.name, physics.at, estimates, sigma, near, chance))
+    return tuple(sorted(findings, key=lambda f: np.nan_to_num(f.separation_sigma), reverse=True))
+
+
+def _spread(final: Fitted) -> Floats:
+    """Standard errors in x."""
+    return np.sqrt(np.diag(covariance(final)))
+
+
+def _estimates(final: Fitted, index: int, spread: Floats) -> dict[str, Estimate]:
+    """Values of an effect of the model with their intervals."""
+    physics = final.model.effects[index]
+    estimates: dict[str, Estimate] = {}
+    for j, p in enumerate(final.model.parameters):
+        if p.kind == "effect" and p.index == index:
+            value = physics.values[p.key] + p.scale * float(final.x[j])
+            half = Z95 * p.scale * float(spread[j])
+            unit = physics.effect.parameter(p.key).unit_for(final.model.nominal.rotary)
+            estimates[p.key] = Estimate(value, value - half, value + half, unit)
+    return estimates
+
+
+def _separated(found: Searched, label: str) -> tuple[float, tuple[Rival, ...], float]:
+    """At how many sigma an effect stands above doing without it, its rivals, its probability."""
+    tried = found.tried
+    return without(tried, label), rivals(tried, label), probability(tried, label)
+
+
+def _encoder(
+    device: Device, found: Searched, acted: Sequence[Experiment], faults: Sequence[Fault]
+) -> Finding | None:
+    """The encoder's step that the samples themselves show, where the device does not know it.
+
+    Values that were not counted would all lie within `ON_LATTICE` of a lattice with the odds of
+    (2 ON_LATTICE)^n: that gives the sigma. A step far below the noise is no matter of physics.
+    """
+    position = next((o for o in acted[0].outputs if o.quantity == "position"), None)
+    seen = [f.value for f in faults if f.kind == "encoder_step"]
+    if position is None or not seen or found.final.model.has("encoder_step"):
+        return None
+    step, known = max(seen), device.interface.encoder_step
+    noise = float(found.problem.observer.deviation[acted[0].outputs.index(position)])
+    if abs(step - known) < SAME_STEP * known or step < NOTICED * noise:
+        return None
+    values = sum(e.ticks for e in acted)
+    sigma = float(np.sqrt(-2.0 * values * np.log(2.0 * ON_LATTICE)))
+    unit = "rad" if device.rotary else "m"
+    half = step * ON_LATTICE / values
+    estimate = Estimate(step, step - half, step + half, unit)
+    return Finding("encoder_step", "sensor", {"step": estimate}, sigma, ())
+
+
+def _step_estimate(found: Searched, physics: Physics) -> dict[str, Estimate]:
+    """Estimates of what no slope leads to: steps, and the rate of lost commands."""
+    name, rotary = physics.effect.name, found.final.model.nominal.rotary
+    (key,) = physics.values
+    value = physics.values[key]
+    unit = physics.effect.parameter(key).unit_for(rotary)
+    if name == "dropped_samples":
+        parts = [e.dropped for e in found.problem.experiments if e.dropped is not None]
+        lost = sum(int(d.sum()) for d in parts)
+        seen = round(chances_seen(found.problem, found.final, value))
+        interval = binomtest(lost, max(seen, lost)).proportion_ci(method="exact")
+        return {key: Estimate(value, float(interval.low), float(interval.high), unit)}
+    half = step_interval(found.problem, found.final, name, inflation(found.final.white))
+    return {key: Estimate(value, value - half, value + half, unit)}
+
+
+def linear(
+    device: Device, final: Fitted, experiments: Sequence[Experiment]
+) -> dict[str, tuple[float, Estimate]]:
+    """Return (nominal, estimate) of each linear parameter by name."""
+    nominal = values_of(Model(device), np.zeros(len(linear_parameters(device))))
+    fitted = values_of(final.model, final.x)
+    spread = np.sqrt(np.diag(covariance(final)))
+    result: dict[str, tuple[float, Estimate]] = {}
+    for j, p in enumerate(linear_parameters(device)):
+        if p.kind == "jitter" and all(first_velocity(e) is None for e in experiments):
+            continue
+        value, error = fitted[p.name], Z95 * p.scale * float(spread[j])
+        half = error if p.kind in ("damper", "link", "origin", "jitter") else abs(value) * error
+        unit = UNITS[p.kind][0 if device.rotary else 1]
+        result[p.name] = (nominal[p.name], Estimate(value, value - half, value + half, unit))
+    return result
+
+
+def upper_bounds(found: Searched) -> dict[str, dict[str, float]]:
+    """The magnitude of each effect that the recording would have shown: best fit and 1.96 sigma."""
+    problem, fitted = found.problem, found.final
+    built = fitted.model.build(fitted.x)
+    off = Complement(fitted.jacobian)
+    base = off(fitted.residual)
+    wide = np.sqrt(inflation(fitted.white))
+    bounds: dict[str, dict[str, float]] = {}
+    for one in screen(problem, fitted, candidates(built, problem.experiments), "limits"):
+        effect = one.start.physics.effect
+        name, size = effect.strength, float(np.linalg.norm(one.signature))
+        if name is None or not effect.magnitudes or size == 0.0:
+            continue
+        best = max(0.0, -float(base @ one.signature) / size**2)
+        factor = best + Z95 * float(wide) / size
+        none = effect.parameter(name).none_of_it()
+        own = abs(one.start.physics.values[name] - none)
+        bounds[one.start.label] = {name: none + own * factor}
+    return bounds
