@@ -59,11 +59,25 @@ class Rival:
 
 
 @dataclass(frozen=True)
+class Held:
+    """How an effect does in a regime that had no part in the fit (`answer.regimes`).
+
+    other: where the fit was made. sigma: over doing without it; fails: whether doing without it is
+    believed there.
+    """
+
+    regime: str
+    other: str
+    sigma: float
+    fails: bool
+
+
+@dataclass(frozen=True)
 class Finding:
     """One effect found. separation_sigma: from doing without it. rivals: nearest first.
 
     probability: that the device has it, among all hypotheses that were fitted; None where it was
-    seen in the recording itself.
+    seen in the recording itself. regimes: how it does where it was not fitted.
     """
 
     effect: str
@@ -72,6 +86,7 @@ class Finding:
     separation_sigma: float
     rivals: tuple[Rival, ...]
     probability: float | None = None
+    regimes: tuple[Held, ...] = ()
 
     @property
     def confusable_with(self) -> tuple[Rival, ...]:
@@ -159,6 +174,7 @@ class Diagnosis:
                     "separation_sigma": f.separation_sigma,
                     "probability": f.probability,
                     "rivals": [vars(r) for r in f.rivals],
+                    "regimes": [vars(h) for h in f.regimes],
                 }
                 for f in self.findings
             ],

@@ -8,7 +8,7 @@ from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.leftover import leftover
 from zwidth.diagnosis.locate import locate
 from zwidth.diagnosis.probes import instead_by_law
-from zwidth.diagnosis.result import Estimate, Finding, Verdict
+from zwidth.diagnosis.result import Estimate, Finding, Held, Verdict
 from zwidth.diagnosis.selection.searched import Searched
 from zwidth.diagnosis.steady import NoObserver
 from zwidth.diagnosis.uncertainty import Z95, inflation
@@ -109,6 +109,9 @@ def judged(
         )
     if findings and sound is not None and not sound.sound:
         return Verdict.UNKNOWN_PHYSICS, not_adequate(findings, sound)
+    odd = next(((f, h) for f in findings for h in f.regimes if h.fails), None)
+    if odd is not None:
+        return Verdict.UNKNOWN_PHYSICS, not_everywhere(findings, *odd)
     if findings:
         names = " and ".join(f"{f.effect} at {f.at}" for f in findings)
         many = len(findings) > 1
@@ -132,6 +135,16 @@ def judged(
             f"no physics is missing, but {', '.join(moved)} differ from the device file"
         )
     return Verdict.NOTHING_MISSING, "nothing is missing that this recording could show"
+
+
+def not_everywhere(findings: tuple[Finding, ...], odd: Finding, where: Held) -> str:
+    """Say of a name that holds in one regime only where it does not, and what to record."""
+    names = " and ".join(f"{f.effect} at {f.at}" for f in findings)
+    return (
+        f"something is missing beyond {names}: {odd.effect} at {odd.at} as fitted {where.other}"
+        f" makes what was recorded {where.regime} less likely than doing without it; record more"
+        f" {where.regime}"
+    )
 
 
 def not_adequate(findings: tuple[Finding, ...], sound: Adequacy) -> str:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from zwidth.diagnosis.answer.beside import probability, rivals, without
+from zwidth.diagnosis.answer.regimes import held
 from zwidth.diagnosis.candidates import candidates
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.fit import Fitted
@@ -22,7 +23,7 @@ from zwidth.diagnosis.parameters import (
     linear_parameters,
     values_of,
 )
-from zwidth.diagnosis.result import Estimate, Finding, Rival
+from zwidth.diagnosis.result import Estimate, Finding, Held, Rival
 from zwidth.diagnosis.screen import Complement, screen
 from zwidth.diagnosis.selection.searched import Searched
 from zwidth.diagnosis.uncertainty import Z95, covariance, inflation
@@ -68,8 +69,18 @@ def _findings(found: Searched) -> tuple[Finding, ...]:
             estimates |= attempt("intervals", name, step) or {}
         apart = attempt("separation", name, partial(_separated, found, labels[i]))
         sigma, near, chance = (np.nan, (), None) if apart is None else apart
-        findings.append(Finding(physics.effect.name, physics.at, estimates, sigma, near, chance))
+        everywhere = attempt("regimes", name, partial(_held, found, labels[i])) or ()
+        findings.append(
+            Finding(physics.effect.name, physics.at, estimates, sigma, near, chance, everywhere)
+        )
     return tuple(sorted(findings, key=lambda f: np.nan_to_num(f.separation_sigma), reverse=True))
+
+
+def _held(found: Searched, label: str) -> tuple[Held, ...]:
+    """How an effect does in each regime that was left out, beside the hypothesis without it."""
+    best = found.tried.best
+    bare = found.tried.tried.get(best.labels - {label})
+    return () if bare is None else tuple(held(best, bare))
 
 
 def _spread(final: Fitted) -> Floats:

@@ -1,0 +1,149 @@
+"""Whether what was found holds everywhere, or in one regime only.
+
+The last third of a recording is mostly more of the same, and judges little: at one level friction
+is a smaller command, in one direction it is a constant force. So what was found is judged where it
+was not fitted in another sense: a regime is left out (a recording, a level of the command, a
+direction, a half of the travel), parameters are fitted to the rest, and they must predict what was
+left out.
+
+With r the weighed innovations and priors at the best x and J their slopes, a fit without the
+samples of a regime s moves by one Gauss-Newton step
+
+    dx = (J'J - J_s'J_s)^-1 J_s' r_s,    so that    r_s + J_s dx
+
+is what is left of the regime when it had no part in the fit: J'r = 0 at the best x, and the rest
+alone has the gradient -J_s' r_s there. An effect holds in a regime unless a model without it,
+treated so too, is believed over it there (`selection.evidence`).
+
+Limits: one step, so that a regime which alone determines a parameter (then J'J - J_s'J_s is nearly
+singular, and it says nothing of an effect that it alone shows) is left aside.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.predictor import SETTLING
+from zwidth.diagnosis.result import Held
+from zwidth.diagnosis.selection.evidence import ALPHA, compared
+from zwidth.diagnosis.selection.hypothesis import Hypothesis
+
+Floats = NDArray[np.float64]
+Where = NDArray[np.bool_]
+LEVELS = 1.5  # ratio of the command's size in the loud half to that in the quiet one: two levels
+STRETCH_S = 0.25  # over which the command's size is a level
+LEAST = 0.15  # of the samples, that a regime must have
+PIECES = 20  # blocks of a regime, over which gains scatter
+TOLD = 0.05  # of what all samples say of a direction of x, that must be left without the regime
+
+
+@dataclass(frozen=True)
+class Regime:
+    """A part of what was recorded. where: (ticks,) of all recordings, less those of settling.
+
+    other: the words for what lies outside of it.
+    """
+
+    name: str
+    other: str
+    where: Where
+
+
+def regimes(experiments: Sequence[Experiment]) -> list[Regime]:
+    """Return the regimes that recordings have: those with enough samples inside and outside."""
+    found = list(_all_regimes(experiments))
+    return [r for r in found if LEAST < float(r.where.mean()) < 1.0 - LEAST]
+
+
+def _all_regimes(experiments: Sequence[Experiment]) -> Iterator[Regime]:
+    parts = [e.ticks - SETTLING for e in experiments]
+    if len(experiments) > 1:
+        for i, e in enumerate(experiments):
+            where = np.concatenate([np.full(n, k == i) for k, n in enumerate(parts)])
+            name = e.name or f"recording {i + 1}"
+            yield Regime(f"in {name}", "in the other recordings", where)
+    size = np.concatenate([_size(e)[SETTLING:] for e in experiments])
+    middle = float(np.median(size))
+    loud, quiet = size[size > middle], size[size <= middle]
+    if loud.size and quiet.size and loud.mean() > LEVELS * quiet.mean():
+        yield Regime("at high commands", "at low commands", size > middle)
+        yield Regime("at low commands", "at high commands", size <= middle)
+    speed = np.concatenate([_speed(e)[SETTLING:] for e in experiments])
+    yield Regime("forwards", "backwards", speed > 0.0)
+    yield Regime("backwards", "forwards", speed < 0.0)
+    if all(e.outputs[0].quantity == "position" for e in experiments):
+        place = np.concatenate([e.measured[SETTLING:, 0] for e in experiments])
+        middle = float(np.median(place))
+        yield Regime("in the upper half of the travel", "in the lower half", place > middle)
+        yield Regime("in the lower half of the travel", "in the upper half", place <= middle)
+
+
+def _size(e: Experiment) -> Floats:
+    """Root mean square of the command over a stretch, (ticks,)."""
+    width = max(1, round(STRETCH_S / e.period))
+    return np.sqrt(np.convolve(e.command**2, np.full(width, 1.0 / width), mode="same"))
+
+
+def _speed(e: Experiment) -> Floats:
+    """Velocity of the first output, (ticks,), differenced over a few samples if need be."""
+    y = e.measured[:, 0]
+    if e.outputs[0].quantity != "position":
+        return y
+    width = max(2, round(0.01 / e.period))
+    kernel = np.ones(width) / width
+    return np.gradient(np.convolve(y, kernel, mode="same"))
+
+
+def held(new: Hypothesis, old: Hypothesis) -> list[Held]:
+    """How a hypothesis does in each regime beside one without some of its effects.
+
+    Both priced (with slopes). Regimes that alone say something of a parameter are left out.
+    """
+    found: list[Held] = []
+    for regime in regimes(new.experiments):
+        costs = [_left_out(h, regime.where) for h in (new, old)]
+        if costs[0] is None or costs[1] is None:
+            continue
+        gains = [part.sum() for part in np.array_split(costs[1] - costs[0], PIECES)]
+        told = compared(np.array(gains))
+        fails = -told.gain > 2.0 * told.phi * np.log(1.0 / ALPHA)
+        found.append(Held(regime.name, regime.other, told.sigma, bool(fails)))
+    return found
+
+
+def _left_out(h: Hypothesis, where: Where) -> Floats | None:
+    """-2 log likelihood (ticks of the regime,) under a fit to the rest; None where that is loose.
+
+    The covariance of all innovations is that of the noise, as in `Observer.cost`.
+    """
+    if h.slopes is None:
+        return None
+    o = h.noise.observer.deviation.size
+    samples = h.samples
+    rows, slopes = h.residual[:samples].reshape(-1, o), h.slopes[:samples]
+    if rows.shape[0] != where.size:
+        return None
+    covariance = rows.T @ rows / rows.shape[0]
+    root = np.linalg.inv(np.linalg.cholesky(covariance))
+    rows = rows @ root.T
+    slopes = np.einsum("pq,kqx->kpx", root, slopes.reshape(-1, o, h.x.size))
+    inside = slopes[where].reshape(-1, h.x.size)
+    priors = h.slopes[samples:]
+    every = slopes.reshape(-1, h.x.size)
+    whole = every.T @ every + priors.T @ priors
+    rest = whole - inside.T @ inside
+    size = np.sqrt(np.diag(whole))
+    size[size == 0.0] = 1.0
+    if np.linalg.eigvalsh(rest / np.outer(size, size)).min() < TOLD * _least(whole, size):
+        return None
+    dx = np.linalg.solve(rest, inside.T @ rows[where].ravel())
+    left = rows[where] + (inside @ dx).reshape(-1, o)
+    divided = float(h.noise.observer.cost_of(np.eye(o)[None], 1)[0])
+    return np.sum(left**2, axis=1) + np.linalg.slogdet(covariance)[1] + divided
+
+
+def _least(whole: Floats, size: Floats) -> float:
+    return float(np.linalg.eigvalsh(whole / np.outer(size, size)).min())
