@@ -15,7 +15,7 @@ from zwidth.sim.predict import Outputs
 from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
-OUTPUT = re.compile(r"(position|velocity)_m([1-4])$")
+OUTPUT = re.compile(r"(position|velocity)_m([1-5])$")
 SHORTEST = 200
 SIMULATED = 1e-5  # noise over the swing that is added to a log without any
 
@@ -47,6 +47,9 @@ class Experiment:
     start: what to add to positions and velocities (2n,) that the observer begins with. force
     (ticks, n): a force of unknown cause on the masses, to see what it would explain. begins [s]:
     after the recording does; notes: sentences about what was recorded, to be said with the answer.
+    before: what was recorded up to here, where this is the rest of a recording; an observer follows
+    it first, since what it says of the state (a position of which only the velocity is measured,
+    the side of a play) no later sample may.
     """
 
     period: float
@@ -61,6 +64,7 @@ class Experiment:
     force: Floats | None = None
     begins: float = 0.0
     notes: tuple[str, ...] = ()
+    before: "Experiment | None" = None
 
     @property
     def ticks(self) -> int:
@@ -85,12 +89,14 @@ class Experiment:
             start=self.start if start == 0 else None,
             force=None if self.force is None else self.force[cut],
             begins=self.begins + start * self.period,
+            before=self.before if start == 0 else None,
         )
 
     def split(self, share: float = 0.7) -> "tuple[Experiment, Experiment]":
         """Return the first share to fit on, and the rest to judge by."""
         cut = round(share * self.ticks)
-        return self.part(0, cut), self.part(cut, self.ticks)
+        first = self.part(0, cut)
+        return first, replace(self.part(cut, self.ticks), before=first)
 
 
 def beginnings(experiments: Sequence[Experiment], ticks: int) -> list[Experiment]:

@@ -240,7 +240,8 @@ class Model:
         if self.nominal.interface.position_origin != 0.0:
             positions = np.array([o.quantity == "position" for o in experiment.outputs])
             measured = measured - self.nominal.interface.position_origin * positions
-        return replace(experiment, command=command, measured=measured)
+        before = None if experiment.before is None else self.plain(experiment.before)
+        return replace(experiment, command=command, measured=measured, before=before)
 
     def seen(self, experiment: Experiment, x: Floats) -> Experiment:
         """Return a recording as the model at x sees it: `plain`, then gain, origin and jitter.
@@ -258,7 +259,9 @@ class Model:
         if reads.jitter != 0.0 and (place := first_velocity(experiment)) is not None:
             measured = measured.copy()
             measured[:, place] -= reads.jitter * self.arriving_change(plain)
-        return replace(plain, command=reads.gain * plain.command, measured=measured)
+        before = None if experiment.before is None else self.seen(experiment.before, x)
+        command = reads.gain * plain.command
+        return replace(plain, command=command, measured=measured, before=before)
 
     def arriving_change(self, plain: Experiment) -> Floats:
         """Return by how much the command that begins to act changes at each reading (ticks,)."""

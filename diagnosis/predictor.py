@@ -217,6 +217,32 @@ def observer_memory(eq: Equations, experiment: Experiment) -> Memory:
     return memory
 
 
+def memory_at(
+    ready: Prepared, experiment: Experiment, device: Device, gain: Floats
+) -> tuple[Memory, Floats]:
+    """Return the memory with which an observer begins a recording, and its gain as padded.
+
+    Of the rest of a recording, that with which it ends what was recorded before.
+    """
+    eq, fine = ready
+    full = padded(gain, device, eq)
+    if experiment.before is None:
+        return observer_memory(eq, experiment), full
+    before = experiment.before
+    memory, _ = memory_at(ready, before, device, gain)
+    forces = _padded_force(before.force, eq.dof)
+    places = before.places(eq.dof)
+    alone(eq, fine, places, before.command, before.measured, full, forces, memory)
+    return memory, full
+
+
+def _padded_force(force: Floats | None, dof: int) -> Floats:
+    """The same on so many masses, (0, dof) for none."""
+    if force is None:
+        return np.zeros((0, dof))
+    return np.pad(force, ((0, 0), (0, dof - force.shape[1])))
+
+
 def first_motion(outputs: Sequence[Output], measured: Floats, period: float) -> tuple[float, float]:
     """Return position and velocity at the first sample of what was measured (ticks, o)."""
     velocity = 0.0
@@ -259,15 +285,13 @@ def innovations(
 
     external: forces (ticks, n) added to the device's own, in place of those of the recording.
     """
-    eq, fine = prepared(device) if ready is None else ready
-    memory = observer_memory(eq, experiment)
-    external = experiment.force if external is None else external
-    forces = np.zeros((0, eq.dof))
-    if external is not None:
-        forces = np.pad(external, ((0, 0), (0, eq.dof - external.shape[1])))
+    ready = prepared(device) if ready is None else ready
+    eq, fine = ready
+    memory, full = memory_at(ready, experiment, device, gain)
+    forces = _padded_force(experiment.force if external is None else external, eq.dof)
     return alone(
         eq, fine, experiment.places(eq.dof), experiment.command, experiment.measured,
-        padded(gain, device, eq), forces, memory,
+        full, forces, memory,
     )  # fmt: skip
 
 
@@ -296,6 +320,8 @@ def begun(device: Device, experiment: Experiment, observer: "Observer") -> Exper
     then look like physics. They are linear in the beginning: e = e_0 + C x_0, solved for x_0 by
     least squares over the first `BEGINNING` ticks, C by the device without its nonlinear physics.
     """
+    if experiment.before is not None:
+        return replace(experiment, before=begun(device, experiment.before, observer))
     first = replace(experiment.part(0, min(BEGINNING, experiment.ticks)), start=None)
     own = innovations(device, first, observer.gain).ravel()
     if not (np.all(np.isfinite(own)) and np.all(np.isfinite(observer.deviation))):
@@ -360,10 +386,10 @@ def free_run_errors(
 
     Each window starts from the state that the observer has at its beginning, then runs free.
     """
-    eq, fine = prepared(device)
+    eq, fine = ready = prepared(device)
     places = experiment.places(eq.dof)
-    memory = observer_memory(eq, experiment)
-    no_force, full = np.zeros((0, eq.dof)), padded(gain, device, eq)
+    memory, full = memory_at(ready, experiment, device, gain)
+    no_force = np.zeros((0, eq.dof))
     errors: list[Floats] = []
     signal: list[Floats] = []
     for first in range(0, experiment.ticks - window + 1, window):

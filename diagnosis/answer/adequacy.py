@@ -27,6 +27,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm
 from scipy.stats import t as student
 
 from zwidth.diagnosis.experiment import Experiment
@@ -228,10 +229,11 @@ def _better(
 
 def freer(
     new: tuple[Fitted, Observer], old: tuple[Fitted, Observer], experiments: Sequence[Experiment]
-) -> bool | None:
-    """Whether one answer runs free better than another, by more than blocks scatter.
+) -> bool:
+    """Whether one answer runs free better than another.
 
-    Each under its own observer; the horizon that tells most clearly decides. None where none tells.
+    Each under its own observer; the horizon that tells most clearly decides, where its blocks would
+    not scatter so far with odds of ALPHA.
     """
     told: list[float] = []
     for horizon in HORIZONS:
@@ -245,8 +247,7 @@ def freer(
             for f, o in (new, old)
         )
         told.append(_sigma(b - a))
-    clearest = max(told, key=abs, default=0.0)
-    return None if abs(clearest) < SCATTER else clearest > 0.0
+    return max(told, key=abs, default=0.0) > float(norm.isf(ALPHA))
 
 
 def _squares(device: Any, seen: Sequence[Experiment], observer: Observer, ticks: int) -> Floats:

@@ -7,10 +7,7 @@ the family is true, and the sample after next is a different judge: what the nex
 then the colour of filters, clocks and bristles. So the search is made once more under noise that
 counts errors as far ahead as free runs go (`noise.family.as_far_as`), and the two answers are held
 against each other by what their free runs err over every horizon, stretch by stretch: the horizon
-that tells most clearly decides, and where none tells, the simpler one stands.
-
-What was found so far ahead is also a place to begin from: fitted to its end under its own likeliest
-noise it may cost less than what the first search found.
+that tells most clearly decides.
 """
 
 from collections.abc import Sequence
@@ -72,11 +69,8 @@ def searched(
     if far is None:
         return first
     second = as_found(device, far)
-    if len(_differing(near, far)) == 0 and not far.best.model.effects:
-        return first
-    better = freer((second.final, second.judge), (first.final, first.judge), near.best.experiments)
-    simpler = len(far.best.model.effects) < len(near.best.model.effects)
-    if better or (better is None and simpler):
+    pair = (second.final, second.judge), (first.final, first.judge)
+    if freer(*pair, near.best.experiments):
         say(f"over a longer horizon rather: {far.best.model.label}")
         return second
     return replace(first, tried=replace(near, interrupted=far.interrupted))
@@ -86,10 +80,6 @@ def holds(device: Device, found: Searched) -> Adequacy | None:
     """How an answer stands on the recordings that it was fitted to."""
     experiments = found.problem.experiments
     return adequacy(Model(device), found.refit, found.final, found.judge, experiments)
-
-
-def _differing(one: Search, other: Search) -> frozenset[str]:
-    return one.best.labels ^ other.best.labels
 
 
 def _farther(device: Device, near: Search) -> Search | None:
