@@ -45,7 +45,7 @@ def answered(
 
     An error in one part costs that part, and the verdict where it rests on it.
     """
-    found = _standing(device, taken, found, say)
+    found, sound = _standing(device, taken, found, say)
     left, other = _what_is_left(found, taken)
     by, faults = found, taken.faults
     if taken.whole_unopened and named_only_whole(found, left, other):
@@ -53,13 +53,13 @@ def answered(
             again, beyond, note = second_look(device, found, left, taken.whole, say, effort)
             if note is not None:
                 by, faults = on_first_part(again), (*faults, note)
+                sound = attempt("adequacy", "", partial(_adequacy, device, again, taken))
             found, left = again, beyond
     say("locating")
     located = attempt("locate", "", partial(locate, found.problem, found.refit)) or NOWHERE
     say("held-out data")
     judge = partial(held_out, device, by, taken.judge_by)
     one, free = attempt("held out", "", judge) or (UNKNOWN_FIT, UNKNOWN_FIT)
-    sound = attempt("adequacy", "", partial(_adequacy, device, found, taken))
     findings = all_findings(device, taken, found)
     intervals = partial(linear, device, found.final, taken.whole)
     refit = attempt("intervals", "linear parameters", intervals) or {}
@@ -79,15 +79,16 @@ def answered(
     )  # fmt: skip
 
 
-def _standing(device: Device, taken: Taken, found: Searched, say: Say) -> Searched:
-    """What was found, or nothing where its names predict held-out data no better than without."""
-    if not found.final.model.effects:
-        return found
+def _standing(
+    device: Device, taken: Taken, found: Searched, say: Say
+) -> tuple[Searched, Adequacy | None]:
+    """What was found, or nothing where held-out data speak against its names; how it stands."""
     sound = attempt("adequacy", "", partial(_adequacy, device, found, taken))
     if sound is None or sound.useful:
-        return found
+        return found, sound
     say(f"{found.final.model.label} predicts held-out data no better than without: not named")
-    return unnamed(found)
+    bare = unnamed(found)
+    return bare, attempt("adequacy", "", partial(_adequacy, device, bare, taken))
 
 
 def _adequacy(device: Device, found: Searched, taken: Taken) -> Adequacy | None:

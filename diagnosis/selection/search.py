@@ -52,6 +52,7 @@ LADDER = (1.0, 1e-1, 1e-2, 1e-3, 1e-4)  # ratios under which populations grow
 LEADING = 2  # of what arrived, that grow on
 GROWN_TICKS = 3000  # of all recordings together: twice as many, and half, arrived no more often
 AGAIN, STILL = 6, 10.0  # turns about the best, and what one must gain in misfit for another
+WEAK = 1000.0  # misfit that physics explains, below which it bends little and a fit arrives
 FAR_SPREAD, NEAR_SPREADS = 0.5, (0.3, 0.1)  # in x, of which one is a file's own uncertainty
 
 
@@ -199,6 +200,8 @@ def look_for_valleys(found: Search) -> None:
     """
     h, effort = found.best, found.effort
     if not h.creased or effort.generations == 0 or h.labels in found.looked:
+        return
+    if not h.has_valleys and found.plain.cost.misfit - h.cost.misfit < WEAK:
         return
     found.looked.add(h.labels)
     found.say(f"looking for the valley of {h.model.label} anew")
