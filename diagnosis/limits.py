@@ -1,8 +1,8 @@
 """What a recording can show: how far an effect stands above everything that a refit can absorb.
 
 With e(device) the innovations under an observer that stays fixed, in units of their deviations, an
-effect's signature is s = e(device with it) - e(device), and J holds e's slopes by masses, dampers,
-springs and gain, and by what a refit absorbs besides: delay, constant force and spring to ground. A
+effect's signature is s = e(device with it) - e(device), and J holds e's slopes by masses, dampers
+and springs, and by what a refit absorbs besides: delay, constant force and spring to ground. A
 matched filter that may refit all of that sees the effect at
 
     sigma = |(I - P) s|,    P the projector on the span of J:

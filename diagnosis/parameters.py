@@ -1,9 +1,11 @@
-"""The numbers that a fit may change: the device's linear parameters, gain, and those of effects.
+"""The numbers that a fit may change: the device's linear parameters, and those of effects.
 
 Every parameter is value = nominal + scale x (dampers, effects) or nominal exp(scale x) (masses,
-springs, gain), so that x is of order one. The linear ones carry a Gaussian prior of one scale: what
-the recording does not tell (gain against all masses at once) stays near the nominal device instead
-of running away, and a mass cannot triple to mimic friction.
+springs, gain), so that x is of order one. The linear ones carry a Gaussian prior of one scale,
+which the device file states (`Uncertainty`): what the recording does not tell stays near the
+nominal device instead of running away. The gain of the command is free only where the file says how
+uncertain that is, since motion alone cannot tell it from masses, springs, dampers and forces all
+at once.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,10 +24,11 @@ from zwidth.sim.physics.effect import Bounds, Physics
 from zwidth.sim.physics.effect import Parameter as Declared
 
 Floats = NDArray[np.float64]
-MASS_SCALE, SPRING_SCALE, DAMPER_SCALE, GAIN_SCALE = 0.2, 0.2, 0.5, 0.05
 JITTER_SCALE = 0.01  # of the period: by how much commands arrive early or late
 ORIGIN_SCALE = 0.1  # of the rms motion: where a spring to ground is at rest
-FARTHEST = 4.0  # scales that a mass, spring or gain may move: a mass that doubles mimics friction
+# Scales that a mass, spring or gain may move: with 0.3 by exp(0.9) = 2.46 either way, since a mass
+# that triples to mimic friction is no answer.
+FARTHEST = 3.0
 DAMPER_FLOOR = 0.1  # of the mean damper: what a damper of nearly zero may change by
 
 MARGIN = 1e-9  # of x, by which a start keeps off a bound
@@ -349,28 +352,29 @@ def _of_effect(
 
 
 def linear_parameters(device: Device) -> list[Parameter]:
-    """Return the refit's own parameters of a device."""
-    chain = device.chain
+    """Return the refit's own parameters of a device; a gain only where its file leaves it open."""
+    chain, known = device.chain, device.uncertainty
     n = chain.masses.size
     every = np.concatenate([np.abs(chain.ground_dampers), np.abs(chain.link_dampers)])
     floor = DAMPER_FLOOR * float(every.mean()) or 1e-3 * float(chain.masses.sum())
 
     def damper(name: str, kind: str, i: int, value: float) -> Parameter:
         # One that pushes is no damper; a file that has one (a modal fit) says that it is no chain.
-        scale = DAMPER_SCALE * max(abs(value), floor)
+        scale = known.dampers * max(abs(value), floor)
         return Parameter(name, kind, i, scale, -value / scale if value >= 0.0 else -np.inf)
 
-    found = [Parameter(f"m{i + 1}", "mass", i, MASS_SCALE, -FARTHEST, FARTHEST) for i in range(n)]
+    found = [Parameter(f"m{i + 1}", "mass", i, known.masses, -FARTHEST, FARTHEST) for i in range(n)]
     found += [damper(f"b{i + 1}", "damper", i, chain.ground_dampers[i]) for i in range(n)]
     found += [
-        Parameter(f"k{i + 1}{i + 2}", "spring", i, SPRING_SCALE, -FARTHEST, FARTHEST)
+        Parameter(f"k{i + 1}{i + 2}", "spring", i, known.springs, -FARTHEST, FARTHEST)
         for i in range(n - 1)
     ]
     found += [damper(f"b{i + 1}{i + 2}", "link", i, chain.link_dampers[i]) for i in range(n - 1)]
     if chain.ground_spring > 0.0:
-        found.append(Parameter("k0", "k0", 0, SPRING_SCALE, -FARTHEST, FARTHEST))
+        found.append(Parameter("k0", "k0", 0, known.springs, -FARTHEST, FARTHEST))
         found.append(Parameter("origin", "origin", 0, ORIGIN_SCALE, prior=False))
-    found.append(Parameter("gain", "gain", 0, GAIN_SCALE, -FARTHEST, FARTHEST))
+    if known.command_scale > 0.0:
+        found.append(Parameter("gain", "gain", 0, known.command_scale, -FARTHEST, FARTHEST))
     if device.interface.delay_ticks[1] == 0.0:  # else no command arrives while one reads
         scale = JITTER_SCALE * device.interface.period
         found.append(Parameter("jitter", "jitter", 0, scale))

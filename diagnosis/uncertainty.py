@@ -12,15 +12,36 @@ BAND = 64  # samples a segment
 Z95 = 1.959963984540054
 
 
+def standard_errors(fitted: Fitted) -> Floats:
+    """Return the standard errors of x, (p,): of all but the command's scale as if it were known.
+
+    Motion cannot tell that scale from masses, springs, dampers and forces all at once, so where it
+    is free its own uncertainty would stand in every other interval. It has its own.
+    """
+    errors = np.sqrt(np.diag(covariance(fitted)))
+    others = np.array([p.kind != "gain" for p in fitted.model.parameters])
+    if not others.all():
+        # With information I = J'J over the scale g and the others o, C = I^-1, what is left of o
+        # where g is known is cov(o | g) = C_oo - C_og C_gg^-1 C_go = (I_oo)^-1: g's column is left
+        # out of J, and so its row and column of I, before it is inverted.
+        errors[others] = np.sqrt(np.diag(_covariance(fitted, fitted.jacobian[:, others])))
+    return errors
+
+
 def covariance(fitted: Fitted) -> Floats:
-    """Return the covariance of x, (p, p), that holds for a coloured residual.
+    """Return the covariance of x, (p, p), all of it free, that holds for a coloured residual.
 
     With A = (J'J)^-1 J', x errs by A r: cov = A cov(r) A', cov(r) from the residual's spectrum by
     transforming the rows of A (a circulant approximation, good for rows much longer than the
     residual's memory). Roughness widens all of it (`creases.across_creases`). A parameter that
     moves nothing (the level of a friction that never lets go) has an infinite variance.
     """
-    rows = np.linalg.pinv(fitted.jacobian)
+    return _covariance(fitted, fitted.jacobian)
+
+
+def _covariance(fitted: Fitted, jacobian: Floats) -> Floats:
+    """Return `covariance` of those parameters whose slopes are given."""
+    rows = np.linalg.pinv(jacobian)
     white, prior = rows[:, : fitted.samples], rows[:, fitted.samples :]
     power = _smooth_spectrum(fitted.white)
     spectra = np.fft.rfft(white, axis=1)
@@ -28,7 +49,7 @@ def covariance(fitted: Fitted) -> Floats:
     twice[0] = 1.0
     coloured = np.real((np.conj(spectra) * (power * twice)) @ spectra.T) / fitted.samples
     found = (coloured + prior @ prior.T) * (1.0 + fitted.rough)
-    size = np.linalg.norm(fitted.jacobian, axis=0)
+    size = np.linalg.norm(jacobian, axis=0)
     dead = np.flatnonzero(size < DEAD * size.max())
     found[dead, dead] = np.inf
     return found

@@ -223,7 +223,10 @@ def _inside(estimate: Mapping[str, Any], value: float, angle: bool = False) -> b
 
 
 def linear_truth(device_chain: Any) -> dict[str, float]:
-    """Return masses, dampers, springs of a chain by the names of `linear_refit`; gain is 1."""
+    """Return masses, dampers, springs of a chain by the names of `linear_refit`.
+
+    And the gain, which is 1 and in a refit only where the device file leaves it open.
+    """
     masses, dampers, spring, springs, links = device_chain
     found = {f"m{i + 1}": float(m) for i, m in enumerate(masses)}
     found |= {f"b{i + 1}": float(b) for i, b in enumerate(dampers)}

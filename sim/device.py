@@ -1,4 +1,4 @@
-"""A device: mechanism, interface and physics, as one value."""
+"""A device: mechanism, interface, physics and how well they are known, as one value."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
@@ -22,6 +22,7 @@ from zwidth.sim.nearest import nearest
 from zwidth.sim.physics.effect import Effect, Numbers, Physics
 from zwidth.sim.place import Place
 from zwidth.sim.plant import Plant, assemble
+from zwidth.sim.uncertainty import Uncertainty
 
 MASSES_IN_ALL = 8  # of the chain and of effects: the room that the kernel has
 
@@ -36,7 +37,7 @@ class Device:
 
     rotary: N m and rad; else N and m. modal is kept where the device was given in modal form
     (then chain is the same model as a chain). physics: effects whose home is not the interface
-    or the chain.
+    or the chain. uncertainty: how well all this is known, which a fit asks and no motion.
 
     Raises DeviceError or ValueError with a sentence that names the field and what is allowed:
     for a place that the chain does not have, an effect twice at one place, an effect whose home is
@@ -50,6 +51,7 @@ class Device:
     interface: Interface = field(default_factory=Interface)
     physics: tuple[Physics, ...] = ()
     modal: ModalModel | None = None
+    uncertainty: Uncertainty = field(default_factory=Uncertainty)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "chain", make_chain(*self.chain))
@@ -92,10 +94,12 @@ class Device:
         )
 
     def __hash__(self) -> int:
-        return hash((self.name, self.source, self.rotary, self.interface, self.modal))
+        known = self.interface, self.modal, self.uncertainty
+        return hash((self.name, self.source, self.rotary, *known))
 
     def _values(self) -> tuple[object, ...]:
-        return self.name, self.source, self.rotary, self.interface, self.physics, self.modal
+        said = self.name, self.source, self.rotary
+        return *said, self.interface, self.physics, self.modal, self.uncertainty
 
     def plant(self) -> Plant:
         """Return the linear equations, delay and steps left out.

@@ -1,9 +1,10 @@
 """A device as TOML text: read, checked, written back to the bit.
 
-    schema, name, source, rotary; [modal] with [[modal.mode]], or [chain]; [interface]; [[physics]]
+    schema, name, source, rotary; [modal] with [[modal.mode]], or [chain]; [interface];
+    [uncertainty]; [[physics]]
 
 Keys carry their unit where it depends on the kind of device: m_kgm2, b_nms_per_rad on a rotary one,
-m_kg, b_ns_per_m on a linear one.
+m_kg, b_ns_per_m on a linear one. [uncertainty] says how well the rest is known, as shares of it.
 """
 
 import hashlib
@@ -27,11 +28,14 @@ from zwidth.sim.nearest import nearest
 from zwidth.sim.physics import EFFECTS
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.table import Table, TableError
+from zwidth.sim.uncertainty import UNCERTAINTY_FIELDS, Uncertainty
 
 SCHEMA = 1
 SHIPPED = Path(__file__).parent / "devices"
 
-TOP_KEYS = ("schema", "name", "source", "rotary", "modal", "chain", "interface", "physics")
+TOP_KEYS = (
+    "schema", "name", "source", "rotary", "modal", "chain", "interface", "uncertainty", "physics",
+)  # fmt: skip
 CHAIN_KEYS = ("masses", "ground_dampers", "ground_spring", "link_springs", "link_dampers")
 MODAL_KEYS = {True: ("m_kgm2", "b_nms_per_rad"), False: ("m_kg", "b_ns_per_m")}
 MODE_KEYS = ("omega_rad_s", "c_rad_s", "v_rad_s", "d_rad_s")
@@ -47,7 +51,7 @@ INTERFACE_KEYS = {
     "position_origin": "position_origin",
     "command_hold": "command_hold",
 }
-NEUTRAL = Interface()
+NEUTRAL, USUAL = Interface(), Uncertainty()
 INTERFACE_TEXTS = ("encoder_rounding", "command_hold")
 # Written where they say something: a device without them has the text, and the hash, of zwidth 0.1.
 WHERE_NEEDED = ("command_gain", "position_origin", "command_hold")
@@ -99,7 +103,10 @@ def model_hash(device: Device) -> str:
 
 
 def device_to_text(device: Device) -> str:
-    """Return the device file: every key of the interface, numbers that read back exactly."""
+    """Return the device file, whose numbers read back exactly.
+
+    Every key of the interface, and of the uncertainty what differs from the default.
+    """
     head: dict[str, object] = {
         "schema": SCHEMA,
         "name": device.name,
@@ -120,6 +127,13 @@ def device_to_text(device: Device) -> str:
         if key not in WHERE_NEEDED or getattr(device.interface, field) != getattr(NEUTRAL, field)
     }
     sections.append(_section("[interface]", interface.keys(), interface.values()))
+    uncertain = {
+        key: getattr(device.uncertainty, key)
+        for key in UNCERTAINTY_FIELDS
+        if getattr(device.uncertainty, key) != getattr(USUAL, key)
+    }
+    if uncertain:
+        sections.append(_section("[uncertainty]", uncertain.keys(), uncertain.values()))
     for physics in device.physics:
         entry: dict[str, object] = {"effect": physics.effect.name, "at": physics.at}
         entry |= physics.values
@@ -163,6 +177,7 @@ def _device(top: Table) -> Device:
         _interface(top.table("interface")),
         tuple(physics for physics in entries if home(physics) is None),
         modal,
+        _uncertainty(top.table("uncertainty")),
     ).with_physics(*(physics for physics in entries if home(physics) is not None))
 
 
@@ -204,6 +219,12 @@ def _interface(table: Table) -> Interface:
     }
     with _as_in_the_file({field: key for key, field in INTERFACE_KEYS.items()}):
         return Interface(**values)  # pyright: ignore[reportArgumentType]
+
+
+def _uncertainty(table: Table) -> Uncertainty:
+    table.only(UNCERTAINTY_FIELDS)
+    given = {key: table.number(key) for key in UNCERTAINTY_FIELDS if key in table}
+    return Uncertainty(**given)
 
 
 def _physics(table: Table) -> Physics:

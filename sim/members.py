@@ -77,7 +77,7 @@ class Members:
         return Device(  # which validates the chain
             self.like.name, self.like.source, self.like.rotary,
             Chain(masses, dampers, float(spring), links, link_dampers),
-            replace(self.like.interface, **changes), physics,
+            replace(self.like.interface, **changes), physics, uncertainty=self.like.uncertainty,
         )  # fmt: skip
 
     @cached_property

@@ -15,6 +15,7 @@ from zwidth.sim.device import Device
 from zwidth.sim.device_file import device_from_text, device_to_text, model_hash
 from zwidth.sim.interface import Interface
 from zwidth.sim.physics import make_physics
+from zwidth.sim.uncertainty import Uncertainty
 
 SUBSTEPS = 4
 EFFECTS = {
@@ -37,7 +38,8 @@ EFFECTS = {
 
 
 def sprung() -> Device:
-    device = phantom()
+    """The PHANToM on a spring to ground, with a command whose scale is free in a fit."""
+    device = replace(phantom(), uncertainty=Uncertainty(command_scale=0.05))
     return device.with_chain(device.chain._replace(ground_spring=1.0))
 
 
@@ -45,6 +47,7 @@ def model_of(device: Device, name: str = "nothing") -> tuple[Model, np.ndarray]:
     """A model at an x at which gain, origin and every linear parameter differ from the file's."""
     effects = tuple(make_physics(e, at, **values) for e, at, values in EFFECTS[name])
     model = Model(device, effects, tuple({} for _ in effects))
+    assert {"gain", "origin"} <= {p.name for p in model.parameters}
     return model, np.linspace(0.5, 1.5, model.linear_count)
 
 

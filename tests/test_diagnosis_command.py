@@ -1,5 +1,6 @@
 """`zwidth diagnose` from a file of samples to report, device and JSON."""
 
+import html
 import json
 import shutil
 from dataclasses import replace
@@ -39,6 +40,11 @@ at = "m1"
 # One mass, which has a tenth of the places for physics that the PHANToM has.
 MOTOR = Device("motor", "", True, make_chain([1.2e-3], [6e-3]), Interface(period=0.001))
 
+# What is said where the device file leaves the command's scale open, and only there.
+SCALE = (
+    "the command's scale: 0.938 [0.92, 0.95]; forces, masses, springs and dampers all scale with it"
+)
+
 
 def write(folder: Path, seconds: float = 3.0) -> None:
     truth = MOTOR.with_physics(make_physics("coulomb_friction", "m1", level=0.02))
@@ -71,9 +77,12 @@ def test_diagnose_from_file_to_report(
     assert augmented.physics[0].values["level"] == pytest.approx(level, rel=1e-9)
     page = Path(result["report"]).read_text(encoding="utf-8")
     assert "Identified" in page
+    assert "command's scale" not in html.unescape(page)
+    assert "gain" not in result["linear_refit"]
     assert ">nan<" not in page
     out, err = capsys.readouterr()
     assert "... " not in out
+    assert "command's scale" not in out
     assert " s  locating" in err
     residual, recording = read_log(result["logs"][0]), load_log("swing.toml")
     assert residual.epoch_ns == recording.epoch_ns
@@ -113,12 +122,16 @@ def _what_else_it_may_say(
     out, _ = capsys.readouterr()
     assert "\ninterrupted, so only what was found until then: identified: " in out
     assert "augmented.toml\nthe command counts 0.938 times in the augmented device" in out
+    assert f"\n{SCALE}\n" in out
+    assert "gain  " not in out
     assert "swing.diagnosis.mcap\nwrote o/swing-2.diagnosis.mcap\n" in out
     page = Path("o/swing.diagnosis.html").read_text(encoding="utf-8")
     assert '<p class="verdict">Interrupted, so only what was found until then: ' in page
     assert "coulomb_friction at m1</td>" in page
     assert "<td>below 0.001 N m</td>" in page
     assert "The command counts 0.938 times in the augmented device" in page
+    assert SCALE[1:] in html.unescape(page)
+    assert '<td class="text">gain</td>' not in page
 
 
 def test_a_recording_that_is_fitted_does_not_judge(

@@ -1,5 +1,7 @@
 """Many devices as arrays are the same devices one by one, bit for bit."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from engine_examples import one_mass
@@ -20,6 +22,7 @@ from zwidth.sim.physics import PROBES
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.place import place_at
 from zwidth.sim.population import Population, Readings, Recorded
+from zwidth.sim.uncertainty import Uncertainty
 
 Floats = NDArray[np.float64]
 FINENESS = Fineness(2, 4, (2, 4))
@@ -35,13 +38,18 @@ def two_masses() -> Device:
 
 def grounded() -> Device:
     chain = phantom().chain._replace(ground_spring=0.3)
-    return phantom().with_chain(chain).with_interface(delay=0.0, **STEPPED)
+    return unsure(phantom().with_chain(chain).with_interface(delay=0.0, **STEPPED))
+
+
+def unsure(device: Device) -> Device:
+    """Return a device whose command's scale is no more known than its masses, so that it moves."""
+    return replace(device, uncertainty=Uncertainty(command_scale=0.05))
 
 
 NOMINALS = {
     "one mass": one_mass(1.2e-3, 6e-3, delay=0.0013),
     "two masses, no delay": two_masses().with_interface(delay=0.0),
-    "three masses": phantom().with_interface(delay=0.0024, encoder_rounding="floor"),
+    "three masses": unsure(phantom().with_interface(delay=0.0024, encoder_rounding="floor")),
     "spring to ground, steps": grounded(),
     "lag and a further mass": phantom().with_physics(
         example("actuator_lag"), example("extra_mode", "m2"), example("coulomb_friction", "m3")
@@ -172,7 +180,7 @@ def test_dry_friction_beside_fast_modes_takes_each_member_its_own_substeps() -> 
     chain = make_chain([2e-4, 9e-4, 7e-5], [0.0, 0.01, 0.004], 0.0, [2e5, 1.5e4], [0.06, 1e-3])
     friction = example("coulomb_friction", "m1"), example("coulomb_friction", "m2")
     model = modelled(phantom().with_chain(chain), *friction)
-    xs = [2.0 * x for x in drawn(model, 9)]
+    xs = [2.0 * x for x in drawn(model, 25)]
     needed = {enough_substeps(model.acting(x)) for x in xs}
     assert len(needed) > 2
     compared(model, xs)

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from zwidth.sim.run import Start as Start
     from zwidth.sim.run import simulate as simulate
     from zwidth.sim.trace import Trace as Trace
+    from zwidth.sim.uncertainty import Uncertainty as Uncertainty
     from zwidth.stability.bisection import Trial as Trial
     from zwidth.stability.boundary import Boundary as Boundary
     from zwidth.stability.boundary import find_boundaries as find_boundaries
@@ -75,6 +76,7 @@ HOMES = {
     "Start": "zwidth.sim.run",
     "Trace": "zwidth.sim.trace",
     "Trial": "zwidth.stability.bisection",
+    "Uncertainty": "zwidth.sim.uncertainty",
     "boundary": "zwidth.stability.linear",
     "corner": "zwidth.stability.linear",
     "critical_stiffness": "zwidth.stability.linear",

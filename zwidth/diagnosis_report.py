@@ -64,6 +64,8 @@ def save_report(
         verdict=WORDS[diagnosis.verdict.value],
         interrupted=INTERRUPTED,
         gain=gain_sentence(diagnosis),
+        scale=scale_sentence(diagnosis),
+        linear=linear_rows(diagnosis),
         bounds=_bounds(diagnosis),
         recordings=recordings,
         commands=commands,
@@ -133,6 +135,22 @@ def gain_sentence(diagnosis: Diagnosis) -> str:
         f"the command counts {gain.value:.3g} times in the augmented device (command_gain in its"
         " [interface])"
     )
+
+
+def scale_sentence(diagnosis: Diagnosis) -> str:
+    """Say how uncertain the command's scale is, which no other interval holds; "" where known."""
+    if "gain" not in diagnosis.linear_refit:
+        return ""
+    _, gain = diagnosis.linear_refit["gain"]
+    return (
+        f"the command's scale: {estimate(gain)}; forces, masses, springs and dampers all scale"
+        " with it"
+    )
+
+
+def linear_rows(diagnosis: Diagnosis) -> dict[str, tuple[float, Estimate]]:
+    """Return the linear parameters of the table: all but the command's scale."""
+    return {k: both for k, both in diagnosis.linear_refit.items() if k != "gain"}
 
 
 def improvement(fit: HeldOut) -> str:

@@ -169,8 +169,8 @@ def _noise(final: Fitted, observer: Observer, seen: Sequence[Experiment]) -> Noi
 def _known(final: Fitted) -> Floats:
     """Return a root (x, directions) of the covariance of what the recordings tell of x.
 
-    Directions that they do not tell (gain against all masses at once) change no motion, and are
-    left out: far along them the first order no longer holds.
+    Directions that they do not tell (a free gain against all masses at once) change no motion, and
+    are left out: far along them the first order no longer holds.
     """
     slopes = final.jacobian[: final.samples]
     told, directions = np.linalg.eigh(slopes.T @ slopes)

@@ -26,7 +26,7 @@ from zwidth.diagnosis.parameters import (
 from zwidth.diagnosis.result import Estimate, Finding, Held, Rival
 from zwidth.diagnosis.screen import Complement, screen
 from zwidth.diagnosis.selection.searched import Searched
-from zwidth.diagnosis.uncertainty import Z95, covariance, inflation
+from zwidth.diagnosis.uncertainty import Z95, inflation, standard_errors
 from zwidth.sim.device import Device
 from zwidth.sim.physics.effect import Physics
 
@@ -56,7 +56,7 @@ def all_findings(device: Device, taken: Taken, found: Searched) -> tuple[Finding
 
 def _findings(found: Searched) -> tuple[Finding, ...]:
     """The effects of the model, what explains most first."""
-    spread = attempt("intervals", "", partial(_spread, found.final))
+    spread = attempt("intervals", "", partial(standard_errors, found.final))
     if spread is None:
         spread = np.full(found.final.x.size, np.nan)
     findings: list[Finding] = []
@@ -81,11 +81,6 @@ def _held(found: Searched, label: str) -> tuple[Held, ...]:
     best = found.tried.best
     bare = found.tried.tried.get(best.labels - {label})
     return () if bare is None else tuple(held(best, bare))
-
-
-def _spread(final: Fitted) -> Floats:
-    """Standard errors in x."""
-    return np.sqrt(np.diag(covariance(final)))
 
 
 def _estimates(final: Fitted, index: int, spread: Floats) -> dict[str, Estimate]:
@@ -150,10 +145,10 @@ def _step_estimate(found: Searched, physics: Physics) -> dict[str, Estimate]:
 def linear(
     device: Device, final: Fitted, experiments: Sequence[Experiment]
 ) -> dict[str, tuple[float, Estimate]]:
-    """Return (nominal, estimate) of each linear parameter by name."""
+    """Return (nominal, estimate) of each linear parameter by name; a gain only where it is free."""
     nominal = values_of(Model(device), np.zeros(len(linear_parameters(device))))
     fitted = values_of(final.model, final.x)
-    spread = np.sqrt(np.diag(covariance(final)))
+    spread = standard_errors(final)
     result: dict[str, tuple[float, Estimate]] = {}
     for j, p in enumerate(linear_parameters(device)):
         if p.kind == "jitter" and all(first_velocity(e) is None for e in experiments):

@@ -12,7 +12,7 @@ from zwidth.console import Column, Console
 from zwidth.files.whole import write_text
 from zwidth.options import force_option, json_option
 from zwidth.sim.device import Device, place_label, warnings_of
-from zwidth.sim.device_file import device_to_text, load_device, shipped_devices
+from zwidth.sim.device_file import USUAL, device_to_text, load_device, shipped_devices
 from zwidth.sim.modal import ModalModel, from_chain
 from zwidth.sim.passive import nearest_passive
 
@@ -153,6 +153,15 @@ def _settings(console: Console, device: Device) -> None:
     ):
         if value != none:
             console.say(f"{what} {value:g}")
+    known = device.uncertainty
+    for what, value, usual in (
+        ("command scale", known.command_scale, USUAL.command_scale),
+        ("masses", known.masses, USUAL.masses),
+        ("springs", known.springs, USUAL.springs),
+        ("dampers", known.dampers, USUAL.dampers),
+    ):
+        if value != usual:
+            console.say(f"{what} known to {100.0 * value:g} % (one sigma)")
     for physics in device.physics:
         values = ", ".join(f"{key} {value:g}" for key, value in physics.values.items())
         console.say(f"{place_label(physics)}: {values}")
@@ -169,6 +178,7 @@ def _as_json(device: Device, modal: ModalModel | None) -> dict[str, Any]:
             key: None if value == math.inf else value
             for key, value in vars(device.interface).items()
         },
+        "uncertainty": dict(vars(device.uncertainty)),
         "physics": [
             {"effect": p.effect.name, "at": p.at, "parameters": dict(p.values)}
             for p in device.physics

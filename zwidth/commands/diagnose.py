@@ -29,10 +29,12 @@ from zwidth.diagnosis_report import (
     estimate,
     gain_sentence,
     improvement,
+    linear_rows,
     next_sentence,
     number,
     save_report,
     save_unanswered,
+    scale_sentence,
 )
 from zwidth.files.whole import write_text
 from zwidth.logs.mcap_writer import write_log
@@ -355,11 +357,12 @@ def _say(console: Console, found: Diagnosis) -> None:
             Column("sigma"),
         ]
         console.table("\nWhat was found", columns, rows)
-    rows = [
-        [k, number(nominal), estimate(value)] for k, (nominal, value) in found.linear_refit.items()
-    ]
+    linear = linear_rows(found).items()
+    rows = [[k, number(nominal), estimate(value)] for k, (nominal, value) in linear]
     columns = [Column("", False), Column("device file"), Column("refitted")]
     console.table("\nLinear parameters", columns, rows)
+    if scale := scale_sentence(found):
+        console.say(scale)
     console.say(f"\n{improvement(found.free_run)}")
 
 

@@ -1,0 +1,43 @@
+"""How well a device file knows its own numbers: what a fit may change them by."""
+
+from dataclasses import dataclass, fields
+
+# Three of them are as far as a fit goes: at 2 already a factor of 400, no knowledge at all.
+MOST = 2.0
+MOST_OF_A_DAMPER = 100.0
+LEAST = 1e-6  # as good as exact; nothing at all would leave a fit no scale to count in
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """Relative standard deviations (one sigma), without a dimension, of what a device file says.
+
+    command_scale: of what a command counts by, 0 where it is known: motion alone cannot tell it
+    from masses, springs, dampers and forces all at once. masses; springs, that to ground among
+    them; dampers, which are known worst: few are measured, and they change with temperature and
+    wear.
+
+    Raises ValueError with a sentence that names the field, the value and what is allowed.
+    """
+
+    command_scale: float = 0.0
+    masses: float = 0.3
+    springs: float = 0.3
+    dampers: float = 0.5
+
+    def __post_init__(self) -> None:
+        for field, least, most in (
+            ("command_scale", 0.0, MOST),
+            ("masses", LEAST, MOST),
+            ("springs", LEAST, MOST),
+            ("dampers", LEAST, MOST_OF_A_DAMPER),
+        ):
+            value = getattr(self, field)
+            if not least <= value <= most:  # nor is what is not a number
+                raise ValueError(
+                    f"uncertainty.{field} is {value}; allowed is {least:g} to {most:g}, the"
+                    " standard deviation as a share of the value"
+                )
+
+
+UNCERTAINTY_FIELDS = tuple(field.name for field in fields(Uncertainty))
