@@ -69,7 +69,7 @@ def held_out(
     truth = device_from_text(key["device"])
     fit_on, judge_by = recordings(folder, name, nominal).parts()
     linear = answer["diagnosis"]["linear_refit"]
-    gain, origin = (linear[k]["value"] if k in linear else None for k in ("gain", "origin"))
+    origin = linear["origin"]["value"] if "origin" in linear else None
     augmented = device_from_text(answer["device"])
     try:
         ratio = choose_observer(truth, fit_on).ratio
@@ -77,17 +77,20 @@ def held_out(
         return HeldOut(
             _error(nominal, judge_by, ratio),
             _error(best.model.build(best.x), [best.model.seen(e, best.x) for e in judge_by], ratio),
-            _error(augmented, [_as_seen(e, gain, origin) for e in judge_by], ratio),
+            _error(augmented, [as_seen(e, origin) for e in judge_by], ratio),
             _error(truth, judge_by, ratio) if floor is None else floor,
         )
     except NoObserver:
         return None
 
 
-def _as_seen(e: Experiment, gain: float | None, origin: float | None) -> Experiment:
+def as_seen(e: Experiment, origin: float | None) -> Experiment:
+    """Return a recording as an augmented device predicts it, which counts commands by itself.
+
+    origin: in units of the rms motion, None for none. JSON has None, too, for what is not finite.
+    """
     still = np.array([o.quantity == "position" for o in e.outputs])
-    moved = e.measured - (origin or 0.0) * e.swing * still
-    return replace(e, command=(1.0 if gain is None else gain) * e.command, measured=moved)
+    return replace(e, measured=e.measured - (origin or 0.0) * e.swing * still)
 
 
 def _error(device: Device, experiments: Sequence[Experiment], ratio: float) -> float:

@@ -10,6 +10,8 @@ from zwidth.diagnosis.augmented import augmented, free_run, scenario_of
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.hold import smooth
 from zwidth.diagnosis.parameters import Model
+from zwidth.diagnosis.predictor import free_run_errors, observer_near
+from zwidth.exam.perfect import as_seen
 from zwidth.scenarios.scenario_file import scenario_from_text, scenario_to_text
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import device_from_text, device_to_text, model_hash
@@ -118,6 +120,17 @@ def test_the_fit_of_an_augmented_device_begins_where_the_last_one_ended():
     none = np.zeros(again.linear_count)
     one, other = free_run(model, x, e, SUBSTEPS), free_run(again, none, e, SUBSTEPS)
     np.testing.assert_allclose(other, one, rtol=0, atol=1e-9 * np.ptp(one))
+
+
+def test_an_exam_counts_the_gain_of_an_augmented_device_once():
+    """Its free run over a recording is the fit's own. Mutation: the recording counted up, too."""
+    e = record(sprung(), 1.0, seed=2)
+    model, x = model_of(sprung())
+    observer = observer_near(sprung(), e, 1e-2)
+    own, _ = free_run_errors(model.acting(x), model.seen(e, x), observer, 200)
+    seen = as_seen(e, model.reads(x).origin)
+    found, _ = free_run_errors(augmented(model, x, e.swing), seen, observer, 200)
+    np.testing.assert_allclose(found, own, rtol=0, atol=1e-9 * np.ptp(own))
 
 
 def test_a_run_reads_from_the_origin_of_the_recording():
