@@ -123,8 +123,11 @@ def test_the_fit_of_an_augmented_device_begins_where_the_last_one_ended():
 
 
 def test_an_exam_counts_the_gain_of_an_augmented_device_once():
-    """Its free run over a recording is the fit's own. Mutation: the recording counted up, too."""
-    e = record(sprung(), 1.0, seed=2)
+    """Its free run over what was held out is the fit's own, from where the fitted part ends.
+
+    Mutations: the recording counted up, too; the origin left in what came before.
+    """
+    _, e = record(sprung(), 2.0, seed=2).split(0.5)
     model, x = model_of(sprung())
     observer = observer_near(sprung(), e, 1e-2)
     own, _ = free_run_errors(model.acting(x), model.seen(e, x), observer, 200)
