@@ -20,16 +20,17 @@ from zwidth.diagnosis.steady import NoObserver, steady
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import Device
 from zwidth.sim.equations import Equations, enough_substeps, equations
-from zwidth.sim.kernel import Memory
+from zwidth.sim.kernel import MAX_COLUMNS, Memory
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.population import Population
-from zwidth.sim.predict import alone
+from zwidth.sim.predict import Outputs, alone
 from zwidth.sim.run import Start, start_memory
 
 Floats = NDArray[np.float64]
 ORDER = 24  # of the filters that whiten, at most
 SPARED = 100  # samples for each of their coefficients, at least
 MEMORY = 24.0  # lags over which they see correlation
+NOTHING = MAX_COLUMNS - 1  # place in a state that no device fills, and that stays zero
 BEGINNING = 2000  # ticks by which the state at the start is judged
 SETTLING = 100  # ticks left out at the start, until the observer has found the state
 SLOPE = (np.arange(10) - 4.5) / 82.5  # of the straight line through the first samples
@@ -313,6 +314,28 @@ def followed(device: Device, experiment: Experiment, gain: Floats) -> Floats:
     return -innovations(bare, wide, still)[:, len(experiment.outputs) :]
 
 
+def driven(device: Device, experiment: Experiment, gain: Floats, errors: Floats) -> Floats:
+    """Return what a device gives (ticks, o) under a command, its innovations e given (ticks, o).
+
+    In innovation form, x_(k+1) = f(x_k + L e_k, u_k) and y_k = h(x_k) + e_k, from where an observer
+    begins the experiment. What reads a place that stays zero has what it measured for innovation;
+    outputs that correct nothing, measured as zero, are h turned round. Infinite after an overflow.
+    """
+    eq, fine = ready = prepared(device)
+    places, o = experiment.places(eq.dof), errors.shape[1]
+    outputs = Outputs(
+        np.concatenate([np.full(o, NOTHING), places.state]),
+        np.concatenate([np.zeros(o, dtype=np.bool_), places.sensed]),
+    )
+    memory, full = memory_at(ready, experiment, device, gain)
+    found = alone(
+        eq, fine, outputs, experiment.command, np.hstack([errors, np.zeros(errors.shape)]),
+        np.hstack([full, np.zeros(full.shape)]), np.zeros((0, eq.dof)),
+        memory,
+    )  # fmt: skip
+    return errors - found[:, o:]
+
+
 def begun(device: Device, experiment: Experiment, observer: "Observer") -> Experiment:
     """Return the recording with the state that the observer should begin with.
 
@@ -402,6 +425,58 @@ def free_run_errors(
         alone(eq, fine, places, u, y, full, no_force, memory)
     empty = np.zeros((0, experiment.measured.shape[1]))
     return np.concatenate(errors or [empty]), np.concatenate(signal or [empty])
+
+
+class FreeRuns(NamedTuple):
+    """Errors (runs, length, o) of free runs, and the motion (runs, length, 2n) they foretell."""
+
+    errors: Floats
+    motion: Floats
+
+
+def free_runs(
+    device: Device, experiment: Experiment, gain: Floats, lengths: Sequence[int], most: int
+) -> list[FreeRuns]:
+    """Return free runs of several lengths, as `free_run_errors` makes them.
+
+    most: of each length, evenly spread over the recording. The observer goes through it once.
+    """
+    eq, fine = ready = prepared(device)
+    places, o, n = experiment.places(eq.dof), len(experiment.outputs), device.chain.masses.size
+    states = np.concatenate([np.arange(n), np.arange(eq.dof, eq.dof + n)])
+    wide = Outputs(
+        np.concatenate([places.state, states]),
+        np.concatenate([places.sensed, np.zeros(2 * n, dtype=np.bool_)]),
+    )
+    measured = np.hstack([experiment.measured, np.zeros((experiment.ticks, 2 * n))])
+    memory, full = memory_at(ready, experiment, device, gain)
+    no_force = np.zeros((0, eq.dof))
+    nothing = np.zeros((eq.states, o + 2 * n))
+    begins: dict[int, list[int]] = {}
+    for i, length in enumerate(lengths):
+        possible = np.arange(0, experiment.ticks - length + 1, length)
+        possible = possible[possible >= SETTLING]
+        if possible.size > most:
+            possible = possible[np.linspace(0, possible.size - 1, most).round().astype(np.int64)]
+        for first in possible.tolist():
+            begins.setdefault(first, []).append(i)
+    here = 0
+    found: list[list[Floats]] = [[np.zeros((0, length, o + 2 * n))] for length in lengths]
+    for first in sorted(begins):
+        before, here = slice(here, first), first
+        alone(
+            eq, fine, places, experiment.command[before], experiment.measured[before], full,
+            no_force, memory,
+        )  # fmt: skip
+        for i in begins[first]:
+            run = slice(first, first + lengths[i])
+            free = copied(memory)
+            seen = alone(
+                eq, fine, wide, experiment.command[run], measured[run], nothing, no_force, free
+            )
+            found[i].append(seen[None])
+    joined = [np.concatenate(runs) for runs in found]
+    return [FreeRuns(runs[:, :, :o], -runs[:, :, o:]) for runs in joined]
 
 
 def observer_for(device: Device, experiment: Experiment, ratio: float) -> Floats:

@@ -151,6 +151,14 @@ def not_adequate(findings: tuple[Finding, ...], sound: Adequacy) -> str:
     """Say of names that do not hold on held-out data how far they go."""
     names = " and ".join(f"{f.effect} at {f.at}" for f in findings)
     worst = max(sound.ahead, key=lambda a: a.error / a.most)
+    if worst.error <= worst.most:
+        led = max(sound.ahead, key=lambda a: a.led - a.most_led)
+        return (
+            f"something is missing beyond {names}: forces that follow the motion would explain"
+            f" {100.0 * led.led:.0f} % of the square of what free runs over {led.horizon:g} s err"
+            f" on held-out data, noise {100.0 * led.most_led:.0f} % at most; the names explain"
+            f" {100.0 * sound.explained:.0f} % of the square error"
+        )
     return (
         f"something is missing beyond {names}: over {worst.horizon:g} s free runs on held-out data"
         f" err {worst.error / worst.expected:.3g} times as far as its own noise would make them;"

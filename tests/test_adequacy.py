@@ -4,20 +4,34 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
+from scipy.signal import lfilter
 from test_fitting import drive, recording
 
-from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy
-from zwidth.diagnosis.diagnose import _standing
+from zwidth.diagnosis.answer.adequacy import Adequacy, Believed, adequacy
+from zwidth.diagnosis.answer.answered import _standing
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.intake import Taken, take_in
 from zwidth.diagnosis.parameters import Model
-from zwidth.diagnosis.search import Searched
+from zwidth.diagnosis.predictor import (
+    Observer,
+    driven,
+    first_motion,
+    free_run_errors,
+    free_runs,
+    innovations,
+    observer_for,
+    whitened,
+)
 from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.diagnosis.selection.hypothesis import judged, settled
 from zwidth.diagnosis.selection.search import Search
-from zwidth.diagnosis.selection.searched import searched
+from zwidth.diagnosis.selection.searched import Searched, searched
+from zwidth.sim.device import Device
 from zwidth.sim.physics import make_physics
+from zwidth.sim.physics.effect import Physics
 
+Floats = NDArray[np.float64]
 FRICTION = make_physics("coulomb_friction", "m1", level=0.03)
 
 
@@ -33,7 +47,7 @@ def found(rubbed: Taken) -> Searched:
 
 
 def of(found: Searched, judge_by: tuple[Experiment, ...]) -> Adequacy:
-    said = adequacy(Model(drive()), found.refit, found.final, found.problem.observer, judge_by)
+    said = adequacy(Model(drive()), found.refit, found.final, found.judge, judge_by)
     assert said is not None
     return said
 
@@ -61,9 +75,9 @@ def test_a_name_that_held_out_data_do_not_bear_out_is_not_given(
     """Judged by a machine without friction. Mutation: names stand however they predict."""
     clean = replace(rubbed, judge_by=(recording(drive(), 2000, 5),))
     said: list[str] = []
-    assert _standing(drive(), rubbed, found, said.append) is found
+    assert _standing(drive(), rubbed, found, said.append)[0] is found
     assert not said
-    left = _standing(drive(), clean, found, said.append)
+    left, _ = _standing(drive(), clean, found, said.append)
     assert left.final.model.effects == ()
     assert left.tried is not None
     assert left.tried.best is left.tried.plain
@@ -75,5 +89,89 @@ def test_a_search_without_effects_stands(rubbed: Taken) -> None:
     model = Model(drive())
     plain = settled(judged(list(rubbed.fit_on), model, np.zeros(len(model.parameters))))
     search = Search(plain, plain, QUICK, lambda _: None)
-    bare = Searched(plain.problem, plain.fitted, plain.fitted, (), tried=search)
-    assert _standing(drive(), rubbed, bare, lambda _: None) is bare
+    bare = Searched(plain.problem, plain.fitted, plain.fitted, search, plain.noise.observer)
+    assert _standing(drive(), rubbed, bare, lambda _: None)[0] is bare
+
+
+def coloured(physics: tuple[Physics, ...], colour: float, seed: int) -> Experiment:
+    """24 s of a drive that a force of 0.004 N m pushes besides, which forgets slowly."""
+    random = np.random.default_rng([seed, 1])
+    white = 0.004 * np.sqrt(1.0 - colour**2) * random.standard_normal(12500)
+    push: Floats = lfilter([1.0], [1.0, -colour], white)[500:]
+    return recording(drive().with_physics(*physics), 12000, seed, push=push)
+
+
+def linear_answer(made: Experiment) -> Adequacy:
+    """What the refit of a linear device, fitted to 70 %, says of itself by the rest."""
+    first, rest = made.split()
+    model = Model(drive())
+    h = settled(judged([first], model, np.zeros(len(model.parameters))))
+    said = adequacy(model, h.fitted, h.fitted, h.noise.observer, [rest])
+    assert said is not None
+    return said
+
+
+@pytest.mark.parametrize("colour", [0.0, 0.9])
+def test_noise_of_any_colour_is_foretold(colour: float) -> None:
+    """Mutation: rehearsed with white innovations, free runs err twice as far as foretold."""
+    said = linear_answer(coloured((), colour, 3))
+    assert said.sound
+    assert said.ahead[1].error < 1.7 * said.ahead[1].expected
+
+
+def test_what_lacks_is_refused_though_its_colour_is_foretold() -> None:
+    """Friction of 0.01 N m under coloured noise. Mutation: the size of errors alone is judged."""
+    said = linear_answer(coloured((make_physics("coulomb_friction", "m1", level=0.01),), 0.9, 3))
+    assert not said.sound
+    assert all(a.error <= a.most for a in said.ahead)
+    assert said.ahead[0].led > said.ahead[0].most_led
+
+
+def test_innovations_drawn_are_white_once_filtered() -> None:
+    """Two outputs. Mutations: what one output says of the other left out; the root transposed."""
+    random = np.random.default_rng(1)
+    white = random.standard_normal((50000, 2)) @ np.array([[1.0, 0.0], [0.8, 0.3]])
+    seen = np.column_stack([lfilter([1.0], [1.0, -0.9], white[:, 0]), white[:, 1]])
+    seen[5:, 1] += 0.5 * seen[:-5, 0]
+    observer = whitened(Observer(np.zeros((4, 2)), np.ones(2), 1.0), [seen])
+    root = np.array([[2.0, 0.0], [1.0, 0.5]])
+    drawn = observer.weigh(Believed(observer, root).drawn(50000, random))[100:]
+    assert drawn.T @ drawn / drawn.shape[0] == pytest.approx(root @ root.T, rel=0.05)
+    for lag in (1, 5, 24):
+        assert np.abs(drawn[lag:].T @ drawn[:-lag] / drawn.shape[0]).max() < 0.1
+
+
+def test_a_device_driven_by_its_innovations_has_these() -> None:
+    """Friction, two outputs. Mutation: readings after the correction, or of another output."""
+    device = drive().with_physics(FRICTION)
+    made = recording(device, 1500, 4, (0, 1))
+    gain = observer_for(drive(), made, 1.0)
+    errors = 1e-4 * np.random.default_rng(2).standard_normal(made.measured.shape)
+    y = driven(device, made, gain, errors)
+    begins = replace(
+        made, measured=y, start=_beginning(made) - _beginning(replace(made, measured=y))
+    )
+    assert innovations(device, begins, gain) == pytest.approx(errors, abs=1e-12)
+
+
+def _beginning(e: Experiment) -> Floats:
+    """Positions and velocities (4,) from which an observer begins."""
+    position, velocity = first_motion(e.outputs, e.measured, e.period)
+    return np.repeat([position, velocity], 2)
+
+
+def test_free_runs_are_those_of_one_length_after_the_other() -> None:
+    """Mutations: the observer not led on between runs; a run that moves it."""
+    device = drive().with_physics(FRICTION)
+    made = recording(device, 900, 4)
+    gain = observer_for(drive(), made, 1.0)
+    for length, runs in zip((25, 200), free_runs(device, made, gain, (25, 200), 1000), strict=True):
+        errors, _ = free_run_errors(device, made, gain, length)
+        assert np.array_equal(runs.errors.reshape(-1, 1), errors)
+    few = free_runs(device, made, gain, (25,), 5)[0].errors
+    assert few.shape[0] == 5
+    assert few[-1] == pytest.approx(errors_of_last(device, made, gain))
+
+
+def errors_of_last(device: Device, made: Experiment, gain: Floats) -> Floats:
+    return free_run_errors(device, made, gain, 25)[0].reshape(-1, 25, 1)[-1]

@@ -3,53 +3,74 @@
 A hypothesis that costs least may still be wrong: it is the best of those that were tried. If it is
 right, its free runs err on data that it was not fitted to as far as its noise and what is not known
 of its parameters make them, and no farther. How far that is, is simulated (Gelman, Meng & Stern,
-Statistica Sinica 6, 1996): parameters are drawn from what the fit knows of them, the device so
-drawn is rehearsed under the same command with the noise that the observer stands for, and the
-answer follows it in free runs as it follows the recording. With e the rms error over runs of one
-length and e_i those of R rehearsals, the answer is adequate where for all lengths
+Statistica Sinica 6, 1996): parameters are drawn from what the fit knows of them, and the device so
+drawn is rehearsed under the same command with innovations e of the very process that the
+hypothesis believes in, those of its observer (gain L) that its filters W make white,
 
-    (ln e - m) / (s sqrt(1 + 1/R)) < t,    m, s: mean and deviation of ln e_i,
+    x_(k+1) = f(x_k + L e_k, u_k),    y_k = h(x_k) + e_k,    sum_j W_j e_(k-j) = w_k,
+
+w of the covariance that recordings have a step ahead. The answer follows y in free runs as it
+follows the recording. With T its log rms error over runs of one length, and T_i those of R
+rehearsals, the answer is adequate where for all lengths
+
+    (T - m) / (s sqrt(1 + 1/R)) < t,    m, s: mean and deviation of T_i,
 
 t the quantile of Student's t with R - 1 degrees of freedom that is exceeded with odds of ALPHA.
 
-And it must be of use: its free runs, or its likelihood a step ahead, must be better than those of
-the better one of device file and refit by more than the scatter of the blocks (`compared`). What is
-not names nothing.
+Size alone does not refuse what lacks physics. Errors of free runs are innovations filtered, and the
+filters take what a lack of friction leaves in the innovations for noise like any other: with
+innovations drawn from the recording itself in blocks, errors are foretold to the percent whatever
+lacks. What no noise does is follow the motion. So the same is asked of a second T: the log odds of
+the share of the square of errors that forces led by the motion explain (`answer.led`).
 
-Limits: the noise is white force at m1 and white noise of what is measured, of the size that the
-innovations have; noise of a strong slow colour makes free runs err more than that says.
+And held-out data must not speak against what it names: its free runs, or its likelihood a step
+ahead, must be better than those of the better one of device file and refit by more than the scatter
+of the blocks (`compared`). What is not names nothing.
+
+Limits: the filters see a resolution of 6.6 Hz at 1 kHz, and noise of a far slower colour makes free
+runs of seconds err more than they say. Noise that a force drives is led by motion where that force
+is. What lacks and leaves nothing but colour (play that rattles, a stiff cubic spring) is foretold.
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import next_fast_len
+from scipy.special import expit, logit
 from scipy.stats import norm
 from scipy.stats import t as student
 
+from zwidth.diagnosis.answer.led import Span, span
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.fit import Fitted
 from zwidth.diagnosis.parameters import Model
 from zwidth.diagnosis.predictor import (
     SETTLING,
+    FreeRuns,
     Observer,
     begun,
-    deviation,
+    driven,
     free_run_errors,
+    free_runs,
     innovations,
 )
-from zwidth.diagnosis.rehearsal import Noise, RunsAway, noise_of, rehearse
 from zwidth.diagnosis.selection.evidence import ALPHA, compared
-from zwidth.diagnosis.steady import NoObserver
+from zwidth.jobs.parallel import in_parallel, threads
 
 Floats = NDArray[np.float64]
 HORIZONS = (0.05, 0.5, 2.0)  # s
 SHORTEST = 5  # ticks of a free run
 RUNS = 3  # free runs of a length at least, or nothing is said of it
+MOST_RUNS = 100  # free runs of a length in a recording
+FORGOTTEN = 4000  # ticks after which innovations know nothing of earlier ones
 REHEARSALS = 16
+MATTERS = 0.1  # of the square of errors, below which what leads them is no matter
 TOLD = 10.0  # information in a direction of x, of which a device file's own is one
 SCATTER = 1.0  # sigma of blocks by which an answer must be better than doing without it
 
@@ -58,18 +79,21 @@ SCATTER = 1.0  # sigma of blocks by which an answer must be better than doing wi
 class Ahead:
     """Free runs over a horizon [s]: rms error of the first output, and what is to be expected.
 
-    All three in the output's unit; most: above it the answer is not adequate.
+    These in the output's unit; most: above it the answer is not adequate. led: share of its square
+    that forces which follow the motion explain; most_led: the same of it.
     """
 
     horizon: float
     error: float
     expected: float
     most: float
+    led: float
+    most_led: float
 
     @property
     def adequate(self) -> bool:
         """Whether the error is within what the answer itself foretells."""
-        return self.error <= self.most
+        return self.error <= self.most and self.led <= self.most_led
 
 
 @dataclass(frozen=True)
@@ -122,30 +146,30 @@ def adequacy(
     model, x = final.model, final.x
     others = [(nominal, np.zeros(len(nominal.parameters))), (refit.model, refit.x)]
     own, *without = ([_seen(m, v, e, observer) for e in judge_by] for m, v in [(model, x), *others])
+    period = judge_by[0].period
+    horizons = {max(SHORTEST, round(h / period)): h for h in HORIZONS}
+    lengths = [n for n in horizons if all(e.ticks > SETTLING + RUNS * n for e in judge_by)]
     noise = _noise(final, observer, own)
-    if noise is None:
+    if noise is None or not lengths:
         return None
+    runs = _runs(final, observer, own, lengths)
+    spans = [span(final.model.acting(final.x), judge_by[0], r.motion) for r in runs]
+    tasks = [
+        partial(_rehearsed, final, noise, judge_by, own, lengths, spans, i)
+        for i in range(REHEARSALS)
+    ]
+    errors, led = _judged(runs, spans)
+    foretold = np.stack(in_parallel(tasks, threads()))
     ahead: list[Ahead] = []
-    rehearsed = _rehearsed(final, noise, judge_by)
-    device = model.acting(x)
-    for horizon in HORIZONS:
-        ticks = max(SHORTEST, round(horizon / judge_by[0].period))
-        if not all(e.ticks > SETTLING + RUNS * ticks for e in judge_by) or len(rehearsed) < RUNS:
+    for i, n in enumerate(lengths):
+        size = _band(foretold[:, 0, i])
+        share = _band(foretold[:, 1, i])
+        if size is None or share is None or not math.isfinite(errors[i]):
             continue
-        error = _rms([free_run_errors(device, e, observer.gain, ticks)[0][:, 0] for e in own])
-        foretold = np.array(
-            [
-                _rms([free_run_errors(device, e, observer.gain, ticks)[0][:, 0] for e in each])
-                for each in rehearsed
-            ]
-        )
-        foretold = foretold[np.isfinite(foretold)]
-        if foretold.size < RUNS or not math.isfinite(error):
-            continue
-        logs = np.log(foretold)
-        spread = float(logs.std(ddof=1)) * math.sqrt(1.0 + 1.0 / logs.size)
-        most = math.exp(float(logs.mean()) + float(student.isf(ALPHA, logs.size - 1)) * spread)
-        ahead.append(Ahead(horizon, error, math.exp(float(logs.mean())), most))
+        expected, most = (math.exp(v) for v in size)
+        most_led = max(MATTERS, float(expit(share[1])))
+        error, follows = math.exp(errors[i]), float(expit(led[i]))
+        ahead.append(Ahead(horizons[n], error, expected, most, follows, most_led))
     if not ahead:
         return None
     explained, better = _better(final, others, observer, own, without)
@@ -157,13 +181,66 @@ def _seen(model: Model, x: Floats, e: Experiment, observer: Observer) -> Experim
     return begun(model.acting(x), model.seen(e, x), observer)
 
 
-def _noise(final: Fitted, observer: Observer, seen: Sequence[Experiment]) -> Noise | None:
-    device = final.model.acting(final.x)
-    raw = Observer(observer.gain, deviation(device, seen, observer.gain), observer.ratio)
-    try:
-        return noise_of(device, seen[0], raw)
-    except (NoObserver, ValueError):  # a noise of nothing, or of no bound
+def _band(logs: Floats) -> tuple[float, float] | None:
+    """Return mean, and what another of the same kind exceeds with odds of ALPHA."""
+    told = logs[np.isfinite(logs)]
+    if told.size < RUNS:
         return None
+    spread = float(told.std(ddof=1)) * math.sqrt(1.0 + 1.0 / told.size)
+    mean = float(told.mean())
+    return mean, mean + float(student.isf(ALPHA, told.size - 1)) * spread
+
+
+def _runs(
+    final: Fitted, observer: Observer, seen: Sequence[Experiment], lengths: Sequence[int]
+) -> list[FreeRuns]:
+    """Free runs of the answer, of each length those of all recordings."""
+    device = final.model.acting(final.x)
+    each = [free_runs(device, e, observer.gain, lengths, MOST_RUNS) for e in seen]
+    return [
+        FreeRuns(*(np.concatenate(same) for same in zip(*of_length, strict=True)))
+        for of_length in zip(*each, strict=True)
+    ]
+
+
+def _judged(runs: Sequence[FreeRuns], spans: Sequence[Span]) -> tuple[Floats, Floats]:
+    """Log rms error of the first output (lengths,), and log odds of what motion explains of it."""
+    with np.errstate(all="ignore"):  # infinite after an overflow
+        errors = [np.log(np.sqrt(np.mean(r.errors[:, :, 0] ** 2))) for r in runs]
+        shares = [s.share(r.errors[:, :, 0].ravel()) for r, s in zip(runs, spans, strict=True)]
+        return np.array(errors), logit(np.array(shares))
+
+
+@dataclass(frozen=True)
+class Believed:
+    """Innovations of an observer that its filters make white, of covariance root root'."""
+
+    observer: Observer
+    root: Floats
+
+    def drawn(self, ticks: int, random: np.random.Generator) -> Floats:
+        """Return innovations (ticks, o): of a process without end, so that none needs to settle.
+
+        Autoregression by division of spectra, of a period longer than is asked for by what the
+        filters remember.
+        """
+        filters = self.observer.filters()
+        size = next_fast_len(ticks + FORGOTTEN, real=True)
+        white = random.standard_normal((size, self.root.shape[0])) @ self.root.T
+        response = np.moveaxis(np.fft.rfft(filters, size, axis=2), 2, 0)
+        spectrum = np.linalg.solve(response, np.fft.rfft(white, axis=0)[:, :, None])[:, :, 0]
+        return np.fft.irfft(spectrum, size, axis=0)[:ticks]
+
+
+def _noise(final: Fitted, observer: Observer, seen: Sequence[Experiment]) -> Believed | None:
+    """The colour that the answer believes in, as strong as recordings have it a step ahead."""
+    device = final.model.acting(final.x)
+    weighed = [observer.weigh(innovations(device, e, observer.gain))[SETTLING:] for e in seen]
+    white = np.concatenate(weighed)
+    with np.errstate(all="ignore"), suppress(np.linalg.LinAlgError):
+        root = np.linalg.cholesky(white.T @ white / white.shape[0])
+        return Believed(observer, root) if np.all(np.isfinite(root)) else None
+    return None
 
 
 def _known(final: Fitted) -> Floats:
@@ -179,28 +256,40 @@ def _known(final: Fitted) -> Floats:
 
 
 def _rehearsed(
-    final: Fitted, noise: Noise, judge_by: Sequence[Experiment]
-) -> list[list[Experiment]]:
-    """Recordings as devices would give them that the fit cannot tell from its own."""
-    random = np.random.default_rng(1)
+    final: Fitted,
+    noise: Believed,
+    judge_by: Sequence[Experiment],
+    own: Sequence[Experiment],
+    lengths: Sequence[int],
+    spans: Sequence[Span],
+    seed: int,
+) -> Floats:
+    """What is `_judged` (2, lengths) of what a device would give that the fit cannot tell from its.
+
+    own: the recordings as the answer sees them. What the device reads otherwise than the answer
+    (gain, origin) is taken off as the device reads it, and put on as the answer does.
+    """
+    random = np.random.default_rng(seed)
     root = _known(final)
-    found: list[list[Experiment]] = []
-    for i in range(REHEARSALS):
-        x = final.model.within(final.x + root @ random.standard_normal(root.shape[1]))
-        device = final.model.acting(x)
-        try:
-            found.append(
-                [
-                    rehearse(
-                        device, final.model.seen(e, x).command, noise, outputs=e.outputs,
-                        seed=REHEARSALS * j + i,
-                    )
-                    for j, e in enumerate(judge_by)
-                ]
-            )  # fmt: skip
-        except (RunsAway, ArithmeticError):
-            continue
-    return found
+    model, gain = final.model, noise.observer.gain
+    x = model.within(final.x + root @ random.standard_normal(root.shape[1]))
+    played: list[Experiment] = []
+    for e, mine in zip(judge_by, own, strict=True):
+        theirs = model.seen(e, x)
+        there = _begun_as(theirs, mine)
+        y = driven(model.acting(x), there, gain, noise.drawn(e.ticks, random))
+        again = replace(mine, measured=y + (mine.measured - theirs.measured))
+        if mine.before is None:
+            again = begun(model.acting(final.x), again, noise.observer)
+        played.append(again)
+    return np.stack(_judged(_runs(final, noise.observer, played, lengths), spans))
+
+
+def _begun_as(e: Experiment, other: Experiment) -> Experiment:
+    """A recording that begins as the same one does elsewhere, which needs no second search."""
+    if e.before is None or other.before is None:
+        return replace(e, start=other.start)
+    return replace(e, before=_begun_as(e.before, other.before))
 
 
 def _better(
@@ -271,8 +360,3 @@ def _sigma(gains: Floats) -> float:
     if spread == 0.0:
         return 0.0
     return float(gains.mean()) / spread * math.sqrt(gains.size)
-
-
-def _rms(parts: Sequence[Floats]) -> float:
-    joined = np.concatenate(parts)
-    return float(np.sqrt(np.mean(joined**2))) if joined.size else float("nan")
