@@ -7,15 +7,14 @@ import pytest
 from test_fitting import drive, recording
 
 from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy
-from zwidth.diagnosis.diagnose import _standing
+from zwidth.diagnosis.answer.answered import _standing
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.intake import Taken, take_in
 from zwidth.diagnosis.parameters import Model
-from zwidth.diagnosis.search import Searched
 from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.diagnosis.selection.hypothesis import judged, settled
 from zwidth.diagnosis.selection.search import Search
-from zwidth.diagnosis.selection.searched import searched
+from zwidth.diagnosis.selection.searched import Searched, as_found, searched
 from zwidth.sim.physics import make_physics
 
 FRICTION = make_physics("coulomb_friction", "m1", level=0.03)
@@ -33,7 +32,7 @@ def found(rubbed: Taken) -> Searched:
 
 
 def of(found: Searched, judge_by: tuple[Experiment, ...]) -> Adequacy:
-    said = adequacy(Model(drive()), found.refit, found.final, found.problem.observer, judge_by)
+    said = adequacy(Model(drive()), found.refit, found.final, found.judge, judge_by)
     assert said is not None
     return said
 
@@ -65,7 +64,6 @@ def test_a_name_that_held_out_data_do_not_bear_out_is_not_given(
     assert not said
     left = _standing(drive(), clean, found, said.append)
     assert left.final.model.effects == ()
-    assert left.tried is not None
     assert left.tried.best is left.tried.plain
     assert "predicts held-out data no better" in said[0]
     assert of(left, clean.judge_by).useful  # nothing is named
@@ -75,5 +73,5 @@ def test_a_search_without_effects_stands(rubbed: Taken) -> None:
     model = Model(drive())
     plain = settled(judged(list(rubbed.fit_on), model, np.zeros(len(model.parameters))))
     search = Search(plain, plain, QUICK, lambda _: None)
-    bare = Searched(plain.problem, plain.fitted, plain.fitted, (), tried=search)
+    bare = as_found(drive(), search)
     assert _standing(drive(), rubbed, bare, lambda _: None) is bare

@@ -8,6 +8,7 @@ import pytest
 from numpy.typing import NDArray
 from test_fitting import drive, play, recording
 
+from zwidth.diagnosis.answer.beside import probability, rivals, shares, without
 from zwidth.diagnosis.candidates import Start
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.fitting.descend import descend
@@ -18,7 +19,6 @@ from zwidth.diagnosis.selection.evidence import ALPHA
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, gains, judged, settled
 from zwidth.diagnosis.selection.moves import Move, Proposal, replaced
 from zwidth.diagnosis.selection.search import Moves, Search, look_for_valleys, search
-from zwidth.diagnosis.selection.searched import probability, rivals, shares, without
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
 
@@ -83,7 +83,7 @@ def only(*physics_and_scales: tuple[Physics, dict[str, float]]) -> Moves:
             if f"{physics.effect.name}@{physics.at}" not in h.labels:
                 model = h.model.with_effect(physics, scales)
                 extra = np.zeros(len(model.parameters) - h.x.size)
-                yield Proposal(h.experiments, model, np.append(h.x, extra), h.problem)
+                yield Proposal(h.experiments, model, np.append(h.x, extra), h.family, h.problem)
 
     def nothing(_: int) -> Move:
         return lambda _h, _effort: iter(())
@@ -168,7 +168,7 @@ def test_friction_that_sticks_less_than_it_slides_is_no_answer(rubbed: list[Expe
     assert judged(rubbed, model, x).against_physics == ""
 
     def backwards(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
-        yield Proposal(h.experiments, model, np.append(h.x, [0.0, 0.0, 0.0]))
+        yield Proposal(h.experiments, model, np.append(h.x, [0.0, 0.0, 0.0]), h.family)
 
     moves = replace(only(), adding=(backwards,))
     found = search(drive(), rubbed, QUICK, moves=moves)
