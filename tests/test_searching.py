@@ -209,7 +209,8 @@ def test_a_bound_of_the_recording_is_no_answer_and_one_of_shape_is(
         at = next(i for i, p in enumerate(model.parameters) if p.key == key)
         x[at] = getattr(model.parameters[at], side, 0.0)
         h = judged(rubbed, Model(drive()), np.zeros(model.linear_count))
-        assert replace(h, model=model, x=x).against_physics == fault
+        said = replace(h, model=model, x=x).against_physics
+        assert said.rpartition(".")[2] == fault
 
 
 def test_the_valley_of_play_is_found_from_another() -> None:
