@@ -10,11 +10,12 @@ from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy
 from zwidth.diagnosis.answer.answered import _standing
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.intake import Taken, take_in
+from zwidth.diagnosis.noise.family import as_far_as
 from zwidth.diagnosis.parameters import Model
 from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.diagnosis.selection.hypothesis import judged, settled
 from zwidth.diagnosis.selection.search import Search
-from zwidth.diagnosis.selection.searched import Searched, as_found, searched
+from zwidth.diagnosis.selection.searched import FAR_S, Searched, as_found, searched, unnamed
 from zwidth.sim.physics import make_physics
 
 FRICTION = make_physics("coulomb_friction", "m1", level=0.03)
@@ -60,9 +61,9 @@ def test_a_name_that_held_out_data_do_not_bear_out_is_not_given(
     """Judged by a machine without friction. Mutation: names stand however they predict."""
     clean = replace(rubbed, judge_by=(recording(drive(), 2000, 5),))
     said: list[str] = []
-    assert _standing(drive(), rubbed, found, said.append) is found
+    assert _standing(drive(), rubbed, found, said.append)[0] is found
     assert not said
-    left = _standing(drive(), clean, found, said.append)
+    left, _ = _standing(drive(), clean, found, said.append)
     assert left.final.model.effects == ()
     assert left.tried.best is left.tried.plain
     assert "predicts held-out data no better" in said[0]
@@ -74,4 +75,17 @@ def test_a_search_without_effects_stands(rubbed: Taken) -> None:
     plain = settled(judged(list(rubbed.fit_on), model, np.zeros(len(model.parameters))))
     search = Search(plain, plain, QUICK, lambda _: None)
     bare = as_found(drive(), search)
-    assert _standing(drive(), rubbed, bare, lambda _: None) is bare
+    assert _standing(drive(), rubbed, bare, lambda _: None)[0] is bare
+
+
+def test_what_is_not_believed_leaves_no_noise_behind(rubbed: Taken) -> None:
+    """Errors over a long horizon are coloured, in which something would always be left.
+
+    Mutation: the refit under the noise of the search whose names were not believed.
+    """
+    experiments, model = list(rubbed.fit_on), Model(drive())
+    ahead = as_far_as(FAR_S, experiments)
+    plain = settled(judged(experiments, model, np.zeros(len(model.parameters)), ahead))
+    far = as_found(drive(), Search(plain, plain, QUICK, lambda _: None))
+    assert far.problem.observer.whitening is None
+    assert unnamed(far).problem.observer.whitening is not None

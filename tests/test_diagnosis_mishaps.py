@@ -157,7 +157,7 @@ def answered(line: list[str], status: int) -> dict[str, Any]:
         ("held out", "answered.held_out", Verdict.UNDECIDED),
         ("adequacy", "answered.adequacy", Verdict.CONFUSABLE),
         ("locate", "answered.locate", Verdict.CONFUSABLE),
-        ("intervals", "findings.covariance", Verdict.CONFUSABLE),
+        ("intervals", "findings.standard_errors", Verdict.CONFUSABLE),
         ("augmented device", "answered._augmented", Verdict.CONFUSABLE),
     ],
 )
