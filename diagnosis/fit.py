@@ -7,7 +7,7 @@ zero moves. All perturbed runs of a Jacobian are independent and go over all cor
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,10 +39,7 @@ CLOSE = 0.03  # in x, by which slopes hardly change
 
 @dataclass(frozen=True)
 class Fitted:
-    """A model at its best x. residual: weighted innovations and priors; jacobian of it by x.
-
-    rough: variance that creases add to each parameter's own, in units of it.
-    """
+    """A model at its best x. residual: weighted innovations and priors; jacobian of it by x."""
 
     model: Model
     x: Floats
@@ -50,16 +47,11 @@ class Fitted:
     residual: Floats
     jacobian: Floats
     samples: int
-    rough: float = 0.0
 
     @property
     def white(self) -> Floats:
         """The weighted innovations alone."""
         return self.residual[: self.samples]
-
-    def light(self) -> "Fitted":
-        """Return the fit without residual and slopes, which of a long recording fill memory."""
-        return replace(self, residual=np.zeros(0), jacobian=np.zeros((0, self.x.size)))
 
 
 class Slopes:
@@ -188,14 +180,11 @@ class Problem:
         slopes = self.jacobian(model, x, residual)
         return Fitted(model, x, float(residual @ residual), residual, slopes, samples)
 
-    def jacobian(
-        self, model: Model, x: Floats, at: Floats | None = None, known: Floats | None = None
-    ) -> Floats:
+    def jacobian(self, model: Model, x: Floats, at: Floats | None = None) -> Floats:
         """Return differences of the residual by x, inwards at a bound.
 
-        known: its first columns, where they are known well enough. All runs take the substeps that
-        the model needs at x: friction errs by its substeps, and two runs that differ in them would
-        show a slope of that error over so small a step.
+        All runs take the substeps that the model needs at x: friction errs by its substeps, and two
+        runs that differ in them would show a slope of that error over so small a step.
         """
         base = self.residual(model, x) if at is None else at
         steps = [
@@ -208,39 +197,32 @@ class Problem:
         samples = base.size - len(priors)
         least = _enough(model, x)
 
-        first = 0 if known is None else known.shape[1]
         unseen = {i for i, p in enumerate(parameters) if p.kind == "jitter" and not reads_speed}
-        asked = [i for i in range(first, x.size) if i not in unseen]
+        asked = [i for i in range(x.size) if i not in unseen]
         moved = [x + steps[i] * np.eye(1, x.size, i)[0] for i in asked]
-        slopes = np.zeros((base.size, x.size - first))
+        slopes = np.zeros((base.size, x.size))
         for i, found in zip(asked, self.weighted_each(model, moved, least), strict=True):
-            slopes[:samples, i - first] = (found - base[:samples]) / steps[i]
+            slopes[:samples, i] = (found - base[:samples]) / steps[i]
         for row, i in enumerate(priors):
-            if i >= first:
-                slopes[samples + row, i - first] = 1.0
-        return slopes if known is None else np.hstack([known, slopes])
+            slopes[samples + row, i] = 1.0
+        return slopes
 
     def fit(
         self,
         model: Model,
         x: Floats | None = None,
         rounds: int = 12,
-        known: Floats | None = None,
         final: bool = True,
     ) -> Fitted:
         """Return the best fit from a start (None: where all x are zero).
 
-        known: slopes of the first parameters, which then are not computed again: a chord method
-        in these, much cheaper, and as good where they hardly change. final: False leaves the last
-        slopes as the steps corrected them, where nobody asks for them.
+        final: False leaves the last slopes as the steps corrected them, where nobody asks for them.
         """
         parameters = model.parameters
         lower = np.array([p.lower for p in parameters])
         upper = np.array([p.upper for p in parameters])
         least = max(1e-8, NOTHING / (1 + sum(e.measured.size for e in self.experiments)))
-        best = Slopes(
-            lambda x: self.residual(model, x), lambda x, at: self.jacobian(model, x, at, known)
-        )
+        best = Slopes(lambda x: self.residual(model, x), lambda x, at: self.jacobian(model, x, at))
         start = np.zeros(len(parameters)) if x is None else x
         while True:
             start = model.within(start)

@@ -8,8 +8,7 @@ within some spread, so what is taken off is the mean of s over that spread,
 
     sum (-1)^n step / (pi n) exp(-2 (pi n spread / step)^2) sin(2 pi n x / step),
 
-the spread by chi-square. It is held fixed inside a fit; a better fit predicts better, so prediction
-and fit are repeated (`sharpened`).
+the spread by chi-square. It is held fixed inside a fit.
 
 dropped_samples: a command lost at tick k moves the force by d = u_(k-1) - u_k for one tick. Its
 log likelihood ratio is L_k = -g_k d_k - d_k^2 n / 2 (g: `matched`, n: energy of the response to one
@@ -192,15 +191,6 @@ def mean_error(position: Floats, step: float, share: float) -> Floats:
             break
         total += weight * np.sin(2.0 * np.pi * n * position / step)
     return step * total
-
-
-def sharpened(
-    problem: Problem, fitted: Fitted, experiments: Sequence[Experiment]
-) -> list[Experiment]:
-    """Return recordings that know their encoder's error as a better fit predicts it."""
-    step = next(p.values["step"] for p in fitted.model.effects if p.effect.name == "encoder_step")
-    loss = _StepLoss(problem, fitted, fitted.model, experiments, predicted(problem, fitted))
-    return loss.in_steps(step, loss.spread(step))
 
 
 def step_interval(problem: Problem, fitted: Fitted, name: str, wide: float) -> float:

@@ -9,8 +9,8 @@ it is lost if it fails:
 
 An error in there is named in one line and kept for report and JSON by the nearest `collecting`, and
 what follows goes on. Without `collecting` around it, and with ZWIDTH_DEBUG=1, errors go through. An
-interruption (KeyboardInterrupt) always does. What a model says by an exception (`NoObserver`,
-`NotWorth`) is caught where it is asked, and never comes so far.
+interruption (KeyboardInterrupt) always does. What a model says by an exception (`NoObserver`) is
+caught where it is asked, and never comes so far.
 """
 
 import os

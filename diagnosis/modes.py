@@ -36,7 +36,6 @@ FREQUENCIES = 32
 DAMPINGS = (0.03, 0.12, 0.5)  # of the critical one
 COUNT = 3  # starts a host
 HEAVIEST = 0.5  # of the host
-PRICE = 2.0 * math.log(FREQUENCIES)
 
 
 @dataclass(frozen=True)

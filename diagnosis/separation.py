@@ -93,7 +93,7 @@ def _sought(reference: Reference, signature: Floats, ways: Collection[Sought]) -
         Model(reference.device), x, float(left @ left), left, reference.jacobian,
         reference.base.size,
     )  # fmt: skip
-    waves = wave_starts(reference.problem, as_left)[0] if "waves" in ways else []
+    waves = wave_starts(reference.problem, as_left) if "waves" in ways else []
     modes = mode_starts(reference.problem, as_left) if "resonances" in ways else []
     return [*waves, *modes]
 

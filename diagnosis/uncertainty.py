@@ -33,8 +33,8 @@ def covariance(fitted: Fitted) -> Floats:
 
     With A = (J'J)^-1 J', x errs by A r: cov = A cov(r) A', cov(r) from the residual's spectrum by
     transforming the rows of A (a circulant approximation, good for rows much longer than the
-    residual's memory). Roughness widens all of it (`creases.across_creases`). A parameter that
-    moves nothing (the level of a friction that never lets go) has an infinite variance.
+    residual's memory). A parameter that moves nothing (the level of a friction that never lets go)
+    has an infinite variance.
     """
     return _covariance(fitted, fitted.jacobian)
 
@@ -48,7 +48,7 @@ def _covariance(fitted: Fitted, jacobian: Floats) -> Floats:
     twice = np.full(spectra.shape[1], 2.0)
     twice[0] = 1.0
     coloured = np.real((np.conj(spectra) * (power * twice)) @ spectra.T) / fitted.samples
-    found = (coloured + prior @ prior.T) * (1.0 + fitted.rough)
+    found = coloured + prior @ prior.T
     size = np.linalg.norm(jacobian, axis=0)
     dead = np.flatnonzero(size < DEAD * size.max())
     found[dead, dead] = np.inf

@@ -20,21 +20,19 @@ FINEST = 1e-3  # of the travel
 PHASES = (0.0, QUARTER)  # between them lies every other (`diagnosis.screen`)
 
 
-def wave_starts(problem: Problem, fitted: Fitted) -> tuple[list[Start], dict[str, float]]:
-    """Return starts, and what the search over periods costs each effect in chi-square.
+def wave_starts(problem: Problem, fitted: Fitted) -> list[Start]:
+    """Return starts at periods that gain more than their search, over the lines of all places.
 
-    A start is as strong as the effect's own, and its phase one of two, a quarter turn apart. The
-    search is over the lines of all places of an effect.
+    A start is as strong as the effect's own, and its phase one of two, a quarter turn apart.
     """
     if problem.experiments[0].outputs[0].quantity != "position":
-        return [], {}
+        return []
     device = fitted.model.acting(fitted.x)
     sizes = sizes_of(device, problem.experiments)
     followed = predicted_states(problem, fitted) if device.chain.masses.size > 1 else []
     first = predicted(problem, fitted)
     noise = 6.0 * float(problem.observer.deviation[0])
     starts: list[Start] = []
-    prices: dict[str, float] = {}
     for effect, places in _sought(device, fitted).items():
         peaks_at: list[tuple[Place, float, list[Peak]]] = []
         lines = 0
@@ -45,12 +43,12 @@ def wave_starts(problem: Problem, fitted: Fitted) -> tuple[list[Start], dict[str
             found, seen = peaks(pulls(problem, fitted, str(place)), over, finest)
             peaks_at.append((place, span, found))
             lines += seen
-        prices[effect.name] = 2.0 * math.log(max(lines, 1))
+        price = 2.0 * math.log(max(lines, 1))
         for place, span, found in peaks_at:
             for peak in found:
-                if peak.gained >= prices[effect.name]:
+                if peak.gained >= price:
                     starts += _at_period(effect, place, sizes, peak.period, span)
-    return starts, prices
+    return starts
 
 
 def _at_period(

@@ -12,6 +12,7 @@ from zwidth.diagnosis.answer.adequacy import Adequacy, Believed, adequacy
 from zwidth.diagnosis.answer.answered import _standing
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.intake import Taken, take_in
+from zwidth.diagnosis.noise.family import as_far_as
 from zwidth.diagnosis.parameters import Model
 from zwidth.diagnosis.predictor import (
     Observer,
@@ -26,7 +27,7 @@ from zwidth.diagnosis.predictor import (
 from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.diagnosis.selection.hypothesis import judged, settled
 from zwidth.diagnosis.selection.search import Search
-from zwidth.diagnosis.selection.searched import Searched, searched
+from zwidth.diagnosis.selection.searched import FAR_S, Searched, as_found, searched, unnamed
 from zwidth.sim.device import Device
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
@@ -175,3 +176,16 @@ def test_free_runs_are_those_of_one_length_after_the_other() -> None:
 
 def errors_of_last(device: Device, made: Experiment, gain: Floats) -> Floats:
     return free_run_errors(device, made, gain, 25)[0].reshape(-1, 25, 1)[-1]
+
+
+def test_what_is_not_believed_leaves_no_noise_behind(rubbed: Taken) -> None:
+    """Errors over a long horizon are coloured, in which something would always be left.
+
+    Mutation: the refit under the noise of the search whose names were not believed.
+    """
+    experiments, model = list(rubbed.fit_on), Model(drive())
+    ahead = as_far_as(FAR_S, experiments)
+    plain = settled(judged(experiments, model, np.zeros(len(model.parameters)), ahead))
+    far = as_found(drive(), Search(plain, plain, QUICK, lambda _: None))
+    assert far.problem.observer.whitening is None
+    assert unnamed(far).problem.observer.whitening is not None

@@ -170,10 +170,9 @@ def test_noise_that_is_larger_where_motion_is_fast_is_not_left_over():
 def test_a_ripple_is_started_at_the_period_that_the_residual_shows():
     """Mutation that breaks it: the spectrum over time instead of position."""
     problem, fitted = of("force_ripple", "m1", amplitude=3e-3, period=0.04, phase=1.0)
-    starts, prices = wave_starts(problem, fitted)
+    starts = wave_starts(problem, fitted)
     found = [s.physics.values["period"] for s in starts if s.physics.effect.name == "force_ripple"]
     assert min(abs(p / 0.04 - 1.0) for p in found) < 0.05
-    assert prices["force_ripple"] > 5.0
 
 
 def test_a_hum_and_a_stiffness_that_sways_are_left_over():

@@ -10,22 +10,26 @@ from typing import Any
 import numpy as np
 import pytest
 
+import zwidth.diagnosis.answer.answered
 import zwidth.diagnosis.diagnose
 import zwidth.diagnosis.intake
 from zwidth.cli import run
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.excitations import Scale, excitation
 from zwidth.diagnosis.experiment import Experiment, ExperimentError, Output
-from zwidth.diagnosis.fit import Fitted, Problem
-from zwidth.diagnosis.mishaps import Mishaps, collecting, isolated
+from zwidth.diagnosis.fit import Problem
+from zwidth.diagnosis.fitting.descend import descend
+from zwidth.diagnosis.mishaps import Mishaps, collecting, isolated, silent
 from zwidth.diagnosis.parameters import Model
 from zwidth.diagnosis.predictor import choose_observer
 from zwidth.diagnosis.rehearsal import Noise, rehearse
 from zwidth.diagnosis.result import Diagnosis, NotDiagnosed, Verdict
-from zwidth.diagnosis.search import Searched
-from zwidth.diagnosis.settle import refit
+from zwidth.diagnosis.selection.effort import NORMAL, QUICK
+from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
+from zwidth.diagnosis.selection.moves import Move, added
+from zwidth.diagnosis.selection.search import Moves, Search, fitted, search
+from zwidth.diagnosis.selection.searched import Searched, as_found, unnamed
 from zwidth.diagnosis.steady import NoObserver
-from zwidth.diagnosis.trials import Step, Trial, best_among, silent, take
 from zwidth.diagnosis.verdict import Left
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
@@ -80,37 +84,47 @@ def recorded(output: Output = POSITION, name: str = "swing") -> Experiment:
 
 @cache
 def searched(output: Output = POSITION) -> Searched:
-    """What a search finds, cut short: the friction, and a dead band just as good."""
-    problem, linear = refit(MASS, [recorded(output).split()[0]])
+    """What a search finds, cut short: the friction, and a dead band two sigma behind."""
+    e = recorded(output).split()[0]
+    plain = settled(judged([e], Model(MASS), np.zeros(Model(MASS).linear_count)))
 
-    def with_effect(effect: Any, scales: dict[str, float]) -> Fitted:
-        model = linear.model.with_effect(effect, scales)
-        return problem.fit(model, np.append(linear.x, 0.0))
+    def with_effect(effect: Any, scales: dict[str, float]) -> Hypothesis:
+        model = plain.model.with_effect(effect, scales)
+        return settled(judged([e], model, np.append(plain.x, 0.0)))
 
-    final, other = with_effect(FRICTION, {"level": 3e-3}), with_effect(BAND, {"width": 3e-3})
-    taken = Trial("coulomb_friction@m1", final.light(), linear.chi2 - final.chi2, 1)
-    rival = Trial("dead_band@command", other.light(), taken.gained - 4.0, 1)
-    step = Step((taken, rival), taken, 1.0, (taken,))
-    return Searched(problem, problem.fit(Model(MASS), linear.x), final, (step,))
+    best, other = with_effect(FRICTION, {"level": 3e-3}), with_effect(BAND, {"width": 3e-3})
+    behind = replace(best.cost, misfit=best.cost.misfit + 4.0)
+    found = Search(plain, best, NORMAL, silent)
+    for h in (
+        plain,
+        best,
+        replace(other, cost=behind, blocks=best.blocks + 4.0 / best.blocks.size),
+    ):
+        found.keep(h)
+    return as_found(MASS, found)
+
+
+def _ending_at_once(patch: pytest.MonkeyPatch) -> None:
+    """Let a diagnosis end at once with what `searched` gives, and find nothing left."""
+    at = zwidth.diagnosis.answer.answered
+    patch.setattr(
+        zwidth.diagnosis.diagnose, "searched", lambda _, e, *__: searched(e[0].outputs[0])
+    )
+    patch.setattr(at, "left_over", lambda *_: Left(0.0, ""))
+    patch.setattr(at, "instead_of", nothing)
 
 
 @pytest.fixture
 def short(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
-    """Let a diagnosis end at once with what `searched` gives, and find nothing left."""
-    at = zwidth.diagnosis.diagnose
-    monkeypatch.setattr(at, "search", lambda _, e, __: searched(e[0].outputs[0]))
-    monkeypatch.setattr(at, "left_over", lambda *_: Left(0.0, ""))
-    monkeypatch.setattr(at, "instead_of", nothing)
+    """A diagnosis that ends at once."""
+    _ending_at_once(monkeypatch)
     return monkeypatch
 
 
 @cache
 def diagnosed() -> Diagnosis:
     with pytest.MonkeyPatch.context() as patch:
-        at = zwidth.diagnosis.diagnose
-        patch.setattr(at, "search", lambda *_: searched())
-        patch.setattr(at, "left_over", lambda *_: Left(0.0, ""))
-        patch.setattr(at, "instead_of", nothing)
+        _ending_at_once(patch)
         return diagnose(MASS, [recorded()])
 
 
@@ -136,13 +150,15 @@ def answered(line: list[str], status: int) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("stage", "where", "verdict"),
     [
-        ("detect", "left_over", Verdict.UNDECIDED),
-        ("detect", "instead_of", Verdict.UNDECIDED),
-        ("separation", "fit_without", Verdict.UNDECIDED),
-        ("held out", "held_out", Verdict.UNDECIDED),
-        ("locate", "locate", Verdict.CONFUSABLE),
-        ("intervals", "covariance", Verdict.CONFUSABLE),
-        ("augmented device", "_augmented", Verdict.CONFUSABLE),
+        ("detect", "answered.left_over", Verdict.UNDECIDED),
+        ("detect", "answered.instead_of", Verdict.UNDECIDED),
+        ("separation", "findings.without", Verdict.UNDECIDED),
+        ("separation", "findings.rivals", Verdict.UNDECIDED),
+        ("held out", "answered.held_out", Verdict.UNDECIDED),
+        ("adequacy", "answered.adequacy", Verdict.CONFUSABLE),
+        ("locate", "answered.locate", Verdict.CONFUSABLE),
+        ("intervals", "findings.standard_errors", Verdict.CONFUSABLE),
+        ("augmented device", "answered._augmented", Verdict.CONFUSABLE),
     ],
 )
 def test_an_error_after_the_search_costs_its_stage_alone(
@@ -152,7 +168,7 @@ def test_an_error_after_the_search_costs_its_stage_alone(
 
     Mutations: the stage's `attempt` or `isolated` taken off; `DECISIVE` empty.
     """
-    short.setattr(zwidth.diagnosis.diagnose, where, throw)
+    short.setattr(f"zwidth.diagnosis.answer.{where}", throw)
     said: list[str] = []
     found = diagnose(MASS, [recorded()], say=said.append)
     assert [m.stage for m in found.errors][:1] == [stage]
@@ -167,9 +183,8 @@ def test_an_error_after_the_search_costs_its_stage_alone(
 
 def test_an_upper_bound_that_fails_costs_that_one(short: pytest.MonkeyPatch):
     """Mutation: the stage of `screen` not given, or all bounds inside one `isolated` only."""
-    found = searched()
-    alone = replace(found, final=found.refit, steps=())
-    short.setattr(zwidth.diagnosis.diagnose, "search", lambda *_: alone)
+    alone = unnamed(searched())
+    short.setattr(zwidth.diagnosis.diagnose, "searched", lambda *_: alone)
     short.setattr(Model, "with_effect", _failing_with("dead_band", Model.with_effect))
     answer = diagnose(MASS, [recorded()])
     assert {(m.stage, m.what) for m in answer.errors} == {("limits", "dead_band@command")}
@@ -184,36 +199,47 @@ def _failing_with(name: str, real: Callable[..., Model]) -> Callable[..., Model]
     return with_effect
 
 
-@pytest.mark.parametrize("when", ["screened", "fitted"])
+def _nothing_in_place(_: int) -> Move:
+    return lambda _h, _effort: iter(())
+
+
+ONE = replace(QUICK, effects=1, near=3, far=1, rivals=0, ended=3)
+ADDING = Moves(adding=(added,), exchanging=(), replacing=_nothing_in_place)
+
+
+@pytest.mark.parametrize("when", ["screened", "begun", "ended"])
 def test_a_candidate_that_fails_costs_itself_alone(monkeypatch: pytest.MonkeyPatch, when: str):
     """Among the others the friction is found. On threads too, which see who collects errors.
 
-    Mutations: `attempt` taken off the candidates of `screen` or of `_all_fitted`; threads without
-    the context of their caller.
+    Mutations: `isolated` taken off the candidates of `screened`, `attempt` off those of `_each`;
+    threads without the context of their caller.
     """
     monkeypatch.setenv("ZWIDTH_THREADS", "2")
-    problem, linear = searched().problem, searched().refit
-    real = Problem.fit
+    monkeypatch.setattr("zwidth.diagnosis.selection.moves.NO_SIGN", -np.inf)
 
-    def fit(self: Problem, model: Model, *rest: Any, **more: Any) -> Fitted:
-        return throw() if model.has("gain_asymmetry") else real(self, model, *rest, **more)
+    def first(ground: Any, *rest: Any) -> Any:
+        return throw() if ground.model.has("gain_asymmetry") else descend(ground, *rest)
+
+    def last(h: Hypothesis, **more: Any) -> Hypothesis:
+        return throw() if h.model.has("gain_asymmetry") else settled(h, **more)
 
     with collecting(silent) as mishaps:
         if when == "screened":
             failing = _failing_with("gain_asymmetry", Model.with_effect)
             monkeypatch.setattr(Model, "with_effect", failing)
+        elif when == "begun":
+            monkeypatch.setattr("zwidth.diagnosis.selection.moves.descend", first)
         else:
-            monkeypatch.setattr(Problem, "fit", fit)
-            monkeypatch.setattr("zwidth.diagnosis.trials.WORTH", 0.0)
-            monkeypatch.setattr("zwidth.diagnosis.trials.FITTED", 40)
-        step = take(problem, linear, problem.experiments, silent, stepped=False)
+            monkeypatch.setattr("zwidth.diagnosis.selection.search.settled", last)
+        every = replace(ONE, near=40, ended=1 if when == "screened" else 40)
+        found = search(MASS, [recorded().split()[0]], every, moves=ADDING)
     assert {(m.stage, m.what) for m in mishaps.found} == {("candidates", "gain_asymmetry@command")}
-    assert step.taken is not None
-    assert step.taken.effect.endswith("friction")
-    assert all(t.effect != "gain_asymmetry" for t in step.trials)
+    (name,) = (p.effect.name for p in found.best.model.effects)
+    assert name.endswith("friction")
+    assert not [labels for labels in found.tried if "gain_asymmetry@command" in labels]
 
 
-@pytest.mark.parametrize("where", ["search.refit", "settle.innovations"])
+@pytest.mark.parametrize("where", ["search.settled", "hypothesis.likeliest", "searched.as_found"])
 def test_without_a_refit_there_is_no_answer_but_a_file_that_says_so(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -223,7 +249,8 @@ def test_without_a_refit_there_is_no_answer_but_a_file_that_says_so(
     """Mutation: NotDiagnosed let through without its files."""
     write(tmp_path)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(f"zwidth.diagnosis.{where}", throw)
+    monkeypatch.setattr("zwidth.diagnosis.selection.search._grown", nothing)
+    monkeypatch.setattr(f"zwidth.diagnosis.selection.{where}", throw)
     answer = answered(LINE, 1)
     assert answer["verdict"] == "undecided"
     assert [e["stage"] for e in answer["errors"]] == ["refit"]
@@ -235,20 +262,36 @@ def test_without_a_refit_there_is_no_answer_but_a_file_that_says_so(
     }  # fmt: skip
 
 
-def test_a_search_that_fails_keeps_what_it_had(monkeypatch: pytest.MonkeyPatch):
-    """Mutation: `isolated` taken off the steps of the search."""
-    monkeypatch.setattr("zwidth.diagnosis.search.ask", throw)
-    monkeypatch.setattr("zwidth.diagnosis.search.refit", lambda *_: _as_refitted())
-    monkeypatch.setattr(zwidth.diagnosis.diagnose, "left_over", lambda *_: Left(0.0, ""))
-    found = diagnose(MASS, [recorded()])
+@pytest.mark.parametrize(("where", "named"), [("_grown", 0), ("_exchanged", 1)])
+def test_a_search_that_fails_keeps_what_it_had(
+    monkeypatch: pytest.MonkeyPatch, where: str, named: int
+):
+    """Mutation: `isolated` taken off the rounds of the search."""
+    monkeypatch.setattr(f"zwidth.diagnosis.selection.search.{where}", throw)
+    monkeypatch.setattr(zwidth.diagnosis.answer.answered, "left_over", lambda *_: Left(0.0, ""))
+    monkeypatch.setattr(zwidth.diagnosis.answer.answered, "instead_of", nothing)
+    found = diagnose(MASS, [recorded()], effort=ONE)
     assert found.verdict is Verdict.UNDECIDED
     assert found.sentence.startswith("an error left out a part of the search")
     assert [m.stage for m in found.errors] == ["search"]
+    assert len(found.findings) == named
+    assert all(f.effect.endswith("friction") for f in found.findings)
     assert found.linear_refit["m1"][1].value > 0.0
 
 
-def _as_refitted() -> tuple[Problem, Fitted]:
-    return searched().problem, searched().refit
+def test_an_interrupted_search_keeps_what_it_had(monkeypatch: pytest.MonkeyPatch):
+    """And says that it was. Mutation: an interruption let through, or taken for an end."""
+
+    def interrupted(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("zwidth.diagnosis.selection.search._exchanged", interrupted)
+    said: list[str] = []
+    found = search(MASS, [recorded().split()[0]], ONE, said.append)
+    assert found.interrupted
+    (label,) = found.best.labels
+    assert label.endswith("friction@m1")
+    assert said[-1].startswith("interrupted")
 
 
 def test_one_recording_of_several_that_fails_costs_itself_alone(
@@ -359,7 +402,7 @@ def test_a_velocity_alone_gets_a_next_experiment(
     write(tmp_path, output=VELOCITY)
     short.chdir(tmp_path)
     short.setattr("zwidth.commands.diagnose.augmented_boundary", nothing)
-    short.setattr("zwidth.diagnosis.next_experiment.SHORTEST_S", 1.0)
+    short.setattr("zwidth.diagnosis.next_experiment.SHORTEST_S", 4.0)
     short.setattr("zwidth.diagnosis.next_experiment.LIBRARY", ["small_multisine"])
     answer = answered(LINE, 0)
     assert answer["errors"] == []
@@ -377,13 +420,12 @@ def test_a_friction_beside_a_fast_mode_is_searched():
     truth = stiff.with_physics(make_physics("coulomb_friction", "m2", level=3e-3))
     command = excitation("small_multisine", stiff, 0.6, Scale(0.1, 2.0), seed=1)
     e = rehearse(truth, command, Noise(1e-3, 1e-5), seed=2)
-    problem = Problem([e], choose_observer(stiff, [e]))
-    linear = problem.fit(Model(stiff), rounds=2, final=False)
-    found = best_among(problem, linear, {"coulomb_friction@m2"})
-    assert found is not None
-    level = found.fitted.model.build(found.fitted.x).physics[0].values["level"]
+    plain = settled(judged([e], Model(stiff), np.zeros(Model(stiff).linear_count)))
+    rubbed = [p for p in added(plain, replace(ONE, near=40)) if p.model.has("coulomb_friction")]
+    found = fitted(Search(plain, plain, ONE, silent), rubbed, 1)[0]
+    level = found.model.build(found.x).physics[0].values["level"]
     assert level == pytest.approx(3e-3, rel=0.5)
-    assert found.gained > 22.0
+    assert found.cost.total < plain.cost.total - 22.0
 
 
 def fast_mode(hertz: float, tip: float = 1e-4) -> Device:
@@ -413,7 +455,7 @@ def test_a_recording_of_no_use_is_the_user_s_to_change(monkeypatch: pytest.Monke
     def none(*_: Any) -> Any:
         raise NoObserver("no observer follows this recording")
 
-    monkeypatch.setattr(zwidth.diagnosis.diagnose, "search", none)
+    monkeypatch.setattr(zwidth.diagnosis.diagnose, "searched", none)
     with pytest.raises(ExperimentError, match="no observer follows"):
         diagnose(MASS, [recorded()])
 
@@ -426,7 +468,7 @@ def test_errors_go_through_where_nobody_collects_them_or_somebody_looks_for_them
         throw()
     with pytest.raises(KeyboardInterrupt), collecting(silent), isolated("stage"):
         raise KeyboardInterrupt
-    monkeypatch.setattr("zwidth.diagnosis.search.refit", throw)
+    monkeypatch.setattr("zwidth.diagnosis.selection.search.settled", throw)
     with pytest.raises(NotDiagnosed):
         diagnose(MASS, [recorded()])
     monkeypatch.setenv("ZWIDTH_DEBUG", "1")

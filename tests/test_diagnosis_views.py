@@ -12,16 +12,14 @@ from zwidth.controllers.excitation import noise
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.candidates import Start, candidates
 from zwidth.diagnosis.experiment import Experiment, Output
-from zwidth.diagnosis.fit import Fitted, Problem
+from zwidth.diagnosis.fit import Problem
 from zwidth.diagnosis.modes import mode_starts
 from zwidth.diagnosis.parameters import Model
 from zwidth.diagnosis.predictor import SETTLING, Observer, innovations, whitened
-from zwidth.diagnosis.removal import fit_without, may_be_zero
 from zwidth.diagnosis.screen import Screened, turned_starts
 from zwidth.diagnosis.settle import prepared_for, refit, settle
 from zwidth.diagnosis.sizes import sizes_of
 from zwidth.diagnosis.spatial import response
-from zwidth.diagnosis.trials import at_bound
 from zwidth.diagnosis.unknown import instead, unknown
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
@@ -175,33 +173,6 @@ def test_a_further_mass_is_sought_where_it_rings():
     assert min(abs(w / (2.0 * np.pi * hertz) - 1.0) for w in found) < 0.1
 
 
-def synthetic(effect: str, values: dict[str, float], spread: list[float]) -> Fitted:
-    """A fit of an effect at the values given, its magnitudes known to relative spreads."""
-    model = Model(phantom())
-    physics = make_physics(effect, "m1", **values)
-    scales = {k: v for k, v in values.items() if k in list(values)[: len(spread)]}
-    model = model.with_effect(physics, scales)
-    p, n = len(model.parameters), 4000
-    random = np.random.default_rng(6)
-    columns = np.linalg.qr(random.standard_normal((n, p)))[0]
-    columns[:, p - len(spread) :] /= np.array(spread)
-    white = random.standard_normal(n)
-    return Fitted(model, np.zeros(p), float(white @ white), white, columns, n)
-
-
-def test_an_effect_whose_magnitudes_are_within_their_errors_may_be_zero():
-    """Wald against chi-square at four sigma: 16 for one magnitude, 19.3 for two.
-
-    Mutation that breaks it: every magnitude by itself, where one is undetermined.
-    """
-    one = {"level": 1e-3}
-    assert may_be_zero(synthetic("coulomb_friction", one, [0.3]), 0)
-    assert not may_be_zero(synthetic("coulomb_friction", one, [0.2]), 0)
-    both = {"level": 1e-3, "stiffness": 5.0}
-    assert not may_be_zero(synthetic("presliding_friction", both, [0.1, 1e4]), 0)
-    assert may_be_zero(synthetic("presliding_friction", both, [0.5, 1e4]), 0)
-
-
 def test_a_force_of_free_shape_is_seen_where_there_is_one():
     """Friction that the model lacks follows the velocity of m1; a clean recording shows nothing.
 
@@ -292,18 +263,6 @@ def test_less_than_a_wave_along_a_line_is_no_eccentricity():
         assert (max(periods) > span) is rotary
 
 
-def test_a_saturation_far_below_its_start_is_on_a_bound():
-    """Mutation that breaks it: the effect's own lower bound."""
-    model = Model(phantom())
-    physics = make_physics("saturation", "command", limit=1.0)
-    model = model.with_effect(physics, {"limit": 0.1})
-    x = np.zeros(len(model.parameters))
-    white = np.zeros(10)
-    for moved, bound in ((0.0, ""), (-6.9, ""), (-7.0, "limit")):
-        x[-1] = moved
-        assert at_bound(Fitted(model, x.copy(), 0.0, white, np.zeros((10, x.size)), 10)) == bound
-
-
 def swung(share: float, period: float, seconds: float = 6.0) -> Experiment:
     """A mass m(x) = m (1 + share cos(2 pi x / period)): d(m v)/dt = u - b v + m' v^2 / 2.
 
@@ -354,7 +313,7 @@ def test_an_inertia_that_swings_is_no_eccentric_encoder():
         problem, linear = refit(device, [e])
         model = Model(device, (eccentric,), (scales,))
         problem, final = settle(problem.experiments, model, np.append(linear.x, np.zeros(3)))
-        without = fit_without(problem, final, 0)
+        without = problem.fit_without(final, 0)
         other = instead(problem, final, without, problem.experiments, "encoder_eccentricity")
         assert (other is not None) is swings
         assert other is None or "inertia" in other.sentence

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from test_fitting import drive, play, recording
 
-from zwidth.diagnosis.noise.family import likeliest, noises
+from zwidth.diagnosis.noise.family import Family, likeliest, noises
 from zwidth.diagnosis.parameters import Model
 from zwidth.diagnosis.settle import prepared_for
 from zwidth.diagnosis.steady import NoObserver
@@ -25,7 +25,7 @@ def test_each_of_the_family_is_what_it_is_by_itself(physics: tuple[object, ...])
     recordings = [recording(truth, 900, 3, (0, 1)), recording(truth, 700, 4, (0, 1))]
     model, ratios = model_of(*physics), np.array([1e-3, 1e-1, 10.0])
     x = np.zeros(len(model.parameters))
-    found = noises(recordings, model, x, ratios)
+    found = noises(recordings, model, x, Family(tuple(ratios.tolist())))
     assert [n.observer.ratio for n in found] == ratios.tolist()
     for noise in found:
         alone = prepared_for(recordings, model, x, noise.observer.ratio, white=True)

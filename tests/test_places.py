@@ -191,13 +191,12 @@ def test_a_ripple_in_a_link_is_started_at_its_period_and_its_place() -> None:
     outputs = (Output("position", 0),)
     seen = Experiment(0.001, u, (run.trace["position_m1"] + white)[:, None], outputs)
     problem, fitted = refit(device, [seen])
-    starts, prices = wave_starts(problem, fitted)
+    starts = wave_starts(problem, fitted)
     own = [s for s in starts if s.physics.effect is EFFECTS["force_ripple"]]
-    assert prices["force_ripple"] > 5.0
     at_link = [s.physics.values["period"] for s in own if s.physics.at == "link12"]
     assert min(abs(p / 0.05 - 1.0) for p in at_link) < 0.05
     weaker = make_physics("force_ripple", "link12", amplitude=0.01, period=0.05, phase=1.0)
-    again = wave_starts(*refit(device.with_physics(weaker), [seen]))[0]
+    again = wave_starts(*refit(device.with_physics(weaker), [seen]))
     assert {place_label(s.physics) for s in again} >= {"force_ripple@m1"}
     assert "force_ripple@link12" not in {place_label(s.physics) for s in again}
 

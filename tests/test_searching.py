@@ -8,17 +8,18 @@ import pytest
 from numpy.typing import NDArray
 from test_fitting import drive, play, recording
 
+from zwidth.diagnosis.answer.beside import probability, rivals, shares, without
 from zwidth.diagnosis.candidates import Start
 from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.fitting.descend import descend
 from zwidth.diagnosis.fitting.landscape import Landscape
+from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.parameters import Model
 from zwidth.diagnosis.selection.effort import NORMAL, QUICK, Effort
 from zwidth.diagnosis.selection.evidence import ALPHA
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, gains, judged, settled
-from zwidth.diagnosis.selection.moves import Move, Proposal, replaced
-from zwidth.diagnosis.selection.search import Moves, Search, look_for_valleys, search
-from zwidth.diagnosis.selection.searched import probability, rivals, shares, without
+from zwidth.diagnosis.selection.moves import Move, Proposal, removed, replaced
+from zwidth.diagnosis.selection.search import Moves, Search, _exchanged, look_for_valleys, search
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
 
@@ -83,7 +84,7 @@ def only(*physics_and_scales: tuple[Physics, dict[str, float]]) -> Moves:
             if f"{physics.effect.name}@{physics.at}" not in h.labels:
                 model = h.model.with_effect(physics, scales)
                 extra = np.zeros(len(model.parameters) - h.x.size)
-                yield Proposal(h.experiments, model, np.append(h.x, extra), h.problem)
+                yield Proposal(h.experiments, model, np.append(h.x, extra), h.family, h.problem)
 
     def nothing(_: int) -> Move:
         return lambda _h, _effort: iter(())
@@ -121,7 +122,7 @@ def test_gains_are_those_of_each_stretch(rubbed: list[Experiment]) -> None:
 def test_friction_is_found_from_a_device_file_that_is_exact_or_off(
     rubbed: list[Experiment], scale: float | NDArray[np.float64]
 ) -> None:
-    effort = replace(NORMAL, effects=2, near=2, far=2, rivals=2, ended=2, generations=5)
+    effort = replace(QUICK, effects=2, near=2, far=1, rivals=1, generations=5)
     found = search(drive(scale), rubbed, effort)
     assert found.best.labels == {"coulomb_friction@m1"}
     level = found.best.model.build(found.best.x).physics[0].values["level"]
@@ -168,12 +169,48 @@ def test_friction_that_sticks_less_than_it_slides_is_no_answer(rubbed: list[Expe
     assert judged(rubbed, model, x).against_physics == ""
 
     def backwards(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
-        yield Proposal(h.experiments, model, np.append(h.x, [0.0, 0.0, 0.0]))
+        yield Proposal(h.experiments, model, np.append(h.x, [0.0, 0.0, 0.0]), h.family)
 
     moves = replace(only(), adding=(backwards,))
     found = search(drive(), rubbed, QUICK, moves=moves)
     kept = [h for h in found.tried.values() if h.model.effects]
     assert not [h for h in kept if h.against_physics]
+
+
+def test_an_effect_that_explains_nothing_is_taken_out_again(rubbed: list[Experiment]) -> None:
+    """And the friction beside it stays. Mutation: whatever costs more without is kept."""
+    model = with_friction(0.03).with_effect(
+        make_physics("quadratic_drag", "m2", coefficient=1e-6), {"coefficient": 1e-6}
+    )
+    h = settled(judged(rubbed, model, np.zeros(len(model.parameters))))
+    found = Search(h, h, QUICK, silent, replace(only(), exchanging=(removed,)))
+    _exchanged(found)
+    assert found.best.labels == {"coulomb_friction@m1"}
+
+
+def test_a_bound_of_the_recording_is_no_answer_and_one_of_shape_is(
+    rubbed: list[Experiment],
+) -> None:
+    """The sharpest hysteresis is one; of a level far beyond all forces, or a limit below, none is.
+
+    Mutations: shape judged like every other bound; the effect's own lower bound for the limit.
+    """
+    values = {"stiffness": 1.0, "level": 1e-3, "shape": 1.5}
+    bent = make_physics("hysteresis", "link12", **values), {k: 0.5 * v for k, v in values.items()}
+    limit = make_physics("saturation", "command", limit=1.0), {"limit": 0.1}
+    for (physics, scales), key, side, fault in (
+        (bent, "shape", "upper", ""),
+        (bent, "level", "upper", "level"),
+        (limit, "limit", "lower", "limit"),
+        (limit, "limit", "none", ""),
+    ):
+        model = Model(drive()).with_effect(physics, scales)
+        x = np.zeros(len(model.parameters))
+        at = next(i for i, p in enumerate(model.parameters) if p.key == key)
+        x[at] = getattr(model.parameters[at], side, 0.0)
+        h = judged(rubbed, Model(drive()), np.zeros(model.linear_count))
+        said = replace(h, model=model, x=x).against_physics
+        assert said.rpartition(".")[2] == fault
 
 
 def test_the_valley_of_play_is_found_from_another() -> None:

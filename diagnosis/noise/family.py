@@ -156,7 +156,8 @@ class _Observed:
         first = replace(experiment.part(0, min(BEGINNING, experiment.ticks)), start=None)
         nothing = np.zeros((count, 2 * self.dof))
         own = self._innovations(self.own, first, self.device, nothing, self.gains)
-        scale = np.std(own, axis=1)
+        with np.errstate(all="ignore"):  # infinite after an overflow
+            scale = np.std(own, axis=1)
         unit = np.repeat([1.0, 1.0 / experiment.period], self.dof)
         units = np.tile(np.diag(unit), (count, 1)) * np.repeat(scale[:, 0], 2 * self.dof)[:, None]
         still = replace(

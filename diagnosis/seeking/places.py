@@ -3,9 +3,7 @@
 from collections.abc import Sequence
 
 from zwidth.diagnosis.candidates import Start
-from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.magnitude import within_bounds
-from zwidth.diagnosis.sizes import sizes_of
 from zwidth.sim.device import Device, has_room, known
 from zwidth.sim.physics import EFFECTS
 from zwidth.sim.physics.effect import Effect, Physics
@@ -54,8 +52,3 @@ def starts_at(
         if starts:
             found[starts[0].label] = starts
     return found
-
-
-def sizes_at(device: Device, experiments: Sequence[Experiment]) -> Sizes:
-    """Return the sizes with which effects say where to seek them."""
-    return sizes_of(device, experiments)

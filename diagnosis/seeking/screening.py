@@ -119,7 +119,7 @@ def shown_starts(seen: View) -> list[Start]:
     """Return starts that the residual itself shows: periods over position, resonances."""
     found: list[Start] = []
     with isolated("candidates", "what repeats over position"):
-        found += wave_starts(seen.problem, seen.fitted)[0]
+        found += wave_starts(seen.problem, seen.fitted)
     with isolated("candidates", "a further mass"):
         found += mode_starts(seen.problem, seen.fitted)
     return found

@@ -11,6 +11,7 @@ that tells most clearly decides.
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -22,7 +23,7 @@ from zwidth.diagnosis.noise.family import as_far_as
 from zwidth.diagnosis.parameters import Model
 from zwidth.diagnosis.predictor import FINAL, Observer
 from zwidth.diagnosis.selection.effort import NORMAL, Effort
-from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged
+from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
 from zwidth.diagnosis.selection.moves import added
 from zwidth.diagnosis.selection.search import Moves, Search, search
 from zwidth.diagnosis.steady import NoObserver
@@ -112,12 +113,22 @@ def _judge(best: Hypothesis) -> Observer:
 
 
 def unnamed(found: Searched) -> Searched:
-    """Return a search as if nothing had been believed: the device file's own physics, refitted."""
-    plain = found.tried.plain
+    """Return a search as if nothing had been believed: the device file's own physics, refitted.
+
+    Under noise that the next sample shows, whatever noise what is not believed was found under.
+    """
+    plain = _by_the_next_sample(found.tried.plain)
     problem = Problem(plain.problem.experiments, plain.noise.observer, FINAL)
     refit = problem.fit(plain.model, plain.x)
-    tried = replace(found.tried, best=plain)
+    tried = replace(found.tried, plain=plain, best=plain)
     return Searched(problem, refit, refit, tried, _judge(plain))
+
+
+def _by_the_next_sample(h: Hypothesis) -> Hypothesis:
+    if not h.family.whitening:
+        with suppress(NoObserver):
+            return settled(judged(h.experiments, h.model, h.x))
+    return h
 
 
 def _final(problem: Problem, h: Hypothesis) -> Fitted:
