@@ -1,36 +1,38 @@
 """Is the recording itself sound? Faults of the recording are findings of their own.
 
-A passive device takes energy from its command: where the command takes energy from the device,
-its sign is wrong. Also looked at: repeated samples, the encoder step actually seen, a clipped
-command, and whether another scale of the command explains the motion much better, by the one-step
-prediction of the nominal device, whose error falls by the factor that is reported. A smaller scale
-must also explain more than what weakens a command by itself, or a saturated amplifier would be
-taken for another unit. A fault belongs to its recording: what corrects one is not applied to
+Clipping, repeated samples and the encoder step actually seen are facts. That a sign or a unit is
+wrong is not: strong physics may look like it. So the gate only proposes it (`suspected`), with what
+would be corrected in which channel, and a search of each reading decides (`intake.readings`).
+
+Suspected is a recording whose command takes energy out of the device, which no passive one has to
+give, and one that seems driven several times more or less than its command says (`driven`). It is
+asked of each output alone: where one seems so and another does not, that output is suspected; where
+all do, the command, and after it all outputs at once, unless steps of the size that the device file
+states vouch for an output. A fault belongs to its recording: what corrects one is not applied to
 another.
 """
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
-from scipy.signal import savgol_filter
 
+from zwidth.diagnosis.driven import Driven, driven
 from zwidth.diagnosis.experiment import Experiment
-from zwidth.diagnosis.predictor import SETTLING, innovations, observer_near
-from zwidth.diagnosis.steady import NoObserver
+from zwidth.diagnosis.units import nearest_unit, sentence
 from zwidth.sim.device import Device
-from zwidth.sim.physics import EFFECTS
-from zwidth.sim.physics.effect import Effect, Physics
 
 Floats = NDArray[np.float64]
 COMMAND = ("command",)
-BETTER = 1.5  # factor of the rms error that makes another sign or scale a fault
-POWER = 0.1
-SHARES = np.geomspace(0.01, 0.9, 16)  # of the largest command (a spring: held at an end), tried
-FORCE = "N m"  # unit of what holds a command back; all else that does is a spring
+POWER = 0.1  # share of its most, of the energy that a command may seem to take out of a device
+OFF = 2.2  # factor by which a device file may be off in what it says of how much a command drives
+OFF_TOO = 3.0  # the same of a sign that is wrong: a wrong unit beside it is rare
+SURE = 40.0  # -2 ln likelihood, from which another scale is suspected
+SHARE = 0.25  # of what the command explains in all, that another scale must explain beyond it
+PASSES = 4
+TINY = 1e-9
+VOUCHED = 1.1  # factor between steps that are seen and those of the device file
 REPEATS = 0.02
 CLIPPED = 0.005
 ON_LATTICE = 0.1  # of a step, by which a value may lie beside it
@@ -41,7 +43,7 @@ FEW = 10  # neighbouring values that are one step apart
 class Fault:
     """Something about a recording. kind: a word; wrong: it makes the recording false as it is.
 
-    value: what was seen, by kind; the factor that corrects the command where channels name it.
+    value: what was seen, by kind; where channels are named, the factor that corrects these.
     recording: the name of the one that it is of, "" for all.
     """
 
@@ -54,25 +56,44 @@ class Fault:
 
 
 def examine(device: Device, experiments: Sequence[Experiment]) -> list[Fault]:
-    """Return what is odd about recordings, those that make it wrong first.
+    """Return what is odd about recordings, what is likeliest of what is suspected of them first.
 
     Steps and repeats are those of the recordings once corrected by their own faults.
     """
     faults: list[Fault] = []
     for e in experiments:
-        wrong = _misread(device, e)
-        found = [Fault("recording", note, False, e.begins) for note in e.notes]
-        found += _clipped(e) + wrong + _output_faults(device, corrected(e, wrong))
-        faults += [replace(fault, recording=e.name) for fault in found]
+        wrong = list(next(iter(suspected(device, e)), ()))
+        faults += [*wrong, *oddities(device, corrected(e, wrong))]
     return sorted(faults, key=lambda f: not f.wrong)
+
+
+def oddities(device: Device, e: Experiment) -> list[Fault]:
+    """Return what is odd about a recording and no matter of belief."""
+    found = [Fault("recording", note, False, e.begins) for note in e.notes]
+    found += _clipped(e) + _output_faults(device, e)
+    return [replace(fault, recording=e.name) for fault in found]
 
 
 def corrected(experiment: Experiment, faults: Sequence[Fault]) -> Experiment:
     """Return a recording with its channels as its own faults say."""
+    names = [o.name for o in experiment.outputs]
     for fault in faults:
         if fault.channels == COMMAND:
             experiment = replace(experiment, command=fault.value * experiment.command)
+            continue
+        factors = np.array([fault.value if name in fault.channels else 1.0 for name in names])
+        if np.any(factors != 1.0):
+            measured = factors * experiment.measured
+            swing = abs(float(factors[0])) * experiment.swing
+            experiment = replace(experiment, measured=measured, swing=swing)
     return experiment
+
+
+def misread(e: Experiment, channels: tuple[str, ...], factor: float) -> Fault:
+    """Return the fault of channels that count too much or too little by a factor."""
+    what = "command" if channels == COMMAND else "output"
+    kind = f"{what}_sign" if factor < 0.0 else f"{what}_scale"
+    return Fault(kind, sentence(e.name, channels, factor), True, factor, e.name, channels)
 
 
 def _clipped(e: Experiment) -> list[Fault]:
@@ -87,109 +108,123 @@ def _clipped(e: Experiment) -> list[Fault]:
     return [Fault("clipped_command", sentence, False, peak)]
 
 
-def _misread(device: Device, e: Experiment) -> list[Fault]:
-    """The sign or scale of the command, if it is wrong."""
-    found = _against_power(device, e) or _best_scale(device, e)
-    return [] if found is None else [found]
+@dataclass(frozen=True)
+class _Seen:
+    """How many times over an output seems driven; off: not as the device file has it.
 
-
-def _against_power(device: Device, e: Experiment) -> Fault | None:
-    """Mean of command times velocity, over both rms: negative for no passive device.
-
-    Position is differenced over seven samples; the command is taken as late as the device's delay.
+    clear: whether the command shows in it at all; step: of the file over that seen in it, or None.
     """
-    late = round(device.interface.delay / e.period)
-    y = e.measured[:, 0]
-    velocity = y
-    if e.outputs[0].quantity == "position":
-        velocity = np.asarray(savgol_filter(y, 7, 2, deriv=1, delta=e.period), dtype=np.float64)
-    u = e.command[: e.ticks - late] if late else e.command
-    v = velocity[late:]
-    size = float(np.sqrt(np.mean(u**2) * np.mean(v**2)))
-    share = float(np.mean(u * v)) / size if size > 0.0 else 0.0
-    if share > -POWER:
-        return None
-    return Fault(
-        "command_sign",
-        f"the command of {e.name} takes energy out of the device on average (correlation"
-        f" {share:.2f} with its velocity), which no passive device has to give: its sign is"
-        " inverted; turn the sign of the scale of [input]",
-        True,
-        -1.0,
-        e.name,
-        COMMAND,
+
+    scale: float
+    off: bool
+    clear: bool
+    step: float | None
+
+    @property
+    def vouched(self) -> bool:
+        """Whether its steps are those that the device file states."""
+        return self.step is not None and 1.0 / VOUCHED < self.step < VOUCHED
+
+
+def suspected(device: Device, e: Experiment) -> list[tuple[Fault, ...]]:
+    """Return corrections that may be due, the likeliest first, at most two; [] for a sound one.
+
+    Any one of them is a whole correction of the recording.
+    """
+    seen = [_seen(device, e, o) for o in range(len(e.outputs))]
+    names = [o.name for o in e.outputs]
+    off = [s for s in seen if s.off]
+    if not off:
+        return []
+    sound = [s for s in seen if s.clear and not s.off]
+    factor = _common([s.scale for s in off], device.rotary)
+    command = (misread(e, COMMAND, factor),)
+    each = tuple(
+        misread(e, (name,), nearest_unit(s.step or 1.0 / s.scale, device.rotary))
+        for name, s in zip(names, seen, strict=True)
+        if s.off
+    )
+    every = (misread(e, tuple(names), nearest_unit(1.0 / factor, device.rotary)),)
+    outputs = each if sound or len(off) == 1 < len(seen) else every
+    if any(abs(f.value - 1.0) < TINY for f in outputs):  # the steps are those of the file
+        return [command]
+    if sound or any(s.step is not None and not s.vouched for s in off):
+        return [outputs, command]
+    if any(s.vouched for s in off) and factor > 0.0:
+        return [command]
+    return [command, outputs]
+
+
+def _common(scales: Sequence[float], rotary: bool) -> float:
+    """The factor that most of several scales agree about, as a unit where it is near one."""
+    sign = 1.0 if sum(float(np.sign(s)) for s in scales) >= 0.0 else -1.0
+    size = float(np.exp(np.median(np.log(np.abs(scales)))))
+    return nearest_unit(sign * size, rotary)
+
+
+def _seen(device: Device, e: Experiment, o: int) -> _Seen:
+    """How many times over one output seems driven.
+
+    What differs by much is only told near where it is told from, so it is told in turns.
+    """
+    alone = replace(e, measured=e.measured[:, [o]].copy(), outputs=(e.outputs[o],))
+    taken = _energy_taken(device, alone)
+    scale, forward = -1.0 if taken < -POWER else 1.0, abs(taken) > POWER
+
+    def tell() -> Driven | None:
+        return driven(device, replace(alone, command=scale * alone.command), forward)
+
+    told = tell()
+    clear = told is not None and told.told > SURE
+    for _ in range(PASSES):
+        if told is None or not _doubtful(told):
+            break
+        scale *= told.scale
+        told = tell()
+    if told is not None and told.told > SURE and scale != 1.0 and 0.0 < told.scale < 1.0:
+        scale *= told.scale  # drag and springs have taken a part of it before
+    unclear = scale != 1.0 and told is not None and told.told < SURE
+    if unclear or 1.0 / OFF < scale < OFF:  # no command explains it either: no other scale does
+        scale = -1.0 if taken < -POWER else 1.0
+    if scale < 0.0 and 1.0 / OFF_TOO < -scale < OFF_TOO:
+        scale = -1.0
+    return _Seen(scale, scale != 1.0, clear, _step_off(device, alone))
+
+
+def _doubtful(told: Driven) -> bool:
+    return (
+        not 1.0 / OFF < told.scale < OFF
+        and told.scale != 0.0
+        and told.gained > max(SURE, SHARE * told.told)
     )
 
 
-def _best_scale(device: Device, e: Experiment) -> Fault | None:
-    """Compare prediction errors over signs and scales of the command, and over shifts in time.
+def _energy_taken(device: Device, e: Experiment) -> float:
+    """Energy that a command gives to m1, as a share of the most that it could; 0 of other masses.
 
-    To first order the prediction is linear in the command: e = a - s b, with a the error without
-    any command and b the command's own part, so the best s is a regression.
+    A held command gives u_k (x_(k+1) - x_k), whatever happens between: no velocity is needed, whose
+    noise a feedback would have put into the command. With the command as late as the device's delay
+    and a tick more, since a feedback also knows the noise of x_k.
     """
-    try:
-        gain = observer_near(device.without_physics() if device.physics else device, e, 1e-2)
-    except NoObserver:  # then nothing can be compared
+    if e.outputs[0].mass != 0:
+        return 0.0
+    late = round(device.interface.delay / e.period) + 1
+    y = e.measured[:, 0]
+    moved = np.diff(y) if e.outputs[0].quantity == "position" else y[1:] * e.period
+    moved = moved[late:]
+    u = e.command[: moved.size]
+    size = float(np.sqrt(np.mean(u**2) * np.mean(moved**2)))
+    return float(np.mean(u * moved)) / size if size > 0.0 else 0.0
+
+
+def _step_off(device: Device, e: Experiment) -> float | None:
+    """Step of the device file over that of an output, None where either has none."""
+    stated, seen = device.interface.encoder_step, encoder_step_seen(e.measured[:, 0])
+    if not stated > 0.0 or seen is None or e.outputs[0].mass != 0:
         return None
-
-    def error(command: Floats) -> Floats:
-        moved = replace(e, command=command)
-        return innovations(device, moved, gain)[SETTLING:-SETTLING].ravel()
-
-    with np.errstate(all="ignore"):
-        none, own = error(np.zeros_like(e.command)), error(e.command)
-    part = none - own
-    if not np.all(np.isfinite(part)) or not part @ part > 0.0:
-        return None
-    scale = float(none @ part / (part @ part))
-    before = float(np.sqrt(np.mean(own**2)))
-    after = float(np.sqrt(np.mean((none - scale * part) ** 2)))
-    explained = 1.0 - (after / float(np.sqrt(np.mean(none**2)))) ** 2
-    if explained > 0.2 and before > BETTER * after and not 0.67 < scale < 1.5:
-        if scale > 0.0 and _weakened(device, e, gain) < after:
-            return None
-        return Fault(
-            "command_sign" if scale < 0.0 else "command_scale",
-            f"the command of {e.name} explains the motion {before / after:.3g} times better scaled"
-            f" by {scale:.3g}: check its sign and unit",
-            True,
-            scale,
-            e.name,
-            COMMAND,
-        )
-    return None
-
-
-def _weakened(device: Device, e: Experiment, gain: Floats) -> float:
-    """Least rms prediction error with physics that lets a device seem driven less than it is."""
-    peak = float(np.abs(e.command).max())
-    travel = float(np.ptp(e.measured[:, 0])) if e.outputs[0].quantity == "position" else 0.0
-
-    def error(share: float, effect: Effect) -> float:
-        (parameter,) = effect.parameters
-        size = peak if parameter.unit == FORCE else 2.0 * peak / travel
-        physics = Physics(effect, effect.places[0], {parameter.name: float(share) * size})
-        with np.errstate(all="ignore"), suppress(NoObserver):
-            errors = innovations(device.with_physics(physics), e, gain)[SETTLING:-SETTLING]
-            found = float(np.sqrt(np.mean(errors**2)))
-            return found if np.isfinite(found) else np.inf
-        return np.inf
-
-    least = np.inf
-    for effect in EFFECTS.values():
-        known = any(p.effect.name == effect.name for p in device.physics)
-        still = travel == 0.0 and any(p.unit != FORCE for p in effect.parameters)
-        if not effect.weakens or known or still:
-            continue
-        errors = [error(share, effect) for share in SHARES]
-        best = int(np.argmin(errors))
-        around = SHARES[max(0, best - 1)], SHARES[min(best + 1, SHARES.size - 1)]
-        finer = minimize_scalar(
-            error, bounds=around, args=(effect,), method="bounded",
-            options={"xatol": 0.01 * SHARES[best]},
-        )  # fmt: skip
-        least = min(least, errors[best], float(finer.fun))
-    return least
+    if e.outputs[0].quantity == "velocity":  # differenced
+        stated /= e.period
+    return stated / seen
 
 
 def _output_faults(device: Device, e: Experiment) -> list[Fault]:

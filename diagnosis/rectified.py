@@ -25,6 +25,7 @@ SURE = 200.0  # -2 log likelihood
 STAYS = 20  # ticks on a side, in the mean
 RATIOS = (1e2, 1e4, 1e6)  # of observers that follow the motion whatever the device's errors
 BELOW = 0.02  # of the span, that noise may reach below zero
+BOTH = 0.05  # of the span, that the motion folded out goes to either side of zero at least
 BACK = 4  # samples by which the motion is continued
 
 
@@ -44,6 +45,9 @@ def unfolded(device: Device, experiment: Experiment) -> Unfolded | None:
     if y.min() > BELOW * float(np.ptp(y)):  # it never comes near zero
         return None
     z = folded_out(y)
+    # A motion to one side alone was not folded: turned as a whole, it is a sign, which others tell.
+    if min(float(z.max()), -float(z.min())) < BOTH * float(np.ptp(y)):
+        return None
     plain = device.without_physics() if device.physics else device
     try:
         gains = [observer_near(plain, experiment, ratio) for ratio in RATIOS]

@@ -127,7 +127,7 @@ def test_a_wrong_unit_is_a_fault_and_the_diagnosis_goes_on():
 def test_a_saturated_amplifier_is_no_wrong_unit(limit: float, scale: float):
     """Both seem driven by a third of their command.
 
-    Mutation that breaks it: `_weakened` returns infinity.
+    Mutation that breaks it: no friction among the forces beside the scale.
     """
     truth = phantom()
     if np.isfinite(limit):
@@ -145,15 +145,21 @@ def test_a_saturated_amplifier_is_no_wrong_unit(limit: float, scale: float):
 def test_a_spring_that_the_device_file_does_not_know_is_no_wrong_unit():
     """A stiff spring to ground holds the device as if half of its command arrived.
 
-    Mutation that breaks it: no spring among what weakens a command.
+    At one frequency below its own nothing else could be told; what moves fast tells the scale.
+    Mutation that breaks it: no spring among the forces beside the scale.
     """
     device = phantom()
     device = device.with_chain(device.chain._replace(ground_spring=1.0))
     slow = 0.1 * np.sin(2.0 * np.pi * 2.0 * 0.001 * np.arange(3000))
-    for stiffness, scale, faults in ((1.0, 1.0, []), (0.0, 0.4, ["command_scale"])):
+    fast = noise(duration=3.0, seed=3)
+    for command, stiffness, scale, faults in (
+        (slow, 1.0, 1.0, []),
+        (fast, 1.0, 1.0, []),
+        (fast, 0.0, 0.4, ["command_scale"]),
+    ):
         held = make_physics("ground_spring", "m1", stiffness=stiffness)
-        run = simulate(device.with_physics(held), recorded(slow), duration=3.0)
-        e = Experiment(0.001, slow / scale, run.trace["position_m1"][:, None], OUTPUTS)
+        run = simulate(device.with_physics(held), recorded(command), duration=3.0)
+        e = Experiment(0.001, command / scale, run.trace["position_m1"][:, None], OUTPUTS)
         assert [f.kind for f in examine(device, [e]) if f.wrong] == faults
 
 

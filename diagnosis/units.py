@@ -1,0 +1,70 @@
+"""Factors between units: what a command or an output may have been written down in."""
+
+import math
+from collections.abc import Sequence
+
+NEAR = 1.7  # factor within which what a rough device file tells is taken for a unit
+NAMED = 1.03
+# Of what a channel is multiplied by to be in the SI.
+UNITS = {
+    math.pi / 180.0: "degrees",
+    180.0 / math.pi: "degrees",
+    1e-3: "mm or mN m",
+    1e3: "mm or mN m",
+    2.0 * math.pi / 60.0: "turns a minute",
+    60.0 / (2.0 * math.pi): "turns a minute",
+    1e-2: "cm or percent",
+    1e2: "cm or percent",
+    9.80665: "kilograms of force",
+    1.0 / 9.80665: "kilograms of force",
+    25.4e-3: "inches",
+    1.0 / 25.4e-3: "inches",
+    2.0 * math.pi: "turns",
+    1.0 / (2.0 * math.pi): "turns",
+    4.4482216: "pounds of force",
+    1.0 / 4.4482216: "pounds of force",
+    35.27 / 16.0: "pounds",
+    16.0 / 35.27: "pounds",
+}
+# Those that are mistaken for the SI so often that a factor in their neighbourhood is taken for one.
+TURNING = (math.pi / 180.0, 2.0 * math.pi / 60.0, 1e-3)
+ALONG = (25.4e-3, 1e-2, 1e-3)
+
+
+def unit_of(factor: float) -> str | None:
+    """Return in what a channel may be that is corrected by a factor, None for no unit."""
+    near = min(UNITS, key=lambda u: abs(math.log(abs(factor) / u)))
+    return UNITS[near] if abs(math.log(abs(factor) / near)) < math.log(NAMED) else None
+
+
+def nearest_unit(factor: float, rotary: bool) -> float:
+    """Return the common unit, or 1 for none, that a factor is near, itself where it is near none.
+
+    What tells a factor is a device file, which may be rough.
+    """
+    common = TURNING if rotary else ALONG
+    every = [1.0, *common, *(1.0 / u for u in common)]
+    near = min(every, key=lambda u: abs(math.log(abs(factor) / u)))
+    close = abs(math.log(abs(factor) / near)) < math.log(NEAR)
+    return math.copysign(near if close else abs(factor), factor)
+
+
+def sentence(recording: str, channels: Sequence[str], factor: float) -> str:
+    """Say what is wrong with channels of a recording that a factor corrects."""
+    command, many = tuple(channels) == ("command",), len(channels) > 1
+    what = f"the command of {recording}" if command else f"{' and '.join(channels)} of {recording}"
+    entry = "[input]" if command else "each" if many else "its output"
+    size = abs(factor)
+    if math.isclose(size, 1.0):
+        sign = f"sign is inverted; turn the sign of the scale of {entry}"
+        return (
+            f"{what} would have its motion driven backwards: its {sign}"
+            if command
+            else (f"{what} would be driven backwards: the {sign}")
+        )
+    less = f"{size:.3g} times too little" if size > 1.0 else f"{1.0 / size:.3g} times too much"
+    sign = ", and with the wrong sign" if factor < 0.0 else ""
+    unit = unit_of(factor)
+    asked = f"{'are they' if many else 'is it'} in {unit}?"
+    ask = f"check the unit and the scale of {entry}" if unit is None else asked
+    return f"{what} count{'' if many else 's'} {less}{sign} (correct by {factor:.3g}): {ask}"
