@@ -194,7 +194,7 @@ def test_encoder_steps_are_seen():
 def test_an_augmented_device_has_nothing_missing():
     """The loop closes: what was found explains the recording."""
     truth: Device = phantom().with_physics(make_physics("coulomb_friction", "m1", level=4e-3))
-    twice = replace(QUICK, effects=2, rounds=2)  # looked at farther ahead, it names two effects
+    twice = replace(QUICK, effects=2, rounds=2)  # the longer horizon is looked at, too
     found = diagnose(truth, [record(truth, 3.0, seed=8)], effort=twice)
     assert found.verdict is Verdict.NOTHING_MISSING, found.sentence
 
