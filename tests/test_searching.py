@@ -226,3 +226,14 @@ def test_the_valley_of_play_is_found_from_another() -> None:
     look_for_valleys(found)
     assert found.best.cost.misfit < h.cost.misfit - 500.0
     assert model.effects_at(found.best.x)[0].values["gap"] == pytest.approx(0.01, rel=0.1)
+
+
+def test_what_was_looked_for_tick_by_tick_is_paid(rubbed: list[Experiment]):
+    """By models that have it, however often they move. Mutation: prices lost in `moved`."""
+    model = with_friction(0.03)
+    x = np.zeros(len(model.parameters))
+    prices = (("coulomb_friction@m1", 14.0), ("dropped_samples@clock", 50.0))
+    h = judged(rubbed, model, x, prices=prices)
+    assert h.cost.searched == 14.0
+    assert settled(h, turns=1, rounds=1).cost.searched == 14.0
+    assert judged(rubbed, Model(drive()), x[:-1], prices=prices).cost.searched == 0.0

@@ -19,6 +19,7 @@ from zwidth.diagnosis.selection.evidence import Cost, cost
 from zwidth.sim.physics.sizes import SMALLEST
 
 Floats = NDArray[np.float64]
+Prices = tuple[tuple[str, float], ...]
 SWEEP = -math.log(SMALLEST)  # of a magnitude that is as likely in every octave of its sweep
 BLOCKS = 40  # stretches of the recordings over which gains are compared
 SHORTEST_BLOCK = 50  # samples
@@ -35,6 +36,7 @@ class Hypothesis:
     an encoder's steps). blocks: -2 log likelihood by stretches of the recordings. residual: weighed
     innovations and priors under the noise; slopes: of it by x, None while it was only judged and
     not fitted. family: of the noise that it was chosen from; costs compare within one.
+    prices: of effects (effect@place) that were looked for tick by tick, in -2 ln.
     """
 
     experiments: Sequence[Experiment]
@@ -46,6 +48,7 @@ class Hypothesis:
     residual: Floats
     slopes: Floats | None = None
     family: Family = NEXT_SAMPLE
+    prices: Prices = ()
 
     @cached_property
     def labels(self) -> frozenset[str]:
@@ -108,8 +111,14 @@ class Hypothesis:
 
     def moved(self, x: Floats) -> "Hypothesis":
         """Return the hypothesis at another x, its noise sought anew about its own."""
-        family = self.family
-        return judged(self.experiments, self.model, x, family, family.near(self.ratio))
+        return self._at(x, self.family.near(self.ratio))
+
+    def anew(self, x: Floats) -> "Hypothesis":
+        """Return the hypothesis at another x, its noise sought in all of the family."""
+        return self._at(x, self.family)
+
+    def _at(self, x: Floats, among: Family) -> "Hypothesis":
+        return judged(self.experiments, self.model, x, self.family, among, self.prices)
 
     @property
     def fitted(self) -> Fitted:
@@ -125,18 +134,23 @@ def judged(
     x: Floats,
     family: Family = NEXT_SAMPLE,
     among: Family | None = None,
+    prices: Prices = (),
 ) -> Hypothesis:
     """Return a model at x under its likeliest noise; raises NoObserver where none follows.
 
-    among: the members of the family that are looked at, None for all.
+    among: the members of the family that are looked at, None for all. prices: those of effects
+    that the model lacks are not paid.
     """
+    labels = effect_labels(model.effects)
+    paid = tuple((label, price) for label, price in prices if label in labels)
     noise = likeliest(experiments, model, x, among or family)
     there = noise.problem(experiments)
     ground = Landscape(there.experiments, there.observer, model, SEARCHING)
     (residual,) = ground.residuals([x])
-    known = Cost(ground.cost(residual), rarity=_rarity(model))
+    searched = sum(price for _, price in paid)
+    known = Cost(ground.cost(residual), rarity=_rarity(model), searched=searched)
     blocks = _blocks(ground, residual)
-    return Hypothesis(experiments, model, x, noise, known, blocks, residual, family=family)
+    return Hypothesis(experiments, model, x, noise, known, blocks, residual, None, family, paid)
 
 
 def settled(begun: Hypothesis, turns: int = 3, rounds: int = 6, worth: float = 1.0) -> Hypothesis:
@@ -175,7 +189,8 @@ def priced(h: Hypothesis) -> Hypothesis:
     if any(p.kind == "effect" and information[i, i] < UNSEEN for i, p in enumerate(parameters)):
         return replace(h, slopes=slopes, cost=replace(h.cost, freedom=math.inf))
     lines = cost(h.cost.misfit, information, _ranges(h.model, h.x, information))
-    return replace(h, slopes=slopes, cost=replace(lines, rarity=h.cost.rarity))
+    known = replace(lines, rarity=h.cost.rarity, searched=h.cost.searched)
+    return replace(h, slopes=slopes, cost=known)
 
 
 def _rarity(model: Model) -> float:

@@ -19,7 +19,7 @@ from zwidth.diagnosis.screen import Screened
 from zwidth.diagnosis.seeking.places import open_places, starts_at
 from zwidth.diagnosis.seeking.screening import View, screened, shown_starts, view
 from zwidth.diagnosis.selection.effort import Effort
-from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged
+from zwidth.diagnosis.selection.hypothesis import Hypothesis, Prices, judged
 from zwidth.diagnosis.settle import prepared_for
 from zwidth.diagnosis.sizes import sizes_of
 from zwidth.diagnosis.steady import NoObserver
@@ -40,7 +40,7 @@ class Proposal:
     """A model worth a fit, and where from: x, and the problem under which a fit begins.
 
     under: None where it needs no first fit. family: of its noise; near: ratio about which that is
-    sought, None for all of the family.
+    sought, None for all of the family. prices: as a hypothesis has them.
     """
 
     experiments: Sequence[Experiment]
@@ -49,11 +49,12 @@ class Proposal:
     family: Family
     under: Problem | None = None
     near: float | None = None
+    prices: Prices = ()
 
     def judged(self, x: Floats) -> Hypothesis:
         """Return it at x under its likeliest noise; raises NoObserver where none follows."""
         among = None if self.near is None else self.family.near(self.near)
-        return judged(self.experiments, self.model, x, self.family, among)
+        return judged(self.experiments, self.model, x, self.family, among, self.prices)
 
     @property
     def label(self) -> str:
@@ -103,14 +104,16 @@ def stepped(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
     if h.slopes is None:
         return
     for trial in stepped_trials(h.problem, h.fitted, h.experiments):
-        yield Proposal(trial.problem.experiments, trial.fitted.model, trial.fitted.x, h.family)
+        model, prices = trial.fitted.model, (*h.prices, (trial.label, trial.price))
+        seen = trial.problem.experiments
+        yield Proposal(seen, model, trial.fitted.x, h.family, prices=prices)
 
 
 def removed(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
     """Yield the hypothesis less each of its effects."""
     for i in range(len(h.model.effects)):
         model, x = h.model.less(h.x, i)
-        yield Proposal(h.experiments, model, x, h.family, h.problem, h.ratio)
+        yield Proposal(h.experiments, model, x, h.family, h.problem, h.ratio, h.prices)
 
 
 def simpler(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
@@ -145,7 +148,7 @@ def split(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
             if effect.name in physics.effect.contains and place.acts_on == physics.place.acts_on
         ]
         for pair in combinations(held, 2):
-            whole = Proposal(h.experiments, model, x, h.family, h.problem, h.ratio)
+            whole = Proposal(h.experiments, model, x, h.family, h.problem, h.ratio, h.prices)
             for one in pair:
                 (starts,) = starts_at([one], sizes, far=True).values()
                 every = [*starts, *_as_strong(starts, fitted[i])]
@@ -220,7 +223,7 @@ def _with(h: Hypothesis, seen: View, one: Screened) -> Proposal:
     costs = Landscape(seen.problem.experiments, seen.problem.observer, model, FAR).costs(xs)
     x = xs[int(np.argmin(np.nan_to_num(costs, nan=np.inf)))]
     near = h.ratio if seen.own else None
-    return Proposal(h.experiments, model, x, h.family, seen.problem, near)
+    return Proposal(h.experiments, model, x, h.family, seen.problem, near, h.prices)
 
 
 def _among(h: Hypothesis, model: Model, x: Floats, starts: Sequence[Start]) -> Iterator[Proposal]:
@@ -238,4 +241,4 @@ def _among(h: Hypothesis, model: Model, x: Floats, starts: Sequence[Start]) -> I
     other = model.with_effect(best.physics, best.scales, best.bounds)
     extra = np.zeros(len(other.parameters) - x.size)
     begin = other.within(np.concatenate([x, extra]))
-    yield Proposal(h.experiments, other, begin, h.family, problem, h.ratio)
+    yield Proposal(h.experiments, other, begin, h.family, problem, h.ratio, h.prices)

@@ -248,7 +248,7 @@ def _arrived(
         arrived: list[Hypothesis] = []
         for a in evolve(stretch, h.model, xs, ratio, plan):
             with suppress(NoObserver):
-                arrived.append(judged(h.experiments, h.model, a.x, h.family))
+                arrived.append(h.anew(a.x))
         return arrived
 
     asked = [(h.model.label, partial(grown, *leg)) for leg in legs]
