@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from zwidth.diagnosis.parameters import Model
+from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.selection.effort import NORMAL
 from zwidth.diagnosis.selection.hypothesis import judged, settled
 from zwidth.diagnosis.selection.search import Search, look_for_valleys, silent

@@ -20,7 +20,7 @@ import numpy as np
 from zwidth.controllers.excitation import noise
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.diagnose import diagnose
-from zwidth.diagnosis.experiment import Experiment, Output
+from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device

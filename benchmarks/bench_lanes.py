@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.controllers.recorded import recorded
-from zwidth.diagnosis.experiment import Experiment, Output
-from zwidth.diagnosis.fit import STEP, Problem
-from zwidth.diagnosis.parameters import Model
-from zwidth.diagnosis.predictor import choose_observer
+from zwidth.diagnosis.fitting.fit import STEP, Problem
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.predictor import choose_observer
+from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device

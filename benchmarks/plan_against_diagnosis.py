@@ -9,9 +9,9 @@ recorded with noise, and diagnosed with the device file alone. One line an effec
 import argparse
 
 from zwidth.diagnosis.diagnose import diagnose
-from zwidth.diagnosis.excitations import excitation, scale_for
-from zwidth.diagnosis.limits import Noise, limit, reference, sigma, strengthened
-from zwidth.diagnosis.rehearsal import rehearse
+from zwidth.planning.excitations import excitation, scale_for
+from zwidth.planning.limits import Noise, limit, reference, sigma, strengthened
+from zwidth.planning.rehearsal import rehearse
 from zwidth.sim.device import place_label
 from zwidth.sim.device_file import load_device
 from zwidth.sim.physics import make_physics

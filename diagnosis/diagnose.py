@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 
 from zwidth.diagnosis.answer.answered import answered
-from zwidth.diagnosis.experiment import Experiment, ExperimentError
-from zwidth.diagnosis.intake import Taken, not_diagnosed, take_in
+from zwidth.diagnosis.answer.result import Diagnosis
+from zwidth.diagnosis.intake.take_in import Taken, not_diagnosed, take_in
 from zwidth.diagnosis.mishaps import Say, collecting, debugging, silent
-from zwidth.diagnosis.result import Diagnosis
+from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.recording.experiment import Experiment, ExperimentError
 from zwidth.diagnosis.selection.effort import NORMAL, Effort
 from zwidth.diagnosis.selection.searched import Searched, searched
-from zwidth.diagnosis.steady import NoObserver
 from zwidth.sim.device import Device
 
 

@@ -8,15 +8,15 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from zwidth.diagnosis.experiment import Experiment
-from zwidth.diagnosis.reference import reference
-from zwidth.diagnosis.settle import refit
-from zwidth.diagnosis.steady import NoObserver
+from zwidth.diagnosis.noise.settle import refit
+from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.exam.hidden import Hidden, Stage, seen
 from zwidth.exam.of_library import conceal_effects
 from zwidth.exam.of_no_library import conceal_outside
 from zwidth.exam.strata import Stratum
 from zwidth.exam.subject import Subject
+from zwidth.planning.reference import reference
 from zwidth.scenarios.concealed.devices import draw_device, mistaken
 from zwidth.scenarios.concealed.excitation import draw_drive
 from zwidth.scenarios.concealed.outside import OUTSIDE

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from zwidth.diagnosis.experiment import Experiment, experiment
-from zwidth.diagnosis.reference import Reference
+from zwidth.diagnosis.recording.experiment import Experiment, experiment
 from zwidth.exam.strata import Stratum
+from zwidth.planning.reference import Reference
 from zwidth.scenarios.concealed.rig import Rig
 from zwidth.scenarios.concealed.shapes import Motion
 from zwidth.sim.device import Device

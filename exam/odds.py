@@ -8,7 +8,7 @@ travel, a mass of all masses.
 
 import numpy as np
 
-from zwidth.diagnosis.magnitude import strengthened, within_bounds
+from zwidth.diagnosis.seeking.magnitude import strengthened, within_bounds
 from zwidth.scenarios.concealed.shapes import Motion, draw_physics, places
 from zwidth.sim.device import Device, has_room
 from zwidth.sim.physics import EFFECTS, contains

@@ -10,15 +10,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from zwidth.diagnosis.experiment import Experiment
-from zwidth.diagnosis.fit import Problem
-from zwidth.diagnosis.limits import limit, sigma
-from zwidth.diagnosis.magnitude import magnitude, strengthened
-from zwidth.diagnosis.parameters import Model
-from zwidth.diagnosis.reference import Reference
-from zwidth.diagnosis.separation import separation
+from zwidth.diagnosis.fitting.fit import Problem
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.seeking.magnitude import magnitude, strengthened
 from zwidth.exam.hidden import SEEN, Hidden, Stage, draw_times, seen
 from zwidth.exam.strata import Stratum
+from zwidth.planning.limits import limit, sigma
+from zwidth.planning.reference import Reference
+from zwidth.planning.separation import separation
 from zwidth.scenarios.concealed.rig import Rig, record
 from zwidth.scenarios.concealed.shapes import draw_physics, places
 from zwidth.sim.device import Device

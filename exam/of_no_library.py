@@ -10,13 +10,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.experiment import Experiment
-from zwidth.diagnosis.fit import Problem
-from zwidth.diagnosis.limits import crossing
-from zwidth.diagnosis.parameters import Model
-from zwidth.diagnosis.reference import Reference
+from zwidth.diagnosis.fitting.fit import Problem
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.exam.hidden import SEEN, Hidden, Stage, draw_times, seen
 from zwidth.exam.strata import Stratum
+from zwidth.planning.limits import crossing
+from zwidth.planning.reference import Reference
 from zwidth.scenarios.concealed.outside import OUTSIDE, Outside
 from zwidth.scenarios.concealed.rig import Rig, RunAway, record
 from zwidth.scenarios.concealed.shapes import Motion

@@ -9,8 +9,7 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from zwidth.diagnosis.experiment import experiment
-from zwidth.diagnosis.rehearsal import Noise
+from zwidth.diagnosis.recording.experiment import experiment
 from zwidth.exam.filming import film
 from zwidth.exam.grammar import NOVEL, Law, draw_law, novelty, scaled
 from zwidth.exam.machines import log_uniform
@@ -19,6 +18,7 @@ from zwidth.exam.stages import device_file, draw_stage
 from zwidth.exam.subject import Subject
 from zwidth.exam.visible import refitted, standing_law
 from zwidth.exam.windows import cut, window_of, window_starts
+from zwidth.planning.rehearsal import Noise
 from zwidth.scenarios.concealed.devices import draw_device, mistaken
 from zwidth.scenarios.concealed.excitation import draw_drive
 from zwidth.scenarios.concealed.integrator import undisturbed

@@ -18,10 +18,10 @@ from typing import Any
 
 import numpy as np
 
-from zwidth.diagnosis.experiment import Experiment
-from zwidth.diagnosis.predictor import choose_observer, free_run_errors, observer_near
-from zwidth.diagnosis.settle import refit
-from zwidth.diagnosis.steady import NoObserver
+from zwidth.diagnosis.noise.predictor import choose_observer, free_run_errors, observer_near
+from zwidth.diagnosis.noise.settle import refit
+from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.exam.sitting import recordings
 from zwidth.exam.windows import window_of
 from zwidth.scenarios.concealed.handout import recording_files

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from zwidth.diagnosis.experiment import ExperimentError
-from zwidth.diagnosis.magnitude import magnitude
-from zwidth.diagnosis.steady import NoObserver
+from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.recording.experiment import ExperimentError
+from zwidth.diagnosis.seeking.magnitude import magnitude
 from zwidth.exam.filming import film
 from zwidth.exam.machines import log_uniform
 from zwidth.exam.odds import SHARES, choose, sized

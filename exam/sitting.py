@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 
 from zwidth.diagnosis.diagnose import diagnose
-from zwidth.diagnosis.experiment import Experiment
+from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.exam.hidden import seen
 from zwidth.exam.windows import FITTED
 from zwidth.logs.recording import read_recording

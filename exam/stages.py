@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from zwidth.diagnosis.experiment import Experiment, experiment
-from zwidth.diagnosis.rehearsal import Noise
+from zwidth.diagnosis.recording.experiment import Experiment, experiment
 from zwidth.exam.filming import Scene, draw_camera, film
 from zwidth.exam.machines import Machine, draw_machine, guessed, log_uniform
 from zwidth.exam.playing import draw_playing
 from zwidth.exam.visible import refitted
+from zwidth.planning.rehearsal import Noise
 from zwidth.scenarios.concealed.integrator import NO_LAWS
 from zwidth.scenarios.concealed.rig import Floats, Made
 from zwidth.scenarios.concealed.shapes import Motion, motion_of

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from zwidth.diagnosis.experiment import Experiment, experiment
+from zwidth.diagnosis.recording.experiment import Experiment, experiment
 from zwidth.exam.grammar import Law
 from zwidth.exam.hidden import Hidden
 from zwidth.sim.device import Device
@@ -15,7 +15,7 @@ from zwidth.sim.trace import Trace
 class Present:
     """An effect that a rig has.
 
-    share: of what drives the rig, or of its travel; magnitude as in `diagnosis.magnitude`; sigma:
+    share: of what drives the rig, or of its travel; magnitude as in `seeking.magnitude`; sigma:
     by how much the rest of the truth, linear parameters refitted, predicts the recordings worse.
     """
 

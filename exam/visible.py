@@ -5,7 +5,7 @@ their slopes by its linear parameters, at the truth. Without one effect
 
     sigma = |(I - P) (e(truth without it) - e(truth))|,    P the projector on the span of J,
 
-as in `diagnosis/limits.py`; an effect of full size is no small change, so the refit without it
+as in `planning/limits.py`; an effect of full size is no small change, so the refit without it
 is taken to its own end by a few Gauss-Newton steps, where the first looks as if it hardly showed.
 """
 
@@ -15,12 +15,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.experiment import Experiment
-from zwidth.diagnosis.fit import Problem
-from zwidth.diagnosis.parameters import Model, linear_parameters
-from zwidth.diagnosis.predictor import SCREENING, SETTLING, Observer, innovations, whitened
-from zwidth.diagnosis.rehearsal import Noise, known_observer
-from zwidth.diagnosis.screen import Complement
+from zwidth.diagnosis.fitting.fit import Problem
+from zwidth.diagnosis.model.parameters import Model, linear_parameters
+from zwidth.diagnosis.noise.predictor import SCREENING, SETTLING, Observer, innovations, whitened
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.seeking.screen import Complement
+from zwidth.planning.rehearsal import Noise, known_observer
 from zwidth.sim.device import Device
 from zwidth.sim.physics.effect import Physics
 

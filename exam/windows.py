@@ -1,6 +1,6 @@
 """Where free runs begin on held-out data: half a second each, once an observer has settled."""
 
-from zwidth.diagnosis.predictor import SETTLING
+from zwidth.diagnosis.noise.predictor import SETTLING
 
 SECONDS = 0.5
 FITTED = 0.7  # share of a recording that is fitted to, where none is there to judge by

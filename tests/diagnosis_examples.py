@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from zwidth.controllers.excitation import noise
 from zwidth.controllers.recorded import recorded
-from zwidth.diagnosis.experiment import Experiment, Output
+from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device
 from zwidth.sim.run import simulate

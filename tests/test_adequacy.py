@@ -10,11 +10,10 @@ from test_fitting import drive, recording
 
 from zwidth.diagnosis.answer.adequacy import Adequacy, Believed, adequacy
 from zwidth.diagnosis.answer.answered import _standing
-from zwidth.diagnosis.experiment import Experiment
-from zwidth.diagnosis.intake import Taken, take_in
+from zwidth.diagnosis.intake.take_in import Taken, take_in
+from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.family import as_far_as
-from zwidth.diagnosis.parameters import Model
-from zwidth.diagnosis.predictor import (
+from zwidth.diagnosis.noise.predictor import (
     Observer,
     driven,
     first_motion,
@@ -24,6 +23,7 @@ from zwidth.diagnosis.predictor import (
     observer_for,
     whitened,
 )
+from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.diagnosis.selection.hypothesis import judged, settled
 from zwidth.diagnosis.selection.search import Search

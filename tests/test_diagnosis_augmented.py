@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from tests.diagnosis_examples import OUTPUTS, phantom, record
-from zwidth.diagnosis.augmented import augmented, free_run, scenario_of
-from zwidth.diagnosis.experiment import Experiment
-from zwidth.diagnosis.hold import smooth
-from zwidth.diagnosis.parameters import Model
-from zwidth.diagnosis.predictor import free_run_errors, observer_near
+from zwidth.diagnosis.answer.augmented import augmented, free_run, scenario_of
+from zwidth.diagnosis.intake.hold import smooth
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.predictor import free_run_errors, observer_near
+from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.exam.perfect import as_seen
 from zwidth.scenarios.scenario_file import scenario_from_text, scenario_to_text
 from zwidth.sim.device import Device

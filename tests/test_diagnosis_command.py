@@ -13,7 +13,7 @@ import pytest
 import zwidth.commands.diagnose
 from tests.diagnosis_examples import record
 from zwidth.cli import run
-from zwidth.diagnosis.result import Diagnosis, Estimate
+from zwidth.diagnosis.answer.result import Diagnosis, Estimate
 from zwidth.logs.mcap_reader import read_log
 from zwidth.logs.recording import load_log
 from zwidth.sim.chain import make_chain

@@ -9,19 +9,20 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from tests.diagnosis_examples import ENCODER_NOISE, phantom, record
-from zwidth.diagnosis import unknown
-from zwidth.diagnosis.experiment import Experiment
-from zwidth.diagnosis.fit import Fitted, Problem, Slopes
-from zwidth.diagnosis.held_out import held_out
+from zwidth.diagnosis.answer.held_out import held_out
+from zwidth.diagnosis.fitting.fit import Fitted, Problem, Slopes
+from zwidth.diagnosis.forces import unknown
 from zwidth.diagnosis.mishaps import silent
-from zwidth.diagnosis.parameters import Model
-from zwidth.diagnosis.predictor import choose_observer
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.predictor import choose_observer
+from zwidth.diagnosis.noise.settle import cost_at, prepared_for, refit
+from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.effort import NORMAL
 from zwidth.diagnosis.selection.hypothesis import judged, settled
 from zwidth.diagnosis.selection.search import Search
 from zwidth.diagnosis.selection.searched import Searched
-from zwidth.diagnosis.settle import cost_at, prepared_for, refit
 from zwidth.sim.physics import make_physics
+from zwidth.sim.uncertainty import Uncertainty
 
 Floats = NDArray[np.float64]
 
@@ -48,11 +49,12 @@ def test_spared_slopes_lead_to_the_same_minimum_with_fewer_predictions(
     Mutations that break it: the correction along the step with its sign turned; slopes never
     computed anew (the minimum is missed).
     """
-    truth = phantom().with_physics(make_physics("quadratic_drag", "m1", coefficient=2e-3))
+    device = replace(phantom(), uncertainty=Uncertainty(command_scale=0.05))
+    truth = device.with_physics(make_physics("quadratic_drag", "m1", coefficient=2e-3))
     e = record(truth, 3.0, seed=3)
-    model = Model(phantom(), (make_physics("quadratic_drag", "m1", coefficient=5e-4),))
+    model = Model(device, (make_physics("quadratic_drag", "m1", coefficient=5e-4),))
     model = replace(model, scales=({"coefficient": 1e-3},))
-    prepared, _ = refit(phantom(), [e])
+    prepared, _ = refit(device, [e])
 
     def fitted() -> tuple[Fitted, int]:
         problem = Counted(prepared.experiments, prepared.observer)

@@ -10,22 +10,22 @@ from scipy.stats import binomtest
 from tests.diagnosis_examples import ENCODER_NOISE, FORCE_NOISE, OUTPUTS, phantom, record
 from zwidth.controllers.excitation import noise
 from zwidth.controllers.recorded import recorded
-from zwidth.diagnosis.experiment import Experiment
-from zwidth.diagnosis.fit import Fitted, Problem
-from zwidth.diagnosis.gate import encoder_step_seen
-from zwidth.diagnosis.lattice import (
+from zwidth.diagnosis.fitting.fit import Fitted, Problem
+from zwidth.diagnosis.forces.leftover import leftover
+from zwidth.diagnosis.intake.gate import encoder_step_seen
+from zwidth.diagnosis.intake.rectified import unfolded
+from zwidth.diagnosis.model.parameters import Model, delivered
+from zwidth.diagnosis.noise.predictor import Observer, begun, innovations, whitened
+from zwidth.diagnosis.noise.settle import refit
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.seeking.lattice import (
     chances_seen,
     command_step,
     dropped_samples,
     encoder_step,
     mean_error,
 )
-from zwidth.diagnosis.leftover import leftover
-from zwidth.diagnosis.parameters import Model, delivered
-from zwidth.diagnosis.predictor import Observer, begun, innovations, whitened
-from zwidth.diagnosis.rectified import unfolded
-from zwidth.diagnosis.settle import refit
-from zwidth.diagnosis.waves import wave_starts
+from zwidth.diagnosis.seeking.waves import wave_starts
 from zwidth.sim.physics import make_physics
 from zwidth.sim.run import simulate
 

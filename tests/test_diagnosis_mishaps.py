@@ -12,25 +12,25 @@ import pytest
 
 import zwidth.diagnosis.answer.answered
 import zwidth.diagnosis.diagnose
-import zwidth.diagnosis.intake
+import zwidth.diagnosis.intake.take_in
 from zwidth.cli import run
+from zwidth.diagnosis.answer.result import Diagnosis, NotDiagnosed, Verdict
+from zwidth.diagnosis.answer.verdict import Left
 from zwidth.diagnosis.diagnose import diagnose
-from zwidth.diagnosis.excitations import Scale, excitation
-from zwidth.diagnosis.experiment import Experiment, ExperimentError, Output
-from zwidth.diagnosis.fit import Problem
 from zwidth.diagnosis.fitting.descend import descend
+from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.mishaps import Mishaps, collecting, isolated, silent
-from zwidth.diagnosis.parameters import Model
-from zwidth.diagnosis.predictor import choose_observer
-from zwidth.diagnosis.rehearsal import Noise, rehearse
-from zwidth.diagnosis.result import Diagnosis, NotDiagnosed, Verdict
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.predictor import choose_observer
+from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.recording.experiment import Experiment, ExperimentError, Output
 from zwidth.diagnosis.selection.effort import NORMAL, QUICK
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
 from zwidth.diagnosis.selection.moves import Move, added
 from zwidth.diagnosis.selection.search import Moves, Search, fitted, search
 from zwidth.diagnosis.selection.searched import Searched, as_found, unnamed
-from zwidth.diagnosis.steady import NoObserver
-from zwidth.diagnosis.verdict import Left
+from zwidth.planning.excitations import Scale, excitation
+from zwidth.planning.rehearsal import Noise, rehearse
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import save_device
@@ -305,12 +305,12 @@ def test_one_recording_of_several_that_fails_costs_itself_alone(
     write(tmp_path)
     write(tmp_path, "odd")
     (tmp_path / "gone.toml").write_text('file = "gone.csv"')
-    real = zwidth.diagnosis.intake.examine
+    real = zwidth.diagnosis.intake.take_in.examine
 
     def examine(device: Device, experiments: list[Experiment]) -> Any:
         return throw() if experiments[0].name == "odd" else real(device, experiments)
 
-    short.setattr("zwidth.diagnosis.intake.examine", examine)
+    short.setattr("zwidth.diagnosis.intake.take_in.examine", examine)
     short.setattr("zwidth.commands.diagnose.separating", nothing)
     short.setattr("zwidth.commands.diagnose.augmented_boundary", nothing)
     answer = answered(["diagnose", "gone.toml", "odd.toml", *LINE[1:]], 0)
@@ -363,7 +363,7 @@ def test_an_error_in_what_follows_leaves_all_other_files(
 
 
 def _no_boundary(*_: Any) -> Any:
-    from zwidth.diagnosis.augmented_boundary import AugmentedBoundary
+    from zwidth.diagnosis.answer.augmented_boundary import AugmentedBoundary
 
     return AugmentedBoundary((), (), (), 1e-3, True, 0.0, "it stays")
 
@@ -402,8 +402,8 @@ def test_a_velocity_alone_gets_a_next_experiment(
     write(tmp_path, output=VELOCITY)
     short.chdir(tmp_path)
     short.setattr("zwidth.commands.diagnose.augmented_boundary", nothing)
-    short.setattr("zwidth.diagnosis.next_experiment.SHORTEST_S", 4.0)
-    short.setattr("zwidth.diagnosis.next_experiment.LIBRARY", ["small_multisine"])
+    short.setattr("zwidth.planning.next_experiment.SHORTEST_S", 4.0)
+    short.setattr("zwidth.planning.next_experiment.LIBRARY", ["small_multisine"])
     answer = answered(LINE, 0)
     assert answer["errors"] == []
     assert answer["next_experiment"]["separates"] == ["coulomb_friction@m1", "dead_band@command"]

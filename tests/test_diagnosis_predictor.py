@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from tests.diagnosis_examples import OUTPUTS, phantom, record
-from zwidth.diagnosis.candidates import candidates
-from zwidth.diagnosis.experiment import Experiment, ExperimentError, Output, experiment, stretches
-from zwidth.diagnosis.gate import examine
-from zwidth.diagnosis.hold import smooth, was_smooth
-from zwidth.diagnosis.predictor import (
+from zwidth.diagnosis.fitting.uncertainty import inflation
+from zwidth.diagnosis.intake.gate import examine
+from zwidth.diagnosis.intake.hold import smooth, was_smooth
+from zwidth.diagnosis.noise.predictor import (
     SETTLING,
     Observer,
     choose_observer,
@@ -21,9 +20,16 @@ from zwidth.diagnosis.predictor import (
     observer_for,
     whitened,
 )
-from zwidth.diagnosis.screen import Complement
-from zwidth.diagnosis.settle import refit
-from zwidth.diagnosis.uncertainty import inflation
+from zwidth.diagnosis.noise.settle import refit
+from zwidth.diagnosis.recording.experiment import (
+    Experiment,
+    ExperimentError,
+    Output,
+    experiment,
+    stretches,
+)
+from zwidth.diagnosis.seeking.candidates import candidates
+from zwidth.diagnosis.seeking.screen import Complement
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.interface import Interface

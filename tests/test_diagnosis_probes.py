@@ -7,11 +7,11 @@ import pytest
 
 from tests.diagnosis_examples import record
 from zwidth.controllers.none import none
-from zwidth.diagnosis.fit import Fitted, Problem
-from zwidth.diagnosis.leftover import leftover
-from zwidth.diagnosis.parameters import Model
-from zwidth.diagnosis.probes import instead_by_law, repeating
-from zwidth.diagnosis.settle import refit, settle
+from zwidth.diagnosis.fitting.fit import Fitted, Problem
+from zwidth.diagnosis.forces.leftover import leftover
+from zwidth.diagnosis.forces.probes import instead_by_law, repeating
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.settle import refit, settle
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.interface import Interface

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from zwidth.diagnosis.diagnose import diagnose
-from zwidth.diagnosis.experiment import Experiment, experiment
-from zwidth.diagnosis.gate import examine
+from zwidth.diagnosis.intake.gate import examine
+from zwidth.diagnosis.recording.experiment import Experiment, experiment
 from zwidth.logs.recording import read_recording
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device

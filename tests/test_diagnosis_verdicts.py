@@ -18,19 +18,19 @@ from tests.diagnosis_examples import (
 from zwidth.controllers.excitation import noise
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.answer import second_look as looking
+from zwidth.diagnosis.answer.held_out import held_out
+from zwidth.diagnosis.answer.result import Diagnosis, Verdict
 from zwidth.diagnosis.answer.second_look import on_first_part, second_look
+from zwidth.diagnosis.answer.verdict import Left
 from zwidth.diagnosis.diagnose import diagnose
-from zwidth.diagnosis.experiment import Experiment, Output
-from zwidth.diagnosis.gate import encoder_step_seen, examine
-from zwidth.diagnosis.held_out import held_out
+from zwidth.diagnosis.intake.gate import encoder_step_seen, examine
 from zwidth.diagnosis.mishaps import silent
-from zwidth.diagnosis.parameters import Model
-from zwidth.diagnosis.result import Diagnosis, Verdict
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.diagnosis.selection.effort import NORMAL, QUICK
 from zwidth.diagnosis.selection.hypothesis import judged, settled
 from zwidth.diagnosis.selection.search import Search
 from zwidth.diagnosis.selection.searched import Searched, as_found
-from zwidth.diagnosis.verdict import Left
 from zwidth.diagnosis_report import Commands, save_report, sentence
 from zwidth.sim.device import Device, known
 from zwidth.sim.device_file import device_from_text, device_to_text

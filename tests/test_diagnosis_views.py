@@ -10,17 +10,17 @@ from scipy.stats import multivariate_normal
 from tests.diagnosis_examples import ENCODER_NOISE, FORCE_NOISE, OUTPUTS, phantom, record
 from zwidth.controllers.excitation import noise
 from zwidth.controllers.recorded import recorded
-from zwidth.diagnosis.candidates import Start, candidates
-from zwidth.diagnosis.experiment import Experiment, Output
-from zwidth.diagnosis.fit import Problem
-from zwidth.diagnosis.modes import mode_starts
-from zwidth.diagnosis.parameters import Model
-from zwidth.diagnosis.predictor import SETTLING, Observer, innovations, whitened
-from zwidth.diagnosis.screen import Screened, turned_starts
-from zwidth.diagnosis.settle import prepared_for, refit, settle
-from zwidth.diagnosis.sizes import sizes_of
-from zwidth.diagnosis.spatial import response
-from zwidth.diagnosis.unknown import instead, unknown
+from zwidth.diagnosis.fitting.fit import Problem
+from zwidth.diagnosis.forces.spatial import response
+from zwidth.diagnosis.forces.unknown import instead, unknown
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.predictor import SETTLING, Observer, innovations, whitened
+from zwidth.diagnosis.noise.settle import prepared_for, refit, settle
+from zwidth.diagnosis.recording.experiment import Experiment, Output
+from zwidth.diagnosis.seeking.candidates import Start, candidates
+from zwidth.diagnosis.seeking.modes import mode_starts
+from zwidth.diagnosis.seeking.screen import Screened, turned_starts
+from zwidth.diagnosis.seeking.sizes import sizes_of
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.interface import Interface

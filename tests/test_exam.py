@@ -12,9 +12,8 @@ from click.testing import CliRunner
 
 from tests.physics_examples import phantom
 from zwidth.cli import zwidth
-from zwidth.diagnosis.fit import Problem
-from zwidth.diagnosis.parameters import Model
-from zwidth.diagnosis.reference import reference
+from zwidth.diagnosis.fitting.fit import Problem
+from zwidth.diagnosis.model.parameters import Model
 from zwidth.exam import sitting
 from zwidth.exam.conceal import conceal, make, orders
 from zwidth.exam.drawing import draw
@@ -29,6 +28,7 @@ from zwidth.exam.tally import tally
 from zwidth.exam_page import goals, page
 from zwidth.exam_sections import ratio
 from zwidth.jobs.executor import Local
+from zwidth.planning.reference import reference
 from zwidth.scenarios.concealed.handout import key_file, names, recording_files
 from zwidth.scenarios.concealed.outside import OUTSIDE
 from zwidth.scenarios.concealed.rig import record

@@ -6,12 +6,12 @@ from engine_examples import phantom
 from numpy.typing import NDArray
 
 from zwidth.controllers.recorded import recorded
-from zwidth.diagnosis.experiment import Experiment, Output
-from zwidth.diagnosis.fit import Problem
 from zwidth.diagnosis.fitting.evolve import Generations, evolve
+from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.fitting.landscape import FAR, Landscape
-from zwidth.diagnosis.parameters import Model
-from zwidth.diagnosis.settle import prepared_for, refit
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.settle import prepared_for, refit
+from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.physics import make_physics

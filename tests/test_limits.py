@@ -7,10 +7,12 @@ import pytest
 
 from tests.diagnosis_examples import ENCODER_NOISE, FORCE_NOISE, phantom
 from zwidth.controllers.excitation import noise
-from zwidth.diagnosis.candidates import candidates
-from zwidth.diagnosis.experiment import Experiment
-from zwidth.diagnosis.fit import Problem
-from zwidth.diagnosis.limits import (
+from zwidth.diagnosis.fitting.fit import Problem
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.seeking.candidates import candidates
+from zwidth.diagnosis.seeking.screen import screen
+from zwidth.planning.limits import (
     SHOWN,
     Noise,
     Reference,
@@ -21,9 +23,7 @@ from zwidth.diagnosis.limits import (
     sigma,
     strengthened,
 )
-from zwidth.diagnosis.parameters import Model
-from zwidth.diagnosis.rehearsal import known_observer, rehearse
-from zwidth.diagnosis.screen import screen
+from zwidth.planning.rehearsal import known_observer, rehearse
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
 

@@ -8,11 +8,11 @@ from engine_examples import one_mass
 from numpy.typing import NDArray
 from physics_examples import EVERYWHERE, EXAMPLES, example, five, phantom
 
-from zwidth.diagnosis.experiment import Experiment, Output
-from zwidth.diagnosis.many import Many
-from zwidth.diagnosis.parameters import Model, first_velocity
-from zwidth.diagnosis.predictor import Fineness, observer_memory, padded, substeps_of
-from zwidth.diagnosis.steady import NoObserver
+from zwidth.diagnosis.fitting.many import Many
+from zwidth.diagnosis.model.parameters import Model, first_velocity
+from zwidth.diagnosis.noise.predictor import Fineness, observer_memory, padded, substeps_of
+from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.equations import enough_substeps, frame

@@ -8,17 +8,17 @@ import pytest
 
 from tests.diagnosis_examples import OUTPUTS, phantom, record
 from zwidth.controllers.recorded import recorded
-from zwidth.diagnosis.driven import driven
-from zwidth.diagnosis.experiment import Experiment, Output
-from zwidth.diagnosis.gate import COMMAND, corrected, misread, suspected
-from zwidth.diagnosis.intake import Taken, judged_anew, likeliest, misread_price, readings
-from zwidth.diagnosis.parameters import Model
-from zwidth.diagnosis.rectified import unfolded
+from zwidth.diagnosis.intake.driven import driven
+from zwidth.diagnosis.intake.gate import COMMAND, corrected, misread, suspected
+from zwidth.diagnosis.intake.rectified import unfolded
+from zwidth.diagnosis.intake.take_in import Taken, judged_anew, likeliest, misread_price, readings
+from zwidth.diagnosis.intake.units import nearest_unit, sentence, unit_of
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.diagnosis.selection.hypothesis import judged
 from zwidth.diagnosis.selection.search import Search, search
-from zwidth.diagnosis.steady import NoObserver
-from zwidth.diagnosis.units import nearest_unit, sentence, unit_of
 from zwidth.sim.chain import Chain
 from zwidth.sim.device import Device
 from zwidth.sim.interface import Interface

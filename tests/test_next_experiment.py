@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 
 from tests.diagnosis_examples import phantom
-from zwidth.diagnosis.augmented_boundary import augmented_boundary, critical
-from zwidth.diagnosis.diagnosis_log import diagnosis_trace, missing_force
-from zwidth.diagnosis.excitations import Scale, excitation
-from zwidth.diagnosis.experiment import Experiment, Output
-from zwidth.diagnosis.fit import Problem
-from zwidth.diagnosis.next_experiment import next_experiment
-from zwidth.diagnosis.parameters import Model
-from zwidth.diagnosis.predictor import SETTLING
-from zwidth.diagnosis.rehearsal import Noise, known_observer, noise_of, rehearse
-from zwidth.diagnosis.steady import steady
+from zwidth.diagnosis.answer.augmented_boundary import augmented_boundary, critical
+from zwidth.diagnosis.answer.diagnosis_log import diagnosis_trace, missing_force
+from zwidth.diagnosis.fitting.fit import Problem
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.predictor import SETTLING
+from zwidth.diagnosis.noise.steady import steady
+from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.figures.augmented_boundary import augmented_boundary_figure
 from zwidth.logs.mcap_reader import read_log
 from zwidth.logs.mcap_writer import write_log
+from zwidth.planning.excitations import Scale, excitation
+from zwidth.planning.next_experiment import next_experiment
+from zwidth.planning.rehearsal import Noise, known_observer, noise_of, rehearse
 from zwidth.scenarios.scenario_file import load_scenario
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from test_fitting import drive, play, recording
 
+from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.family import Family, likeliest, noises
-from zwidth.diagnosis.parameters import Model
-from zwidth.diagnosis.settle import prepared_for
-from zwidth.diagnosis.steady import NoObserver
+from zwidth.diagnosis.noise.settle import prepared_for
+from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.sim.physics import make_physics
 
 FRICTION = make_physics("coulomb_friction", "m1", level=0.02)

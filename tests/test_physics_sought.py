@@ -9,8 +9,8 @@ import pytest
 from physics_examples import EVERYWHERE, EXAMPLES, example, phantom
 
 from zwidth.controllers.recorded import recorded
-from zwidth.diagnosis.magnitude import magnitude, strengthened
-from zwidth.diagnosis.parameters import Model
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.seeking.magnitude import magnitude, strengthened
 from zwidth.sim.physics import EFFECTS, RICHER_FORMS, contains, make_physics, richer_at
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.sizes import QUARTER, SMALLEST, Sizes

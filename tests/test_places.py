@@ -9,17 +9,17 @@ from test_population import gain, own_innovations, recorded, start
 
 from zwidth.controllers.excitation import noise
 from zwidth.controllers.recorded import recorded as played
-from zwidth.diagnosis.candidates import candidates
-from zwidth.diagnosis.experiment import Experiment, Output
-from zwidth.diagnosis.limits import SHOWN, limit, sigma
-from zwidth.diagnosis.reference import reference
-from zwidth.diagnosis.rehearsal import Noise
+from zwidth.diagnosis.forces.spatial import response
+from zwidth.diagnosis.noise.settle import refit
+from zwidth.diagnosis.recording.experiment import Experiment, Output
+from zwidth.diagnosis.seeking.candidates import candidates
 from zwidth.diagnosis.seeking.places import open_places
-from zwidth.diagnosis.settle import refit
-from zwidth.diagnosis.spatial import response
-from zwidth.diagnosis.waves import wave_starts
+from zwidth.diagnosis.seeking.waves import wave_starts
 from zwidth.exam.machines import draw_machine
 from zwidth.exam.odds import SHARES, choose, clash, sized
+from zwidth.planning.limits import SHOWN, limit, sigma
+from zwidth.planning.reference import reference
+from zwidth.planning.rehearsal import Noise
 from zwidth.scenarios.concealed.devices import draw_device
 from zwidth.scenarios.concealed.integrator import integrate
 from zwidth.scenarios.concealed.shapes import Motion, places

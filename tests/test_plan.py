@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from zwidth.cli import run
-from zwidth.diagnosis.excitations import (
+from zwidth.planning.excitations import (
     LIBRARY,
     Scale,
     excitation,
@@ -16,10 +16,10 @@ from zwidth.diagnosis.excitations import (
     scale_for,
     travelled,
 )
-from zwidth.diagnosis.limits import SHOWN, sigma
-from zwidth.diagnosis.plan import ALIKE, Plan, better_excitations, nearest_of, plan
-from zwidth.diagnosis.reference import Reference
-from zwidth.diagnosis.rehearsal import Noise, rehearse
+from zwidth.planning.limits import SHOWN, sigma
+from zwidth.planning.plan import ALIKE, Plan, better_excitations, nearest_of, plan
+from zwidth.planning.reference import Reference
+from zwidth.planning.rehearsal import Noise, rehearse
 from zwidth.scenarios.scenario_file import load_scenario
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device

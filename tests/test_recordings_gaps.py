@@ -14,8 +14,8 @@ from pyarrow import parquet
 from recording_examples import EPOCH, recorded, wave
 
 from zwidth.cli import run
-from zwidth.diagnosis.experiment import Experiment, ExperimentError, stretches
-from zwidth.diagnosis.gate import examine
+from zwidth.diagnosis.intake.gate import examine
+from zwidth.diagnosis.recording.experiment import Experiment, ExperimentError, stretches
 from zwidth.logs.cells import column_of
 from zwidth.logs.stretches import without_gaps
 from zwidth.sim.chain import make_chain

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from test_fitting import drive, play, recording
 
 from zwidth.diagnosis.answer.beside import probability, rivals, shares, without
-from zwidth.diagnosis.candidates import Start
-from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.fitting.descend import descend
 from zwidth.diagnosis.fitting.landscape import Landscape
 from zwidth.diagnosis.mishaps import silent
-from zwidth.diagnosis.parameters import Model
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.seeking.candidates import Start
 from zwidth.diagnosis.selection.effort import NORMAL, QUICK, Effort
 from zwidth.diagnosis.selection.evidence import ALPHA
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, gains, judged, settled

@@ -5,8 +5,8 @@ import pytest
 from engine_examples import one_mass, phantom
 from test_lanes import varied
 
-from zwidth.diagnosis.experiment import Experiment, Output
-from zwidth.diagnosis.steady import steady, steady_gains
+from zwidth.diagnosis.noise.steady import steady, steady_gains
+from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.sim.physics import make_physics
 
 LAG = make_physics("actuator_lag", "command", time_constant=4e-4)

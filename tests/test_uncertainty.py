@@ -10,13 +10,13 @@ import pytest
 from tests.diagnosis_examples import phantom, record
 from zwidth.cli import run
 from zwidth.controllers.none import none
+from zwidth.diagnosis.answer.augmented import augmented
 from zwidth.diagnosis.answer.findings import linear
-from zwidth.diagnosis.augmented import augmented
-from zwidth.diagnosis.experiment import Experiment
-from zwidth.diagnosis.fit import Fitted
-from zwidth.diagnosis.parameters import Model, linear_parameters
-from zwidth.diagnosis.settle import settle
-from zwidth.diagnosis.uncertainty import covariance, standard_errors
+from zwidth.diagnosis.fitting.fit import Fitted
+from zwidth.diagnosis.fitting.uncertainty import covariance, standard_errors
+from zwidth.diagnosis.model.parameters import Model, linear_parameters
+from zwidth.diagnosis.noise.settle import settle
+from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.scenarios.scenario import Scenario
 from zwidth.scenarios.scenario_file import scenario_from_text, scenario_to_text
 from zwidth.sim.device import Device, DeviceError

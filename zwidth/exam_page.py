@@ -87,8 +87,8 @@ reading), encoder steps and jitter are drawn. Device files are up to 10 % off in
 were fitted to the recording with the concealed effect in it.
 
 *The limit* is the magnitude that stands five sigma above what a linear refit of this recording
-absorbs (`diagnosis/limits.py`). An effect *stands apart* where the computed separation from every
-rival is at least five sigma (`diagnosis/separation.py`): there it must be named first, at its
+absorbs (`planning/limits.py`). An effect *stands apart* where the computed separation from every
+rival is at least five sigma (`planning/separation.py`): there it must be named first, at its
 place. Elsewhere it must stand in the class that is named: the finding and its rivals within five
 sigma. A rival that merely contains the effect does not count against it. The limit is that of the
 whole recording; a diagnosis fits on 70 % of it, where five sigma are 4.2."""

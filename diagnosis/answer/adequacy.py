@@ -47,10 +47,9 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from zwidth.diagnosis.answer.led import Span, span
-from zwidth.diagnosis.experiment import Experiment
-from zwidth.diagnosis.fit import Fitted
-from zwidth.diagnosis.parameters import Model
-from zwidth.diagnosis.predictor import (
+from zwidth.diagnosis.fitting.fit import Fitted
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.predictor import (
     SETTLING,
     FreeRuns,
     Observer,
@@ -60,6 +59,7 @@ from zwidth.diagnosis.predictor import (
     free_runs,
     innovations,
 )
+from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.evidence import ALPHA, compared
 from zwidth.jobs.parallel import in_parallel, threads
 

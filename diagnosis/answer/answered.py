@@ -5,16 +5,10 @@ from functools import partial
 from typing import Any
 
 from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy
+from zwidth.diagnosis.answer.augmented import all_smooth, augmented
 from zwidth.diagnosis.answer.findings import all_findings, linear, upper_bounds
-from zwidth.diagnosis.answer.second_look import named_only_whole, on_first_part, second_look
-from zwidth.diagnosis.augmented import all_smooth, augmented
-from zwidth.diagnosis.gate import Fault
-from zwidth.diagnosis.held_out import held_out
-from zwidth.diagnosis.intake import Taken
-from zwidth.diagnosis.locate import NOWHERE, locate
-from zwidth.diagnosis.mishaps import Mishaps, Say, attempt, isolated
-from zwidth.diagnosis.parameters import Model
-from zwidth.diagnosis.result import (
+from zwidth.diagnosis.answer.held_out import held_out
+from zwidth.diagnosis.answer.result import (
     UNKNOWN_FIT,
     Diagnosis,
     Estimate,
@@ -22,10 +16,16 @@ from zwidth.diagnosis.result import (
     Residuals,
     Verdict,
 )
+from zwidth.diagnosis.answer.second_look import named_only_whole, on_first_part, second_look
+from zwidth.diagnosis.answer.verdict import Left, instead_of, judged, left_over
+from zwidth.diagnosis.forces.locate import NOWHERE, locate
+from zwidth.diagnosis.forces.unknown import Instead
+from zwidth.diagnosis.intake.gate import Fault
+from zwidth.diagnosis.intake.take_in import Taken
+from zwidth.diagnosis.mishaps import Mishaps, Say, attempt, isolated
+from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.selection.effort import Effort
 from zwidth.diagnosis.selection.searched import Searched, unnamed
-from zwidth.diagnosis.unknown import Instead
-from zwidth.diagnosis.verdict import Left, instead_of, judged, left_over
 from zwidth.sim.device import Device
 
 # Stages without which no verdict stands, and what an error in them takes from it.

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from zwidth.diagnosis.result import Rival
+from zwidth.diagnosis.answer.result import Rival
 from zwidth.diagnosis.selection.evidence import compared, probabilities
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, gains
 from zwidth.diagnosis.selection.search import Search

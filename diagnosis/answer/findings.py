@@ -9,24 +9,24 @@ from scipy.stats import binomtest
 
 from zwidth.diagnosis.answer.beside import probability, rivals, without
 from zwidth.diagnosis.answer.regimes import held
-from zwidth.diagnosis.candidates import candidates
-from zwidth.diagnosis.experiment import Experiment
-from zwidth.diagnosis.fit import Fitted
-from zwidth.diagnosis.gate import ON_LATTICE, Fault
-from zwidth.diagnosis.intake import Taken
-from zwidth.diagnosis.lattice import chances_seen, step_interval
+from zwidth.diagnosis.answer.result import Estimate, Finding, Held, Rival
+from zwidth.diagnosis.fitting.fit import Fitted
+from zwidth.diagnosis.fitting.uncertainty import Z95, inflation, standard_errors
+from zwidth.diagnosis.intake.gate import ON_LATTICE, Fault
+from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.mishaps import attempt, isolated
-from zwidth.diagnosis.parameters import (
+from zwidth.diagnosis.model.parameters import (
     Model,
     effect_labels,
     first_velocity,
     linear_parameters,
     values_of,
 )
-from zwidth.diagnosis.result import Estimate, Finding, Held, Rival
-from zwidth.diagnosis.screen import Complement, screen
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.seeking.candidates import candidates
+from zwidth.diagnosis.seeking.lattice import chances_seen, step_interval
+from zwidth.diagnosis.seeking.screen import Complement, screen
 from zwidth.diagnosis.selection.searched import Searched
-from zwidth.diagnosis.uncertainty import Z95, inflation, standard_errors
 from zwidth.sim.device import Device
 from zwidth.sim.physics.effect import Physics
 

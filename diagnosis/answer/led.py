@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
-from zwidth.diagnosis.experiment import Experiment
-from zwidth.diagnosis.predictor import prepared
+from zwidth.diagnosis.noise.predictor import prepared
+from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.sim.device import Device
 from zwidth.sim.place import masses_and_links
 from zwidth.sim.predict import alone

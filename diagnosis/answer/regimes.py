@@ -25,9 +25,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.experiment import Experiment
-from zwidth.diagnosis.predictor import SETTLING
-from zwidth.diagnosis.result import Held
+from zwidth.diagnosis.answer.result import Held
+from zwidth.diagnosis.noise.predictor import SETTLING
+from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.evidence import ALPHA, compared
 from zwidth.diagnosis.selection.hypothesis import Hypothesis
 

@@ -3,17 +3,17 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from zwidth.diagnosis.experiment import Experiment
-from zwidth.diagnosis.fit import Problem
-from zwidth.diagnosis.gate import Fault
+from zwidth.diagnosis.answer.verdict import Left, instead_of, left_over, matters
+from zwidth.diagnosis.fitting.fit import Problem
+from zwidth.diagnosis.forces.unknown import Instead
+from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.mishaps import Say
-from zwidth.diagnosis.parameters import effect_labels
-from zwidth.diagnosis.predictor import FINAL
+from zwidth.diagnosis.model.parameters import effect_labels
+from zwidth.diagnosis.noise.predictor import FINAL
+from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.effort import Effort
 from zwidth.diagnosis.selection.searched import Searched, searched
-from zwidth.diagnosis.steady import NoObserver
-from zwidth.diagnosis.unknown import Instead
-from zwidth.diagnosis.verdict import Left, instead_of, left_over, matters
 from zwidth.sim.device import Device
 from zwidth.sim.physics import richer_at
 from zwidth.sim.place import label_of, of_label

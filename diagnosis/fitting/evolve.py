@@ -25,11 +25,11 @@ import cma
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.experiment import Experiment
 from zwidth.diagnosis.fitting.landscape import Landscape
-from zwidth.diagnosis.parameters import Model
-from zwidth.diagnosis.settle import prepared_for
-from zwidth.diagnosis.steady import NoObserver
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.settle import prepared_for
+from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.recording.experiment import Experiment
 
 Floats = NDArray[np.float64]
 WALL = 10.0  # cost of a unit of x squared beyond a bound: far above noise, far below physics

@@ -12,11 +12,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.experiment import Experiment
-from zwidth.diagnosis.fit import Problem
-from zwidth.diagnosis.many import Many
-from zwidth.diagnosis.parameters import Model
-from zwidth.diagnosis.predictor import SETTLING, Fineness, Observer
+from zwidth.diagnosis.fitting.fit import Problem
+from zwidth.diagnosis.fitting.many import Many
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.predictor import SETTLING, Fineness, Observer
+from zwidth.diagnosis.recording.experiment import Experiment
 
 Floats = NDArray[np.float64]
 # What costs are compared in while a search is far from its end. Of play beside friction, 2 substeps

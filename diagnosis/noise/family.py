@@ -16,10 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.experiment import Experiment
-from zwidth.diagnosis.fit import Problem
-from zwidth.diagnosis.parameters import Model
-from zwidth.diagnosis.predictor import (
+from zwidth.diagnosis.fitting.fit import Problem
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.predictor import (
     BEGINNING,
     SEARCHING,
     SETTLING,
@@ -31,7 +30,8 @@ from zwidth.diagnosis.predictor import (
     substeps_of,
     whitened,
 )
-from zwidth.diagnosis.steady import NoObserver, steady_gains
+from zwidth.diagnosis.noise.steady import NoObserver, steady_gains
+from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import Device
 from zwidth.sim.members import alike

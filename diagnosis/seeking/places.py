@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from zwidth.diagnosis.candidates import Start
-from zwidth.diagnosis.magnitude import within_bounds
+from zwidth.diagnosis.seeking.candidates import Start
+from zwidth.diagnosis.seeking.magnitude import within_bounds
 from zwidth.sim.device import Device, has_room, known
 from zwidth.sim.physics import EFFECTS
 from zwidth.sim.physics.effect import Effect, Physics

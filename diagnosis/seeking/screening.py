@@ -20,15 +20,15 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.candidates import Start
-from zwidth.diagnosis.fit import Fitted, Problem
 from zwidth.diagnosis.fitting.descend import CREASED, SMOOTH, slopes_at
+from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.fitting.landscape import FAR, Landscape
 from zwidth.diagnosis.mishaps import isolated
-from zwidth.diagnosis.modes import mode_starts
-from zwidth.diagnosis.parameters import Model
-from zwidth.diagnosis.screen import Complement, Screened, turned_starts
-from zwidth.diagnosis.waves import wave_starts
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.seeking.candidates import Start
+from zwidth.diagnosis.seeking.modes import mode_starts
+from zwidth.diagnosis.seeking.screen import Complement, Screened, turned_starts
+from zwidth.diagnosis.seeking.waves import wave_starts
 from zwidth.jobs.parallel import in_parallel, threads
 
 Floats = NDArray[np.float64]

@@ -8,13 +8,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.experiment import Experiment
-from zwidth.diagnosis.fit import Fitted, Problem
 from zwidth.diagnosis.fitting.descend import CREASED, SHARE, SMOOTH, descend, slopes_at
+from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.fitting.landscape import FAR, Landscape
+from zwidth.diagnosis.model.parameters import Model, effect_labels
 from zwidth.diagnosis.noise.family import NEXT_SAMPLE, Family, Noise, likeliest
-from zwidth.diagnosis.parameters import Model, effect_labels
-from zwidth.diagnosis.predictor import SEARCHING, Fineness
+from zwidth.diagnosis.noise.predictor import SEARCHING, Fineness
+from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.evidence import Cost, cost
 from zwidth.sim.physics.sizes import SMALLEST
 

@@ -7,22 +7,22 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.candidates import Start
-from zwidth.diagnosis.experiment import Experiment, beginnings
-from zwidth.diagnosis.fit import Problem
 from zwidth.diagnosis.fitting.descend import descend
+from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.fitting.landscape import FAR, Landscape
-from zwidth.diagnosis.lattice import stepped_trials
+from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.family import Family
-from zwidth.diagnosis.parameters import Model
-from zwidth.diagnosis.screen import Screened
+from zwidth.diagnosis.noise.settle import prepared_for
+from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.recording.experiment import Experiment, beginnings
+from zwidth.diagnosis.seeking.candidates import Start
+from zwidth.diagnosis.seeking.lattice import stepped_trials
 from zwidth.diagnosis.seeking.places import open_places, starts_at
+from zwidth.diagnosis.seeking.screen import Screened
 from zwidth.diagnosis.seeking.screening import View, screened, shown_starts, view
+from zwidth.diagnosis.seeking.sizes import sizes_of
 from zwidth.diagnosis.selection.effort import Effort
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, Prices, judged
-from zwidth.diagnosis.settle import prepared_for
-from zwidth.diagnosis.sizes import sizes_of
-from zwidth.diagnosis.steady import NoObserver
 from zwidth.sim.device import place_label
 from zwidth.sim.physics import richer_at
 from zwidth.sim.physics.effect import Physics

@@ -18,11 +18,12 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.experiment import Experiment, beginnings
 from zwidth.diagnosis.fitting.evolve import Generations, evolve
 from zwidth.diagnosis.mishaps import Say, attempt, isolated, silent
+from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.family import NEXT_SAMPLE, Family
-from zwidth.diagnosis.parameters import Model
+from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.recording.experiment import Experiment, beginnings
 from zwidth.diagnosis.selection.effort import NORMAL, Effort
 from zwidth.diagnosis.selection.evidence import believed, compared
 from zwidth.diagnosis.selection.hypothesis import (
@@ -42,7 +43,6 @@ from zwidth.diagnosis.selection.moves import (
     split,
     stepped,
 )
-from zwidth.diagnosis.steady import NoObserver
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import Device
 

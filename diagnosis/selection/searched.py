@@ -16,17 +16,17 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy, freer
-from zwidth.diagnosis.experiment import Experiment
-from zwidth.diagnosis.fit import Fitted, Problem
+from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.mishaps import Say, attempt
+from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.family import as_far_as
-from zwidth.diagnosis.parameters import Model
-from zwidth.diagnosis.predictor import FINAL, Observer
+from zwidth.diagnosis.noise.predictor import FINAL, Observer
+from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.effort import NORMAL, Effort
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
 from zwidth.diagnosis.selection.moves import added
 from zwidth.diagnosis.selection.search import Moves, Search, search
-from zwidth.diagnosis.steady import NoObserver
 from zwidth.sim.device import Device
 
 FAR_S = 0.05  # that errors are counted over where the next sample is no judge

@@ -34,7 +34,7 @@ NAMES = (
     "rectified_sensor",
 )
 
-# Laws of no library: no device file names them, the diagnosis asks with them (`diagnosis.probes`).
+# Laws of no library: no device file names them, the diagnosis asks with them (`forces.probes`).
 PROBE_NAMES = ("power_drag", "one_sided_spring", "periodic_force")
 
 

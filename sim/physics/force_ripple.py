@@ -29,7 +29,7 @@ from zwidth.sim.place import LINKS, MASSES, Place
 def _starts(z: Sizes, _: Place) -> Iterator[Scaled]:
     """A start must lie within a fraction of a wave over all travel.
 
-    The residual's own spectrum (`zwidth.diagnosis.waves`) shows the shorter ones.
+    The residual's own spectrum (`zwidth.diagnosis.seeking.waves`) shows the shorter ones.
     """
     for period in np.geomspace(z.span / 9.0, z.span / 1.8, 7).tolist():
         for phase in (0.0, QUARTER):

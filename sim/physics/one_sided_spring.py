@@ -1,7 +1,7 @@
 """Spring that is met on one side only: f = -stiffness (q - place) where side (q - place) > 0.
 
 No effect of the library: a stop, soft or hard, which a recording meets at its ends. The diagnosis
-asks with it whether what was named a bent spring is one (`diagnosis/probes.py`). side: 1 or -1.
+asks with it whether what was named a bent spring is one (`forces/probes.py`). side: 1 or -1.
 """
 
 from zwidth.sim.jit import part

@@ -5,7 +5,7 @@
 in a link over the position of its first mass, as `force_ripple`.
 
 No effect of the library, which has the first harmonic alone: the diagnosis asks with it whether
-what was named `force_ripple` is one of more (`diagnosis/probes.py`), as a magnet's detent or the
+what was named `force_ripple` is one of more (`forces/probes.py`), as a magnet's detent or the
 cogging of slots and poles is.
 """
 

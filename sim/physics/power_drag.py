@@ -1,7 +1,7 @@
 """Drag that grows with a power of speed: f = -level sign(v) |v / speed|^power.
 
 No effect of the library, which has the square alone: the diagnosis asks with it whether what was
-named `quadratic_drag` is drag by another power (`diagnosis/probes.py`). speed says at which
+named `quadratic_drag` is drag by another power (`diagnosis/forces/probes.py`). speed says at which
 speed the level holds, and is not free beside level and power. Below a power of one the slope at
 v = 0 has no bound, and no substep would do.
 """

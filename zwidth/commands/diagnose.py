@@ -15,13 +15,12 @@ import click
 import numpy as np
 
 from zwidth.console import Column, Console
-from zwidth.diagnosis.answer.separating import separating
-from zwidth.diagnosis.augmented_boundary import AugmentedBoundary, augmented_boundary
+from zwidth.diagnosis.answer.augmented_boundary import AugmentedBoundary, augmented_boundary
+from zwidth.diagnosis.answer.diagnosis_log import diagnosis_trace
+from zwidth.diagnosis.answer.result import Diagnosis, NotDiagnosed
 from zwidth.diagnosis.diagnose import diagnose
-from zwidth.diagnosis.diagnosis_log import diagnosis_trace
-from zwidth.diagnosis.experiment import Experiment, stretches
 from zwidth.diagnosis.mishaps import Mishaps, attempt, collecting, isolated
-from zwidth.diagnosis.result import Diagnosis, NotDiagnosed
+from zwidth.diagnosis.recording.experiment import Experiment, stretches
 from zwidth.diagnosis.selection.effort import EFFORTS
 from zwidth.diagnosis_report import (
     INTERRUPTED,
@@ -40,6 +39,7 @@ from zwidth.files.whole import write_text
 from zwidth.logs.mcap_writer import write_log
 from zwidth.logs.recording import load_log, read_recording
 from zwidth.options import force_option, json_option, out_option
+from zwidth.planning.separating import separating
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import device_to_text, load_device
 

@@ -13,16 +13,16 @@ from numpy.typing import NDArray
 from zwidth.compiling import announce
 from zwidth.console import Advance, Column, Console, progress
 from zwidth.controllers.recorded import recorded
-from zwidth.diagnosis.excitations import LIBRARY, Scale, excitation, save_scenario, scale_for
-from zwidth.diagnosis.experiment import SHORTEST
-from zwidth.diagnosis.limits import SHOWN
-from zwidth.diagnosis.plan import ALIKE, Plan, Visible, better_excitations, plan
-from zwidth.diagnosis.rehearsal import Noise, rehearse
-from zwidth.diagnosis.steady import NoObserver
+from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.recording.experiment import SHORTEST
 from zwidth.figures.names import picture_files
 from zwidth.figures.plan import named, plan_figure
 from zwidth.figures.style import save_figure
 from zwidth.options import Quantity, force_option, json_option, out_option
+from zwidth.planning.excitations import LIBRARY, Scale, excitation, save_scenario, scale_for
+from zwidth.planning.limits import SHOWN
+from zwidth.planning.plan import ALIKE, Plan, Visible, better_excitations, plan
+from zwidth.planning.rehearsal import Noise, rehearse
 from zwidth.scenarios.scenario_file import load_scenario
 from zwidth.sim.device import Device, warnings_of
 from zwidth.sim.device_file import load_device

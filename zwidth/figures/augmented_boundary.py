@@ -7,7 +7,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from zwidth.diagnosis.augmented_boundary import AugmentedBoundary, critical
+from zwidth.diagnosis.answer.augmented_boundary import AugmentedBoundary, critical
 from zwidth.figures.style import STYLE
 from zwidth.stability.bisection import Bracket
 

@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.signal import welch
 
-from zwidth.diagnosis.locate import Located
-from zwidth.diagnosis.result import Residuals
+from zwidth.diagnosis.answer.result import Residuals
+from zwidth.diagnosis.forces.locate import Located
 from zwidth.figures.style import STYLE
 
 Floats = NDArray[np.float64]

@@ -6,9 +6,9 @@ from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 
-from zwidth.diagnosis.limits import SHOWN
-from zwidth.diagnosis.plan import ALIKE, Plan, Visible
 from zwidth.figures.style import STYLE
+from zwidth.planning.limits import SHOWN
+from zwidth.planning.plan import ALIKE, Plan, Visible
 
 DOT = "#004488"
 # Distance in sigma, from alike (dark) to apart (white): grey levels tell it in print too.

@@ -1,0 +1,63 @@
+"""The fit on data that nothing was fitted to: one step ahead, and free runs over windows."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.diagnosis.answer.result import HeldOut
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.predictor import (
+    SETTLING,
+    begun,
+    deviation,
+    free_run_errors,
+    innovations,
+    window,
+)
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.selection.searched import Searched
+from zwidth.sim.device import Device
+
+Floats = NDArray[np.float64]
+
+
+def held_out(
+    device: Device, found: Searched, judge_by: Sequence[Experiment]
+) -> tuple[HeldOut, HeldOut]:
+    """Return (one step, free run) of the device before, refitted and augmented; opens the data.
+
+    Errors of the first output over its own variation; free runs start from the observer's state.
+    """
+    gain = found.judge.gain
+    nominal = Model(device)
+    models = [
+        (nominal, np.zeros(nominal.linear_count)),
+        (found.refit.model, found.refit.x),
+        (found.final.model, found.final.x),
+    ]
+    step = [e.measured[SETTLING:, 0] - e.measured[SETTLING:, 0].mean() for e in judge_by]
+    swing = _rms(step)
+    one: list[float] = []
+    free: list[float] = []
+    windows = swing
+    for model, x in models:
+        built = model.acting(x)
+        # Each begins where it fits best: an observer that trusts its model forgets slowly.
+        scaled = [begun(built, model.seen(e, x), found.judge) for e in judge_by]
+        one.append(_rms([innovations(built, e, gain)[SETTLING:, 0] for e in scaled]) / swing)
+        runs = [free_run_errors(built, e, gain, window(e)) for e in scaled]
+        windows = _rms([signal[:, 0] for _, signal in runs])
+        free.append(_rms([error[:, 0] for error, _ in runs]) / windows)
+    model, x = models[-1]
+    fitted_on = [model.seen(e, x) for e in found.problem.experiments]
+    noise = float(deviation(model.acting(x), fitted_on, gain)[0])
+    return (
+        HeldOut(one[0], one[1], one[2], noise / swing),
+        HeldOut(free[0], free[1], free[2], noise / windows),
+    )
+
+
+def _rms(parts: Sequence[Floats]) -> float:
+    joined = np.concatenate(parts)
+    return float(np.sqrt(np.mean(joined**2))) if joined.size else float("nan")

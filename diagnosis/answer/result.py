@@ -1,0 +1,233 @@
+"""What a diagnosis says, as values and as the JSON of `zwidth diagnose` (see docs/diagnosis.md)."""
+
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.diagnosis.answer.adequacy import Adequacy
+from zwidth.diagnosis.forces.locate import NOWHERE, Located
+from zwidth.diagnosis.intake.gate import Fault
+from zwidth.diagnosis.mishaps import Mishap
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.selection.searched import Searched
+from zwidth.planning.next_experiment import NextExperiment
+from zwidth.sim.device import Device
+from zwidth.sim.physics import contains
+from zwidth.sim.place import place_at
+
+Floats = NDArray[np.float64]
+NEAR = 5.0  # sigma within which a rival cannot be told apart
+
+
+class Verdict(Enum):
+    """The first line of a diagnosis; the value is the word in the JSON."""
+
+    NOTHING_MISSING = "nothing_missing"
+    IDENTIFIED = "identified"
+    CONFUSABLE = "confusable"
+    UNKNOWN_PHYSICS = "unknown_physics"
+    LINEAR_PARAMETERS = "linear_parameters"
+    RECORDING_FAULT = "recording_fault"
+    UNDECIDED = "undecided"
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A value with its 95 % interval."""
+
+    value: float
+    lower: float
+    upper: float
+    unit: str = ""
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        return {"value": self.value, "unit": self.unit, "ci95": [self.lower, self.upper]}
+
+
+@dataclass(frozen=True)
+class Rival:
+    """Another effect that could be meant: how many sigma worse it explains the recording."""
+
+    effect: str
+    at: str
+    separation_sigma: float
+    probability: float | None = None
+
+
+@dataclass(frozen=True)
+class Held:
+    """How an effect does in a regime that had no part in the fit (`answer.regimes`).
+
+    other: where the fit was made. sigma: over doing without it; fails: whether doing without it is
+    believed there.
+    """
+
+    regime: str
+    other: str
+    sigma: float
+    fails: bool
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One effect found. separation_sigma: from doing without it. rivals: nearest first.
+
+    probability: that the device has it, among all hypotheses that were fitted; None where it was
+    seen in the recording itself. regimes: how it does where it was not fitted.
+    """
+
+    effect: str
+    at: str
+    parameters: dict[str, Estimate]
+    separation_sigma: float
+    rivals: tuple[Rival, ...]
+    probability: float | None = None
+    regimes: tuple[Held, ...] = ()
+
+    @property
+    def confusable_with(self) -> tuple[Rival, ...]:
+        """The rivals within five sigma that do not merely contain this effect."""
+        own = self.effect, place_at(self.at)
+        return tuple(
+            r
+            for r in self.rivals
+            if r.separation_sigma < NEAR and not contains(r.effect, place_at(r.at), *own)
+        )
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """rms error over rms of the signal on data not fitted to; noise_floor: what must remain."""
+
+    before: float
+    refit: float
+    after: float
+    noise_floor: float
+
+    def as_json(self) -> dict[str, float]:
+        """Return the JSON form."""
+        return dict(vars(self))
+
+
+UNKNOWN_FIT = HeldOut(np.nan, np.nan, np.nan, np.nan)
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Innovations in units of their noise, (ticks, outputs), refitted and with what was found."""
+
+    period: float
+    before: Floats
+    after: Floats
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The whole answer. device: augmented by what was found, with refitted linear parameters.
+
+    searched: the way there; experiments: the recordings whole, as they were taken. errors: what
+    failed and cost no more than itself; left_out: the recordings, by their place, that this cost.
+    """
+
+    verdict: Verdict
+    sentence: str
+    findings: tuple[Finding, ...]
+    linear_refit: dict[str, tuple[float, Estimate]]
+    located: Located
+    one_step: HeldOut
+    free_run: HeldOut
+    upper_bounds: dict[str, dict[str, float]]
+    faults: tuple[Fault, ...]
+    device: Device
+    residuals: Residuals
+    searched: Searched
+    experiments: tuple[Experiment, ...]
+    interrupted: bool = False
+    facts: dict[str, Any] = field(default_factory=dict[str, Any])
+    next_experiment: NextExperiment | None = None
+    errors: tuple[Mishap, ...] = ()
+    left_out: tuple[int, ...] = ()
+    adequacy: Adequacy | None = None
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the JSON of `zwidth diagnose`."""
+        where = {
+            "sentence": self.located.sentence,
+            "time": self.located.time,
+            "frequency_hz": self.located.frequency_hz,
+            "state": self.located.state,
+            "entry": self.located.entry,
+        }
+        one, free = self.one_step.as_json(), self.free_run.as_json()
+        return {
+            "verdict": self.verdict.value,
+            "sentence": self.sentence,
+            "findings": [
+                {
+                    "effect": f.effect,
+                    "at": f.at,
+                    "parameters": {k: v.as_json() for k, v in f.parameters.items()},
+                    "separation_sigma": f.separation_sigma,
+                    "probability": f.probability,
+                    "rivals": [vars(r) for r in f.rivals],
+                    "regimes": [vars(h) for h in f.regimes],
+                }
+                for f in self.findings
+            ],
+            "linear_refit": {
+                k: {"nominal": nominal, **e.as_json()}
+                for k, (nominal, e) in self.linear_refit.items()
+            },
+            "where": where,
+            "fit": {"held_out": one, "one_step": one, "free_run": free},
+            "adequacy": self.adequacy and self.adequacy.as_json(),
+            "upper_bounds": self.upper_bounds,
+            "faults": [vars(f) for f in self.faults],
+            "next_experiment": self.next_experiment and self.next_experiment.as_json(),
+            "interrupted": self.interrupted,
+            "facts": self.facts,
+            "errors": [m.as_json() for m in self.errors],
+        }
+
+
+@dataclass(frozen=True)
+class Unanswered:
+    """What there is to say where an error leaves no diagnosis: faults of recordings, and errors."""
+
+    sentence: str
+    faults: tuple[Fault, ...]
+    errors: tuple[Mishap, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the JSON of `zwidth diagnose`, with nothing where nothing is known."""
+        nothing: list[Any] = []
+        return {
+            "verdict": Verdict.UNDECIDED.value,
+            "sentence": self.sentence,
+            "findings": nothing,
+            "linear_refit": {},
+            "where": {
+                "sentence": NOWHERE.sentence,
+                "time": nothing, "frequency_hz": nothing, "state": nothing, "entry": nothing,
+            },
+            "fit": {name: UNKNOWN_FIT.as_json() for name in ("held_out", "one_step", "free_run")},
+            "adequacy": None,
+            "upper_bounds": {},
+            "faults": [vars(f) for f in self.faults],
+            "next_experiment": None,
+            "interrupted": False,
+            "facts": {},
+            "errors": [m.as_json() for m in self.errors],
+        }  # fmt: skip
+
+
+class NotDiagnosed(Exception):
+    """An error that leaves nothing to conclude; `unanswered` holds what there was before it."""
+
+    def __init__(self, unanswered: Unanswered) -> None:
+        super().__init__(unanswered.sentence)
+        self.unanswered = unanswered

@@ -1,0 +1,166 @@
+"""What a diagnosis says in the end: what the final model leaves, and the verdict in a sentence."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from zwidth.diagnosis.answer.adequacy import Adequacy
+from zwidth.diagnosis.answer.result import Estimate, Finding, Held, Verdict
+from zwidth.diagnosis.fitting.uncertainty import Z95, inflation
+from zwidth.diagnosis.forces.leftover import leftover
+from zwidth.diagnosis.forces.locate import locate
+from zwidth.diagnosis.forces.probes import instead_by_law
+from zwidth.diagnosis.forces.unknown import TOUCHED, Instead, instead, unknown
+from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.selection.searched import Searched
+
+SHIFTED = 5.0  # sigma by which a linear parameter must differ to be a finding
+MAPPED = 60.0  # chi-square that a map of the missing force over one state must gain
+FREE_FORCE = 60.0  # -2 log likelihood that a force of free shape must gain besides its unknowns
+UNEXPLAINED = 0.01  # share of the chi-square explained that may be left under a verdict by name
+COLOURED = 0.05  # the same where the observer was asked for, and chi-square is no statistic
+LISTED = 4  # rivals in the verdict's sentence, the nearest; the others stand in the report
+
+
+@dataclass(frozen=True)
+class Left:
+    """What the final model leaves: chi-square that an unknown force would gain, 0 for chance.
+
+    whole: in all that was recorded, and not where it was fitted.
+    """
+
+    gained: float
+    sentence: str
+    whole: bool = False
+
+
+def left_over(found: Searched, acted: Sequence[Experiment]) -> Left:
+    """Hold the final residual against forces that follow one state, and that repeat or sway.
+
+    Then all that was recorded, held-out data too, against forces of free shape under observers that
+    hide none: nothing of that is kept, and a stop may first be hit in what was held out.
+    """
+    wide = inflation(found.final.white)
+    located = locate(found.problem, found.final)
+    followed = [m for m in located.maps if m.against != "time" or m.gained > TOUCHED * wide]
+    top = max(followed, key=lambda m: m.gained, default=None)
+    line = leftover(found.problem, found.final)
+    rotary = found.final.model.nominal.rotary
+    if line.gained > max(line.chance * wide, 0.0 if top is None else top.gained):
+        return Left(line.gained, line.sentence(rotary))
+    if top is not None and top.gained > MAPPED * wide:
+        return Left(top.gained, located.sentence)
+    try:
+        free = unknown(acted, found.final)
+    except NoObserver:  # no observer follows what was held out
+        return Left(0.0, "")
+    if free is not None and free.gained > FREE_FORCE * wide + 1.5 * free.unknowns:
+        return Left(free.gained, free.sentence, True)
+    return Left(0.0, "")
+
+
+def instead_of(found: Searched) -> Instead | None:
+    """Return a force of no library that explains more than one of the effects, or all of them."""
+    if found.problem.observer.whitening is None:  # free runs judged, and likelihood is no judge
+        return None
+    final, effects = found.final, found.final.model.effects
+    experiments = found.problem.experiments
+    names = [f"{p.effect.name} at {p.at}" for p in effects]
+    models = [(name, found.problem.fit_without(final, i)) for i, name in enumerate(names)]
+    if len(effects) > 1:
+        models.append((" and ".join(names), found.refit))
+    asked = [
+        instead(found.problem, final, without, experiments, name)
+        for name, without in models
+        if without.x.size < final.x.size
+    ]
+    asked.append(instead_by_law(found.problem, final))
+    return max((a for a in asked if a is not None), key=lambda a: a.gained, default=None)
+
+
+def matters(found: Searched, left: Left, named: bool) -> bool:
+    """Whether what is left is too much for a verdict by name, or there is no name."""
+    explained = max(found.refit.chi2 - found.final.chi2, 1.0)
+    share = COLOURED if found.problem.observer.whitening is None else UNEXPLAINED
+    return left.gained > 0.0 and (not named or left.gained > share * explained)
+
+
+def judged(
+    found: Searched,
+    findings: tuple[Finding, ...],
+    refit: dict[str, tuple[float, Estimate]],
+    left: Left,
+    other: Instead | None,
+    sound: Adequacy | None = None,
+) -> tuple[Verdict, str]:
+    """Return the verdict and its sentence.
+
+    refit: name -> (nominal, estimate) of the linear parameters; other: physics of no library in the
+    place of what was found, if any; sound: what held-out data say.
+    """
+    if other is not None:
+        return Verdict.UNKNOWN_PHYSICS, (
+            f"something is missing that no effect of the library explains: {other.sentence}"
+        )
+    if matters(found, left, bool(findings)):
+        beyond = f" beyond {' and '.join(f.effect for f in findings)}" if findings else ""
+        return Verdict.UNKNOWN_PHYSICS, (
+            f"something is missing{beyond} that no effect of the library explains: {left.sentence}"
+        )
+    if findings and sound is not None and not sound.sound:
+        return Verdict.UNKNOWN_PHYSICS, not_adequate(findings, sound)
+    odd = next(((f, h) for f in findings for h in f.regimes if h.fails), None)
+    if odd is not None:
+        return Verdict.UNKNOWN_PHYSICS, not_everywhere(findings, *odd)
+    if findings:
+        names = " and ".join(f"{f.effect} at {f.at}" for f in findings)
+        many = len(findings) > 1
+        confused = [f for f in findings if f.confusable_with]
+        if confused:
+            near = [f"{r.effect} at {r.at}" for r in confused[0].confusable_with]
+            others = ", ".join(near[:LISTED])
+            others += f" and {len(near) - LISTED} more" if len(near) > LISTED else ""
+            return Verdict.CONFUSABLE, (
+                f"{names} explain{'' if many else 's'} what is missing, and this recording cannot"
+                f" tell {confused[0].effect} at {confused[0].at} from {others}"
+            )
+        return Verdict.IDENTIFIED, f"{names} {'are' if many else 'is'} missing from the simulation"
+    moved = [
+        name
+        for name, (nominal, e) in refit.items()
+        if abs(e.value - nominal) > SHIFTED / Z95 * 0.5 * (e.upper - e.lower) and name != "jitter"
+    ]
+    if moved:
+        return Verdict.LINEAR_PARAMETERS, (
+            f"no physics is missing, but {', '.join(moved)} differ from the device file"
+        )
+    return Verdict.NOTHING_MISSING, "nothing is missing that this recording could show"
+
+
+def not_everywhere(findings: tuple[Finding, ...], odd: Finding, where: Held) -> str:
+    """Say of a name that holds in one regime only where it does not, and what to record."""
+    names = " and ".join(f"{f.effect} at {f.at}" for f in findings)
+    return (
+        f"something is missing beyond {names}: {odd.effect} at {odd.at} as fitted {where.other}"
+        f" makes what was recorded {where.regime} less likely than doing without it; record more"
+        f" {where.regime}"
+    )
+
+
+def not_adequate(findings: tuple[Finding, ...], sound: Adequacy) -> str:
+    """Say of names that do not hold on held-out data how far they go."""
+    names = " and ".join(f"{f.effect} at {f.at}" for f in findings)
+    worst = max(sound.ahead, key=lambda a: a.error / a.most)
+    if worst.error <= worst.most:
+        led = max(sound.ahead, key=lambda a: a.led - a.most_led)
+        return (
+            f"something is missing beyond {names}: forces that follow the motion would explain"
+            f" {100.0 * led.led:.0f} % of the square of what free runs over {led.horizon:g} s err"
+            f" on held-out data, noise {100.0 * led.most_led:.0f} % at most; the names explain"
+            f" {100.0 * sound.explained:.0f} % of the square error"
+        )
+    return (
+        f"something is missing beyond {names}: over {worst.horizon:g} s free runs on held-out data"
+        f" err {worst.error / worst.expected:.3g} times as far as its own noise would make them;"
+        f" the names explain {100.0 * sound.explained:.0f} % of the square error"
+    )

@@ -1,0 +1,147 @@
+"""One model at many x, side by side: their innovations on a recording.
+
+A fit asks for its slopes, a population for its costs: the same structure with other numbers, which
+the lanes of the kernel run together (`sim/population.py`). Members that have lost an effect (an
+extra mass of nothing) or take other substeps are of another kind, and run with their own.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.diagnosis.model.parameters import Model, first_velocity
+from zwidth.diagnosis.noise.predictor import (
+    MOST_SUBSTEPS,
+    Fineness,
+    first_motion,
+    observer_memories,
+    padded,
+    substeps_for,
+)
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.jobs.parallel import in_parallel, threads
+from zwidth.sim.device import Device
+from zwidth.sim.members import together
+from zwidth.sim.population import Followed, Population, Readings, Recorded
+
+Floats = NDArray[np.float64]
+BEGINNING = 32  # samples that say where a run begins
+
+
+class Many:
+    """A model at several x: prepared once, to follow one recording after the other.
+
+    least: substeps a tick that all take at least, as `predictor.prepared` has it. A member that
+    moves too fast to be followed has infinite innovations. Raises ValueError as `Model.acting`.
+    """
+
+    def __init__(
+        self, model: Model, xs: Sequence[Floats], fineness: Fineness, least: int = 1
+    ) -> None:
+        self.model, self.size = model, len(xs)
+        self.xs = np.stack(xs) if len(xs) else np.zeros((0, len(model.parameters)))
+        self.kinds: list[_Kind] = []
+        if not self.size:
+            return
+        everyone = model.members(self.xs)
+        everyone.check()
+        for which in everyone.kinds():
+            alike = everyone.taken(which)
+            needed = alike.enough_substeps()
+            for some in together(needed):
+                steps = int(needed[some[0]])
+                if steps <= MOST_SUBSTEPS:
+                    few, many = substeps_for(alike.physics, fineness, max(least, steps))
+                    members = alike.taken(some)
+                    population = Population(members, few, many)
+                    self.kinds.append(_Kind(which[some], population, members.first))
+
+    def innovations(self, experiment: Experiment, gain: Floats) -> Floats:
+        """Return innovations (x, ticks, o) under an observer's gain (states, o).
+
+        experiment.start: of all, or (x, 2n) where each begins with its own.
+        """
+        found = np.full((self.size, *experiment.measured.shape), np.inf)
+        for which, followed in self._followed(experiment, gain, keep=True):
+            found[which] = followed.innovations
+        return found
+
+    def moments(self, experiment: Experiment, gain: Floats, filters: Floats, skip: int) -> Floats:
+        """Return the sums of w w' (x, o, o), w the filtered innovations after the first `skip`.
+
+        Infinite where a member cannot be followed; nothing of the recording's length is kept.
+        """
+        o = len(experiment.outputs)
+        found = np.full((self.size, o, o), np.inf)
+        for which, followed in self._followed(experiment, gain, filters, skip):
+            found[which] = followed.moments
+        return found
+
+    def _followed(
+        self,
+        experiment: Experiment,
+        gain: Floats,
+        filters: Floats | None = None,
+        skip: int = 0,
+        keep: bool = False,
+    ) -> Iterator[tuple[NDArray[np.int64], Followed]]:
+        plain = self.model.plain(experiment)
+        still = np.array([o.quantity == "position" for o in experiment.outputs], dtype=np.float64)
+        place = first_velocity(experiment)
+        first = self.model.plain(experiment.part(0, min(BEGINNING, experiment.ticks)))
+        change = None if place is None else self.model.arriving_change(first)
+        gains, at, jitter = self.model.reads_each(self.xs)
+        origins = at[:, None] * experiment.swing * still
+        jitters = np.zeros((self.size, still.size))
+        if place is not None:
+            jitters[:, place] = jitter
+        period = self.model.nominal.interface.period
+        for which, population, device in self.kinds:
+            motions = np.array([
+                _first_motion(first, period, origins[i], place, float(jitter[i]), change)
+                for i in which
+            ])  # fmt: skip
+            starts = experiment.start
+            own = starts if starts is None or starts.ndim == 1 else starts[which]
+            force = experiment.force
+            if force is not None:
+                force = np.pad(force, ((0, 0), (0, population.dof - force.shape[1])))
+            recorded = Recorded(
+                plain.command, plain.measured, experiment.places(population.dof), force,
+                None if place is None else self.model.arriving_change(plain),
+            )  # fmt: skip
+            readings = Readings(
+                padded(gain, device, population), gains[which], origins[which], jitters[which]
+            )
+            yield which, population.follow(
+                recorded, observer_memories(population, motions, own), readings, filters, skip,
+                keep, run_all=lambda tasks: in_parallel(tasks, threads()),
+            )  # fmt: skip
+
+
+class _Kind(NamedTuple):
+    """Members with the same states and substeps: which, ready to follow, and the first of them."""
+
+    which: NDArray[np.int64]
+    population: Population
+    device: Device
+
+
+def _first_motion(
+    first: Experiment,
+    period: float,
+    origin: Floats,
+    place: int | None,
+    jitter: float,
+    change: Floats | None,
+) -> tuple[float, float]:
+    """Return the motion at the first sample as a member reads it, see `Model.seen`."""
+    measured = first.measured
+    if origin.any():
+        measured = measured - origin
+    if place is not None and jitter != 0.0 and change is not None:
+        measured = measured.copy()
+        measured[:, place] -= jitter * change
+    return first_motion(first.outputs, measured, period)

@@ -1,0 +1,74 @@
+"""How sure a fit is where its residual is not white."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import welch
+
+from zwidth.diagnosis.fitting.fit import Fitted
+
+Floats = NDArray[np.float64]
+DEAD = 1e-9  # of the largest slope
+BAND = 64  # samples a segment
+Z95 = 1.959963984540054
+
+
+def standard_errors(fitted: Fitted) -> Floats:
+    """Return the standard errors of x, (p,): of all but the command's scale as if it were known.
+
+    Motion cannot tell that scale from masses, springs, dampers and forces all at once, so where it
+    is free its own uncertainty would stand in every other interval. It has its own.
+    """
+    errors = np.sqrt(np.diag(covariance(fitted)))
+    others = np.array([p.kind != "gain" for p in fitted.model.parameters])
+    if not others.all():
+        # With information I = J'J over the scale g and the others o, C = I^-1, what is left of o
+        # where g is known is cov(o | g) = C_oo - C_og C_gg^-1 C_go = (I_oo)^-1: g's column is left
+        # out of J, and so its row and column of I, before it is inverted.
+        errors[others] = np.sqrt(np.diag(_covariance(fitted, fitted.jacobian[:, others])))
+    return errors
+
+
+def covariance(fitted: Fitted) -> Floats:
+    """Return the covariance of x, (p, p), all of it free, that holds for a coloured residual.
+
+    With A = (J'J)^-1 J', x errs by A r: cov = A cov(r) A', cov(r) from the residual's spectrum by
+    transforming the rows of A (a circulant approximation, good for rows much longer than the
+    residual's memory). A parameter that moves nothing (the level of a friction that never lets go)
+    has an infinite variance.
+    """
+    return _covariance(fitted, fitted.jacobian)
+
+
+def _covariance(fitted: Fitted, jacobian: Floats) -> Floats:
+    """Return `covariance` of those parameters whose slopes are given."""
+    rows = np.linalg.pinv(jacobian)
+    white, prior = rows[:, : fitted.samples], rows[:, fitted.samples :]
+    power = _smooth_spectrum(fitted.white)
+    spectra = np.fft.rfft(white, axis=1)
+    twice = np.full(spectra.shape[1], 2.0)
+    twice[0] = 1.0
+    coloured = np.real((np.conj(spectra) * (power * twice)) @ spectra.T) / fitted.samples
+    found = coloured + prior @ prior.T
+    size = np.linalg.norm(jacobian, axis=0)
+    dead = np.flatnonzero(size < DEAD * size.max())
+    found[dead, dead] = np.inf
+    return found
+
+
+def _smooth_spectrum(white: Floats) -> Floats:
+    """Power spectrum of the residual, one where white with unit variance, over coarse bands."""
+    frequency, power = welch(white, nperseg=min(256, white.size))
+    power[0] = power[1]
+    return np.interp(np.fft.rfftfreq(white.size), frequency, 0.5 * power)
+
+
+def inflation(white: Floats) -> float:
+    """How much larger a chi-square gain may be by colour alone: the residual's spectrum's maximum.
+
+    Over a spectrum of 32 bands, each with a relative error of 1 / sqrt(segments); their maximum is
+    about 2.2 errors above the mean where the residual is white: that much is taken off. Never less
+    than one.
+    """
+    _, power = welch(white, nperseg=min(BAND, white.size))
+    chance = 1.0 + 2.2 * float(np.sqrt(BAND / white.size))
+    return max(1.0, float(power[1:].max() / 2.0) / chance)

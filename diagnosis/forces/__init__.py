@@ -1,0 +1,1 @@
+"""Forces that have no name: where, and following what."""

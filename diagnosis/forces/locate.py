@@ -1,0 +1,235 @@
+"""Where simulation and recording part: in time, frequency, state, and at which entry point.
+
+Shares are of the residual's excess energy, the part that the noise model does not expect: energy
+above one per whitened sample, so that a clean recording has nothing to locate.
+
+The entry point: forces of unknown shape at a place (m1, m2, m3, each link, or through the command)
+are let in as a constant in each of `BINS` bins of position, of velocity and of command. Each such
+force has a signature in the innovations; regressing the residual on the signatures, off the span of
+the refit, gives the map of the missing force and the chi-square that any force there could gain.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import fftconvolve, welch
+
+from zwidth.diagnosis.fitting.fit import Fitted, Problem
+from zwidth.diagnosis.forces.spatial import response
+from zwidth.diagnosis.noise.predictor import SETTLING
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.seeking.lattice import predicted
+from zwidth.diagnosis.seeking.screen import Complement
+from zwidth.jobs.parallel import in_parallel, threads
+from zwidth.sim.place import MASSES, Place, masses_and_links
+
+Floats = NDArray[np.float64]
+Share = dict[str, Any]  # {"from", "to" or "name", "share"}
+BINS = 8
+TELLING = 0.25  # share of the excess that is worth a sentence
+SLICES = 20
+BANDS = (0.5, 2.0, 5.0, 10.0, 20.0, 40.0, 80.0, 160.0, 320.0)
+NEAR_REVERSAL_S = 0.012
+STATES = ("position", "velocity", "command", "time")
+
+
+@dataclass(frozen=True)
+class ForceMap:
+    """The missing force at a place against one state: bin edges, force in each bin, its error."""
+
+    place: str
+    against: str
+    edges: Floats
+    force: Floats
+    error: Floats
+    gained: float
+
+
+@dataclass(frozen=True)
+class Located:
+    """Shares of the excess residual energy, a list each of {"from", "to" or "name", "share"}."""
+
+    sentence: str
+    time: list[Share]
+    frequency_hz: list[Share]
+    state: list[Share]
+    entry: list[Share]
+    maps: tuple[ForceMap, ...]
+
+
+NOWHERE = Located("where simulation and recording part could not be said", [], [], [], [], ())
+
+
+def locate(problem: Problem, fitted: Fitted) -> Located:
+    """Locate what a fitted model leaves unexplained."""
+    first = problem.experiments[0]
+    white = fitted.white.reshape(-1, first.measured.shape[1])
+    time = _time(white, first.period)
+    frequency = _frequency(white, first.period)
+    moved = motions(problem, fitted)
+    state = _state(problem, white, moved)
+    maps = force_maps(problem, fitted, moved)
+    entry = _entry(maps)
+    return Located(_sentence(state, entry, maps), time, frequency, state, entry, maps)
+
+
+def _shares(values: Floats) -> Floats:
+    positive = np.maximum(values, 0.0)
+    total = float(positive.sum())
+    return positive / total if total > 0.0 else np.full(values.size, 1.0 / values.size)
+
+
+def _time(white: Floats, period: float) -> list[Share]:
+    pieces = np.array_split((white**2).mean(axis=1) - 1.0, SLICES)
+    shares = _shares(np.array([p.sum() for p in pieces]))
+    edges = SETTLING * period + np.cumsum([0, *(p.size for p in pieces)]) * period
+    return [
+        {"from": float(a), "to": float(b), "share": float(s)}
+        for (a, b), s in zip(pairwise(edges), shares, strict=True)
+    ]
+
+
+def _frequency(white: Floats, period: float) -> list[Share]:
+    f, power = welch(white, 1.0 / period, nperseg=min(2048, white.shape[0]), axis=0)
+    excess = power.mean(axis=1) - 2.0 * period
+    edges = [*(b for b in BANDS if b < 0.5 / period), 0.5 / period]
+    sums = [float(excess[(f >= a) & (f < b)].sum()) for a, b in pairwise(edges)]
+    shares = _shares(np.array(sums))
+    return [
+        {"from": float(a), "to": float(b), "share": float(s)}
+        for (a, b), s in zip(pairwise(edges), shares, strict=True)
+    ]
+
+
+def motions(problem: Problem, fitted: Fitted) -> list[tuple[Floats, Floats]]:
+    """Return position and velocity of the first output's mass, of every recording, as predicted.
+
+    From what the observer expected before each sample, over the last five of them: a motion taken
+    from the samples themselves holds their noise, and the residual would follow it by itself.
+    """
+    found: list[tuple[Floats, Floats]] = []
+    last = np.full(5, 0.2)
+    for e, y in zip(problem.experiments, predicted(problem, fitted), strict=True):
+        smooth = np.convolve(np.pad(y, (4, 0), mode="edge"), last, "valid")
+        if e.outputs[0].quantity == "position":
+            found.append((y, np.diff(smooth, prepend=smooth[0]) / e.period))
+        else:
+            found.append((np.cumsum(y - y.mean()) * e.period, smooth))
+    return found
+
+
+def _state(problem: Problem, white: Floats, moved: Sequence[tuple[Floats, Floats]]) -> list[Share]:
+    """Excess energy near reversals of velocity, at high speed, at large command, elsewhere."""
+    energy = (white**2).mean(axis=1) - 1.0
+    near, fast, strong = [], [], []
+    for e, (_, v) in zip(problem.experiments, moved, strict=True):
+        turn = np.zeros(e.ticks)
+        turn[1:] = np.diff(np.sign(v)) != 0
+        width = max(1, round(NEAR_REVERSAL_S / e.period))
+        near.append((np.convolve(turn, np.ones(2 * width + 1), "same") > 0)[SETTLING:])
+        fast.append((np.abs(v) > np.quantile(np.abs(v), 0.8))[SETTLING:])
+        u = np.abs(e.command)
+        strong.append((u > np.quantile(u, 0.8))[SETTLING:])
+    reversal, quick, large = (np.concatenate(x) for x in (near, fast, strong))
+    groups = {
+        f"within {1e3 * NEAR_REVERSAL_S:.0f} ms of a velocity reversal": reversal,
+        "fastest fifth": quick & ~reversal,
+        "largest fifth of the command": large & ~quick & ~reversal,
+    }
+    rest = ~np.any(list(groups.values()), axis=0)
+    groups["elsewhere"] = rest
+    shares = _shares(np.array([energy[g].sum() for g in groups.values()]))
+    return [
+        {"name": name, "share": float(s), "time_share": float(np.mean(g))}
+        for (name, g), s in zip(groups.items(), shares, strict=True)
+    ]
+
+
+def force_maps(
+    problem: Problem, fitted: Fitted, moved: Sequence[tuple[Floats, Floats]]
+) -> tuple[ForceMap, ...]:
+    """Return the missing force at every place against every state."""
+    device = fitted.model.acting(fitted.x)
+    off = Complement(fitted.jacobian)
+    left = off(fitted.residual)
+    prior = fitted.residual[fitted.samples :] * 0.0
+    n = device.chain.masses.size
+    units = np.array([response(problem, fitted, at) for at in MASSES[:n]])
+
+    def signature(place: Place, masks: Sequence[NDArray[np.bool_]]) -> Floats:
+        """Of a unit force where a mask is true, by the response of the linear device."""
+        answer = np.tensordot(place.row(n), units, 1)
+        parts = [
+            fftconvolve(mask[:, None].astype(float), answer, axes=0)[SETTLING : mask.size].ravel()
+            for mask in masks
+        ]
+        return off(np.concatenate([*parts, prior]))
+
+    found: list[ForceMap] = []
+    for place in masses_and_links(n):
+        for against in STATES:
+            pairs = zip(problem.experiments, moved, strict=True)
+            values = [state_of(e, motion, against) for e, motion in pairs]
+            edges = np.quantile(np.concatenate(values), np.linspace(0.0, 1.0, BINS + 1))
+            edges = np.unique(edges)
+            edges[-1] += 1e-12 + 1e-9 * abs(edges[-1])
+            bins = [[(v >= a) & (v < b) for v in values] for a, b in pairwise(edges)]
+            columns = in_parallel([lambda m=m, p=place: signature(p, m) for m in bins], threads())
+            matrix = np.column_stack(columns)
+            solved, *_ = np.linalg.lstsq(matrix, -left, rcond=1e-8)
+            gained = float(left @ left - np.sum((left + matrix @ solved) ** 2))
+            error = np.sqrt(np.diag(np.linalg.pinv(matrix.T @ matrix, rcond=1e-10)))
+            force = np.asarray(solved, dtype=np.float64)
+            found.append(ForceMap(str(place), against, edges, force, error, gained))
+    return tuple(found)
+
+
+def state_of(e: Experiment, motion: tuple[Floats, Floats], state: str) -> Floats:
+    """Return the values (ticks,) of a state of `STATES`."""
+    if state == "time":
+        return np.asarray(e.period * np.arange(e.ticks), dtype=np.float64)
+    return {"position": motion[0], "velocity": motion[1], "command": e.command}[state]
+
+
+def _entry(maps: Sequence[ForceMap]) -> list[Share]:
+    """Share of the explicable chi-square by place: the best map of each place."""
+    places = list(dict.fromkeys(m.place for m in maps))
+    best = np.array([max(m.gained for m in maps if m.place == p) for p in places])
+    shares = _shares(best - BINS)
+    return [{"name": p, "share": float(s)} for p, s in zip(places, shares, strict=True)]
+
+
+def _sentence(state: Sequence[Share], entry: Sequence[Share], maps: Sequence[ForceMap]) -> str:
+    top = max(maps, key=lambda m: m.gained)
+    if top.gained < 4.0 * BINS:
+        return "no force of any shape at any place would explain more than noise does"
+    large = [s for s in state if float(s["share"]) >= TELLING] or list(state)
+    where = max(large, key=lambda s: float(s["share"]) / max(float(s["time_share"]), 1e-3))
+    share, time = float(where["share"]), float(where["time_share"])
+    first = (
+        f"{100.0 * share:.0f} % of the residual's excess lies {_place(str(where['name']))}"
+        f" ({100.0 * time:.0f} % of the time)"
+    )
+    return (
+        f"{first}; a force at {top.place} that follows {top.against} explains most of it"
+        + _shape(top)
+    )
+
+
+def _place(name: str) -> str:
+    return name if name.startswith("within") or name == "elsewhere" else f"in the {name}"
+
+
+def _shape(top: ForceMap) -> str:
+    """Say the sign of a force that follows velocity."""
+    middle = 0.5 * (top.edges[1:] + top.edges[:-1])
+    if top.against != "velocity" or top.force.size < 4:
+        return ""
+    low, high = top.force[middle < 0.0], top.force[middle > 0.0]
+    if low.size and high.size and low.mean() > 0.0 > high.mean():
+        return "; it has the sign of -v"
+    return ""

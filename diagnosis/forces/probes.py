@@ -1,0 +1,160 @@
+"""Whether what was named is physics of no library that comes near it, fitted to its end.
+
+A drag that carries much of the motion turns it over, and so does a stop; a force added to the
+recording does not follow it there (`forces.unknown`). So what was named is exchanged for a law
+of no library, simulated and fitted like any effect, observer and all:
+
+    quadratic_drag, alone or with any one other effect      a drag whose power is free
+    what follows position at m1, each alone and all of it   a spring met on one side only
+    force_ripple, alone, with any one other and with all    a force of four harmonics
+
+Likelier by `CLEARLY`, its unknowns paid, it is physics of no library: a cube passes for a square
+and some friction, a stop for a spring that stiffens and some gravity, a magnet's detent for a
+ripple and an eccentric encoder.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.diagnosis.fitting.fit import Fitted, Problem
+from zwidth.diagnosis.forces.leftover import predicted_states
+from zwidth.diagnosis.forces.unknown import CLEARLY, Instead, alone
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.predictor import SETTLING
+from zwidth.diagnosis.noise.settle import settle
+from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.seeking.sizes import sizes_of
+from zwidth.sim.device import place_label
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.physics.force_ripple import force_ripple
+from zwidth.sim.physics.one_sided_spring import one_sided_spring
+from zwidth.sim.physics.periodic_force import HARMONICS, periodic_force
+from zwidth.sim.physics.power_drag import power_drag
+
+Floats = NDArray[np.float64]
+BY_POSITION = (
+    "cubic_stiffness@ground",
+    "gravity_pendulum@m1",
+    "ground_spring@m1",
+    "force_ripple@m1",
+    "hysteresis@ground",
+)
+MET = (0.25, 0.05, 0.01)  # of the samples beyond a stop, to start with
+
+
+@dataclass(frozen=True)
+class Probe:
+    """A law of no library in the place of some effects of a model (their places in it)."""
+
+    gone: tuple[int, ...]
+    physics: Physics
+    scales: dict[str, float]
+    nested: bool  # the named effect is a case of it
+
+
+def instead_by_law(problem: Problem, final: Fitted) -> Instead | None:
+    """Return the law of no library that is likelier than what was named, the likeliest of them."""
+    probes = [*_powers(problem, final), *_stops(problem, final), *repeating(final)]
+    if not probes:
+        return None
+    rotary = final.model.nominal.rotary
+    experiments, price = problem.experiments, float(np.log(final.samples))
+    own = alone(final, experiments) + price * final.x.size
+    least = own - CLEARLY
+    best: Instead | None = None
+    for probe in probes:
+        try:
+            there, settled = settle(experiments, *_exchanged(final, probe))
+        except NoObserver:  # no observer follows the recording with it
+            continue
+        paid = there.cost(settled) + price * settled.x.size
+        # Of a case of the law itself, five sigma of the one unknown more are enough, not paid for.
+        weighed = paid - price * (settled.x.size - final.x.size) if probe.nested else paid
+        if weighed < least:
+            gone = [final.model.effects[i] for i in probe.gone]
+            name = " and ".join(f"{p.effect.name} at {p.at}" for p in gone)
+            law = settled.model.build(settled.x).physics[-1]
+            best = Instead(own - paid, len(probe.scales), law.at, _says(law, rotary), name)
+            least = weighed
+    return best
+
+
+def _says(law: Physics, rotary: bool) -> str:
+    unit = "rad" if rotary else "m"
+    if law.effect is power_drag:
+        return f"the power {law.values['power']:.3g} of velocity"
+    if law.effect is periodic_force:
+        period = law.values["period"]
+        return f"position and repeats every {period:.4g} {unit}, of another shape than a sine,"
+    where = "above" if law.values["side"] > 0.0 else "below"
+    return f"position only {where} {law.values['place']:.4g} {unit}, as of a stop"
+
+
+def _powers(problem: Problem, final: Fitted) -> Iterator[Probe]:
+    effects = final.model.effects
+    device = final.model.build(final.x)
+    for drag, named in enumerate(effects):
+        if named.effect.name != "quadratic_drag":
+            continue
+        found = next(p for p in device.physics if place_label(p) == place_label(named))
+        speed = sizes_of(device, problem.experiments).speed
+        level = max(found.values["coefficient"] * speed**2, np.finfo(float).tiny)
+        physics = Physics(power_drag, named.at, {"level": level, "power": 2.0, "speed": speed})
+        scales = {"level": level, "power": 0.5}
+        yield Probe((drag,), physics, scales, True)
+        for other in range(len(effects)):
+            if other != drag:
+                yield Probe((drag, other), physics, scales, False)
+
+
+def _stops(problem: Problem, final: Fitted) -> Iterator[Probe]:
+    labels = [place_label(p) for p in final.model.effects]
+    named = [i for i, label in enumerate(labels) if label in BY_POSITION]
+    if not named:
+        return
+    sets = {(i,) for i in named} | {tuple(named)}
+    q = np.concatenate([x[SETTLING:, 0] for x in predicted_states(problem, final)])
+    force = sizes_of(final.model.build(final.x), problem.experiments).force
+    for gone in sorted(sets):
+        for share in MET:
+            for side in (-1.0, 1.0):
+                place = float(np.quantile(q, share if side < 0.0 else 1.0 - share))
+                depth = abs(float(q.min() if side < 0.0 else q.max()) - place)
+                if depth > 0.0:
+                    values = {"place": place, "stiffness": force / depth, "side": side}
+                    scales = {"place": depth, "stiffness": force / depth}
+                    yield Probe(gone, Physics(one_sided_spring, "m1", values), scales, False)
+
+
+def repeating(final: Fitted) -> Iterator[Probe]:
+    """From each ripple that was found, where it is, taken for one harmonic after the other."""
+    built = {place_label(p): p for p in final.model.build(final.x).physics}
+    for ripple, named in enumerate(final.model.effects):
+        if named.effect is force_ripple:
+            yield from _harmonics(final, ripple, built[place_label(named)])
+
+
+def _harmonics(final: Fitted, ripple: int, found: Physics) -> Iterator[Probe]:
+    effects = final.model.effects
+    amplitude, period, phase = found.vector()
+    rest = [i for i in range(len(effects)) if i != ripple]
+    waves = [f"{wave}{k}" for k in range(1, HARMONICS + 1) for wave in ("cosine", "sine")]
+    for gone in sorted({(ripple,), *((ripple, i) for i in rest), (ripple, *rest)}):
+        for first in range(1, HARMONICS + 1):
+            values = {"period": first * period, **dict.fromkeys(waves, 0.0)}
+            values[f"cosine{first}"] = amplitude * math.sin(phase)
+            values[f"sine{first}"] = amplitude * math.cos(phase)
+            scales = {"period": first * final.model.scales[ripple]["period"]}
+            scales |= {wave: float(amplitude) for wave in waves}
+            yield Probe(gone, Physics(periodic_force, found.at, values), scales, False)
+
+
+def _exchanged(final: Fitted, probe: Probe) -> tuple[Model, Floats]:
+    """Model and start with the law in the place of the effects."""
+    model, x = final.model.less(final.x, *probe.gone)
+    model = model.with_effect(probe.physics, probe.scales)
+    return model, np.concatenate([x, np.zeros(len(probe.scales))])

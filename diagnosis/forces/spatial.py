@@ -1,0 +1,208 @@
+"""What repeats over position or command: its period, by a spectrum over that quantity.
+
+A force f_k (or an error of the sensor s_k) moves the weighted innovations r by F f, F the linear
+response of observer and device. So with g = F' r, <r, F f> = <g, f>, and for a wave f = a cos(2 pi
+q_k / period + phase) over a quantity q the chi-square gained is 2 |G|^2 / n with
+
+    G(1 / period) = sum g_k exp(-2 pi i q_k / period),    n = |F exp(2 pi i q / period)|^2.
+
+Under white r the expectation of |G|^2 is n, so the mean spectrum of drawn white noise tells n (that
+of r itself would hold what is sought, whose line is broad where q is visited unevenly). All periods
+at once by one FFT over bins of q: it finds lattices of steps and waves that no list of starting
+values would meet. An observer begins with what the sensor says, and a slow one would take a wave
+that sets in at once for a jump: g sets in over `ONSET` ticks. Limits: what a refit absorbs is not
+taken off (it has long periods), and r must be nearly white.
+"""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+from scipy.signal import fftconvolve
+
+from zwidth.diagnosis.fitting.fit import Fitted, Problem
+from zwidth.diagnosis.noise.predictor import SETTLING, innovations, prepared
+from zwidth.sim.place import place_at
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+LONGEST = 2000  # ticks of response kept
+LEAD = 20  # ticks before a unit enters: the first samples are where an observer begins
+HARMONICS = 5  # of a saw
+SEED = 0
+FINER = 8  # lines a reciprocal span
+MOST_BINS = 20  # powers of two: finer waves over a long way are not looked for
+ONSET = 500
+DRAWS = 8  # of white noise
+WIDTHS = (9, 33, 129, 513)  # lines over which their power is smoothed
+
+
+@dataclass(frozen=True)
+class Peak:
+    """A wave over a quantity: period, and the chi-square that it would gain, about."""
+
+    period: float
+    gained: float
+
+
+def response(problem: Problem, fitted: Fitted, place: str) -> Floats:
+    """Return the weighted innovations (ticks, o) after a unit at a place.
+
+    In a link it pushes the first mass, and the second the other way. The response is that of the
+    device without its nonlinear physics.
+    """
+    device = fitted.model.acting(fitted.x)
+    device = device.without_physics() if device.physics else device
+    first = problem.experiments[0]
+    length = min(LONGEST, first.ticks - LEAD) + LEAD
+    command, measured = np.zeros(length), np.zeros((length, len(first.outputs)))
+    ready = prepared(device)
+    force = np.zeros((length, ready.coarse.dof))
+    if place == "command":
+        command[LEAD] = 1.0
+    elif place == "sensor":
+        measured[LEAD, 0] = 1.0
+    else:
+        force[LEAD] = place_at(place).row(ready.coarse.dof)
+    still = replace(
+        first, command=command, measured=measured, sensor_error=None, dropped=None, start=None,
+        force=None,
+    )  # fmt: skip
+    answer = innovations(device, still, problem.observer.gain, force, ready)
+    return problem.observer.weigh(answer)[LEAD:]
+
+
+class Pull(NamedTuple):
+    """g (ticks,) of the residual, and (draws, ticks) of drawn white noise."""
+
+    found: Floats
+    chance: Floats
+
+
+def pulls(problem: Problem, fitted: Fitted, place: str) -> list[Pull]:
+    """Return g of every experiment for what enters at a place, and that of white noise."""
+    random = np.random.default_rng(SEED)
+    size = fitted.residual.size
+    noise = [replace(fitted, residual=random.standard_normal(size)) for _ in range(DRAWS)]
+    drawn = [matched(problem, one, place) for one in noise]
+    found: list[Pull] = []
+    for i, g in enumerate(matched(problem, fitted, place)):
+        onset = min(ONSET, g.size // 4)
+        rising = np.ones(g.size)
+        rising[:onset] = np.sin(0.5 * np.pi * np.arange(onset) / onset) ** 2
+        found.append(Pull(rising * g, np.array([rising * d[i] for d in drawn])))
+    return found
+
+
+def matched(problem: Problem, fitted: Fitted, place: str) -> list[Floats]:
+    """Return g (ticks,) of every experiment for what enters at a place, as in `response`."""
+    answer = response(problem, fitted, place)
+    found: list[Floats] = []
+    first = 0
+    for e in problem.experiments:
+        white = np.zeros((e.ticks, len(e.outputs)))
+        last = first + (e.ticks - SETTLING) * len(e.outputs)
+        white[SETTLING:] = fitted.white[first:last].reshape(-1, len(e.outputs))
+        first = last
+        g = np.zeros(e.ticks)
+        for o in range(white.shape[1]):
+            g += fftconvolve(white[::-1, o], answer[:, o])[: e.ticks][::-1]
+        found.append(g)
+    return found
+
+
+def peaks(
+    pulls: list[Pull], over: list[Floats], finest: float, count: int = 3
+) -> tuple[list[Peak], int]:
+    """Return the strongest waves over a quantity with periods above `finest`, and lines looked at.
+
+    pulls: as `pulls` returns them; over: the quantity at every tick, as long. A wave is seen at
+    least twice.
+    """
+    spectrum = _spectrum(pulls, over, finest)
+    if spectrum is None:
+        return [], 0
+    lines, waves, level, span = spectrum
+    usable = (lines >= 2 * FINER) & (lines <= FINER * span / finest) & (level > 0.0)
+    gained = np.where(usable, 2.0 * np.abs(waves) ** 2 / np.where(usable, level, 1.0), 0.0)
+    return _highest(gained, span, count), int(np.count_nonzero(usable)) // FINER
+
+
+def step_peaks(
+    pulls: list[Pull],
+    over: list[Floats],
+    finest: float,
+    sign: float,
+    spread: float = 0.0,
+    count: int = 3,
+) -> tuple[list[Peak], int]:
+    """Return the likeliest steps of a quantity above `finest`, and lines looked at.
+
+    The error of a step is a saw whose harmonics all have known size and phase, so
+
+        gained = 2 sign sum c_j S_j - sum c_j^2 n_j / 2,    c_j = (-1)^j step / (pi j),
+
+    S_j the sine part of G at j / step. sign: 1 where the error is in what was recorded, -1 where it
+    is to be added to the model. spread: of what the quantity is known by, over the step.
+    """
+    spectrum = _spectrum(pulls, over, finest / HARMONICS)
+    if spectrum is None:
+        return [], 0
+    lines, waves, level, span = spectrum
+    last = int(min(FINER * span / finest, (lines.size - 1) // HARMONICS))
+    k = np.arange(2 * FINER, last + 1)
+    gained = np.zeros(lines.size)
+    for j in range(1, HARMONICS + 1):
+        blur = np.exp(-2.0 * (np.pi * j * spread) ** 2)
+        c = (-1.0) ** j * FINER * span / (k * np.pi * j) * blur
+        gained[k] += -2.0 * sign * c * waves[j * k].imag - 0.5 * c**2 * level[j * k]
+    return _highest(gained, span, count), k.size // FINER
+
+
+def _spectrum(
+    pulls: list[Pull], over: list[Floats], finest: float
+) -> tuple[NDArray[np.int64], Complexes, Floats, float] | None:
+    """Lines k, G and its expected power under noise at k / (FINER span), and the span."""
+    low = min(float(q.min()) for q in over)
+    span = max(float(q.max()) for q in over) - low
+    if not span > 4.0 * finest:
+        return None
+    bins = 1 << min(MOST_BINS, int(np.ceil(np.log2(4.0 * FINER * span / finest))))
+    total, chance = np.zeros(bins), np.zeros((DRAWS, bins))
+    width = FINER * span / bins
+    for pull, q in zip(pulls, over, strict=True):
+        index = np.minimum(((q - low) / width).astype(np.int64), bins - 1)
+        total += np.bincount(index, pull.found, bins)
+        for row, drawn in zip(chance, pull.chance, strict=True):
+            row += np.bincount(index, drawn, bins)
+    waves = np.fft.rfft(total)
+    lines = np.arange(waves.size)
+    waves *= np.exp(-2j * np.pi * lines / (FINER * span) * (low + 0.5 * width))
+    power = np.mean([np.abs(np.fft.rfft(row)) ** 2 for row in chance], axis=0)
+    return lines, waves, _level(power, lines), span
+
+
+def _level(power: Floats, lines: NDArray[np.int64]) -> Floats:
+    """Smooth the power of noise over lines: over more of them where lines are fine.
+
+    What enters at the sensor counts for little at long periods and much at short ones, so that a
+    wide mean would hide a long wave.
+    """
+    level = power
+    for width in WIDTHS:
+        wide = uniform_filter1d(power, min(width, power.size), mode="reflect")
+        level = np.where(lines >= 2 * width, wide, level)
+    return level
+
+
+def _highest(gained: Floats, span: float, count: int) -> list[Peak]:
+    found: list[Peak] = []
+    for _ in range(count):
+        k = int(np.argmax(gained))
+        if gained[k] <= 0.0:
+            break
+        found.append(Peak(FINER * span / k, float(gained[k])))
+        gained[max(0, k - FINER) : k + FINER + 1] = 0.0
+    return found

@@ -1,0 +1,454 @@
+"""Physics of no library, sought where the fast observer hides it, and judged by likelihood.
+
+What is missing and has no name is let in as a force of free shape at one place,
+
+    f = sum over bins of a state (position, velocity, command, time) of a_i in bin i,
+    f = q sum_k a_k cos(k pi t / length), q a speed, an acceleration, a deflection or its rate, or
+    f = a v^3,
+
+the second a damper, mass or spring that drifts, the third what a drag by another power leaves.
+Under a slower observer, which takes no motion for disturbance, least squares
+gives the a off the refit's span; the best shapes are then added to the recording as a known force,
+and what counts is how much likelier the recording is with it, each under its own likeliest
+observer. The force is computed along the motion that the model with it predicts, from one turn to
+the next. Limits: a force that turns the motion over is not followed to its end in so few turns.
+
+A library name may fit what is of no library: a hum rings like a mode without damping, the cube of a
+velocity is nearly its square and some friction. So for each of the names, and all together, what
+repeats most and the cube of a velocity are tried in their place (`instead`); where such a force is
+likelier with no more unknowns, what was found has no name.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+from scipy.signal import fftconvolve
+
+from zwidth.diagnosis.fitting.fit import Fitted, Problem
+from zwidth.diagnosis.fitting.uncertainty import inflation
+from zwidth.diagnosis.forces.leftover import Leftover, factors, leftover, predicted_states
+from zwidth.diagnosis.forces.locate import STATES, motions, state_of
+from zwidth.diagnosis.forces.spatial import response
+from zwidth.diagnosis.noise.predictor import SETTLING
+from zwidth.diagnosis.noise.settle import cost_at, prepared_for
+from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.seeking.screen import Complement
+from zwidth.jobs.parallel import in_parallel, threads
+from zwidth.sim.place import MASSES, masses_and_links, place_at
+
+Floats = NDArray[np.float64]
+# Of the samples, between bins: narrow at the ends, where a stop is.
+QUANTILES = (0.0, 0.005, 0.02, 0.06, 0.15, 0.3, 0.5, 0.7, 0.85, 0.94, 0.98, 0.995, 1.0)
+DRIFTS = 5  # cosines of a drift
+TURNS = 3  # of observer, parameters and strengths
+ROUNDS = 4  # of a fit beside such a force
+HOPE = 10.0  # of -2 log likelihood, below which no further turn is taken
+STILL = 0.5  # the same, below which the turns agree
+FARTHEST = 1.0  # in x, that parameters move beside a force before they are fitted
+TOUCHED = 300.0  # the same, of a force that follows time alone: less is slow noise
+CUBE = "the cube of velocity"
+CLEARLY = 25.0  # -2 log likelihood by which a force of no library must beat a name
+PART = 0.5  # of what the named explain, that such a force must to first order
+WAVING = 3  # unknowns of what repeats: cosine, sine and period
+SWINGS = np.arange(0.5, 10.0, 0.25)  # half periods over the travel, of an inertia
+JUDGED = 3  # shapes of each view whose likelihood is looked at
+SLOWER = 1e-2  # of the observer's ratio
+WEAK = 200.0  # -2 log likelihood gained, below which a slower observer must agree
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A force of free shape: one column an unknown, (ticks, unknowns) a recording.
+
+    ends: share (n,) of it on every mass; -1 at the far end of a link. rebuilt: the same along the
+    motion that another problem and fit predict.
+    """
+
+    place: str
+    follows: str
+    ends: Floats
+    columns: Sequence[Floats | NDArray[np.bool_]]
+    rebuilt: Callable[[Problem, Fitted], "Shape"]
+
+    def forces(self, strength: Floats) -> list[Floats]:
+        """Return the forces (ticks, n) at some strengths (unknowns,)."""
+        return [(c @ strength)[:, None] * self.ends for c in self.columns]
+
+
+@dataclass(frozen=True)
+class Gained:
+    """A shape, the strengths that explain most, and the chi-square they gain."""
+
+    shape: Shape
+    strength: Floats
+    gained: float
+
+
+@dataclass(frozen=True)
+class Forced:
+    """A model fitted beside a known force, which the experiments hold: cost, observer's ratio."""
+
+    cost: float
+    fitted: Fitted
+    ratio: float
+    experiments: Sequence[Experiment]
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """The shape that makes the recording likeliest: -2 log likelihood gained by its unknowns."""
+
+    gained: float
+    unknowns: int
+    place: str
+    follows: str
+
+    @property
+    def sentence(self) -> str:
+        """Say what would explain it."""
+        return (
+            f"a force at {self.place} that follows {self.follows} would make the recording likelier"
+            f" by {self.gained:.0f} in -2 log likelihood with {self.unknowns} unknowns"
+        )
+
+
+@dataclass(frozen=True)
+class Instead:
+    """A force of no library in the place of named effects, likelier by so much, unknowns paid."""
+
+    gained: float
+    unknowns: int
+    place: str
+    follows: str
+    name: str
+
+    @property
+    def sentence(self) -> str:
+        """Say what explains it better."""
+        number = f"{self.unknowns} unknown{'s' if self.unknowns > 1 else ''}"
+        how = self.follows
+        how = how if how.startswith(("repeats", "follows")) else f"follows {how}"
+        return (
+            f"a force at {self.place} that {how} makes the recording likelier than"
+            f" {self.name} by {self.gained:.0f} in -2 log likelihood, the price of {number} paid"
+        )
+
+
+def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None:
+    """Return the likeliest force of free shape beside a fitted model, on all of the recordings.
+
+    None where no slower observer holds the device. Nothing is fitted here that is kept, so that the
+    recordings may be those that the fit was held out from.
+    """
+    best: tuple[float, Gained, Forced] | None = None
+    problem = prepared_for(experiments, fitted.model, fitted.x)
+    plain = problem.fit(fitted.model, fitted.x)
+    asked = list(_views(problem, plain, experiments))
+    without = in_parallel([partial(alone, at, v.experiments) for v, at in asked], threads())
+    base = min(problem.cost(plain), *without)
+    gains = in_parallel([partial(_gains, v, at) for v, at in asked], threads())
+    tried = [
+        (view, there, one)
+        for (view, there), every in zip(asked, gains, strict=True)
+        for one in sorted(every, key=_surplus, reverse=True)[:JUDGED]
+    ]
+    judged = in_parallel([partial(_if_followed, *each, base) for each in tried], threads())
+    for (_, _, one), forced in zip(tried, judged, strict=True):
+        if forced is None:
+            continue
+        # A likelihood may gain by more than the force, as by another beginning.
+        found = max(forced.cost, base - one.gained)
+        if one.shape.follows == "time" and base - found < TOUCHED:
+            continue
+        if best is None or found < best[0]:
+            best = found, one, forced
+    if best is None:
+        return None
+    found, one, forced = best
+    # A model not fitted to its end gains by anything, and by another observer alone.
+    # Where it stood beside the force, the fit without may stay for good: from its own x as well.
+    both = plain, forced.fitted
+    base = min(base, alone(forced.fitted, experiments))
+    base = min(base, *(cost_at(forced.ratio, one, experiments) for one in both))
+    if base - found < WEAK:  # a slower observer must agree
+        slower = SLOWER * forced.ratio
+        base = min(base, *(cost_at(slower, one, experiments) for one in both))
+        found = min(found, cost_at(slower, forced.fitted, forced.experiments))
+    return Unknown(base - found, one.strength.size, one.shape.place, one.shape.follows)
+
+
+def _views(
+    problem: Problem, current: Fitted, experiments: Sequence[Experiment]
+) -> Iterator[tuple[Problem, Fitted]]:
+    """The given observer, then a slower one if it holds the device, with the model fitted again."""
+    yield problem, current
+    ratio = SLOWER * problem.observer.ratio
+    with suppress(NoObserver):  # so slow that it does not hold the device
+        slow = prepared_for(experiments, current.model, current.x, ratio)
+        refitted = slow.fit(current.model, current.x)
+        slow = prepared_for(slow.experiments, current.model, refitted.x, ratio)
+        yield slow, slow.fit(current.model, refitted.x)
+
+
+def instead(
+    problem: Problem, final: Fitted, without: Fitted, experiments: Sequence[Experiment], name: str
+) -> Instead | None:
+    """Return a force of no library that explains more than some effects, with fewer unknowns.
+
+    without: the fit without these effects; name: of them. Tried are the cube of a velocity, an
+    inertia that swings with position, and what repeats or sways most. Each is judged by likelihood,
+    under its own likeliest observer.
+    """
+    n = final.model.acting(final.x).chain.masses.size
+    named = final.x.size - without.x.size
+    lost = without.chi2 - final.chi2
+    shapes = [s for s in _shapes(problem, without, n) if s.follows == CUBE]
+    off = Complement(without.jacobian)
+    lines: list[Leftover] = []
+    if named >= WAVING:
+        line = leftover(problem, without)
+        if line.gained > line.chance * inflation(without.white):
+            lines.append(line)
+        if experiments[0].outputs[0].quantity == "position":  # else its travel is a drift
+            lines.append(_swinging(problem, without, off, n))
+    for one in lines:
+        shapes.append(_repeating(problem, without, _between_lines(problem, without, off, one), n))
+    best: Instead | None = None
+    least = alone(final, experiments) + named * np.log(final.samples) - CLEARLY
+    for shape in shapes:
+        one = Gained(shape, *_solved(problem, without, off, shape))
+        unknowns = one.strength.size + (shape.follows != CUBE)  # its period was sought
+        if unknowns > named or one.gained < PART * lost:
+            continue
+        try:
+            paid = _with_force(problem, without, one, np.inf).cost
+        except NoObserver:  # no observer follows the recording with that force
+            continue
+        paid += unknowns * np.log(final.samples)
+        if paid < least:
+            gained = float(least + CLEARLY - paid)
+            best, least = Instead(gained, unknowns, shape.place, shape.follows, name), paid
+    return best
+
+
+def _swinging(problem: Problem, fitted: Fitted, off: Complement, n: int) -> Leftover:
+    """The inertia of m1 that repeats over its position and explains most, of few periods.
+
+    An eccentric encoder is its twin by a change of coordinates, but for command and dampers, and
+    what of it a refit does not absorb shows on other lines of the spectrum than its own.
+    """
+    positions = np.concatenate([x[SETTLING:, 0] for x in predicted_states(problem, fitted)])
+    spacing = 0.5 / float(np.ptp(positions))
+    best = Leftover(-np.inf, 0.0, "m1", "acceleration", "position", 1.0, spacing)
+    for number in SWINGS:
+        line = replace(best, period=1.0 / (number * spacing))
+        gained = _solved(problem, fitted, off, _repeating(problem, fitted, line, n))[1]
+        if gained > best.gained:
+            best = replace(line, gained=gained)
+    return best
+
+
+def _between_lines(problem: Problem, fitted: Fitted, off: Complement, line: Leftover) -> Leftover:
+    """The line at the period that explains most, between its neighbours.
+
+    A wave of few periods over the travel lies far from any line of the spectrum over it.
+    """
+    n = fitted.model.acting(fitted.x).chain.masses.size
+
+    def at(further: float) -> Leftover:
+        return replace(line, period=1.0 / (1.0 / line.period + further * line.spacing))
+
+    def lost(further: float) -> float:
+        return -_solved(problem, fitted, off, _repeating(problem, fitted, at(further), n))[1]
+
+    nearest = max(-1.0, 0.5 - 1.0 / (line.period * line.spacing))  # not beyond half a line
+    best = minimize_scalar(lost, bounds=(nearest, 1.0), method="bounded", options={"xatol": 0.02})
+    return at(float(best.x)) if best.fun < lost(0.0) else line
+
+
+def _repeating(problem: Problem, fitted: Fitted, line: Leftover, n: int) -> Shape:
+    """The strongest line as a force: its cosine and sine, by what it is in proportion to."""
+    states = predicted_states(problem, fitted)
+    period = problem.experiments[0].period
+    place = place_at(line.at)
+    columns: list[Floats] = []
+    for x, q in zip(states, factors(line.at, states, n, period)[line.follows], strict=True):
+        over = period * np.arange(q.size) if line.over == "time" else x[:, 0]
+        turn = 2.0 * np.pi * over / line.period
+        both = _settled(q)[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
+        if (line.follows, line.over) == ("acceleration", "position"):
+            # An inertia m(x) takes m a + m'(x) v^2 / 2, or it would make energy. What an eccentric
+            # encoder reports moves just so; only command and dampers swing with it besides.
+            speed = _settled(x[:, n + place.index] ** 2)[:, None]
+            both += np.pi / line.period * speed * np.column_stack([-np.sin(turn), np.cos(turn)])
+        columns.append(both)
+    how = f"follows the {line.follows} and repeats over {line.over}"
+    if line.follows == "1":
+        how = f"repeats over {line.over}"
+    elif (line.follows, line.over) == ("acceleration", "position"):
+        how = "follows the acceleration, as an inertia that repeats over position,"
+    again = partial(_repeating, line=line, n=n)
+    return Shape(line.at, how, place.row(n), columns, again)
+
+
+def _surplus(one: Gained) -> float:
+    return one.gained - 2.0 * one.strength.size
+
+
+def alone(fitted: Fitted, experiments: Sequence[Experiment]) -> float:
+    """Cost of the model without such a force, settled as often as one with it."""
+    found, near = np.inf, None
+    for _ in range(TURNS):
+        problem = prepared_for(experiments, fitted.model, fitted.x, near=near)
+        fitted = problem.fit(fitted.model, fitted.x, rounds=ROUNDS, final=False)
+        before, found = found, min(found, problem.cost(fitted))
+        near = problem.observer.ratio
+        if found > before - STILL:
+            break
+    return found
+
+
+def _if_followed(view: Problem, fitted: Fitted, one: Gained, base: float) -> Forced | None:
+    """As `_with_force`; None where no observer follows the recording with that force."""
+    with suppress(NoObserver):
+        return _with_force(view, fitted, one, base)
+    return None
+
+
+def _with_force(view: Problem, fitted: Fitted, one: Gained, base: float) -> Forced:
+    """Cost and fit of the model with known forces: observer, parameters and strengths in turn.
+
+    view, fitted: where the strengths were found.
+    """
+    found, strength, shape, ratio = np.inf, one.strength, one.shape, None
+    x, forced = fitted.x + _moved(view, fitted, one), list(view.experiments)
+    for turn in range(TURNS):
+        forced = [
+            replace(e, force=f)
+            for e, f in zip(view.experiments, shape.forces(strength), strict=True)
+        ]
+        problem = prepared_for(forced, fitted.model, x, near=ratio)
+        ratio = problem.observer.ratio
+        if turn == 0:
+            standing = replace(fitted, residual=problem.residual(fitted.model, x))
+            if problem.cost(standing) > base:
+                return Forced(base, fitted, ratio, forced)
+        fitted = problem.fit(fitted.model, x, rounds=ROUNDS)
+        x = fitted.x
+        before, found = found, min(found, problem.cost(fitted))
+        if found > min(base - HOPE, before - STILL):
+            return Forced(found, fitted, ratio, forced)
+        off = Complement(fitted.jacobian)
+        shape = shape.rebuilt(problem, fitted)
+        strength = strength + _solved(problem, fitted, off, shape)[0]
+    assert ratio is not None
+    return Forced(found, fitted, ratio, forced)
+
+
+def _gains(problem: Problem, fitted: Fitted) -> list[Gained]:
+    """Every shape, with strengths and the chi-square it gains under this observer."""
+    n = fitted.model.acting(fitted.x).chain.masses.size
+    off = Complement(fitted.jacobian)
+    return [
+        Gained(shape, *_solved(problem, fitted, off, shape))
+        for shape in _shapes(problem, fitted, n)
+    ]
+
+
+def _solved(
+    problem: Problem, fitted: Fitted, off: Complement, shape: Shape
+) -> tuple[Floats, float]:
+    """Return the strengths that explain most off the refit's span, and the chi-square gained."""
+    left, matrix = off(fitted.residual), _signatures(problem, fitted, off, shape)
+    size = np.linalg.norm(matrix, axis=0)
+    size[size == 0.0] = 1.0
+    solved = np.linalg.lstsq(matrix / size, -left, rcond=1e-6)[0] / size
+    if place_at(shape.place).kind == "link" and shape.follows in STATES:
+        # Bins add up to one, and a constant force on a link is another beginning and nothing else.
+        solved -= float(np.mean(np.concatenate(shape.columns) @ solved))
+    gained = float(left @ left - np.sum((left + matrix @ solved) ** 2))
+    return np.asarray(solved, dtype=np.float64), gained
+
+
+def _signatures(problem: Problem, fitted: Fitted, off: Complement, shape: Shape) -> Floats:
+    """Off the refit's span, one column an unknown."""
+    answer = _answer(problem, fitted, shape)
+    return np.column_stack(
+        [
+            off(_signature(fitted, answer, [c[:, k] for c in shape.columns]))
+            for k in range(shape.columns[0].shape[1])
+        ]
+    )
+
+
+def _moved(problem: Problem, fitted: Fitted, one: Gained) -> Floats:
+    """What the model's parameters change by beside the force, to first order."""
+    whole = [c @ one.strength for c in one.shape.columns]
+    signature = _signature(fitted, _answer(problem, fitted, one.shape), whole)
+    way = -np.linalg.lstsq(fitted.jacobian, fitted.residual + signature, rcond=1e-6)[0]
+    return np.asarray(
+        way / max(1.0, float(np.abs(way).max(initial=0.0)) / FARTHEST), dtype=np.float64
+    )
+
+
+def _answer(problem: Problem, fitted: Fitted, shape: Shape) -> Floats:
+    """Response of the weighted innovations to a unit force of a shape."""
+    ends = shape.ends[shape.ends != 0.0]
+    answers = [response(problem, fitted, MASSES[i]) for i in np.flatnonzero(shape.ends)]
+    return np.tensordot(ends, np.array(answers), 1)
+
+
+def _signature(
+    fitted: Fitted, answer: Floats, forces: Sequence[Floats | NDArray[np.bool_]]
+) -> Floats:
+    """What a force, (ticks,) a recording, adds to the residual."""
+    parts = [fftconvolve(f[:, None], answer, axes=0)[SETTLING : f.size].ravel() for f in forces]
+    joined = np.concatenate(parts)
+    return np.concatenate([joined, np.zeros(fitted.residual.size - joined.size)])
+
+
+def _shapes(problem: Problem, fitted: Fitted, n: int) -> Iterator[Shape]:
+    moved, states = motions(problem, fitted), predicted_states(problem, fitted)
+    pairs = list(zip(problem.experiments, moved, strict=True))
+    for there in masses_and_links(n):
+        place, ends = str(there), there.row(n)
+        for state in STATES:
+            values = [state_of(e, m, state) for e, m in pairs]
+            edges = np.unique(np.quantile(np.concatenate(values), QUANTILES))
+            last = edges.size - 2
+            bins = [np.clip(np.searchsorted(edges, v, "right") - 1, 0, last) for v in values]
+            binned = [np.eye(last + 1, dtype=np.bool_)[b] for b in bins]
+            yield Shape(place, state, ends, binned, _same(place, state, n))
+        if there.kind == "mass":
+            speeds = [x[:, n + there.index] for x in states]
+            cubes = [_settled(v**3)[:, None] for v in speeds]
+            yield Shape(place, CUBE, ends, cubes, _same(place, CUBE, n))
+        for name, q in factors(place, states, n, problem.experiments[0].period).items():
+            if name != "1":
+                follows = f"a drift times {name}"
+                drifting = [_drifting(one) for one in q]
+                yield Shape(place, follows, ends, drifting, _same(place, follows, n))
+
+
+def _same(place: str, follows: str, n: int) -> Callable[[Problem, Fitted], Shape]:
+    def again(problem: Problem, fitted: Fitted) -> Shape:
+        found = _shapes(problem, fitted, n)
+        return next(s for s in found if (s.place, s.follows) == (place, follows))
+
+    return again
+
+
+def _settled(q: Floats) -> Floats:
+    """The same without a spike where the observer settles."""
+    return np.where(np.arange(q.size) < SETTLING + 5, 0.0, q)
+
+
+def _drifting(q: Floats) -> Floats:
+    t = np.arange(q.size) / q.size
+    return _settled(q)[:, None] * np.cos(np.pi * np.outer(t, np.arange(1, DRIFTS + 1)))

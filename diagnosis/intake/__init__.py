@@ -1,0 +1,1 @@
+"""Recordings as they are taken: what is odd or wrong about them."""

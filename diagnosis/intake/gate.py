@@ -1,0 +1,278 @@
+"""Is the recording itself sound? Faults of the recording are findings of their own.
+
+Clipping, repeated samples and the encoder step actually seen are facts. That a sign or a unit is
+wrong is not: strong physics may look like it. So the gate only proposes it (`suspected`), with what
+would be corrected in which channel, and a search of each reading decides (`intake.readings`).
+
+Suspected is a recording whose command takes energy out of the device, which no passive one has to
+give, and one that seems driven several times more or less than its command says (`driven`). It is
+asked of each output alone: where one seems so and another does not, that output is suspected; where
+all do, the command, and after it all outputs at once, unless steps of the size that the device file
+states vouch for an output. A fault belongs to its recording: what corrects one is not applied to
+another.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.diagnosis.intake.driven import Driven, driven
+from zwidth.diagnosis.intake.units import nearest_unit, sentence
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.sim.device import Device
+
+Floats = NDArray[np.float64]
+COMMAND = ("command",)
+POWER = 0.1  # share of its most, of the energy that a command may seem to take out of a device
+OFF = 2.2  # factor by which a device file may be off in what it says of how much a command drives
+OFF_TOO = 3.0  # the same of a sign that is wrong: a wrong unit beside it is rare
+SURE = 40.0  # -2 ln likelihood, from which another scale is suspected
+SHARE = 0.25  # of what the command explains in all, that another scale must explain beyond it
+PASSES = 4
+TINY = 1e-9
+VOUCHED = 1.1  # factor between steps that are seen and those of the device file
+REPEATS = 0.02
+CLIPPED = 0.005
+ON_LATTICE = 0.1  # of a step, by which a value may lie beside it
+FEW = 10  # neighbouring values that are one step apart
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Something about a recording. kind: a word; wrong: it makes the recording false as it is.
+
+    value: what was seen, by kind; where channels are named, the factor that corrects these.
+    recording: the name of the one that it is of, "" for all.
+    """
+
+    kind: str
+    sentence: str
+    wrong: bool
+    value: float
+    recording: str = ""
+    channels: tuple[str, ...] = ()
+
+
+def examine(device: Device, experiments: Sequence[Experiment]) -> list[Fault]:
+    """Return what is odd about recordings, what is likeliest of what is suspected of them first.
+
+    Steps and repeats are those of the recordings once corrected by their own faults.
+    """
+    faults: list[Fault] = []
+    for e in experiments:
+        wrong = list(next(iter(suspected(device, e)), ()))
+        faults += [*wrong, *oddities(device, corrected(e, wrong))]
+    return sorted(faults, key=lambda f: not f.wrong)
+
+
+def oddities(device: Device, e: Experiment) -> list[Fault]:
+    """Return what is odd about a recording and no matter of belief."""
+    found = [Fault("recording", note, False, e.begins) for note in e.notes]
+    found += _clipped(e) + _output_faults(device, e)
+    return [replace(fault, recording=e.name) for fault in found]
+
+
+def corrected(experiment: Experiment, faults: Sequence[Fault]) -> Experiment:
+    """Return a recording with its channels as its own faults say."""
+    names = [o.name for o in experiment.outputs]
+    for fault in faults:
+        if fault.channels == COMMAND:
+            experiment = replace(experiment, command=fault.value * experiment.command)
+            continue
+        factors = np.array([fault.value if name in fault.channels else 1.0 for name in names])
+        if np.any(factors != 1.0):
+            measured = factors * experiment.measured
+            swing = abs(float(factors[0])) * experiment.swing
+            experiment = replace(experiment, measured=measured, swing=swing)
+    return experiment
+
+
+def misread(e: Experiment, channels: tuple[str, ...], factor: float) -> Fault:
+    """Return the fault of channels that count too much or too little by a factor."""
+    what = "command" if channels == COMMAND else "output"
+    kind = f"{what}_sign" if factor < 0.0 else f"{what}_scale"
+    return Fault(kind, sentence(e.name, channels, factor), True, factor, e.name, channels)
+
+
+def _clipped(e: Experiment) -> list[Fault]:
+    peak = float(np.abs(e.command).max())
+    share = float(np.mean(np.abs(e.command) > (1.0 - 1e-9) * peak))
+    if share <= CLIPPED or np.unique(np.abs(e.command)).size <= 20:
+        return []
+    sentence = (
+        f"{100.0 * share:.1f} % of the command of {e.name} stands at +-{peak:.4g}: it was clipped"
+        " before it was recorded"
+    )
+    return [Fault("clipped_command", sentence, False, peak)]
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """How many times over an output seems driven; off: not as the device file has it.
+
+    clear: whether the command shows in it at all; step: of the file over that seen in it, or None.
+    """
+
+    scale: float
+    off: bool
+    clear: bool
+    step: float | None
+
+    @property
+    def vouched(self) -> bool:
+        """Whether its steps are those that the device file states."""
+        return self.step is not None and 1.0 / VOUCHED < self.step < VOUCHED
+
+
+def suspected(device: Device, e: Experiment) -> list[tuple[Fault, ...]]:
+    """Return corrections that may be due, the likeliest first, at most two; [] for a sound one.
+
+    Any one of them is a whole correction of the recording.
+    """
+    seen = [_seen(device, e, o) for o in range(len(e.outputs))]
+    names = [o.name for o in e.outputs]
+    off = [s for s in seen if s.off]
+    if not off:
+        return []
+    sound = [s for s in seen if s.clear and not s.off]
+    factor = _common([s.scale for s in off], device.rotary)
+    command = (misread(e, COMMAND, factor),)
+    each = tuple(
+        misread(e, (name,), nearest_unit(s.step or 1.0 / s.scale, device.rotary))
+        for name, s in zip(names, seen, strict=True)
+        if s.off
+    )
+    every = (misread(e, tuple(names), nearest_unit(1.0 / factor, device.rotary)),)
+    outputs = each if sound or len(off) == 1 < len(seen) else every
+    if any(abs(f.value - 1.0) < TINY for f in outputs):  # the steps are those of the file
+        return [command]
+    if sound or any(s.step is not None and not s.vouched for s in off):
+        return [outputs, command]
+    if any(s.vouched for s in off) and factor > 0.0:
+        return [command]
+    return [command, outputs]
+
+
+def _common(scales: Sequence[float], rotary: bool) -> float:
+    """The factor that most of several scales agree about, as a unit where it is near one."""
+    sign = 1.0 if sum(float(np.sign(s)) for s in scales) >= 0.0 else -1.0
+    size = float(np.exp(np.median(np.log(np.abs(scales)))))
+    return nearest_unit(sign * size, rotary)
+
+
+def _seen(device: Device, e: Experiment, o: int) -> _Seen:
+    """How many times over one output seems driven.
+
+    What differs by much is only told near where it is told from, so it is told in turns.
+    """
+    alone = replace(e, measured=e.measured[:, [o]].copy(), outputs=(e.outputs[o],))
+    taken = _energy_taken(device, alone)
+    scale, forward = -1.0 if taken < -POWER else 1.0, abs(taken) > POWER
+
+    def tell() -> Driven | None:
+        return driven(device, replace(alone, command=scale * alone.command), forward)
+
+    told = tell()
+    clear = told is not None and told.told > SURE
+    for _ in range(PASSES):
+        if told is None or not _doubtful(told):
+            break
+        scale *= told.scale
+        told = tell()
+    if told is not None and told.told > SURE and scale != 1.0 and 0.0 < told.scale < 1.0:
+        scale *= told.scale  # drag and springs have taken a part of it before
+    unclear = scale != 1.0 and told is not None and told.told < SURE
+    if unclear or 1.0 / OFF < scale < OFF:  # no command explains it either: no other scale does
+        scale = -1.0 if taken < -POWER else 1.0
+    if scale < 0.0 and 1.0 / OFF_TOO < -scale < OFF_TOO:
+        scale = -1.0
+    return _Seen(scale, scale != 1.0, clear, _step_off(device, alone))
+
+
+def _doubtful(told: Driven) -> bool:
+    return (
+        not 1.0 / OFF < told.scale < OFF
+        and told.scale != 0.0
+        and told.gained > max(SURE, SHARE * told.told)
+    )
+
+
+def _energy_taken(device: Device, e: Experiment) -> float:
+    """Energy that a command gives to m1, as a share of the most that it could; 0 of other masses.
+
+    A held command gives u_k (x_(k+1) - x_k), whatever happens between: no velocity is needed, whose
+    noise a feedback would have put into the command. With the command as late as the device's delay
+    and a tick more, since a feedback also knows the noise of x_k.
+    """
+    if e.outputs[0].mass != 0:
+        return 0.0
+    late = round(device.interface.delay / e.period) + 1
+    y = e.measured[:, 0]
+    moved = np.diff(y) if e.outputs[0].quantity == "position" else y[1:] * e.period
+    moved = moved[late:]
+    u = e.command[: moved.size]
+    size = float(np.sqrt(np.mean(u**2) * np.mean(moved**2)))
+    return float(np.mean(u * moved)) / size if size > 0.0 else 0.0
+
+
+def _step_off(device: Device, e: Experiment) -> float | None:
+    """Step of the device file over that of an output, None where either has none."""
+    stated, seen = device.interface.encoder_step, encoder_step_seen(e.measured[:, 0])
+    if not stated > 0.0 or seen is None or e.outputs[0].mass != 0:
+        return None
+    if e.outputs[0].quantity == "velocity":  # differenced
+        stated /= e.period
+    return stated / seen
+
+
+def _output_faults(device: Device, e: Experiment) -> list[Fault]:
+    found: list[Fault] = []
+    length = "rad" if device.rotary else "m"
+    for o, output in enumerate(e.outputs):
+        y = e.measured[:, o]
+        step = encoder_step_seen(y)
+        repeats = float(np.mean(np.diff(y) == 0.0))
+        if step is not None:
+            unit = length if output.quantity == "position" else f"{length}/s"
+            found.append(
+                Fault(
+                    "encoder_step",
+                    f"{output.name} of {e.name} comes in steps of {step:.4g} {unit}",
+                    False,
+                    step,
+                )
+            )
+        elif repeats > REPEATS:
+            found.append(
+                Fault(
+                    "repeated_samples",
+                    f"{100.0 * repeats:.1f} % of the samples of {output.name} of {e.name} repeat"
+                    " the one before",
+                    False,
+                    repeats,
+                )
+            )
+    return found
+
+
+def encoder_step_seen(y: Floats) -> float | None:
+    """Return the step of which all values are multiples (up to an offset), None for none.
+
+    The smallest difference between distinct values is a multiple of the step; it is the step if all
+    differences are whole multiples of it, and enough of them are the step itself.
+    """
+    levels = np.unique(y)
+    if levels.size < 3:
+        return None
+    gaps = np.diff(levels)
+    smallest = gaps.min()
+    near = gaps[gaps < 1.5 * smallest]
+    step = float(near.mean())
+    span = float(levels[-1] - levels[0])
+    step = span / max(1.0, np.round(span / step))
+    counts = (levels - levels[0]) / step
+    wrong = np.abs(counts - np.round(counts)).max()
+    often = near.size >= min(FEW, levels.size // 2)
+    return step if wrong < ON_LATTICE and often else None

@@ -1,0 +1,308 @@
+"""The recordings as the diagnosis takes them: sound or corrected, and what is left out of them.
+
+Whether a sign or a unit of a recording is wrong is a hypothesis beside physics. The gate says what
+is suspected; each way to read the recordings (`readings`) is searched for physics, and what costs
+least is kept (`likeliest`).
+"""
+
+import math
+from collections import Counter
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext, suppress
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+from zwidth.diagnosis.answer.result import NotDiagnosed, Unanswered
+from zwidth.diagnosis.intake.gate import COMMAND, Fault, corrected, examine, suspected
+from zwidth.diagnosis.intake.hold import smooth, was_smooth
+from zwidth.diagnosis.intake.rectified import unfolded
+from zwidth.diagnosis.intake.units import unit_of
+from zwidth.diagnosis.mishaps import collecting, debugging, isolated, silent
+from zwidth.diagnosis.noise.predictor import SETTLING
+from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.recording.experiment import Experiment, ExperimentError
+from zwidth.diagnosis.selection.effort import QUICK
+from zwidth.diagnosis.selection.evidence import ALPHA
+from zwidth.diagnosis.selection.search import search
+from zwidth.sim.device import Device
+
+Result = TypeVar("Result")
+LIKELY_ODDS = 1e-2  # that a recording has a wrong sign, or a unit that is mistaken for the SI
+TIE = 1.0  # -2 ln within which two fits end alike, so that the first suspect stands
+FREE_ODDS = 1e-4  # that a channel counts wrong by a factor that is no unit
+FREE_RANGE = 2.0 * math.log(1e3)  # of the logarithm of such a factor
+FREE_WIDTH = 0.2  # of it, that masses, springs and gain of a device file leave open
+
+
+@dataclass(frozen=True)
+class Taken:
+    """Recordings whole, the part of each to fit on, and what is to judge.
+
+    faults: what is odd about them; folded: by which factor they are better folded out, or 1.
+    whole_unopened: the held-out data are a part of them, and not other recordings. left_out: places
+    of those that an error cost. misread: place in fit_on and fault of each correction that another
+    way to read them does without; doubted: whether a recording to judge by is suspected.
+    """
+
+    whole: tuple[Experiment, ...]
+    fit_on: tuple[Experiment, ...]
+    judge_by: tuple[Experiment, ...]
+    faults: tuple[Fault, ...]
+    folded: float
+    whole_unopened: bool
+    left_out: tuple[int, ...]
+    misread: tuple[tuple[int, Fault], ...] = ()
+    doubted: bool = False
+
+
+def take_in(
+    device: Device, experiments: Sequence[Experiment], validate: Sequence[Experiment] | None
+) -> Taken:
+    """Take recordings in as they are likeliest to be read, by a quick search of each reading.
+
+    Raises as `readings` does.
+    """
+    every = readings(device, experiments, validate)
+    if len(every) == 1 and not every[0].doubted:
+        return every[0]
+
+    def quick(taken: Taken) -> tuple[float, Device]:
+        best = search(device, taken.fit_on, QUICK).best
+        return best.cost.total, best.model.build(best.x)
+
+    with suppress(NoObserver):
+        return judged_anew(*likeliest(every, quick))
+    return every[0]
+
+
+def readings(
+    device: Device, experiments: Sequence[Experiment], validate: Sequence[Experiment] | None
+) -> list[Taken]:
+    """Return the ways to read recordings: as they are, and at most two others that are suspected.
+
+    Each is folded out, corrected by what is suspected of it, and taken held or smooth. A recording
+    to judge by is corrected where one to fit on is by the same factor. An error in one of several
+    costs that one alone. Raises ExperimentError where the only one is of no use, and NotDiagnosed
+    where an error leaves none.
+    """
+
+    def looked_at(e: Experiment) -> _Looked:
+        one, factor = _folded_out(device, e)
+        faults = examine(device, [one])
+        ways = suspected(device, one) if any(f.wrong for f in faults) else []
+        return _Looked(one, factor, tuple(f for f in faults if not f.wrong), tuple(ways))
+
+    passed = _each(experiments, looked_at)
+    others = [] if validate is None else _each(validate, looked_at)
+    looked = [one for _, one in passed]
+    ways: list[list[tuple[Fault, ...]]] = [[() for _ in looked]]
+    for turn in range(max(len(one.ways) for one in looked)):
+        ways.append([one.ways[min(turn, len(one.ways) - 1)] if one.ways else () for one in looked])
+    whole = validate is None
+    judges = [one for _, one in others]
+
+    def taken(way: Sequence[tuple[Fault, ...]]) -> Taken:
+        places = [place for place, _ in passed]
+        return _taken(device, looked, places, way, judges, whole, len(experiments))
+
+    return [taken(way) for way in ways]
+
+
+@dataclass(frozen=True)
+class _Looked:
+    """A recording folded out, by which factor that is better, what is odd, what is suspected."""
+
+    experiment: Experiment
+    factor: float
+    odd: tuple[Fault, ...]
+    ways: tuple[tuple[Fault, ...], ...]
+
+
+def _taken(
+    device: Device,
+    looked: Sequence[_Looked],
+    places: Sequence[int],
+    way: Sequence[tuple[Fault, ...]],
+    judges: Sequence[_Looked],
+    whole: bool,
+    asked: int,
+) -> Taken:
+    """Recordings corrected in one way."""
+    same = {(f.channels, f.value) for wrong in way for f in wrong}
+    first = [corrected(one.experiment, wrong) for one, wrong in zip(looked, way, strict=True)]
+    swing = max(e.swing for e in first)  # one origin for all
+
+    def acted(e: Experiment) -> tuple[Experiment, list[Fault]]:
+        return _as_it_acted(device, replace(e, swing=swing))
+
+    kept = _each(first, acted)
+    whole_ones = tuple(e for _, (e, _) in kept)
+    notes = [note for _, (_, notes) in kept for note in notes]
+    misread = tuple((k, fault) for k, (place, _) in enumerate(kept) for fault in way[place])
+    wrong = [fault for each in way for fault in each]
+    if whole:
+        fit_on, judge_by = zip(*(e.split() for e in whole_ones), strict=True)
+    else:
+        alike = [
+            next((w for w in one.ways if all((f.channels, f.value) in same for f in w)), ())
+            for one in judges
+        ]
+        wrong += [fault for each in alike for fault in each]
+        turned = [corrected(one.experiment, w) for one, w in zip(judges, alike, strict=True)]
+        fit_on, judge_by = whole_ones, tuple(e for _, (e, _) in _each(turned, acted))
+    odd = [fault for one in looked for fault in one.odd]
+    return Taken(
+        whole_ones, fit_on, judge_by, (*wrong, *odd, *notes), max(one.factor for one in looked),
+        whole, tuple(sorted({*range(asked)} - {places[place] for place, _ in kept})),
+        misread, any(one.ways for one in judges),
+    )  # fmt: skip
+
+
+def misread_price(taken: Taken) -> float:
+    """Return what a reading costs beside what is explained under it, in -2 ln.
+
+    What was measured is y, and what a reading predicts is z = s y of an output that it corrects by
+    s. Of n samples
+
+        p(y) = |s|^n p(z),    -2 ln p(y) = -2 ln p(z) - 2 n ln |s|:
+
+    the misfit under z grows by 2 n ln |s| for its larger unit alone, which this takes back. A fault
+    of several recordings alike is one; else each has its own odds, and a factor that is no unit is
+    one of the 2 ln 1000 / width that it could have been.
+    """
+    price = 0.0
+    for place, fault in taken.misread:
+        if fault.channels != COMMAND:
+            samples = max(0, taken.fit_on[place].ticks - SETTLING) * len(fault.channels)
+            price -= 2.0 * samples * math.log(abs(fault.value))
+    kinds = Counter((fault.channels, fault.value) for _, fault in taken.misread)
+    for (_, factor), count in kinds.items():
+        once = count == len(taken.fit_on)
+        price += (1 if once else count) * _rarity(factor)
+    return price
+
+
+def _rarity(factor: float) -> float:
+    if math.isclose(abs(factor), 1.0) or unit_of(factor) is not None:
+        return -2.0 * math.log(LIKELY_ODDS / (1.0 - LIKELY_ODDS))
+    range_price = 2.0 * math.log(FREE_RANGE / FREE_WIDTH) - math.log(2.0 * math.pi)
+    return -2.0 * math.log(FREE_ODDS / (1.0 - FREE_ODDS)) + range_price
+
+
+def likeliest(
+    every: Sequence[Taken], search: Callable[[Taken], tuple[float, Result]]
+) -> tuple[Taken, Result]:
+    """Return the reading that costs least, with what a search under it found.
+
+    search: gives the cost of the best hypothesis under a reading and what it found, or raises
+    NoObserver, after which that reading is none. Raises NoObserver where no reading is left. What
+    another correction explains as well is said with the fault.
+    """
+    found: list[tuple[float, Taken, Result]] = []
+    last: NoObserver | None = None
+    for taken in every:
+        try:
+            cost, result = search(taken)
+            found.append((cost + misread_price(taken), taken, result))
+        except NoObserver as error:
+            last = error
+    if not found:
+        raise last or NoObserver("there is no recording")
+    least = min(cost for cost, _, _ in found)
+    least, kept, result = next(one for one in found if one[0] <= least + TIE)
+    near = -2.0 * math.log(ALPHA)
+    as_good = [t for c, t, _ in found if t is not kept and t.misread and c - least < near]
+    return (_with_doubt(kept, as_good) if kept.misread else kept), result
+
+
+def _with_doubt(kept: Taken, as_good: Sequence[Taken]) -> Taken:
+    """Say of each fault what other channel it may be as well."""
+
+    def said(fault: Fault) -> Fault:
+        other = [
+            f
+            for taken in as_good
+            for _, f in taken.misread
+            if f.recording == fault.recording and f.channels != fault.channels
+        ]
+        if not other:
+            return fault
+        names = " and ".join(dict.fromkeys(name for f in other for name in f.channels))
+        more = f"; as well it may be {names} that is wrong, by {other[0].value:.3g}: nothing tells"
+        return replace(fault, sentence=fault.sentence + more)
+
+    misread = tuple((place, said(fault)) for place, fault in kept.misread)
+    known = {id(old): new for (_, old), (_, new) in zip(kept.misread, misread, strict=True)}
+    faults = tuple(known.get(id(fault), fault) for fault in kept.faults)
+    return replace(kept, misread=misread, faults=faults)
+
+
+def judged_anew(taken: Taken, found: Device) -> Taken:
+    """Correct recordings to judge by where the device that was found says what is wrong with them.
+
+    No search sees them, and what is suspected by the device file alone may be physics.
+    """
+    if not taken.doubted:
+        return taken
+    judges: list[Experiment] = []
+    faults: list[Fault] = []
+    for e in taken.judge_by:
+        wrong: tuple[Fault, ...] = ()
+        with isolated("gate", e.name):
+            wrong = next(iter(suspected(found, e)), ())
+        judges.append(corrected(e, wrong))
+        faults += wrong
+    every = tuple(sorted((*taken.faults, *faults), key=lambda fault: not fault.wrong))
+    return replace(taken, judge_by=tuple(judges), faults=every, doubted=False)
+
+
+def not_diagnosed(stage: str, error: Exception, faults: Sequence[Fault] = ()) -> NotDiagnosed:
+    """Return the end of a diagnosis by an error in a stage that nothing can be said without."""
+    with collecting(silent) as mishaps:
+        sentence = f"nothing can be concluded: {mishaps.keep(stage, '', error).sentence}"
+        return NotDiagnosed(Unanswered(sentence, tuple(faults), tuple(mishaps.found)))
+
+
+def _each(
+    experiments: Sequence[Experiment], work: Callable[[Experiment], Result]
+) -> list[tuple[int, Result]]:
+    """What work gives on each recording, with its place; an error in one of several costs it."""
+    found: list[tuple[int, Result]] = []
+    for place, e in enumerate(experiments):
+        try:
+            with isolated("gate", e.name) if len(experiments) > 1 else nullcontext():
+                found.append((place, work(e)))
+        except ExperimentError:
+            raise
+        except Exception as error:
+            if debugging():
+                raise
+            raise not_diagnosed("gate", error) from error
+    if not found:
+        raise not_diagnosed("gate", ExperimentError("no recording is left"))
+    return found
+
+
+def _folded_out(device: Device, e: Experiment) -> tuple[Experiment, float]:
+    """Fold out what a sensor reported as absolute values; by which factor that is better, or 1."""
+    if any(p.effect.name == "rectified_sensor" for p in device.physics):
+        return e, 1.0
+    tried = unfolded(device, e)
+    return (e, 1.0) if tried is None else (tried.experiment, tried.factor)
+
+
+def _as_it_acted(device: Device, e: Experiment) -> tuple[Experiment, list[Fault]]:
+    """Take a command as smooth between samples where that explains the motion much better.
+
+    Or where the device file says that it is.
+    """
+    if device.interface.command_hold == "smooth":
+        return smooth(e), []
+    factor = was_smooth(device, e)
+    if factor is None:
+        return e, []
+    sentence = (
+        f"the command of {e.name} explains the motion {factor:.3g} times better as a signal"
+        " that is smooth between its samples than as one that is held, and is taken so"
+    )
+    return smooth(e), [Fault("smooth_command", sentence, False, factor, e.name)]

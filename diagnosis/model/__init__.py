@@ -1,0 +1,1 @@
+"""A device with free parameters."""

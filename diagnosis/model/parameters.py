@@ -1,0 +1,407 @@
+"""The numbers that a fit may change: the device's linear parameters, and those of effects.
+
+Every parameter is value = nominal + scale x (dampers, effects) or nominal exp(scale x) (masses,
+springs, gain), so that x is of order one. The linear ones carry a Gaussian prior of one scale,
+which the device file states (`Uncertainty`): what the recording does not tell stays near the
+nominal device instead of running away. The gain of the command is free only where the file says how
+uncertain that is, since motion alone cannot tell it from masses, springs, dampers and forces all
+at once.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device, place_label
+from zwidth.sim.members import Members, alike, chains_of
+from zwidth.sim.physics.effect import Bounds, Physics
+from zwidth.sim.physics.effect import Parameter as Declared
+
+Floats = NDArray[np.float64]
+JITTER_SCALE = 0.01  # of the period: by how much commands arrive early or late
+ORIGIN_SCALE = 0.1  # of the rms motion: where a spring to ground is at rest
+# Scales that a mass, spring or gain may move: with 0.3 by exp(0.9) = 2.46 either way, since a mass
+# that triples to mimic friction is no answer.
+FARTHEST = 3.0
+DAMPER_FLOOR = 0.1  # of the mean damper: what a damper of nearly zero may change by
+
+MARGIN = 1e-9  # of x, by which a start keeps off a bound
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number; index in its array.
+
+    kind: "mass", "spring", "damper", "link", "k0", "origin", "gain", "jitter" or "effect".
+
+    scale: of x. lower, upper: bounds of x. prior: whether x has a unit Gaussian prior. key: of an
+    effect's parameter its name; ends: at which of its bounds a fit is no physics, "lower", "upper".
+    """
+
+    name: str
+    kind: str
+    index: int
+    scale: float
+    lower: float = -np.inf
+    upper: float = np.inf
+    prior: bool = True
+    key: str = ""
+    ends: tuple[str, ...] = ()
+
+
+class Reads(NamedTuple):
+    """How a model reads a recording.
+
+    The command counts times gain; origin, in units of the rms motion, is taken from positions, and
+    jitter times the change of the arriving command from the velocity of m1.
+    """
+
+    gain: float
+    origin: float
+    jitter: float
+
+
+@dataclass(frozen=True)
+class Model:
+    """A device with its free parameters; `build(x)` is the device at x, `seen` a recording at x.
+
+    effects: the physics under trial, at the values where x of their parameters is zero. scales: of
+    their free parameters; bounds: of them, given the recordings, where that is less than the effect
+    allows.
+    sensor_error_known: the recordings say what an encoder_step under trial adds to the sensor, so
+    that it is taken off there and not simulated.
+    """
+
+    nominal: Device
+    effects: tuple[Physics, ...] = ()
+    scales: tuple[Mapping[str, float], ...] = ()
+    sensor_error_known: bool = False
+    bounds: tuple[Bounds, ...] = ()
+
+    @cached_property
+    def parameters(self) -> list[Parameter]:
+        """All free parameters, linear ones first; asked for in every prediction, so kept."""
+        return [*linear_parameters(self.nominal), *self._effect_parameters()]
+
+    @property
+    def linear_count(self) -> int:
+        """How many of the parameters are linear ones."""
+        return len(linear_parameters(self.nominal))
+
+    def _effect_parameters(self) -> list[Parameter]:
+        found: list[Parameter] = []
+        bounds = self.bounds or ({},) * len(self.effects)
+        all_of = zip(self.effects, self.scales, bounds, strict=True)
+        for i, (physics, scales, limits) in enumerate(all_of):
+            found += [
+                _of_effect(f"{place_label(physics)}.{p.name}", i, p, physics.values[p.name],
+                           scales[p.name], limits.get(p.name, (p.lower, p.upper)))
+                for p in physics.effect.parameters
+                if scales.get(p.name, 0.0) != 0.0
+            ]  # fmt: skip
+        return found
+
+    def less(self, x: Floats, *gone: int) -> tuple["Model", Floats]:
+        """Return the model without some of its effects (their places in it), and its x."""
+        keep = np.array([p.kind != "effect" or p.index not in gone for p in self.parameters])
+        model = self
+        for index in sorted(gone, reverse=True):
+            model = model.without_effect(index)
+        return model, x[keep]
+
+    def within(self, x: Floats) -> Floats:
+        """Return the nearest x inside the bounds, off them by a margin."""
+        lower = np.array([p.lower for p in self.parameters])
+        upper = np.array([p.upper for p in self.parameters])
+        margin = MARGIN * np.maximum(1.0, np.abs(x))
+        return np.clip(x, np.where(np.isfinite(lower), lower + margin, lower),
+                       np.where(np.isfinite(upper), upper - margin, upper))  # fmt: skip
+
+    def effects_at(self, x: Floats) -> tuple[Physics, ...]:
+        """Return the effects under trial with their values at x."""
+        values = [dict(p.values) for p in self.effects]
+        for p, xi in zip(self.parameters, x, strict=True):
+            if p.kind == "effect":
+                values[p.index][p.key] += p.scale * float(xi)
+        return tuple(
+            replace(physics, values=_inside(physics, changed))
+            for physics, changed in zip(self.effects, values, strict=True)
+        )
+
+    def build(self, x: Floats) -> Device:
+        """Return the device at x."""
+        chain = self.nominal.chain
+        masses, dampers = chain.masses.copy(), chain.ground_dampers.copy()
+        springs, links = chain.link_springs.copy(), chain.link_dampers.copy()
+        k0 = chain.ground_spring
+        for p, xi in zip(self.parameters, x, strict=True):
+            if p.kind == "mass":
+                masses[p.index] *= np.exp(p.scale * xi)
+            elif p.kind == "spring":
+                springs[p.index] *= np.exp(p.scale * xi)
+            elif p.kind == "damper":
+                dampers[p.index] += p.scale * xi
+            elif p.kind == "link":
+                links[p.index] += p.scale * xi
+            elif p.kind == "k0":
+                k0 *= float(np.exp(p.scale * xi))
+        device = self.nominal.with_chain(make_chain(masses, dampers, k0, springs, links))
+        for physics in self.effects_at(x):
+            device = device.with_physics(physics)
+        return device
+
+    def acting(self, x: Floats) -> Device:
+        """Return the device at x less what `seen` takes off the recording: steps, lost commands."""
+        device = self.build(x).with_interface(command_step=0.0)
+        if self.sensor_error_known or not self.has("encoder_step"):
+            device = device.with_interface(encoder_step=0.0)
+        gone = {p.effect.name for p in device.physics if p.effect.in_recording}
+        return device.without_physics(*gone) if gone else device
+
+    def members(self, xs: Floats) -> Members:
+        """Return the devices that are `acting` at many x (members, parameters), all at once.
+
+        Their numbers are those of `acting` bit for bit; `Members.check` raises what it raises.
+        """
+        count = xs.shape[0]
+        chains = chains_of(self.nominal.chain, count)
+        values = [np.tile(p.vector(), (count, 1)) for p in self.effects]
+        factored = {"mass": chains.masses, "spring": chains.link_springs,
+                    "k0": chains.ground_spring[:, None]}  # fmt: skip
+        shifted = {"damper": chains.ground_dampers, "link": chains.link_dampers}
+        for p, x in zip(self.parameters, np.ascontiguousarray(xs.T), strict=True):
+            if p.kind in factored:
+                factored[p.kind][:, p.index] *= np.exp(p.scale * x)
+            elif p.kind in shifted:
+                shifted[p.kind][:, p.index] += p.scale * x
+            elif p.kind == "effect":
+                names = [q.name for q in self.effects[p.index].effect.parameters]
+                values[p.index][:, names.index(p.key)] += p.scale * x
+        found = replace(alike(self.nominal, count), chains=chains)
+        for physics, own in zip(self.effects, values, strict=True):
+            lower = np.array([p.lower for p in physics.effect.parameters])
+            upper = np.array([p.upper for p in physics.effect.parameters])
+            above = np.where(lower > own, lower, own)
+            found = found.with_physics(physics, np.where(upper < above, upper, above))
+        found = found.with_interface(command_step=0.0)
+        if self.sensor_error_known or not self.has("encoder_step"):
+            found = found.with_interface(encoder_step=0.0)
+        return found.without_physics(lambda p: p.effect.in_recording)
+
+    def has(self, name: str) -> bool:
+        """Whether an effect of that name is under trial."""
+        return any(p.effect.name == name for p in self.effects)
+
+    def reads(self, x: Floats) -> "Reads":
+        """Return how the model at x reads a recording."""
+        gain, origin, jitter = 1.0, 0.0, 0.0
+        for p, xi in zip(self.parameters, x, strict=True):
+            if p.kind == "gain":
+                gain = float(np.exp(p.scale * xi))
+            elif p.kind == "origin":
+                origin = p.scale * float(xi)
+            elif p.kind == "jitter":
+                jitter = p.scale * float(xi)
+        counts = gain * self.nominal.interface.command_gain
+        return Reads(gain, origin, 0.5 * jitter * counts / self.nominal.chain.masses[0])
+
+    def reads_each(self, xs: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return gain, origin and jitter of `reads` at many x (members, parameters), (members,)."""
+        gain, origin, jitter = np.ones(xs.shape[0]), np.zeros(xs.shape[0]), np.zeros(xs.shape[0])
+        for p, x in zip(self.parameters, np.ascontiguousarray(xs.T), strict=True):
+            if p.kind == "gain":
+                gain = np.exp(p.scale * x)
+            elif p.kind == "origin":
+                origin = p.scale * x
+            elif p.kind == "jitter":
+                jitter = p.scale * x
+        counts = gain * self.nominal.interface.command_gain
+        return gain, origin, 0.5 * jitter * counts / self.nominal.chain.masses[0]
+
+    def plain(self, experiment: Experiment) -> Experiment:
+        """Return a recording as the model sees it at every x alike.
+
+        Lost commands left out, the command in its steps, errors of the sensor's steps and the
+        device's own origin taken off.
+        Steps are taken here and not in the device: inside a fit they would turn every slope into
+        noise.
+        """
+        measured, command = experiment.measured, experiment.command
+        if self.has("dropped_samples") and experiment.dropped is not None:
+            command = delivered(command, experiment.dropped)
+        for step in self._command_steps():
+            command = step * np.round(command / step)
+        if self.sensor_error_known and experiment.sensor_error is not None:
+            measured = measured.copy()
+            measured[:, 0] -= experiment.sensor_error
+        if self.nominal.interface.position_origin != 0.0:
+            positions = np.array([o.quantity == "position" for o in experiment.outputs])
+            measured = measured - self.nominal.interface.position_origin * positions
+        before = None if experiment.before is None else self.plain(experiment.before)
+        return replace(experiment, command=command, measured=measured, before=before)
+
+    def seen(self, experiment: Experiment, x: Floats) -> Experiment:
+        """Return a recording as the model at x sees it: `plain`, then gain, origin and jitter.
+
+        Commands that arrive early or late by j in the mean of |j|, as often one as the other: the
+        velocity of m1 is read at the nominal instant, when an early one has acted for j already and
+        a late one not at all, which in the mean adds j / 2 m1 of each command's change to that
+        reading; later readings see both alike.
+        """
+        plain, reads = self.plain(experiment), self.reads(x)
+        measured = plain.measured
+        if reads.origin != 0.0:
+            still = np.array([o.quantity == "position" for o in experiment.outputs])
+            measured = measured - reads.origin * experiment.swing * still
+        if reads.jitter != 0.0 and (place := first_velocity(experiment)) is not None:
+            measured = measured.copy()
+            measured[:, place] -= reads.jitter * self.arriving_change(plain)
+        before = None if experiment.before is None else self.seen(experiment.before, x)
+        command = reads.gain * plain.command
+        return replace(plain, command=command, measured=measured, before=before)
+
+    def arriving_change(self, plain: Experiment) -> Floats:
+        """Return by how much the command that begins to act changes at each reading (ticks,)."""
+        return np.diff(arriving(self.nominal, plain.command), prepend=0.0)
+
+    def _command_steps(self) -> list[float]:
+        known = [self.nominal.interface.command_step]
+        found = [p.values["step"] for p in self.effects if p.effect.name == "command_step"]
+        return [step for step in found or known if step > 0.0]
+
+    def with_effect(
+        self, physics: Physics, scales: Mapping[str, float], bounds: Bounds | None = None
+    ) -> "Model":
+        """Return the model with one more effect."""
+        before = self.bounds or ({},) * len(self.effects)
+        return replace(
+            self,
+            effects=(*self.effects, physics),
+            scales=(*self.scales, scales),
+            bounds=(*before, bounds or {}),
+        )
+
+    def without_effect(self, index: int) -> "Model":
+        """Return the model without one of its effects."""
+        keep = [i for i in range(len(self.effects)) if i != index]
+        steps = self.sensor_error_known and self.effects[index].effect.name != "encoder_step"
+        return replace(
+            self,
+            sensor_error_known=steps,
+            effects=tuple(self.effects[i] for i in keep),
+            scales=tuple(self.scales[i] for i in keep),
+            bounds=tuple(self.bounds[i] for i in keep) if self.bounds else (),
+        )
+
+    @property
+    def label(self) -> str:
+        """The effects by name, or "linear"."""
+        return " + ".join(place_label(p) for p in self.effects) or "linear"
+
+
+def first_velocity(experiment: Experiment) -> int | None:
+    """Return which output is the velocity of m1, None for none."""
+    named = [o.name for o in experiment.outputs]
+    return named.index("velocity_m1") if "velocity_m1" in named else None
+
+
+def arriving(device: Device, command: Floats) -> Floats:
+    """Return the command (ticks,) that begins to act at each reading."""
+    whole, _ = device.interface.delay_ticks
+    return np.concatenate([np.zeros(whole), command])[: command.size]
+
+
+def delivered(command: Floats, dropped: NDArray[np.bool_]) -> Floats:
+    """Return the commands that arrived: in place of a lost one, the one before."""
+    last = np.where(dropped, -1, np.arange(command.size))
+    last[0] = 0
+    return command[np.maximum.accumulate(last)]
+
+
+def _inside(physics: Physics, values: dict[str, float]) -> dict[str, float]:
+    """Rounding may leave a value a hair outside its bounds."""
+    bounds = {p.name: (p.lower, p.upper) for p in physics.effect.parameters}
+    return {k: min(max(v, bounds[k][0]), bounds[k][1]) for k, v in values.items()}
+
+
+def _of_effect(
+    name: str, index: int, p: Declared, value: float, scale: float, limits: tuple[float, float]
+) -> Parameter:
+    """A parameter of an effect that a fit starts at a value.
+
+    Within the bounds that physics sets given the recording, which hold the start, and as far from
+    it as the effect says.
+    """
+    lower = max(p.lower, min(limits[0], value))
+    upper = min(p.upper, max(limits[1], value))
+    if p.least > 0.0:
+        lower = max(lower, p.least * value)
+    if p.most < np.inf:
+        upper = min(upper, p.most * value)
+    ends = ("lower",) * (lower > p.lower) + ("upper",) * (not p.open_ended)
+    return Parameter(
+        name, "effect", index, scale, (lower - value) / scale, (upper - value) / scale, False,
+        p.name, ends,
+    )  # fmt: skip
+
+
+def linear_parameters(device: Device) -> list[Parameter]:
+    """Return the refit's own parameters of a device; a gain only where its file leaves it open."""
+    chain, known = device.chain, device.uncertainty
+    n = chain.masses.size
+    every = np.concatenate([np.abs(chain.ground_dampers), np.abs(chain.link_dampers)])
+    floor = DAMPER_FLOOR * float(every.mean()) or 1e-3 * float(chain.masses.sum())
+
+    def damper(name: str, kind: str, i: int, value: float) -> Parameter:
+        # One that pushes is no damper; a file that has one (a modal fit) says that it is no chain.
+        scale = known.dampers * max(abs(value), floor)
+        return Parameter(name, kind, i, scale, -value / scale if value >= 0.0 else -np.inf)
+
+    found = [Parameter(f"m{i + 1}", "mass", i, known.masses, -FARTHEST, FARTHEST) for i in range(n)]
+    found += [damper(f"b{i + 1}", "damper", i, chain.ground_dampers[i]) for i in range(n)]
+    found += [
+        Parameter(f"k{i + 1}{i + 2}", "spring", i, known.springs, -FARTHEST, FARTHEST)
+        for i in range(n - 1)
+    ]
+    found += [damper(f"b{i + 1}{i + 2}", "link", i, chain.link_dampers[i]) for i in range(n - 1)]
+    if chain.ground_spring > 0.0:
+        found.append(Parameter("k0", "k0", 0, known.springs, -FARTHEST, FARTHEST))
+        found.append(Parameter("origin", "origin", 0, ORIGIN_SCALE, prior=False))
+    if known.command_scale > 0.0:
+        found.append(Parameter("gain", "gain", 0, known.command_scale, -FARTHEST, FARTHEST))
+    if device.interface.delay_ticks[1] == 0.0:  # else no command arrives while one reads
+        scale = JITTER_SCALE * device.interface.period
+        found.append(Parameter("jitter", "jitter", 0, scale))
+    return found
+
+
+def values_of(model: Model, x: Floats) -> dict[str, float]:
+    """Return the physical value of each linear parameter by name."""
+    device = model.build(x)
+    chain = device.chain
+    values: dict[str, float] = {}
+    arrays = {"mass": chain.masses, "damper": chain.ground_dampers, "spring": chain.link_springs,
+              "link": chain.link_dampers}  # fmt: skip
+    for j, p in enumerate(linear_parameters(model.nominal)):
+        if p.kind == "gain":
+            values[p.name] = float(np.exp(p.scale * x[j]))
+        elif p.kind == "k0":
+            values[p.name] = chain.ground_spring
+        elif p.kind == "origin":
+            values[p.name] = p.scale * float(x[j])  # in units of the rms motion
+        elif p.kind == "jitter":
+            values[p.name] = p.scale * float(x[j])
+        else:
+            values[p.name] = float(arrays[p.kind][p.index])
+    return values
+
+
+def effect_labels(effects: Sequence[Physics]) -> list[str]:
+    """Return effect@place of each."""
+    return [place_label(p) for p in effects]

@@ -1,0 +1,551 @@
+"""Innovations of a device on an experiment, under a fixed observer gain; and its free run.
+
+The gain comes from a noise model of two numbers, process force at m1 per tick and noise of what is
+measured, on the linear part of the device (`noise.steady`). Only their ratio matters for
+the gain; it is chosen by likelihood (`choose_observer`), and then stays fixed inside a fit: a fit
+that may change its own noise cheats with it.
+"""
+
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from zwidth.diagnosis.noise.steady import NoObserver, steady
+from zwidth.diagnosis.recording.experiment import Experiment, Output
+from zwidth.jobs.parallel import in_parallel, threads
+from zwidth.sim.device import Device
+from zwidth.sim.equations import Equations, enough_substeps, equations
+from zwidth.sim.kernel import MAX_COLUMNS, Memory
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.population import Population
+from zwidth.sim.predict import Outputs, alone
+from zwidth.sim.run import Start, start_memory
+
+Floats = NDArray[np.float64]
+ORDER = 24  # of the filters that whiten, at most
+SPARED = 100  # samples for each of their coefficients, at least
+MEMORY = 24.0  # lags over which they see correlation
+NOTHING = MAX_COLUMNS - 1  # place in a state that no device fills, and that stays zero
+BEGINNING = 2000  # ticks by which the state at the start is judged
+SETTLING = 100  # ticks left out at the start, until the observer has found the state
+SLOPE = (np.arange(10) - 4.5) / 82.5  # of the straight line through the first samples
+MOST_SUBSTEPS = 256  # a tick, of friction beside a mode of 100 kHz at 1 kHz
+RATIOS = np.geomspace(1e-7, 1e9, 33)
+FREE_RUN_S = 0.5
+SHORTEST_WINDOW = 50  # ticks of a free run
+
+
+@dataclass(frozen=True)
+class Observer:
+    """Gain (states, o), and the innovations' standard deviations (o,) it goes with.
+
+    ratio: process force variance a tick, over measurement variance, in units of (noise unit per
+    force step of the rigid body), as `observer_for` takes it. whitening: W (o, o, order + 1) with
+    sum_k W_k e_(t-k) white, of unit variance, and of no correlation between outputs; None for none.
+    deviation is that of what the past of all outputs does not predict.
+    """
+
+    gain: Floats
+    deviation: Floats
+    ratio: float
+    whitening: Floats | None = None
+
+    def weigh(self, innovations: Floats) -> Floats:
+        """Return innovations (ticks, o) whitened, in units of their deviation."""
+        if self.whitening is None:
+            return innovations / self.deviation
+        with np.errstate(all="ignore"):  # infinite after an overflow
+            columns = [
+                sum(
+                    (lfilter(w, [1.0], innovations[:, p]) for p, w in enumerate(row) if w.any()),
+                    np.zeros(innovations.shape[0]),
+                )
+                for row in self.whitening
+            ]
+        return np.column_stack(columns)
+
+    def cost(self, white: Floats) -> float:
+        """Return -2 log likelihood of weighed innovations (samples,), up to a constant.
+
+        The covariance left in them is concentrated out: n (ln det S_0 + ln det S), S_0 what `weigh`
+        divides by and S the covariance of what it returned.
+        """
+        rows = white.reshape(-1, self.deviation.size)
+        return float(self.cost_of((rows.T @ rows)[None], rows.shape[0])[0])
+
+    def cost_of(self, moments: Floats, rows: int) -> Floats:
+        """Return the same of sums of w w' over so many rows (members, o, o), w weighed."""
+        if self.whitening is None:
+            divided = 2.0 * float(np.sum(np.log(self.deviation)))
+        else:
+            divided = -2.0 * float(np.linalg.slogdet(self.whitening[:, :, 0])[1])
+        return rows * (divided + np.linalg.slogdet(moments / rows)[1])
+
+    def filters(self) -> Floats:
+        """Return what `weigh` does as filters (o, o, taps)."""
+        if self.whitening is not None:
+            return self.whitening
+        return np.diag(1.0 / self.deviation)[:, :, None]
+
+
+def whitened(observer: Observer, innovations: Sequence[Floats], memory: float = MEMORY) -> Observer:
+    """Return the observer with the filters that whiten innovations (ticks, o) of recordings.
+
+    Autoregression by Yule and Walker over all outputs at once: a disturbance moves every mass, and
+    two outputs taken for independent would count it twice. Slopes depend on past readings only, so
+    innovations that are truly white draw no parameter from its truth, whatever noise the observer
+    was made for; those that are not let an effect explain their colour. Hence the high order: under
+    encoder noise of colour 0.6 to 0.7, order 8 had hysteresis gain a chi-square of 65 and 114 where
+    nothing was missing. Like the gain, the filter is estimated between fits and never inside one.
+    Colour that missing physics leaves is whitened too, which costs some of its weight and none of
+    its shape, and goes when the physics is found. So that no single line is taken out altogether,
+    the spectrum that the filter makes flat is smoothed: correlation at lag k counts
+    exp(-k^2 / 2 memory^2), a resolution of 1 / (2 pi memory T), 6.6 Hz at 1 kHz.
+
+    Raises NoObserver where no filter makes them white.
+    """
+    size = np.sqrt(np.mean(np.concatenate([e[SETTLING:] ** 2 for e in innovations]), axis=0))
+    kept = [e[SETTLING:] / size for e in innovations]
+    total, o = sum(k.shape[0] for k in kept), size.size
+    order = min(ORDER, max(1, total // (SPARED * o)))
+
+    # R_k = E e_t e_(t-k)' and R_k = sum_j A_j R_(k-j)
+    def together(lag: int) -> Floats:
+        found = np.sum([k[lag:].T @ k[: k.shape[0] - lag] for k in kept], axis=0) / total
+        return found * float(np.exp(-0.5 * (lag / memory) ** 2))
+
+    r = np.stack([together(lag) for lag in range(order + 1)])
+    lags = np.arange(order) - np.arange(order)[:, None]
+    each = np.where((lags >= 0)[:, :, None, None], r[abs(lags)], r[abs(lags)].swapaxes(2, 3))
+    blocks = each.swapaxes(1, 2).reshape(order * o, order * o)
+    try:
+        a = np.linalg.solve(blocks.T, np.hstack(list(r[1:])).T).T
+    except np.linalg.LinAlgError as error:
+        raise NoObserver(f"the innovations cannot be whitened: {error}") from error
+    filters = np.concatenate([np.eye(o)[:, :, None], -a.reshape(o, order, o).swapaxes(1, 2)], 2)
+    plain = replace(observer, whitening=filters, deviation=np.ones(o))
+    white = np.concatenate([plain.weigh(e / size)[SETTLING:] for e in innovations])
+    covariance = white.T @ white / white.shape[0]
+    try:
+        mixed = np.linalg.solve(np.linalg.cholesky(covariance), filters.reshape(o, -1))
+    except np.linalg.LinAlgError as error:
+        raise NoObserver(f"the outputs are no two measurements: {error}") from error
+    whitening = mixed.reshape(filters.shape) / size[None, :, None]
+    return replace(observer, whitening=whitening, deviation=size * np.sqrt(np.diag(covariance)))
+
+
+@dataclass(frozen=True)
+class Fineness:
+    """Substeps a tick: with smooth forces, where friction turns, with backlash and where it jumps.
+
+    Of smooth forces and backlash, counted against 64 on 20 s at 20 times the limit (100 sigma):
+    SEARCHING leaves below 2 and 12 sigma, enough to tell effects apart, FINAL below 0.5 and 1. Of
+    friction on 5 s: 2.8 to 3.2, and 0.16 to 0.19 (docs/performance.md). SCREENING is for
+    signatures, which need one digit.
+    """
+
+    smooth: int
+    turning: int
+    jumping: tuple[int, int]
+
+
+SCREENING = Fineness(2, 4, (8, 16))
+SEARCHING, FINAL = Fineness(4, 4, (8, 16)), Fineness(8, 16, (16, 32))
+
+
+class Prepared(NamedTuple):
+    """A device ready to predict: in few substeps a tick, and in many."""
+
+    coarse: Equations
+    fine: Equations
+
+
+def prepared(device: Device, fineness: Fineness = FINAL, least: int = 1) -> Prepared:
+    """Prepare a device. A turn inside a substep puts friction wrong for the rest of it.
+
+    least: substeps a tick that dry friction takes at least; those that the device needs are taken
+    in any case (`enough`). Raises NoObserver where these are more than `MOST_SUBSTEPS`.
+    """
+    few, many = substeps_of(device, fineness, least)
+    coarse = equations(device, few)
+    return Prepared(coarse, equations(device, many) if many > few else coarse)
+
+
+def substeps_of(device: Device, fineness: Fineness, least: int = 1) -> tuple[int, int]:
+    """Return the substeps a tick, and in ticks that need more; see `prepared`."""
+    return substeps_for(device.physics, fineness, max(least, enough(device)))
+
+
+def substeps_for(physics: Sequence[Physics], fineness: Fineness, needed: int) -> tuple[int, int]:
+    """Return the same of effects where at least so many are `needed`."""
+    hooks = {p.effect.hook for p in physics}
+    if any(q.vanishing is not None for p in physics for q in p.effect.parameters):
+        few, many = fineness.jumping
+        return max(few, needed), max(many, needed)
+    few = max(needed, fineness.smooth if "force" in hooks else 1)
+    return few, max(few, fineness.turning) if "friction" in hooks else few
+
+
+def enough(device: Device) -> int:
+    """Return the substeps a tick that dry friction of a device needs, 1 without it.
+
+    Raises NoObserver where these are more than `MOST_SUBSTEPS`.
+    """
+    needed = enough_substeps(device)
+    if needed > MOST_SUBSTEPS:
+        raise NoObserver(
+            f"{device.name} has a mode so fast that dry friction needs {needed} substeps a tick"
+        )
+    return needed
+
+
+def observer_memory(eq: Equations, experiment: Experiment) -> Memory:
+    """Return the memory at the first sample: masses at the first position, speed by slope.
+
+    What the recording is known to begin with besides (`begun`) is added.
+    """
+    position, velocity = first_motion(experiment.outputs, experiment.measured, eq.period)
+    memory = start_memory(eq, Start(position, velocity))
+    if experiment.start is not None:
+        n = experiment.start.size // 2
+        memory.x[:n] += experiment.start[:n]
+        memory.x[eq.dof : eq.dof + n] += experiment.start[n:]
+    return memory
+
+
+def memory_at(
+    ready: Prepared, experiment: Experiment, device: Device, gain: Floats
+) -> tuple[Memory, Floats]:
+    """Return the memory with which an observer begins a recording, and its gain as padded.
+
+    Of the rest of a recording, that with which it ends what was recorded before.
+    """
+    eq, fine = ready
+    full = padded(gain, device, eq)
+    if experiment.before is None:
+        return observer_memory(eq, experiment), full
+    before = experiment.before
+    memory, _ = memory_at(ready, before, device, gain)
+    forces = _padded_force(before.force, eq.dof)
+    places = before.places(eq.dof)
+    alone(eq, fine, places, before.command, before.measured, full, forces, memory)
+    return memory, full
+
+
+def _padded_force(force: Floats | None, dof: int) -> Floats:
+    """The same on so many masses, (0, dof) for none."""
+    if force is None:
+        return np.zeros((0, dof))
+    return np.pad(force, ((0, 0), (0, dof - force.shape[1])))
+
+
+def first_motion(outputs: Sequence[Output], measured: Floats, period: float) -> tuple[float, float]:
+    """Return position and velocity at the first sample of what was measured (ticks, o)."""
+    velocity = 0.0
+    for o, output in enumerate(outputs):
+        y = measured[:, o]
+        if output.quantity == "position":
+            return float(y[0]), float(SLOPE @ y[: SLOPE.size]) / period
+        velocity = float(y[:5].mean())
+    return 0.0, velocity
+
+
+def observer_memories(
+    population: Population, motions: Floats, starts: Floats | None
+) -> tuple[Memory, ...]:
+    """Return the memories of `observer_memory` for all members.
+
+    motions (members, 2): of `first_motion`; starts: what is added, (2n,) or (members, 2n).
+    """
+    dof = population.dof
+    whole = np.ones((population.size, dof))
+    memories = population.start(motions[:, :1] * whole, motions[:, 1:] * whole)
+    if starts is not None:
+        n = starts.shape[-1] // 2
+        for memory, own in zip(
+            memories, np.broadcast_to(starts, (population.size, 2 * n)), strict=True
+        ):
+            memory.x[:n] += own[:n]
+            memory.x[dof : dof + n] += own[n:]
+    return memories
+
+
+def innovations(
+    device: Device,
+    experiment: Experiment,
+    gain: Floats,
+    external: Floats | None = None,
+    ready: Prepared | None = None,
+) -> Floats:
+    """Return innovations (ticks, o); infinite from where the prediction overflowed.
+
+    external: forces (ticks, n) added to the device's own, in place of those of the recording.
+    """
+    ready = prepared(device) if ready is None else ready
+    eq, fine = ready
+    memory, full = memory_at(ready, experiment, device, gain)
+    forces = _padded_force(experiment.force if external is None else external, eq.dof)
+    return alone(
+        eq, fine, experiment.places(eq.dof), experiment.command, experiment.measured,
+        full, forces, memory,
+    )  # fmt: skip
+
+
+def followed(device: Device, experiment: Experiment, gain: Floats) -> Floats:
+    """Return positions and velocities (ticks, 2n) of all masses as an observer predicts them.
+
+    By outputs that correct nothing: their innovation, measured as zero, is the state turned round.
+    """
+    n = device.chain.masses.size
+    sensors = [p.effect.name for p in device.physics if p.effect.hook == "sensor"]
+    bare = device.without_physics(*sensors) if sensors else device
+    further = tuple(Output(q, i) for q in ("position", "velocity") for i in range(n))
+    wide = replace(
+        experiment,
+        outputs=(*experiment.outputs, *further),
+        measured=np.hstack([experiment.measured, np.zeros((experiment.ticks, 2 * n))]),
+    )
+    still = np.hstack([gain, np.zeros((gain.shape[0], 2 * n))])
+    return -innovations(bare, wide, still)[:, len(experiment.outputs) :]
+
+
+def driven(device: Device, experiment: Experiment, gain: Floats, errors: Floats) -> Floats:
+    """Return what a device gives (ticks, o) under a command, its innovations e given (ticks, o).
+
+    In innovation form, x_(k+1) = f(x_k + L e_k, u_k) and y_k = h(x_k) + e_k, from where an observer
+    begins the experiment. What reads a place that stays zero has what it measured for innovation;
+    outputs that correct nothing, measured as zero, are h turned round. Infinite after an overflow.
+    """
+    eq, fine = ready = prepared(device)
+    places, o = experiment.places(eq.dof), errors.shape[1]
+    outputs = Outputs(
+        np.concatenate([np.full(o, NOTHING), places.state]),
+        np.concatenate([np.zeros(o, dtype=np.bool_), places.sensed]),
+    )
+    memory, full = memory_at(ready, experiment, device, gain)
+    found = alone(
+        eq, fine, outputs, experiment.command, np.hstack([errors, np.zeros(errors.shape)]),
+        np.hstack([full, np.zeros(full.shape)]), np.zeros((0, eq.dof)),
+        memory,
+    )  # fmt: skip
+    return errors - found[:, o:]
+
+
+def begun(device: Device, experiment: Experiment, observer: "Observer") -> Experiment:
+    """Return the recording with the state that the observer should begin with.
+
+    An observer that trusts its model forgets a wrong beginning slowly, and the innovations until
+    then look like physics. They are linear in the beginning: e = e_0 + C x_0, solved for x_0 by
+    least squares over the first `BEGINNING` ticks, C by the device without its nonlinear physics.
+    """
+    if experiment.before is not None:
+        return replace(experiment, before=begun(device, experiment.before, observer))
+    first = replace(experiment.part(0, min(BEGINNING, experiment.ticks)), start=None)
+    own = innovations(device, first, observer.gain).ravel()
+    if not (np.all(np.isfinite(own)) and np.all(np.isfinite(observer.deviation))):
+        return replace(experiment, start=None)
+    own = (own.reshape(first.measured.shape) / observer.deviation).ravel()
+    linear = device.without_physics() if device.physics else device
+    ready = prepared(linear)
+    dof = device.chain.masses.size
+    still = replace(
+        first, command=np.zeros(first.ticks), measured=np.zeros(first.measured.shape),
+        sensor_error=None, dropped=None, force=None,
+    )  # fmt: skip
+    columns: list[Floats] = []
+    scale = np.repeat([1.0, 1.0 / experiment.period], dof) * float(observer.deviation[0])
+    for i in range(2 * dof):
+        unit = np.zeros(2 * dof)
+        unit[i] = scale[i]
+        answer = innovations(linear, replace(still, start=unit), observer.gain, ready=ready)
+        columns.append((answer / observer.deviation).ravel())
+    matrix = np.column_stack(columns)
+    if not np.all(np.isfinite(matrix)):
+        return replace(experiment, start=None)
+    solved, *_ = np.linalg.lstsq(matrix, -own, rcond=1e-6)
+    return replace(experiment, start=scale * solved)
+
+
+def padded(gain: Floats, device: Device, eq: Equations | Population) -> Floats:
+    """Gain for a device with more states than the one it was made for: a lag, further masses.
+
+    A further mass is corrected as the mass it hangs on, or every correction would pull its spring.
+    """
+    full = np.zeros((eq.states, gain.shape[1]))
+    known = min(gain.shape[0] // 2, eq.dof)
+    full[:known] = gain[:known]
+    full[eq.dof : eq.dof + known] = gain[gain.shape[0] // 2 :][:known]
+    if gain.shape[0] % 2 and eq.states % 2:
+        full[-1] = gain[-1]
+    for place, parent in enumerate(device.hosts(), device.chain.masses.size):
+        if place >= known:
+            full[[place, eq.dof + place]] = full[[parent, eq.dof + parent]]
+    return full
+
+
+def copied(memory: Memory) -> Memory:
+    """Return a memory of its own, to go on from here twice."""
+    m = memory
+    return Memory(
+        m.x.copy(), m.line.copy(), m.controller.copy(), m.internal.copy(), m.scalars.copy(),
+        m.counters.copy(), m.totals.copy(),
+    )  # fmt: skip
+
+
+def window(experiment: Experiment) -> int:
+    """Return the ticks of a free run."""
+    return max(SHORTEST_WINDOW, round(FREE_RUN_S / experiment.period))
+
+
+def free_run_errors(
+    device: Device, experiment: Experiment, gain: Floats, window: int
+) -> tuple[Floats, Floats]:
+    """Return (errors, measured about its mean in each window), each (windows x window, o).
+
+    Each window starts from the state that the observer has at its beginning, then runs free.
+    """
+    eq, fine = ready = prepared(device)
+    places = experiment.places(eq.dof)
+    memory, full = memory_at(ready, experiment, device, gain)
+    no_force = np.zeros((0, eq.dof))
+    errors: list[Floats] = []
+    signal: list[Floats] = []
+    for first in range(0, experiment.ticks - window + 1, window):
+        u = experiment.command[first : first + window]
+        y = experiment.measured[first : first + window]
+        if first >= SETTLING:
+            free = copied(memory)
+            errors.append(alone(eq, fine, places, u, y, np.zeros_like(full), no_force, free))
+            signal.append(y - y.mean(axis=0))
+        alone(eq, fine, places, u, y, full, no_force, memory)
+    empty = np.zeros((0, experiment.measured.shape[1]))
+    return np.concatenate(errors or [empty]), np.concatenate(signal or [empty])
+
+
+class FreeRuns(NamedTuple):
+    """Errors (runs, length, o) of free runs, and the motion (runs, length, 2n) they foretell."""
+
+    errors: Floats
+    motion: Floats
+
+
+def free_runs(
+    device: Device, experiment: Experiment, gain: Floats, lengths: Sequence[int], most: int
+) -> list[FreeRuns]:
+    """Return free runs of several lengths, as `free_run_errors` makes them.
+
+    most: of each length, evenly spread over the recording. The observer goes through it once.
+    """
+    eq, fine = ready = prepared(device)
+    places, o, n = experiment.places(eq.dof), len(experiment.outputs), device.chain.masses.size
+    states = np.concatenate([np.arange(n), np.arange(eq.dof, eq.dof + n)])
+    wide = Outputs(
+        np.concatenate([places.state, states]),
+        np.concatenate([places.sensed, np.zeros(2 * n, dtype=np.bool_)]),
+    )
+    measured = np.hstack([experiment.measured, np.zeros((experiment.ticks, 2 * n))])
+    memory, full = memory_at(ready, experiment, device, gain)
+    no_force = np.zeros((0, eq.dof))
+    nothing = np.zeros((eq.states, o + 2 * n))
+    begins: dict[int, list[int]] = {}
+    for i, length in enumerate(lengths):
+        possible = np.arange(0, experiment.ticks - length + 1, length)
+        possible = possible[possible >= SETTLING]
+        if possible.size > most:
+            possible = possible[np.linspace(0, possible.size - 1, most).round().astype(np.int64)]
+        for first in possible.tolist():
+            begins.setdefault(first, []).append(i)
+    here = 0
+    found: list[list[Floats]] = [[np.zeros((0, length, o + 2 * n))] for length in lengths]
+    for first in sorted(begins):
+        before, here = slice(here, first), first
+        alone(
+            eq, fine, places, experiment.command[before], experiment.measured[before], full,
+            no_force, memory,
+        )  # fmt: skip
+        for i in begins[first]:
+            run = slice(first, first + lengths[i])
+            free = copied(memory)
+            seen = alone(
+                eq, fine, wide, experiment.command[run], measured[run], nothing, no_force, free
+            )
+            found[i].append(seen[None])
+    joined = [np.concatenate(runs) for runs in found]
+    return [FreeRuns(runs[:, :, :o], -runs[:, :, o:]) for runs in joined]
+
+
+def observer_for(device: Device, experiment: Experiment, ratio: float) -> Floats:
+    """Return the steady gain (states, o) for a ratio of process to measurement variance.
+
+    Raises NoObserver where there is none (`zwidth.diagnosis.noise.steady`).
+    """
+    return steady(device, experiment, ratio).gain
+
+
+def observer_near(device: Device, experiment: Experiment, ratio: float) -> Floats:
+    """Return the gain for a ratio, or for the nearest one for which there is an observer.
+
+    The Riccati equation of a light mass on a stiff link may be too badly scaled for one ratio and
+    not for the next. Raises NoObserver where there is none within six decades.
+    """
+    for decades in (0, 1, -1, 2, -2, 3, -3, 4, -4, 5, -5):
+        with suppress(NoObserver):
+            return observer_for(device, experiment, ratio * 10.0**decades)
+    return observer_for(device, experiment, ratio * 1e6)
+
+
+def choose_observer(
+    device: Device, experiments: Sequence[Experiment], near: float | None = None
+) -> Observer:
+    """Choose the ratio by the likelihood of the innovations, the deviations concentrated out.
+
+    Every third ratio of a grid, then those beside the best of them. near: a ratio to go on from,
+    downhill, where one was chosen for nearly the same model. Raises NoObserver where none follows.
+    """
+    ready = prepared(device, SEARCHING)
+    scores: dict[int, float] = {}
+
+    def score(i: int) -> float:
+        with suppress(NoObserver), np.errstate(all="ignore"):
+            gain = observer_for(device, experiments[0], float(RATIOS[i]))
+            kept = [innovations(device, e, gain, ready=ready)[SETTLING:] for e in experiments]
+            found = sum(k.shape[0] * np.linalg.slogdet(k.T @ k / k.shape[0])[1] for k in kept)
+            return float(found) if np.isfinite(found) else np.inf
+        return np.inf
+
+    def best_of(indices: Iterable[int]) -> int:
+        asked = [i for i in indices if 0 <= i < RATIOS.size]
+        new = [i for i in asked if i not in scores]
+        found = in_parallel([lambda i=i: score(i) for i in new], threads())
+        scores.update(zip(new, found, strict=True))
+        return min(asked, key=scores.__getitem__)
+
+    best = 0
+    if near is not None:
+        start = -1
+        best = int(np.argmin(np.abs(np.log(RATIOS / near))))
+        while best != start:
+            start, best = best, best_of((best, best - 1, best + 1, best - 3, best + 3))
+    if near is None or not np.isfinite(scores[best]):
+        best = best_of(range(0, RATIOS.size, 3))
+        best = best_of(range(best - 2, best + 3))
+    if not np.isfinite(scores[best]):
+        raise NoObserver(
+            "no observer follows this recording with this device; check sign, scale and units of"
+            " command and outputs"
+        )
+    ratio = float(RATIOS[best])
+    gain = observer_for(device, experiments[0], ratio)
+    return Observer(gain, deviation(device, experiments, gain), ratio)
+
+
+def deviation(device: Device, experiments: Sequence[Experiment], gain: Floats) -> Floats:
+    """Return the rms of the innovations, (o,)."""
+    kept = np.concatenate([innovations(device, e, gain)[SETTLING:] for e in experiments])
+    with np.errstate(all="ignore"):  # infinite after an overflow
+        return np.sqrt(np.mean(kept**2, axis=0))

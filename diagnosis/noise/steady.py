@@ -1,0 +1,198 @@
+"""The steady observer of a linear device: its gain, and how far its innovations scatter.
+
+The noise model has two numbers, a force at m1 held for a tick each and noise of what is measured,
+and only their ratio matters for the gain K = P c' (c P c' + R)^-1. P is what the observer does not
+know of the state before each sample, by the discrete algebraic Riccati equation
+
+    P = A (P - K c P) A' + Q.
+
+A device that no spring ties to ground, of which velocities alone are measured, has no such P: where
+it stands never shows, and what is not known of that grows for ever. How it moves does not depend on
+where it stands, though, and so neither does the gain. With q1, where it stands, apart from
+z = (the other positions less q1, velocities, actuator),
+
+    z' = F z + noise,    q1' = q1 + g z + noise,    the output a function of z alone:
+
+the Riccati equation in z gives its gain L, and the covariance X of q1 with z, which does settle,
+
+    X = (X + g P) (I - L c)' F' + Q_1z,
+
+is linear; the gain of q1 is X c' (c P c' + R)^-1. (A force held for a tick moves a mass by T / 2
+for each unit of velocity: so much of an innovation belongs to q1.)
+
+The gains of a population come from doubling, all members at once: with A_0 = A', G_0 = c' R^-1 c,
+H_0 = Q and W = (1 + G H)^-1,
+
+    A <- A W A,    G <- G + A W G A',    H <- H + A' H W A    (A, G, H on the right from before)
+
+goes through 2^k ticks of the recursion in k steps, and H becomes P (Chu, Fan, Lin & Wang, Int. J.
+Control 77(8), 2004).
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_are
+
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.sim.device import Device
+from zwidth.sim.exponential import SPACES, held_motion_each
+from zwidth.sim.plant import Plant, hold
+
+Floats = NDArray[np.float64]
+FLOOR = 1e-18  # variance of every state a tick, in units of the measurement's
+DOUBLINGS = 60  # 2^60 ticks: what has not settled by then never does
+SETTLED = 1e-12  # change of P over P at which it has
+UNTIED = 1e-14  # of a mass's stiffness, below which what ties it to ground is rounding
+
+
+class NoObserver(ArithmeticError):
+    """No observer exists for a model, or the model runs away under it: an answer, and no mistake.
+
+    A search leaves such a model out. It is no ValueError, so that a mistake in the code, which
+    often shows as one, is not taken for it.
+    """
+
+
+class Steady(NamedTuple):
+    """Gain (states, o), and the innovations' deviations (o,) over that of a measured position."""
+
+    gain: Floats
+    scatter: Floats
+
+
+def steady(device: Device, experiment: Experiment, ratio: float) -> Steady:
+    """Return the steady observer for a ratio of process to measurement variance.
+
+    The process noise is in units of the force that moves the whole mass by one noise unit within a
+    tick, which keeps the ratio free of the device's units. Raises NoObserver where there is none.
+    """
+    plant = device.plant()
+    a, b = hold(plant, experiment.period)
+    places = experiment.places(plant.dof).state
+    c = np.zeros((places.size, plant.size))
+    c[np.arange(places.size), places] = 1.0
+    scale = float(plant.matrices.mass.trace()) / experiment.period**2
+    source = b[:, 1] * scale
+    process = ratio * np.outer(source, source) + FLOOR * np.eye(plant.size)
+    noise = np.diag(noise_scale(experiment) ** 2)
+    if not all(np.all(np.isfinite(m)) for m in (a, process, noise)):
+        raise NoObserver("the device's equations are not finite")
+    if _stands_unseen(plant, experiment):
+        return _of_motion(plant, a, c, process, noise)
+    solution = _riccati(a, c, process, noise)
+    innovation = c @ solution @ c.T + noise
+    gain = np.linalg.solve(innovation, c @ solution).T
+    return Steady(np.asarray(gain, dtype=np.float64), np.sqrt(np.diag(innovation)))
+
+
+def steady_gains(
+    devices: Sequence[Device], experiment: Experiment, ratio: Floats | float
+) -> Floats:
+    """Return the gains (members, states, o) of devices with the same number of states.
+
+    Of the same noise as `steady`; ratio: (members,), or one for all. NaN for a member without an
+    observer.
+    """
+    plants = [device.plant() for device in devices]
+    ratios = np.broadcast_to(ratio, len(devices)).astype(np.float64)
+    if any(_stands_unseen(plant, experiment) for plant in plants):
+        each = zip(devices, ratios.tolist(), strict=True)
+        return np.stack([_gain_or_nothing(d, experiment, r) for d, r in each])
+    size, dof = plants[0].size, plants[0].dof
+    b = np.stack([p.b for p in plants])
+    motion = np.zeros((len(plants), size, size + b.shape[2]))
+    held_motion_each(
+        np.stack([p.a for p in plants]), b, experiment.period, dof, np.zeros(size),
+        np.zeros((SPACES, size, size)), motion,
+    )  # fmt: skip
+    places = experiment.places(dof).state
+    c = np.zeros((places.size, size))
+    c[np.arange(places.size), places] = 1.0
+    scale = np.array([float(p.matrices.mass.trace()) for p in plants]) / experiment.period**2
+    source = motion[:, :, size + 1] * scale[:, None]
+    process = ratios[:, None, None] * source[:, :, None] * source[:, None, :] + FLOOR * np.eye(size)
+    noise = np.diag(noise_scale(experiment) ** 2)
+    p = _doubled(motion[:, :, :size], c, process, noise)
+    with np.errstate(all="ignore"):
+        return (c @ p).swapaxes(1, 2) @ np.linalg.inv(c @ p @ c.T + noise)
+
+
+def _gain_or_nothing(device: Device, experiment: Experiment, ratio: float) -> Floats:
+    try:
+        return steady(device, experiment, ratio).gain
+    except NoObserver:
+        return np.full((device.plant().size, len(experiment.outputs)), np.nan)
+
+
+def _doubled(motion: Floats, c: Floats, process: Floats, noise: Floats) -> Floats:
+    """Return P (members, n, n), NaN where it does not settle.
+
+    States are measured in what the observer does not know of them, so that the inverse is of a
+    matrix near 1 whatever the units.
+    """
+    unit = np.sqrt(np.diagonal(process, axis1=1, axis2=2)).max(axis=0)
+    a = (motion * unit / unit[:, None]).swapaxes(1, 2)
+    g = np.broadcast_to((c.T @ np.linalg.inv(noise) @ c) * np.outer(unit, unit), a.shape)
+    h = process / np.outer(unit, unit)
+    eye = np.eye(a.shape[1])
+    settled = np.zeros(a.shape[0], dtype=bool)
+    with np.errstate(all="ignore"):
+        for _ in range(DOUBLINGS):
+            sound = np.isfinite(h).all(axis=(1, 2)) & np.isfinite(a).all(axis=(1, 2))
+            safe = np.where(sound[:, None, None], eye + g @ h, eye)
+            w = np.linalg.inv(safe)
+            added = a.swapaxes(1, 2) @ h @ w @ a
+            g = g + a @ w @ g @ a.swapaxes(1, 2)
+            a = a @ w @ a
+            h = h + added
+            change = np.abs(added).max(axis=(1, 2)) / np.abs(h).max(axis=(1, 2))
+            settled = change < SETTLED
+            if np.all(settled | ~sound):
+                break
+    h = np.where(settled[:, None, None], h, np.nan)
+    return h * np.outer(unit, unit)
+
+
+def _riccati(a: Floats, c: Floats, process: Floats, noise: Floats) -> Floats:
+    """Solve for P; raises NoObserver where the solver does not, for which it has two exceptions."""
+    try:
+        return np.asarray(solve_discrete_are(a.T, c.T, process, noise), dtype=np.float64)
+    except ValueError as error:  # LinAlgError is one
+        raise NoObserver(f"no steady observer: {error}") from error
+
+
+def noise_scale(experiment: Experiment) -> Floats:
+    """Return the relative noise of the outputs: velocities are noisier than positions by 1/T."""
+    return np.array(
+        [1.0 if o.quantity == "position" else 1.0 / experiment.period for o in experiment.outputs]
+    )
+
+
+def _stands_unseen(plant: Plant, experiment: Experiment) -> bool:
+    """Whether neither an output nor a spring to ground says where the device stands."""
+    stiffness = plant.matrices.stiffness
+    ties = np.abs(stiffness.sum(axis=1))
+    free = bool(np.all(ties <= UNTIED * np.abs(np.diag(stiffness))))
+    return free and all(o.quantity == "velocity" for o in experiment.outputs)
+
+
+def _of_motion(plant: Plant, a: Floats, c: Floats, process: Floats, noise: Floats) -> Steady:
+    """The observer of a device that stands unseen, as the module says; all in its own states."""
+    others = np.eye(plant.size)[1:]
+    others[: plant.dof - 1, 0] = -1.0  # z = others x
+    back = np.zeros((plant.size, plant.size - 1))
+    back[1:] = np.eye(plant.size - 1)  # x = back z where q1 is zero
+    f, g, seen = others @ a @ back, (a @ back)[0], c @ back
+    moved = others @ process
+    p = _riccati(f, seen, moved @ others.T, noise)
+    innovation = seen @ p @ seen.T + noise
+    gain = np.linalg.solve(innovation, seen @ p).T
+    closed = (np.eye(p.shape[0]) - gain @ seen).T @ f.T
+    known = g @ p @ closed + moved[:, 0]
+    x = np.linalg.solve((np.eye(p.shape[0]) - closed).T, known)
+    whole = back @ gain
+    whole[: plant.dof] += np.linalg.solve(innovation, seen @ x)  # all masses stand on m1
+    return Steady(whole, np.sqrt(np.diag(innovation)))

@@ -1,0 +1,93 @@
+"""Every effect at every place it may enter, with starts over the magnitudes the data could show."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.seeking.magnitude import within_bounds
+from zwidth.diagnosis.seeking.sizes import sizes_of
+from zwidth.sim.device import Device, has_room, known, place_label
+from zwidth.sim.physics import EFFECTS
+from zwidth.sim.physics.effect import Bounds, Effect, Physics
+from zwidth.sim.physics.sizes import Sizes
+from zwidth.sim.place import Place, place_at
+
+
+@dataclass(frozen=True)
+class Start:
+    """One effect at one place with starting values, and the scales of its free parameters.
+
+    bounds: what physics allows of them, given the recording; of what is not named, what the effect
+    allows.
+    """
+
+    physics: Physics
+    scales: Mapping[str, float]
+    bounds: Bounds = field(default_factory=dict[str, tuple[float, float]])
+
+    @property
+    def label(self) -> str:
+        """effect@place."""
+        return place_label(self.physics)
+
+    def scaled(self, factor: float) -> "Start | None":
+        """Return the start with the effect a factor as strong, None where that has no meaning."""
+        effect = self.physics.effect
+        names = effect.magnitudes
+        if not names:
+            return None
+        values = dict(self.physics.values)
+        for name in names:
+            none = effect.parameter(name).none_of_it()
+            values[name] = none + factor * (values[name] - none)
+        scales = {k: v * factor if k in names else v for k, v in self.scales.items()}
+        if not within_bounds(effect, values):
+            return None
+        return replace(self, physics=replace(self.physics, values=values), scales=scales)
+
+    def as_strong_as(self, other: Physics) -> "Start | None":
+        """Return the start with the strength of another effect; None where theirs do not compare.
+
+        A law that contains another, or is contained in it, begins best where the other ended.
+        """
+        own, its = self.physics.effect, other.effect
+        if own.strength is None or its.strength is None:
+            return None
+        mine, theirs = own.parameter(own.strength), its.parameter(its.strength)
+        if mine.unit != theirs.unit:
+            return None
+        size = abs(self.physics.values[mine.name] - mine.none_of_it())
+        wanted = abs(other.values[theirs.name] - theirs.none_of_it())
+        return self.scaled(wanted / size) if size > 0.0 and wanted > 0.0 else None
+
+
+def candidates(device: Device, experiments: Sequence[Experiment]) -> list[Start]:
+    """Return all starts for a device and its recordings."""
+    sizes = sizes_of(device, experiments)
+    masses = device.chain.masses.size + len(device.hosts())
+    present = {(p.effect.name, p.place.acts_on) for p in device.physics}
+    found: list[Start] = []
+    for effect in EFFECTS.values():
+        if effect.in_recording or (effect.rotary_only and not device.rotary):
+            continue
+        if not has_room(effect, masses):
+            continue
+        for place in map(place_at, effect.places):
+            if place.masses_needed > device.chain.masses.size or known(effect, place, device):
+                continue
+            akin = (effect.name, *effect.contains)
+            if not present.isdisjoint((name, place.acts_on) for name in akin):
+                continue
+            found += starts_of(effect, place, sizes)
+    return found
+
+
+def starts_of(effect: Effect, place: Place, sizes: Sizes) -> list[Start]:
+    """Return the starts of an effect at a place."""
+    bounds = effect.within(sizes, place)
+    return [
+        Start(Physics(effect, str(place), values), scales, bounds)
+        for values, scales in effect.starts(sizes, place)
+        # a start from very stiff links may lie beyond what is allowed
+        if within_bounds(effect, values)
+    ]

@@ -1,0 +1,311 @@
+"""Steps and lost commands: effects that no slope leads to, found by what they repeat.
+
+command_step: c = step round(u / step) is known for every step, so its signature is F (c - u), and
+the periods of the missing force over u (`diagnosis.forces.spatial`) say which steps to try.
+
+encoder_step: y = x + s(x) + noise, s(x) = step round(x / step) - x. The observer predicts x only
+within some spread, so what is taken off is the mean of s over that spread,
+
+    sum (-1)^n step / (pi n) exp(-2 (pi n spread / step)^2) sin(2 pi n x / step),
+
+the spread by chi-square. It is held fixed inside a fit.
+
+dropped_samples: a command lost at tick k moves the force by d = u_(k-1) - u_k for one tick. Its
+log likelihood ratio is L_k = -g_k d_k - d_k^2 n / 2 (g: `matched`, n: energy of the response to one
+tick), and it is lost where L_k exceeds the odds against; the likeliest first, its echo taken off g.
+Of a lost command L_k is normal, of mean and half its variance d_k^2 n / 2: where the command hardly
+changes no loss is seen, and the rate is the number seen over the sum of the odds to be seen.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from zwidth.diagnosis.fitting.fit import Fitted, Problem
+from zwidth.diagnosis.forces.spatial import matched, peaks, pulls, response, step_peaks
+from zwidth.diagnosis.mishaps import attempt
+from zwidth.diagnosis.model.parameters import Model, delivered
+from zwidth.diagnosis.noise.predictor import SETTLING, innovations
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.seeking.screen import Complement
+from zwidth.sim.physics import make_physics
+
+Floats = NDArray[np.float64]
+PROMISING = 4.0  # chi-square by which a wave must stand above the highest of noise
+AROUND = 41  # steps tried around a peak, two lines to either side
+DELIVERED = 3.0  # log odds from which a command counts as lost
+FINEST_SHARE = 1e-6  # of the span, of a step that is looked for
+ROUNDS = 3
+SPREAD = 0.15  # of a step, by which positions are known at first
+FIRST_RATE = 1e-3  # of lost commands, before any is seen
+MEMORY = 400  # ticks that a lost command is remembered
+MOST_LOST = 0.1  # of the commands: more of them are a delay and no accident
+MOST_SEEN = 0.5  # the same of those whose loss can be seen
+SPREADS = (0.0, 0.03, 0.07, 0.12, 0.18, 0.25, 0.35)  # of a step
+
+
+@dataclass(frozen=True)
+class Stepped:
+    """A trial of one of these effects. gained: chi-square; price: what the search cost of it."""
+
+    label: str
+    problem: Problem
+    fitted: Fitted
+    gained: float
+    price: float
+
+
+def stepped_trials(
+    problem: Problem, fitted: Fitted, experiments: Sequence[Experiment]
+) -> list[Stepped]:
+    """Return the trials of steps and lost commands on top of a fitted model."""
+    tries = {
+        "command_step@command": partial(command_step, problem, fitted),
+        "encoder_step@sensor": partial(encoder_step, problem, fitted, experiments),
+        "dropped_samples@clock": partial(dropped_samples, problem, fitted, experiments),
+    }
+    tried = [attempt("candidates", label, one) for label, one in tries.items()]
+    return [t for t in tried if t is not None]
+
+
+def command_step(problem: Problem, fitted: Fitted) -> Stepped | None:
+    """Try steps of the command."""
+    model, x = fitted.model, fitted.x
+    if model.has("command_step") or model.nominal.interface.command_step > 0.0:
+        return None
+    over = [e.command for e in problem.experiments]
+    span = max(float(np.ptp(u)) for u in over)
+    levels = max(np.unique(u).size for u in over)
+    if levels < 50:  # a command of few levels shows no lattice
+        return None
+    size = float(np.sqrt(np.mean(np.concatenate(over) ** 2)))
+    found, lines = step_peaks(pulls(problem, fitted, "command"), over, 1e-3 * size, -1.0)
+    moved = _Moved(fitted)
+
+    def chi2(step: float) -> float:
+        tried = model.with_effect(make_physics("command_step", "command", step=step), {})
+        return moved.chi2(problem.weighted(tried, x))
+
+    price = 2.0 * np.log(max(lines, 1))
+    best = _best([p.period for p in found if p.gained > price + PROMISING], span, chi2)
+    if best is None or chi2(best) > moved.chi2(fitted.white):
+        return None
+    physics = make_physics("command_step", "command", step=best)
+    again = problem.fit(model.with_effect(physics, {}), x)
+    return Stepped("command_step@command", problem, again, fitted.chi2 - again.chi2, price)
+
+
+def encoder_step(
+    problem: Problem, fitted: Fitted, experiments: Sequence[Experiment]
+) -> Stepped | None:
+    """Try steps of the sensor."""
+    model, x = fitted.model, fitted.x
+    known = model.has("encoder_step") or model.nominal.interface.encoder_step > 0.0
+    if known or experiments[0].outputs[0].quantity != "position":
+        return None
+    positions = predicted(problem, fitted)
+    span = max(float(np.ptp(q)) for q in positions)
+    finest = max(float(problem.observer.deviation[0]), FINEST_SHARE * span)
+    pull = pulls(problem, fitted, "sensor")
+    # A slow observer follows the steps in part, so their size in the residual is not known.
+    found, lines = peaks(pull, positions, finest)
+    found += step_peaks(pull, positions, finest, 1.0, SPREAD)[0]
+    physics = make_physics("encoder_step", "sensor", step=1.0)
+    tried = replace(model.with_effect(physics, {}), sensor_error_known=True)
+    loss = _StepLoss(problem, fitted, tried, experiments, positions)
+    price = 2.0 * np.log(max(lines, 1))
+    periods = [p.period for p in found if p.gained > price + PROMISING]
+    best = _best(periods, span, lambda step: loss.chi2(step, SPREAD))
+    if best is None or loss.chi2(best, SPREAD) > loss.moved.chi2(fitted.white):
+        return None
+    there = Problem(loss.in_steps(best, loss.spread(best)), problem.observer)
+    again = there.fit(with_step(tried, "encoder_step", best), x)
+    return Stepped("encoder_step@sensor", there, again, fitted.chi2 - again.chi2, price)
+
+
+class _Moved:
+    """Chi-square after a refit to first order, for innovations that have moved."""
+
+    def __init__(self, fitted: Fitted) -> None:
+        self.off, self.fitted = Complement(fitted.jacobian), fitted
+        self.base = self.off(fitted.residual)
+        self.prior = np.zeros(fitted.residual.size - fitted.samples)
+
+    def chi2(self, white: Floats) -> float:
+        """Return it for weighted innovations (samples,)."""
+        moved = np.concatenate([white - self.fitted.white, self.prior])
+        return float(np.sum((self.base + self.off(moved)) ** 2))
+
+
+def with_step(model: Model, name: str, step: float) -> Model:
+    """Return the model with another value of the step of an effect."""
+    effects = tuple(
+        replace(p, values={"step": step}) if p.effect.name == name else p for p in model.effects
+    )
+    return replace(model, effects=effects)
+
+
+class _StepLoss:
+    """Chi-square of an encoder's step at positions as an observer predicts them."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        fitted: Fitted,
+        model: Model,
+        experiments: Sequence[Experiment],
+        positions: Sequence[Floats],
+    ) -> None:
+        self.moved, self.observer, self.x = _Moved(fitted), problem.observer, fitted.x
+        self.model, self.experiments, self.positions = model, experiments, positions
+
+    def in_steps(self, step: float, share: float) -> list[Experiment]:
+        """Return recordings that know what steps add; share: the spread over the step."""
+        return [
+            replace(e, sensor_error=mean_error(q, step, share))
+            for e, q in zip(self.experiments, self.positions, strict=True)
+        ]
+
+    def chi2(self, step: float, share: float) -> float:
+        """Return chi-square after a refit to first order."""
+        there = Problem(self.in_steps(step, share), self.observer)
+        return self.moved.chi2(there.weighted(self.model, self.x))
+
+    def spread(self, step: float) -> float:
+        """Return the share of least chi-square."""
+        return min(SPREADS, key=lambda share: self.chi2(step, share))
+
+
+def mean_error(position: Floats, step: float, share: float) -> Floats:
+    """Return what steps add at positions known within a normal spread of share x step."""
+    if share == 0.0:
+        return step * np.round(position / step) - position
+    total = np.zeros_like(position)
+    for n in range(1, 40):
+        weight = np.exp(-2.0 * (np.pi * n * share) ** 2) * (-1.0) ** n / (np.pi * n)
+        if abs(weight) < 1e-4:
+            break
+        total += weight * np.sin(2.0 * np.pi * n * position / step)
+    return step * total
+
+
+def step_interval(problem: Problem, fitted: Fitted, name: str, wide: float) -> float:
+    """Return half the 95 % interval of a step: where chi-square rises by 3.84 on either side."""
+    step = next(p.values["step"] for p in fitted.model.effects if p.effect.name == name)
+    moved = _Moved(fitted)
+    positions = predicted(problem, fitted) if name == "encoder_step" else []
+    loss = _StepLoss(problem, fitted, fitted.model, problem.experiments, positions)
+    share = loss.spread(step) if name == "encoder_step" else 0.0
+
+    def chi2(value: float) -> float:
+        if name == "encoder_step":
+            return loss.chi2(value, share)
+        return moved.chi2(problem.weighted(with_step(fitted.model, name, value), fitted.x))
+
+    own = chi2(step)
+    for part in np.geomspace(1e-8, 0.3, 80):
+        if min(chi2(step * (1.0 - part)), chi2(step * (1.0 + part))) > own + 3.84 * wide:
+            return float(part) * step
+    return 0.3 * step
+
+
+def predicted(problem: Problem, fitted: Fitted) -> list[Floats]:
+    """Return the first output (ticks,) as the observer predicts it, of every recording."""
+    device = fitted.model.acting(fitted.x)
+    found: list[Floats] = []
+    for e in problem.experiments:
+        seen = fitted.model.seen(e, fitted.x)
+        error = innovations(device, seen, problem.observer.gain)
+        found.append(seen.measured[:, 0] - error[:, 0])
+    return found
+
+
+def _best(periods: list[float], span: float, chi2: Callable[[float], float]) -> float | None:
+    """Return the step of least chi-square near periods, each tried over the width of its line."""
+    best: tuple[float, float] | None = None
+    for period in periods:
+        lines = 1.0 / period + np.linspace(-1.0, 1.0, AROUND) / span
+        tried = [(chi2(1.0 / line), 1.0 / line) for line in lines if line > 0.5 / span]
+        found = min(tried)
+        width = 2.0 / (AROUND - 1) / span
+        fine = 1.0 / found[1] + np.linspace(-1.0, 1.0, AROUND // 2) * width
+        found = min([found, *((chi2(1.0 / line), 1.0 / line) for line in fine)])
+        if best is None or found < best:
+            best = found
+    return None if best is None else best[1]
+
+
+def dropped_samples(
+    problem: Problem, fitted: Fitted, experiments: Sequence[Experiment]
+) -> Stepped | None:
+    """Try lost commands, event by event."""
+    model = fitted.model
+    if model.has("dropped_samples"):
+        return None
+    echo = _echo(problem, fitted)
+    dropped = [np.zeros(e.ticks, dtype=np.bool_) for e in experiments]
+    current, there, rate, lost = fitted, problem, FIRST_RATE, 0
+    ticks = sum(e.ticks for e in experiments)
+    for _ in range(ROUNDS):
+        pull = matched(there, current, "command")
+        for e, g, d in zip(experiments, pull, dropped, strict=True):
+            _pursue(e.command, g, d, echo, float(np.log(rate / (1.0 - rate))))
+        found = sum(int(d.sum()) for d in dropped)
+        if found == lost or found > MOST_LOST * ticks:
+            break
+        seen = max(_visible(experiments, float(echo[0]), rate), found / MOST_SEEN)
+        lost, rate = found, found / seen
+        seen = [replace(e, dropped=d.copy()) for e, d in zip(experiments, dropped, strict=True)]
+        there = Problem(seen, problem.observer)
+        physics = make_physics("dropped_samples", "clock", rate=rate)
+        current = there.fit(model.with_effect(physics, {}), fitted.x)
+    if lost == 0 or lost > MOST_LOST * ticks or rate >= MOST_SEEN:
+        return None
+    # Which ones are lost was chosen among all: each costs its odds.
+    price = 2.0 * lost * float(np.log((1.0 - rate) / rate))
+    return Stepped("dropped_samples@clock", there, current, fitted.chi2 - current.chi2, price)
+
+
+def chances_seen(problem: Problem, fitted: Fitted, rate: float) -> float:
+    """Return how many commands' loss would be seen in the recordings: the sum of the odds."""
+    return _visible(problem.experiments, float(_echo(problem, fitted)[0]), rate)
+
+
+def _echo(problem: Problem, fitted: Fitted) -> Floats:
+    """Correlation of the response to one tick of force with itself, at lags from 0."""
+    answer = response(problem, fitted, "command")[:MEMORY]
+    columns = [np.correlate(a, a, "full") for a in answer.T]
+    return np.asarray(np.sum(columns, axis=0)[answer.shape[0] - 1 :], dtype=np.float64)
+
+
+def _visible(experiments: Sequence[Experiment], energy: float, rate: float) -> float:
+    """Sum of the odds that a lost command exceeds what `_pursue` asks of it."""
+    least = DELIVERED - float(np.log(rate / (1.0 - rate)))
+    seen = 0.0
+    for e in experiments:
+        size = np.abs(np.diff(e.command))[SETTLING - 1 :] * np.sqrt(energy)
+        size = size[size > 0.0]
+        seen += float(np.sum(norm.cdf((0.5 * size**2 - least) / size)))
+    return seen
+
+
+def _pursue(command: Floats, g: Floats, lost: NDArray[np.bool_], echo: Floats, odds: float) -> None:
+    """Mark lost commands in `lost`, the likeliest first, each with its echo taken off g.
+
+    Neighbours of a lost command look lost as well, until what it did is taken off.
+    """
+    g = g.copy()
+    while int(lost.sum()) <= MOST_LOST * command.size:
+        change = np.concatenate([[0.0], delivered(command, lost)[:-1] - command[1:]])
+        ratio = np.where(lost, -np.inf, -g * change - 0.5 * change**2 * echo[0])
+        ratio[:SETTLING] = -np.inf
+        k = int(np.argmax(ratio))
+        if ratio[k] + odds < DELIVERED:
+            return
+        lost[k] = True
+        low, high = max(0, k - echo.size + 1), min(g.size, k + echo.size)
+        g[low:high] += change[k] * echo[np.abs(np.arange(low, high) - k)]

@@ -1,0 +1,82 @@
+"""What recordings move by: the sizes with which effects say where to seek them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.diagnosis.noise.predictor import SETTLING, followed, observer_near
+from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.sim.device import Device
+from zwidth.sim.physics.sizes import Sizes
+
+Floats = NDArray[np.float64]
+FOLLOWING = 1e-2  # ratio of the observer by which masses that nothing measures are followed
+
+
+def sizes_of(device: Device, experiments: Sequence[Experiment]) -> Sizes:
+    """Return the sizes over all recordings: of m1 as measured, of the rest as an observer follows.
+
+    Where no observer follows, every mass moves as m1 does, and a link gives way as at rest.
+    """
+    command = np.concatenate([e.command for e in experiments])
+    positions: list[Floats] = []
+    speeds: list[Floats] = []
+    for e in experiments:
+        for o, output in enumerate(e.outputs):
+            y = e.measured[:, o]
+            if output.quantity == "position":
+                smooth = np.convolve(y, np.full(5, 0.2), "valid")
+                positions.append(y)
+                speeds.append(np.gradient(smooth) / e.period)
+            else:
+                speeds.append(y)
+                positions.append(np.cumsum(y) * e.period)
+    q, v = np.concatenate(positions), np.concatenate(speeds)
+    force = float(np.sqrt(np.mean(command**2)))
+    speed, position, span = float(np.std(v)), float(np.std(q)), float(np.ptp(q))
+    chain, n = device.chain, device.chain.masses.size
+    own = np.array([speed, position, span, float(np.abs(v).max())])
+    by_mass, springs = np.tile(own[:, None], n), np.asarray(chain.link_springs, dtype=np.float64)
+    stretches = force / springs
+    states = _followed(device, experiments) if n > 1 else None
+    if states is not None:
+        found = np.std(states[:, : n - 1] - states[:, 1:n], axis=0)
+        stretches = _where_sound(found, stretches)
+        x, v = states[:, 1:n], states[:, n + 1 : 2 * n]
+        others = np.array([v.std(axis=0), x.std(axis=0), np.ptp(x, axis=0), np.abs(v).max(axis=0)])
+        by_mass[:, 1:] = _where_sound(others, by_mass[:, 1:])
+    speeds_by, positions_by, spans_by, fastest = (tuple(row) for row in by_mass.tolist())
+    return Sizes(
+        rotary=device.rotary,
+        period=experiments[0].period,
+        force=force,
+        peak=float(np.abs(command).max()),
+        speed=speed,
+        position=position,
+        span=span,
+        masses=tuple(chain.masses.tolist()),
+        speeds=speeds_by,
+        positions=positions_by,
+        spans=spans_by,
+        fastest=fastest,
+        springs=tuple(springs.tolist()),
+        stretches=tuple(stretches.tolist()),
+        step=device.interface.encoder_step,
+    )
+
+
+def _followed(device: Device, experiments: Sequence[Experiment]) -> Floats | None:
+    """Positions and velocities (ticks, 2n) of all masses; None where no observer follows."""
+    bare = device.without_physics() if device.physics else device
+    try:
+        gain = observer_near(bare, experiments[0], FOLLOWING)
+    except NoObserver:
+        return None
+    with np.errstate(all="ignore"):
+        return np.concatenate([followed(bare, e, gain)[SETTLING:] for e in experiments])
+
+
+def _where_sound(found: Floats, otherwise: Floats) -> Floats:
+    return np.where(np.isfinite(found) & (found > 0.0), found, otherwise)

@@ -1,0 +1,80 @@
+"""Starts for effects that repeat over position, at the periods that the residual itself shows."""
+
+import math
+
+import numpy as np
+
+from zwidth.diagnosis.fitting.fit import Fitted, Problem
+from zwidth.diagnosis.forces.leftover import predicted_states
+from zwidth.diagnosis.forces.spatial import Peak, peaks, pulls
+from zwidth.diagnosis.seeking.candidates import Start
+from zwidth.diagnosis.seeking.lattice import predicted
+from zwidth.diagnosis.seeking.sizes import sizes_of
+from zwidth.sim.device import Device, known, place_label
+from zwidth.sim.physics import EFFECTS
+from zwidth.sim.physics.effect import Effect, Physics
+from zwidth.sim.physics.sizes import QUARTER, Sizes
+from zwidth.sim.place import Place, label_of, place_at
+
+FINEST = 1e-3  # of the travel
+PHASES = (0.0, QUARTER)  # between them lies every other (`diagnosis.seeking.screen`)
+
+
+def wave_starts(problem: Problem, fitted: Fitted) -> list[Start]:
+    """Return starts at periods that gain more than their search, over the lines of all places.
+
+    A start is as strong as the effect's own, and its phase one of two, a quarter turn apart.
+    """
+    if problem.experiments[0].outputs[0].quantity != "position":
+        return []
+    device = fitted.model.acting(fitted.x)
+    sizes = sizes_of(device, problem.experiments)
+    followed = predicted_states(problem, fitted) if device.chain.masses.size > 1 else []
+    first = predicted(problem, fitted)
+    noise = 6.0 * float(problem.observer.deviation[0])
+    starts: list[Start] = []
+    for effect, places in _sought(device, fitted).items():
+        peaks_at: list[tuple[Place, float, list[Peak]]] = []
+        lines = 0
+        for place in places:
+            over = [x[:, place.index] for x in followed] if place.index else first
+            span = max(float(np.ptp(q)) for q in over)
+            finest = max(FINEST * span, noise)
+            found, seen = peaks(pulls(problem, fitted, str(place)), over, finest)
+            peaks_at.append((place, span, found))
+            lines += seen
+        price = 2.0 * math.log(max(lines, 1))
+        for place, span, found in peaks_at:
+            for peak in found:
+                if peak.gained >= price:
+                    starts += _at_period(effect, place, sizes, peak.period, span)
+    return starts
+
+
+def _at_period(
+    effect: Effect, place: Place, sizes: Sizes, period: float, span: float
+) -> list[Start]:
+    values, scales = next(iter(effect.starts(sizes, place)))
+    (turning,) = effect.turning
+    values, scales = values | {"period": period}, scales | {"period": 0.1 * period**2 / span}
+    bounds = effect.within(sizes, place)
+    return [
+        Start(Physics(effect, str(place), values | {turning: phase}), scales, bounds)
+        for phase in PHASES
+    ]
+
+
+def _sought(device: Device, fitted: Fitted) -> dict[Effect, list[Place]]:
+    """What may repeat over position, and where."""
+    named = {place_label(p) for p in (*device.physics, *fitted.model.effects)}
+    found: dict[Effect, list[Place]] = {}
+    for effect in EFFECTS.values():
+        if effect.sought == "waves":
+            found[effect] = [
+                place
+                for place in map(place_at, effect.places)
+                if place.masses_needed <= device.chain.masses.size
+                and label_of(effect.name, place) not in named
+                and not known(effect, place, device)
+            ]
+    return found

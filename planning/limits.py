@@ -1,0 +1,124 @@
+"""What a recording can show: how far an effect stands above everything that a refit can absorb.
+
+With e(device) the innovations under an observer that stays fixed, in units of their deviations, an
+effect's signature is s = e(device with it) - e(device), and J holds e's slopes by masses, dampers
+and springs, and by what a refit absorbs besides: delay, constant force and spring to ground. A
+matched filter that may refit all of that sees the effect at
+
+    sigma = |(I - P) s|,    P the projector on the span of J:
+
+the square root of the chi-square that a fit gains by the effect where the effect is true (for one
+parameter this is the Cramer-Rao bound). An effect that is itself among the absorbed is not absorbed
+by itself. Signatures of clipping, free play and steps are not linear in magnitude, so the magnitude
+at which sigma = 5 is found by bracketing it, and not by dividing.
+
+Limits of this: J and s are taken at one device on one recording. Of an encoder's step only what a
+prediction gains by it is counted, not that all values then lie on one lattice.
+"""
+
+from collections.abc import Callable
+from math import exp, isfinite, log
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.diagnosis.seeking.magnitude import magnitude, strengthened
+from zwidth.planning.reference import Reference, reference
+from zwidth.planning.rehearsal import Noise
+from zwidth.planning.separation import separation
+from zwidth.sim.physics.dropped_samples import dropped_samples
+from zwidth.sim.physics.effect import Physics
+
+__all__ = ["SHOWN", "Noise", "Reference", "limit", "magnitude", "reference", "separation", "sigma",
+           "strengthened"]  # fmt: skip
+
+Floats = NDArray[np.float64]
+SHOWN = 5.0  # sigma at which an effect is called visible
+CLOSE = 0.02  # relative, of sigma at the magnitude returned
+JUMP = 1e-3  # relative width at which a bracket that a jump keeps open is narrow enough
+DROPS = 50  # lost commands by which the worth of one is judged
+WEAKEST, STRONGEST = 1e-12, 1e6  # factors on the magnitude within which a limit is sought
+TRIES = 80
+
+
+def sigma(reference: Reference, physics: Physics) -> float:
+    """Return at how many sigma an effect of these values stands above what a refit absorbs.
+
+    dropped_samples: in the mean over which commands are lost, and zero where less than one is.
+    """
+    name = physics.effect.name
+    if name == dropped_samples.name:
+        return _lost(reference, physics.values["rate"])
+    return float(np.linalg.norm(reference.off(name)(reference.signature(physics))))
+
+
+def _lost(reference: Reference, rate: float) -> float:
+    """Chi-square is the sum over commands lost, where they are few: measured at a rate of some."""
+    if rate * reference.ticks < 1.0:
+        return 0.0
+    tried = min(1.0, max(rate, DROPS / reference.ticks))
+    signature = reference.signature(Physics(dropped_samples, "clock", {"rate": tried}))
+    return float(np.linalg.norm(reference.off()(signature))) * (rate / tried) ** 0.5
+
+
+def limit(reference: Reference, physics: Physics) -> Physics | None:
+    """Return the effect with its magnitude scaled so that it stands at five sigma (`SHOWN`).
+
+    The other parameters (a period, a velocity) stay as given. None where no magnitude does, or the
+    effect has none.
+    """
+
+    def sigma_at(factor: float) -> float | None:
+        scaled = strengthened(physics, factor, reference.peak)
+        return None if scaled is None else sigma(reference, scaled)
+
+    if not magnitude(physics, reference.peak):
+        return None
+    factor = crossing(sigma_at)
+    return None if factor is None else strengthened(physics, factor, reference.peak)
+
+
+def crossing(sigma_at: Callable[[float], float | None]) -> float | None:
+    """Return the factor, near the smallest, at which sigma is 5; None where there is none.
+
+    sigma_at returns None where a factor is more than the effect allows. Bracketed by powers, then
+    by secants in the logarithms, which meet a power law at once, and halvings.
+    """
+    low: tuple[float, float] | None = None
+    high: tuple[float, float] | None = None
+    beyond: float | None = None
+    factor = 1.0
+    for _ in range(TRIES):
+        if not WEAKEST < factor < STRONGEST:
+            return None
+        found = sigma_at(factor)
+        if found is None or not isfinite(found):
+            beyond = factor
+        elif abs(found / SHOWN - 1.0) < CLOSE:
+            return factor
+        elif found < SHOWN:
+            low = (factor, found)
+        else:
+            high = (factor, found)
+        if high is not None and low is not None:
+            if high[0] / low[0] < 1.0 + JUMP:
+                return high[0]
+            factor = _between(low, high)
+        elif high is not None:
+            factor = high[0] * max(1e-3, min(0.67, 0.77 * SHOWN / high[1]))
+        elif low is not None and beyond is None:
+            factor = low[0] * (min(1e3, max(1.5, 1.3 * SHOWN / low[1])) if low[1] > 0.0 else 10.0)
+        elif low is not None and beyond is not None:
+            if beyond / low[0] < 1.0 + JUMP:
+                return None
+            factor = (low[0] * beyond) ** 0.5
+        else:
+            factor *= 0.1
+    return None if high is None else high[0]
+
+
+def _between(low: tuple[float, float], high: tuple[float, float]) -> float:
+    """Secant in logarithms, kept inside the inner 90 % of the bracket."""
+    a, b = log(low[0]), log(high[0])
+    share = log(SHOWN / low[1]) / log(high[1] / low[1]) if low[1] > 0.0 else 0.5
+    return exp(a + min(0.95, max(0.05, share)) * (b - a))

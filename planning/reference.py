@@ -1,0 +1,157 @@
+"""A device on experiments, with everything that a linear refit could absorb of a new effect."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.diagnosis.fitting.fit import WORST, Problem
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.predictor import (
+    SETTLING,
+    choose_observer,
+    innovations,
+    prepared,
+    whitened,
+)
+from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.seeking.candidates import Start, candidates
+from zwidth.diagnosis.seeking.screen import Complement
+from zwidth.diagnosis.seeking.sizes import sizes_of
+from zwidth.planning.rehearsal import Noise, known_observer
+from zwidth.sim.device import Device, known, place_label
+from zwidth.sim.physics import EFFECTS
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.place import place_at
+
+Floats = NDArray[np.float64]
+SMALL = 1e-4  # of what a recording moves by: of an effect so small the signature is a slope
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What `reference` prepares.
+
+    problem holds experiments and observer. base (samples,): weighted innovations. jacobian (samples
+    and priors, parameters) of the linear refit. absorbed: effect -> its slope, (samples and
+    priors,), for what a refit absorbs besides. peak: the largest command.
+    """
+
+    device: Device
+    problem: Problem
+    base: Floats
+    jacobian: Floats
+    absorbed: Mapping[str, Floats]
+    peak: float
+    _off: dict[frozenset[str], Complement] = field(
+        default_factory=dict[frozenset[str], Complement], repr=False, compare=False
+    )
+
+    _floor: dict[str, Floats] = field(default_factory=dict[str, Floats], repr=False, compare=False)
+
+    @property
+    def experiments(self) -> list[Experiment]:
+        """The recordings."""
+        return self.problem.experiments
+
+    @property
+    def ticks(self) -> int:
+        """Samples of all recordings together."""
+        return sum(e.ticks for e in self.experiments)
+
+    @cached_property
+    def starts(self) -> list[Start]:
+        """Every effect at every place that the device could have besides, with shapes."""
+        return candidates(self.device, self.experiments)
+
+    def off(self, *effects: str) -> Complement:
+        """Return the projection off the refit's span; effects named are left out of the refit."""
+        key = frozenset(effects).intersection(self.absorbed)
+        if key not in self._off:
+            kept = [column for name, column in self.absorbed.items() if name not in key]
+            self._off[key] = Complement(np.column_stack([self.jacobian, *kept]))
+        return self._off[key]
+
+    def signature(self, physics: Physics) -> Floats:
+        """Return e(device with the effect) - e(device), (samples and priors,), not projected.
+
+        What an effect of no size does is taken off where that is something (`Parameter.vanishing`):
+        while the pin of a free play crosses, a substep goes without the link's damper, which is an
+        error of the substep and none of the device.
+        """
+        found = self._moved(physics)
+        parameters = physics.effect.parameters
+        nothing = {p.name: p.vanishing for p in parameters if p.vanishing is not None}
+        if not nothing:
+            return found
+        key = place_label(physics)
+        if key not in self._floor:
+            self._floor[key] = self._moved(replace(physics, values={**physics.values, **nothing}))
+        return found - self._floor[key]
+
+    def _moved(self, physics: Physics) -> Floats:
+        moved = weighted(self.problem, self.device.with_physics(physics)) - self.base
+        return np.concatenate([moved, np.zeros(self.jacobian.shape[0] - moved.size)])
+
+
+def weighted(problem: Problem, device: Device) -> Floats:
+    """Return the innovations (samples,) of a device in units of their deviations.
+
+    All `WORST` where no kernel can follow the device (a mode too fast for friction's substeps).
+    """
+    try:
+        ready, gain = prepared(device), problem.observer.gain
+    except NoObserver:
+        samples = sum((e.ticks - SETTLING) * len(e.outputs) for e in problem.experiments)
+        return np.full(samples, WORST)
+    with np.errstate(all="ignore"):
+        out = [innovations(device, e, gain, ready=ready) for e in problem.experiments]
+        every = [problem.observer.weigh(one)[SETTLING:] for one in out]
+        joined = np.concatenate([one.ravel() for one in every])
+    return np.clip(np.nan_to_num(joined, nan=WORST, posinf=WORST, neginf=-WORST), -WORST, WORST)
+
+
+def reference(
+    device: Device, experiments: Sequence[Experiment], noise: Noise | None = None
+) -> Reference:
+    """Prepare a device on experiments.
+
+    device: the true one as far as it is known; effects that it has count as known. noise: where it
+    is None the observer is chosen by the likelihood of the recordings under this device, and colour
+    that is left is whitened: the recordings must hold nothing that the device does not have.
+    """
+    if noise is None:
+        chosen = choose_observer(device, experiments)
+        errors = [innovations(device, e, chosen.gain) for e in experiments]
+        observer = whitened(chosen, errors)
+    else:
+        observer = known_observer(device, experiments[0], noise)
+    # An encoder's rounding of what is predicted would turn every small difference into noise.
+    device = device.with_interface(encoder_step=0.0)
+    problem, model = Problem(experiments, observer), Model(device)
+    jacobian = problem.jacobian(model, np.zeros(model.linear_count))
+    peak = max(float(np.abs(e.command).max()) for e in experiments)
+    bare = Reference(device, problem, weighted(problem, device), jacobian, {}, peak)
+    largest = float(np.linalg.norm(jacobian, axis=0).max())
+    columns = {p.effect.name: bare.signature(p) for p in _small(device, experiments)}
+    scaled = {k: c * largest / float(np.linalg.norm(c)) for k, c in columns.items() if c.any()}
+    return replace(bare, absorbed=scaled)
+
+
+def _small(device: Device, experiments: Sequence[Experiment]) -> list[Physics]:
+    """What a refit absorbs besides, so small that signatures are slopes.
+
+    A device with a spring to ground has that spring and the recording's origin in its refit, which
+    are the same as a further spring and a constant force.
+    """
+    sizes = sizes_of(device, experiments)
+    found: list[Physics] = []
+    for effect in EFFECTS.values():
+        place = place_at(effect.places[0])
+        if effect.absorbed and not known(effect, place, device):
+            values = {effect.strength or "": SMALL * effect.natural(sizes, place)}
+            found.append(Physics(effect, str(place), values))
+    return found
