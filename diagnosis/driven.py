@@ -151,11 +151,14 @@ def _under(
         return None
     least = np.concatenate([[-np.inf], np.zeros(len(forces)), np.full(len(off), LEAST)])
     most = np.concatenate([[np.inf], np.full(len(forces), np.inf), np.full(len(off), MORE)])
-    fit = _Fit(every, own, least, most)
-    if not fit.usable:
+    try:
+        fit = _Fit(every, own, least, most)
+        if not fit.usable:
+            return None
+        free, scale = fit.left(None, SMALLEST - 1.0 if forward else -np.inf)
+        as_is, nothing = fit.left(0.0)[0], fit.left(-1.0)[0]
+    except (np.linalg.LinAlgError, ValueError):  # sizes that no number holds
         return None
-    free, scale = fit.left(None, SMALLEST - 1.0 if forward else -np.inf)
-    as_is, nothing = fit.left(0.0)[0], fit.left(-1.0)[0]
     if not free > 0.0:
         return None
     samples = own.size
