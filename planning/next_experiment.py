@@ -7,12 +7,12 @@ is as strong as the recording was, goes half as far again, and lasts as long.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from zwidth.diagnosis.answer.result import NextExperiment
 from zwidth.diagnosis.mishaps import isolated
 from zwidth.diagnosis.noise.predictor import Observer
 from zwidth.diagnosis.noise.steady import NoObserver
@@ -35,28 +35,6 @@ from zwidth.sim.physics.effect import Physics
 
 SHORTEST_S, LONGEST_S = 10.0, 60.0
 TELLING = 1.0  # sigma below which an excitation tells nothing
-
-
-@dataclass(frozen=True)
-class NextExperiment:
-    """A scenario file that plays the excitation, the two effects, and their distance on it.
-
-    sigmas: excitation -> distance, furthest first.
-    """
-
-    excitation: str
-    scenario: Path
-    separates: tuple[str, str]
-    separation_sigma: float
-    sigmas: dict[str, float]
-
-    def as_json(self) -> dict[str, object]:
-        """Return the JSON form of `zwidth diagnose`."""
-        return {
-            "scenario": str(self.scenario),
-            "separates": list(self.separates),
-            "separation_sigma": self.separation_sigma,
-        }
 
 
 def next_experiment(

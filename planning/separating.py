@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from zwidth.diagnosis.answer.result import Diagnosis
+from zwidth.diagnosis.answer.result import Diagnosis, NextExperiment
 from zwidth.diagnosis.fitting.fit import Fitted
 from zwidth.diagnosis.selection.searched import Searched
-from zwidth.planning.next_experiment import NextExperiment, next_experiment
+from zwidth.planning.next_experiment import next_experiment
 from zwidth.sim.device import place_label
 from zwidth.sim.physics.effect import Physics
 

@@ -10,13 +10,12 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from zwidth.diagnosis.answer.augmented_boundary import AugmentedBoundary
-from zwidth.diagnosis.answer.result import Diagnosis, Estimate, HeldOut, Unanswered
+from zwidth.diagnosis.answer.result import Diagnosis, Estimate, HeldOut, NextExperiment, Unanswered
 from zwidth.diagnosis.mishaps import collecting, isolated, silent
 from zwidth.figures.augmented_boundary import augmented_boundary_figure
 from zwidth.figures.diagnosis import force_map_figure, residual_figure
 from zwidth.figures.style import STYLE
 from zwidth.files.whole import write_text
-from zwidth.planning.next_experiment import NextExperiment
 from zwidth.report_page import embedded, page
 from zwidth.sim.physics import EFFECTS
 

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from enum import Enum
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,6 @@ from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.mishaps import Mishap
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.searched import Searched
-from zwidth.planning.next_experiment import NextExperiment
 from zwidth.sim.device import Device
 from zwidth.sim.physics import contains
 from zwidth.sim.place import place_at
@@ -123,6 +123,28 @@ class Residuals:
     period: float
     before: Floats
     after: Floats
+
+
+@dataclass(frozen=True)
+class NextExperiment:
+    """A scenario file that plays the excitation, the two effects, and their distance on it.
+
+    sigmas: excitation -> distance, furthest first.
+    """
+
+    excitation: str
+    scenario: Path
+    separates: tuple[str, str]
+    separation_sigma: float
+    sigmas: dict[str, float]
+
+    def as_json(self) -> dict[str, object]:
+        """Return the JSON form of `zwidth diagnose`."""
+        return {
+            "scenario": str(self.scenario),
+            "separates": list(self.separates),
+            "separation_sigma": self.separation_sigma,
+        }
 
 
 @dataclass(frozen=True)

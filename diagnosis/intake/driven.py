@@ -14,7 +14,8 @@ said to have had.
 It is asked under observers that look differently far ahead, and the one under which the command
 explains most counts, unless another tells more surely that the command is too large. Those that
 hardly look ahead see little but noise; where a feedback has put that noise into the command, both
-go together, and the scale comes out tens of times too large.
+go together, and the scale comes out tens of times too large. So one that is told clearly and within
+what a device file may be off by is taken before a larger one.
 """
 
 from collections.abc import Sequence
@@ -41,6 +42,7 @@ MOST = 20_000  # ticks looked at
 RATIOS = (1e-6, 1e-4, 1e-2, 1.0)
 FOLLOWING = 1e2  # ratio of the observer that tells how the masses move, whatever the device
 LINEAR = ("masses", "link_springs", "ground_dampers", "link_dampers")
+OFF = 2.5  # factor by which a device file may be off in how much a command drives
 WEAK = 0.5  # scale below which a command is far too large, to which no noise adds
 STEP = 0.2  # share of a linear parameter by which its effect is told
 LEAST, MORE = -0.5, 1.0  # share by which a linear parameter may be off
@@ -86,6 +88,10 @@ def driven(device: Device, e: Experiment, forward: bool = False) -> Driven | Non
     if not found:
         return None
     clearest = max(found, key=lambda d: d.told)
+    if clearest.scale > OFF:
+        clear = [d for d in found if d.scale > 0.0 and d.told > TOLD]
+        lowest = min(clear, key=lambda d: d.scale, default=clearest)
+        clearest = lowest if lowest.scale < OFF else clearest
     weaker = [d for d in found if d.scale < WEAK and d.told > TOLD]
     least = max(weaker, key=lambda d: d.gained, default=clearest)
     return least if least.gained > clearest.gained else clearest
@@ -145,11 +151,14 @@ def _under(
         return None
     least = np.concatenate([[-np.inf], np.zeros(len(forces)), np.full(len(off), LEAST)])
     most = np.concatenate([[np.inf], np.full(len(forces), np.inf), np.full(len(off), MORE)])
-    fit = _Fit(every, own, least, most)
-    if not fit.usable:
+    try:
+        fit = _Fit(every, own, least, most)
+        if not fit.usable:
+            return None
+        free, scale = fit.left(None, SMALLEST - 1.0 if forward else -np.inf)
+        as_is, nothing = fit.left(0.0)[0], fit.left(-1.0)[0]
+    except (np.linalg.LinAlgError, ValueError):  # sizes that no number holds
         return None
-    free, scale = fit.left(None, SMALLEST - 1.0 if forward else -np.inf)
-    as_is, nothing = fit.left(0.0)[0], fit.left(-1.0)[0]
     if not free > 0.0:
         return None
     samples = own.size

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.intake.driven import Driven, driven
+from zwidth.diagnosis.intake.driven import OFF, Driven, driven
 from zwidth.diagnosis.intake.units import nearest_unit, sentence
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.sim.device import Device
@@ -26,7 +26,6 @@ from zwidth.sim.device import Device
 Floats = NDArray[np.float64]
 COMMAND = ("command",)
 POWER = 0.1  # share of its most, of the energy that a command may seem to take out of a device
-OFF = 2.2  # factor by which a device file may be off in what it says of how much a command drives
 OFF_TOO = 3.0  # the same of a sign that is wrong: a wrong unit beside it is rare
 SURE = 40.0  # -2 ln likelihood, from which another scale is suspected
 SHARE = 0.25  # of what the command explains in all, that another scale must explain beyond it

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-NEAR = 1.7  # factor within which what a rough device file tells is taken for a unit
+NEAR = 1.5  # factor within which what a rough device file tells is taken for a unit
 NAMED = 1.03
 # Of what a channel is multiplied by to be in the SI.
 UNITS = {
