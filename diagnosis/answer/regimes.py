@@ -15,8 +15,8 @@ is what is left of the regime when it had no part in the fit: J'r = 0 at the bes
 alone has the gradient -J_s' r_s there. An effect holds in a regime unless a model without it,
 treated so too, is believed over it there (`selection.evidence`).
 
-Limits: one step, so that a regime which alone determines a parameter (then J'J - J_s'J_s is nearly
-singular, and it says nothing of an effect that it alone shows) is left aside.
+Limits: one step, so that a regime which alone determines a parameter (the level of a friction in
+one direction: J'J - J_s'J_s is nearly singular beside J'J, and says nothing of it) is left aside.
 """
 
 from collections.abc import Iterator, Sequence
@@ -24,6 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import eigh
 
 from zwidth.diagnosis.answer.result import Held
 from zwidth.diagnosis.noise.predictor import SETTLING
@@ -135,15 +136,10 @@ def _left_out(h: Hypothesis, where: Where) -> Floats | None:
     every = slopes.reshape(-1, h.x.size)
     whole = every.T @ every + priors.T @ priors
     rest = whole - inside.T @ inside
-    size = np.sqrt(np.diag(whole))
-    size[size == 0.0] = 1.0
-    if np.linalg.eigvalsh(rest / np.outer(size, size)).min() < TOLD * _least(whole, size):
+    # Of each direction of x, the share of what all samples tell that the rest tells too.
+    if eigh(rest, whole, eigvals_only=True).min() < TOLD:
         return None
     dx = np.linalg.solve(rest, inside.T @ rows[where].ravel())
     left = rows[where] + (inside @ dx).reshape(-1, o)
     divided = float(h.noise.observer.cost_of(np.eye(o)[None], 1)[0])
     return np.sum(left**2, axis=1) + np.linalg.slogdet(covariance)[1] + divided
-
-
-def _least(whole: Floats, size: Floats) -> float:
-    return float(np.linalg.eigvalsh(whole / np.outer(size, size)).min())
