@@ -38,17 +38,18 @@ def recording(
     seed: int,
     outputs: tuple[int, ...] = (0,),
     push: Floats | float = 0.0,
+    size: float = 0.1,
 ) -> Experiment:
     """Return positions of some masses under a multisine of 0.1 to 20 Hz, in steps of an encoder.
 
-    push: a force on m1 that is not in the recorded command.
+    push: a force on m1 that is not in the recorded command; size: rms of that [N m].
     """
     period, random = device.interface.period, np.random.default_rng(seed)
     t = period * np.arange(ticks)
     hertz = np.arange(0.125, 20.0, 0.125)
     phases = random.uniform(0.0, 2.0 * np.pi, hertz.size)
     lines = np.cos(2.0 * np.pi * np.outer(t, hertz) + phases) / np.hypot(1.0, hertz / 3.0)
-    command = 0.1 * lines.sum(axis=1) / np.std(lines.sum(axis=1))
+    command = size * lines.sum(axis=1) / np.std(lines.sum(axis=1))
     run = simulate(device, recorded(command + push), duration=ticks * period, substeps=64)
     step, noise = 3.8e-4, 8.7e-5
     seen = [run.trace[f"position_m{i + 1}"] for i in outputs]

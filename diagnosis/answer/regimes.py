@@ -7,16 +7,15 @@ direction, a half of the travel), parameters are fitted to the rest, and they mu
 left out.
 
 With r the weighed innovations and priors at the best x and J their slopes, a fit without the
-samples of a regime s moves by one Gauss-Newton step
+samples of a regime s, on the rest q alone, moves by one Gauss-Newton step
 
-    dx = (J'J - J_s'J_s)^-1 J_s' r_s,    so that    r_s + J_s dx
+    dx = -(J_q' J_q)^-1 J_q' r_q,    so that    r_s + J_s dx
 
-is what is left of the regime when it had no part in the fit: J'r = 0 at the best x, and the rest
-alone has the gradient -J_s' r_s there. An effect holds in a regime unless a model without it,
-treated so too, is believed over it there (`selection.evidence`).
+is what is left of the regime when it had no part in the fit. An effect holds in a regime unless a
+model without it, treated so too, is believed over it there (`selection.evidence`).
 
 Limits: one step, so that a regime which alone determines a parameter (the level of a friction in
-one direction: J'J - J_s'J_s is nearly singular beside J'J, and says nothing of it) is left aside.
+one direction: J_q'J_q is nearly singular beside J'J, and says nothing of it) is left aside.
 """
 
 from collections.abc import Iterator, Sequence
@@ -131,15 +130,28 @@ def _left_out(h: Hypothesis, where: Where) -> Floats | None:
     root = np.linalg.inv(np.linalg.cholesky(covariance))
     rows = rows @ root.T
     slopes = np.einsum("pq,kqx->kpx", root, slopes.reshape(-1, o, h.x.size))
-    inside = slopes[where].reshape(-1, h.x.size)
-    priors = h.slopes[samples:]
-    every = slopes.reshape(-1, h.x.size)
-    whole = every.T @ every + priors.T @ priors
-    rest = whole - inside.T @ inside
-    # Of each direction of x, the share of what all samples tell that the rest tells too.
-    if eigh(rest, whole, eigvals_only=True).min() < TOLD:
+    dx = step_without(rows, slopes, (h.residual[samples:], h.slopes[samples:]), where)
+    if dx is None:
         return None
-    dx = np.linalg.solve(rest, inside.T @ rows[where].ravel())
+    inside = slopes[where].reshape(-1, h.x.size)
     left = rows[where] + (inside @ dx).reshape(-1, o)
     divided = float(h.noise.observer.cost_of(np.eye(o)[None], 1)[0])
     return np.sum(left**2, axis=1) + np.linalg.slogdet(covariance)[1] + divided
+
+
+def step_without(
+    rows: Floats, slopes: Floats, prior: tuple[Floats, Floats], where: Where
+) -> Floats | None:
+    """Return dx (p,) by which a fit moves without a regime; None where the rest is loose.
+
+    rows (ticks, o): white residuals; slopes (ticks, o, p); prior: residuals (k,) and slopes (k, p)
+    of the priors.
+    """
+    every, rest = (part.reshape(-1, slopes.shape[2]) for part in (slopes, slopes[~where]))
+    about = prior[1].T @ prior[1]
+    whole, left = every.T @ every + about, rest.T @ rest + about
+    # Of each direction of x, the share of what all samples tell that the rest tells too.
+    if eigh(left, whole, eigvals_only=True).min() < TOLD:
+        return None
+    downhill = -(rest.T @ rows[~where].ravel() + prior[1].T @ prior[0])
+    return np.asarray(np.linalg.solve(left, downhill), dtype=np.float64)

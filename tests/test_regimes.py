@@ -1,0 +1,80 @@
+"""Whether what was found holds where it was not fitted: direction, level, recording, place."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_fitting import drive, recording
+
+from zwidth.diagnosis.answer.regimes import held, regimes, step_without
+from zwidth.diagnosis.fitting.fit import Problem
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.predictor import SETTLING
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
+from zwidth.sim.device import Device
+from zwidth.sim.physics import make_physics
+
+TICKS = 4000
+FRICTION = make_physics("coulomb_friction", "m1", level=0.03)
+
+
+def fitted(experiments: list[Experiment], friction: bool) -> Hypothesis:
+    model = Model(drive())
+    if friction:
+        model = model.with_effect(FRICTION, {"level": 0.03})
+    return settled(judged(experiments, model, np.zeros(len(model.parameters))))
+
+
+def of(truth: Device) -> Experiment:
+    return recording(truth, TICKS, 3)
+
+
+def test_friction_that_is_there_holds_everywhere():
+    """Mutation that breaks it: the step taken the other way (`dx` negative)."""
+    e = [of(drive().with_physics(FRICTION))]
+    said = held(fitted(e, True), fitted(e, False))
+    assert {"forwards", "backwards"} <= {h.regime for h in said}
+    assert not [h for h in said if h.fails]
+    assert min(h.sigma for h in said) > 5.0
+
+
+def test_friction_of_one_of_two_recordings_is_not_that_of_both():
+    """Fitted to both it is believed, and of neither does the other say how much.
+
+    Mutation that breaks it: the regime left in the fit (`dx` zero).
+    """
+    brake = drive().with_physics(make_physics("coulomb_friction", "m1", level=3e-3))
+    for truths, fails in (((brake, drive()), True), ((brake, brake), False)):
+        e = [
+            replace(recording(truth, TICKS, 3 + 2 * i), name=f"r{i}")
+            for i, truth in enumerate(truths)
+        ]
+        with_it, without = fitted(e, True), fitted(e, False)
+        assert with_it.cost.total < without.cost.total
+        said = {h.regime: h for h in held(with_it, without)}
+        assert (said["in r0"].fails or said["in r1"].fails) == fails
+        assert said["in r0"].other == "in the other recordings"
+
+
+def test_a_step_of_the_fit_leaves_a_regime_out():
+    """The one step against a fit to the rest, made of it alone under the same noise.
+
+    Mutations that break it: the step the other way; the priors, or the regime, not taken off.
+    """
+    e = [
+        replace(of(drive()), name="r0"),
+        replace(recording(drive(), TICKS, 4), name="r1"),
+    ]
+    both = fitted(e, False)
+    (second,) = [r for r in regimes(e) if r.name == "in r1"]
+    assert second.where.sum() == TICKS - SETTLING
+    slopes, samples, problem = both.slopes, both.samples, both.problem
+    assert slopes is not None
+    rows, prior = both.residual[:samples, None], (both.residual[samples:], slopes[samples:])
+    dx = step_without(rows, slopes[:samples, None, :], prior, second.where)
+    alone = Problem(problem.experiments[:1], problem.observer).fit(both.model, both.x)
+    assert dx is not None
+    size = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))
+    assert dx / size == pytest.approx((alone.x - both.x) / size, abs=0.3)
+    assert np.abs(dx / size).max() > 0.4
