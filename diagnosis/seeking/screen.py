@@ -92,12 +92,12 @@ def screen(
     for group in groups.values():  # one by one: signatures of a long recording fill memory
         scored = scores(group)
         most = max([most, *(one.score for one in scored)])
-        scored += scores(_second_looks(scored, base, max(PROMISING, HOPEFUL * most)))
+        scored += scores(second_looks(scored, base, max(PROMISING, HOPEFUL * most)))
         best += sorted(scored, key=lambda one: one.score, reverse=True)[:1]
     return sorted(best, key=lambda one: one.score, reverse=True)
 
 
-def _second_looks(scored: Sequence[Screened], base: Floats, least: float) -> list[Start]:
+def second_looks(scored: Sequence[Screened], base: Floats, least: float) -> list[Start]:
     """Return starts at the strength or phase that would fit best were signatures linear in it.
 
     least: chi-square that they must gain to first order.

@@ -27,13 +27,13 @@ from zwidth.diagnosis.mishaps import isolated
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.seeking.candidates import Start
 from zwidth.diagnosis.seeking.modes import mode_starts
-from zwidth.diagnosis.seeking.screen import Complement, Screened, turned_starts
+from zwidth.diagnosis.seeking.screen import Complement, Screened, second_looks
 from zwidth.diagnosis.seeking.waves import wave_starts
 from zwidth.jobs.parallel import in_parallel, threads
 
 Floats = NDArray[np.float64]
 OVERFLOWED = 1e5  # weighed innovation of a start that runs away
-WORTH_TURNING = 10.0  # first-order gain from which a phase between two is worth a look
+WORTH_A_LOOK = 10.0  # first-order gain from which a phase between two is worth a look
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,8 @@ def screened(seen: View, starts: Mapping[str, Sequence[Start]]) -> list[Screened
     def best(label: str, group: Sequence[Start]) -> Screened | None:
         with isolated("candidates", label):
             scored = _scored(seen, off, base, group)
-            for start in turned_starts(scored, base, WORTH_TURNING):
+            # What is near the limit is far below the least start, and tells its strength by it.
+            for start in second_looks(scored, base, WORTH_A_LOOK):
                 scored += _scored(seen, off, base, [start])
             return max(scored, key=lambda one: one.score, default=None)
         return None

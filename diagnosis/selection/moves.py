@@ -1,6 +1,7 @@
 """Moves: from a hypothesis to others that are worth a fit. They decide nothing."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -30,6 +31,7 @@ from zwidth.sim.place import label_of
 
 Floats = NDArray[np.float64]
 SLOWEST = 1e-6  # ratio of an observer that hardly corrects the model
+SLOWER = 1e-2  # of the own ratio
 NO_SIGN = 10.0  # score below which a start says nothing: the noise of a few samples
 FAR_TICKS = 6000  # of all recordings together, in far views: what is strong shows in as many
 GIVEN_WAY = 2.0  # in x, that parameters give way at most before a fit
@@ -94,8 +96,10 @@ def added(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
         if seen.own:
             starts = _together(near, shown_starts(seen))
         count = effort.near if seen.own else effort.far
-        for one in screened(seen, starts)[:count]:
-            if one.score > NO_SIGN:
+        for rank, one in enumerate(screened(seen, starts)):
+            # Of what ends in the valley where it began, the first order says nothing.
+            blind = seen.own and any(p.valleys for p in one.start.physics.effect.parameters)
+            if blind or (rank < count and one.score > NO_SIGN):
                 yield _with(h, seen, one)
 
 
@@ -187,8 +191,16 @@ def replaced(index: int) -> Move:
 
 
 def _views(h: Hypothesis) -> Iterator[View]:
-    """Yield a hypothesis under its own noise, and far ahead from itself and the device file."""
+    """Yield a hypothesis under its own noise, a slower one, and far ahead as is and as in its file.
+
+    Own noise is that of a model that may lack physics: its observer takes part of what lacks for
+    disturbance, and its filter what is left for colour. So it is also seen under one that is a
+    hundred times slower and takes nothing for colour.
+    """
     yield view(h.problem, h.model, h.x, own=True)
+    with suppress(NoObserver):
+        slower = prepared_for(h.experiments, h.model, h.x, SLOWER * h.ratio)
+        yield view(slower, h.model, h.x, own=True)
     prior = np.array([p.prior for p in h.model.parameters])
     stretch = beginnings(h.experiments, FAR_TICKS)
     for x in (h.x, np.where(prior, 0.0, h.x)):
