@@ -10,15 +10,13 @@ from zwidth.diagnosis.answer.result import Verdict
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.intake.gate import examine
 from zwidth.diagnosis.recording.experiment import Experiment, experiment
-from zwidth.diagnosis.selection.effort import NORMAL, QUICK
+from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.logs.recording import read_recording
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.interface import Interface
 
 TOMLS = Path(__file__).parent / "recordings"
-# Play takes a minute more to look for, and none of these machines has any.
-NO_PLAY = replace(NORMAL, generations=0, rounds=1)
 SHARED = Path(__file__).parents[1].parent / "shared" / "recordings"
 
 
@@ -72,7 +70,7 @@ def test_silverbox_lacks_a_cubic_spring():
     w = 2.0 * np.pi * 68.3
     chain = make_chain([1.0 / w**2], [2.0 * 0.0486 / w], 1.0)
     device = Device("Silverbox", "", False, chain, Interface(period=0.0016384))
-    found = diagnose(device, [recording("silverbox", device, 40.0)], effort=NO_PLAY)
+    found = diagnose(device, [recording("silverbox", device, 40.0)], effort=QUICK)
     first = found.findings[0]
     assert (first.effect, first.at) == ("cubic_stiffness", "ground")
     ratio = first.parameters["coefficient"].value / found.device.chain.ground_spring
@@ -90,21 +88,23 @@ def test_the_sign_of_the_haptic_paddle_is_inverted():
     assert not [f for f in examine(device, [turned]) if f.wrong]
 
 
-def test_the_haptic_paddle_lacks_friction_and_gravity():
+def test_the_haptic_paddle_lacks_friction_and_what_pulls_it_back():
     """Published: stiction of 0.0129 to 0.0169 N m, no motion below 0.008 N m, motion from 0.010.
 
-    Mutation that breaks it: no search over a longer horizon.
+    Gravity is named, or a rival that cannot be told from what is: at one slow frequency it acts as
+    a spring does, and as less inertia, which is not found (docs/diagnosis.md). So nothing is
+    `identified`. Mutation that breaks it: what a start is strong at, not tried again.
     """
     device = Device("paddle", "", True, make_chain([7e-4], [1e-3]), Interface(period=0.005))
     e = recording("ethz_haptic_paddle", device, 80.0)
-    found = diagnose(device, [replace(e, command=-e.command)], effort=NO_PLAY)
-    first = found.findings[0]
-    assert first.effect in ("coulomb_friction", "presliding_friction")
-    assert first.at == "m1"
-    level = first.parameters["level"]
-    assert 0.009 < level.value < 0.013
-    assert ("gravity_pendulum", "m1") in [(f.effect, f.at) for f in found.findings]
-    _, inertia = found.linear_refit["m1"]
-    assert 0.5 * 7e-4 < inertia.value < 2.0 * 7e-4
+    found = diagnose(device, [replace(e, command=-e.command)], effort=QUICK)
+    sticking = [
+        f for f in found.findings if f.effect in ("coulomb_friction", "presliding_friction")
+    ]
+    assert [f.at for f in sticking] == ["m1"]
+    assert 0.009 < sticking[0].parameters["level"].value < 0.013
+    near = {(r.effect, r.at) for f in found.findings for r in f.confusable_with}
+    named = {(f.effect, f.at) for f in found.findings}
+    assert ("gravity_pendulum", "m1") in near | named
     assert found.free_run.after < 0.5 * found.free_run.refit
     assert found.verdict is not Verdict.IDENTIFIED
