@@ -123,6 +123,27 @@ def test_slow_errors_count_less() -> None:
     assert found.sigma == pytest.approx(math.sqrt(abs(found.gain) / found.phi))
 
 
+def test_what_acts_in_some_stretches_only_is_no_scatter() -> None:
+    """A difference in a tenth of the blocks. Mutation: the scatter about the mean of the blocks."""
+    random = np.random.default_rng(8)
+    found: list[float] = []
+    for _ in range(100):
+        difference = np.where(np.arange(8000) % 2000 < 200, 0.5, 0.0)
+        gains = gains_of(difference, random.normal(size=8000), 40)
+        foretold = (difference**2).reshape(40, -1).sum(axis=1)
+        found.append(compared(gains, foretold, lags=0).phi)
+        assert compared(gains, lags=0).phi > 5.0
+    assert np.mean(found) == pytest.approx(1.1, abs=0.1)
+
+
+def test_what_the_difference_does_not_foretell_is_scatter() -> None:
+    """What one gains where the other predicts the same: one of them knows a stretch by chance."""
+    random = np.random.default_rng(9)
+    foretold = random.uniform(1.0, 2.0, size=40)
+    gains = foretold * np.where(np.arange(40) % 4 < 2, 5.0, -3.0)
+    assert compared(gains, foretold).phi > 2.5
+
+
 def test_few_blocks_have_no_scatter() -> None:
     assert compared(np.array([3.0, 5.0])) == Compared(8.0, 1.0)
     assert compared(np.array([-3.0, -5.0])).sigma == -math.sqrt(8.0)

@@ -143,8 +143,10 @@ def test_a_richer_law_begins_where_the_simpler_ended() -> None:
     assert Start(spring, {"stiffness": 0.1}).as_strong_as(FRICTION) is None  # another unit
 
 
-def test_what_contains_an_effect_is_always_fitted_in_its_place(rubbed: list[Experiment]) -> None:
-    """However little it promises: it has to be fitted to say how much more it explains.
+def test_what_contains_an_effect_and_what_is_akin_are_fitted(
+    rubbed: list[Experiment],
+) -> None:
+    """However little they promise: they have to be fitted to say how much more they explain.
 
     Mutation: only the most promising are.
     """
@@ -153,7 +155,7 @@ def test_what_contains_an_effect_is_always_fitted_in_its_place(rubbed: list[Expe
     labels = {p.model.label for p in replaced(0)(h, none)}
     assert labels == {
         "stribeck_friction@m1", "presliding_friction@m1", "directional_friction@m1",
-        "hysteresis@ground",
+        "hysteresis@ground", "coulomb_friction@m2",
     }  # fmt: skip
 
 

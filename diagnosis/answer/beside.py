@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from zwidth.diagnosis.answer.result import Rival
-from zwidth.diagnosis.selection.evidence import compared, probabilities
-from zwidth.diagnosis.selection.hypothesis import Hypothesis, gains
+from zwidth.diagnosis.selection.evidence import probabilities
+from zwidth.diagnosis.selection.hypothesis import Hypothesis, against
 from zwidth.diagnosis.selection.search import Search
 from zwidth.sim.place import of_label
 
@@ -17,7 +17,7 @@ def without(found: Search, label: str) -> float:
     lacking = [h for h in found.tried.values() if label not in h.labels]
     nearest = min(lacking, key=lambda h: h.cost.total)
     bare = found.tried.get(best.labels - {label}, nearest)
-    return max(0.0, compared(gains(best, bare)).sigma)
+    return max(0.0, against(best, bare).sigma)
 
 
 def shares(found: Search) -> dict[frozenset[str], float]:
@@ -56,5 +56,5 @@ def _behind(h: Hypothesis, best: Hypothesis) -> float:
     """By how much a hypothesis costs more than the best, in units of the pair's overdispersion."""
     if h is best:
         return 0.0
-    phi = compared(gains(best, h)).phi
+    phi = against(best, h).phi
     return float(np.nan_to_num((h.cost.total - best.cost.total) / phi, posinf=1e300))

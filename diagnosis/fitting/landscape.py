@@ -19,9 +19,10 @@ from zwidth.diagnosis.noise.predictor import SETTLING, Fineness, Observer
 from zwidth.diagnosis.recording.experiment import Experiment
 
 Floats = NDArray[np.float64]
-# What costs are compared in while a search is far from its end. Of play beside friction, 2 substeps
-# a tick (4 where the pin leaves its side) cost within 500 of 128 and 256, in 16 000 that play
-# explains: such motion scatters by that much whatever the steps.
+# What populations grow in. Of play beside friction, 2 substeps a tick (4 where the pin leaves its
+# side) cost within 500 of 128 and 256, in 16 000 that play explains: such motion scatters by that
+# much whatever the steps. Near the limit of what can be seen they cost more than the physics
+# explains (3000 for a play that explains 860), so nothing is held against another in them.
 FAR = Fineness(2, 2, (2, 4))
 
 

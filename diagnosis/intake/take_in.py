@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from zwidth.diagnosis.answer.result import NotDiagnosed, Unanswered
+from zwidth.diagnosis.intake.derived import measured_alone
 from zwidth.diagnosis.intake.gate import COMMAND, Fault, corrected, examine, suspected
 from zwidth.diagnosis.intake.hold import smooth, was_smooth
 from zwidth.diagnosis.intake.rectified import unfolded
@@ -80,9 +81,10 @@ def readings(
 ) -> list[Taken]:
     """Return the ways to read recordings: as they are, and at most two others that are suspected.
 
-    Each is folded out, corrected by what is suspected of it, and taken held or smooth. A recording
-    to judge by is corrected where one to fit on is by the same factor. An error in one of several
-    costs that one alone. Raises ExperimentError where the only one is of no use, and NotDiagnosed
+    Velocities that were worked out from positions are left out (`intake.derived`). Each recording
+    is folded out, corrected by what is suspected of it, and taken held or smooth. One to judge by
+    is corrected where one to fit on is by the same factor. An error in one of several costs that
+    one alone. Raises ExperimentError where the only one is of no use, and NotDiagnosed
     where an error leaves none.
     """
 
@@ -92,8 +94,10 @@ def readings(
         ways = suspected(device, one) if any(f.wrong for f in faults) else []
         return _Looked(one, factor, tuple(f for f in faults if not f.wrong), tuple(ways))
 
+    measured = measured_alone([*experiments, *(validate or ())])
+    experiments, judging = measured[: len(experiments)], measured[len(experiments) :]
     passed = _each(experiments, looked_at)
-    others = [] if validate is None else _each(validate, looked_at)
+    others = _each(judging, looked_at) if judging else []
     looked = [one for _, one in passed]
     ways: list[list[tuple[Fault, ...]]] = [[() for _ in looked]]
     for turn in range(max(len(one.ways) for one in looked)):

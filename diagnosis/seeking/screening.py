@@ -22,9 +22,10 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.fitting.descend import CREASED, SMOOTH, slopes_at
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
-from zwidth.diagnosis.fitting.landscape import FAR, Landscape
+from zwidth.diagnosis.fitting.landscape import Landscape
 from zwidth.diagnosis.mishaps import isolated
 from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.predictor import SCREENING
 from zwidth.diagnosis.seeking.candidates import Start
 from zwidth.diagnosis.seeking.modes import mode_starts
 from zwidth.diagnosis.seeking.screen import Complement, Screened, second_looks
@@ -61,7 +62,7 @@ class View:
 
 def view(problem: Problem, model: Model, x: Floats, own: bool) -> View:
     """Return a view of a model at x."""
-    ground = Landscape(problem.experiments, problem.observer, model, FAR)
+    ground = Landscape(problem.experiments, problem.observer, model, SCREENING)
     creased = any(p.effect.creased for p in model.effects)
     widths = np.full(x.size, CREASED if creased else SMOOTH)
     at = slopes_at(ground, x, widths, creased)
@@ -101,7 +102,7 @@ def _scored(seen: View, off: Complement, base: Floats, starts: Sequence[Start]) 
     model = seen.model.with_effect(first, dict.fromkeys(names, 1.0))
     beyond = [[s.physics.values[k] - first.values[k] for k in names] for s in starts]
     asked = [np.concatenate([seen.x, extra]) for extra in beyond]
-    ground = Problem(seen.problem.experiments, seen.problem.observer, FAR)
+    ground = Problem(seen.problem.experiments, seen.problem.observer, SCREENING)
     energy, samples = float(base @ base), seen.samples
     none = np.zeros(seen.residual.size - samples)
     found: list[Screened] = []

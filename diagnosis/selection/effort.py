@@ -27,6 +27,9 @@ class Effort:
     members: int = 16
     rounds: int = 3
     first_rounds: ClassVar[int] = 4
+    own_rounds: ClassVar[int] = 2
+    most_ended: ClassVar[int] = 2  # times as many as `ended`, where laws differ in places alone
+    hopeless: ClassVar[float] = 200.0  # -2 ln from the best, at which what is akin is not ended
 
 
 QUICK = Effort(effects=3, near=3, far=2, rivals=2, ended=2, generations=0, rounds=1)

@@ -23,9 +23,12 @@ over blocks, and the spread of the blocks says how far the sum scatters,
     phi = variance of the sum / (4 |gain|), at least 1,    sigma = sqrt(|gain| / phi).
 
 Of two hypotheses of which one is true, phi is 1: with e white of variance 1 and d the difference of
-predictions, the gain of a sample is d^2 + 2 d e, of mean d^2 and variance 4 d^2. (Vuong,
-Econometrica 57, 1989; neighbouring blocks by Newey & West, Econometrica 55, 1987; Laplace: Kass &
-Raftery, J. Am. Stat. Assoc. 90, 1995.) The share of each hypothesis is exp(-cost / 2 phi).
+predictions, the gain of a sample is d^2 + 2 d e, of mean d^2 and variance 4 d^2. What acts in some
+stretches only (drag at speed, play where it turns) has its d^2 there, and so its gain: that is no
+scatter. So the variance is that about what d^2 foretells of each block (a straight line, fitted),
+not about their mean. (Vuong, Econometrica 57, 1989, has the mean; neighbouring blocks by Newey &
+West, Econometrica 55, 1987; Laplace: Kass & Raftery, J. Am. Stat. Assoc. 90, 1995.) The share of
+each hypothesis is exp(-cost / 2 phi).
 
 Limits: Laplace takes the cost for a parabola in theta; that of creases is one only over their
 width, so A must be seen over as much. Blocks fewer than ten say little of their spread.
@@ -103,20 +106,26 @@ class Compared:
         return math.copysign(math.sqrt(abs(self.gain) / self.phi), self.gain)
 
 
-def compared(gains: Floats, lags: int = 2) -> Compared:
+def compared(gains: Floats, foretold: Floats | None = None, lags: int = 2) -> Compared:
     """Compare two hypotheses by what one gains over the other in each block (blocks,).
 
-    lags: neighbours whose scatter counts together, with falling weight. Blocks of several
-    recordings follow each other; fewer than 3 have no scatter to judge by, and phi is 1.
+    foretold: the squares of what their predictions differ by, in each block; None for as much in
+    all. lags: neighbours whose scatter counts together, with falling weight. Blocks of several
+    recordings follow each other; fewer than 3 (5 with `foretold`) have no scatter to judge by, and
+    phi is 1.
     """
     total, count = float(gains.sum()), gains.size
-    if count < 3 or total == 0.0:
+    line = np.ones((count, 1))
+    if foretold is not None and np.all(np.isfinite(foretold)) and np.ptp(foretold) > 0.0:
+        line = np.column_stack([line, foretold / foretold.max()])
+    free = line.shape[1]
+    if count < 2 * free + 1 or total == 0.0 or not math.isfinite(total):
         return Compared(total, 1.0)
-    off = gains - gains.mean()
+    off = gains - line @ np.linalg.lstsq(line, gains)[0]
     spread = float(off @ off)
     for lag in range(1, min(lags, count - 2) + 1):
         spread += 2.0 * (1.0 - lag / (lags + 1.0)) * float(off[lag:] @ off[:-lag])
-    spread = max(spread, 0.0) * count / (count - 1)
+    spread = max(spread, 0.0) * count / (count - free)
     return Compared(total, max(1.0, spread / (4.0 * abs(total))))
 
 

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.fitting.descend import CREASED, SHARE, SMOOTH, descend, slopes_at
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
-from zwidth.diagnosis.fitting.landscape import FAR, Landscape
+from zwidth.diagnosis.fitting.landscape import Landscape
 from zwidth.diagnosis.model.parameters import Model, effect_labels
 from zwidth.diagnosis.noise.family import NEXT_SAMPLE, Family, Noise, likeliest
-from zwidth.diagnosis.noise.predictor import SEARCHING, Fineness
+from zwidth.diagnosis.noise.predictor import SCREENING, SEARCHING, Fineness
 from zwidth.diagnosis.recording.experiment import Experiment
-from zwidth.diagnosis.selection.evidence import Cost, cost
+from zwidth.diagnosis.selection.evidence import Compared, Cost, compared, cost
 from zwidth.sim.physics.sizes import SMALLEST
 
 Floats = NDArray[np.float64]
@@ -98,7 +98,7 @@ class Hypothesis:
     @property
     def far_ground(self) -> Landscape:
         """The same in as few substeps as costs compare in while a search is far from its end."""
-        return self._ground(FAR)
+        return self._ground(SCREENING)
 
     def _ground(self, fineness: Fineness) -> Landscape:
         problem = self.problem
@@ -241,6 +241,19 @@ def _blocks(ground: Landscape, residual: Floats) -> Floats:
 def gains(new: Hypothesis, old: Hypothesis) -> Floats:
     """What one gains over the other in each stretch (blocks,)."""
     return old.blocks - new.blocks
+
+
+def against(new: Hypothesis, old: Hypothesis) -> Compared:
+    """What one gains over the other, and how far that scatters about what their difference says."""
+    if new.samples != old.samples:
+        return compared(gains(new, old))
+    outputs = new.noise.observer.deviation.size
+    apart = (old.residual[: old.samples] - new.residual[: new.samples]).reshape(-1, outputs)
+    rows = new.residual[: new.samples].reshape(-1, outputs)
+    inverse = np.linalg.pinv(rows.T @ rows / rows.shape[0])
+    squares = np.einsum("ki,ij,kj->k", apart, inverse, apart)
+    foretold = [part.sum() for part in np.array_split(squares, new.blocks.size)]
+    return compared(gains(new, old), np.array(foretold))
 
 
 def best_of(hypotheses: Sequence[Hypothesis]) -> Hypothesis:

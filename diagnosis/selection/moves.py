@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.fitting.descend import descend
 from zwidth.diagnosis.fitting.fit import Problem
-from zwidth.diagnosis.fitting.landscape import FAR, Landscape
-from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.fitting.landscape import Landscape
+from zwidth.diagnosis.model.parameters import Model, effect_labels
 from zwidth.diagnosis.noise.family import Family
+from zwidth.diagnosis.noise.predictor import SCREENING
 from zwidth.diagnosis.noise.settle import prepared_for
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment, beginnings
@@ -42,7 +43,8 @@ class Proposal:
     """A model worth a fit, and where from: x, and the problem under which a fit begins.
 
     under: None where it needs no first fit. family: of its noise; near: ratio about which that is
-    sought, None for all of the family. prices: as a hypothesis has them.
+    sought, None for all of the family. prices: as a hypothesis has them. akin: whether it differs
+    from a hypothesis in the place of an effect, or in a simpler law of the same kind there.
     """
 
     experiments: Sequence[Experiment]
@@ -52,22 +54,36 @@ class Proposal:
     under: Problem | None = None
     near: float | None = None
     prices: Prices = ()
+    akin: bool = False
 
     def judged(self, x: Floats) -> Hypothesis:
-        """Return it at x under its likeliest noise; raises NoObserver where none follows."""
+        """Return it at x under its likeliest noise; raises NoObserver where none follows.
+
+        What began in a view of other noise is brought on its way under its own, or it would cost
+        more than what began there.
+        """
         among = None if self.near is None else self.family.near(self.near)
-        return judged(self.experiments, self.model, x, self.family, among, self.prices)
+        h = judged(self.experiments, self.model, x, self.family, among, self.prices)
+        if among is not None or self.under is None:
+            return h
+        moved = h.moved(descend(h.far_ground, h.x, Effort.own_rounds, h.creased).x)
+        return moved if moved.cost.misfit < h.cost.misfit else h
 
     @property
     def label(self) -> str:
         """Its effects."""
         return self.model.label
 
+    @property
+    def labels(self) -> frozenset[str]:
+        """effect@place of each effect."""
+        return frozenset(effect_labels(self.model.effects))
+
     def begun(self) -> "Begun":
         """Return where a first fit under the problem in which it stood out leads."""
         if self.under is None:
             return Begun(self, self.x, 0.0)
-        ground = Landscape(self.under.experiments, self.under.observer, self.model, FAR)
+        ground = Landscape(self.under.experiments, self.under.observer, self.model, SCREENING)
         creased = any(p.effect.creased for p in self.model.effects)
         first = descend(ground, self.x, Effort.first_rounds, creased)
         return Begun(self, first.x, first.cost)
@@ -168,8 +184,9 @@ def replaced(index: int) -> Move:
         own = h.model.effects_at(h.x)[index]
         gone, rotary = place_label(own), h.model.nominal.rotary
         richer = {label_of(e.name, at) for e, at in richer_at(own.effect.name, own.place, rotary)}
+        laws = {own.effect.name, *own.effect.contains}
         device = model.build(x)
-        ground = Landscape(h.problem.experiments, h.problem.observer, model, FAR)
+        ground = Landscape(h.problem.experiments, h.problem.observer, model, SCREENING)
         x = descend(ground, x, Effort.first_rounds, any(p.effect.creased for p in model.effects)).x
         seen = view(h.problem, model, x, own=True)
         sizes = sizes_of(device, h.experiments)
@@ -184,8 +201,9 @@ def replaced(index: int) -> Move:
         base = replace(h, model=model, x=x)
         for rank, one in enumerate(others):
             # What contains it explains as much at least, and has to be fitted to say how much more.
-            if rank < effort.rivals or one.start.label in richer:
-                yield _with(base, seen, one)
+            akin = one.start.physics.effect.name in laws
+            if rank < effort.rivals or akin or one.start.label in richer:
+                yield replace(_with(base, seen, one), akin=akin)
 
     return move
 
@@ -232,7 +250,7 @@ def _with(h: Hypothesis, seen: View, one: Screened) -> Proposal:
     longest = float(np.abs(one.shift).max(initial=0.0))
     given = one.shift * min(1.0, GIVEN_WAY / max(longest, 1e-300))
     xs = [model.within(np.concatenate([x, extra])) for x in (seen.x, seen.x + given)]
-    costs = Landscape(seen.problem.experiments, seen.problem.observer, model, FAR).costs(xs)
+    costs = Landscape(seen.problem.experiments, seen.problem.observer, model, SCREENING).costs(xs)
     x = xs[int(np.argmin(np.nan_to_num(costs, nan=np.inf)))]
     near = h.ratio if seen.own else None
     return Proposal(h.experiments, model, x, h.family, seen.problem, near, h.prices)
@@ -248,7 +266,7 @@ def _among(h: Hypothesis, model: Model, x: Floats, starts: Sequence[Start]) -> I
         np.concatenate([x, [s.physics.values[k] - first.physics.values[k] for k in names]])
         for s in starts
     ]
-    costs = Landscape(problem.experiments, problem.observer, tried, FAR).costs(asked)
+    costs = Landscape(problem.experiments, problem.observer, tried, SCREENING).costs(asked)
     best = starts[int(np.argmin(np.nan_to_num(costs, nan=np.inf)))]
     other = model.with_effect(best.physics, best.scales, best.bounds)
     extra = np.zeros(len(other.parameters) - x.size)

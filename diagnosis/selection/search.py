@@ -25,10 +25,10 @@ from zwidth.diagnosis.noise.family import NEXT_SAMPLE, Family
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment, beginnings
 from zwidth.diagnosis.selection.effort import NORMAL, Effort
-from zwidth.diagnosis.selection.evidence import believed, compared
+from zwidth.diagnosis.selection.evidence import believed
 from zwidth.diagnosis.selection.hypothesis import (
     Hypothesis,
-    gains,
+    against,
     judged,
     settled,
 )
@@ -99,7 +99,7 @@ class Search:
         """
         if len(new.model.effects) <= len(old.model.effects):
             return new.cost.total < old.cost.total
-        return believed(new.cost, old.cost, compared(gains(new, old)).phi)
+        return believed(new.cost, old.cost, against(new, old).phi)
 
 
 def search(
@@ -188,7 +188,7 @@ def _exchanged(found: Search) -> None:
 
 
 def _worth(more: Hypothesis, less: Hypothesis) -> bool:
-    return believed(more.cost, less.cost, compared(gains(more, less)).phi)
+    return believed(more.cost, less.cost, against(more, less).phi)
 
 
 def look_for_valleys(found: Search) -> None:
@@ -281,19 +281,41 @@ def fitted(found: Search, proposals: Iterable[Proposal], ended: int) -> list[Hyp
     promising: list[Begun] = []
     for group in views.values():
         order = sorted(group, key=lambda b: b.cost)
-        promising += order[: max(ended, found.effort.judged)]
+        count = max(ended, found.effort.judged)
+        promising += [b for i, b in enumerate(order) if i < count or b.proposal.akin]
     begun: dict[frozenset[str], Hypothesis] = {}
     first = [(b.proposal.label, partial(_judged, b)) for b in promising]
     for h in _each("candidates", first):
         known = begun.get(h.labels)
         if known is None or h.cost.total < known.cost.total:
             begun[h.labels] = h
-    likely = sorted(begun.values(), key=lambda h: h.cost.total)[:ended]
+    akin = {b.proposal.labels for b in promising if b.proposal.akin}
+    likely = _likely(list(begun.values()), ended, akin)
     fits = [(h.model.label, partial(settled, h, turns=2)) for h in likely]
     finished = [found.keep(h) for h in _each("candidates", fits) if not h.against_physics]
     found.fits += len(asked)
     found.spent += time.monotonic() - begun_at
     return sorted(finished, key=lambda h: h.cost.total)
+
+
+def _likely(begun: Sequence[Hypothesis], ended: int, akin: set[frozenset[str]]) -> list[Hypothesis]:
+    """What is fitted to its end: the cheapest of so many different laws, and what is akin.
+
+    Of one law at several places the cheapest few: where it is, they show once it stands.
+    """
+    order = sorted(begun, key=lambda h: h.cost.total)
+    found: list[Hypothesis] = []
+    for h in order:
+        laws = {_laws(other) for other in found}
+        more = len(laws) < ended and len(found) < Effort.most_ended * ended
+        near = h.cost.total - order[0].cost.total < Effort.hopeless
+        if more or (near and h.labels in akin):
+            found.append(h)
+    return found
+
+
+def _laws(h: Hypothesis) -> tuple[str, ...]:
+    return tuple(sorted(p.effect.name for p in h.model.effects))
 
 
 def _each(stage: str, tasks: Sequence[tuple[str, Callable[[], Result | None]]]) -> list[Result]:

@@ -1,0 +1,88 @@
+"""Velocities that are no measurement: positions of the same recording, differenced or filtered.
+
+    v_k = a_1 v_(k-1) + a_2 v_(k-2) + sum_j b_j (p_(k-j) - p_(k-j-1)) + e_k,    j = -LEAD ... LAG,
+
+by least squares. Of a velocity with noise of its own e is at least that noise. Of one that was
+worked out from p (differences, central ones, moving means, filters of first and second order), e is
+the last digit that was written. Taken for a second measurement, its noise would be the encoder's
+once more: to a filter of two measurements of independent noise, such a pair is as good as exact,
+and the physics drowns in disturbance (of friction at 340 sigma, 8 were left).
+
+Held to be worked out where e is far below what in v is rough, and the same filter run on p alone,
+without any v, still gives v: an oscillation foretells itself by two coefficients of its own.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from zwidth.diagnosis.recording.experiment import Experiment, Output
+
+Floats = NDArray[np.float64]
+LEAD, LAG = 8, 16  # samples: of central differences and smoothing, of moving means
+FEEDBACK = 2
+EXACT = 0.02  # of what is rough in v, that e is below
+FOLLOWED = 1e-3  # of v, that the filter run alone errs
+FORGOTTEN = 200  # samples after which a filter has forgotten how it began
+
+
+def measured_alone(experiments: Sequence[Experiment]) -> list[Experiment]:
+    """Return recordings without velocities that all of them have worked out from a position.
+
+    What is left out is said in the notes of each.
+    """
+    shared = [o for o in experiments[0].outputs if all(o in e.outputs for e in experiments)]
+    gone = [
+        o
+        for o in shared
+        if o.quantity == "velocity"
+        and Output("position", o.mass) in shared
+        and all(_worked_out(e, o) for e in experiments)
+    ]
+    return [_without(e, gone) for e in experiments] if gone else list(experiments)
+
+
+def _without(e: Experiment, gone: Sequence[Output]) -> Experiment:
+    kept = [i for i, o in enumerate(e.outputs) if o not in gone]
+    measured = e.measured[:, kept]
+    notes = [
+        f"{o.name} of {e.name} is position_m{o.mass + 1} differenced or filtered, no measurement of"
+        " its own: it is left out, since it says nothing more"
+        for o in gone
+    ]
+    outputs = tuple(e.outputs[i] for i in kept)
+    swing = e.swing if kept[0] == 0 else float(np.std(measured[:, 0]))
+    return replace(e, measured=measured, outputs=outputs, swing=swing, notes=(*e.notes, *notes))
+
+
+def _worked_out(e: Experiment, velocity: Output) -> bool:
+    """Whether a velocity of a recording is its position at the same mass, filtered."""
+    p = e.measured[:, e.outputs.index(Output("position", velocity.mass))]
+    v = e.measured[:, e.outputs.index(velocity)]
+    steps = np.diff(p, prepend=p[0]) / e.period
+    rows = np.arange(max(LAG, FEEDBACK), e.ticks - LEAD)
+    if rows.size < 4 * (LEAD + LAG):
+        return False
+    fed_back = [v[rows - i] for i in range(1, FEEDBACK + 1)]
+    matrix = np.column_stack([*fed_back, *(steps[rows - j] for j in range(-LEAD, LAG + 1))])
+    size = np.sqrt(np.mean(matrix**2, axis=0))
+    if not np.all(size > 0.0):
+        return False
+    found = np.linalg.lstsq(matrix / size, v[rows])[0] / size
+    left = v[rows] - matrix @ found
+    rough = np.diff(v, 2) / np.sqrt(6.0)
+    if not _rms(left) < EXACT * _rms(rough):
+        return False
+    a, b = found[:FEEDBACK], found[FEEDBACK:]
+    if np.any(np.abs(np.roots([1.0, *-a])) >= 1.0):
+        return False
+    fed = lfilter(b, [1.0, *-a], np.concatenate([steps[LEAD:], np.zeros(LEAD)]))
+    after = slice(max(LAG, min(FORGOTTEN, e.ticks // 2)), e.ticks - LEAD)
+    return _rms(v[after] - fed[after]) < FOLLOWED * _rms(v[after])
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2)))
