@@ -10,10 +10,12 @@ from scipy.stats import binomtest
 from tests.diagnosis_examples import ENCODER_NOISE, FORCE_NOISE, OUTPUTS, phantom, record
 from zwidth.controllers.excitation import noise
 from zwidth.controllers.recorded import recorded
+from zwidth.diagnosis.answer.lost import knowing_losses
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.forces.leftover import leftover
 from zwidth.diagnosis.intake.gate import encoder_step_seen
 from zwidth.diagnosis.intake.rectified import unfolded
+from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.model.parameters import Model, delivered
 from zwidth.diagnosis.noise.predictor import Observer, begun, innovations, whitened
 from zwidth.diagnosis.noise.settle import refit
@@ -26,6 +28,10 @@ from zwidth.diagnosis.seeking.lattice import (
     mean_error,
 )
 from zwidth.diagnosis.seeking.waves import wave_starts
+from zwidth.diagnosis.selection.effort import QUICK
+from zwidth.diagnosis.selection.hypothesis import judged, settled
+from zwidth.diagnosis.selection.search import Search
+from zwidth.diagnosis.selection.searched import Searched
 from zwidth.sim.physics import make_physics
 from zwidth.sim.run import simulate
 
@@ -124,6 +130,33 @@ def test_lost_commands_are_found_one_by_one():
     marked = trial.problem.experiments[0].dropped
     assert marked is not None
     assert set(np.flatnonzero(marked)) == set(np.flatnonzero(lost))
+
+
+def test_commands_lost_in_what_was_held_out_are_found_there():
+    """The rest of a recording, followed from its first part on, and begun anew.
+
+    Mutation that breaks it: the first part before the response to one tick of force.
+    """
+    command = noise(duration=SECONDS, seed=14)
+    large = 150 + np.flatnonzero(np.abs(np.diff(command))[150:] > 0.3) + 1
+    lost = np.zeros(command.size, dtype=np.bool_)
+    lost[large[[3, 30, 60, large.size - 30, large.size - 3]]] = True
+    run = simulate(phantom(), recorded(delivered(command, lost)), duration=SECONDS)
+    random = np.random.default_rng(15)
+    y = run.trace["position_m1"] + ENCODER_NOISE * random.standard_normal(command.size)
+    first, rest = Experiment(0.001, command, y[:, None], OUTPUTS).split()
+    problem, fitted = refit(phantom(), [first])
+    trial = dropped_samples(problem, fitted, problem.experiments)
+    assert trial is not None
+    h = settled(judged([first], trial.fitted.model, trial.fitted.x))
+    tried = Search(h, h, QUICK, silent)
+    found = Searched(trial.problem, fitted, trial.fitted, tried, problem.observer)
+    for judged_by in (rest, replace(rest, before=None)):
+        (known,) = knowing_losses(found, [judged_by])
+        assert known.dropped is not None
+        assert set(np.flatnonzero(known.dropped)) == set(np.flatnonzero(lost[first.ticks :]))
+    unaware = replace(found, final=fitted)
+    assert knowing_losses(unaware, [rest])[0] is rest
 
 
 def test_the_rate_of_losses_is_that_of_those_that_can_be_seen():

@@ -18,9 +18,10 @@ from tests.diagnosis_examples import (
 from zwidth.controllers.excitation import noise
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.answer import second_look as looking
+from zwidth.diagnosis.answer.adequacy import Adequacy, Ahead
 from zwidth.diagnosis.answer.held_out import held_out
 from zwidth.diagnosis.answer.result import Diagnosis, Verdict
-from zwidth.diagnosis.answer.second_look import on_first_part, second_look
+from zwidth.diagnosis.answer.second_look import named_only_whole, on_first_part, second_look
 from zwidth.diagnosis.answer.verdict import Left
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.intake.gate import encoder_step_seen, examine
@@ -226,6 +227,22 @@ def test_what_shows_in_the_held_out_data_alone_is_named_and_said():
     assert [part.ticks for part in first.problem.experiments] == [4200]
     by, _ = held_out(phantom(), first, [e.split()[1]])
     assert found.one_step.after == pytest.approx(by.after, rel=1e-6)
+
+
+def test_free_runs_that_fail_later_than_what_was_fitted_ask_for_a_second_look() -> None:
+    """Mutation that breaks it: whatever held on what was fitted."""
+    model = Model(phantom())
+    h = settled(judged([record(phantom(), 1.0)], model, np.zeros(model.linear_count)))
+    found = as_found(phantom(), Search(h, h, QUICK, silent))
+    nothing = Left(0.0, "")
+    sound, fails = (
+        Adequacy((Ahead(0.05, error, 1.0, 2.0, 0.1, 0.5),), 0.0, 0.0, False) for error in (1.0, 3.0)
+    )
+    held = replace(found, held=True)
+    assert named_only_whole(held, nothing, None, fails)
+    assert not named_only_whole(held, nothing, None, sound)
+    assert not named_only_whole(held, nothing, None, None)
+    assert not named_only_whole(found, nothing, None, fails)
 
 
 @pytest.mark.parametrize("at_once", [True, False])

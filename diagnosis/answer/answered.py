@@ -1,6 +1,7 @@
 """From what a search found to the answer: located, judged, and all that is to be said of it."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -8,6 +9,7 @@ from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy
 from zwidth.diagnosis.answer.augmented import all_smooth, augmented
 from zwidth.diagnosis.answer.findings import all_findings, linear, upper_bounds
 from zwidth.diagnosis.answer.held_out import held_out
+from zwidth.diagnosis.answer.lost import knowing_losses
 from zwidth.diagnosis.answer.result import (
     UNKNOWN_FIT,
     Diagnosis,
@@ -45,10 +47,12 @@ def answered(
 
     An error in one part costs that part, and the verdict where it rests on it.
     """
+    lost = attempt("adequacy", "lost commands", partial(knowing_losses, found, taken.judge_by))
+    taken = taken if lost is None else replace(taken, judge_by=tuple(lost))
     found, sound = _standing(device, taken, found, say)
     left, other = _what_is_left(found, taken)
     by, faults = found, taken.faults
-    if taken.whole_unopened and named_only_whole(found, left, other):
+    if taken.whole_unopened and named_only_whole(found, left, other, sound):
         with isolated("search", "all that was recorded"):
             again, beyond, note = second_look(device, found, left, taken.whole, say, effort)
             if note is not None:

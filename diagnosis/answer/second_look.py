@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+from zwidth.diagnosis.answer.adequacy import Adequacy
 from zwidth.diagnosis.answer.verdict import Left, instead_of, left_over, matters
 from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.forces.unknown import Instead
@@ -19,10 +20,17 @@ from zwidth.sim.physics import richer_at
 from zwidth.sim.place import label_of, of_label
 
 
-def named_only_whole(found: Searched, left: Left, other: Instead | None) -> bool:
-    """Whether a search of all that was recorded may name what the first part of it does not."""
+def named_only_whole(
+    found: Searched, left: Left, other: Instead | None, sound: Adequacy | None
+) -> bool:
+    """Whether a search of all that was recorded may name what the first part of it does not.
+
+    A force without a name is left in all of it, or free runs err farther than noise makes them on
+    what was held out, and on what was fitted do not.
+    """
     unnamed = left.whole and matters(found, left, bool(found.final.model.effects))
-    return unnamed and other is None and not found.interrupted
+    fails_later = found.held and sound is not None and not sound.sound
+    return (unnamed or fails_later) and other is None and not found.interrupted
 
 
 def second_look(
@@ -40,7 +48,7 @@ def second_look(
     note, where nothing new has a name, something is still left, a name is lost, or it was
     interrupted, which it then says.
     """
-    say("a force of no name is left in all that was recorded: all of it is searched")
+    say("what was held out shows more than was named: all that was recorded is searched")
     try:
         again = searched(device, acted, say, effort)
     except NoObserver:

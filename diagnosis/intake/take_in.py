@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from zwidth.diagnosis.answer.result import NotDiagnosed, Unanswered
+from zwidth.diagnosis.intake.counted import as_counted
 from zwidth.diagnosis.intake.derived import measured_alone
 from zwidth.diagnosis.intake.gate import COMMAND, Fault, corrected, examine, suspected
 from zwidth.diagnosis.intake.hold import smooth, was_smooth
@@ -81,11 +82,12 @@ def readings(
 ) -> list[Taken]:
     """Return the ways to read recordings: as they are, and at most two others that are suspected.
 
-    Velocities that were worked out from positions are left out (`intake.derived`). Each recording
-    is folded out, corrected by what is suspected of it, and taken held or smooth. One to judge by
-    is corrected where one to fit on is by the same factor. An error in one of several costs that
-    one alone. Raises ExperimentError where the only one is of no use, and NotDiagnosed
-    where an error leaves none.
+    Velocities that were worked out from positions are left out (`intake.derived`), those that are
+    an encoder's counts taken as the positions counted (`intake.counted`). Each recording is folded
+    out, corrected by what is suspected of it, and taken held or smooth. One to judge by is
+    corrected where one to fit on is by the same factor. An error in one of several costs that one
+    alone. Raises ExperimentError where the only one is of no use, and NotDiagnosed where an error
+    leaves none.
     """
 
     def looked_at(e: Experiment) -> _Looked:
@@ -94,7 +96,7 @@ def readings(
         ways = suspected(device, one) if any(f.wrong for f in faults) else []
         return _Looked(one, factor, tuple(f for f in faults if not f.wrong), tuple(ways))
 
-    measured = measured_alone([*experiments, *(validate or ())])
+    measured = as_counted(device, measured_alone([*experiments, *(validate or ())]))
     experiments, judging = measured[: len(experiments)], measured[len(experiments) :]
     passed = _each(experiments, looked_at)
     others = _each(judging, looked_at) if judging else []

@@ -270,6 +270,23 @@ def dropped_samples(
     return Stepped("dropped_samples@clock", there, current, fitted.chi2 - current.chi2, price)
 
 
+def losses(problem: Problem, fitted: Fitted) -> list[NDArray[np.bool_]]:
+    """Return which commands (ticks,) of each recording were lost, at the rate that a model knows.
+
+    What a fit has found of one recording says nothing of another: which commands were lost is a
+    fact of each.
+    """
+    echo = _echo(problem, fitted)
+    lost = [np.zeros(e.ticks, dtype=np.bool_) for e in problem.experiments]
+    rates = [p.values["rate"] for p in fitted.model.effects if p.effect.name == "dropped_samples"]
+    if not rates:
+        return lost
+    odds = float(np.log(rates[0] / (1.0 - rates[0])))
+    for e, g, d in zip(problem.experiments, matched(problem, fitted, "command"), lost, strict=True):
+        _pursue(e.command, g, d, echo, odds)
+    return lost
+
+
 def chances_seen(problem: Problem, fitted: Fitted, rate: float) -> float:
     """Return how many commands' loss would be seen in the recordings: the sum of the odds."""
     return _visible(problem.experiments, float(_echo(problem, fitted)[0]), rate)

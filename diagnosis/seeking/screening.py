@@ -83,8 +83,8 @@ def screened(seen: View, starts: Mapping[str, Sequence[Start]]) -> list[Screened
         with isolated("candidates", label):
             scored = _scored(seen, off, base, group)
             # What is near the limit is far below the least start, and tells its strength by it.
-            for start in second_looks(scored, base, WORTH_A_LOOK):
-                scored += _scored(seen, off, base, [start])
+            more = second_looks(scored, base, WORTH_A_LOOK)
+            scored += _scored(seen, off, base, more) if more else []
             return max(scored, key=lambda one: one.score, default=None)
         return None
 

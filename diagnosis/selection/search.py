@@ -201,7 +201,7 @@ def look_for_valleys(found: Search) -> None:
     h, effort = found.best, found.effort
     if not h.creased or effort.generations == 0 or h.labels in found.looked:
         return
-    if not h.has_valleys and found.plain.cost.misfit - h.cost.misfit < WEAK:
+    if not h.has_valleys:
         return
     found.looked.add(h.labels)
     found.say(f"looking for the valley of {h.model.label} anew")

@@ -38,7 +38,8 @@ class Searched:
     """What a search found: the refit without physics, the final fit, and all that was tried.
 
     problem: the recordings under the noise of the best hypothesis; judge: the observer by which the
-    answer is held against held-out data, which is its own likeliest one.
+    answer is held against held-out data, which is its own likeliest one. held: whether its free
+    runs err no farther than its noise makes them on the recordings that it was fitted to.
     """
 
     problem: Problem
@@ -46,6 +47,7 @@ class Searched:
     final: Fitted
     tried: Search
     judge: Observer
+    held: bool = False
 
     @property
     def interrupted(self) -> bool:
@@ -64,7 +66,7 @@ def searched(
     first = as_found(device, near)
     sound = attempt("search", "how far ahead it holds", partial(holds, device, first))
     if near.interrupted or sound is None or sound.sound:
-        return first
+        return replace(first, held=sound is not None and sound.sound)
     say("over free runs it errs more than its noise: searched by what shows over a longer horizon")
     far = attempt("search", "over a longer horizon", partial(_farther, device, near))
     if far is None:

@@ -1,0 +1,179 @@
+"""Velocities that are an encoder's counts, differenced: back to the position that was counted.
+
+    v_k = a v_(k-1) + (1 - a) c_k s / T,    c_k whole, s the encoder's step, a = 0 unfiltered.
+
+Taken as a velocity under white noise, such a channel says little: its error is that of a position
+differenced, so what it knows of slow motion is thrown away. But (v_k - a v_(k-1)) T / (1 - a) s is
+whole in every sample, which chance does not do, so s and a are found to all digits, and the sum of
+c_k is the encoder's reading, exact up to where it began.
+
+The step is the device file's, or that of the values themselves. The filter's a: where the encoder
+stands, v_k = a v_(k-1) again and again; or, the step known, the a under which all are whole. What a
+drive measures by its own clock, or rounds to steps of a velocity, is no difference of a position: a
+step that no device file vouches for has to show errors that turn with every sample, as differences
+of a position do.
+
+Limits: a position so found has an origin of its own in every recording, where nothing tells it.
+Filters of higher order, and means, are left as they are.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import savgol_filter
+
+from zwidth.diagnosis.intake.gate import encoder_step_seen
+from zwidth.diagnosis.recording.experiment import Experiment, Output
+from zwidth.sim.device import Device
+
+Floats = NDArray[np.float64]
+WHOLE = 0.1  # of a count, by which hardly any value may lie beside a whole one
+HARDLY = 1e-3  # share of the samples
+FEW = 400  # samples that tell a filter
+FILTERS = 1.0 - np.geomspace(1e-3, 0.99, 700)  # as dense as a whole number's neighbours ask
+STANDS = 0.03  # share of the samples in which an encoder that stands shows its filter
+ALIKE = 1e-6  # relative difference of ratios that are the same
+WRITTEN = 1e-3  # of the largest value, by which those of one count differ once unfiltered
+MOST = 1e5  # counts a sample: more leave no digit for a whole number
+TURNS = -0.25  # correlation of neighbouring errors: -0.5 of a difference, 0 of white noise
+SMOOTHED = (9, 3)  # window and order, of what is motion and no error
+
+
+@dataclass(frozen=True)
+class Counted:
+    """A position counted in steps, and the filter of the velocity that it was found from."""
+
+    position: Floats
+    step: float
+    feedback: float
+
+    def cutoff_hz(self, period: float) -> float:
+        """Return the cut-off of the filter, infinite for none."""
+        if self.feedback == 0.0:
+            return float("inf")
+        return float(-np.log(self.feedback) / (2.0 * np.pi * period))
+
+
+def as_counted(device: Device, experiments: Sequence[Experiment]) -> list[Experiment]:
+    """Return recordings with the positions that velocities of all of them were counted from.
+
+    What was read so is said in the notes of each.
+    """
+    first = experiments[0].outputs
+    found: dict[Output, list[Counted]] = {}
+    for o in first:
+        if o.quantity != "velocity" or Output("position", o.mass) in first:
+            continue
+        if not all(e.outputs == first for e in experiments):
+            continue
+        each = [_counted(device, e, o) for e in experiments]
+        kept = [c for c in each if c is not None]
+        if len(kept) == len(each) and _alike([c.step for c in kept]):
+            found[o] = kept
+    return [_with(e, {o: each[i] for o, each in found.items()}) for i, e in enumerate(experiments)]
+
+
+def _with(e: Experiment, counted: dict[Output, Counted]) -> Experiment:
+    if not counted:
+        return e
+    measured = e.measured.copy()
+    notes: list[str] = []
+    outputs = list(e.outputs)
+    for o, c in counted.items():
+        place = outputs.index(o)
+        measured[:, place] = c.position
+        outputs[place] = Output("position", o.mass)
+        filtered = f", low-passed at {c.cutoff_hz(e.period):.3g} Hz" if c.feedback else ""
+        notes.append(
+            f"{o.name} of {e.name} is what an encoder of {c.step:.4g} counts from sample to sample"
+            f"{filtered}: it is taken as the position that was counted"
+        )
+    swing = float(np.std(measured[:, 0]))
+    return replace(
+        e, measured=measured, outputs=tuple(outputs), swing=swing, notes=(*e.notes, *notes)
+    )
+
+
+def _alike(steps: Sequence[float]) -> bool:
+    return max(steps) < 1.001 * min(steps)
+
+
+def _counted(device: Device, e: Experiment, output: Output) -> Counted | None:
+    v = e.measured[:, e.outputs.index(output)]
+    stated = device.interface.encoder_step / e.period
+    feedback = _where_it_stands(v)
+    tries = [(stated, 0.0)] if stated > 0.0 else []
+    seen = encoder_step_seen(v)
+    if seen is not None:
+        tries.append((seen, 0.0))
+    if feedback is not None:
+        seen = encoder_step_seen(_merged(_unfiltered(v, feedback)))
+        tries += [(s, feedback) for s in (stated, seen) if s is not None and s > 0.0]
+    elif stated > 0.0 and (found := _filter_of(v, stated)) is not None:
+        tries.append((stated, found))
+    for unit, a in tries:
+        counts = _unfiltered(v, a) / unit
+        whole = np.round(counts)
+        if np.abs(whole).max() > MOST or np.mean(np.abs(counts - whole) > WHOLE) > HARDLY:
+            continue
+        vouched = stated > 0.0 and _alike([unit, stated])
+        if vouched or _turning(whole):
+            step = unit * e.period
+            whole[0] = 0.0  # where it began, nothing tells
+            return Counted(step * np.cumsum(whole), step, a)
+    return None
+
+
+def _unfiltered(v: Floats, feedback: float) -> Floats:
+    before = np.concatenate([v[:1], v[:-1]])
+    return (v - feedback * before) / (1.0 - feedback)
+
+
+def _merged(values: Floats) -> Floats:
+    """Values that differ by what was rounded in writing them, as one."""
+    order = np.sort(values)
+    apart = np.diff(order) > WRITTEN * float(np.abs(order).max())
+    groups = np.split(order, np.flatnonzero(apart) + 1)
+    return np.array([float(group.mean()) for group in groups])
+
+
+def _where_it_stands(v: Floats) -> float | None:
+    """The ratio that neighbouring samples have again and again, None for none."""
+    large = np.abs(v[:-1]) > 1e-3 * np.abs(v).max()
+    ratios = np.sort(v[1:][large] / v[:-1][large])
+    ratios = ratios[(ratios > 1.0 - FILTERS.max()) & (ratios < FILTERS.max())]
+    count = max(10, round(STANDS * v.size))
+    if ratios.size <= count:
+        return None
+    widths = ratios[count:] - ratios[:-count]
+    best = int(np.argmin(widths))
+    if widths[best] > ALIKE * ratios[best]:
+        return None
+    return float(np.median(ratios[best : best + count + 1]))
+
+
+def _filter_of(v: Floats, unit: float) -> float | None:
+    """The feedback under which velocities are whole counts, None for none."""
+    few = v[: FEW + 1] if v.size <= FEW + 1 else v[(v.size - FEW) // 2 :][: FEW + 1]
+    counts = (few[1:] - np.outer(FILTERS, few[:-1])) / ((1.0 - FILTERS[:, None]) * unit)
+    off = np.mean(np.abs(counts - np.round(counts)), axis=1)
+    a = float(FILTERS[int(np.argmin(off))])
+    for _ in range(5):
+        now, before = few[1:], few[:-1]
+        whole = unit * np.round((now - a * before) / ((1.0 - a) * unit))
+        size = float(np.sum((before - whole) ** 2))
+        if not size > 0.0:
+            return None
+        a = float(np.sum((now - whole) * (before - whole))) / size
+        if not 0.0 < a < 1.0:
+            return None
+    return a
+
+
+def _turning(counts: Floats) -> bool:
+    """Whether errors turn from sample to sample, as those of a position that is differenced."""
+    error = counts - savgol_filter(counts, *SMOOTHED)
+    size = float(error @ error)
+    return size > 0.0 and float(error[1:] @ error[:-1]) / size < TURNS

@@ -1,0 +1,92 @@
+"""Velocities that are counts of an encoder, and those that are not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.signal import butter, lfilter
+
+from tests.diagnosis_examples import phantom
+from zwidth.diagnosis.intake.counted import as_counted
+from zwidth.diagnosis.recording.experiment import Experiment, Output
+from zwidth.sim.device import Device
+
+Floats = NDArray[np.float64]
+PERIOD, TICKS, STEP = 1e-3, 4000, 3.07e-4
+VELOCITY, POSITION = Output("velocity", 0), Output("position", 0)
+
+
+def moved(speed: float, seed: int = 1) -> Floats:
+    """A position of so many counts a sample at most, smooth below 10 Hz."""
+    white = np.random.default_rng(seed).standard_normal(TICKS)
+    v = np.asarray(lfilter(*butter(2, 0.02), white))
+    return np.cumsum(v / np.abs(v).max()) * speed * STEP
+
+
+def counted(p: Floats) -> Floats:
+    return STEP * np.round(p / STEP)
+
+
+def rate(p: Floats, cutoff_hz: float) -> Floats:
+    change = np.diff(p, prepend=p[0]) / PERIOD
+    if np.isinf(cutoff_hz):
+        return change
+    weight = 1.0 - np.exp(-2.0 * np.pi * cutoff_hz * PERIOD)
+    return np.asarray(lfilter([weight], [1.0, weight - 1.0], change))
+
+
+def written(values: Floats, digits: int) -> Floats:
+    return np.array([float(f"{value:.{digits}g}") for value in values])
+
+
+def recorded(v: Floats) -> Experiment:
+    return Experiment(PERIOD, np.sin(np.arange(TICKS) / 50.0), v[:, None], (VELOCITY,), "bench")
+
+
+def knowing(step: float) -> Device:
+    return replace(phantom(), interface=replace(phantom().interface, encoder_step=step))
+
+
+@pytest.mark.parametrize("cutoff_hz", [np.inf, 200.0, 25.0])
+@pytest.mark.parametrize("speed", [0.7, 40.0])
+def test_counts_are_found_to_the_last_one(cutoff_hz: float, speed: float) -> None:
+    """Slow and fast, with a step of the device file, six digits. Mutation: a off by 1e-4."""
+    p = counted(moved(speed))
+    (found,) = as_counted(knowing(STEP), [recorded(written(rate(p, cutoff_hz), 7))])
+    assert found.outputs == (POSITION,)
+    assert found.measured[:, 0] == pytest.approx(p - p[0], abs=1e-6 * STEP)
+    (note,) = found.notes
+    assert "is what an encoder of 0.000307 counts" in note
+    assert ("low-passed" in note) == np.isfinite(cutoff_hz)
+
+
+@pytest.mark.parametrize("cutoff_hz", [np.inf, 25.0])
+def test_without_a_device_file_the_values_tell_the_step(cutoff_hz: float) -> None:
+    p = counted(moved(0.7))
+    (found,) = as_counted(knowing(0.0), [recorded(written(rate(p, cutoff_hz), 7))])
+    assert found.outputs == (POSITION,)
+    assert found.measured[:, 0] == pytest.approx(p - p[0], rel=1e-5, abs=1e-6 * STEP)
+
+
+@pytest.mark.parametrize("step", [0.0, STEP])
+def test_what_a_tachometer_rounds_is_no_difference(step: float) -> None:
+    """Steps of another size than the encoder's, motion that no error turns with."""
+    v = rate(moved(8.0), np.inf)
+    rounded = 0.013 * np.round(v / 0.013)
+    e = recorded(rounded)
+    assert as_counted(knowing(step), [e])[0] is e
+
+
+@pytest.mark.parametrize("step", [0.0, STEP])
+def test_a_velocity_with_noise_stays_one(step: float) -> None:
+    """A third of a count."""
+    v = rate(counted(moved(3.0)), np.inf)
+    e = recorded(v + 0.1 * np.random.default_rng(2).standard_normal(TICKS))
+    assert as_counted(knowing(step), [e])[0] is e
+
+
+def test_one_that_was_not_counted_leaves_all_as_they_are() -> None:
+    p = counted(moved(3.0))
+    both = [recorded(rate(p, np.inf)), recorded(rate(moved(3.0), np.inf))]
+    assert [e.outputs for e in as_counted(knowing(STEP), both)] == [(VELOCITY,), (VELOCITY,)]
