@@ -151,12 +151,11 @@ class Problem:
     def weighted_each(self, model: Model, xs: Sequence[Floats], least: int = 1) -> list[Floats]:
         """Return `weighted` at several x, run side by side."""
         many = Many(model, xs, self.fineness, least)
-        parts: list[list[Floats]] = [[] for _ in xs]
+        parts: list[Floats] = []
         for e in self.experiments:
-            found = many.innovations(e, self.observer.gain)
-            for own, out in zip(parts, found, strict=True):
-                own.append(_bounded(self.observer.weigh(out)[SETTLING:].ravel()))
-        return [np.concatenate(own) for own in parts]
+            found = self.observer.weigh(many.innovations(e, self.observer.gain))
+            parts.append(_bounded(found[:, SETTLING:].reshape(len(xs), -1)))
+        return list(np.concatenate(parts, axis=1))
 
     @property
     def samples(self) -> int:

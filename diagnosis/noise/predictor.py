@@ -13,13 +13,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from zwidth.diagnosis.noise.steady import NoObserver, steady
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import Device
 from zwidth.sim.equations import Equations, enough_substeps, equations
+from zwidth.sim.filters import filtered
 from zwidth.sim.kernel import MAX_COLUMNS, Memory
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.population import Population
@@ -56,18 +56,10 @@ class Observer:
     whitening: Floats | None = None
 
     def weigh(self, innovations: Floats) -> Floats:
-        """Return innovations (ticks, o) whitened, in units of their deviation."""
+        """Return innovations (..., ticks, o) whitened, in units of their deviation."""
         if self.whitening is None:
             return innovations / self.deviation
-        with np.errstate(all="ignore"):  # infinite after an overflow
-            columns = [
-                sum(
-                    (lfilter(w, [1.0], innovations[:, p]) for p, w in enumerate(row) if w.any()),
-                    np.zeros(innovations.shape[0]),
-                )
-                for row in self.whitening
-            ]
-        return np.column_stack(columns)
+        return filtered(innovations, self.whitening)
 
     def cost(self, white: Floats) -> float:
         """Return -2 log likelihood of weighed innovations (samples,), up to a constant.
