@@ -52,7 +52,6 @@ LADDER = (1.0, 1e-1, 1e-2, 1e-3, 1e-4)  # ratios under which populations grow
 LEADING = 2  # of what arrived, that grow on
 GROWN_TICKS = 3000  # of all recordings together: twice as many, and half, arrived no more often
 AGAIN, STILL = 6, 10.0  # turns about the best, and what one must gain in misfit for another
-WEAK = 1000.0  # misfit that physics explains, below which it bends little and a fit arrives
 FAR_SPREAD, NEAR_SPREADS = 0.5, (0.3, 0.1)  # in x, of which one is a file's own uncertainty
 
 
@@ -119,19 +118,45 @@ def search(
     found = Search(plain, plain, effort, say, moves)
     found.keep(plain)
     say(f"the device as refitted costs {plain.cost.misfit:.0f}; trying every effect")
+    _until_nothing_gains(found, _rounds)
+    return found
+
+
+def from_afar(found: Search) -> bool:
+    """Look for the valley of the best anew, whatever its effects, and search on from there.
+
+    Returns whether that costs less. Friction, a dead band and what repeats over position together
+    have creases enough to hold a fit where it is, though none of them does alone.
+    """
+    before = found.best
+
+    def look(found: Search) -> None:
+        look_for_valleys(found, always=True)
+        if found.best is not before:
+            _rounds(found)
+
+    _until_nothing_gains(found, look)
+    return found.best is not before
+
+
+def _until_nothing_gains(found: Search, work: Callable[[Search], None]) -> None:
+    """Work until it ends, an error ends it, or it is interrupted: what was found stays."""
     try:
         with isolated("search", "a further effect"):
-            for _ in range(effort.rounds):
-                before = found.best
-                _grown(found)
-                _exchanged(found)
-                look_for_valleys(found)  # from another structure another valley may be seen
-                if found.best is before:
-                    break
+            work(found)
     except KeyboardInterrupt:
-        say("interrupted: what was found until now is judged; once more to leave")
+        found.say("interrupted: what was found until now is judged; once more to leave")
         found.interrupted = True
-    return found
+
+
+def _rounds(found: Search) -> None:
+    for _ in range(found.effort.rounds):
+        before = found.best
+        _grown(found)
+        _exchanged(found)
+        look_for_valleys(found)  # from another structure another valley may be seen
+        if found.best is before:
+            break
 
 
 def _grown(found: Search) -> None:
@@ -191,23 +216,23 @@ def _worth(more: Hypothesis, less: Hypothesis) -> bool:
     return believed(more.cost, less.cost, against(more, less).phi)
 
 
-def look_for_valleys(found: Search) -> None:
+def look_for_valleys(found: Search, always: bool = False) -> None:
     """Let populations grow from where the best hypothesis stands and from the device file.
 
-    Where a fit ends in the valley in which it began (play), each ratio of a ladder has its own:
-    what the best has left unexplained is noise to it, so its own ratio says little of the right
-    one. Those that cost least of all that arrived, under their own noise, grow on.
+    Where a fit ends in the valley in which it began (play), or always. Each ratio of a ladder has
+    its own: what the best has left unexplained is noise to it, so its own ratio says little of the
+    right one. Those that cost least of all that arrived, under their own noise, grow on.
     """
     h, effort = found.best, found.effort
     if not h.creased or effort.generations == 0 or h.labels in found.looked:
         return
-    if not h.has_valleys:
+    if not (h.has_valleys or always):
         return
     found.looked.add(h.labels)
     found.say(f"looking for the valley of {h.model.label} anew")
     prior = np.array([p.prior for p in h.model.parameters])
     starts = [h.x, np.where(prior, 0.0, h.x)]
-    ladder = LADDER if h.has_valleys and h.family.whitening else (h.ratio,)
+    ladder = LADDER if h.family.whitening else (h.ratio,)
     first = _arrived(h, effort, [(ratio, starts, FAR_SPREAD) for ratio in ladder])
     new = _grown_on(found, [h, *first])
     if new is not None and new.cost.total < h.cost.total:

@@ -26,7 +26,7 @@ from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.effort import NORMAL, Effort
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
 from zwidth.diagnosis.selection.moves import added
-from zwidth.diagnosis.selection.search import Moves, Search, search
+from zwidth.diagnosis.selection.search import Moves, Search, from_afar, search
 from zwidth.sim.device import Device
 
 FAR_S = 0.05  # that errors are counted over where the next sample is no judge
@@ -65,6 +65,9 @@ def searched(
     near = search(device, experiments, effort, say)
     first = as_found(device, near)
     sound = attempt("search", "how far ahead it holds", partial(holds, device, first))
+    if sound is not None and not sound.sound and from_afar(near):
+        first = as_found(device, near)
+        sound = attempt("search", "how far ahead it holds", partial(holds, device, first))
     if near.interrupted or sound is None or sound.sound:
         return replace(first, held=sound is not None and sound.sound)
     say("over free runs it errs more than its noise: searched by what shows over a longer horizon")
