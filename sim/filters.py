@@ -1,5 +1,7 @@
 """Filters of several outputs at once: w_t = sum_j W_j e_(t-j), of many members in one call."""
 
+# pyright: reportMissingParameterType=false, reportUnknownParameterType=false
+
 import numpy as np
 from numpy.typing import NDArray
 
