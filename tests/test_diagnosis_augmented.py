@@ -11,12 +11,16 @@ from zwidth.diagnosis.intake.hold import smooth
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import free_run_errors, observer_near
 from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.seeking.places import ELSEWHERE
+from zwidth.diagnosis.seeking.sizes import sizes_of
 from zwidth.exam.perfect import as_seen
 from zwidth.scenarios.scenario_file import scenario_from_text, scenario_to_text
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import device_from_text, device_to_text, model_hash
 from zwidth.sim.interface import Interface
-from zwidth.sim.physics import make_physics
+from zwidth.sim.physics import EFFECTS as ALL_EFFECTS
+from zwidth.sim.physics import effect_named, make_physics
+from zwidth.sim.place import label_of, of_label, place_at
 from zwidth.sim.uncertainty import Uncertainty
 
 SUBSTEPS = 4
@@ -37,6 +41,14 @@ EFFECTS = {
         ("quadratic_drag", "m1", {"coefficient": 1e-3}),
     ),
 }
+# What a sensor adds is read and no motion, and which commands are lost is of the recording.
+LIBRARY = [
+    label_of(effect.name, place_at(place))
+    for effect in ALL_EFFECTS.values()
+    for place in effect.places
+    if effect.sought not in ELSEWHERE
+    and place_at(place).masses_needed <= phantom().chain.masses.size
+]
 
 
 def sprung() -> Device:
@@ -74,6 +86,22 @@ def test_the_saved_device_runs_as_the_fit_does(name: str):
     """
     e = record(sprung(), 1.0, seed=2)
     model, x = model_of(sprung(), name)
+    runs_alike(model, x, e, e, augmented(model, x, e.swing))
+
+
+@pytest.mark.parametrize("label", LIBRARY)
+def test_every_law_of_the_library_runs_as_the_fit_does(label: str):
+    """At every place, at the first size that a search begins with.
+
+    Mutation that breaks it: any law that the file, the scenario and the predictor take otherwise.
+    """
+    device, (name, place) = sprung(), of_label(label)
+    e = record(device, 1.0, seed=6)
+    sizes = sizes_of(device, [e])
+    values, scales = next(iter(effect_named(name).starts(sizes, place)))
+    model = Model(device, (make_physics(name, str(place), **values),), (scales,))
+    x = np.zeros(len(model.parameters))
+    x[: model.linear_count] = np.linspace(0.5, 1.5, model.linear_count)
     runs_alike(model, x, e, e, augmented(model, x, e.swing))
 
 
