@@ -47,7 +47,8 @@ LIBRARY = [
     for effect in ALL_EFFECTS.values()
     for place in effect.places
     if effect.sought not in ELSEWHERE
-    and place_at(place).masses_needed <= phantom().chain.masses.size
+    if place != "sensor"
+    if place_at(place).masses_needed <= phantom().chain.masses.size
 ]
 
 
