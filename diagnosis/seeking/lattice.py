@@ -270,6 +270,24 @@ def dropped_samples(
     return Stepped("dropped_samples@clock", there, current, fitted.chi2 - current.chi2, price)
 
 
+def with_rate(problem: Problem, fitted: Fitted) -> Fitted:
+    """Return a fit whose lost commands have the rate that they have under its own noise.
+
+    What was found on the way to it was seen under the noise of a model that lacked more.
+    """
+    names = [p.effect.name for p in fitted.model.effects]
+    lost = sum(int(e.dropped.sum()) for e in problem.experiments if e.dropped is not None)
+    if lost == 0 or "dropped_samples" not in names:
+        return fitted
+    place = names.index("dropped_samples")
+    effects = list(fitted.model.effects)
+    rate = effects[place].values["rate"]
+    for _ in range(ROUNDS):
+        rate = lost / max(chances_seen(problem, fitted, rate), lost / MOST_SEEN)
+    effects[place] = replace(effects[place], values={"rate": rate})
+    return replace(fitted, model=replace(fitted.model, effects=tuple(effects)))
+
+
 def losses(problem: Problem, fitted: Fitted) -> list[NDArray[np.bool_]]:
     """Return which commands (ticks,) of each recording were lost, at the rate that a model knows.
 

@@ -23,6 +23,7 @@ from zwidth.diagnosis.noise.family import as_far_as
 from zwidth.diagnosis.noise.predictor import FINAL, Observer
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.seeking.lattice import with_rate
 from zwidth.diagnosis.selection.effort import NORMAL, Effort
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
 from zwidth.diagnosis.selection.moves import added
@@ -103,7 +104,7 @@ def as_found(device: Device, found: Search) -> Searched:
     best = found.best
     problem = Problem(best.problem.experiments, best.noise.observer, FINAL)
     baseline = problem.fit(Model(device), found.plain.x)
-    final = _final(problem, best)
+    final = with_rate(problem, _final(problem, best))
     return Searched(problem, baseline, final, found, _judge(best))
 
 
