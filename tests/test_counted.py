@@ -69,6 +69,14 @@ def test_without_a_device_file_the_values_tell_the_step(cutoff_hz: float) -> Non
     assert found.measured[:, 0] == pytest.approx(p - p[0], rel=1e-5, abs=1e-6 * STEP)
 
 
+def test_rounding_in_another_unit_hides_no_step() -> None:
+    """Counts times a step in mm/s, taken to m/s: equal ones differ in their last bit."""
+    v = np.round(rate(counted(moved(3.0)), np.inf) / (STEP / PERIOD)) * (1e3 * STEP / PERIOD) * 1e-3
+    v[::2] *= 1.0 + 3e-16
+    (found,) = as_counted(knowing(0.0), [recorded(v)])
+    assert found.outputs == (POSITION,)
+
+
 @pytest.mark.parametrize("step", [0.0, STEP])
 def test_what_a_tachometer_rounds_is_no_difference(step: float) -> None:
     """Steps of another size than the encoder's, motion that no error turns with."""

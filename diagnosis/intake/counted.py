@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from zwidth.diagnosis.intake.gate import encoder_step_seen
+from zwidth.diagnosis.intake.gate import encoder_step_seen, merged
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.sim.device import Device
 
@@ -109,7 +109,7 @@ def _counted(device: Device, e: Experiment, output: Output) -> Counted | None:
     if seen is not None:
         tries.append((seen, 0.0))
     if feedback is not None:
-        seen = encoder_step_seen(_merged(_unfiltered(v, feedback)))
+        seen = encoder_step_seen(merged(_unfiltered(v, feedback), WRITTEN))
         tries += [(s, feedback) for s in (stated, seen) if s is not None and s > 0.0]
     elif stated > 0.0 and (found := _filter_of(v, stated)) is not None:
         tries.append((stated, found))
@@ -129,14 +129,6 @@ def _counted(device: Device, e: Experiment, output: Output) -> Counted | None:
 def _unfiltered(v: Floats, feedback: float) -> Floats:
     before = np.concatenate([v[:1], v[:-1]])
     return (v - feedback * before) / (1.0 - feedback)
-
-
-def _merged(values: Floats) -> Floats:
-    """Values that differ by what was rounded in writing them, as one."""
-    order = np.sort(values)
-    apart = np.diff(order) > WRITTEN * float(np.abs(order).max())
-    groups = np.split(order, np.flatnonzero(apart) + 1)
-    return np.array([float(group.mean()) for group in groups])
 
 
 def _where_it_stands(v: Floats) -> float | None:

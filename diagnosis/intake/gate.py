@@ -34,6 +34,7 @@ TINY = 1e-9
 VOUCHED = 1.1  # factor between steps that are seen and those of the device file
 REPEATS = 0.02
 CLIPPED = 0.005
+ROUNDED = 1e-9  # of the largest value, by which rounding puts equal ones apart
 ON_LATTICE = 0.1  # of a step, by which a value may lie beside it
 FEW = 10  # neighbouring values that are one step apart
 
@@ -256,13 +257,21 @@ def _output_faults(device: Device, e: Experiment) -> list[Fault]:
     return found
 
 
+def merged(values: Floats, share: float) -> Floats:
+    """Return levels in order, those that differ by less than a share of the largest as one."""
+    levels = np.unique(values)
+    apart = np.diff(levels) > share * float(np.abs(levels).max(initial=0.0))
+    begins = np.concatenate([[0], np.flatnonzero(apart) + 1])
+    return np.add.reduceat(levels, begins) / np.diff(begins, append=levels.size)
+
+
 def encoder_step_seen(y: Floats) -> float | None:
     """Return the step of which all values are multiples (up to an offset), None for none.
 
     The smallest difference between distinct values is a multiple of the step; it is the step if all
     differences are whole multiples of it, and enough of them are the step itself.
     """
-    levels = np.unique(y)
+    levels = merged(y, ROUNDED)
     if levels.size < 3:
         return None
     gaps = np.diff(levels)
