@@ -18,7 +18,7 @@ from zwidth.diagnosis.seeking.candidates import Start
 from zwidth.diagnosis.selection.effort import NORMAL, QUICK, Effort
 from zwidth.diagnosis.selection.evidence import ALPHA
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, gains, judged, settled
-from zwidth.diagnosis.selection.moves import Move, Proposal, removed, replaced
+from zwidth.diagnosis.selection.moves import Move, Proposal, merged, removed, replaced
 from zwidth.diagnosis.selection.search import Moves, Search, _exchanged, look_for_valleys, search
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
@@ -239,3 +239,27 @@ def test_what_was_looked_for_tick_by_tick_is_paid(rubbed: list[Experiment]):
     assert h.cost.searched == 14.0
     assert settled(h, turns=1, rounds=1).cost.searched == 14.0
     assert judged(rubbed, Model(drive()), x[:-1], prices=prices).cost.searched == 0.0
+
+
+def test_two_laws_at_one_place_have_one_that_contains_both_for_a_rival(
+    rubbed: list[Experiment],
+) -> None:
+    """Both ways: it is proposed, and stands beside each. Mutation: one for one alone."""
+    push = make_physics("constant_force", "m1", level=0.01)
+    model = with_friction(0.03).with_effect(push, {"level": 0.01})
+    h = settled(judged(rubbed, model, np.zeros(len(model.parameters))))
+    (one,) = merged(h, NORMAL)
+    assert one.labels == {"directional_friction@m1"}
+    assert one.akin
+    other = settled(one.judged(one.x))
+    elsewhere = with_friction(0.03).with_effect(
+        make_physics("constant_force", "m2", level=0.01), {"level": 0.01}
+    )
+    apart = settled(judged(rubbed, elsewhere, np.zeros(len(elsewhere.parameters))))
+    assert not list(merged(apart, NORMAL))
+    for best, expected in ((h, ["directional_friction"]), (apart, [])):
+        found = Search(best, best, NORMAL, silent)
+        found.keep(best)
+        found.keep(other)
+        for label in best.labels:
+            assert [r.effect for r in rivals(found, label)] == expected

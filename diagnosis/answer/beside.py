@@ -8,6 +8,7 @@ from zwidth.diagnosis.answer.result import Rival
 from zwidth.diagnosis.selection.evidence import probabilities
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, against
 from zwidth.diagnosis.selection.search import Search
+from zwidth.sim.physics import contains
 from zwidth.sim.place import of_label
 
 
@@ -40,11 +41,19 @@ def rivals(found: Search, label: str) -> tuple[Rival, ...]:
     for h in found.tried.values():
         new, gone = h.labels - best.labels, best.labels - h.labels
         # What costs without bound has a parameter of which the recordings say nothing.
-        if gone == frozenset((label,)) and len(new) == 1 and math.isfinite(h.cost.total):
-            (other,) = new
-            behind[other] = math.sqrt(max(0.0, _behind(h, best)))
+        if label not in gone or len(new) != 1 or not math.isfinite(h.cost.total):
+            continue
+        (other,) = new
+        # One law in the place of several is their rival where it contains them all.
+        if len(gone) == 1 or all(_contains(other, one) for one in gone):
+            sigma = math.sqrt(max(0.0, _behind(h, best)))
+            behind[other] = min(sigma, behind.get(other, math.inf))
     ordered = sorted(behind.items(), key=lambda pair: pair[1])
     return tuple(_rival(found, other, sigma) for other, sigma in ordered)
+
+
+def _contains(richer: str, simple: str) -> bool:
+    return contains(*of_label(richer), *of_label(simple))
 
 
 def _rival(found: Search, label: str, sigma: float) -> Rival:

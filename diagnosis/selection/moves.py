@@ -177,6 +177,28 @@ def split(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
             yield whole
 
 
+def merged(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
+    """Yield the hypothesis with two of its effects at one place as a law that contains both.
+
+    What two simple laws explain, the richer one does too; which of them it is, only both tell.
+    """
+    device = h.model.build(h.x)
+    fitted = h.model.effects_at(h.x)
+    sizes = sizes_of(device.without_physics(), h.experiments)
+    for i, j in combinations(range(len(fitted)), 2):
+        one, other = fitted[i], fitted[j]
+        if one.place.acts_on != other.place.acts_on:
+            continue
+        model, x = h.model.less(h.x, j)
+        model, x = model.less(x, i)
+        for effect, place in open_places(model.build(x)):
+            both = {one.effect.name, other.effect.name} <= {*effect.contains}
+            if both and place.acts_on == one.place.acts_on:
+                (starts,) = starts_at([(effect, place)], sizes, far=True).values()
+                alike = [*_as_strong(starts, one), *_as_strong(starts, other)]
+                yield from (replace(p, akin=True) for p in _among(h, model, x, [*starts, *alike]))
+
+
 def replaced(index: int) -> Move:
     """Return the move that puts another effect in the place of one."""
 

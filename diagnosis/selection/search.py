@@ -37,6 +37,7 @@ from zwidth.diagnosis.selection.moves import (
     Move,
     Proposal,
     added,
+    merged,
     removed,
     replaced,
     simpler,
@@ -60,7 +61,7 @@ class Moves:
     """What a search tries: to add, to put in place of a hypothesis, and of one of its effects."""
 
     adding: Sequence[Move] = (added, stepped)
-    exchanging: Sequence[Move] = (removed, simpler, split)
+    exchanging: Sequence[Move] = (removed, simpler, split, merged)
     replacing: Callable[[int], Move] = replaced
 
 
