@@ -139,7 +139,7 @@ def test_scales_are_those_of_the_device_file() -> None:
     device = unsure(device, command_scale=0.07, masses=0.11, springs=0.13, dampers=0.17)
     found = {p.name: p for p in linear_parameters(device)}
     for name, scale in (("m1", 0.11), ("m3", 0.11), ("k12", 0.13), ("k0", 0.13), ("gain", 0.07)):
-        assert (found[name].scale, found[name].lower, found[name].upper) == (scale, -3.0, 3.0)
+        assert (found[name].scale, found[name].lower, found[name].upper) == (scale, -5.0, 5.0)
     for name, value in (
         ("b1", device.chain.ground_dampers[0]),
         ("b12", device.chain.link_dampers[0]),
