@@ -65,6 +65,8 @@ def answered(
     judge = partial(held_out, device, by, taken.judge_by)
     one, free = attempt("held out", "", judge) or (UNKNOWN_FIT, UNKNOWN_FIT)
     findings = all_findings(device, taken, found)
+    if sound is not None and not sound.adequate:
+        findings = tuple(f.without_probability() for f in findings)
     intervals = partial(linear, device, found.final, taken.whole)
     refit = attempt("intervals", "linear parameters", intervals) or {}
     bounds = {} if findings else attempt("limits", "", partial(upper_bounds, found)) or {}

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from zwidth.diagnosis.answer.result import Rival
-from zwidth.diagnosis.selection.evidence import probabilities
+from zwidth.diagnosis.selection.evidence import ALPHA, probabilities
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, against
 from zwidth.diagnosis.selection.search import Search
 from zwidth.sim.physics import contains
@@ -22,10 +22,14 @@ def without(found: Search, label: str) -> float:
 
 
 def shares(found: Search) -> dict[frozenset[str], float]:
-    """Return the probability of every structure that was fitted to its end."""
+    """Return the probability of every structure that was fitted to its end.
+
+    An effect more than the best has is one of all that was looked through, and pays for it what a
+    search asks of it (`evidence.believed`).
+    """
     best = found.best
     kept = list(found.tried.values())
-    relative = [_behind(h, best) for h in kept]
+    relative = [_behind(h, best) + _looked_through(h, best) for h in kept]
     return dict(zip((h.labels for h in kept), probabilities(relative).tolist(), strict=True))
 
 
@@ -59,6 +63,11 @@ def _contains(richer: str, simple: str) -> bool:
 def _rival(found: Search, label: str, sigma: float) -> Rival:
     effect, place = of_label(label)
     return Rival(effect, str(place), sigma, probability(found, label))
+
+
+def _looked_through(h: Hypothesis, best: Hypothesis) -> float:
+    more = len(h.model.effects) - len(best.model.effects)
+    return 2.0 * math.log(1.0 / ALPHA) * max(0, more)
 
 
 def _behind(h: Hypothesis, best: Hypothesis) -> float:

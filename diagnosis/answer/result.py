@@ -1,6 +1,6 @@
 """What a diagnosis says, as values and as the JSON of `zwidth diagnose` (see docs/diagnosis.md)."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from pathlib import Path
 from typing import Any
@@ -77,7 +77,8 @@ class Finding:
     """One effect found. separation_sigma: from doing without it. rivals: nearest first.
 
     probability: that the device has it, among all hypotheses that were fitted; None where it was
-    seen in the recording itself. regimes: how it does where it was not fitted.
+    seen in the recording itself, and where none of these is adequate. regimes: how it does where
+    it was not fitted.
     """
 
     effect: str
@@ -97,6 +98,14 @@ class Finding:
             for r in self.rivals
             if r.separation_sigma < NEAR and not contains(r.effect, place_at(r.at), *own)
         )
+
+    def without_probability(self) -> "Finding":
+        """Return the finding as it is said of an answer that is not adequate.
+
+        None of the hypotheses that were fitted is true then, and shares among them are no odds.
+        """
+        rivals = tuple(replace(r, probability=None) for r in self.rivals)
+        return replace(self, rivals=rivals, probability=None)
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,7 @@ class Effort:
     first_rounds: ClassVar[int] = 4
     own_rounds: ClassVar[int] = 2
     most_ended: ClassVar[int] = 2  # times as many as `ended`, where laws differ in places alone
+    near_rival: ClassVar[float] = 40.0  # -2 ln from the best, within which rivals are ended
     hopeless: ClassVar[float] = 200.0  # -2 ln from the best, at which what is akin is not ended
 
 

@@ -158,6 +158,28 @@ def _rounds(found: Search) -> None:
         look_for_valleys(found)  # from another structure another valley may be seen
         if found.best is before:
             break
+    _ended(found)
+
+
+def _ended(found: Search) -> None:
+    """Fit what is near the best for as long as that gains: the best has had many turns, rivals two.
+
+    What then costs less than it, with no more effects, was the better one.
+    """
+    best = found.best
+    near = [
+        h
+        for h in found.tried.values()
+        if h is not best and h.cost.total - best.cost.total < Effort.near_rival
+    ]
+    if not near:
+        return
+    found.say(f"fitting what comes near {best.model.label} to its end")
+    again = _each("candidates", [(h.model.label, partial(settled, h)) for h in near])
+    kept = [found.keep(h) for h in again if not h.against_physics]
+    better = [h for h in kept if found.ahead(h, found.best)]
+    if better:
+        found.best = min(better, key=lambda h: h.cost.total)
 
 
 def _grown(found: Search) -> None:
