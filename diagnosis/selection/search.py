@@ -177,9 +177,9 @@ def _ended(found: Search) -> None:
     found.say(f"fitting what comes near {best.model.label} to its end")
     again = _each("candidates", [(h.model.label, partial(settled, h)) for h in near])
     kept = [found.keep(h) for h in again if not h.against_physics]
-    better = [h for h in kept if found.ahead(h, found.best)]
-    if better:
-        found.best = min(better, key=lambda h: h.cost.total)
+    least = min(kept, key=lambda h: h.cost.total, default=best)
+    if len(least.model.effects) <= len(best.model.effects) and found.ahead(least, best):
+        found.best = least
 
 
 def _grown(found: Search) -> None:
