@@ -20,9 +20,16 @@ from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.answer import second_look as looking
 from zwidth.diagnosis.answer.adequacy import Adequacy, Ahead
 from zwidth.diagnosis.answer.held_out import held_out
-from zwidth.diagnosis.answer.result import Diagnosis, Verdict
+from zwidth.diagnosis.answer.result import (
+    UNKNOWN_FIT,
+    Diagnosis,
+    Finding,
+    HeldOut,
+    Verdict,
+)
 from zwidth.diagnosis.answer.second_look import named_only_whole, on_first_part, second_look
 from zwidth.diagnosis.answer.verdict import Left
+from zwidth.diagnosis.answer.verdict import judged as said_of
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.intake.gate import encoder_step_seen, examine
 from zwidth.diagnosis.mishaps import silent
@@ -243,6 +250,28 @@ def test_free_runs_that_fail_later_than_what_was_fitted_ask_for_a_second_look() 
     assert not named_only_whole(held, nothing, None, sound)
     assert not named_only_whole(held, nothing, None, None)
     assert not named_only_whole(found, nothing, None, fails)
+
+
+def test_no_name_is_promised_beside_disturbances_that_do_a_fifth_of_the_motion() -> None:
+    """What a law of time and speed left on a rig, taken for a slow force by the noise model.
+
+    Mutation that breaks it: the noise floor not taken off.
+    """
+    model = Model(phantom())
+    h = settled(judged([record(phantom(), 1.0)], model, np.zeros(model.linear_count)))
+    found = as_found(phantom(), Search(h, h, QUICK, silent))
+    named = (Finding("extra_mode", "m1", {}, 39.0, ()),)
+
+    def said(free: HeldOut) -> tuple[Verdict, str]:
+        return said_of(found, named, {}, Left(0.0, ""), None, None, free)
+
+    verdict, words = said(HeldOut(0.32, 0.43, 0.19, 0.007))
+    assert verdict is Verdict.UNKNOWN_PHYSICS
+    assert "err 19 % of the motion" in words
+    assert "43 % without" in words
+    assert said(HeldOut(0.32, 0.43, 0.19, 0.18))[0] is Verdict.IDENTIFIED
+    assert said(HeldOut(0.32, 0.43, 0.02, 0.007))[0] is Verdict.IDENTIFIED
+    assert said(UNKNOWN_FIT)[0] is Verdict.IDENTIFIED
 
 
 @pytest.mark.parametrize("at_once", [True, False])

@@ -15,11 +15,12 @@ from zwidth.diagnosis.answer.result import (
     Diagnosis,
     Estimate,
     Finding,
+    HeldOut,
     Residuals,
     Verdict,
 )
 from zwidth.diagnosis.answer.second_look import named_only_whole, on_first_part, second_look
-from zwidth.diagnosis.answer.verdict import Left, instead_of, judged, left_over
+from zwidth.diagnosis.answer.verdict import Left, disturbed, instead_of, judged, left_over
 from zwidth.diagnosis.forces.locate import NOWHERE, locate
 from zwidth.diagnosis.forces.unknown import Instead
 from zwidth.diagnosis.intake.gate import Fault
@@ -65,13 +66,13 @@ def answered(
     judge = partial(held_out, device, by, taken.judge_by)
     one, free = attempt("held out", "", judge) or (UNKNOWN_FIT, UNKNOWN_FIT)
     findings = all_findings(device, taken, found)
-    if sound is not None and not sound.adequate:
+    if (sound is not None and not sound.adequate) or disturbed(free):
         findings = tuple(f.without_probability() for f in findings)
     intervals = partial(linear, device, found.final, taken.whole)
     refit = attempt("intervals", "linear parameters", intervals) or {}
     bounds = {} if findings else attempt("limits", "", partial(upper_bounds, found)) or {}
     augment = partial(_augmented, taken, found, findings)
-    verdict, sentence = _verdict(found, findings, refit, left, other, mishaps, sound)
+    verdict, sentence = _verdict(found, findings, refit, left, other, mishaps, sound, free)
     verdict, sentence = _with_faults(verdict, sentence, faults)
     shape = (-1, len(taken.whole[0].outputs))
     residuals = Residuals(
@@ -131,9 +132,10 @@ def _verdict(
     other: Instead | None,
     mishaps: Mishaps,
     sound: Adequacy | None,
+    free: HeldOut,
 ) -> tuple[Verdict, str]:
     """As `judged`; undecided where an error took what the verdict rests on, which it then says."""
-    verdict, sentence = judged(found, findings, refit, left, other, sound)
+    verdict, sentence = judged(found, findings, refit, left, other, sound, free)
     if mishaps.of(*DECISIVE):
         verdict = Verdict.UNDECIDED
         lost = " and ".join(dict.fromkeys(WHAT_IS_LOST[m.stage] for m in mishaps.of(*DECISIVE)))

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from zwidth.diagnosis.answer.adequacy import Adequacy
-from zwidth.diagnosis.answer.result import Estimate, Finding, Held, Verdict
+from zwidth.diagnosis.answer.result import UNKNOWN_FIT, Estimate, Finding, Held, HeldOut, Verdict
 from zwidth.diagnosis.fitting.uncertainty import Z95, inflation
 from zwidth.diagnosis.forces.leftover import leftover
 from zwidth.diagnosis.forces.locate import locate
@@ -19,6 +19,7 @@ MAPPED = 60.0  # chi-square that a map of the missing force over one state must 
 FREE_FORCE = 60.0  # -2 log likelihood that a force of free shape must gain besides its unknowns
 UNEXPLAINED = 0.01  # share of the chi-square explained that may be left under a verdict by name
 COLOURED = 0.05  # the same where the observer was asked for, and chi-square is no statistic
+TAKEN_FOR_CHANCE = 0.1  # of the motion, that free runs may err beyond readings' noise
 LISTED = 4  # rivals in the verdict's sentence, the nearest; the others stand in the report
 
 
@@ -92,11 +93,12 @@ def judged(
     left: Left,
     other: Instead | None,
     sound: Adequacy | None = None,
+    free: HeldOut = UNKNOWN_FIT,
 ) -> tuple[Verdict, str]:
     """Return the verdict and its sentence.
 
     refit: name -> (nominal, estimate) of the linear parameters; other: physics of no library in the
-    place of what was found, if any; sound: what held-out data say.
+    place of what was found, if any; sound: what held-out data say; free: free runs on them.
     """
     if other is not None:
         return Verdict.UNKNOWN_PHYSICS, (
@@ -112,6 +114,8 @@ def judged(
     odd = next(((f, h) for f in findings for h in f.regimes if h.fails), None)
     if odd is not None:
         return Verdict.UNKNOWN_PHYSICS, not_everywhere(findings, *odd)
+    if findings and disturbed(free):
+        return Verdict.UNKNOWN_PHYSICS, too_disturbed(findings, free)
     if findings:
         names = " and ".join(f"{f.effect} at {f.at}" for f in findings)
         many = len(findings) > 1
@@ -135,6 +139,25 @@ def judged(
             f"no physics is missing, but {', '.join(moved)} differ from the device file"
         )
     return Verdict.NOTHING_MISSING, "nothing is missing that this recording could show"
+
+
+def disturbed(free: HeldOut) -> bool:
+    """Whether free runs err too far beyond the noise of readings for a promise; not where unknown.
+
+    A noise model of slow forces foretells any error of free runs as chance, also one that physics
+    of no library makes: an answer is adequate then, and promises nothing all the same.
+    """
+    return free.after**2 - free.noise_floor**2 > TAKEN_FOR_CHANCE**2
+
+
+def too_disturbed(findings: tuple[Finding, ...], free: HeldOut) -> str:
+    """Say of names beside which chance disturbances do too much how much that is."""
+    names = " and ".join(f"{f.effect} at {f.at}" for f in findings)
+    return (
+        f"something is missing beyond {names}: free runs on held-out data still err"
+        f" {100.0 * free.after:.2g} % of the motion, which only disturbances by chance explain"
+        f" ({100.0 * free.refit:.2g} % without the names)"
+    )
 
 
 def not_everywhere(findings: tuple[Finding, ...], odd: Finding, where: Held) -> str:
