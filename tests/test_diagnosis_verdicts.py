@@ -261,9 +261,10 @@ def test_no_name_is_promised_beside_disturbances_that_do_a_fifth_of_the_motion()
     h = settled(judged([record(phantom(), 1.0)], model, np.zeros(model.linear_count)))
     found = as_found(phantom(), Search(h, h, QUICK, silent))
     named = (Finding("extra_mode", "m1", {}, 39.0, ()),)
+    sound = Adequacy((Ahead(0.5, 1.0, 1.0, 2.0, 0.1, 0.5),), 0.5, 5.0, True)
 
     def said(free: HeldOut) -> tuple[Verdict, str]:
-        return said_of(found, named, {}, Left(0.0, ""), None, None, free)
+        return said_of(found, named, {}, Left(0.0, ""), None, sound, free)
 
     verdict, words = said(HeldOut(0.32, 0.43, 0.19, 0.007))
     assert verdict is Verdict.UNKNOWN_PHYSICS
@@ -272,6 +273,9 @@ def test_no_name_is_promised_beside_disturbances_that_do_a_fifth_of_the_motion()
     assert said(HeldOut(0.32, 0.43, 0.19, 0.18))[0] is Verdict.IDENTIFIED
     assert said(HeldOut(0.32, 0.43, 0.02, 0.007))[0] is Verdict.IDENTIFIED
     assert said(UNKNOWN_FIT)[0] is Verdict.IDENTIFIED
+    unjudged, words = said_of(found, named, {}, Left(0.0, ""), None, None, UNKNOWN_FIT)
+    assert unjudged is Verdict.UNDECIDED  # whatever was found, nothing has judged it
+    assert "too little was held out" in words
 
 
 @pytest.mark.parametrize("at_once", [True, False])

@@ -50,7 +50,6 @@ from zwidth.diagnosis.answer.led import Span, span
 from zwidth.diagnosis.fitting.fit import Fitted
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import (
-    SETTLING,
     FreeRuns,
     Observer,
     begun,
@@ -58,6 +57,8 @@ from zwidth.diagnosis.noise.predictor import (
     free_run_errors,
     free_runs,
     innovations,
+    settling,
+    window,
 )
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.evidence import ALPHA, compared
@@ -141,14 +142,13 @@ def adequacy(
     """Judge an answer by recordings that it was not fitted to.
 
     nominal: the device file's model, without free values. Returns None where nothing can be said:
-    recordings shorter than three free runs, or no noise follows from the observer.
+    recordings shorter than three free runs of `SHORTEST` ticks, or no noise follows.
     """
     model, x = final.model, final.x
     others = [(nominal, np.zeros(len(nominal.parameters))), (refit.model, refit.x)]
     own, *without = ([_seen(m, v, e, observer) for e in judge_by] for m, v in [(model, x), *others])
     period = judge_by[0].period
-    horizons = {max(SHORTEST, round(h / period)): h for h in HORIZONS}
-    lengths = [n for n in horizons if all(e.ticks > SETTLING + RUNS * n for e in judge_by)]
+    lengths = _lengths(judge_by)
     noise = _noise(final, observer, own)
     if noise is None or not lengths:
         return None
@@ -169,11 +169,20 @@ def adequacy(
         expected, most = (math.exp(v) for v in size)
         most_led = max(MATTERS, float(expit(share[1])))
         error, follows = math.exp(errors[i]), float(expit(led[i]))
-        ahead.append(Ahead(horizons[n], error, expected, most, follows, most_led))
+        ahead.append(Ahead(n * period, error, expected, most, follows, most_led))
     if not ahead:
         return None
     explained, better = _better(final, others, observer, own, without)
     return Adequacy(tuple(ahead), explained, better, bool(final.model.effects))
+
+
+def _lengths(judge_by: Sequence[Experiment]) -> list[int]:
+    """Ticks of free runs of which there are enough; of short recordings as long as they allow."""
+    period = judge_by[0].period
+    longest = min((e.ticks - settling(e) - 1) // RUNS for e in judge_by)
+    asked = [max(SHORTEST, round(h / period)) for h in HORIZONS]
+    fitting = [n for n in dict.fromkeys(asked) if n <= longest]
+    return fitting or ([longest] if longest >= SHORTEST else [])
 
 
 def _seen(model: Model, x: Floats, e: Experiment, observer: Observer) -> Experiment:
@@ -235,7 +244,7 @@ class Believed:
 def _noise(final: Fitted, observer: Observer, seen: Sequence[Experiment]) -> Believed | None:
     """The colour that the answer believes in, as strong as recordings have it a step ahead."""
     device = final.model.acting(final.x)
-    weighed = [observer.weigh(innovations(device, e, observer.gain))[SETTLING:] for e in seen]
+    weighed = [observer.weigh(innovations(device, e, observer.gain))[settling(e) :] for e in seen]
     white = np.concatenate(weighed)
     with np.errstate(all="ignore"), suppress(np.linalg.LinAlgError):
         root = np.linalg.cholesky(white.T @ white / white.shape[0])
@@ -301,7 +310,7 @@ def _better(
 ) -> tuple[float, float]:
     """Share of the square error explained, and sigma over the better of device file and refit."""
     device = final.model.acting(final.x)
-    ticks = max(SHORTEST, round(HORIZONS[1] / own[0].period))
+    ticks = min(window(e) for e in own)
     free = _squares(device, own, observer, ticks)
     step = _steps(device, own, observer)
     rest_free: list[Floats] = []
@@ -325,10 +334,7 @@ def freer(
     not scatter so far with odds of ALPHA.
     """
     told: list[float] = []
-    for horizon in HORIZONS:
-        ticks = max(SHORTEST, round(horizon / experiments[0].period))
-        if not all(e.ticks > SETTLING + RUNS * ticks for e in experiments):
-            continue
+    for ticks in _lengths(experiments):
         a, b = (
             _squares(
                 f.model.acting(f.x), [_seen(f.model, f.x, e, o) for e in experiments], o, ticks
@@ -348,7 +354,7 @@ def _squares(device: Any, seen: Sequence[Experiment], observer: Observer, ticks:
 
 def _steps(device: Any, seen: Sequence[Experiment], observer: Observer) -> Floats:
     """-2 log likelihood in stretches, a step ahead, under the observer's noise."""
-    weighed = [observer.weigh(innovations(device, e, observer.gain))[SETTLING:] for e in seen]
+    weighed = [observer.weigh(innovations(device, e, observer.gain))[settling(e) :] for e in seen]
     each = np.sum(np.concatenate(weighed) ** 2, axis=1)
     parts = np.array_split(each, max(3, min(20, each.size // 50)))
     return np.nan_to_num(np.array([p.sum() for p in parts]), nan=1e300, posinf=1e300)

@@ -20,7 +20,7 @@ from scipy.fft import next_fast_len
 
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.forces.spatial import response
-from zwidth.diagnosis.noise.predictor import SETTLING, free_run_errors, innovations, window
+from zwidth.diagnosis.noise.predictor import free_run_errors, innovations, settling, window
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.sim.place import place_at
 from zwidth.sim.trace import Trace
@@ -87,10 +87,10 @@ def _explained(problem: Problem, fitted: Fitted, experiment: Experiment) -> Expl
     with np.errstate(all="ignore"):
         ahead = innovations(device, seen, gain)
         runs, _ = free_run_errors(device, seen, gain, window(seen))
-    ahead[:SETTLING] = np.nan
+    ahead[: settling(seen)] = np.nan
     free = np.full(ahead.shape, np.nan)
     length = window(seen)
-    firsts = [f for f in range(0, seen.ticks - length + 1, length) if f >= SETTLING]
+    firsts = [f for f in range(0, seen.ticks - length + 1, length) if f >= settling(seen)]
     for place, first in enumerate(firsts):
         free[first : first + length] = runs[place * length : (place + 1) * length]
     return Explained(ahead, free)
@@ -104,7 +104,7 @@ def missing_force(problem: Problem, fitted: Fitted, experiment: Experiment, plac
     seen = fitted.model.seen(experiment, fitted.x)
     weighted = innovations(fitted.model.acting(fitted.x), seen, problem.observer.gain)
     weighted = np.nan_to_num(problem.observer.weigh(weighted))
-    weighted[:SETTLING] = 0.0
+    weighted[: settling(seen)] = 0.0
     answer = response(problem, fitted, place)
     size = next_fast_len(experiment.ticks + answer.shape[0], real=True)
     gain = -np.fft.rfft(answer, size, axis=0)

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.answer.result import HeldOut
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import (
-    SETTLING,
     begun,
     deviation,
     free_run_errors,
     innovations,
+    settling,
     window,
 )
 from zwidth.diagnosis.recording.experiment import Experiment
@@ -36,7 +36,7 @@ def held_out(
         (found.refit.model, found.refit.x),
         (found.final.model, found.final.x),
     ]
-    step = [e.measured[SETTLING:, 0] - e.measured[SETTLING:, 0].mean() for e in judge_by]
+    step = [_about_mean(e.measured[settling(e) :, 0]) for e in judge_by]
     swing = _rms(step)
     one: list[float] = []
     free: list[float] = []
@@ -45,7 +45,7 @@ def held_out(
         built = model.acting(x)
         # Each begins where it fits best: an observer that trusts its model forgets slowly.
         scaled = [begun(built, model.seen(e, x), found.judge) for e in judge_by]
-        one.append(_rms([innovations(built, e, gain)[SETTLING:, 0] for e in scaled]) / swing)
+        one.append(_rms([innovations(built, e, gain)[settling(e) :, 0] for e in scaled]) / swing)
         runs = [free_run_errors(built, e, gain, window(e)) for e in scaled]
         windows = _rms([signal[:, 0] for _, signal in runs])
         free.append(_rms([error[:, 0] for error, _ in runs]) / windows)
@@ -56,6 +56,10 @@ def held_out(
         HeldOut(one[0], one[1], one[2], noise / swing),
         HeldOut(free[0], free[1], free[2], noise / windows),
     )
+
+
+def _about_mean(signal: Floats) -> Floats:
+    return signal - signal.mean()
 
 
 def _rms(parts: Sequence[Floats]) -> float:

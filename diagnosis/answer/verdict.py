@@ -116,6 +116,8 @@ def judged(
         return Verdict.UNKNOWN_PHYSICS, not_everywhere(findings, *odd)
     if findings and disturbed(free):
         return Verdict.UNKNOWN_PHYSICS, too_disturbed(findings, free)
+    if findings and sound is None:
+        return Verdict.UNDECIDED, not_judged(findings)
     if findings:
         names = " and ".join(f"{f.effect} at {f.at}" for f in findings)
         many = len(findings) > 1
@@ -139,6 +141,15 @@ def judged(
             f"no physics is missing, but {', '.join(moved)} differ from the device file"
         )
     return Verdict.NOTHING_MISSING, "nothing is missing that this recording could show"
+
+
+def not_judged(findings: tuple[Finding, ...]) -> str:
+    """Say of names that no held-out data judge what to record."""
+    names = " and ".join(f"{f.effect} at {f.at}" for f in findings)
+    return (
+        f"{names} would explain what is missing, and too little was held out to judge by: record"
+        " for longer, or give a second recording by --validate"
+    )
 
 
 def disturbed(free: HeldOut) -> bool:

@@ -390,8 +390,18 @@ def copied(memory: Memory) -> Memory:
 
 
 def window(experiment: Experiment) -> int:
-    """Return the ticks of a free run."""
-    return max(SHORTEST_WINDOW, round(FREE_RUN_S / experiment.period))
+    """Return the ticks of a free run: half a second, or a third of a recording that is shorter."""
+    wanted = min(round(FREE_RUN_S / experiment.period), experiment.ticks // 3)
+    return max(SHORTEST_WINDOW, wanted)
+
+
+def settling(experiment: Experiment) -> int:
+    """Return the ticks until the observer has found the state: none where it goes on from before.
+
+    What was recorded before the rest of a recording is followed first (`memory_at`).
+    """
+    before = experiment.before
+    return SETTLING if before is None else max(0, SETTLING - before.ticks)
 
 
 def free_run_errors(
@@ -410,7 +420,7 @@ def free_run_errors(
     for first in range(0, experiment.ticks - window + 1, window):
         u = experiment.command[first : first + window]
         y = experiment.measured[first : first + window]
-        if first >= SETTLING:
+        if first >= settling(experiment):
             free = copied(memory)
             errors.append(alone(eq, fine, places, u, y, np.zeros_like(full), no_force, free))
             signal.append(y - y.mean(axis=0))
@@ -447,7 +457,7 @@ def free_runs(
     begins: dict[int, list[int]] = {}
     for i, length in enumerate(lengths):
         possible = np.arange(0, experiment.ticks - length + 1, length)
-        possible = possible[possible >= SETTLING]
+        possible = possible[possible >= settling(experiment)]
         if possible.size > most:
             possible = possible[np.linspace(0, possible.size - 1, most).round().astype(np.int64)]
         for first in possible.tolist():
