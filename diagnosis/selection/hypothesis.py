@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -14,6 +15,7 @@ from zwidth.diagnosis.fitting.landscape import Landscape
 from zwidth.diagnosis.model.parameters import Model, effect_labels
 from zwidth.diagnosis.noise.family import NEXT_SAMPLE, Family, Noise, likeliest
 from zwidth.diagnosis.noise.predictor import SCREENING, SEARCHING, Fineness
+from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.evidence import Compared, Cost, compared, cost
 from zwidth.sim.physics.sizes import SMALLEST
@@ -23,6 +25,7 @@ Prices = tuple[tuple[str, float], ...]
 SWEEP = -math.log(SMALLEST)  # of a magnitude that is as likely in every octave of its sweep
 BLOCKS = 40  # stretches of the recordings over which gains are compared
 SHORTEST_BLOCK = 50  # samples
+RELIEF = 0.1  # of the likeliest ratio, under which a fit is also brought on its way
 EDGE = 1e-3  # in x, from a bound on which a fit has ended
 UNSEEN = 1e-9  # information on x, of which the whole uncertainty of a file is one
 ODDS = 1e-3  # of an effect that says nothing of how common it is
@@ -117,6 +120,10 @@ class Hypothesis:
         """Return the hypothesis at another x, its noise sought in all of the family."""
         return self._at(x, self.family)
 
+    def under(self, ratio: float) -> "Hypothesis":
+        """Return the hypothesis under the noise of one ratio; raises NoObserver."""
+        return self._at(self.x, Family((ratio,), self.family.whitening))
+
     def _at(self, x: Floats, among: Family) -> "Hypothesis":
         return judged(self.experiments, self.model, x, self.family, among, self.prices)
 
@@ -156,19 +163,31 @@ def judged(
 def settled(begun: Hypothesis, turns: int = 3, rounds: int = 6, worth: float = 1.0) -> Hypothesis:
     """Fit, and choose the noise anew, in turn, until neither gains; then price its freedom.
 
-    The first turn is made in as few substeps as costs compare in, which brings most of the way.
+    A noise chosen where parameters are wrong takes what they leave for disturbances, and holds them
+    there: neither gains, and both together would. So each turn is made under a slower noise too,
+    which takes less of it, for as long as that leads to less. The first turn is made in as few
+    substeps as costs compare in, which brings most of the way.
     """
-    best = begun
+    best, slower = begun, begun.family.whitening
     for turn in range(turns):
-        ground = best.ground if turn else best.far_ground
-        there = descend(ground, best.x, rounds, best.creased)
-        again = best.moved(there.x)
-        gained = best.cost.misfit - again.cost.misfit
+        own = best.moved(_descended(best, rounds, turn > 0))
+        gained = best.cost.misfit - own.cost.misfit
+        if slower:
+            with suppress(NoObserver):
+                less = best.under(RELIEF * best.ratio)
+                other = best.moved(_descended(less, rounds, turn > 0))
+                slower = other.cost.misfit < own.cost.misfit
+                own = other if slower else own
+                gained = best.cost.misfit - own.cost.misfit
         if gained > 0.0:
-            best = again
+            best = own
         if turn and gained < worth:
             break
     return priced(best)
+
+
+def _descended(h: Hypothesis, rounds: int, fine: bool) -> Floats:
+    return descend(h.ground if fine else h.far_ground, h.x, rounds, h.creased).x
 
 
 def priced(h: Hypothesis) -> Hypothesis:
