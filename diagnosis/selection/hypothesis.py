@@ -25,6 +25,7 @@ Prices = tuple[tuple[str, float], ...]
 SWEEP = -math.log(SMALLEST)  # of a magnitude that is as likely in every octave of its sweep
 BLOCKS = 40  # stretches of the recordings over which gains are compared
 SHORTEST_BLOCK = 50  # samples
+MOST_TURNS, MUCH = 10, 10.0  # of a fit; what one must gain in misfit for more than were asked for
 RELIEF = 0.1  # of the likeliest ratio, under which a fit is also brought on its way
 EDGE = 1e-3  # in x, from a bound on which a fit has ended
 UNSEEN = 1e-9  # information on x, of which the whole uncertainty of a file is one
@@ -166,10 +167,13 @@ def settled(begun: Hypothesis, turns: int = 3, rounds: int = 6, worth: float = 1
     A noise chosen where parameters are wrong takes what they leave for disturbances, and holds them
     there: neither gains, and both together would. So each turn is made under a slower noise too,
     which takes less of it, for as long as that leads to less. The first turn is made in as few
-    substeps as costs compare in, which brings most of the way.
+    substeps as costs compare in, which brings most of the way. turns: at most, or while they gain
+    much.
     """
-    best, slower = begun, begun.family.whitening
-    for turn in range(turns):
+    best, slower, gained = begun, begun.family.whitening, math.inf
+    for turn in range(MOST_TURNS):
+        if turn >= turns and gained < MUCH:
+            break
         own = best.moved(_descended(best, rounds, turn > 0))
         gained = best.cost.misfit - own.cost.misfit
         if slower:
