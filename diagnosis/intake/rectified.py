@@ -1,14 +1,18 @@
 """A sensor that reports the absolute value: fold its readings out again.
 
-A motion through zero comes back from it with its velocity turned at once, which no force can do. So
-each sample takes the sign that continues the motion, z_k = s_k y_k nearest to the extrapolation of
-the last samples, and the whole the sign under which the nominal device predicts it better, by the
-observer that predicts it best. Believed where that is better by a factor than the readings as they
-are; or by less but surely, where the motion stays on either side for long (noise about zero changes
-sides with every sample, and choosing its signs makes it smaller). Limit: where a motion touches
-zero more slowly than its noise, either continuation is as good.
+A motion through zero comes back from it with its velocity turned at once, which no force can do; a
+velocity, with its acceleration. So each sample takes the sign that continues the motion, z_k = s_k
+y_k nearest to the extrapolation of the last samples; then signs and a linear system between command
+and z are fitted in turn, and the whole takes the sign under which the nominal device predicts it
+better, by the observer that predicts it best. Believed where that is better by a factor than the
+readings as they are; or by less but surely, where the motion stays on either side for long (noise
+about zero changes sides with every sample, and choosing its signs makes it smaller); or where the
+device file knows it. Limit: where a motion touches zero more slowly than its noise, either
+continuation is as good.
 """
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,16 +21,21 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.noise.predictor import SETTLING, innovations, observer_near
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.selection.evidence import ALPHA
 from zwidth.sim.device import Device
+from zwidth.sim.physics.rectified_sensor import rectified_sensor
+from zwidth.sim.signs import likeliest_signs
 
 Floats = NDArray[np.float64]
 BETTER = 1.5
-SURE = 200.0  # -2 log likelihood
-STAYS = 20  # ticks on a side, in the mean
+TOUCH = 2.0 * math.log(2.0)  # -2 ln of a choice of two, for each time that zero is met
+STAYS = 10  # ticks on a side, in the mean
 RATIOS = (1e2, 1e4, 1e6)  # of observers that follow the motion whatever the device's errors
 BELOW = 0.02  # of the span, that noise may reach below zero
 BOTH = 0.05  # of the span, that the motion folded out goes to either side of zero at least
-BACK = 4  # samples by which the motion is continued
+BACK = (1, 2, 4)  # samples by which the motion is continued
+ORDER = 6  # samples that the linear system remembers, as three masses do
+TURNS = 30  # of signs and system
 
 
 @dataclass(frozen=True)
@@ -40,43 +49,95 @@ class Unfolded:
 def unfolded(device: Device, experiment: Experiment) -> Unfolded | None:
     """Return the recording folded out, None where it does not look like absolute values."""
     y = experiment.measured[:, 0]
-    if experiment.outputs[0].quantity != "position" or y.min() < -BELOW * float(np.ptp(y)):
+    span = float(np.ptp(y))
+    if y.min() < -BELOW * span or y.min() > BELOW * span:  # negative, or never near zero
         return None
-    if y.min() > BELOW * float(np.ptp(y)):  # it never comes near zero
-        return None
-    z = folded_out(y)
+    z = folded_out(y, experiment.command)
     # A motion to one side alone was not folded: turned as a whole, it is a sign, which others tell.
-    if min(float(z.max()), -float(z.min())) < BOTH * float(np.ptp(y)):
+    if min(float(z.max()), -float(z.min())) < BOTH * span:
         return None
-    plain = device.without_physics() if device.physics else device
     try:
-        gains = [observer_near(plain, experiment, ratio) for ratio in RATIOS]
+        before, *turned = _errors(device, experiment, (y, z, -z))
     except NoObserver:  # then nothing can be compared
         return None
-
-    def error(first: Floats) -> float:
-        tried = replace(experiment, measured=np.column_stack([first, experiment.measured[:, 1:]]))
-        with np.errstate(all="ignore"):
-            left = [innovations(device, tried, gain)[SETTLING:, 0] for gain in gains]
-            return float(np.nanmin([np.std(e) for e in left]))
-
-    before = error(y)
-    after, best = min(((error(s * z), s) for s in (1.0, -1.0)), key=lambda pair: pair[0])
+    after = min(turned)
     if not (np.isfinite(after) and before > after):
         return None
-    stays = y.size > STAYS * (1 + np.count_nonzero(np.diff(np.signbit(z))))
-    surely = stays and 2.0 * y.size * np.log(before / after) > SURE
+    crossings = int(np.count_nonzero(np.diff(np.signbit(z))))
+    price = TOUCH * crossings - 2.0 * math.log(ALPHA * rectified_sensor.prior)
+    gained = 2.0 * (y.size - SETTLING) * math.log(before / after)
+    surely = y.size > STAYS * (1 + crossings) and gained > price
     if not (surely or before > BETTER * after):
         return None
-    measured = np.column_stack([best * z, experiment.measured[:, 1:]])
-    return Unfolded(replace(experiment, measured=measured), before / after)
+    best = z if turned[0] == after else -z
+    return Unfolded(_with_first(experiment, best), before / after)
 
 
-def folded_out(y: Floats) -> Floats:
-    """Return y with the signs that continue its motion."""
+def as_known(device: Device, experiment: Experiment) -> Experiment:
+    """Return the recording of a device whose file has such a sensor, folded out."""
+    z = folded_out(np.abs(experiment.measured[:, 0]), experiment.command)
+    try:
+        there, turned = _errors(device, experiment, (z, -z))
+    except NoObserver:
+        return _with_first(experiment, z)
+    return _with_first(experiment, -z if turned < there else z)
+
+
+def _errors(device: Device, experiment: Experiment, readings: Sequence[Floats]) -> list[float]:
+    """Rms innovation of each way to read the first output; raises NoObserver."""
+    plain = device.without_physics() if device.physics else device
+    gains = [observer_near(plain, experiment, ratio) for ratio in RATIOS]
+    found: list[float] = []
+    for first in readings:
+        tried = _with_first(experiment, first)
+        with np.errstate(all="ignore"):
+            left = [innovations(plain, tried, gain)[SETTLING:, 0] for gain in gains]
+            found.append(float(np.nanmin([np.std(e) for e in left])))
+    return found
+
+
+def _with_first(experiment: Experiment, first: Floats) -> Experiment:
+    return replace(experiment, measured=np.column_stack([first, experiment.measured[:, 1:]]))
+
+
+def folded_out(y: Floats, command: Floats) -> Floats:
+    """Return y with the signs under which it moves as one linear system under a command.
+
+    From the signs that continue the motion over one, two and four samples; of what they lead to,
+    that with the least error. The whole may still be turned round.
+    """
+    starts = [np.where(continued(y, back) < 0.0, -1.0, 1.0) for back in BACK]
+    found = [_consistent(y, command, s) for s in starts] if y.size > 4 * ORDER else []
+    if not found:
+        return starts[-1] * y
+    signs, _ = min(found, key=lambda pair: pair[1])
+    return signs * y
+
+
+def continued(y: Floats, back: int) -> Floats:
+    """Return y with the signs that continue its motion over so many samples."""
     z = y.copy()
-    for k in range(BACK + 1, y.size):
-        ahead = z[k - 1] + (z[k - 1] - z[k - 1 - BACK]) / BACK
+    for k in range(back + 1, y.size):
+        ahead = z[k - 1] + (z[k - 1] - z[k - 1 - back]) / back
         if abs(-y[k] - ahead) < abs(y[k] - ahead):
             z[k] = -y[k]
     return z
+
+
+def _consistent(y: Floats, command: Floats, signs: Floats) -> tuple[Floats, float]:
+    """Return signs that a linear system fitted to them predicts best, and its square error.
+
+    In turn: the system by least squares, and the likeliest signs under it (`sim.signs`).
+    """
+    error = np.inf
+    for _ in range(TURNS):
+        z = signs * y
+        past = [z[ORDER - i - 1 : z.size - i - 1] for i in range(ORDER)]
+        past += [command[ORDER - j : command.size - j] for j in range(ORDER + 1)]
+        solved, *_ = np.linalg.lstsq(np.column_stack(past), z[ORDER:], rcond=None)
+        fitted = np.asarray(solved, dtype=np.float64)
+        found, less = likeliest_signs(y, command, fitted[:ORDER], fitted[ORDER:], signs[:ORDER])
+        if not less < error:
+            break
+        signs, error = found, less
+    return signs, error

@@ -17,7 +17,7 @@ from zwidth.diagnosis.intake.counted import as_counted
 from zwidth.diagnosis.intake.derived import measured_alone
 from zwidth.diagnosis.intake.gate import COMMAND, Fault, corrected, examine, suspected
 from zwidth.diagnosis.intake.hold import smooth, was_smooth
-from zwidth.diagnosis.intake.rectified import unfolded
+from zwidth.diagnosis.intake.rectified import as_known, unfolded
 from zwidth.diagnosis.intake.units import unit_of
 from zwidth.diagnosis.mishaps import collecting, debugging, isolated, silent
 from zwidth.diagnosis.noise.predictor import SETTLING
@@ -292,7 +292,7 @@ def _each(
 def _folded_out(device: Device, e: Experiment) -> tuple[Experiment, float]:
     """Fold out what a sensor reported as absolute values; by which factor that is better, or 1."""
     if any(p.effect.name == "rectified_sensor" for p in device.physics):
-        return e, 1.0
+        return as_known(device, e), 1.0
     tried = unfolded(device, e)
     return (e, 1.0) if tried is None else (tried.experiment, tried.factor)
 
