@@ -2,6 +2,8 @@
 
 # pyright: reportMissingParameterType=false, reportUnknownParameterType=false
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,7 +17,7 @@ def filtered(errors: Floats, filters: Floats) -> Floats:
 
     The first index of the filters is of what comes out. What is infinite stays in its own member.
     """
-    whole = errors.reshape(-1, *errors.shape[-2:])
+    whole = errors.reshape(math.prod(errors.shape[:-2]), *errors.shape[-2:])
     rows = np.ascontiguousarray(np.swapaxes(whole, 1, 2))
     found = np.zeros_like(rows)
     _filter(rows, np.ascontiguousarray(filters), found)

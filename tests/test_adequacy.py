@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 from test_fitting import drive, recording
 
+from zwidth.diagnosis.answer import adequacy as judging
 from zwidth.diagnosis.answer.adequacy import Adequacy, Believed, adequacy
 from zwidth.diagnosis.answer.answered import _standing
 from zwidth.diagnosis.intake.take_in import Taken, take_in
@@ -68,6 +69,28 @@ def test_an_answer_that_is_not_all_errs_farther(found: Searched) -> None:
     assert said.useful
     assert not said.sound
     assert not said.adequate
+
+
+def test_a_short_recording_beside_a_long_one_takes_no_judge_away(
+    rubbed: Taken, found: Searched
+) -> None:
+    """Mutation that breaks it: every recording must hold three runs of a length."""
+    short = recording(drive().with_physics(FRICTION), 250, 6)
+    alone, beside = of(found, rubbed.judge_by), of(found, (*rubbed.judge_by, short))
+    assert [a.horizon for a in beside.ahead] == [a.horizon for a in alone.ahead]
+    assert beside.adequate
+
+
+def test_free_runs_that_run_away_are_not_adequate(
+    rubbed: Taken, found: Searched, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Mutation that breaks it: what is not finite is left out."""
+    told = iter([(np.full(3, np.inf), np.zeros(3))])
+    honest = judging._judged
+    monkeypatch.setattr(judging, "_judged", lambda *a: next(told, None) or honest(*a))
+    said = of(found, rubbed.judge_by)
+    assert said.ahead
+    assert not said.sound
 
 
 def test_a_name_that_held_out_data_do_not_bear_out_is_not_given(

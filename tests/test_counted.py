@@ -98,3 +98,39 @@ def test_one_that_was_not_counted_leaves_all_as_they_are() -> None:
     p = counted(moved(3.0))
     both = [recorded(rate(p, np.inf)), recorded(rate(moved(3.0), np.inf))]
     assert [e.outputs for e in as_counted(knowing(STEP), both)] == [(VELOCITY,), (VELOCITY,)]
+
+
+@pytest.mark.parametrize("step", [0.0, STEP])
+@pytest.mark.parametrize("noise", [1.0, 3.0])
+def test_a_tachometer_that_is_rounded_finer_than_its_noise_stays_one(
+    step: float, noise: float
+) -> None:
+    """White noise of whole steps, which the sum would make a drift. Mutation: TURNS = -0.25."""
+    unit = STEP / PERIOD
+    white = noise * np.random.default_rng(3).standard_normal(TICKS)
+    v = unit * np.round(np.gradient(moved(20.0), PERIOD) / unit + white)
+    assert as_counted(knowing(step), [recorded(v)])[0].outputs == (VELOCITY,)
+
+
+def test_a_tachometer_in_steps_of_several_counts_stays_one() -> None:
+    """A speed written to a whole number of the encoder's own counts a sample. Mutation: any."""
+    unit = 10.0 * STEP / PERIOD
+    v = unit * np.round(np.gradient(moved(2000.0), PERIOD) / unit)
+    assert as_counted(knowing(STEP), [recorded(v)])[0].outputs == (VELOCITY,)
+
+
+@pytest.mark.parametrize("spike", [25.0, 10.5])
+def test_one_wrong_sample_makes_no_step_of_position(spike: float) -> None:
+    v = rate(counted(moved(3.0)), np.inf)
+    v[2000] += spike * STEP / PERIOD
+    assert as_counted(knowing(STEP), [recorded(v)])[0].outputs == (VELOCITY,)
+
+
+def test_several_recordings_of_what_depends_on_position_keep_their_velocities() -> None:
+    """Each would have an origin of its own, and the model has one."""
+    chain = phantom().chain._replace(ground_spring=0.5)
+    e = recorded(rate(counted(moved(3.0)), np.inf))
+    sprung = knowing(STEP).with_chain(chain)
+    assert [one.outputs for one in as_counted(sprung, [e, e])] == [(VELOCITY,)] * 2
+    assert as_counted(sprung, [e])[0].outputs == (POSITION,)
+    assert [one.outputs for one in as_counted(knowing(STEP), [e, e])] == [(POSITION,)] * 2

@@ -15,6 +15,7 @@ from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.seeking.candidates import Start
+from zwidth.diagnosis.selection import search as searching
 from zwidth.diagnosis.selection.effort import NORMAL, QUICK, Effort
 from zwidth.diagnosis.selection.evidence import ALPHA
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, gains, judged, settled
@@ -263,3 +264,54 @@ def test_two_laws_at_one_place_have_one_that_contains_both_for_a_rival(
         found.keep(other)
         for label in best.labels:
             assert [r.effect for r in rivals(found, label)] == expected
+
+
+def costing(rubbed: list[Experiment], model: Model, misfit: float) -> Hypothesis:
+    h = judged(rubbed, model, np.zeros(len(model.parameters)))
+    return replace(h, cost=replace(h.cost, misfit=misfit, rarity=0.0))
+
+
+def test_what_comes_near_and_is_no_richer_takes_the_place_of_the_best(
+    rubbed: list[Experiment], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Even where a richer one costs less still, which is not believed.
+
+    What ends against physics is no rival any more. Mutations that break it: the cheapest of all
+    asked; nothing fitted; what was kept before stays.
+    """
+    force = make_physics("constant_force", "m1", level=0.01)
+    drag = make_physics("quadratic_drag", "m1", coefficient=1e-3)
+    rubs, forced, dragged = (
+        Model(drive()).with_effect(p, dict.fromkeys(p.values, 0.01))
+        for p in (FRICTION, force, drag)
+    )
+    best = costing(rubbed, rubs, 100.0)
+    other, wrong = costing(rubbed, forced, 95.0), costing(rubbed, dragged, 90.0)
+    both = costing(rubbed, rubs.with_effect(force, {"level": 0.01}), 94.0)
+    monkeypatch.setattr(searching, "settled", lambda h: h)
+    monkeypatch.setattr(
+        Hypothesis, "against_physics", property(lambda h: "x" if h.labels == wrong.labels else "")
+    )
+    monkeypatch.setattr(searching, "_exchanged", lambda _: None)
+    found = Search(best, best, QUICK, silent)
+    for h in (best, other, wrong, both):
+        found.keep(h)
+    searching._ended(found)
+    assert found.best is other
+    assert wrong.labels not in found.tried
+
+
+def test_from_another_valley_all_is_tried_anew(
+    rubbed: list[Experiment], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Mutation that breaks it: what was added to and exchanged stays so."""
+    best = costing(rubbed, with_friction(0.03), 100.0)
+    other = replace(best, cost=replace(best.cost, misfit=50.0))
+    monkeypatch.setattr(searching, "_arrived", lambda *_: [])
+    monkeypatch.setattr(searching, "_grown_on", lambda *_: other)
+    found = Search(best, best, NORMAL, silent)
+    found.grown.add(best.labels)
+    found.exchanged.add(best.labels)
+    look_for_valleys(found, always=True)
+    assert found.best is other
+    assert not found.grown | found.exchanged

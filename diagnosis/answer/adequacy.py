@@ -53,6 +53,7 @@ from zwidth.diagnosis.noise.predictor import (
     FreeRuns,
     Observer,
     begun,
+    begun_as,
     driven,
     free_run_errors,
     free_runs,
@@ -63,6 +64,7 @@ from zwidth.diagnosis.noise.predictor import (
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.evidence import ALPHA, compared
 from zwidth.jobs.parallel import in_parallel, threads
+from zwidth.sim.predict import OVERFLOW
 
 Floats = NDArray[np.float64]
 HORIZONS = (0.05, 0.5, 2.0)  # s
@@ -164,11 +166,14 @@ def adequacy(
     for i, n in enumerate(lengths):
         size = _band(foretold[:, 0, i])
         share = _band(foretold[:, 1, i])
-        if size is None or share is None or not math.isfinite(errors[i]):
+        if size is None or share is None:
             continue
         expected, most = (math.exp(v) for v in size)
         most_led = max(MATTERS, float(expit(share[1])))
-        error, follows = math.exp(errors[i]), float(expit(led[i]))
+        # A free run that runs away is the worst of errors, and led by nothing.
+        away = not math.isfinite(errors[i])
+        error = OVERFLOW if away else math.exp(errors[i])
+        follows = 0.0 if away else float(expit(led[i]))
         ahead.append(Ahead(n * period, error, expected, most, follows, most_led))
     if not ahead:
         return None
@@ -179,9 +184,10 @@ def adequacy(
 def _lengths(judge_by: Sequence[Experiment]) -> list[int]:
     """Ticks of free runs of which there are enough; of short recordings as long as they allow."""
     period = judge_by[0].period
-    longest = min((e.ticks - settling(e) - 1) // RUNS for e in judge_by)
+    ticks = [e.ticks - settling(e) for e in judge_by]
     asked = [max(SHORTEST, round(h / period)) for h in HORIZONS]
-    fitting = [n for n in dict.fromkeys(asked) if n <= longest]
+    fitting = [n for n in dict.fromkeys(asked) if sum(t // n for t in ticks) >= RUNS]
+    longest = max(ticks) // RUNS
     return fitting or ([longest] if longest >= SHORTEST else [])
 
 
@@ -285,20 +291,13 @@ def _rehearsed(
     played: list[Experiment] = []
     for e, mine in zip(judge_by, own, strict=True):
         theirs = model.seen(e, x)
-        there = _begun_as(theirs, mine)
+        there = begun_as(theirs, mine)
         y = driven(model.acting(x), there, gain, noise.drawn(e.ticks, random))
         again = replace(mine, measured=y + (mine.measured - theirs.measured))
         if mine.before is None:
             again = begun(model.acting(final.x), again, noise.observer)
         played.append(again)
     return np.stack(_judged(_runs(final, noise.observer, played, lengths), spans))
-
-
-def _begun_as(e: Experiment, other: Experiment) -> Experiment:
-    """A recording that begins as the same one does elsewhere, which needs no second search."""
-    if e.before is None or other.before is None:
-        return replace(e, start=other.start)
-    return replace(e, before=_begun_as(e.before, other.before))
 
 
 def _better(
@@ -310,7 +309,7 @@ def _better(
 ) -> tuple[float, float]:
     """Share of the square error explained, and sigma over the better of device file and refit."""
     device = final.model.acting(final.x)
-    ticks = min(window(e) for e in own)
+    ticks = max(window(e) for e in own)
     free = _squares(device, own, observer, ticks)
     step = _steps(device, own, observer)
     rest_free: list[Floats] = []

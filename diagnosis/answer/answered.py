@@ -37,6 +37,8 @@ WHAT_IS_LOST = {
     "detect": "whether anything is left",
     "separation": "how well it can be told apart",
     "held out": "what the held-out data say",
+    "adequacy": "how good the answer is",
+    "regimes": "where it holds",
 }
 DECISIVE = tuple(WHAT_IS_LOST)
 
@@ -48,8 +50,7 @@ def answered(
 
     An error in one part costs that part, and the verdict where it rests on it.
     """
-    lost = attempt("adequacy", "lost commands", partial(knowing_losses, found, taken.judge_by))
-    taken = taken if lost is None else replace(taken, judge_by=tuple(lost))
+    asked, taken = taken, _knowing_losses(taken, found)
     found, sound = _standing(device, taken, found, say)
     left, other = _what_is_left(found, taken)
     by, faults = found, taken.faults
@@ -58,7 +59,8 @@ def answered(
             again, beyond, note = second_look(device, found, left, taken.whole, say, effort)
             if note is not None:
                 by, faults = on_first_part(again), (*faults, note)
-                sound = attempt("adequacy", "", partial(_adequacy, device, again, taken))
+                taken = _knowing_losses(asked, by)
+                sound = attempt("adequacy", "", partial(_adequacy, device, by, taken))
             found, left = again, beyond
     say("locating")
     located = attempt("locate", "", partial(locate, found.problem, found.refit)) or NOWHERE
@@ -84,6 +86,12 @@ def answered(
         residuals, found, taken.whole, found.interrupted, _facts(found, left),
         errors=tuple(mishaps.found), left_out=taken.left_out, adequacy=sound,
     )  # fmt: skip
+
+
+def _knowing_losses(taken: Taken, found: Searched) -> Taken:
+    """Recordings with what was lost in those that judge, where the answer says that such are."""
+    lost = attempt("adequacy", "lost commands", partial(knowing_losses, found, taken.judge_by))
+    return taken if lost is None else replace(taken, judge_by=tuple(lost))
 
 
 def _standing(

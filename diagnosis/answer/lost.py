@@ -3,8 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from zwidth.diagnosis.fitting.fit import Problem
-from zwidth.diagnosis.noise.predictor import begun
+from zwidth.diagnosis.noise.predictor import begun, begun_as
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.seeking.lattice import losses
 from zwidth.diagnosis.selection.searched import Searched
@@ -23,7 +25,7 @@ def knowing_losses(found: Searched, judge_by: Sequence[Experiment]) -> list[Expe
     followed = [_going_on(e, parts) for e in judge_by]
     device = final.model.acting(final.x)
     seen = [begun(device, final.model.seen(e, final.x), observer) for e in followed]
-    started = [_begun_as(e, mine) for e, mine in zip(followed, seen, strict=True)]
+    started = [begun_as(e, mine) for e, mine in zip(followed, seen, strict=True)]
     problem = Problem(started, observer)
     there = replace(final, residual=problem.residual(final.model, final.x), samples=problem.samples)
     lost = losses(problem, there)
@@ -34,12 +36,6 @@ def _going_on(e: Experiment, parts: Sequence[Experiment]) -> Experiment:
     """The rest of a recording, which knows what was lost in its first part."""
     if e.before is None:
         return e
-    same = (p for p in parts if p.name == e.name and p.begins == e.before.begins)
-    first = next((p for p in same if p.ticks == e.before.ticks), None)
+    command = e.before.command
+    first = next((p for p in parts if np.array_equal(p.command, command)), None)
     return e if first is None else replace(e, before=replace(e.before, dropped=first.dropped))
-
-
-def _begun_as(e: Experiment, seen: Experiment) -> Experiment:
-    if e.before is None or seen.before is None:
-        return replace(e, start=seen.start)
-    return replace(e, before=replace(e.before, start=seen.before.start))

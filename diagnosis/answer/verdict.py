@@ -13,6 +13,7 @@ from zwidth.diagnosis.forces.unknown import TOUCHED, Instead, instead, unknown
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.searched import Searched
+from zwidth.sim.predict import OVERFLOW
 
 SHIFTED = 5.0  # sigma by which a linear parameter must differ to be a finding
 MAPPED = 60.0  # chi-square that a map of the missing force over one state must gain
@@ -20,6 +21,7 @@ FREE_FORCE = 60.0  # -2 log likelihood that a force of free shape must gain besi
 UNEXPLAINED = 0.01  # share of the chi-square explained that may be left under a verdict by name
 COLOURED = 0.05  # the same where the observer was asked for, and chi-square is no statistic
 TAKEN_FOR_CHANCE = 0.1  # of the motion, that free runs may err beyond readings' noise
+SURE = 0.95  # probability of a name, below which it is not promised
 LISTED = 4  # rivals in the verdict's sentence, the nearest; the others stand in the report
 
 
@@ -109,7 +111,7 @@ def judged(
         return Verdict.UNKNOWN_PHYSICS, (
             f"something is missing{beyond} that no effect of the library explains: {left.sentence}"
         )
-    if findings and sound is not None and not sound.sound:
+    if sound is not None and not (sound.adequate if findings else sound.sound):
         return Verdict.UNKNOWN_PHYSICS, not_adequate(findings, sound)
     odd = next(((f, h) for f in findings for h in f.regimes if h.fails), None)
     if odd is not None:
@@ -129,6 +131,13 @@ def judged(
             return Verdict.CONFUSABLE, (
                 f"{names} explain{'' if many else 's'} what is missing, and this recording cannot"
                 f" tell {confused[0].effect} at {confused[0].at} from {others}"
+            )
+        doubtful = [f for f in findings if f.probability is not None and f.probability < SURE]
+        if doubtful:
+            least = min(doubtful, key=lambda f: f.probability or 0.0)
+            return Verdict.CONFUSABLE, (
+                f"{names} explain{'' if many else 's'} what is missing, and this recording leaves"
+                f" {least.effect} at {least.at} a probability of {least.probability:.2g} only"
             )
         return Verdict.IDENTIFIED, f"{names} {'are' if many else 'is'} missing from the simulation"
     moved = [
@@ -184,17 +193,23 @@ def not_everywhere(findings: tuple[Finding, ...], odd: Finding, where: Held) -> 
 def not_adequate(findings: tuple[Finding, ...], sound: Adequacy) -> str:
     """Say of names that do not hold on held-out data how far they go."""
     names = " and ".join(f"{f.effect} at {f.at}" for f in findings)
+    beyond = f" beyond {names}" if findings else " that no effect of the library explains"
+    share = f"; the names explain {100.0 * sound.explained:.0f} % of the square error"
+    share = share if findings else ""
+    if sound.sound:
+        return f"{names} predict held-out data no better than device file and refit do without"
     worst = max(sound.ahead, key=lambda a: a.error / a.most)
     if worst.error <= worst.most:
         led = max(sound.ahead, key=lambda a: a.led - a.most_led)
         return (
-            f"something is missing beyond {names}: forces that follow the motion would explain"
+            f"something is missing{beyond}: forces that follow the motion would explain"
             f" {100.0 * led.led:.0f} % of the square of what free runs over {led.horizon:g} s err"
-            f" on held-out data, noise {100.0 * led.most_led:.0f} % at most; the names explain"
-            f" {100.0 * sound.explained:.0f} % of the square error"
+            f" on held-out data, noise {100.0 * led.most_led:.0f} % at most{share}"
         )
+    if worst.error >= OVERFLOW:
+        return f"something is missing{beyond}: free runs of the answer run away{share}"
     return (
-        f"something is missing beyond {names}: over {worst.horizon:g} s free runs on held-out data"
-        f" err {worst.error / worst.expected:.3g} times as far as its own noise would make them;"
-        f" the names explain {100.0 * sound.explained:.0f} % of the square error"
+        f"something is missing{beyond}: over {worst.horizon:g} s free runs on held-out data"
+        f" err {worst.error / worst.expected:.3g} times as far as its own noise would make them"
+        f"{share}"
     )

@@ -29,16 +29,21 @@ from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.sim.device import Device
 
 Floats = NDArray[np.float64]
-WHOLE = 0.1  # of a count, by which hardly any value may lie beside a whole one
-HARDLY = 1e-3  # share of the samples
+WHOLE = 0.1  # of a count, by which a value may lie beside a whole one
 FEW = 400  # samples that tell a filter
 FILTERS = 1.0 - np.geomspace(1e-3, 0.99, 700)  # as dense as a whole number's neighbours ask
 STANDS = 0.03  # share of the samples in which an encoder that stands shows its filter
 ALIKE = 1e-6  # relative difference of ratios that are the same
 WRITTEN = 1e-3  # of the largest value, by which those of one count differ once unfiltered
 MOST = 1e5  # counts a sample: more leave no digit for a whole number
-TURNS = -0.25  # correlation of neighbouring errors: -0.5 of a difference, 0 of white noise
-SMOOTHED = (9, 3)  # window and order, of what is motion and no error
+# Correlation of neighbouring errors, about what SMOOTHED (window, order) takes for motion: white
+# noise is left with -0.35 by it (0.01 about that in 1000 samples), a difference with -0.41 to
+# -0.53.
+TURNS = -0.38
+SMOOTHED = (9, 3)
+FAST = 50.0  # counts a sample, from which motion hides how errors turn
+FEWEST = 3.0  # counts, that any sample may stand out by
+ALONE = 10.0  # rms errors, beyond which one sample is a fault and no motion
 
 
 @dataclass(frozen=True)
@@ -59,8 +64,11 @@ class Counted:
 def as_counted(device: Device, experiments: Sequence[Experiment]) -> list[Experiment]:
     """Return recordings with the positions that velocities of all of them were counted from.
 
-    What was read so is said in the notes of each.
+    What was read so is said in the notes of each. Of several recordings only where the device has
+    nothing that depends on position: each would have an origin of its own.
     """
+    if not experiments or (len(experiments) > 1 and _placed(device)):
+        return list(experiments)
     first = experiments[0].outputs
     found: dict[Output, list[Counted]] = {}
     for o in first:
@@ -96,6 +104,12 @@ def _with(e: Experiment, counted: dict[Output, Counted]) -> Experiment:
     )
 
 
+def _placed(device: Device) -> bool:
+    """Whether a device that is moved as a whole moves otherwise."""
+    forces = (p for p in device.physics if p.effect.hook in ("force", "sensor"))
+    return device.chain.ground_spring != 0.0 or any(forces)
+
+
 def _alike(steps: Sequence[float]) -> bool:
     return max(steps) < 1.001 * min(steps)
 
@@ -114,15 +128,19 @@ def _counted(device: Device, e: Experiment, output: Output) -> Counted | None:
     elif stated > 0.0 and (found := _filter_of(v, stated)) is not None:
         tries.append((stated, found))
     for unit, a in tries:
-        counts = _unfiltered(v, a) / unit
+        counts = _unfiltered(v, a)[1:] / unit
         whole = np.round(counts)
-        if np.abs(whole).max() > MOST or np.mean(np.abs(counts - whole) > WHOLE) > HARDLY:
+        # One count too many would be a step of the position for ever.
+        if np.abs(whole).max() > MOST or np.abs(counts - whole).max() > WHOLE or _spiked(whole):
             continue
-        vouched = stated > 0.0 and _alike([unit, stated])
-        if vouched or _turning(whole):
+        vouched = stated > 0.0 and _alike([unit, stated]) and np.abs(whole).max() > FAST
+        one_by_one = np.gcd.reduce(whole.astype(np.int64)) == 1
+        if one_by_one and (vouched or _turning(whole)):
             step = unit * e.period
-            whole[0] = 0.0  # where it began, nothing tells
-            return Counted(step * np.cumsum(whole), step, a)
+            reading = np.concatenate([[0.0], np.cumsum(whole)])  # where it began, nothing tells
+            return Counted(step * reading, step, a)
+        if a == 0.0:  # whole as they are, and so whatever they are filtered by in halves or thirds
+            return None
     return None
 
 
@@ -162,6 +180,12 @@ def _filter_of(v: Floats, unit: float) -> float | None:
         if not 0.0 < a < 1.0:
             return None
     return a
+
+
+def _spiked(counts: Floats) -> bool:
+    """Whether a sample stands out from those beside it as no motion does."""
+    error = np.abs(counts - savgol_filter(counts, *SMOOTHED))
+    return float(error.max()) > max(FEWEST, ALONE * float(np.sqrt(np.mean(error**2))))
 
 
 def _turning(counts: Floats) -> bool:

@@ -260,7 +260,8 @@ def _output_faults(device: Device, e: Experiment) -> list[Fault]:
 def merged(values: Floats, share: float) -> Floats:
     """Return levels in order, those that differ by less than a share of the largest as one."""
     levels = np.unique(values)
-    apart = np.diff(levels) > share * float(np.abs(levels).max(initial=0.0))
+    digits = 4.0 * np.finfo(np.float64).eps * float(np.abs(levels).max(initial=0.0))
+    apart = np.diff(levels) > share * float(np.ptp(levels)) + digits
     begins = np.concatenate([[0], np.flatnonzero(apart) + 1])
     return np.add.reduceat(levels, begins) / np.diff(begins, append=levels.size)
 

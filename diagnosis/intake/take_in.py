@@ -96,7 +96,11 @@ def readings(
         ways = suspected(device, one) if any(f.wrong for f in faults) else []
         return _Looked(one, factor, tuple(f for f in faults if not f.wrong), tuple(ways))
 
-    measured = as_counted(device, measured_alone([*experiments, *(validate or ())]))
+    measured = [*experiments, *(validate or ())]
+    with isolated("gate", "velocities that were worked out from positions"):
+        measured = measured_alone(measured)
+    with isolated("gate", "velocities that are counts"):
+        measured = as_counted(device, measured)
     experiments, judging = measured[: len(experiments)], measured[len(experiments) :]
     passed = _each(experiments, looked_at)
     others = _each(judging, looked_at) if judging else []

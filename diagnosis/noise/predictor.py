@@ -363,6 +363,13 @@ def begun(device: Device, experiment: Experiment, observer: "Observer") -> Exper
     return replace(experiment, start=scale * solved)
 
 
+def begun_as(e: Experiment, other: Experiment) -> Experiment:
+    """Return a recording that begins as the same one does elsewhere: no second search for it."""
+    if e.before is None or other.before is None:
+        return replace(e, start=other.start)
+    return replace(e, before=begun_as(e.before, other.before))
+
+
 def padded(gain: Floats, device: Device, eq: Equations | Population) -> Floats:
     """Gain for a device with more states than the one it was made for: a lag, further masses.
 

@@ -176,10 +176,15 @@ def _ended(found: Search) -> None:
         return
     found.say(f"fitting what comes near {best.model.label} to its end")
     again = _each("candidates", [(h.model.label, partial(settled, h)) for h in near])
+    for h in again:
+        if h.against_physics:  # no answer, and no rival either, however it stood before
+            found.tried.pop(h.labels, None)
     kept = [found.keep(h) for h in again if not h.against_physics]
-    least = min(kept, key=lambda h: h.cost.total, default=best)
-    if len(least.model.effects) <= len(best.model.effects) and found.ahead(least, best):
+    simple = [h for h in kept if len(h.model.effects) <= len(best.model.effects)]
+    least = min(simple, key=lambda h: h.cost.total, default=best)
+    if found.ahead(least, best):
         found.best = least
+        _exchanged(found)  # its own rivals
 
 
 def _grown(found: Search) -> None:
@@ -260,6 +265,8 @@ def look_for_valleys(found: Search, always: bool = False) -> None:
     new = _grown_on(found, [h, *first])
     if new is not None and new.cost.total < h.cost.total:
         found.best = new
+        for done in (found.grown, found.exchanged):  # from another valley the rest looks otherwise
+            done.discard(new.labels)
 
 
 def _grown_on(found: Search, begun: Sequence[Hypothesis]) -> Hypothesis | None:

@@ -66,7 +66,8 @@ def searched(
     near = search(device, experiments, effort, say)
     first = as_found(device, near)
     sound = attempt("search", "how far ahead it holds", partial(holds, device, first))
-    if sound is not None and not sound.sound and from_afar(near):
+    fails = sound is not None and not sound.sound
+    if fails and not near.interrupted and from_afar(near):
         first = as_found(device, near)
         sound = attempt("search", "how far ahead it holds", partial(holds, device, first))
     if near.interrupted or sound is None or sound.sound:
