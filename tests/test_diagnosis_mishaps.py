@@ -155,7 +155,7 @@ def answered(line: list[str], status: int) -> dict[str, Any]:
         ("separation", "findings.without", Verdict.UNDECIDED),
         ("separation", "findings.rivals", Verdict.UNDECIDED),
         ("held out", "answered.held_out", Verdict.UNDECIDED),
-        ("adequacy", "answered.adequacy", Verdict.CONFUSABLE),
+        ("adequacy", "answered.adequacy", Verdict.UNDECIDED),
         ("locate", "answered.locate", Verdict.CONFUSABLE),
         ("intervals", "findings.standard_errors", Verdict.CONFUSABLE),
         ("augmented device", "answered._augmented", Verdict.CONFUSABLE),

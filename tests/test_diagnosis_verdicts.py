@@ -271,6 +271,7 @@ def test_no_name_is_promised_beside_disturbances_that_do_a_fifth_of_the_motion()
     assert "err 19 % of the motion" in words
     assert "43 % without" in words
     assert said(HeldOut(0.32, 0.43, 0.19, 0.18))[0] is Verdict.IDENTIFIED
+    assert said(HeldOut(0.32, 0.43, 0.767, 0.757))[0] is Verdict.IDENTIFIED  # a mass that stood
     assert said(HeldOut(0.32, 0.43, 0.02, 0.007))[0] is Verdict.IDENTIFIED
     assert said(UNKNOWN_FIT)[0] is Verdict.IDENTIFIED
     unjudged, words = said_of(found, named, {}, Left(0.0, ""), None, None, UNKNOWN_FIT)

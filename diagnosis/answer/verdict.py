@@ -164,10 +164,13 @@ def not_judged(findings: tuple[Finding, ...]) -> str:
 def disturbed(free: HeldOut) -> bool:
     """Whether free runs err too far beyond the noise of readings for a promise; not where unknown.
 
+    By a tenth of the motion, and by more than that noise is, which is not known to a percent.
+
     A noise model of slow forces foretells any error of free runs as chance, also one that physics
     of no library makes: an answer is adequate then, and promises nothing all the same.
     """
-    return free.after**2 - free.noise_floor**2 > TAKEN_FOR_CHANCE**2
+    beyond = free.after**2 - free.noise_floor**2
+    return beyond > max(TAKEN_FOR_CHANCE**2, 0.5 * free.after**2)
 
 
 def too_disturbed(findings: tuple[Finding, ...], free: HeldOut) -> str:
