@@ -107,6 +107,8 @@ def _read(description: Description, source: Source) -> Trace:
             *_warnings(source, streams, converted, rotary),
         ],
     }
+    if description.device:
+        facts["device_changes"] = dict(description.device)
     if origin:
         facts["counted_from_s"] = _decimal_seconds(origin)
     if resampling:

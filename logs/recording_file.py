@@ -22,6 +22,8 @@
     [use]                       # optional
     from_s = 0.0
     to_s = 20.0
+    [device]                    # optional: where the device was another than its file says
+    masses = [1.248]            # as its [chain] and [interface] would say: see `sim.changes`
     [csv]                       # optional, what cannot be found out of a text table
     delimiter = ";"
     decimal = ","
@@ -37,13 +39,15 @@ of their own, and shift_s, which is added to their stamps (with period_s: the ti
 
 import math
 import tomllib
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from zwidth.logs.csv_form import CsvOptions
 from zwidth.logs.opening import opened
 from zwidth.logs.source import RecordingError
 from zwidth.logs.units import SI, UNITS, known_unit
+from zwidth.sim.changes import known_changes
 from zwidth.sim.nearest import nearest
 from zwidth.sim.table import Table, TableError
 
@@ -51,7 +55,7 @@ SCHEMA = 1
 CLOCK_KEYS = ("period_s", "time", "time_unit")
 TOP_KEYS = (
     *("schema", "file", "source", "rotary", *CLOCK_KEYS, "resample"),
-    *("input", "output", "use", "csv"),
+    *("input", "output", "use", "csv", "device"),
 )
 INPUT_KEYS = (
     *("signal", "unit", "scale", "offset", "counts_per_rev", "counts_per_m"),
@@ -92,7 +96,10 @@ class Entry:
 
 @dataclass(frozen=True)
 class Description:
-    """A recording TOML, checked. resample: None, 0 for the streams' longest period, or [s]."""
+    """A recording TOML, checked.
+
+    resample: None, 0 for the streams' longest period, or [s]. device: its table of that name.
+    """
 
     path: Path
     file: str
@@ -103,6 +110,7 @@ class Description:
     from_s: float
     to_s: float
     csv: CsvOptions
+    device: Mapping[str, object] = field(default_factory=dict[str, object])
 
 
 def load_description(path: Path) -> Description:
@@ -153,6 +161,7 @@ def _description(path: Path, top: Table) -> Description:
         from_s,
         to_s,
         _csv(top.table("csv")),
+        known_changes(top.table("device")).values,
     )
 
 

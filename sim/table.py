@@ -35,6 +35,11 @@ class Table:
                 raise TableError(f"unknown key {self._at(key)!r}; {nearest(key, known)}")
         return self
 
+    @property
+    def values(self) -> Mapping[str, object]:
+        """The table as it was read."""
+        return self._values
+
     def keys(self) -> list[str]:
         """Return the keys that stand in the table."""
         return list(self._values)

@@ -64,7 +64,7 @@ def free_run(model: Model, x: Floats, taken: Experiment, substeps: int) -> Float
     (ticks, outputs), positions as they were recorded. taken: the recording as the diagnosis takes
     it, with where it begins; substeps a tick.
     """
-    device, seen = model.acting(x), model.seen(taken, x)
+    device, seen = taken.on(model.acting(x)), model.seen(taken, x)
     eq = equations(device, substeps)
     none = np.zeros((eq.states, len(seen.outputs)))
     silent = np.zeros(seen.measured.shape)
@@ -84,7 +84,7 @@ def scenario_of(
 
     recording: with the command as it was recorded, in SI; taken: as the diagnosis takes it.
     """
-    eq = equations(model.acting(x), substeps)
+    eq = equations(taken.on(model.acting(x)), substeps)
     state = observer_memory(eq, model.seen(taken, x)).x
     positions = state[: eq.dof] + _origin(model, x, taken.swing)
     start = Start(positions.tolist(), state[eq.dof : 2 * eq.dof].tolist())
@@ -93,7 +93,11 @@ def scenario_of(
         command = delivered(command, taken.dropped)
         device = device.without_physics("dropped_samples")
     return Scenario(
-        device, recorded(command), recording.ticks * recording.period, start, substeps=substeps
+        taken.on(device),
+        recorded(command),
+        recording.ticks * recording.period,
+        start,
+        substeps=substeps,
     )
 
 

@@ -22,7 +22,7 @@ from zwidth.diagnosis.noise.predictor import (
     Observer,
     enough,
     innovations,
-    prepared,
+    prepared_each,
 )
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
@@ -113,9 +113,11 @@ def _bounded(values: Floats) -> Floats:
     return np.clip(np.nan_to_num(values, nan=WORST, posinf=WORST, neginf=-WORST), -WORST, WORST)
 
 
-def _enough(model: Model, x: Floats) -> int:
+def _enough(model: Model, x: Floats, experiments: Sequence[Experiment]) -> int:
     with suppress(NoObserver):  # all is `WORST` there
-        return enough(model.acting(x))
+        device = model.acting(x)
+        changed = {id(e.changes): e.on(device) for e in experiments}
+        return max(enough(own) for own in changed.values())
     return 1
 
 
@@ -139,12 +141,12 @@ class Problem:
         """
         device = model.acting(x)
         try:
-            ready = prepared(device, self.fineness, least)
+            ready = prepared_each(device, self.experiments, self.fineness, least)
         except NoObserver:
             return np.full(self.samples, WORST)
         parts: list[Floats] = []
-        for e in self.experiments:
-            out = innovations(device, model.seen(e, x), self.observer.gain, ready=ready)
+        for e, own in zip(self.experiments, ready, strict=True):
+            out = innovations(device, model.seen(e, x), self.observer.gain, ready=own)
             parts.append(self.observer.weigh(out)[SETTLING:].ravel())
         return _bounded(np.concatenate(parts))
 
@@ -194,7 +196,7 @@ class Problem:
         reads_speed = any(first_velocity(e) is not None for e in self.experiments)
         priors = [i for i, p in enumerate(parameters) if p.prior]
         samples = base.size - len(priors)
-        least = _enough(model, x)
+        least = _enough(model, x, self.experiments)
 
         unseen = {i for i, p in enumerate(parameters) if p.kind == "jitter" and not reads_speed}
         asked = [i for i in range(x.size) if i not in unseen]

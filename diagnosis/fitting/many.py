@@ -22,6 +22,7 @@ from zwidth.diagnosis.noise.predictor import (
 )
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.jobs.parallel import in_parallel, threads
+from zwidth.sim.changes import Changes
 from zwidth.sim.device import Device
 from zwidth.sim.members import together
 from zwidth.sim.population import Followed, Population, Readings, Recorded
@@ -41,22 +42,30 @@ class Many:
         self, model: Model, xs: Sequence[Floats], fineness: Fineness, least: int = 1
     ) -> None:
         self.model, self.size = model, len(xs)
+        self.fineness, self.least = fineness, least
         self.xs = np.stack(xs) if len(xs) else np.zeros((0, len(model.parameters)))
-        self.kinds: list[_Kind] = []
-        if not self.size:
-            return
-        everyone = model.members(self.xs)
-        everyone.check()
+        self._kinds: dict[int, list[_Kind]] = {}  # by what was known to be different
+        if self.size:
+            self.everyone = model.members(self.xs)
+            self.everyone.check()
+
+    def kinds(self, changes: Changes | None) -> list["_Kind"]:
+        """Return the members as they were under what was known to be different, by their kind."""
+        if id(changes) not in self._kinds:
+            self._kinds[id(changes)] = list(self._prepared(changes)) if self.size else []
+        return self._kinds[id(changes)]
+
+    def _prepared(self, changes: Changes | None) -> Iterator["_Kind"]:
+        everyone = self.everyone if changes is None else changes.of_members(self.everyone)
         for which in everyone.kinds():
             alike = everyone.taken(which)
             needed = alike.enough_substeps()
             for some in together(needed):
                 steps = int(needed[some[0]])
                 if steps <= MOST_SUBSTEPS:
-                    few, many = substeps_for(alike.physics, fineness, max(least, steps))
+                    few, many = substeps_for(alike.physics, self.fineness, max(self.least, steps))
                     members = alike.taken(some)
-                    population = Population(members, few, many)
-                    self.kinds.append(_Kind(which[some], population, members.first))
+                    yield _Kind(which[some], Population(members, few, many), members.first)
 
     def innovations(self, experiment: Experiment, gain: Floats) -> Floats:
         """Return innovations (x, ticks, o) under an observer's gain (states, o).
@@ -98,7 +107,7 @@ class Many:
         if place is not None:
             jitters[:, place] = jitter
         period = self.model.nominal.interface.period
-        for which, population, device in self.kinds:
+        for which, population, device in self.kinds(experiment.changes):
             motions = np.array([
                 _first_motion(first, period, origins[i], place, float(jitter[i]), change)
                 for i in which

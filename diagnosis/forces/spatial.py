@@ -56,6 +56,7 @@ def response(problem: Problem, fitted: Fitted, place: str) -> Floats:
     device = fitted.model.acting(fitted.x)
     device = device.without_physics() if device.physics else device
     first = problem.experiments[0]
+    device = first.on(device)
     length = min(LONGEST, first.ticks - LEAD) + LEAD
     command, measured = np.zeros(length), np.zeros((length, len(first.outputs)))
     ready = prepared(device)

@@ -270,7 +270,7 @@ class Model:
 
     def arriving_change(self, plain: Experiment) -> Floats:
         """Return by how much the command that begins to act changes at each reading (ticks,)."""
-        return np.diff(arriving(self.nominal, plain.command), prepend=0.0)
+        return np.diff(arriving(plain.on(self.nominal), plain.command), prepend=0.0)
 
     def _command_steps(self) -> list[float]:
         known = [self.nominal.interface.command_step]

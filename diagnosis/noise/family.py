@@ -116,14 +116,14 @@ def noises(
     usable = np.flatnonzero(np.isfinite(gains).all(axis=(1, 2)))
     if usable.size == 0:
         return []
-    each = _Observed(device, bare, gains[usable])
-    followed = [each.followed(e) for e in seen]
+    each = {id(e.changes): _Observed(e.on(device), e.on(bare), gains[usable]) for e in experiments}
+    followed = [each[id(e.changes)].followed(e) for e in seen]
     found: list[Noise] = []
     for i, ratio in enumerate(ratios[usable].tolist()):
         errors = [innovations[i] for _, innovations in followed]
         if not all(np.all(np.isfinite(e)) for e in errors):
             continue
-        plain = Observer(each.gains[i], _deviation(errors), ratio)
+        plain = Observer(gains[usable][i], _deviation(errors), ratio)
         try:
             white = whitened(plain, errors) if family.whitening else plain
         except NoObserver:

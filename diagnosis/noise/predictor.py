@@ -168,6 +168,16 @@ def prepared(device: Device, fineness: Fineness = FINAL, least: int = 1) -> Prep
     return Prepared(coarse, equations(device, many) if many > few else coarse)
 
 
+def prepared_each(
+    device: Device, experiments: Sequence[Experiment], fineness: Fineness = FINAL, least: int = 1
+) -> list[Prepared]:
+    """Return the device as it was in each recording, prepared; once for those that say nothing."""
+    plain = prepared(device, fineness, least)
+    return [
+        plain if e.changes is None else prepared(e.on(device), fineness, least) for e in experiments
+    ]
+
+
 def substeps_of(device: Device, fineness: Fineness, least: int = 1) -> tuple[int, int]:
     """Return the substeps a tick, and in ticks that need more; see `prepared`."""
     return substeps_for(device.physics, fineness, max(least, enough(device)))
@@ -277,8 +287,9 @@ def innovations(
     """Return innovations (ticks, o); infinite from where the prediction overflowed.
 
     external: forces (ticks, n) added to the device's own, in place of those of the recording.
+    ready: the device as it was in this recording (`Experiment.on`), prepared.
     """
-    ready = prepared(device) if ready is None else ready
+    ready = prepared(experiment.on(device)) if ready is None else ready
     eq, fine = ready
     memory, full = memory_at(ready, experiment, device, gain)
     forces = _padded_force(experiment.force if external is None else external, eq.dof)
@@ -313,7 +324,7 @@ def driven(device: Device, experiment: Experiment, gain: Floats, errors: Floats)
     begins the experiment. What reads a place that stays zero has what it measured for innovation;
     outputs that correct nothing, measured as zero, are h turned round. Infinite after an overflow.
     """
-    eq, fine = ready = prepared(device)
+    eq, fine = ready = prepared(experiment.on(device))
     places, o = experiment.places(eq.dof), errors.shape[1]
     outputs = Outputs(
         np.concatenate([np.full(o, NOTHING), places.state]),
@@ -343,7 +354,7 @@ def begun(device: Device, experiment: Experiment, observer: "Observer") -> Exper
         return replace(experiment, start=None)
     own = (own.reshape(first.measured.shape) / observer.deviation).ravel()
     linear = device.without_physics() if device.physics else device
-    ready = prepared(linear)
+    ready = prepared(experiment.on(linear))
     dof = device.chain.masses.size
     still = replace(
         first, command=np.zeros(first.ticks), measured=np.zeros(first.measured.shape),
@@ -418,7 +429,7 @@ def free_run_errors(
 
     Each window starts from the state that the observer has at its beginning, then runs free.
     """
-    eq, fine = ready = prepared(device)
+    eq, fine = ready = prepared(experiment.on(device))
     places = experiment.places(eq.dof)
     memory, full = memory_at(ready, experiment, device, gain)
     no_force = np.zeros((0, eq.dof))
@@ -450,7 +461,7 @@ def free_runs(
 
     most: of each length, evenly spread over the recording. The observer goes through it once.
     """
-    eq, fine = ready = prepared(device)
+    eq, fine = ready = prepared(experiment.on(device))
     places, o, n = experiment.places(eq.dof), len(experiment.outputs), device.chain.masses.size
     states = np.concatenate([np.arange(n), np.arange(eq.dof, eq.dof + n)])
     wide = Outputs(
@@ -516,13 +527,16 @@ def choose_observer(
     Every third ratio of a grid, then those beside the best of them. near: a ratio to go on from,
     downhill, where one was chosen for nearly the same model. Raises NoObserver where none follows.
     """
-    ready = prepared(device, SEARCHING)
+    ready = prepared_each(device, experiments, SEARCHING)
     scores: dict[int, float] = {}
 
     def score(i: int) -> float:
         with suppress(NoObserver), np.errstate(all="ignore"):
             gain = observer_for(device, experiments[0], float(RATIOS[i]))
-            kept = [innovations(device, e, gain, ready=ready)[SETTLING:] for e in experiments]
+            kept = [
+                innovations(device, e, gain, ready=own)[SETTLING:]
+                for e, own in zip(experiments, ready, strict=True)
+            ]
             found = sum(k.shape[0] * np.linalg.slogdet(k.T @ k / k.shape[0])[1] for k in kept)
             return float(found) if np.isfinite(found) else np.inf
         return np.inf

@@ -3,13 +3,15 @@
 import itertools
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.logs.stretches import jumps, without_gaps
+from zwidth.sim.changes import Changes, changes_of
 from zwidth.sim.device import Device
 from zwidth.sim.predict import Outputs
 from zwidth.sim.trace import Trace
@@ -17,6 +19,10 @@ from zwidth.sim.trace import Trace
 Floats = NDArray[np.float64]
 OUTPUT = re.compile(r"(position|velocity)_m([1-5])$")
 SHORTEST = 200
+BLOCKS = 50  # in which pauses are looked for
+PAUSE = 5  # blocks, at least
+STILL, QUIET = 0.01, 0.3  # rms of motion and of command in a pause, over that of the recording
+STEADY = 0.05  # the same of the command's means over blocks, which noise leaves and a ramp does not
 SIMULATED = 1e-5  # noise over the swing that is added to a log without any
 
 
@@ -49,7 +55,8 @@ class Experiment:
     after the recording does; notes: sentences about what was recorded, to be said with the answer.
     before: what was recorded up to here, where this is the rest of a recording; an observer follows
     it first, since what it says of the state (a position of which only the velocity is measured,
-    the side of a play) no later sample may.
+    the side of a play) no later sample may. changes: what was known to be different about the
+    device.
     """
 
     period: float
@@ -65,6 +72,11 @@ class Experiment:
     begins: float = 0.0
     notes: tuple[str, ...] = ()
     before: "Experiment | None" = None
+    changes: Changes | None = None
+
+    def on(self, device: Device) -> Device:
+        """Return a device as it was in this recording."""
+        return device if self.changes is None else self.changes.of(device)
 
     @property
     def ticks(self) -> int:
@@ -92,9 +104,34 @@ class Experiment:
             before=self.before if start == 0 else None,
         )
 
+    def pauses(self) -> NDArray[np.bool_]:
+        """Return which samples (ticks,) are of a pause: nothing is asked and nothing moves.
+
+        Both lie still against what they do in the whole recording, for a tenth of it: a
+        device that sticks under a command that changes is no pause, and says much.
+        """
+        found = np.zeros(self.ticks, dtype=np.bool_)
+        ends = np.linspace(0, self.ticks, BLOCKS + 1).round().astype(np.int64)
+        blocks = [slice(a, b) for a, b in itertools.pairwise(ends.tolist()) if b > a]
+        moves, asks = self.measured.std(axis=0), self.command.std()
+        still = [bool(np.all(self.measured[b].std(axis=0) <= STILL * moves)) for b in blocks]
+        for lies, run in itertools.groupby(zip(still, blocks, strict=True), lambda pair: pair[0]):
+            each = [block for _, block in run]
+            whole = slice(each[0].start, each[-1].stop)
+            steady = np.std([self.command[block].mean() for block in each]) <= STEADY * asks
+            quiet = steady and self.command[whole].std() <= QUIET * asks
+            rests = np.all(self.measured[whole].std(axis=0) <= STILL * moves)
+            if lies and len(each) >= PAUSE and quiet and rests:
+                found[whole] = True
+        return found
+
     def split(self, share: float = 0.7) -> "tuple[Experiment, Experiment]":
-        """Return the first share to fit on, and the rest to judge by."""
-        cut = round(share * self.ticks)
+        """Return the first share of what happens to fit on, and the rest to judge by.
+
+        Pauses do not count: a recording that ends in one would be judged by nothing.
+        """
+        happens = np.cumsum(~self.pauses())
+        cut = int(np.searchsorted(happens, round(share * int(happens[-1])))) + 1
         first = self.part(0, cut)
         return first, replace(self.part(cut, self.ticks), before=first)
 
@@ -111,7 +148,7 @@ def experiment(trace: Trace, device: Device, name: str = "recording") -> Experim
     Raises ExperimentError where there is no command, no position or velocity of a mass of the
     device, too little of it, or a constant or non-finite channel; periods that differ by more than
     one percent, and motions along a line of a device that turns or the other way round, are refused
-    with what to change.
+    with what to change. DeviceError where what the recording says of its device cannot be so.
     """
     period, masses = device.interface.period, device.chain.masses.size
     if "command" not in trace.channels:
@@ -148,7 +185,11 @@ def experiment(trace: Trace, device: Device, name: str = "recording") -> Experim
     channels = [("command", trace["command"])]
     channels += [(o.name, trace[o.name]) for o in found]
     _refuse(channels)
+    said = cast("Mapping[str, object]", trace.facts.get("device_changes", {}))
+    changes = changes_of(said, device)
     command = np.ascontiguousarray(trace["command"])
+    if changes is not None:
+        command = changes.command_gain * command
     swing = float(np.std(measured[:, 0]))
     notes: tuple[str, ...] = ()
     if trace.origin == "simulated":  # without any noise, the kernel's own steps are all there is
@@ -160,7 +201,9 @@ def experiment(trace: Trace, device: Device, name: str = "recording") -> Experim
         )
     elif beyond:
         notes = (f"{name} has {', '.join(beyond)}, which is left out: the device has {one}",)
-    return Experiment(own, command, measured, tuple(found), name, swing, notes=notes)
+    return Experiment(
+        own, command, measured, tuple(found), name, swing, notes=notes, changes=changes
+    )
 
 
 def _outputs(trace: Trace, device: Device) -> tuple[list[Output], list[str]]:

@@ -1,0 +1,158 @@
+"""Known differences of a device in one run: a payload, another spring, a lower limit.
+
+A recording says what its own device file would say (`[device]` of the recording TOML). What is
+known is the difference to the device's file, and it is put on whatever a fit makes of the device: a
+payload of 0.493 kg adds 0.493 kg to a fitted mass,
+
+    m = m_fitted + (m_run - m_file),
+
+so that masses, springs, dampers, delay and numbers of physics add, and a limit replaces. Nothing of
+it is fitted. A fit may walk to where a mass less its payload would be negative: of a mass or a
+spring at least `LEAST` of what the run says remains.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.sim.chain import Chain, Chains, make_chain
+from zwidth.sim.device import Device, DeviceError, place_label
+from zwidth.sim.members import Members
+from zwidth.sim.nearest import nearest
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.table import Table
+
+Floats = NDArray[np.float64]
+ARRAYS = ("masses", "ground_dampers", "link_springs", "link_dampers")
+POSITIVE = ("masses", "ground_spring", "link_springs")
+LIMITS = ("delay_s", "command_limit", "command_gain")
+KEYS = (*ARRAYS, "ground_spring", *LIMITS, "physics")
+LEAST = 0.01
+
+
+@dataclass(frozen=True)
+class Changes:
+    """What a run adds to a device.
+
+    chain: the difference, field by field. least: of the chain's fields in `POSITIVE`, what remains
+    at least. delay [s] is added, command_limit replaces, None for the device's own. command_gain:
+    times the device's; whoever takes the command reads it. physics: values to be added, by
+    effect@place.
+    """
+
+    chain: Chain
+    least: Chain
+    delay: float = 0.0
+    command_limit: float | None = None
+    command_gain: float = 1.0
+    physics: tuple[tuple[str, Mapping[str, float]], ...] = ()
+
+    def of(self, device: Device) -> Device:
+        """Return a device as it was in the run."""
+        changed = device.with_chain(_chain(self._chain(device.chain)))
+        changed = changed.with_interface(**self._interface(device.interface.delay))
+        more = dict(self.physics)
+        own = tuple(_more(p, more[place_label(p)]) if place_label(p) in more else p
+                    for p in device.physics)  # fmt: skip
+        return replace(changed, physics=own)
+
+    def of_members(self, members: Members) -> Members:
+        """Return members as they were in the run; bit for bit what `of` makes of each."""
+        changed = replace(members, chains=Chains(*self._chain(members.chains)))
+        changed = changed.with_interface(**self._interface(members.of_interface("delay")))
+        more, values = dict(self.physics), list(changed.values)
+        for i, p in enumerate(changed.physics):
+            for name, added in more.get(place_label(p), {}).items():
+                column = [q.name for q in p.effect.parameters].index(name)
+                values[i] = values[i].copy()
+                values[i][:, column] += added
+        return replace(changed, values=tuple(values))
+
+    def _chain(self, chain: Chain | Chains) -> list[Floats]:
+        changed: list[Floats] = []
+        for field in Chain._fields:
+            own = getattr(chain, field) + getattr(self.chain, field)
+            positive = field in POSITIVE and np.any(getattr(self.chain, field))
+            changed.append(np.maximum(own, getattr(self.least, field)) if positive else own)
+        return changed
+
+    def _interface(self, delay: float | Floats) -> dict[str, float | Floats]:
+        changed: dict[str, float | Floats] = {}
+        if self.delay != 0.0:
+            changed["delay"] = np.maximum(0.0, delay + self.delay)
+        if self.command_limit is not None:
+            changed["command_limit"] = self.command_limit
+        return changed
+
+
+def _more(physics: Physics, added: Mapping[str, float]) -> Physics:
+    values = {name: value + added.get(name, 0.0) for name, value in physics.values.items()}
+    return replace(physics, values=values)
+
+
+def known_changes(table: Table) -> Table:
+    """Return the table `[device]` of a recording if it has no other keys than it may have."""
+    return table.only(KEYS)
+
+
+def changes_of(table: Mapping[str, object], device: Device) -> Changes | None:
+    """Return what a run adds to a device, of the table that says what its own file would say.
+
+    Raises DeviceError with one sentence: a mechanism given as modes, another number of masses or
+    links, a value that is not allowed, an effect that the device's file does not have.
+    """
+    own = known_changes(Table(table, "device"))
+    if not own.keys():
+        return None
+    if device.modal is not None and any(key in own for key in (*ARRAYS, "ground_spring")):
+        raise DeviceError(
+            "[device] of a recording gives masses and springs of a device that is given as modes;"
+            " give its mechanism as [chain]"
+        )
+    said = {key: own.numbers(key) for key in ARRAYS if key in own}
+    for key, values in said.items():
+        if len(values) != (expected := getattr(device.chain, key).size):
+            raise DeviceError(
+                f"device.{key} of the recording has {len(values)} entries; the device has"
+                f" {expected}"
+            )
+    there = device.chain._asdict() | said
+    masses, dampers, springs, links = (np.array(there[key]) for key in ARRAYS)
+    spring = own.number("ground_spring", device.chain.ground_spring)
+    try:
+        chain = make_chain(masses, dampers, spring, springs, links)
+        limits = {key: own.number(key) for key in LIMITS if key in own}
+        interface = {key.removesuffix("_s"): value for key, value in limits.items()}
+        clock = device.with_interface(**interface).interface
+    except ValueError as error:
+        raise DeviceError(f"[device] of the recording: {error}") from None
+    added = [np.subtract(a, b) for a, b in zip(chain, device.chain, strict=True)]
+    least = [LEAST * np.asarray(numbers) for numbers in chain]
+    return Changes(
+        _chain(added),
+        _chain(least),
+        clock.delay - device.interface.delay,
+        clock.command_limit if "command_limit" in own else None,
+        clock.command_gain / device.interface.command_gain,
+        tuple(_of_physics(entry, device) for entry in own.tables("physics")),
+    )
+
+
+def _chain(fields: Sequence[Floats]) -> Chain:
+    masses, dampers, spring, links, link_dampers = fields
+    return Chain(masses, dampers, float(spring), links, link_dampers)
+
+
+def _of_physics(table: Table, device: Device) -> tuple[str, Mapping[str, float]]:
+    label = f"{table.text('effect')}@{table.text('at')}"
+    known = {place_label(p): p for p in device.physics}
+    if label not in known:
+        hint = nearest(label, known) if known else "it has none"
+        raise DeviceError(
+            f"{table.path} of the recording is {label}, which the device file does not have; {hint}"
+        )
+    values = known[label].values
+    table.only(("effect", "at", *values))
+    return label, {name: table.number(name) - values[name] for name in values if name in table}
