@@ -31,7 +31,7 @@ CART = Device(
     Interface(period=0.002),
 )  # fmt: skip
 LEVEL = 0.12
-PAYLOAD: Mapping[str, object] = {"masses": [0.8, 1.2]}
+PAYLOAD: dict[str, object] = {"masses": [0.8, 1.2]}
 
 
 def driven(device: Device, changes: Mapping[str, object], seed: int) -> Experiment:
@@ -172,7 +172,7 @@ def test_what_cannot_be_so_is_said(tmp_path: Path, toml: str, device: Device, sa
     trace = read_recording(path)
     there = device.with_interface(period=0.002)
     if device.rotary:
-        trace = replace(trace, units={name: "" for name in trace.units})
+        trace = replace(trace, units=dict.fromkeys(trace.units, ""))
     with pytest.raises(DeviceError, match=says):
         experiment(trace, there)
 
