@@ -61,7 +61,7 @@ def scale_for(
 ) -> Scale:
     """Return how strong excitations may be: as given, else as recorded, else as the device bears.
 
-    Without a recording the travel is 1 rad or 0.1 m, the level 90 % of the command limit; without
+    Without a recording (of a level: one that a command drives) the travel is 1 rad or 0.1 m, the level 90 % of the command limit; without
     that limit either, the level at which white noise has this travel.
     """
     if travel is None:
@@ -74,8 +74,8 @@ def scale_for(
         travel = max(recordings, default=usual)
     if level is None:
         limit = device.interface.command_limit
-        level = max((float(np.abs(e.command).max()) for e in experiments), default=MARGIN * limit)
-        level = min(level, MARGIN * limit)
+        driven = [float(np.abs(e.command).max()) for e in experiments if np.ptp(e.command) > 0.0]
+        level = min(max(driven, default=MARGIN * limit), MARGIN * limit)
     if not np.isfinite(level):
         unit = _unit(white_noise(10.0, device.interface.period, 0))
         level = travel / travelled(device.without_physics(), unit)

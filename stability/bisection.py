@@ -365,9 +365,11 @@ class _Hunt:
         good = is_stable(growth, self.limit)
         doubt = growth.verdict == UNDECIDED
         bad = ~good & ~doubt
-        # Begun above a band of instability: from near zero after all.
-        early = bad & np.isnan(self.stable[runs]) & (tried > self.lowest)
+        # Begun above a band of instability: from near zero after all. Once only: what stays
+        # undecided from there on has no stable end.
+        early = bad & np.isnan(self.stable[runs]) & (self.first[runs] > self.lowest)
         self.first[runs[early]] = self.lowest
+        self.doubt_low[runs[early]] = self.doubt_high[runs[early]] = np.nan
         bad &= ~early
         self.stable[runs[good]] = tried[good]
         self.unstable[runs[bad]] = tried[bad]

@@ -163,6 +163,20 @@ def test_a_boundary_closer_than_time_can_tell_stays_undecided() -> None:
     assert growth.verdict[0] == UNDECIDED
 
 
+def test_a_device_that_never_comes_to_rest_has_brackets_all_the_same() -> None:
+    """A mode without any damping decays by no wall, however weak: undecided, and not for ever.
+
+    Mutation: begin from the lowest K again as often as the first sure verdict is a bad one (hangs).
+    """
+    ring = make_physics("extra_mode", "m1", mass=4e-4, stiffness=0.18, damping=0.0)
+    device = one_mass(1.7, 0.9, 780.0, ring)
+    dampings = np.array([0.0, 600.0])
+    (brackets,) = find_brackets(
+        [device], [dampings], Trial(start=1e-4, seconds=3.0, limit_s=6.0), Search(tolerance=0.02)
+    )
+    assert [b.damping for b in brackets] == dampings.tolist()
+
+
 @pytest.mark.parametrize("start", [5e-4, 2e-3, 1e-2])
 def test_with_friction_the_boundary_depends_on_the_start(start: float) -> None:
     """Amplitude A* = 4 f_c / (pi omega (K tau - b)) within 2 %: larger starts, lower walls.

@@ -176,6 +176,8 @@ def force_maps(
             values = [state_of(e, motion, against) for e, motion in pairs]
             edges = np.quantile(np.concatenate(values), np.linspace(0.0, 1.0, BINS + 1))
             edges = np.unique(edges)
+            if edges.size < 2:  # a state that never changes (no command) tells nothing
+                continue
             edges[-1] += 1e-12 + 1e-9 * abs(edges[-1])
             bins = [[(v >= a) & (v < b) for v in values] for a, b in pairwise(edges)]
             columns = in_parallel([lambda m=m, p=place: signature(p, m) for m in bins], threads())

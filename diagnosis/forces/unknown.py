@@ -422,6 +422,8 @@ def _shapes(problem: Problem, fitted: Fitted, n: int) -> Iterator[Shape]:
             values = [state_of(e, m, state) for e, m in pairs]
             edges = np.unique(np.quantile(np.concatenate(values), QUANTILES))
             last = edges.size - 2
+            if last < 0:  # a state that never changes (no command) tells nothing
+                continue
             bins = [np.clip(np.searchsorted(edges, v, "right") - 1, 0, last) for v in values]
             binned = [np.eye(last + 1, dtype=np.bool_)[b] for b in bins]
             yield Shape(place, state, ends, binned, _same(place, state, n))

@@ -145,17 +145,14 @@ def beginnings(experiments: Sequence[Experiment], ticks: int) -> list[Experiment
 def experiment(trace: Trace, device: Device, name: str = "recording") -> Experiment:
     """Take command and measured motions from a trace.
 
-    Raises ExperimentError where there is no command, no position or velocity of a mass of the
-    device, too little of it, or a constant or non-finite channel; periods that differ by more than
-    one percent, and motions along a line of a device that turns or the other way round, are refused
-    with what to change. DeviceError where what the recording says of its device cannot be so.
+    Without a command, or under a constant one, the device was let go and moves by itself: a free
+    decay, which a note says. Raises ExperimentError where there is no position or velocity of a
+    mass of the device, too little of it, a motion that is constant, or a channel that is not
+    finite; periods that differ by more than one percent, and motions along a line of a device that
+    turns or the other way round, are refused with what to change. DeviceError where what the
+    recording says of its device cannot be so.
     """
     period, masses = device.interface.period, device.chain.masses.size
-    if "command" not in trace.channels:
-        raise ExperimentError(
-            f"the recording has no channel 'command' (it has {', '.join(trace.channels)}); name the"
-            " input in the recording's TOML"
-        )
     found, beyond = _outputs(trace, device)
     one = "one mass" if masses == 1 else f"{masses} masses"
     if not found:
@@ -182,28 +179,39 @@ def experiment(trace: Trace, device: Device, name: str = "recording") -> Experim
             " device's [interface] to the recording's, or resample the recording"
         )
     measured = np.column_stack([trace[o.name] for o in found])
-    channels = [("command", trace["command"])]
-    channels += [(o.name, trace[o.name]) for o in found]
-    _refuse(channels)
+    _refuse([(o.name, trace[o.name]) for o in found])
+    command, free = _driving(trace, name)
     said = cast("Mapping[str, object]", trace.facts.get("device_changes", {}))
     changes = changes_of(said, device)
-    command = np.ascontiguousarray(trace["command"])
     if changes is not None:
         command = changes.command_gain * command
     swing = float(np.std(measured[:, 0]))
-    notes: tuple[str, ...] = ()
+    notes = free
     if trace.origin == "simulated":  # without any noise, the kernel's own steps are all there is
         random = np.random.default_rng(0)
         measured = measured + SIMULATED * swing * random.standard_normal(measured.shape)
-        notes = (
+        notes += (
             f"{name} is a log of a simulation, which reads without noise: {SIMULATED * swing:.2g}"
             f" {unit} of it are added, since no encoder and no step of a kernel is finer",
         )
     elif beyond:
-        notes = (f"{name} has {', '.join(beyond)}, which is left out: the device has {one}",)
+        notes += (f"{name} has {', '.join(beyond)}, which is left out: the device has {one}",)
     return Experiment(
         own, command, measured, tuple(found), name, swing, notes=notes, changes=changes
     )
+
+
+def _driving(trace: Trace, name: str) -> tuple[Floats, tuple[str, ...]]:
+    """Return the command (ticks,), zero where none was recorded, and what to say of it."""
+    if "command" not in trace.channels:
+        said = f"{name} has no command: it is taken as a motion that nothing drives"
+        return np.zeros(len(trace)), (f"{said}; name the input in its TOML if something did",)
+    _refuse_unknown("command", trace["command"])
+    command = np.ascontiguousarray(trace["command"])
+    if np.ptp(command) > 0.0:
+        return command, ()
+    at = f"the command of {name} is constant at {command[0]:g}"
+    return command, (f"{at}: what moves is taken as a free motion",)
 
 
 def _outputs(trace: Trace, device: Device) -> tuple[list[Output], list[str]]:
@@ -250,7 +258,9 @@ def stretches(trace: Trace, device: Device, name: str = "recording") -> list[Exp
     over = ", also over samples that lack," if lacking else ""
     after = f"first by {far:.4g} s after {kept.t[first - 1]:g} s"
     parts = [replace(whole.part(a, b), begins=float(kept.t[a] - trace.t[0])) for a, b in pairs]
-    parts = [p for p in parts if np.all(np.ptp(np.column_stack([p.command, p.measured]), axis=0))]
+    still = np.ptp(whole.command) == 0.0  # then no part need be driven
+    parts = [p for p in parts if np.all(np.ptp(p.measured, axis=0))]
+    parts = [p for p in parts if still or np.ptp(p.command)]
     if not parts:
         raise ExperimentError(
             f"the clock of {name} jumps{over} {count}, {after}, and no {SHORTEST} samples in motion"
@@ -267,14 +277,18 @@ def stretches(trace: Trace, device: Device, name: str = "recording") -> list[Exp
     return [replace(parts[0], notes=(*whole.notes, note)), *parts[1:]]
 
 
+def _refuse_unknown(name: str, values: Floats) -> None:
+    bad = int(np.count_nonzero(~np.isfinite(values)))
+    if bad:
+        raise ExperimentError(
+            f"channel {name!r} has {bad} values that are not finite; cut them out with [use]"
+        )
+
+
 def _refuse(channels: Sequence[tuple[str, Floats]]) -> None:
     for name, values in channels:
-        bad = int(np.count_nonzero(~np.isfinite(values)))
-        if bad:
-            raise ExperimentError(
-                f"channel {name!r} has {bad} values that are not finite; cut them out with [use]"
-            )
+        _refuse_unknown(name, values)
         if np.ptp(values) == 0.0:
             raise ExperimentError(
-                f"channel {name!r} is constant at {values[0]:g}; record while the device is driven"
+                f"channel {name!r} is constant at {values[0]:g}; record while the device moves"
             )

@@ -18,7 +18,9 @@ FOLLOWING = 1e-2  # ratio of the observer by which masses that nothing measures 
 def sizes_of(device: Device, experiments: Sequence[Experiment]) -> Sizes:
     """Return the sizes over all recordings: of m1 as measured, of the rest as an observer follows.
 
-    Where no observer follows, every mass moves as m1 does, and a link gives way as at rest.
+    Where no observer follows, every mass moves as m1 does, and a link gives way as at rest. What a
+    free motion is driven by is what stores its energy: of a swing of any frequency m v^2 / x, v and
+    x the rms speed and position, since k x = m omega^2 x.
     """
     command = np.concatenate([e.command for e in experiments])
     positions: list[Floats] = []
@@ -37,6 +39,11 @@ def sizes_of(device: Device, experiments: Sequence[Experiment]) -> Sizes:
     force = float(np.sqrt(np.mean(command**2)))
     speed, position, span = float(np.std(v)), float(np.std(q)), float(np.ptp(q))
     chain, n = device.chain, device.chain.masses.size
+    peak = float(np.abs(command).max())
+    driven = any(np.ptp(e.command) > 0.0 for e in experiments)
+    if not driven and position > 0.0:
+        force = float(chain.masses.sum()) * speed**2 / position
+        peak = force * float(np.abs(q - q.mean()).max()) / position
     own = np.array([speed, position, span, float(np.abs(v).max())])
     by_mass, springs = np.tile(own[:, None], n), np.asarray(chain.link_springs, dtype=np.float64)
     stretches = force / springs
@@ -52,7 +59,7 @@ def sizes_of(device: Device, experiments: Sequence[Experiment]) -> Sizes:
         rotary=device.rotary,
         period=experiments[0].period,
         force=force,
-        peak=float(np.abs(command).max()),
+        peak=peak,
         speed=speed,
         position=position,
         span=span,
@@ -64,6 +71,7 @@ def sizes_of(device: Device, experiments: Sequence[Experiment]) -> Sizes:
         springs=tuple(springs.tolist()),
         stretches=tuple(stretches.tolist()),
         step=device.interface.encoder_step,
+        driven=driven,
     )
 
 

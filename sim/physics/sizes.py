@@ -18,7 +18,8 @@ LONGEST = 1.2  # waves of a period, and travels: of a longer wave less than one 
 class Sizes:
     """The sizes of one or several recordings of a device, SI.
 
-    force, peak: rms and largest command; speed, position, span: rms speed, rms position and travel
+    force, peak: rms and largest command, or of what moves the device where no command does
+    (`driven`); speed, position, span: rms speed, rms position and travel
     of m1 as measured; period: of the ticks. By mass: speeds, positions, spans, and fastest, the
     highest speed recorded. By link: springs, and stretches, the rms deflection (far less than the
     force over the spring where the end is light, and more at a resonance). step: of the encoder.
@@ -39,6 +40,7 @@ class Sizes:
     springs: tuple[float, ...]
     stretches: tuple[float, ...]
     step: float = 0.0
+    driven: bool = True
 
     @property
     def mass(self) -> float:

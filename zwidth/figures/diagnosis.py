@@ -28,7 +28,9 @@ def force_map_figure(located: Located, rotary: bool) -> Figure:
     with rc_context(STYLE):
         figure = Figure(figsize=(7.2, 5.0), layout="constrained")
         panels = figure.subplots(2, 2, squeeze=False).ravel()
-        for axes, m in zip(panels, maps, strict=True):
+        for axes in panels[len(maps) :]:  # of a free motion there is no command
+            axes.remove()
+        for axes, m in zip(panels, maps, strict=False):
             middle = 0.5 * (m.edges[1:] + m.edges[:-1])
             axes.axhline(0.0, color="0.6", linewidth=0.8)
             axes.errorbar(
@@ -39,7 +41,7 @@ def force_map_figure(located: Located, rotary: bool) -> Figure:
             axes.set_title(f"chi-square {m.gained:.0f}", fontsize=9)
             axes.ticklabel_format(axis="y", scilimits=(-3, 3))
             axes.locator_params(axis="x", nbins=4)
-        for axes in panels[::2]:
+        for axes in panels[: len(maps) : 2]:
             axes.set_ylabel(f"missing force at {top.place} [{force}]")
     return figure
 
