@@ -61,8 +61,9 @@ def scale_for(
 ) -> Scale:
     """Return how strong excitations may be: as given, else as recorded, else as the device bears.
 
-    Without a recording (of a level: one that a command drives) the travel is 1 rad or 0.1 m, the level 90 % of the command limit; without
-    that limit either, the level at which white noise has this travel.
+    Without a recording the travel is 1 rad or 0.1 m. Without one that a command drives, the level
+    is 90 % of the command limit; without that limit either, the level at which white noise has this
+    travel.
     """
     if travel is None:
         recordings = [
