@@ -13,7 +13,7 @@ from zwidth.diagnosis.answer.augmented_boundary import AugmentedBoundary
 from zwidth.diagnosis.answer.result import Diagnosis, Estimate, HeldOut, NextExperiment, Unanswered
 from zwidth.diagnosis.mishaps import collecting, isolated, silent
 from zwidth.figures.augmented_boundary import augmented_boundary_figure
-from zwidth.figures.diagnosis import force_map_figure, residual_figure
+from zwidth.figures.diagnosis import force_map_figure, residual_figure, whole_run_figure
 from zwidth.figures.style import STYLE
 from zwidth.files.whole import write_text
 from zwidth.report_page import embedded, page
@@ -76,6 +76,7 @@ def save_report(
         state=sorted(diagnosis.located.state, key=lambda s: -float(s["share"])),
         fits=(("one step ahead", diagnosis.one_step), ("free run", diagnosis.free_run)),
         improvement=improvement(diagnosis.free_run),
+        whole_runs=diagnosis.whole_runs,
     )
     return write_text(path, text)
 
@@ -96,6 +97,9 @@ def save_unanswered(
     return write_text(path, text)
 
 
+PICTURES = ("motion", "missing force", "residual", "boundary")
+
+
 def _pictures(
     diagnosis: Diagnosis, boundary: AugmentedBoundary | None, drawn: dict[str, str]
 ) -> dict[str, str]:
@@ -104,6 +108,8 @@ def _pictures(
     draw: dict[str, Callable[[], Figure]] = {}
     if diagnosis.located.maps:
         draw["missing force"] = lambda: force_map_figure(diagnosis.located, rotary)
+    if diagnosis.whole_runs:
+        draw["motion"] = lambda: whole_run_figure(diagnosis.whole_runs[0])
     draw["residual"] = lambda: residual_figure(diagnosis.residuals)
     if boundary is not None:
         draw["boundary"] = lambda: augmented_boundary_figure(boundary)
@@ -111,7 +117,7 @@ def _pictures(
         if name not in drawn:
             with isolated("picture", name):
                 drawn[name] = _embedded(figure())
-    return {name: drawn.get(name, "") for name in ("missing force", "residual", "boundary")}
+    return {name: drawn.get(name, "") for name in PICTURES}
 
 
 def _bounds(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:

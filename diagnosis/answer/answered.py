@@ -21,6 +21,7 @@ from zwidth.diagnosis.answer.result import (
 )
 from zwidth.diagnosis.answer.second_look import named_only_whole, on_first_part, second_look
 from zwidth.diagnosis.answer.verdict import Left, disturbed, instead_of, judged, left_over
+from zwidth.diagnosis.answer.whole_run import whole_runs
 from zwidth.diagnosis.forces.locate import NOWHERE, locate
 from zwidth.diagnosis.forces.unknown import Instead
 from zwidth.diagnosis.intake.gate import Fault
@@ -67,6 +68,8 @@ def answered(
     say("held-out data")
     judge = partial(held_out, device, by, taken.judge_by)
     one, free = attempt("held out", "", judge) or (UNKNOWN_FIT, UNKNOWN_FIT)
+    free_runs = partial(whole_runs, device, by, taken.fit_on, taken.judge_by)
+    runs = attempt("whole runs", "", free_runs) or ()
     findings = all_findings(device, taken, found)
     if (sound is not None and not sound.adequate) or disturbed(free):
         findings = tuple(f.without_probability() for f in findings)
@@ -85,6 +88,7 @@ def answered(
         attempt("augmented device", "", augment) or device,
         residuals, found, taken.whole, found.interrupted, _facts(found, left),
         errors=tuple(mishaps.found), left_out=taken.left_out, adequacy=sound,
+        whole_runs=runs,
     )  # fmt: skip
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.answer.adequacy import Adequacy
+from zwidth.diagnosis.answer.whole_run import WholeRun
 from zwidth.diagnosis.forces.locate import NOWHERE, Located
 from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.mishaps import Mishap
@@ -183,6 +184,7 @@ class Diagnosis:
     errors: tuple[Mishap, ...] = ()
     left_out: tuple[int, ...] = ()
     adequacy: Adequacy | None = None
+    whole_runs: tuple[WholeRun, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON of `zwidth diagnose`."""
@@ -214,7 +216,10 @@ class Diagnosis:
                 for k, (nominal, e) in self.linear_refit.items()
             },
             "where": where,
-            "fit": {"held_out": one, "one_step": one, "free_run": free},
+            "fit": {
+                "held_out": one, "one_step": one, "free_run": free,
+                "whole_run": [run.as_json() for run in self.whole_runs],
+            },
             "adequacy": self.adequacy and self.adequacy.as_json(),
             "upper_bounds": self.upper_bounds,
             "faults": [vars(f) for f in self.faults],
@@ -222,7 +227,7 @@ class Diagnosis:
             "interrupted": self.interrupted,
             "facts": self.facts,
             "errors": [m.as_json() for m in self.errors],
-        }
+        }  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -245,7 +250,8 @@ class Unanswered:
                 "sentence": NOWHERE.sentence,
                 "time": nothing, "frequency_hz": nothing, "state": nothing, "entry": nothing,
             },
-            "fit": {name: UNKNOWN_FIT.as_json() for name in ("held_out", "one_step", "free_run")},
+            "fit": {name: UNKNOWN_FIT.as_json() for name in ("held_out", "one_step", "free_run")}
+            | {"whole_run": nothing},
             "adequacy": None,
             "upper_bounds": {},
             "faults": [vars(f) for f in self.faults],

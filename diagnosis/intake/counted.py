@@ -89,10 +89,12 @@ def _with(e: Experiment, counted: dict[Output, Counted]) -> Experiment:
     measured = e.measured.copy()
     notes: list[str] = []
     outputs = list(e.outputs)
+    differenced = dict(e.differenced)
     for o, c in counted.items():
         place = outputs.index(o)
         measured[:, place] = c.position
         outputs[place] = Output("position", o.mass)
+        differenced[outputs[place]] = c.feedback
         filtered = f", low-passed at {c.cutoff_hz(e.period):.3g} Hz" if c.feedback else ""
         notes.append(
             f"{o.name} of {e.name} is what an encoder of {c.step:.4g} counts from sample to sample"
@@ -100,8 +102,9 @@ def _with(e: Experiment, counted: dict[Output, Counted]) -> Experiment:
         )
     swing = float(np.std(measured[:, 0]))
     return replace(
-        e, measured=measured, outputs=tuple(outputs), swing=swing, notes=(*e.notes, *notes)
-    )
+        e, measured=measured, outputs=tuple(outputs), swing=swing, notes=(*e.notes, *notes),
+        differenced=differenced,
+    )  # fmt: skip
 
 
 def _placed(device: Device) -> bool:

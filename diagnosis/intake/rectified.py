@@ -13,6 +13,7 @@ continuation is as good.
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -70,17 +71,16 @@ def unfolded(device: Device, experiment: Experiment) -> Unfolded | None:
     if not (surely or before > BETTER * after):
         return None
     best = z if turned[0] == after else -z
-    return Unfolded(_with_first(experiment, best), before / after)
+    return Unfolded(replace(_with_first(experiment, best), folded=True), before / after)
 
 
 def as_known(device: Device, experiment: Experiment) -> Experiment:
     """Return the recording of a device whose file has such a sensor, folded out."""
     z = folded_out(np.abs(experiment.measured[:, 0]), experiment.command)
-    try:
+    there, turned = np.inf, np.inf
+    with suppress(NoObserver):  # else neither way is known to be the better one
         there, turned = _errors(device, experiment, (z, -z))
-    except NoObserver:
-        return _with_first(experiment, z)
-    return _with_first(experiment, -z if turned < there else z)
+    return replace(_with_first(experiment, -z if turned < there else z), folded=True)
 
 
 def _errors(device: Device, experiment: Experiment, readings: Sequence[Floats]) -> list[float]:

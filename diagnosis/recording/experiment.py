@@ -4,7 +4,7 @@ import itertools
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import cast
 
 import numpy as np
@@ -73,6 +73,8 @@ class Experiment:
     notes: tuple[str, ...] = ()
     before: "Experiment | None" = None
     changes: Changes | None = None
+    differenced: Mapping["Output", float] = field(default_factory=dict["Output", float])
+    folded: bool = False
 
     def on(self, device: Device) -> Device:
         """Return a device as it was in this recording."""

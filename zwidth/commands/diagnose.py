@@ -44,6 +44,7 @@ from zwidth.sim.device import Device
 from zwidth.sim.device_file import device_to_text, load_device
 
 # What is written beside the logs: NAME.diagnosis.html, ...
+WHEN = ("before", "refit", "after")
 RESULTS = ("diagnosis.html", "augmented.toml", "next.toml", "next.npy")
 
 
@@ -364,6 +365,18 @@ def _say(console: Console, found: Diagnosis) -> None:
     if scale := scale_sentence(found):
         console.say(scale)
     console.say(f"\n{improvement(found.free_run)}")
+    rows = [
+        [f"{run.output} of {run.recording}"]
+        + [f"{number(run.errors[w])} {run.unit} ({100.0 * run.shares[w]:.3g} %)" for w in WHEN]
+        + ["held out" if run.held_out else "fitted"]
+        for run in found.whole_runs
+    ]
+    if rows:
+        heads = ("", "device file", "refitted", "with what was found", "")
+        columns = [Column(head, place in (1, 2, 3)) for place, head in enumerate(heads)]
+        console.table(
+            "\nWhole runs without a correction: rms error, and over the motion", columns, rows
+        )
 
 
 def _plain(value: Any) -> Any:

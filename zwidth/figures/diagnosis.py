@@ -8,12 +8,15 @@ from numpy.typing import NDArray
 from scipy.signal import welch
 
 from zwidth.diagnosis.answer.result import Residuals
+from zwidth.diagnosis.answer.whole_run import WholeRun
 from zwidth.diagnosis.forces.locate import Located
 from zwidth.figures.style import STYLE
 
 Floats = NDArray[np.float64]
 BEFORE, AFTER = "#bb5566", "#004488"
 SLICES = 60
+MOST_POINTS = 4000
+ROOM = 1.4  # of the motion, for the legend
 
 
 def force_map_figure(located: Located, rotary: bool) -> Figure:
@@ -43,6 +46,48 @@ def force_map_figure(located: Located, rotary: bool) -> Figure:
             axes.locator_params(axis="x", nbins=4)
         for axes in panels[: len(maps) : 2]:
             axes.set_ylabel(f"missing force at {top.place} [{force}]")
+    return figure
+
+
+def whole_run_figure(run: WholeRun) -> Figure:
+    """Return what was measured beside free runs of the refit and of what was found, errors below.
+
+    Runs that leave the picture are cut where they leave it.
+    """
+    t = run.begins + run.period * np.arange(run.measured.size)
+    words = {"refit": ("refitted alone", BEFORE), "after": ("with what was found", AFTER)}
+    shown = max(1, t.size // MOST_POINTS)
+    with rc_context(STYLE):
+        figure = Figure(figsize=(7.2, 4.2), layout="constrained")
+        motion, error = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
+        motion.plot(
+            t[::shown], run.measured[::shown], color="0.15", linewidth=1.6, label="measured"
+        )
+        for name, (label, colour) in words.items():
+            simulated = run.simulated[name]
+            with np.errstate(all="ignore"):
+                off = simulated - run.measured
+            style = {"color": colour, "linewidth": 1.0}
+            motion.plot(t[::shown], simulated[::shown], linestyle="--", label=label, **style)
+            said = (
+                f"{label}: {run.errors[name]:.3g} {run.unit} rms, {100.0 * run.shares[name]:.3g} %"
+            )
+            error.plot(t[::shown], off[::shown], label=said, **style)
+        middle = float(run.measured.mean())
+        reach = ROOM * float(np.abs(run.measured - middle).max())
+        motion.set_ylim(middle - reach, middle + reach)
+        errors = [run.errors[name] for name in words if np.isfinite(run.errors[name])]
+        error.set_ylim(-(most := min(reach, 4.0 * max(errors, default=reach)) or 1.0), most)
+        error.axhline(0.0, color="0.6", linewidth=0.8)
+        quantity, at = run.output.split("_")
+        motion.set_ylabel(f"{quantity} of {at} [{run.unit}]")
+        error.set_ylabel(f"error [{run.unit}]")
+        error.set_xlabel("time [s]")
+        held = "nothing was fitted to it" if run.held_out else "it was fitted"
+        motion.set_title(f"{run.recording}, simulated freely; {held}", fontsize=9)
+        for axes in (motion, error):
+            axes.legend(loc="upper right", fontsize=7, ncols=3)
+            axes.ticklabel_format(axis="y", scilimits=(-3, 3))
     return figure
 
 

@@ -1,0 +1,133 @@
+"""Free runs over whole recordings, each output as a user knows it: in units, and over the motion.
+
+The model starts where the recording does and is never corrected. What was taken otherwise than it
+was recorded is turned back: a position that was counted from a velocity is differenced and filtered
+again, v_k = a v_(k-1) + (1 - a) (q_k - q_(k-1)) / T, and what was folded out is folded.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.predictor import Observer, begun, memory_at, prepared
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.selection.searched import Searched
+from zwidth.sim.device import Device
+from zwidth.sim.predict import alone
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class WholeRun:
+    """How far free runs are off over a recording, rms in the unit of an output.
+
+    measured (ticks,), from begins [s] on, every period [s]; simulated (ticks,) "before", of the
+    device file, "refit", and "after", with what was found. held_out: whether nothing was fitted to
+    it.
+    """
+
+    recording: str
+    output: str
+    unit: str
+    begins: float
+    period: float
+    measured: Floats
+    simulated: Mapping[str, Floats]
+    held_out: bool
+
+    @property
+    def motion(self) -> float:
+        """Rms of what was measured about its mean."""
+        return float(self.measured.std())
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """Rms errors, infinite after an overflow."""
+        with np.errstate(all="ignore"):
+            off = {name: s - self.measured for name, s in self.simulated.items()}
+            rms = {name: float(np.sqrt(np.mean(e**2))) for name, e in off.items()}
+        return {name: r if math.isfinite(r) else math.inf for name, r in rms.items()}
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """Rms errors over the motion."""
+        return {
+            name: e / self.motion if self.motion else math.nan for name, e in self.errors.items()
+        }
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the JSON form: errors in units, and over the motion."""
+        return {
+            "recording": self.recording, "output": self.output, "unit": self.unit,
+            "rms": self.errors, "motion_rms": self.motion, "share": self.shares,
+            "held_out": self.held_out,
+        }  # fmt: skip
+
+
+def whole_runs(
+    device: Device, found: Searched, fitted: Sequence[Experiment], judge_by: Sequence[Experiment]
+) -> tuple[WholeRun, ...]:
+    """Return the whole runs of recordings that were fitted, and of what was held out.
+
+    Of the rest of a recording from where its first part ends, of which no whole run is given.
+    """
+    nominal = Model(device)
+    models = {
+        "before": (nominal, np.zeros(len(nominal.parameters))),
+        "refit": (found.refit.model, found.refit.x),
+        "after": (found.final.model, found.final.x),
+    }
+    rest = [e.before for e in judge_by if e.before is not None]
+    whole = [e for e in fitted if not any(_same(e, first) for first in rest)]
+    length = "rad" if device.rotary else "m"
+    runs: list[WholeRun] = []
+    for e, held in [*((e, True) for e in judge_by), *((e, False) for e in whole)]:
+        each = {name: _simulated(model, x, e, found.judge) for name, (model, x) in models.items()}
+        measured = recorded(e, e.measured)
+        for o, output in enumerate(e.outputs):
+            quantity = "velocity" if output in e.differenced else output.quantity
+            unit = length if quantity == "position" else f"{length}/s"
+            name = f"{quantity}_m{output.mass + 1}"
+            simulated = {word: found[:, o] for word, found in each.items()}
+            runs.append(
+                WholeRun(e.name, name, unit, e.begins, e.period, measured[:, o], simulated, held)
+            )
+    return tuple(runs)
+
+
+def _same(a: Experiment, b: Experiment) -> bool:
+    return a.name == b.name and np.array_equal(a.command, b.command)
+
+
+def _simulated(model: Model, x: Floats, e: Experiment, observer: Observer) -> Floats:
+    """Outputs (ticks, o), as recorded, of a free run in which nothing is corrected."""
+    device = model.acting(x)
+    seen = begun(device, model.seen(e, x), observer)
+    eq, fine = ready = prepared(e.on(device))
+    with np.errstate(all="ignore"):  # infinite after an overflow
+        memory, full = memory_at(ready, seen, device, observer.gain)
+        wrong = alone(
+            eq, fine, seen.places(eq.dof), seen.command, seen.measured, np.zeros_like(full),
+            np.zeros((0, eq.dof)), memory,
+        )  # fmt: skip
+        # What a model reads otherwise (an origin) is in both, and goes.
+        return recorded(e, e.measured - wrong)
+
+
+def recorded(e: Experiment, taken: Floats) -> Floats:
+    """Return outputs (ticks, o), as a recording was taken, as it was recorded."""
+    found = taken.copy()
+    for o, output in enumerate(e.outputs):
+        if (a := e.differenced.get(output)) is not None:
+            moved = np.diff(taken[:, o], prepend=taken[0, o]) / e.period
+            found[:, o] = lfilter([1.0 - a], [1.0, -a], moved)
+    if e.folded:
+        found[:, 0] = np.abs(found[:, 0])
+    return found
