@@ -69,10 +69,14 @@ from zwidth.sim.predict import OVERFLOW
 Floats = NDArray[np.float64]
 HORIZONS = (0.05, 0.5, 2.0)  # s
 SHORTEST = 5  # ticks of a free run
+FAR_LESS = 0.5  # rms error over that of another, from which ratios tell as well as differences
+APART = 2.0  # sigma
+TINY = 1e-300
 RUNS = 3  # free runs of a length at least, or nothing is said of it
 MOST_RUNS = 100  # free runs of a length in a recording
 FORGOTTEN = 4000  # ticks after which innovations know nothing of earlier ones
 REHEARSALS = 16
+TAKEN_FOR_CHANCE = 0.1  # of the motion, that free runs may err beyond the noise of readings
 MATTERS = 0.1  # of the square of errors, below which what leads them is no matter
 TOLD = 10.0  # information in a direction of x, of which a device file's own is one
 SCATTER = 1.0  # sigma of blocks by which an answer must be better than doing without it
@@ -179,6 +183,19 @@ def adequacy(
         return None
     explained, better = _better(final, others, observer, own, without)
     return Adequacy(tuple(ahead), explained, better, bool(final.model.effects))
+
+
+def wander(error: float, floor: float) -> bool:
+    """Whether free runs err too far beyond the noise of readings for a promise; not where unknown.
+
+    By a tenth of the motion, and by more than that noise is, which is not known to a percent. Both
+    over the motion.
+
+    A noise model of slow forces foretells any error of free runs as chance, also one that physics
+    of no library makes: an answer is adequate then, and promises nothing all the same.
+    """
+    beyond = error**2 - floor**2
+    return beyond > max(TAKEN_FOR_CHANCE**2, 0.5 * error**2)
 
 
 def _lengths(judge_by: Sequence[Experiment]) -> list[int]:
@@ -329,8 +346,11 @@ def freer(
 ) -> bool:
     """Whether one answer runs free better than another.
 
-    Each under its own observer; the horizon that tells most clearly decides, where its blocks would
-    not scatter so far with odds of ALPHA.
+    Each under its own observer; the horizon that tells most clearly decides, beyond `APART` sigma:
+    that the other's noise does not hold was shown before, so neither has the odds for it. Blocks
+    differ in how much they can show, so that a few of
+    them tell little by their differences: where one errs `FAR_LESS` of the other, the logarithms of
+    their ratios tell as well.
     """
     told: list[float] = []
     for ticks in _lengths(experiments):
@@ -340,8 +360,16 @@ def freer(
             )
             for f, o in (new, old)
         )
-        told.append(_sigma(b - a))
-    return max(told, key=abs, default=0.0) > float(norm.isf(ALPHA))
+        told.append(_clearly(b - a))
+        if max(a.mean(), b.mean()) * FAR_LESS**2 > min(a.mean(), b.mean()) > 0.0:
+            told.append(_clearly(np.log(np.maximum(b, TINY) / np.maximum(a, TINY))))
+    return max(told, key=abs, default=0.0) > APART
+
+
+def _clearly(gains: Floats) -> float:
+    """Sigma of a normal of the same odds as Student's t of a mean, of which a few tell less."""
+    odds = float(student.logsf(abs(_sigma(gains)), max(1, gains.size - 1)))
+    return math.copysign(float(norm.isf(max(math.exp(odds), 1e-300))), _sigma(gains))
 
 
 def _squares(device: Any, seen: Sequence[Experiment], observer: Observer, ticks: int) -> Floats:

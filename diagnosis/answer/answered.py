@@ -5,7 +5,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy
+from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy, wander
 from zwidth.diagnosis.answer.augmented import all_smooth, augmented
 from zwidth.diagnosis.answer.findings import all_findings, linear, upper_bounds
 from zwidth.diagnosis.answer.held_out import held_out
@@ -20,7 +20,7 @@ from zwidth.diagnosis.answer.result import (
     Verdict,
 )
 from zwidth.diagnosis.answer.second_look import named_only_whole, on_first_part, second_look
-from zwidth.diagnosis.answer.verdict import Left, disturbed, instead_of, judged, left_over
+from zwidth.diagnosis.answer.verdict import Left, instead_of, judged, left_over
 from zwidth.diagnosis.answer.whole_run import whole_runs
 from zwidth.diagnosis.forces.locate import NOWHERE, locate
 from zwidth.diagnosis.forces.unknown import Instead
@@ -71,7 +71,7 @@ def answered(
     free_runs = partial(whole_runs, device, by, taken.fit_on, taken.judge_by)
     runs = attempt("whole runs", "", free_runs) or ()
     findings = all_findings(device, taken, found)
-    if (sound is not None and not sound.adequate) or disturbed(free):
+    if (sound is not None and not sound.adequate) or wander(free.after, free.noise_floor):
         findings = tuple(f.without_probability() for f in findings)
     intervals = partial(linear, device, found.final, taken.whole)
     refit = attempt("intervals", "linear parameters", intervals) or {}

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from zwidth.diagnosis.answer.adequacy import Adequacy
+from zwidth.diagnosis.answer.adequacy import Adequacy, wander
 from zwidth.diagnosis.answer.result import UNKNOWN_FIT, Estimate, Finding, Held, HeldOut, Verdict
 from zwidth.diagnosis.fitting.uncertainty import Z95, inflation
 from zwidth.diagnosis.forces.leftover import leftover
@@ -20,7 +20,6 @@ MAPPED = 60.0  # chi-square that a map of the missing force over one state must 
 FREE_FORCE = 60.0  # -2 log likelihood that a force of free shape must gain besides its unknowns
 UNEXPLAINED = 0.01  # share of the chi-square explained that may be left under a verdict by name
 COLOURED = 0.05  # the same where the observer was asked for, and chi-square is no statistic
-TAKEN_FOR_CHANCE = 0.1  # of the motion, that free runs may err beyond readings' noise
 SURE = 0.95  # probability of a name, below which it is not promised
 LISTED = 4  # rivals in the verdict's sentence, the nearest; the others stand in the report
 
@@ -116,7 +115,7 @@ def judged(
     odd = next(((f, h) for f in findings for h in f.regimes if h.fails), None)
     if odd is not None:
         return Verdict.UNKNOWN_PHYSICS, not_everywhere(findings, *odd)
-    if findings and disturbed(free):
+    if findings and wander(free.after, free.noise_floor):
         return Verdict.UNKNOWN_PHYSICS, too_disturbed(findings, free)
     if findings and sound is None:
         return Verdict.UNDECIDED, not_judged(findings)
@@ -159,18 +158,6 @@ def not_judged(findings: tuple[Finding, ...]) -> str:
         f"{names} would explain what is missing, and too little was held out to judge by: record"
         " for longer, or give a second recording by --validate"
     )
-
-
-def disturbed(free: HeldOut) -> bool:
-    """Whether free runs err too far beyond the noise of readings for a promise; not where unknown.
-
-    By a tenth of the motion, and by more than that noise is, which is not known to a percent.
-
-    A noise model of slow forces foretells any error of free runs as chance, also one that physics
-    of no library makes: an answer is adequate then, and promises nothing all the same.
-    """
-    beyond = free.after**2 - free.noise_floor**2
-    return beyond > max(TAKEN_FOR_CHANCE**2, 0.5 * free.after**2)
 
 
 def too_disturbed(findings: tuple[Finding, ...], free: HeldOut) -> str:
