@@ -1,10 +1,12 @@
 """A device as TOML text: read, checked, written back to the bit.
 
-    schema, name, source, rotary; [modal] with [[modal.mode]], or [chain]; [interface];
+    schema, name, source, rotary; [modal] with [[modal.mode]], or [chain]; [interface]; [drive];
     [uncertainty]; [[physics]]
 
 Keys carry their unit where it depends on the kind of device: m_kgm2, b_nms_per_rad on a rotary one,
-m_kg, b_ns_per_m on a linear one. [uncertainty] says how well the rest is known, as shares of it.
+m_kg, b_ns_per_m on a linear one. [drive] is what a data sheet says of motor and amplifier
+(`sim.drive`); a device keeps what follows from it, and is written so. [uncertainty] says how well
+the rest is known, as shares of it.
 """
 
 import hashlib
@@ -22,6 +24,7 @@ from zwidth.files.protection import reading, writing_as
 from zwidth.files.whole import write_text
 from zwidth.sim.chain import Chain, make_chain
 from zwidth.sim.device import Device, DeviceError, home, place_label
+from zwidth.sim.drive import KINDS, NEEDED, POSSIBLE, Drive
 from zwidth.sim.interface import Interface
 from zwidth.sim.modal import ModalModel, Mode, to_chain
 from zwidth.sim.nearest import nearest
@@ -34,7 +37,8 @@ SCHEMA = 1
 SHIPPED = Path(__file__).parent / "devices"
 
 TOP_KEYS = (
-    "schema", "name", "source", "rotary", "modal", "chain", "interface", "uncertainty", "physics",
+    "schema", "name", "source", "rotary", "modal", "chain", "interface", "drive", "uncertainty",
+    "physics",
 )  # fmt: skip
 CHAIN_KEYS = ("masses", "ground_dampers", "ground_spring", "link_springs", "link_dampers")
 MODAL_KEYS = {True: ("m_kgm2", "b_nms_per_rad"), False: ("m_kg", "b_ns_per_m")}
@@ -169,7 +173,7 @@ def _device(top: Table) -> Device:
     for i, label in enumerate(labels):
         if label in labels[:i]:
             raise TableError(f"physics[{i}] is {label} once more; give each effect once a place")
-    return Device(
+    device = Device(
         top.text("name"),
         top.text("source", ""),
         rotary,
@@ -179,6 +183,7 @@ def _device(top: Table) -> Device:
         modal,
         _uncertainty(top.table("uncertainty")),
     ).with_physics(*(physics for physics in entries if home(physics) is not None))
+    return _drive(top.table("drive")).on(device) if "drive" in top else device
 
 
 def _modal(table: Table, rotary: bool) -> ModalModel:
@@ -219,6 +224,16 @@ def _interface(table: Table) -> Interface:
     }
     with _as_in_the_file({field: key for key, field in INTERFACE_KEYS.items()}):
         return Interface(**values)  # pyright: ignore[reportArgumentType]
+
+
+def _drive(table: Table) -> Drive:
+    kind = table.text("kind")
+    if kind not in KINDS:
+        raise TableError(f"drive.kind is {kind!r}; {nearest(kind, KINDS)}")
+    keys = (*NEEDED[kind], *POSSIBLE[kind])
+    table.only(("kind", *keys))
+    given = {key: table.number(key) for key in keys if key in table or key in NEEDED[kind]}
+    return Drive(kind, **given)
 
 
 def _uncertainty(table: Table) -> Uncertainty:

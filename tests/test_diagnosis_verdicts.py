@@ -243,7 +243,8 @@ def test_free_runs_that_fail_later_than_what_was_fitted_ask_for_a_second_look() 
     found = as_found(phantom(), Search(h, h, QUICK, silent))
     nothing = Left(0.0, "")
     sound, fails = (
-        Adequacy((Ahead(0.05, error, 1.0, 2.0, 0.1, 0.5),), 0.0, 0.0, False) for error in (1.0, 3.0)
+        Adequacy((Ahead(0.05, error, 1.0, 2.0, 0.1, 0.5),), 0.0, 0.0, False, 40)
+        for error in (1.0, 3.0)
     )
     held = replace(found, held=True)
     assert named_only_whole(held, nothing, None, fails)
@@ -261,7 +262,7 @@ def test_no_name_is_promised_beside_disturbances_that_do_a_fifth_of_the_motion()
     h = settled(judged([record(phantom(), 1.0)], model, np.zeros(model.linear_count)))
     found = as_found(phantom(), Search(h, h, QUICK, silent))
     named = (Finding("extra_mode", "m1", {}, 39.0, ()),)
-    sound = Adequacy((Ahead(0.5, 1.0, 1.0, 2.0, 0.1, 0.5),), 0.5, 5.0, True)
+    sound = Adequacy((Ahead(0.5, 1.0, 1.0, 2.0, 0.1, 0.5),), 0.5, 5.0, True, 40)
 
     def said(free: HeldOut) -> tuple[Verdict, str]:
         return said_of(found, named, {}, Left(0.0, ""), None, sound, free)

@@ -109,13 +109,15 @@ class Adequacy:
 
     explained: share of the mean square error over half a second (of the better one of device file
     and refit) that the answer takes away. better: sigma by which it predicts better than these, in
-    free runs or a step ahead, whichever is more. names: whether it has any effects.
+    free runs or a step ahead, whichever is more. names: whether it has any effects. runs: how many
+    free runs there were, of the length of which there were most.
     """
 
     ahead: tuple[Ahead, ...]
     explained: float
     better: float
     names: bool
+    runs: int
 
     @property
     def sound(self) -> bool:
@@ -182,7 +184,8 @@ def adequacy(
     if not ahead:
         return None
     explained, better = _better(final, others, observer, own, without)
-    return Adequacy(tuple(ahead), explained, better, bool(final.model.effects))
+    most_runs = max(run.errors.shape[0] for run in runs)
+    return Adequacy(tuple(ahead), explained, better, bool(final.model.effects), most_runs)
 
 
 def wander(error: float, floor: float) -> bool:

@@ -193,13 +193,13 @@ def not_adequate(findings: tuple[Finding, ...], sound: Adequacy) -> str:
         led = max(sound.ahead, key=lambda a: a.led - a.most_led)
         return (
             f"something is missing{beyond}: forces that follow the motion would explain"
-            f" {100.0 * led.led:.0f} % of the square of what free runs over {led.horizon:g} s err"
+            f" {100.0 * led.led:.0f} % of the square of what free runs over {led.horizon:.3g} s err"
             f" on held-out data, noise {100.0 * led.most_led:.0f} % at most{share}"
         )
     if worst.error >= OVERFLOW:
         return f"something is missing{beyond}: free runs of the answer run away{share}"
     return (
-        f"something is missing{beyond}: over {worst.horizon:g} s free runs on held-out data"
+        f"something is missing{beyond}: over {worst.horizon:.3g} s free runs on held-out data"
         f" err {worst.error / worst.expected:.3g} times as far as its own noise would make them"
         f"{share}"
     )

@@ -1,14 +1,14 @@
 """What a search found, as the rest of a diagnosis reads it.
 
 Where the family of noise models holds the truth, the next sample says all that a recording can say,
-and what costs least there is the answer. Whether it does is asked twice: free runs of the answer
-must err no farther than its noise makes them (`answer.adequacy`), and under noise that counts
-errors as far ahead as free runs go (`noise.family.as_far_as`) no effect may be believed beside it.
-Filters, clocks and bristles show best in the next sample, and what they leave of friction is noise
-of a slow colour to it, which foretells any error. Where either fails no hypothesis of the family is
-true, so the search is made once more over the longer horizon, and the two answers are held against
-each other by what their free runs err over every horizon, stretch by stretch: the horizon that
-tells most clearly decides.
+and what costs least there is the answer. Whether it does is asked (`answer.adequacy`): free runs of
+the answer must err no farther than its noise makes them. Where they err farther no hypothesis of
+the family is true, and the sample after next is a different judge: filters, clocks and bristles
+show best in the next one, and what they leave of friction is noise of a slow colour to it. So the
+search is made once more under noise that counts errors as far ahead as free runs go
+(`noise.family.as_far_as`), and the two answers are held against each other by what their free runs
+err over every horizon, stretch by stretch: the horizon that tells most clearly decides. A recording
+of half a second has too few free runs to refuse anything, so there both are always asked for.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from functools import partial
 
 from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy, freer
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
-from zwidth.diagnosis.mishaps import Say, attempt, silent
+from zwidth.diagnosis.mishaps import Say, attempt
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.family import as_far_as
 from zwidth.diagnosis.noise.predictor import FINAL, Observer
@@ -28,10 +28,11 @@ from zwidth.diagnosis.seeking.lattice import with_rate
 from zwidth.diagnosis.selection.effort import NORMAL, Effort
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
 from zwidth.diagnosis.selection.moves import added
-from zwidth.diagnosis.selection.search import Moves, Search, fitted, from_afar, search
+from zwidth.diagnosis.selection.search import Moves, Search, from_afar, search
 from zwidth.sim.device import Device
 
 FAR_S = 0.05  # that errors are counted over where the next sample is no judge
+TELLING = 30  # free runs, of which fewer refuse nothing
 AHEAD = Moves(adding=(added,))  # steps and lost commands show in the next sample alone
 
 
@@ -73,11 +74,8 @@ def searched(
         sound = attempt("search", "how far ahead it holds", partial(holds, device, first))
     if near.interrupted or sound is None:
         return first
-    if sound.sound:
-        say("what a longer horizon shows beside it")
-        more = attempt("search", "what a longer horizon shows", partial(_shows_farther, near))
-        if not more:
-            return replace(first, held=True)
+    if sound.sound and sound.runs >= TELLING:
+        return replace(first, held=True)
     say("searched by what shows over a longer horizon")
     far = attempt("search", "over a longer horizon", partial(_farther, device, near))
     if far is None:
@@ -94,22 +92,6 @@ def holds(device: Device, found: Searched) -> Adequacy | None:
     """How an answer stands on the recordings that it was fitted to."""
     experiments = found.problem.experiments
     return adequacy(Model(device), found.refit, found.final, found.judge, experiments)
-
-
-def _shows_farther(near: Search) -> bool:
-    """Whether over a longer horizon an effect is believed beside those that the next sample shows.
-
-    A filter or a slow sensor explains the next sample better than friction does, and what friction
-    then leaves is noise of a slow colour, which foretells any error of free runs.
-    """
-    best = near.best
-    family = as_far_as(FAR_S, best.experiments)
-    with suppress(NoObserver):
-        there = settled(judged(best.experiments, best.model, best.x, family), turns=2)
-        found = Search(there, there, near.effort, silent, AHEAD)
-        proposals = [p for move in AHEAD.adding for p in move(there, near.effort)]
-        return any(found.ahead(h, there) for h in fitted(found, proposals, near.effort.ended))
-    return False
 
 
 def _farther(device: Device, near: Search) -> Search | None:
