@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pytest
@@ -98,7 +99,7 @@ def test_the_effect_is_named_with_its_parameter(
         found, ["r"], Commands("zwidth diagnose r", "zwidth explore d"), tmp_path / "r.html"
     ).read_text()
     assert sentence(found.sentence) in page
-    assert page.count("data:image/svg+xml;base64,") == 2
+    assert page.count("data:image/svg+xml;base64,") == 3
 
 
 def _richer_laws_were_fitted(found: Diagnosis) -> None:
@@ -304,3 +305,20 @@ def test_an_interrupted_second_look_is_said(monkeypatch: pytest.MonkeyPatch, at_
     assert kept.interrupted
     assert kept.final is found.final
     assert (same, note) == (left, None)
+
+
+def test_nothing_missing_is_no_promise_where_free_runs_err(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A rig of five masses had free runs that erred 42 % of the motion, and nothing believed.
+
+    Mutation: `wander` asked of findings alone.
+    """
+    monkeypatch.setattr("zwidth.diagnosis.answer.verdict.matters", lambda *_: False)
+    found = cast("Searched", None)  # which nothing but `matters` asks
+    far, near = HeldOut(0.6, 0.42, 0.42, 0.04), HeldOut(0.6, 0.05, 0.05, 0.04)
+    verdict, words = said_of(found, (), {}, Left(0.0, ""), None, None, far)
+    assert verdict is Verdict.UNDECIDED
+    assert "42 % of the motion" in words
+    verdict, _ = said_of(found, (), {}, Left(0.0, ""), None, None, near)
+    assert verdict is Verdict.NOTHING_MISSING

@@ -54,6 +54,7 @@ from zwidth.diagnosis.noise.predictor import (
     Observer,
     begun,
     begun_as,
+    deviation,
     driven,
     free_run_errors,
     free_runs,
@@ -199,6 +200,19 @@ def wander(error: float, floor: float) -> bool:
     """
     beyond = error**2 - floor**2
     return beyond > max(TAKEN_FOR_CHANCE**2, 0.5 * error**2)
+
+
+def wandering(final: Fitted, observer: Observer, experiments: Sequence[Experiment]) -> bool:
+    """Whether free runs of an answer `wander` on recordings that it was fitted to."""
+    device = final.model.acting(final.x)
+    seen = [final.model.seen(e, final.x) for e in experiments]
+    runs = [free_run_errors(device, e, observer.gain, window(e)) for e in seen]
+    errors, signal = (np.concatenate([run[i][:, 0] for run in runs]) for i in (0, 1))
+    floor = float(deviation(device, seen, observer.gain)[0])
+    with np.errstate(all="ignore"):  # infinite after an overflow
+        size = float(np.sqrt(np.mean(signal**2))) if signal.size else 0.0
+        error = float(np.sqrt(np.mean(errors**2))) if errors.size else 0.0
+    return size > 0.0 and wander(min(error, OVERFLOW) / size, floor / size)
 
 
 def _lengths(judge_by: Sequence[Experiment]) -> list[int]:

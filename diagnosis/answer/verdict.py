@@ -139,6 +139,8 @@ def judged(
                 f" {least.effect} at {least.at} a probability of {least.probability:.2g} only"
             )
         return Verdict.IDENTIFIED, f"{names} {'are' if many else 'is'} missing from the simulation"
+    if wander(free.after, free.noise_floor):
+        return Verdict.UNDECIDED, told_from_chance(free)
     moved = [
         name
         for name, (nominal, e) in refit.items()
@@ -149,6 +151,16 @@ def judged(
             f"no physics is missing, but {', '.join(moved)} differ from the device file"
         )
     return Verdict.NOTHING_MISSING, "nothing is missing that this recording could show"
+
+
+def told_from_chance(free: HeldOut) -> str:
+    """Say of a recording that nothing was found in how much of its motion nothing explains."""
+    return (
+        "no effect of the library can be told from chance, and free runs on held-out data err"
+        f" {100.0 * free.after:.2g} % of the motion all the same, where noise of readings makes"
+        f" {100.0 * free.noise_floor:.2g} %: disturbances, or physics that this recording is too"
+        " short or too coarse to show; record for longer, at a higher level, or with a finer sensor"
+    )
 
 
 def not_judged(findings: tuple[Finding, ...]) -> str:

@@ -42,6 +42,7 @@ MOST = 1e5  # counts a sample: more leave no digit for a whole number
 TURNS = -0.38
 SMOOTHED = (9, 3)
 FAST = 50.0  # counts a sample, from which motion hides how errors turn
+STILL = 0.5  # share of the samples without a count, from which motion is too slow to show it
 FEWEST = 3.0  # counts, that any sample may stand out by
 ALONE = 10.0  # rms errors, beyond which one sample is a fault and no motion
 
@@ -136,7 +137,9 @@ def _counted(device: Device, e: Experiment, output: Output) -> Counted | None:
         # One count too many would be a step of the position for ever.
         if np.abs(whole).max() > MOST or np.abs(counts - whole).max() > WHOLE or _spiked(whole):
             continue
-        vouched = stated > 0.0 and _alike([unit, stated]) and np.abs(whole).max() > FAST
+        # Noise that a tachometer is rounded finer than leaves no count where it is.
+        tells = np.abs(whole).max() > FAST or float(np.mean(whole == 0.0)) > STILL
+        vouched = stated > 0.0 and _alike([unit, stated]) and tells
         one_by_one = np.gcd.reduce(whole.astype(np.int64)) == 1
         if one_by_one and (vouched or _turning(whole)):
             step = unit * e.period

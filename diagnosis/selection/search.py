@@ -140,6 +140,40 @@ def from_afar(found: Search) -> bool:
     return found.best is not before
 
 
+def two_at_once(found: Search) -> bool:
+    """Add two effects to the best where none of them is believed alone; whether both are.
+
+    Of several laws that act together each explains little while the others are noise to it.
+    """
+    before = found.best
+
+    def look(found: Search) -> None:
+        alone = [h for h in found.tried.values() if _one_more(h, before)]
+        begun = sorted(alone, key=lambda h: h.cost.total)[: found.effort.beside]
+        if not begun or len(before.model.effects) + 2 > found.effort.effects:
+            return
+        found.say(f"what two effects together explain beside {before.model.label}")
+        proposals = [
+            p
+            for h in begun
+            for move in found.moves.adding
+            for p in _proposed(move, h, found.effort)
+        ]
+        for h in fitted(found, proposals, found.effort.ended):
+            if found.ahead(h, before):
+                found.best = h
+                found.say(f"taken: {h.model.label}")
+                _rounds(found)
+                return
+
+    _until_nothing_gains(found, look)
+    return found.best is not before
+
+
+def _one_more(h: Hypothesis, than: Hypothesis) -> bool:
+    return than.labels < h.labels and len(h.labels) == len(than.labels) + 1
+
+
 def _until_nothing_gains(found: Search, work: Callable[[Search], None]) -> None:
     """Work until it ends, an error ends it, or it is interrupted: what was found stays."""
     try:

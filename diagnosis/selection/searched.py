@@ -16,7 +16,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 
-from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy, freer
+from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy, freer, wandering
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.mishaps import Say, attempt
 from zwidth.diagnosis.model.parameters import Model
@@ -28,7 +28,7 @@ from zwidth.diagnosis.seeking.lattice import with_rate
 from zwidth.diagnosis.selection.effort import NORMAL, Effort
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
 from zwidth.diagnosis.selection.moves import added
-from zwidth.diagnosis.selection.search import Moves, Search, from_afar, search
+from zwidth.diagnosis.selection.search import Moves, Search, from_afar, search, two_at_once
 from zwidth.sim.device import Device
 
 FAR_S = 0.05  # that errors are counted over where the next sample is no judge
@@ -72,6 +72,9 @@ def searched(
     if fails and not near.interrupted and from_afar(near):
         first = as_found(device, near)
         sound = attempt("search", "how far ahead it holds", partial(holds, device, first))
+    if not near.interrupted and _strays(first) and two_at_once(near):
+        first = as_found(device, near)
+        sound = attempt("search", "how far ahead it holds", partial(holds, device, first))
     if near.interrupted or sound is None:
         return first
     if sound.sound and sound.runs >= TELLING:
@@ -92,6 +95,12 @@ def holds(device: Device, found: Searched) -> Adequacy | None:
     """How an answer stands on the recordings that it was fitted to."""
     experiments = found.problem.experiments
     return adequacy(Model(device), found.refit, found.final, found.judge, experiments)
+
+
+def _strays(found: Searched) -> bool:
+    """Whether free runs err far beyond the noise of readings, which only chance would explain."""
+    asked = partial(wandering, found.final, found.judge, found.problem.experiments)
+    return attempt("search", "how far free runs stray", asked) or False
 
 
 def _farther(device: Device, near: Search) -> Search | None:
