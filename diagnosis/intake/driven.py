@@ -81,7 +81,7 @@ def driven(device: Device, e: Experiment, forward: bool = False) -> Driven | Non
             return None
         if not np.all(np.isfinite(moved)):
             return None
-        forces = _forces(moved)
+        forces = resisting(moved)
         for ratio in RATIOS:
             one = _under(bare, e, forces, ratio, forward)
             found += [] if one is None else [one]
@@ -101,7 +101,7 @@ def _linear(device: Device) -> Device:
     return device.without_physics() if device.physics else device
 
 
-def _forces(moved: Floats) -> list[Floats]:
+def resisting(moved: Floats) -> list[Floats]:
     """Forces (ticks, n) that resist or hold, of unit size, by how the masses move (ticks, 2n)."""
     n = moved.shape[1] // 2
     found: list[Floats] = []

@@ -17,6 +17,7 @@ from zwidth.diagnosis.intake.counted import as_counted
 from zwidth.diagnosis.intake.derived import measured_alone
 from zwidth.diagnosis.intake.gate import COMMAND, Fault, corrected, examine, suspected
 from zwidth.diagnosis.intake.hold import smooth, was_smooth
+from zwidth.diagnosis.intake.late import in_time
 from zwidth.diagnosis.intake.rectified import as_known, unfolded
 from zwidth.diagnosis.intake.units import unit_of
 from zwidth.diagnosis.mishaps import collecting, debugging, isolated, silent
@@ -84,7 +85,8 @@ def readings(
 
     Velocities that were worked out from positions are left out (`intake.derived`), those that are
     an encoder's counts taken as the positions counted (`intake.counted`). Each recording is folded
-    out, corrected by what is suspected of it, and taken held or smooth. One to judge by is
+    out, its command brought to when it acts (`intake.late`), corrected by what is suspected of it,
+    and taken held or smooth. One to judge by is
     corrected where one to fit on is by the same factor. An error in one of several costs that one
     alone. Raises ExperimentError where the only one is of no use, and NotDiagnosed where an error
     leaves none.
@@ -92,9 +94,12 @@ def readings(
 
     def looked_at(e: Experiment) -> _Looked:
         one, factor = _folded_out(device, e)
+        late: list[Fault] = []
+        with isolated("gate", f"whether the command of {e.name} comes late"):
+            one, late = in_time(device, one)
         faults = examine(device, [one])
         ways = suspected(device, one) if any(f.wrong for f in faults) else []
-        return _Looked(one, factor, tuple(f for f in faults if not f.wrong), tuple(ways))
+        return _Looked(one, factor, tuple(late + [f for f in faults if not f.wrong]), tuple(ways))
 
     measured = [*experiments, *(validate or ())]
     with isolated("gate", "velocities that were worked out from positions"):

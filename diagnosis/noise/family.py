@@ -171,8 +171,9 @@ class _Observed:
         begins = nothing.copy()
         for i in range(count):
             mine = slice(2 * self.dof * i, 2 * self.dof * (i + 1))
-            matrix = (answers[mine] / scale[i]).reshape(2 * self.dof, -1).T
-            left = (own[i] / scale[i]).ravel()
+            with np.errstate(all="ignore"):
+                matrix = (answers[mine] / scale[i]).reshape(2 * self.dof, -1).T
+                left = (own[i] / scale[i]).ravel()
             if np.all(np.isfinite(matrix)) and np.all(np.isfinite(left)):
                 solved, *_ = np.linalg.lstsq(matrix, -left, rcond=NEGLIGIBLE)
                 begins[i] = units[mine].T @ solved

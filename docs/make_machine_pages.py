@@ -1,0 +1,125 @@
+"""Diagnose the recordings of `docs/machines` and write what was found into their pages.
+
+    python docs/make_machine_pages.py RECORDINGS [NAME...]
+
+RECORDINGS: the folder that has the published files, a folder a machine; they are not ours to pass
+on. Each page keeps its text; what stands between its two marks is made anew, with its picture. Half
+a minute to six minutes a machine on two idle cores.
+"""
+
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from zwidth.diagnosis.answer.result import Diagnosis
+from zwidth.diagnosis.diagnose import diagnose
+from zwidth.diagnosis.recording.experiment import Experiment, stretches
+from zwidth.diagnosis.selection.effort import QUICK
+from zwidth.diagnosis_report import estimate, number
+from zwidth.figures.diagnosis import whole_run_figure
+from zwidth.files.protection import writing_as
+from zwidth.files.whole import write_text, write_with
+from zwidth.logs.recording import read_recording
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import load_device
+
+PAGES = Path(__file__).parent / "machines"
+BEGIN, END = "<!-- made by docs/make_machine_pages.py -->\n", "<!-- until here -->\n"
+WHEN = ("before", "refit", "after")
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A machine: its recordings to fit, and those to judge by; the last 30 % where there are none.
+
+    shown: which of the whole runs the picture is of.
+    """
+
+    fit: tuple[str, ...]
+    judge: tuple[str, ...] = ()
+    shown: int = 0
+
+
+MACHINES = {
+    "two_mass_cart": Machine(("tm_2", "tm_sine_1"), ("tm_1_5", "tm_sine_4")),
+    "rack_and_pinion": Machine(("rp1",)),
+    "hsm150": Machine(("hsm_pos_0.065_1",)),
+    "lugre_motor": Machine(("LuGre_J_1",)),
+    "coupled_drives": Machine(("drive_2",)),
+    "ecp_carts": Machine(("Kmed_hand_Nomass",)),
+}
+
+
+def experiments(name: str, stems: tuple[str, ...], device: Device, data: Path) -> list[Experiment]:
+    """Return recordings of a machine, as `zwidth diagnose` reads them."""
+    found: list[Experiment] = []
+    for stem in stems:
+        trace = read_recording(PAGES / name / f"{stem}.toml", data / name)
+        found += stretches(trace, device, stem)
+    return found
+
+
+def diagnosed(name: str, data: Path) -> Diagnosis:
+    """Return the diagnosis of a machine by its two kinds of files, in `docs/machines/NAME`."""
+    machine = MACHINES[name]
+    device = load_device(PAGES / name / "device.toml")
+    fit = experiments(name, machine.fit, device, data)
+    judge = experiments(name, machine.judge, device, data) or None
+    return diagnose(device, fit, judge, effort=QUICK)
+
+
+def command(name: str) -> str:
+    """Return what a user types beside the data."""
+    machine = MACHINES[name]
+    words = [*(f"{stem}.toml" for stem in machine.fit), "--device device.toml"]
+    words += [f"--validate {stem}.toml" for stem in machine.judge]
+    return f"zwidth diagnose {' '.join(words)} --effort quick"
+
+
+def answer(name: str, found: Diagnosis, seconds: float) -> str:
+    """Return what was found, as a section of the page."""
+    lines = ["```sh", command(name), "```", "", f"`{found.verdict.value}`: {found.sentence}.", ""]
+    lines += ["| effect | parameter | value and 95 % | sigma |", "|---|---|---|---|"]
+    for f in found.findings:
+        for key, value in f.parameters.items():
+            said = f"| `{f.effect}` at {f.at} | {key} | {estimate(value)} |"
+            lines.append(f"{said} {number(f.separation_sigma)} |")
+    lines += ["", "| linear parameter | device file | refitted |", "|---|---|---|"]
+    for key, (nominal, value) in found.linear_refit.items():
+        lines.append(f"| {key} | {number(nominal)} | {estimate(value)} |")
+    lines += [
+        "", "Free runs from the first sample to the last, never corrected: rms error, and over the rms of the", # noqa: E501
+        "motion about its mean.", "",
+        "| output | device file | refitted | with what was found | |", "|---|---|---|---|---|",
+    ]  # fmt: skip
+    for run in found.whole_runs:
+        each = [f"{number(run.errors[w])} {run.unit} ({100.0 * run.shares[w]:.3g} %)" for w in WHEN]
+        held = "held out" if run.held_out else "fitted"
+        lines.append(f"| {run.output} of {run.recording} | {' | '.join(each)} | {held} |")
+    lines += ["", f"![Measured beside simulated]({name}.png)", ""]
+    lines += [f"Made in {seconds:.0f} s on two cores."]
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    """Make the pages asked for, or all."""
+    data, names = Path(sys.argv[1]), sys.argv[2:] or list(MACHINES)
+    for name in names:
+        begun = time.monotonic()
+        found = diagnosed(name, data)
+        seconds = time.monotonic() - begun
+        print(name, f"{seconds:.0f} s", found.verdict.value, file=sys.stderr)
+        page = PAGES / f"{name}.md"
+        before, _, rest = page.read_text().partition(BEGIN)
+        after = rest.partition(END)[2]
+        figure = whole_run_figure(found.whole_runs[MACHINES[name].shown])
+        with writing_as("machine pages", True):
+            write_text(page, before + BEGIN + answer(name, found, seconds) + END + after)
+            write_with(
+                PAGES / f"{name}.png", lambda file, f=figure: f.savefig(file, format="png", dpi=120)
+            )
+
+
+if __name__ == "__main__":
+    main()

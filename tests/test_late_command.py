@@ -1,0 +1,71 @@
+"""A command that is written down later than it acts is brought back, and said."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.diagnosis_examples import phantom, record, shifted
+from zwidth.controllers.excitation import noise
+from zwidth.controllers.recorded import recorded
+from zwidth.diagnosis.answer.result import Verdict
+from zwidth.diagnosis.diagnose import diagnose
+from zwidth.diagnosis.intake.late import in_time, late_by
+from zwidth.diagnosis.recording.experiment import Experiment, Output
+from zwidth.diagnosis.selection.effort import QUICK
+from zwidth.sim.physics import make_physics
+from zwidth.sim.run import simulate
+
+
+def late(e: Experiment, samples: int) -> Experiment:
+    """A recording whose command is written down so many samples later."""
+    held = np.full(samples, e.command[0])
+    return replace(e, command=np.concatenate([held, e.command[:-samples]]))
+
+
+@pytest.mark.parametrize("samples", [1, 4, 30])
+def test_a_command_that_comes_late_is_told_to_the_sample(samples: int) -> None:
+    """By a device file a few percent off. Mutation: the scale of the command held at one."""
+    e = record(phantom(), 4.0)
+    assert late_by(shifted(phantom()), late(e, samples)) == samples
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.002, 0.02])
+def test_a_delay_is_physics_and_no_fault(delay: float) -> None:
+    e = record(phantom().with_interface(delay=delay), 4.0)
+    assert late_by(phantom(), e) == 0
+
+
+def test_slow_sines_under_friction_are_no_later_than_they_are() -> None:
+    """Their phase is ahead of what the device file foretells. Mutation: no forces beside."""
+    t = 0.001 * np.arange(8000)
+    command = 0.1 * np.sin(2.0 * np.pi * 0.7 * t) + 0.05 * np.sin(2.0 * np.pi * 1.3 * t)
+    device = phantom().with_physics(make_physics("coulomb_friction", "m1", level=0.03))
+    run = simulate(device, recorded(command), duration=8.0, substeps=10)
+    noisy = run.trace["position_m1"] + 1e-4 * np.random.default_rng(0).standard_normal(t.size)
+    e = Experiment(0.001, command, noisy[:, None], (Output("position", 0),))
+    assert late_by(phantom(), e) == 0
+
+
+def test_a_feedback_tells_nothing_of_the_future() -> None:
+    """u = r - K y of a reading with noise: what is commanded next knows what was read."""
+    random = np.random.default_rng(1)
+    e = record(phantom(), 4.0, seed=3)
+    jitter = 1e-4 * random.standard_normal(e.measured.shape)
+    held = np.concatenate([jitter[1:, 0], [0.0]])  # the next reading's noise, fed back
+    fed = replace(e, measured=e.measured + jitter, command=e.command - 200.0 * held)
+    assert late_by(phantom(), fed) == 0
+
+
+def test_what_was_shifted_is_explained_as_if_it_had_not_been() -> None:
+    e = late(record(phantom(), 4.0), 6)
+    early, (fault,) = in_time(phantom(), e)
+    assert fault.wrong
+    assert fault.kind == "command_late"
+    assert "6 samples (6 ms) later" in fault.sentence
+    assert early.ticks == e.ticks - 6
+    np.testing.assert_array_equal(early.command, noise(duration=4.0, seed=0)[: e.ticks - 6])
+    found = diagnose(phantom(), [e], effort=QUICK)
+    assert found.verdict is Verdict.RECORDING_FAULT
+    assert not found.findings
+    assert "written down 6 samples" in found.sentence
