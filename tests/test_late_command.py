@@ -36,11 +36,25 @@ def test_a_delay_is_physics_and_no_fault(delay: float) -> None:
     assert late_by(phantom(), e) == 0
 
 
-def test_slow_sines_under_friction_are_no_later_than_they_are() -> None:
-    """Their phase is ahead of what the device file foretells. Mutation: no forces beside."""
+@pytest.mark.parametrize(
+    ("effect", "values", "hertz"),
+    [
+        ("quadratic_drag", {"coefficient": 0.02}, (0.7, 1.3)),
+        ("quadratic_drag", {"coefficient": 0.02}, (2.0, 3.7)),
+        ("ground_spring", {"stiffness": 2.0}, (5.0,)),
+        ("gravity_pendulum", {"level": 0.5, "angle": 0.0}, (2.0, 3.7)),
+    ],
+)
+def test_slow_sines_beside_physics_are_no_later_than_they_are(
+    effect: str, values: dict[str, float], hertz: tuple[float, ...]
+) -> None:
+    """Their phase is ahead of what the device file foretells.
+
+    Mutations: no forces beside (100, 42, 87 samples); no pendulum among them (2).
+    """
     t = 0.001 * np.arange(8000)
-    command = 0.1 * np.sin(2.0 * np.pi * 0.7 * t) + 0.05 * np.sin(2.0 * np.pi * 1.3 * t)
-    device = phantom().with_physics(make_physics("coulomb_friction", "m1", level=0.03))
+    command = 0.1 * np.sum([np.sin(2.0 * np.pi * f * t + f) for f in hertz], axis=0)
+    device = phantom().with_physics(make_physics(effect, "m1", **values))
     run = simulate(device, recorded(command), duration=8.0, substeps=10)
     noisy = run.trace["position_m1"] + 1e-4 * np.random.default_rng(0).standard_normal(t.size)
     e = Experiment(0.001, command, noisy[:, None], (Output("position", 0),))
@@ -48,12 +62,12 @@ def test_slow_sines_under_friction_are_no_later_than_they_are() -> None:
 
 
 def test_a_feedback_tells_nothing_of_the_future() -> None:
-    """u = r - K y of a reading with noise: what is commanded next knows what was read."""
+    """u = r - K y of a reading with noise: what is commanded knows what will be read."""
     random = np.random.default_rng(1)
     e = record(phantom(), 4.0, seed=3)
     jitter = 1e-4 * random.standard_normal(e.measured.shape)
     held = np.concatenate([jitter[1:, 0], [0.0]])  # the next reading's noise, fed back
-    fed = replace(e, measured=e.measured + jitter, command=e.command - 200.0 * held)
+    fed = replace(e, measured=e.measured + jitter, command=e.command - 3000.0 * held)
     assert late_by(phantom(), fed) == 0
 
 

@@ -61,7 +61,11 @@ def late_by(device: Device, e: Experiment) -> int:
             return 0
     if not np.all(np.isfinite(moved)):
         return 0
-    found = [_under(bare, part, resisting(moved), most, ratio) for ratio in RATIOS]
+    forces = resisting(moved)
+    if device.rotary:  # a pendulum far from where it hangs
+        turned = [np.sin(moved[:, 0]), np.cos(moved[:, 0])]
+        forces += [np.outer(f, np.eye(moved.shape[1] // 2)[0]) for f in turned]
+    found = [_under(bare, part, forces, most, ratio) for ratio in RATIOS]
     gained, samples = max(found)
     return samples if gained > SURELY else 0
 
