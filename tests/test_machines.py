@@ -14,7 +14,7 @@ from zwidth.sim.device_file import load_device
 
 PAGES = Path(__file__).parents[1] / "docs" / "machines"
 SHARED = Path(__file__).parents[1].parent / "shared" / "recordings"
-MACHINES = sorted(path.name for path in PAGES.iterdir() if path.is_dir())
+MACHINES = sorted(p.name for p in PAGES.iterdir() if p.is_dir() and p.name[0] != ".")
 
 
 @pytest.mark.parametrize("name", MACHINES)

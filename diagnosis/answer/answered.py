@@ -5,7 +5,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy, wander
+from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy
 from zwidth.diagnosis.answer.augmented import all_smooth, augmented
 from zwidth.diagnosis.answer.findings import all_findings, linear, upper_bounds
 from zwidth.diagnosis.answer.held_out import held_out
@@ -71,13 +71,13 @@ def answered(
     free_runs = partial(whole_runs, device, by, taken.fit_on, taken.judge_by)
     runs = attempt("whole runs", "", free_runs) or ()
     findings = all_findings(device, taken, found)
-    if (sound is not None and not sound.adequate) or wander(free.after, free.noise_floor):
-        findings = tuple(f.without_probability() for f in findings)
     intervals = partial(linear, device, found.final, taken.whole)
     refit = attempt("intervals", "linear parameters", intervals) or {}
     bounds = {} if findings else attempt("limits", "", partial(upper_bounds, found)) or {}
     augment = partial(_augmented, taken, found, findings)
     verdict, sentence = _verdict(found, findings, refit, left, other, mishaps, sound, free)
+    if verdict is Verdict.UNKNOWN_PHYSICS:
+        findings = tuple(f.without_probability() for f in findings)
     verdict, sentence = _with_faults(verdict, sentence, faults)
     shape = (-1, len(taken.whole[0].outputs))
     residuals = Residuals(
