@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.signal import butter, lfilter
 
 from tests.diagnosis_examples import phantom
-from zwidth.diagnosis.intake.counted import as_counted
+from zwidth.diagnosis.intake.counted import Counted, _turning, as_counted
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.sim.device import Device
 
@@ -134,3 +134,13 @@ def test_several_recordings_of_what_depends_on_position_keep_their_velocities() 
     assert [one.outputs for one in as_counted(sprung, [e, e])] == [(VELOCITY,)] * 2
     assert as_counted(sprung, [e])[0].outputs == (POSITION,)
     assert [one.outputs for one in as_counted(knowing(STEP), [e, e])] == [(POSITION,)] * 2
+
+
+def test_errors_of_all_recordings_together_tell_what_one_alone_hides() -> None:
+    """Two carts whose velocities a drive differenced: quick motion left -0.35 in one of four."""
+    one, other = (
+        Counted(np.zeros(1), STEP, 0.0, False, turned, 100.0) for turned in (-34.0, -49.0)
+    )
+    assert not _turning([one])
+    assert _turning([one, other])
+    assert _turning([replace(one, known=True)])

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 from test_fitting import drive, play, recording
 
-from zwidth.diagnosis.answer.beside import probability, rivals, shares, without
+from zwidth.diagnosis.answer.beside import elsewhere, probability, rivals, shares, without
 from zwidth.diagnosis.fitting.descend import descend
 from zwidth.diagnosis.fitting.landscape import Landscape
 from zwidth.diagnosis.mishaps import silent
@@ -109,6 +109,28 @@ def test_what_was_fitted_has_probabilities_that_sum_to_one(rubbed: list[Experime
     assert probability(found, "coulomb_friction@m1") > 0.99
     assert without(found, "coulomb_friction@m1") > 10.0
     assert [r.effect for r in rivals(found, "coulomb_friction@m1")] == ["coulomb_friction"]
+
+
+def test_an_interval_holds_what_other_effects_would_make_of_a_value(
+    rubbed: list[Experiment],
+) -> None:
+    """Friction is another level where a ripple is beside it: half the odds, half the square."""
+    right = make_physics("coulomb_friction", "m1", level=0.02), {"level": 0.02}
+    found = search(drive(), rubbed, QUICK, moves=only(right))
+    assert elsewhere(found, "coulomb_friction@m1") == {"level": pytest.approx(0.0, abs=1e-8)}
+    best = found.best
+    more = best.model.with_effect(make_physics("constant_force", "m1", level=1e-3), {"level": 1e-3})
+    x = np.append(best.x, 0.0)
+    level = next(j for j, p in enumerate(more.parameters) if p.key == "level")
+    x[level] += 0.1
+    other = replace(best, model=more, x=x)
+    found.tried[other.labels] = other
+    moved = more.parameters[level].scale * 0.1
+    share = shares(found)[other.labels]
+    both = share / probability(found, "coulomb_friction@m1")
+    assert 0.0 < both < 0.5
+    spread = elsewhere(found, "coulomb_friction@m1")["level"]
+    assert spread == pytest.approx(both * moved**2, rel=1e-3)
 
 
 def test_gains_are_those_of_each_stretch(rubbed: list[Experiment]) -> None:

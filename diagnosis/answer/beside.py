@@ -8,7 +8,8 @@ from zwidth.diagnosis.answer.result import Rival
 from zwidth.diagnosis.selection.evidence import ALPHA, probabilities
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, against
 from zwidth.diagnosis.selection.search import Search
-from zwidth.sim.physics import contains
+from zwidth.sim.device import place_label
+from zwidth.sim.physics import EFFECTS, contains
 from zwidth.sim.place import of_label
 
 
@@ -36,6 +37,33 @@ def shares(found: Search) -> dict[frozenset[str], float]:
 def probability(found: Search, label: str) -> float:
     """Return the probability that a device has an effect: of all structures with it."""
     return math.fsum(p for labels, p in shares(found).items() if label in labels)
+
+
+def elsewhere(found: Search, label: str) -> dict[str, float]:
+    """Return by how much the values of an effect scatter over the structures that have it.
+
+    Variances about those of the best, weighed by probability: which other effects a device has is
+    not known either, and what they are moves the values.
+    """
+    best = found.best
+    own = _values(best, label)
+    odds = {h: p for h, p in shares(found).items() if label in h and p > 0.0}
+    total = math.fsum(odds.values())
+    scatter = dict.fromkeys(own, 0.0)
+    if not total > 0.0:
+        return scatter
+    for labels, share in odds.items():
+        for name, value in _values(found.tried[labels], label).items():
+            parameter = EFFECTS[of_label(label)[0]].parameter(name)
+            off = value - own[name]
+            if parameter.role == "turning" and parameter.unit == "rad":
+                off = math.remainder(off, 2.0 * math.pi)
+            scatter[name] += share / total * off**2
+    return scatter
+
+
+def _values(h: Hypothesis, label: str) -> dict[str, float]:
+    return next(dict(p.values) for p in h.model.effects_at(h.x) if place_label(p) == label)
 
 
 def rivals(found: Search, label: str) -> tuple[Rival, ...]:

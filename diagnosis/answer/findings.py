@@ -1,13 +1,14 @@
 """What was found, in the words of an answer: values with intervals, rivals, bounds."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binomtest
 
-from zwidth.diagnosis.answer.beside import probability, rivals, without
+from zwidth.diagnosis.answer.beside import elsewhere, probability, rivals, without
 from zwidth.diagnosis.answer.regimes import held
 from zwidth.diagnosis.answer.result import Estimate, Finding, Held, Rival
 from zwidth.diagnosis.fitting.fit import Fitted
@@ -63,7 +64,8 @@ def _findings(found: Searched) -> tuple[Finding, ...]:
     labels = effect_labels(found.final.model.effects)
     for i, physics in enumerate(found.final.model.effects):
         name = f"{physics.effect.name} at {physics.at}"
-        estimates = _estimates(found.final, i, spread)
+        among = attempt("intervals", name, partial(elsewhere, found.tried, labels[i])) or {}
+        estimates = _estimates(found.final, i, spread, among)
         if physics.effect.sought == "lattice":
             step = partial(_step_estimate, found, physics)
             estimates |= attempt("intervals", name, step) or {}
@@ -83,14 +85,19 @@ def _held(found: Searched, label: str) -> tuple[Held, ...]:
     return () if bare is None else tuple(held(best, bare))
 
 
-def _estimates(final: Fitted, index: int, spread: Floats) -> dict[str, Estimate]:
-    """Values of an effect of the model with their intervals."""
+def _estimates(
+    final: Fitted, index: int, spread: Floats, among: Mapping[str, float]
+) -> dict[str, Estimate]:
+    """Values of an effect of the model with their intervals.
+
+    among: variances over the structures that may be true, beside those in the one that was found.
+    """
     physics = final.model.effects[index]
     estimates: dict[str, Estimate] = {}
     for j, p in enumerate(final.model.parameters):
         if p.kind == "effect" and p.index == index:
             value = physics.values[p.key] + p.scale * float(final.x[j])
-            half = Z95 * p.scale * float(spread[j])
+            half = Z95 * math.hypot(p.scale * float(spread[j]), math.sqrt(among.get(p.key, 0.0)))
             unit = physics.effect.parameter(p.key).unit_for(final.model.nominal.rotary)
             estimates[p.key] = Estimate(value, value - half, value + half, unit)
     return estimates

@@ -49,11 +49,18 @@ ALONE = 10.0  # rms errors, beyond which one sample is a fault and no motion
 
 @dataclass(frozen=True)
 class Counted:
-    """A position counted in steps, and the filter of the velocity that it was found from."""
+    """A position counted in steps, and the filter of the velocity that it was found from.
+
+    known: whether the device file's step and the counts themselves say that it is one. turned,
+    size: how its errors turn from sample to sample, and their square.
+    """
 
     position: Floats
     step: float
     feedback: float
+    known: bool
+    turned: float
+    size: float
 
     def cutoff_hz(self, period: float) -> float:
         """Return the cut-off of the filter, infinite for none."""
@@ -79,7 +86,7 @@ def as_counted(device: Device, experiments: Sequence[Experiment]) -> list[Experi
             continue
         each = [_counted(device, e, o) for e in experiments]
         kept = [c for c in each if c is not None]
-        if len(kept) == len(each) and _alike([c.step for c in kept]):
+        if len(kept) == len(each) and _alike([c.step for c in kept]) and _turning(kept):
             found[o] = kept
     return [_with(e, {o: each[i] for o, each in found.items()}) for i, e in enumerate(experiments)]
 
@@ -140,11 +147,12 @@ def _counted(device: Device, e: Experiment, output: Output) -> Counted | None:
         # Noise that a tachometer is rounded finer than leaves no count where it is.
         tells = np.abs(whole).max() > FAST or float(np.mean(whole == 0.0)) > STILL
         vouched = stated > 0.0 and _alike([unit, stated]) and tells
-        one_by_one = np.gcd.reduce(whole.astype(np.int64)) == 1
-        if one_by_one and (vouched or _turning(whole)):
+        if np.gcd.reduce(whole.astype(np.int64)) == 1:
             step = unit * e.period
             reading = np.concatenate([[0.0], np.cumsum(whole)])  # where it began, nothing tells
-            return Counted(step * reading, step, a)
+            error = whole - savgol_filter(whole, *SMOOTHED)
+            turned, size = float(error[1:] @ error[:-1]), float(error @ error)
+            return Counted(step * reading, step, a, vouched, turned, size)
         if a == 0.0:  # whole as they are, and so whatever they are filtered by in halves or thirds
             return None
     return None
@@ -194,8 +202,11 @@ def _spiked(counts: Floats) -> bool:
     return float(error.max()) > max(FEWEST, ALONE * float(np.sqrt(np.mean(error**2))))
 
 
-def _turning(counts: Floats) -> bool:
-    """Whether errors turn from sample to sample, as those of a position that is differenced."""
-    error = counts - savgol_filter(counts, *SMOOTHED)
-    size = float(error @ error)
-    return size > 0.0 and float(error[1:] @ error[:-1]) / size < TURNS
+def _turning(each: Sequence[Counted]) -> bool:
+    """Whether errors turn from sample to sample, as those of a position that is differenced.
+
+    Those of all recordings together: motion that is quick hides it in one of them.
+    """
+    told = [c for c in each if not c.known]
+    size = sum(c.size for c in told)
+    return not told or (size > 0.0 and sum(c.turned for c in told) / size < TURNS)

@@ -238,7 +238,7 @@ def _output_faults(device: Device, e: Experiment) -> list[Fault]:
             unit = length if output.quantity == "position" else f"{length}/s"
             found.append(
                 Fault(
-                    "encoder_step",
+                    "encoder_step" if output.quantity == "position" else "velocity_step",
                     f"{output.name} of {e.name} comes in steps of {step:.4g} {unit}",
                     False,
                     step,
