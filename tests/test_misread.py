@@ -24,6 +24,7 @@ from zwidth.sim.device import Device
 from zwidth.sim.interface import Interface
 from zwidth.sim.physics import make_physics
 from zwidth.sim.run import simulate
+from zwidth.sim.uncertainty import Uncertainty
 
 DEGREES = 180.0 / math.pi
 PERIOD = 0.002
@@ -67,6 +68,18 @@ def test_command_is_suspected_also_of_few_ticks(ticks: int, factor: float):
     else:
         assert found[0][COMMAND] == pytest.approx(factor, rel=0.15)
         assert found[1][("position_m1",)] == pytest.approx(1.0 / factor, rel=0.15)
+
+
+def test_a_scale_that_the_device_file_leaves_open_is_no_wrong_unit():
+    """A guessed file of volts: three standard deviations of ln scale. Mutation: LEFT_OPEN = 0."""
+    e = position_alone(driven_motor(1000))
+    tenth = replace(e, command=0.1 * e.command)
+    backwards = replace(e, command=-0.1 * e.command)
+    guessed = replace(motor(), uncertainty=Uncertainty(command_scale=1.0))
+    assert suspected(motor(), tenth)
+    assert not suspected(guessed, tenth)
+    assert factors(guessed, backwards)[0] == {COMMAND: -1.0}
+    assert suspected(guessed, replace(e, command=1e-4 * e.command))
 
 
 def test_drag_and_friction_that_no_device_file_knows_are_no_wrong_unit():

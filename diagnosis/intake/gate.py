@@ -12,6 +12,7 @@ states vouch for an output. A fault belongs to its recording: what corrects one 
 another.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -27,6 +28,7 @@ Floats = NDArray[np.float64]
 COMMAND = ("command",)
 POWER = 0.1  # share of its most, of the energy that a command may seem to take out of a device
 OFF_TOO = 3.0  # the same of a sign that is wrong: a wrong unit beside it is rare
+LEFT_OPEN = 3.0  # standard deviations of the command's scale that a device file leaves open
 SURE = 40.0  # -2 ln likelihood, from which another scale is suspected
 SHARE = 0.25  # of what the command explains in all, that another scale must explain beyond it
 PASSES = 4
@@ -188,6 +190,9 @@ def _seen(device: Device, e: Experiment, o: int) -> _Seen:
         scale = -1.0 if taken < -POWER else 1.0
     if scale < 0.0 and 1.0 / OFF_TOO < -scale < OFF_TOO:
         scale = -1.0
+    open_by = math.exp(LEFT_OPEN * device.uncertainty.command_scale)
+    if 1.0 / open_by <= abs(scale) <= open_by:  # the device file does not claim to know it
+        scale = math.copysign(1.0, scale)
     return _Seen(scale, scale != 1.0, clear, _step_off(device, alone))
 
 

@@ -19,6 +19,7 @@ from zwidth.diagnosis.intake.gate import COMMAND, Fault, corrected, examine, sus
 from zwidth.diagnosis.intake.hold import smooth, was_smooth
 from zwidth.diagnosis.intake.late import in_time
 from zwidth.diagnosis.intake.rectified import as_known, unfolded
+from zwidth.diagnosis.intake.swapped import EXCHANGED, in_place
 from zwidth.diagnosis.intake.units import unit_of
 from zwidth.diagnosis.mishaps import collecting, debugging, isolated, silent
 from zwidth.diagnosis.noise.predictor import SETTLING
@@ -85,21 +86,25 @@ def readings(
 
     Velocities that were worked out from positions are left out (`intake.derived`), those that are
     an encoder's counts taken as the positions counted (`intake.counted`). Each recording is folded
-    out, its command brought to when it acts (`intake.late`), corrected by what is suspected of it,
-    and taken held or smooth. One to judge by is
-    corrected where one to fit on is by the same factor. An error in one of several costs that one
-    alone. Raises ExperimentError where the only one is of no use, and NotDiagnosed where an error
-    leaves none.
+    out, its columns put in their places (`intake.swapped`), its command brought to when it acts
+    (`intake.late`), corrected by what is suspected of it, and taken held or smooth. One to judge by
+    is corrected where one to fit on is by the same factor. An error in one of several costs that
+    one alone. Raises ExperimentError where the only one is of no use, and NotDiagnosed where an
+    error leaves none.
     """
 
     def looked_at(e: Experiment) -> _Looked:
         one, factor = _folded_out(device, e)
-        late: list[Fault] = []
+        found: list[Fault] = []
+        with isolated("gate", f"whether columns of {e.name} are exchanged"):
+            one, found = in_place(device, one)
+        lost = any(f.kind == EXCHANGED for f in found)  # what reads the one as the other is wrong
         with isolated("gate", f"whether the command of {e.name} comes late"):
-            one, late = in_time(device, one)
+            one, late = in_time(device, one) if not lost else (one, [])
+            found += late
         faults = examine(device, [one])
-        ways = suspected(device, one) if any(f.wrong for f in faults) else []
-        return _Looked(one, factor, tuple(late + [f for f in faults if not f.wrong]), tuple(ways))
+        ways = suspected(device, one) if any(f.wrong for f in faults) and not lost else []
+        return _Looked(one, factor, tuple(found + [f for f in faults if not f.wrong]), tuple(ways))
 
     measured = [*experiments, *(validate or ())]
     with isolated("gate", "velocities that were worked out from positions"):

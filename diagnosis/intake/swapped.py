@@ -1,0 +1,124 @@
+"""Tell columns that were described for one another: two outputs, or the command and a motion.
+
+Two outputs of one quantity at two masses are read the other way round, and the better prediction
+by the device file decides, by much (a device file is off by half in every number). A command that
+stands where a motion should jumps where nothing with a mass can, and the motion that stands in its
+place drives it: with u and y exchanged and any scale a,
+
+    share of e that a b explains,    b: what the command alone adds to the prediction,
+
+goes from next to nothing to nearly all. Outputs are exchanged again; a command and a motion are
+not, since each was converted by the other's unit.
+"""
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.diagnosis.intake.gate import Fault
+from zwidth.diagnosis.noise.predictor import (
+    SEARCHING,
+    SETTLING,
+    innovations,
+    observer_near,
+    prepared,
+)
+from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.sim.device import Device
+
+Floats = NDArray[np.float64]
+EXCHANGED = "command_exchanged"
+LOOKED_AT = 20_000  # ticks
+RATIOS = (1e-4, 1e-2, 1.0)
+BETTER = 2.0  # rms error over that of the outputs as they were described
+SURELY = 100.0  # -2 ln likelihood over it
+NOTHING, ALL = 0.2, 0.9  # shares explained as described, and the other way round
+
+
+def in_place(device: Device, e: Experiment) -> tuple[Experiment, list[Fault]]:
+    """Return a recording with its outputs in their places, and what was wrong about its columns."""
+    bare = device.without_physics() if device.physics else device
+    bare = bare.with_interface(encoder_step=0.0, command_step=0.0, command_limit=np.inf)
+    part = e.part(0, min(LOOKED_AT, e.ticks))
+    faults: list[Fault] = []
+    for a, b in itertools.combinations(range(len(e.outputs)), 2):
+        if e.outputs[a].quantity == e.outputs[b].quantity and _exchanged(bare, part, a, b):
+            order = list(range(len(e.outputs)))
+            order[a], order[b] = b, a
+            names = f"{e.outputs[a].name} and {e.outputs[b].name}"
+            sentence = (
+                f"{names} of {e.name} are described for one another: exchanged, the device file"
+                " predicts them by far better, and they are taken so; exchange their signals in"
+                " the recording's TOML"
+            )
+            faults.append(Fault("outputs_exchanged", sentence, True, 0.0, e.name))
+            e = replace(e, measured=np.ascontiguousarray(e.measured[:, order]))
+            break
+    if not faults and _driven_by_motion(bare, part):
+        sentence = (
+            f"the command of {e.name} moves like a mass, and {e.outputs[0].name} jumps like a"
+            " command: the signals of [input] and [[output]] stand for one another; exchange them"
+            " in the recording's TOML"
+        )
+        faults.append(Fault(EXCHANGED, sentence, True, 0.0, e.name))
+    return e, faults
+
+
+def _exchanged(device: Device, e: Experiment, a: int, b: int) -> bool:
+    order = list(range(len(e.outputs)))
+    order[a], order[b] = b, a
+    other = replace(e, measured=np.ascontiguousarray(e.measured[:, order]))
+    as_is, turned = (_errors(device, one, (a, b)) for one in (e, other))
+    better = min((t - s for s, t in zip(as_is, turned, strict=True)), default=0.0)
+    least = min(turned, default=math.inf) - min(as_is, default=math.inf)
+    samples = 2 * (e.ticks - SETTLING)
+    return max(better, least) < -math.log(BETTER) and -2.0 * samples * least > SURELY
+
+
+def _errors(device: Device, e: Experiment, outputs: Sequence[int]) -> list[float]:
+    """Mean log rms innovation of two outputs, under each observer."""
+    found: list[float] = []
+    for ratio in RATIOS:
+        try:
+            with np.errstate(all="ignore"):  # not finite after an overflow
+                out = innovations(device, e, observer_near(device, e, ratio))[SETTLING:]
+                size = np.log(np.sqrt(np.mean(out[:, list(outputs)] ** 2, axis=0)))
+        except NoObserver:
+            continue
+        if np.all(np.isfinite(size)):
+            found.append(float(size.mean()))
+    return found
+
+
+def _driven_by_motion(device: Device, e: Experiment) -> bool:
+    """Whether the first output is explained by nothing, and explains the command."""
+    y, u = e.measured[:, 0], e.command
+    if np.ptp(u) == 0.0:
+        return False
+    alone = replace(e, measured=y[:, None].copy(), outputs=e.outputs[:1], start=None)
+    size = float(np.std(u)) / max(float(np.std(y)), 1e-300)
+    other = replace(alone, command=y * size, measured=(u / size)[:, None])
+    return _explained(device, alone) < NOTHING and _explained(device, other) > ALL
+
+
+def _explained(device: Device, e: Experiment) -> float:
+    """The largest share of what is not predicted that the command explains, of any scale."""
+    found = [0.0]
+    still = replace(e, command=np.zeros(e.ticks))
+    silent = replace(e, measured=np.zeros(e.measured.shape))
+    for ratio in RATIOS:
+        try:
+            gain, ready = observer_near(device, e, ratio), prepared(e.on(device), SEARCHING)
+        except NoObserver:
+            continue
+        with np.errstate(all="ignore"):  # not finite after an overflow
+            own, b = (innovations(device, one, gain, ready=ready)[SETTLING:, 0] for one in
+                      (still, silent))  # fmt: skip
+            share = float(own @ b) ** 2 / max(float(own @ own) * float(b @ b), 1e-300)
+        found += [share] if math.isfinite(share) else []
+    return max(found)

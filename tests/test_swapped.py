@@ -1,0 +1,71 @@
+"""Columns that were described for one another are named, and outputs put back."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from tests.diagnosis_examples import phantom, record, shifted
+from zwidth.controllers.excitation import noise
+from zwidth.controllers.recorded import recorded
+from zwidth.diagnosis.intake.swapped import EXCHANGED, in_place
+from zwidth.diagnosis.intake.take_in import readings
+from zwidth.diagnosis.recording.experiment import Experiment, Output
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.interface import Interface
+from zwidth.sim.run import simulate
+
+CARTS = Device(
+    "carts", "", False, make_chain([0.8, 0.4], [3.0, 2.0], 0.0, [500.0], [0.5]),
+    Interface(period=0.002),
+)  # fmt: skip
+
+
+def both(device: Device = CARTS) -> Experiment:
+    command = noise(duration=4.0, to_hz=60.0, period=0.002, seed=1)
+    run = simulate(device, recorded(command), duration=4.0)
+    q = np.column_stack([run.trace["position_m1"], run.trace["position_m2"]])
+    q += 1e-3 * q.std() * np.random.default_rng(0).standard_normal(q.shape)
+    outputs = (Output("position", 0), Output("position", 1))
+    return Experiment(0.002, command, q, outputs, "r", float(q[:, 0].std()))
+
+
+def exchanged(e: Experiment) -> Experiment:
+    return replace(e, measured=np.ascontiguousarray(e.measured[:, ::-1]))
+
+
+def for_the_command(e: Experiment) -> Experiment:
+    """The command in the place of the first output, and the other way round."""
+    return replace(e, command=e.measured[:, 0].copy(), measured=e.command[:, None].copy())
+
+
+def test_two_outputs_are_put_back_where_they_belong() -> None:
+    """Mutation: BETTER below one (sound ones are exchanged)."""
+    masses = CARTS.chain._replace(masses=np.array([1.0, 0.3]))
+    for device in (CARTS, CARTS.with_chain(masses)):
+        there, (fault,) = in_place(device, exchanged(both()))
+        assert fault.kind == "outputs_exchanged"
+        assert fault.wrong
+        np.testing.assert_array_equal(there.measured, both().measured)
+        same, faults = in_place(device, both())
+        assert not faults
+        assert same.measured is not None
+        np.testing.assert_array_equal(same.measured, both().measured)
+
+
+def test_a_command_in_the_place_of_a_motion_is_named() -> None:
+    """Mutation: the other way round alone is asked (a quiet recording explains nothing)."""
+    e = record(phantom(), 4.0)
+    _, (fault,) = in_place(shifted(phantom()), for_the_command(e))
+    assert fault.kind == EXCHANGED
+    assert not in_place(shifted(phantom()), e)[1]
+    deaf = replace(e, command=np.random.default_rng(2).standard_normal(e.ticks))
+    assert not in_place(phantom(), deaf)[1]
+
+
+def test_what_was_exchanged_is_said_and_nothing_else_suspected() -> None:
+    e = record(phantom(), 3.0)
+    (taken,) = readings(phantom(), [for_the_command(e)], None)
+    wrong = [f for f in taken.faults if f.wrong]
+    assert [f.kind for f in wrong] == [EXCHANGED]
+    assert wrong[0].sentence.startswith("the command of recording moves like a mass")
