@@ -66,8 +66,8 @@ def test_diagnose_from_file_to_report(
     monkeypatch.chdir(tmp_path)
     kept: list[Diagnosis] = []
     monkeypatch.setattr(zwidth.commands.diagnose, "diagnose", _keeping(kept))
-    line = ["diagnose", "swing.toml", "--device", "known.toml", "--out", "o", "--json", "o/r.json"]
-    assert run(line) == 0
+    line = ["diagnose", "swing.toml", "--device", "known.toml", "--effort", "quick", "--out", "o"]
+    assert run([*line, "--json", "o/r.json"]) == 0
     result = json.loads(Path("o/r.json").read_text())
     assert result["verdict"] == "identified"
     assert result["findings"][0]["effect"] == "coulomb_friction"
@@ -77,9 +77,16 @@ def test_diagnose_from_file_to_report(
     assert augmented.physics[0].values["level"] == pytest.approx(level, rel=1e-9)
     page = Path(result["report"]).read_text(encoding="utf-8")
     assert "Identified" in page
+    assert " ".join(["zwidth", *line]) in html.unescape(page)
     assert "command's scale" not in html.unescape(page)
     assert "gain" not in result["linear_refit"]
     assert ">nan<" not in page
+    (whole,) = result["fit"]["whole_run"]
+    assert whole["output"] == "position_m1"
+    assert whole["held_out"]
+    assert whole["unit"] == "rad"
+    assert whole["rms"]["after"] < whole["rms"]["refit"]
+    assert whole["share"]["after"] == pytest.approx(whole["rms"]["after"] / whole["motion_rms"])
     out, err = capsys.readouterr()
     assert "... " not in out
     assert "command's scale" not in out

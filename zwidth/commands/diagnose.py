@@ -94,7 +94,11 @@ def command(
     console = Console(json_file)
     _refuse_fitted(recordings, validate)
     device = load_device(name)
-    asked = Asked(console, recordings, device, name, out)
+    more = ["--effort", effort] if effort != "normal" else []
+    for path in validate:
+        more += ["--validate", str(path)]
+    more += ["--out", str(out)] if out != Path("runs") else []
+    asked = Asked(console, recordings, device, name, out, tuple(more))
     with collecting(console.warn) as mishaps:
         with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # numpy's, on 1e300
             fit_on = _read_all(console, recordings, device)
@@ -129,13 +133,17 @@ def _timed(console: Console) -> Callable[[str], None]:
 
 @dataclass(frozen=True)
 class Asked:
-    """What was asked, and where answers go: name is that of the device as it was given."""
+    """What was asked, and where answers go.
+
+    name: of the device, as it was given; more: options that were given.
+    """
 
     console: Console
     recordings: tuple[Path, ...]
     device: Device
     name: str
     out: Path
+    more: tuple[str, ...] = ()
 
     def file(self, ending: str) -> Path:
         """The path of a file of the answer."""
@@ -144,7 +152,8 @@ class Asked:
     @property
     def line(self) -> str:
         """The line that asks again."""
-        return shlex.join(["zwidth", "diagnose", *map(str, self.recordings), "--device", self.name])
+        words = ["zwidth", "diagnose", *map(str, self.recordings), "--device", self.name]
+        return shlex.join([*words, *self.more])
 
 
 @dataclass
