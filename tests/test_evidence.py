@@ -14,8 +14,9 @@ from zwidth.diagnosis.selection.evidence import (
     Cost,
     believed,
     compared,
-    cost,
+    freedom,
     probabilities,
+    rarity,
 )
 
 Floats = NDArray[np.float64]
@@ -33,8 +34,8 @@ def test_of_one_magnitude_the_cost_is_the_evidence() -> None:
     best = float(shape @ y / (shape @ shape))
     least = misfit(best)
     area, _ = quad(lambda m: math.exp(-0.5 * (misfit(m) - least)) / reach, -0.5, 2.5)
-    found = cost(least, np.array([[shape @ shape]]), [reach])
-    assert found.total == pytest.approx(least - 2.0 * math.log(area), abs=1e-6)
+    found = least + freedom(np.array([[shape @ shape]]), [reach])
+    assert found == pytest.approx(least - 2.0 * math.log(area), abs=1e-6)
 
 
 def test_a_linear_parameter_with_a_prior_is_integrated_too() -> None:
@@ -48,9 +49,9 @@ def test_a_linear_parameter_with_a_prior_is_integrated_too() -> None:
 
     information = columns.T @ columns + np.diag([1.0, 0.0])
     best = np.linalg.solve(information, columns.T @ y)
-    with_it = cost(misfit(*best), information, [reach]).total
+    with_it = misfit(*best) + freedom(information, [reach])
     alone = float(columns[:, 0] @ y / (columns[:, 0] @ columns[:, 0] + 1.0))
-    without = cost(misfit(alone, 0.0), information[:1, :1], []).total
+    without = misfit(alone, 0.0) + freedom(information[:1, :1], [])
     x, m = (np.linspace(b - 2.0, b + 2.0, 801) for b in best)
     grid = np.array([[misfit(a, b) for b in m] for a in x]) - misfit(*best)
     volume = np.sum(np.exp(-0.5 * grid)) * (x[1] - x[0]) * (m[1] - m[0]) / reach
@@ -62,18 +63,15 @@ def test_a_linear_parameter_with_a_prior_is_integrated_too() -> None:
     assert with_it - without == pytest.approx(exact, abs=1e-3)
 
 
-def test_what_is_rare_or_found_among_many_costs_more() -> None:
-    one = np.eye(1)
-    common, rare = (cost(0.0, one, [1.0], [p]).total for p in (0.3, 0.01))
+def test_what_is_rare_costs_more() -> None:
+    common, rare = rarity([0.3]), rarity([0.01])
     assert rare - common == pytest.approx(2.0 * math.log(0.3 / 0.7 * 0.99 / 0.01))
-    few, many = (cost(0.0, one, [1.0], alternatives=n).total for n in (1.0, 40.0))
-    assert many - few == pytest.approx(2.0 * math.log(40.0))
+    assert Cost(1.0, 2.0, rare, 4.0).total == pytest.approx(7.0 + rare)
 
 
 def test_what_says_nothing_of_a_parameter_is_not_believed() -> None:
-    blind = cost(0.0, np.diag([1.0, 0.0]), [1.0])
-    assert blind.total == math.inf
-    assert not believed(blind, Cost(1e9))
+    assert freedom(np.diag([1.0, 0.0]), [1.0]) == math.inf
+    assert not believed(Cost(0.0, math.inf), Cost(1e9))
 
 
 def test_a_claim_is_believed_beyond_the_one_threshold() -> None:
@@ -83,16 +81,16 @@ def test_a_claim_is_believed_beyond_the_one_threshold() -> None:
     assert not believed(Cost(0.0), Cost(least + 0.01), phi=2.0)
 
 
-@pytest.mark.parametrize(
-    ("ranges", "odds", "alternatives", "says"),
-    [([0.0], [], 1.0, "ranges"), ([math.inf], [], 1.0, "ranges"), ([1.0], [1.0], 1.0, "odds"),
-     ([1.0], [], 0.0, "alternatives")],
-)  # fmt: skip
-def test_bad_prices_are_refused(
-    ranges: list[float], odds: list[float], alternatives: float, says: str
-) -> None:
-    with pytest.raises(ValueError, match=says):
-        cost(0.0, np.eye(1), ranges, odds, alternatives)
+@pytest.mark.parametrize("reach", [0.0, math.inf])
+def test_a_range_that_is_none_is_refused(reach: float) -> None:
+    with pytest.raises(ValueError, match="ranges"):
+        freedom(np.eye(1), [reach])
+
+
+@pytest.mark.parametrize("odds", [0.0, 1.0])
+def test_odds_that_are_none_are_refused(odds: float) -> None:
+    with pytest.raises(ValueError, match="odds"):
+        rarity([odds])
 
 
 def gains_of(difference: Floats, error: Floats, blocks: int) -> Floats:
@@ -167,8 +165,9 @@ def test_shares_are_right_as_often_as_they_say() -> None:
         there = random.random() < 0.5
         y = random.normal(size=samples) + there * random.uniform(-0.5, 0.5) * reach
         best = float(np.clip(y.mean(), -0.5 * reach, 0.5 * reach))
-        with_it = cost(float(np.sum((y - best) ** 2)), np.array([[float(samples)]]), [reach])
-        said[i] = probabilities([with_it.total, float(np.sum(y**2))])[0]
+        misfit, known = float(np.sum((y - best) ** 2)), np.array([[float(samples)]])
+        with_it = misfit + freedom(known, [reach])
+        said[i] = probabilities([with_it, float(np.sum(y**2))])[0]
         true[i] = there
     for low, high in ((0.0, 0.2), (0.2, 0.6), (0.6, 0.95), (0.95, 1.0)):
         some = (said > low) & (said <= high)

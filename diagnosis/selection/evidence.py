@@ -60,32 +60,25 @@ class Cost:
         return self.misfit + self.freedom + self.rarity + self.searched
 
 
-def cost(
-    misfit: float,
-    information: Floats,
-    ranges: Sequence[float],
-    odds: Sequence[float] = (),
-    alternatives: float = 1.0,
-) -> Cost:
-    """Return what a hypothesis costs at its best parameters.
+def freedom(information: Floats, ranges: Sequence[float]) -> float:
+    """Return what free parameters cost.
 
-    misfit: -2 ln likelihood and priors; information (p, p): A; ranges: of the parameters uniform
-    over them, in the units of A; odds: of each effect to be there, above 0 and below 1;
-    alternatives: how many were looked through, at least 1. Infinite freedom where A says nothing
-    of a parameter. Raises ValueError for ranges, odds or alternatives out of their bounds.
+    information (p, p): A; ranges: of the parameters uniform over them, in the units of A. Infinite
+    where A says nothing of a parameter. Raises ValueError for ranges that are not finite and above
+    0.
     """
     if any(not 0.0 < r < math.inf for r in ranges):
         raise ValueError(f"ranges are {list(ranges)}; allowed are finite ones above 0")
-    if any(not 0.0 < p < 1.0 for p in odds):
-        raise ValueError(f"odds are {list(odds)}; allowed is more than 0, less than 1")
-    if not alternatives >= 1.0:
-        raise ValueError(f"alternatives are {alternatives}; what was found is one at least")
     sign, log_det = np.linalg.slogdet(information)
     bits = float(log_det) if sign > 0.0 else math.inf
-    width = 2.0 * sum(math.log(r) for r in ranges)
-    freedom = bits + width - len(ranges) * math.log(2.0 * math.pi)
-    rarity = -2.0 * sum(math.log(p / (1.0 - p)) for p in odds)
-    return Cost(misfit, freedom, rarity, 2.0 * math.log(alternatives))
+    return bits + 2.0 * sum(math.log(r) for r in ranges) - len(ranges) * math.log(2.0 * math.pi)
+
+
+def rarity(odds: Sequence[float]) -> float:
+    """Return what effects cost that a device has with these probabilities, above 0 and below 1."""
+    if any(not 0.0 < p < 1.0 for p in odds):
+        raise ValueError(f"odds are {list(odds)}; allowed is more than 0, less than 1")
+    return -2.0 * sum(math.log(p / (1.0 - p)) for p in odds)
 
 
 def believed(new: Cost, old: Cost, phi: float = 1.0) -> bool:

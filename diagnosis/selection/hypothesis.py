@@ -17,7 +17,7 @@ from zwidth.diagnosis.noise.family import NEXT_SAMPLE, Family, Noise, likeliest
 from zwidth.diagnosis.noise.predictor import SCREENING, SEARCHING, Fineness
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
-from zwidth.diagnosis.selection.evidence import Compared, Cost, compared, cost
+from zwidth.diagnosis.selection.evidence import Compared, Cost, compared, freedom, rarity
 from zwidth.sim.physics.sizes import SMALLEST
 
 Floats = NDArray[np.float64]
@@ -211,17 +211,12 @@ def priced(h: Hypothesis) -> Hypothesis:
     information, parameters = slopes.T @ slopes, h.model.parameters
     if any(p.kind == "effect" and information[i, i] < UNSEEN for i, p in enumerate(parameters)):
         return replace(h, slopes=slopes, cost=replace(h.cost, freedom=math.inf))
-    lines = cost(h.cost.misfit, information, _ranges(h.model, h.x, information))
-    known = replace(lines, rarity=h.cost.rarity, searched=h.cost.searched)
-    return replace(h, slopes=slopes, cost=known)
+    paid = freedom(information, _ranges(h.model, h.x, information))
+    return replace(h, slopes=slopes, cost=replace(h.cost, freedom=paid))
 
 
 def _rarity(model: Model) -> float:
-    total = 0.0
-    for p in model.effects:
-        odds = p.effect.prior_at(p.place) or ODDS
-        total -= 2.0 * math.log(odds / (1.0 - odds))
-    return total
+    return rarity([p.effect.prior_at(p.place) or ODDS for p in model.effects])
 
 
 def _ranges(model: Model, x: Floats, information: Floats) -> list[float]:
@@ -277,8 +272,3 @@ def against(new: Hypothesis, old: Hypothesis) -> Compared:
     squares = np.einsum("ki,ij,kj->k", apart, inverse, apart)
     foretold = [part.sum() for part in np.array_split(squares, new.blocks.size)]
     return compared(gains(new, old), np.array(foretold))
-
-
-def best_of(hypotheses: Sequence[Hypothesis]) -> Hypothesis:
-    """Return the one that costs least."""
-    return min(hypotheses, key=lambda h: h.cost.total)
