@@ -186,8 +186,9 @@ def test_a_step_is_told_with_its_unit():
         np.column_stack([e.measured, 1e3 * np.gradient(e.measured[:, 0])]) / 1e-3
     )
     both = replace(e, measured=coarse, outputs=(Output("position", 0), Output("velocity", 0)))
-    said = [f.sentence for f in examine(phantom(), [both]) if f.kind == "encoder_step"]
-    assert [s.split("steps of ")[1] for s in said] == ["0.001 rad", "0.001 rad/s"]
+    steps = [f for f in examine(phantom(), [both]) if f.kind.endswith("_step")]
+    assert [f.kind for f in steps] == ["encoder_step", "velocity_step"]
+    assert [f.sentence.split("steps of ")[1] for f in steps] == ["0.001 rad", "0.001 rad/s"]
 
 
 def test_encoder_steps_are_seen():
