@@ -6,19 +6,23 @@ import numpy as np
 
 from zwidth.logs.recording_file import Entry
 from zwidth.logs.source import Floats, RecordingError, Signal
-from zwidth.logs.units import SI, TURN, Unit, find_unit, known_unit
+from zwidth.logs.units import GOAL, SI, TURN, Unit, find_unit, known_unit
 
 LARGEST_EXACT = 2**53  # integers beyond it are rounded in a double
 
 
 @dataclass(frozen=True)
 class Converted:
-    """values (samples,) in SI. rotary: what the unit shows, None where it does not."""
+    """values (samples,) in SI. rotary: what the unit shows, None where it does not.
+
+    goal: whether they are positions to go to.
+    """
 
     values: Floats
     rotary: bool | None
     formula: str
     warnings: tuple[str, ...]
+    goal: bool = False
 
 
 def convert(entry: Entry, signal: Signal) -> Converted:
@@ -33,10 +37,13 @@ def convert(entry: Entry, signal: Signal) -> Converted:
         for factor in (unit.factor, scale):
             values = values if factor == 1.0 else values * factor
         values = values if entry.offset == 0.0 else values + entry.offset
-    rotary = unit.si == SI[entry.quantity][0] if unit.si and entry.scale is None else None
+    goal = entry.quantity == "command" and unit.si in GOAL and entry.scale is None
+    own = GOAL if goal else SI[entry.quantity]
+    rotary = unit.si == own[0] if unit.si and entry.scale is None else None
     formula = _formula(entry, signal, unit, scale)
     notes = [signal.note] if signal.note else []
-    return Converted(values, rotary, formula, (*notes, *warnings, *_remarks(entry, values)))
+    remarks = (*notes, *warnings, *_remarks(entry, values))
+    return Converted(values, rotary, formula, remarks, goal)
 
 
 def _unit(entry: Entry, signal: Signal) -> tuple[Unit, list[str]]:
@@ -45,7 +52,7 @@ def _unit(entry: Entry, signal: Signal) -> tuple[Unit, list[str]]:
     if entry.unit is None:
         if spelled is None or entry.scale is not None:
             return Unit("", 1.0), []
-        if spelled.si in SI[entry.quantity] and spelled.factor == 1.0:
+        if spelled.si in _allowed(entry) and spelled.factor == 1.0:
             return spelled, []
         raise RecordingError(
             f"{signal.name!r} is in {signal.unit!r} by its own header, and {entry.channel} must be"
@@ -60,13 +67,18 @@ def _unit(entry: Entry, signal: Signal) -> tuple[Unit, list[str]]:
         )
     if unit.si.startswith("counts"):
         unit = _counts(entry, unit)
-    if entry.scale is None and unit.si not in SI[entry.quantity]:
-        allowed = " or ".join(SI[entry.quantity])
+    if entry.scale is None and unit.si not in _allowed(entry):
+        allowed = " or ".join(SI[entry.quantity])  # of a goal no scale is asked
         raise RecordingError(
             f"{signal.name!r} is in {entry.unit}, and {entry.channel} must be in {allowed}; give"
             f" scale, in {allowed} per {unit.si}"
         )
     return unit, warnings
+
+
+def _allowed(entry: Entry) -> tuple[str, ...]:
+    """Return the SI units that a channel may be in."""
+    return (*SI[entry.quantity], *(GOAL if entry.quantity == "command" else ()))
 
 
 def _counts(entry: Entry, unit: Unit) -> Unit:

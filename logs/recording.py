@@ -20,7 +20,7 @@ from zwidth.logs.own import read_own
 from zwidth.logs.recording_file import Clock, Description, Entry, load_description
 from zwidth.logs.source import RecordingError, Signal, Source
 from zwidth.logs.timing import Stamps, common_origin
-from zwidth.logs.units import SI, find_unit
+from zwidth.logs.units import GOAL, SI, find_unit
 from zwidth.sim.nearest import nearest
 from zwidth.sim.trace import Trace
 
@@ -114,7 +114,10 @@ def _read(description: Description, source: Source) -> Trace:
     if resampling:
         facts["resampling"] = resampling
     units = {
-        e.channel: SI[e.quantity][0 if rotary else 1] if rotary is not None else "" for e in entries
+        e.channel: (GOAL if converted[e.channel].goal else SI[e.quantity])[0 if rotary else 1]
+        if rotary is not None
+        else ""
+        for e in entries
     }
     trace = Trace(t, values, units, "recorded", facts)
     return _used(description, trace)

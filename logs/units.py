@@ -106,6 +106,8 @@ SI = {
     "command": ("N m", "N"),
 }
 """Quantity -> its SI unit on a rotary and on a linear device."""
+GOAL = SI["position"]
+"""What a command may be in besides: a servo's is the position that it is to go to."""
 
 
 def find_unit(text: str) -> Unit | None:

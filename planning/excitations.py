@@ -79,7 +79,7 @@ def scale_for(
         level = min(max(driven, default=MARGIN * limit), MARGIN * limit)
     if not np.isfinite(level):
         unit = _unit(white_noise(10.0, device.interface.period, 0))
-        level = travel / travelled(device.without_physics(), unit)
+        level = travel / travelled(device.bare(), unit)
     return Scale(level, travel)
 
 

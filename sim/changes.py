@@ -11,6 +11,7 @@ it is fitted. A fit may walk to where a mass less its payload would be negative:
 spring at least `LEAST` of what the run says remains.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -39,7 +40,7 @@ class Changes:
     chain: the difference, field by field. least: of the chain's fields in `POSITIVE`, what remains
     at least. delay [s] is added, command_limit replaces, None for the device's own. command_gain:
     times the device's; whoever takes the command reads it. physics: values to be added, by
-    effect@place.
+    effect@place; factors: what to multiply those by that are the drive's (`Effect.of_drive`).
     """
 
     chain: Chain
@@ -48,13 +49,14 @@ class Changes:
     command_limit: float | None = None
     command_gain: float = 1.0
     physics: tuple[tuple[str, Mapping[str, float]], ...] = ()
+    factors: tuple[tuple[str, Mapping[str, float]], ...] = ()
 
     def of(self, device: Device) -> Device:
         """Return a device as it was in the run."""
         changed = device.with_chain(_chain(self._chain(device.chain)))
         changed = changed.with_interface(**self._interface(device.interface.delay))
-        more = dict(self.physics)
-        own = tuple(_more(p, more[place_label(p)]) if place_label(p) in more else p
+        more, times = dict(self.physics), dict(self.factors)
+        own = tuple(_changed(p, times.get(place_label(p), {}), more.get(place_label(p), {}))
                     for p in device.physics)  # fmt: skip
         return replace(changed, physics=own)
 
@@ -62,12 +64,15 @@ class Changes:
         """Return members as they were in the run; bit for bit what `of` makes of each."""
         changed = replace(members, chains=Chains(*self._chain(members.chains)))
         changed = changed.with_interface(**self._interface(members.of_interface("delay")))
-        more, values = dict(self.physics), list(changed.values)
+        more, times, values = dict(self.physics), dict(self.factors), list(changed.values)
         for i, p in enumerate(changed.physics):
-            for name, added in more.get(place_label(p), {}).items():
-                column = [q.name for q in p.effect.parameters].index(name)
+            names = [q.name for q in p.effect.parameters]
+            for name, factor in times.get(place_label(p), {}).items():
                 values[i] = values[i].copy()
-                values[i][:, column] += added
+                values[i][:, names.index(name)] *= factor
+            for name, added in more.get(place_label(p), {}).items():
+                values[i] = values[i].copy()
+                values[i][:, names.index(name)] += added
         return replace(changed, values=tuple(values))
 
     def _chain(self, chain: Chain | Chains) -> list[Floats]:
@@ -87,8 +92,13 @@ class Changes:
         return changed
 
 
-def _more(physics: Physics, added: Mapping[str, float]) -> Physics:
-    values = {name: value + added.get(name, 0.0) for name, value in physics.values.items()}
+def _changed(physics: Physics, factors: Mapping[str, float], added: Mapping[str, float]) -> Physics:
+    if not factors and not added:
+        return physics
+    values = {
+        name: value * factors.get(name, 1.0) + added.get(name, 0.0)
+        for name, value in physics.values.items()
+    }
     return replace(physics, values=values)
 
 
@@ -136,7 +146,7 @@ def changes_of(table: Mapping[str, object], device: Device) -> Changes | None:
         clock.delay - device.interface.delay,
         clock.command_limit if "command_limit" in own else None,
         clock.command_gain / device.interface.command_gain,
-        tuple(_of_physics(entry, device) for entry in own.tables("physics")),
+        *_of_physics(own.tables("physics"), device),
     )
 
 
@@ -145,14 +155,33 @@ def _chain(fields: Sequence[Floats]) -> Chain:
     return Chain(masses, dampers, float(spring), links, link_dampers)
 
 
-def _of_physics(table: Table, device: Device) -> tuple[str, Mapping[str, float]]:
-    label = f"{table.text('effect')}@{table.text('at')}"
+Labelled = tuple[tuple[str, Mapping[str, float]], ...]
+
+
+def _of_physics(tables: Sequence[Table], device: Device) -> tuple[Labelled, Labelled]:
+    """Return what to add to the numbers of effects and what to multiply them by, by label.
+
+    What scales with what a command does, and is not zero, is multiplied: whatever a fit makes of
+    the drive, a loop of four times the gain has four times that.
+    """
+    added: dict[str, dict[str, float]] = {}
+    factors: dict[str, dict[str, float]] = {}
     known = {place_label(p): p for p in device.physics}
-    if label not in known:
-        hint = nearest(label, known) if known else "it has none"
-        raise DeviceError(
-            f"{table.path} of the recording is {label}, which the device file does not have; {hint}"
-        )
-    values = known[label].values
-    table.only(("effect", "at", *values))
-    return label, {name: table.number(name) - values[name] for name in values if name in table}
+    for table in tables:
+        label = f"{table.text('effect')}@{table.text('at')}"
+        if label not in known:
+            hint = nearest(label, known) if known else "it has none"
+            raise DeviceError(
+                f"{table.path} of the recording is {label}, which the device file does not have;"
+                f" {hint}"
+            )
+        values, scales = known[label].values, known[label].effect.of_drive
+        table.only(("effect", "at", *values))
+        for name in values:
+            if name not in table:
+                continue
+            if scales and 0.0 < values[name] < math.inf:
+                factors.setdefault(label, {})[name] = table.number(name) / values[name]
+            else:
+                added.setdefault(label, {})[name] = table.number(name) - values[name]
+    return tuple(added.items()), tuple(factors.items())

@@ -169,6 +169,11 @@ class Device:
         kept = (p for p in self.physics if not {p.effect.name, place_label(p)} & set(names))
         return replace(self, physics=tuple(kept) if names else ())
 
+    def bare(self) -> "Device":
+        """Return the device without effects, except what makes its drive one that a goal drives."""
+        kept = tuple(p for p in self.physics if p.effect.sought == "given")
+        return self if len(kept) == len(self.physics) else replace(self, physics=kept)
+
     def with_chain(self, chain: Chain) -> "Device":
         """Return the device with another mechanism, given as a chain."""
         return replace(self, chain=chain, modal=None)
@@ -218,9 +223,16 @@ def home(physics: Physics) -> str | None:
     return None
 
 
+def has_needed(effect: Effect, device: Device) -> bool:
+    """Whether the device has what an effect needs to have a part in it."""
+    return not effect.needs or any(p.effect.name == effect.needs for p in device.physics)
+
+
 def known(effect: Effect, place: Place, device: Device) -> bool:
-    """Whether the device already has the quantity that this effect would set."""
+    """Whether the device has the quantity that this effect would set, or has no use for it."""
     home = effect.in_interface
+    if effect.sought == "given" or not has_needed(effect, device):
+        return True
     if home is not None and not effect.adds:
         (parameter,) = effect.parameters
         return getattr(device.interface, home) != parameter.neutral

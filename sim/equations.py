@@ -434,7 +434,8 @@ def effect_table(
         return EffectTable(nothing, nothing, nothing, nothing, np.zeros((*lead, 0, 1)))
     entries = [p for p, _ in mine]
     places = [p.place.ends for p in entries]
-    rows = [_row(p, own, chain, seed) for p, own in mine]
+    loop = _servo(physics, values, chain)
+    rows = [_row(p, own, chain, loop, seed) for p, own in mine]
     width = max(row.shape[-1] for row in rows) or 1
     parameters = np.zeros((*rows[0].shape[:-1], len(rows), width))
     for i, row in enumerate(rows):
@@ -448,8 +449,10 @@ def effect_table(
     )
 
 
-def _row(physics: Physics, values: Floats, chain: Chain | Chains, seed: int) -> Floats:
-    """Return an effect's own numbers, then what it reads of its link or of the run.
+def _row(
+    physics: Physics, values: Floats, chain: Chain | Chains, loop: Floats, seed: int
+) -> Floats:
+    """Return an effect's own numbers, then what it reads of its link, of the servo or of the run.
 
     The run's seed comes as its two 32-bit words.
     """
@@ -458,8 +461,22 @@ def _row(physics: Physics, values: Floats, chain: Chain | Chains, seed: int) -> 
         if name == "seed":
             words = np.array([float(seed & 0xFFFFFFFF), float(seed >> 32)])
             found.append(np.broadcast_to(words, (*values.shape[:-1], 2)))
+        elif name == "servo":
+            found.append(loop)
         else:
             links = chain.link_springs if name == "link_spring" else chain.link_dampers
             first = physics.place.index
             found.append(links[..., first : first + 1])
     return np.concatenate(found, axis=-1)
+
+
+def _servo(physics: Sequence[Physics], values: Sequence[Floats], chain: Chain | Chains) -> Floats:
+    """Return stiffness, damping, back-EMF and limit (..., 4) of the servo; without one no limit."""
+    loop = np.zeros((*chain.masses.shape[:-1], 4))
+    loop[..., 3] = np.inf
+    for p, own in zip(physics, values, strict=True):
+        if p.effect.name == "position_servo":
+            loop[..., :3] = own
+        elif p.effect.name == "servo_limit":
+            loop[..., 3] = own[..., 0]
+    return loop

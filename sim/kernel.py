@@ -105,14 +105,14 @@ def across(x, offset, first, second):
 
 
 @part
-def held_forces(eq, x, internal, values):
-    """Value of each smooth force at state x."""
+def held_forces(eq, x, held, internal, values):
+    """Value of each smooth force at state x under the held command."""
     table = eq.forces
     for e in range(table.codes.size):
         i, j = table.first[e], table.origin[e]
         q = across(x, 0, i, j)
         v = across(x, eq.dof, i, j)
-        values[e] = smooth_force(table.codes[e], q, v, internal[e], table.parameters[e])
+        values[e] = smooth_force(table.codes[e], q, v, internal[e], held, table.parameters[e])
 
 
 @part
@@ -142,7 +142,7 @@ def advance_internal(eq, x0, x1, internal, h, after):
 
 
 @part
-def friction_limits(eq, x, limits, shares):
+def friction_limits(eq, x, held, limits, shares):
     """Sum the bounds of all dry forces at each mass: rows lower, upper, sticking lower, upper."""
     table = eq.frictions
     for i in range(eq.dof):
@@ -150,7 +150,7 @@ def friction_limits(eq, x, limits, shares):
             limits[row, i] = 0.0
     for e in range(table.codes.size):
         i = table.first[e]
-        bounds = friction_bounds(table.codes[e], x[eq.dof + i], table.parameters[e])
+        bounds = friction_bounds(table.codes[e], x[i], x[eq.dof + i], held, table.parameters[e])
         limits[LOWER, i] += bounds[0]
         limits[UPPER, i] += bounds[1]
         limits[LOWER_AT_REST, i] += bounds[2]
@@ -160,7 +160,7 @@ def friction_limits(eq, x, limits, shares):
 
 
 @part
-def mean_friction_limits(eq, x, limits, shares):
+def mean_friction_limits(eq, x, held, limits, shares):
     """Replace the sliding bounds by the mean of those of `friction_limits` and those at state x."""
     for i in range(eq.dof):
         limits[LOWER, i] = 0.0
@@ -168,7 +168,7 @@ def mean_friction_limits(eq, x, limits, shares):
     table = eq.frictions
     for e in range(table.codes.size):
         i = table.first[e]
-        bounds = friction_bounds(table.codes[e], x[eq.dof + i], table.parameters[e])
+        bounds = friction_bounds(table.codes[e], x[i], x[eq.dof + i], held, table.parameters[e])
         shares[e, 0] = 0.5 * (shares[e, 0] + bounds[0])
         shares[e, 1] = 0.5 * (shares[e, 1] + bounds[1])
         limits[LOWER, i] += shares[e, 0]
@@ -308,17 +308,17 @@ def substep(eq, segment, held, external, memory, scratch):
     for j in range(eq.states + 1):
         before[j] = x[j]
     for look in range(2 if values.size > 0 or eq.bounds_vary else 1):
-        held_forces(eq, x, internal if look == 0 else after, ahead)
+        held_forces(eq, x, held, internal if look == 0 else after, ahead)
         for e in range(values.size):
             values[e] = ahead[e] if look == 0 else 0.5 * (values[e] + ahead[e])
         load(eq, values, external, before)
         if look == 0:
             if dry:
-                friction_limits(eq, before, limits, shares)
+                friction_limits(eq, before, held, limits, shares)
                 members = lock(eq, before, limits)
             which = chosen(eq, segment, members, scratch.choice)
         elif eq.bounds_vary:
-            mean_friction_limits(eq, x, limits, shares)
+            mean_friction_limits(eq, x, held, limits, shares)
         p = eq.propagators[segment, which]
         propagate(p, before, columns, x)
         if dry:

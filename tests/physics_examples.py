@@ -20,6 +20,7 @@ EXAMPLES: dict[str, dict[str, float]] = {
         "viscous_plus": 2e-3,
         "viscous_minus": 1e-3,
     },
+    "load_friction": {"ratio": 0.1},
     "quadratic_drag": {"coefficient": 1e-3},
     "constant_force": {"level": 5e-3},
     "ground_spring": {"stiffness": 0.5},
@@ -29,6 +30,9 @@ EXAMPLES: dict[str, dict[str, float]] = {
     "cubic_stiffness": {"coefficient": 1e4},
     "hysteresis": {"stiffness": 5.0, "level": 3e-3, "shape": 1.5},
     "extra_mode": {"mass": 1e-4, "stiffness": 5.0, "damping": 2e-3},
+    "position_servo": {"stiffness": 3.0, "damping": 2e-3, "back_emf": 1e-3},
+    "servo_limit": {"limit": 0.02},
+    "servo_dead_zone": {"half": 1e-4},
     "saturation": {"limit": 0.02},
     "dead_band": {"width": 2e-3},
     "command_step": {"step": 1e-3},
@@ -77,6 +81,12 @@ def five() -> Device:
 def example(name: str, at: str | None = None) -> Physics:
     """Return the example of an effect, at its first place by default."""
     return make_physics(name, at or EFFECTS[name].places[0], **EXAMPLES[name])
+
+
+def with_needed(physics: Physics) -> tuple[Physics, ...]:
+    """Return an effect, after the example of the one without which it has no part in a device."""
+    needs = physics.effect.needs
+    return (example(needs), physics) if needs else (physics,)
 
 
 def neutral(effect: Effect, at: str) -> Physics:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from physics_examples import EVERYWHERE, example, phantom
+from physics_examples import EVERYWHERE, example, phantom, with_needed
 
 from zwidth.controllers.wall import wall
 from zwidth.sim.physics.effect import Physics
@@ -11,7 +11,10 @@ from zwidth.sim.run import Outcome, Run, Start, simulate
 # The work of the command where the controller sees it, and how much of it the lag keeps from the
 # mechanism: no part of the mechanism's balance.
 OUTSIDE = ("wall", "actuator_lag")
-BORROWED_ENERGY = ("cubic_stiffness", "force_ripple", "gravity_pendulum", "constant_force")
+BORROWED_ENERGY = (
+    "cubic_stiffness", "force_ripple", "gravity_pendulum", "constant_force",
+    "servo_limit", "servo_dead_zone",
+)  # fmt: skip
 
 
 def _run(*physics: Physics, seed: int = 0) -> Run:
@@ -38,7 +41,7 @@ def _imbalance(run: Run) -> float:
 @pytest.mark.parametrize(("name", "place"), EVERYWHERE)
 def test_the_ledger_closes_with_each_effect(name: str, place: str) -> None:
     """1e-9. Mutation: `values[e]` booked before the mean of both ends is taken: 1e-4 and more."""
-    run = _run(example(name, place))
+    run = _run(*with_needed(example(name, place)))
     assert _imbalance(run) < 1e-9
     entry = f"{name}_{place}"
     if entry in run.ledger and name not in (*BORROWED_ENERGY, "backlash"):

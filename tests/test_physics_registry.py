@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from physics_examples import EVERYWHERE, EXAMPLES, example, neutral, phantom
+from physics_examples import EVERYWHERE, EXAMPLES, example, neutral, phantom, with_needed
 
 from zwidth.controllers.wall import wall
 from zwidth.scenarios.scenario import usual_substeps
@@ -25,6 +25,7 @@ TABLE = {
     "stribeck_friction": (MASSES, "level static_level velocity"),
     "presliding_friction": (MASSES, "level stiffness"),
     "directional_friction": (MASSES, "level_plus level_minus viscous_plus viscous_minus"),
+    "load_friction": (("m1",), "ratio"),
     "quadratic_drag": (MASSES, "coefficient"),
     "constant_force": (MASSES, "level"),
     "ground_spring": (MASSES, "stiffness"),
@@ -34,6 +35,9 @@ TABLE = {
     "cubic_stiffness": (("ground", *LINKS), "coefficient"),
     "hysteresis": (("ground", "link12"), "stiffness level shape"),
     "extra_mode": (MASSES, "mass stiffness damping"),
+    "position_servo": (("m1",), "stiffness damping back_emf"),
+    "servo_limit": (("m1",), "limit"),
+    "servo_dead_zone": (("m1",), "half"),
     "saturation": (("command",), "limit"),
     "dead_band": (("command",), "width"),
     "command_step": (("command",), "step"),
@@ -119,9 +123,11 @@ def test_neutral_parameters_change_nothing_bit_for_bit(several: bool) -> None:
 
 @pytest.mark.parametrize(("name", "place"), EVERYWHERE)
 def test_every_example_changes_something(name: str, place: str) -> None:
-    changed = _run(phantom().with_physics(example(name, place)))
+    *needed, physics = with_needed(example(name, place))
+    device = phantom().with_physics(*needed)
+    changed = _run(device.with_physics(physics))
     assert not np.array_equal(
-        changed.trace.channels["position_m1"], _run(phantom()).trace.channels["position_m1"]
+        changed.trace.channels["position_m1"], _run(device).trace.channels["position_m1"]
     )
 
 

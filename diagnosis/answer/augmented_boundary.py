@@ -73,9 +73,7 @@ def augmented_boundary(
     95 % of the last at which the nominal device has a stable wall, and the one of the stiffest
     wall. start [rad | m]: 1e-3 rad or 1e-4 m. None where the nominal device has no stable wall.
     """
-    linear = nominal.without_physics().with_interface(
-        encoder_step=0.0, command_step=0.0, command_limit=np.inf
-    )
+    linear = nominal.bare().with_interface(encoder_step=0.0, command_step=0.0, command_limit=np.inf)
     last, tip = last_stable_damping(linear) or 0.0, corner(linear)
     if dampings is None and not last > 0.0:
         return None

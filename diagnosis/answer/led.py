@@ -63,7 +63,7 @@ def span(device: Device, experiment: Experiment, motion: Floats) -> Span:
     """
     n, length = device.chain.masses.size, motion.shape[1]
     motion = np.where(np.isfinite(motion).all(axis=(1, 2), keepdims=True), motion, 0.0)
-    linear = device.without_physics() if device.physics else device
+    linear = device.bare()
     constant = np.zeros((motion.shape[0] * length, 0))
     columns: list[Floats] = []
     for place in (p for p in masses_and_links(n) if p.kind == "link" or p.index == 0):

@@ -54,7 +54,7 @@ def response(problem: Problem, fitted: Fitted, place: str) -> Floats:
     device without its nonlinear physics.
     """
     device = fitted.model.acting(fitted.x)
-    device = device.without_physics() if device.physics else device
+    device = device.bare()
     first = problem.experiments[0]
     device = first.on(device)
     length = min(LONGEST, first.ticks - LEAD) + LEAD

@@ -98,7 +98,7 @@ def driven(device: Device, e: Experiment, forward: bool = False) -> Driven | Non
 
 
 def _linear(device: Device) -> Device:
-    return device.without_physics() if device.physics else device
+    return device.bare()
 
 
 def resisting(moved: Floats) -> list[Floats]:

@@ -52,7 +52,7 @@ def late_by(device: Device, e: Experiment) -> int:
     most = min(MOST, round(MOST_S / e.period), part.ticks // 10)
     if np.ptp(part.command) == 0.0 or most < 1:
         return 0
-    bare = device.without_physics() if device.physics else device
+    bare = device.bare()
     bare = bare.with_interface(encoder_step=0.0, command_step=0.0, command_limit=np.inf)
     with np.errstate(all="ignore"):  # not finite after an overflow
         try:

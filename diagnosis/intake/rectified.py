@@ -85,7 +85,7 @@ def as_known(device: Device, experiment: Experiment) -> Experiment:
 
 def _errors(device: Device, experiment: Experiment, readings: Sequence[Floats]) -> list[float]:
     """Rms innovation of each way to read the first output; raises NoObserver."""
-    plain = device.without_physics() if device.physics else device
+    plain = device.bare()
     gains = [observer_near(plain, experiment, ratio) for ratio in RATIOS]
     found: list[float] = []
     for first in readings:

@@ -42,7 +42,7 @@ NOTHING, ALL = 0.2, 0.9  # shares explained as described, and the other way roun
 
 def in_place(device: Device, e: Experiment) -> tuple[Experiment, list[Fault]]:
     """Return a recording with its outputs in their places, and what was wrong about its columns."""
-    bare = device.without_physics() if device.physics else device
+    bare = device.bare()
     bare = bare.with_interface(encoder_step=0.0, command_step=0.0, command_limit=np.inf)
     part = e.part(0, min(LOOKED_AT, e.ticks))
     with np.errstate(all="ignore"):  # of sizes that no square holds nothing is told

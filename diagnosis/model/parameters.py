@@ -142,6 +142,7 @@ class Model:
         masses, dampers = chain.masses.copy(), chain.ground_dampers.copy()
         springs, links = chain.link_springs.copy(), chain.link_dampers.copy()
         k0 = chain.ground_spring
+        scale = 1.0
         for p, xi in zip(self.parameters, x, strict=True):
             if p.kind == "mass":
                 masses[p.index] *= np.exp(p.scale * xi)
@@ -153,7 +154,12 @@ class Model:
                 links[p.index] += p.scale * xi
             elif p.kind == "k0":
                 k0 *= float(np.exp(p.scale * xi))
+            elif p.kind == "gain":
+                scale = float(np.exp(p.scale * xi))
         device = self.nominal.with_chain(make_chain(masses, dampers, k0, springs, links))
+        if scale != 1.0:
+            drive = (p for p in device.physics if p.effect.of_drive)
+            device = device.with_physics(*(_scaled(p, scale) for p in drive))
         for physics in self.effects_at(x):
             device = device.with_physics(physics)
         return device
@@ -177,7 +183,10 @@ class Model:
         factored = {"mass": chains.masses, "spring": chains.link_springs,
                     "k0": chains.ground_spring[:, None]}  # fmt: skip
         shifted = {"damper": chains.ground_dampers, "link": chains.link_dampers}
+        scale: Floats | None = None
         for p, x in zip(self.parameters, np.ascontiguousarray(xs.T), strict=True):
+            if p.kind == "gain":
+                scale = np.exp(p.scale * x)
             if p.kind in factored:
                 factored[p.kind][:, p.index] *= np.exp(p.scale * x)
             elif p.kind in shifted:
@@ -186,6 +195,10 @@ class Model:
                 names = [q.name for q in self.effects[p.index].effect.parameters]
                 values[p.index][:, names.index(p.key)] += p.scale * x
         found = replace(alike(self.nominal, count), chains=chains)
+        if scale is not None:
+            own = zip(found.physics, found.values, strict=True)
+            scaled = tuple(v * scale[:, None] if p.effect.of_drive else v for p, v in own)
+            found = replace(found, values=scaled)
         for physics, own in zip(self.effects, values, strict=True):
             lower = np.array([p.lower for p in physics.effect.parameters])
             upper = np.array([p.upper for p in physics.effect.parameters])
@@ -305,6 +318,10 @@ class Model:
     def label(self) -> str:
         """The effects by name, or "linear"."""
         return " + ".join(place_label(p) for p in self.effects) or "linear"
+
+
+def _scaled(physics: Physics, scale: float) -> Physics:
+    return replace(physics, values={k: v * scale for k, v in physics.values.items()})
 
 
 def first_velocity(experiment: Experiment) -> int | None:

@@ -113,7 +113,7 @@ def noises(
     ratios = np.array(family.ratios)
     device = model.acting(x)
     seen = [model.seen(e, x) for e in experiments]
-    bare = device.without_physics() if device.physics else device
+    bare = device.bare()
     gains = steady_gains([bare] * ratios.size, seen[0], ratios)
     usable = np.flatnonzero(np.isfinite(gains).all(axis=(1, 2)))
     if usable.size == 0:

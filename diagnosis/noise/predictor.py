@@ -353,7 +353,7 @@ def begun(device: Device, experiment: Experiment, observer: "Observer") -> Exper
     if not (np.all(np.isfinite(own)) and np.all(np.isfinite(observer.deviation))):
         return replace(experiment, start=None)
     own = (own.reshape(first.measured.shape) / observer.deviation).ravel()
-    linear = device.without_physics() if device.physics else device
+    linear = device.bare()
     ready = prepared(experiment.on(linear))
     dof = device.chain.masses.size
     still = replace(

@@ -12,8 +12,6 @@ from zwidth.sim.physics.effect import Bounds, Effect, Physics
 from zwidth.sim.physics.sizes import Sizes
 from zwidth.sim.place import Place, place_at
 
-OF_COMMAND = ("command", "clock")  # hooks of what a motion that nothing drives does not show
-
 
 @dataclass(frozen=True)
 class Start:
@@ -80,7 +78,7 @@ def candidates(device: Device, experiments: Sequence[Experiment]) -> list[Start]
             akin = (effect.name, *effect.contains)
             if not present.isdisjoint((name, place.acts_on) for name in akin):
                 continue
-            if sizes.driven or effect.hook not in OF_COMMAND:
+            if sizes.driven or not effect.of_command:
                 found += starts_of(effect, place, sizes)
     return found
 

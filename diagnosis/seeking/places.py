@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from zwidth.diagnosis.seeking.candidates import OF_COMMAND, Start
+from zwidth.diagnosis.seeking.candidates import Start
 from zwidth.diagnosis.seeking.magnitude import within_bounds
 from zwidth.sim.device import Device, has_room, known
 from zwidth.sim.physics import EFFECTS
@@ -42,7 +42,7 @@ def starts_at(
     """Return starts by label; far: over all plausible magnitudes, else about the limit."""
     found: dict[str, list[Start]] = {}
     for effect, place in effects:
-        if not sizes.driven and effect.hook in OF_COMMAND:
+        if not sizes.driven and effect.of_command:
             continue
         bounds = effect.within(sizes, place)
         way = effect.sweep if far else effect.starts

@@ -22,7 +22,7 @@ def sizes_of(device: Device, experiments: Sequence[Experiment]) -> Sizes:
     free motion is driven by is what stores its energy: of a swing of any frequency m v^2 / x, v and
     x the rms speed and position, since k x = m omega^2 x.
     """
-    command = np.concatenate([e.command for e in experiments])
+    command = np.concatenate([_force(device, e) for e in experiments])
     positions: list[Floats] = []
     speeds: list[Floats] = []
     for e in experiments:
@@ -75,9 +75,24 @@ def sizes_of(device: Device, experiments: Sequence[Experiment]) -> Sizes:
     )
 
 
+def _force(device: Device, experiment: Experiment) -> Floats:
+    """Force of the drive: the command as it counts, less what a servo's own part gives back."""
+    force = device.interface.command_gain * experiment.command
+    if not (loops := [p for p in device.physics if p.effect.name == "position_servo"]):
+        return force
+    named = [o.name for o in experiment.outputs]
+    if "position_m1" not in named:
+        return force
+    (loop,) = loops
+    there = experiment.measured[:, named.index("position_m1")]
+    force = force - loop.values["stiffness"] * (there - device.interface.position_origin)
+    limits = [p.values["limit"] for p in device.physics if p.effect.name == "servo_limit"]
+    return np.clip(force, -limits[0], limits[0]) if limits else force
+
+
 def _followed(device: Device, experiments: Sequence[Experiment]) -> Floats | None:
     """Positions and velocities (ticks, 2n) of all masses; None where no observer follows."""
-    bare = device.without_physics() if device.physics else device
+    bare = device.bare()
     try:
         gain = observer_near(bare, experiments[0], FOLLOWING)
     except NoObserver:

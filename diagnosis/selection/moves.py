@@ -141,7 +141,7 @@ def simpler(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
     """Yield the hypothesis with each effect in turn as one of those that it contains."""
     device = h.model.build(h.x)
     fitted = h.model.effects_at(h.x)
-    sizes = sizes_of(device.without_physics(), h.experiments)
+    sizes = sizes_of(device.bare(), h.experiments)
     for i, physics in enumerate(h.model.effects):
         model, x = h.model.less(h.x, i)
         bare = model.build(x)
@@ -160,7 +160,7 @@ def split(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
     """
     device = h.model.build(h.x)
     fitted = h.model.effects_at(h.x)
-    sizes = sizes_of(device.without_physics(), h.experiments)
+    sizes = sizes_of(device.bare(), h.experiments)
     for i, physics in enumerate(h.model.effects):
         model, x = h.model.less(h.x, i)
         held = [
@@ -184,7 +184,7 @@ def merged(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
     """
     device = h.model.build(h.x)
     fitted = h.model.effects_at(h.x)
-    sizes = sizes_of(device.without_physics(), h.experiments)
+    sizes = sizes_of(device.bare(), h.experiments)
     for i, j in combinations(range(len(fitted)), 2):
         one, other = fitted[i], fitted[j]
         if one.place.acts_on != other.place.acts_on:

@@ -18,18 +18,21 @@ from zwidth.sim.physics.force_ripple import ripple_force
 from zwidth.sim.physics.gain_asymmetry import two_gains
 from zwidth.sim.physics.gravity_pendulum import pendulum_force
 from zwidth.sim.physics.hysteresis import bouc_wen_force, next_yield
+from zwidth.sim.physics.load_friction import load_bounds
 from zwidth.sim.physics.one_sided_spring import stop_force
 from zwidth.sim.physics.periodic_force import periodic
 from zwidth.sim.physics.power_drag import power_force
 from zwidth.sim.physics.presliding_friction import dahl_force, next_bristle
 from zwidth.sim.physics.quadratic_drag import drag_force
 from zwidth.sim.physics.rectified_sensor import magnitude
+from zwidth.sim.physics.servo_dead_zone import within_zone
+from zwidth.sim.physics.servo_limit import beyond_limit
 from zwidth.sim.physics.stribeck_friction import stribeck_bounds
 
 
 @part
-def smooth_force(code, q, v, z, p):
-    """Force on the first place from relative position q, velocity v, internal state z."""
+def smooth_force(code, q, v, z, u, p):
+    """Force on the first place: relative position q and velocity v, internal z, held command u."""
     if code == 1:
         return cubic_force(q, p)
     if code == 2:
@@ -52,6 +55,10 @@ def smooth_force(code, q, v, z, p):
         return stop_force(q, p)
     if code == 11:
         return periodic(q, p)
+    if code == 12:
+        return beyond_limit(u, q, v, p)
+    if code == 13:
+        return within_zone(u, q, p)
     return 0.0
 
 
@@ -76,14 +83,19 @@ def next_internal(code, z, q0, q1, v0, v1, h, p):
 
 
 @part
-def friction_bounds(code, v, p):
-    """Bounds of a dry force at velocity v: (lower, upper) sliding, (lower, upper) sticking."""
+def friction_bounds(code, q, v, u, p):
+    """Bounds of a dry force at position q, velocity v and under the held command u.
+
+    They are (lower, upper) sliding, (lower, upper) sticking.
+    """
     if code == 1:
         return coulomb_bounds(p)
     if code == 2:
         return stribeck_bounds(v, p)
     if code == 3:
         return directional_bounds(v, p)
+    if code == 4:
+        return load_bounds(q, v, u, p)
     return 0.0, 0.0, 0.0, 0.0
 
 

@@ -16,6 +16,7 @@ How the diagnosis seeks an effect:
     resonances   the same, and at the frequencies that a residual shows
     lattice      no slope leads there: by what its steps or losses repeat
     folding      before all else: the recording is unfolded
+    given        not at all: what a device file says of the drive
 
 All of that stands in the effect's own file. What of it depends on the recording is a function of
 `Sizes` and a place.
@@ -35,8 +36,8 @@ from zwidth.sim.physics.sizes import Sizes
 from zwidth.sim.place import Place, place_at
 
 Hook = Literal["sensor", "command", "clock", "structure", "force", "friction"]
-Borrowed = Literal["link_spring", "link_damper", "seed"]
-Sought = Literal["fit", "waves", "resonances", "lattice", "folding"]
+Borrowed = Literal["link_spring", "link_damper", "seed", "servo"]
+Sought = Literal["fit", "waves", "resonances", "lattice", "folding", "given"]
 Role = Literal["magnitude", "strength", "turning", "shape"]
 Values = dict[str, float]
 Numbers = Mapping[str, float] | Mapping[str, np.ndarray]
@@ -138,7 +139,8 @@ class Effect:
     effect makes of M, C and K at a mass (index), (..., n, n) with values (...); adds_mass: also a
     further mass, unless its strength is neutral, which it then is for all. lags: its one parameter
     is the amplifier's lag. in_chain: the `Chain` field that is its home at m1, if any, to
-    which it adds.
+    which it adds. needs: an effect without which it has no part in a device. of_drive:
+    its numbers are the drive's, which count by what a command does.
 
     In the diagnosis. prior: how likely a device has it at one place, before anything is recorded;
     elsewhere: the same at all places but the first, where they differ. contains: the simpler
@@ -180,6 +182,8 @@ class Effect:
     adds_mass: bool = False
     lags: bool = False
     in_chain: str | None = None
+    needs: str = ""
+    of_drive: bool = False
 
     prior: float = 0.0
     elsewhere: float | None = None
@@ -203,6 +207,11 @@ class Effect:
     odds: float = 0.0
     excludes: tuple[str, ...] = ()
     at_share: AtShare | None = None
+
+    @cached_property
+    def of_command(self) -> bool:
+        """Whether it has no part in a motion that no command drives."""
+        return self.hook in ("command", "clock") or "servo" in self.borrows
 
     def parameter(self, name: str) -> Parameter:
         """Return the parameter of that name; raises KeyError."""

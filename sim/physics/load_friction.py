@@ -1,0 +1,68 @@
+"""Dry friction in proportion to what the drive carries, as a gear's: |f| <= ratio |a|.
+
+a: the drive's force at m1, which is the command as it is held or, of a `position_servo`, what its
+loop asks within its `servo_limit`, less the back-EMF. A drive that holds a load presses the teeth
+of its gear together, at rest and in motion alike; it adds to the dry friction that is there without
+a load.
+
+Limits: the command is the one held, ahead of an `actuator_lag`; what a load drives through the gear
+from behind rubs by the same law, which a worm's does not.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from zwidth.sim.jit import part
+from zwidth.sim.lane_type import greatest, least
+from zwidth.sim.physics.effect import Effect, Parameter, Scaled, Values
+from zwidth.sim.physics.position_servo import asked
+from zwidth.sim.physics.sizes import Sizes, up_to
+from zwidth.sim.place import Place
+
+
+def _starts(_: Sizes, __: Place) -> Iterator[Scaled]:
+    for ratio in (0.01, 0.05, 0.2):
+        yield {"ratio": ratio}, {"ratio": 0.5 * ratio}
+
+
+def _sweep(_: Sizes, __: Place) -> Iterator[Scaled]:
+    for ratio in up_to(0.5):
+        yield {"ratio": ratio}, {"ratio": 0.5 * ratio}
+
+
+def _natural(_: Sizes, __: Place) -> float:
+    return 1.0
+
+
+def _drawn(_: np.random.Generator, __: Sizes, ___: Place) -> Values:
+    return {"ratio": 0.01}
+
+
+load_friction = Effect(
+    name="load_friction",
+    summary="dry friction in proportion to the drive's force, as of a gear",
+    places=("m1",),
+    parameters=(Parameter("ratio", "mu", "", 0.0, 0.99, 0.0, role="magnitude"),),
+    hook="friction",
+    code=4,
+    reference="M. Duclusaud et al., Extended friction models for servo actuators, 2025",
+    borrows=("servo",),
+    varies_with_speed=True,
+    prior=0.05,  # of geared drives, where they carry more than they turn
+    creased=True,
+    weakens=True,
+    starts=_starts,
+    sweep=_sweep,
+    natural=_natural,
+    drawn=_drawn,
+    odds=1.0,
+)
+
+
+@part
+def load_bounds(q, v, u, p):
+    """Bounds under the held command u: (lower, upper) sliding, (lower, upper) sticking."""
+    a = least(greatest(asked(u, q, v, p, 1), -p[4]), p[4]) - p[3] * v
+    g = p[0] * abs(a)
+    return -g, g, -g, g

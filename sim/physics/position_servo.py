@@ -1,0 +1,45 @@
+"""A loop at m1 that drives it to a goal: f = stiffness (goal - q) - damping v - back_emf v.
+
+The command of such a device is the goal, in what its `command_gain` makes a force of (stiffness per
+unit of the goal), so that the numbers here are the loop's own part, which moves with the mass, and
+exact in the propagator. back_emf is a damper as well, of a loop that commands a voltage: outside of
+what `servo_limit` limits. It is what `[drive]` makes of a servo (`sim/drive.py`); beyond its limit
+and within its dead zone act `servo_limit` and `servo_dead_zone`.
+
+A motion that is prescribed at the far end of a spring is the same: the spring's other end is m1.
+"""
+
+from zwidth.sim.chain import Matrices
+from zwidth.sim.jit import part
+from zwidth.sim.physics.effect import Effect, Numbers, Parameter
+
+
+def _closed(matrices: Matrices, mass: int, values: Numbers) -> Matrices:
+    damping, stiffness = matrices.damping.copy(), matrices.stiffness.copy()
+    damping[..., mass, mass] += values["damping"] + values["back_emf"]
+    stiffness[..., mass, mass] += values["stiffness"]
+    return matrices._replace(damping=damping, stiffness=stiffness)
+
+
+position_servo = Effect(
+    name="position_servo",
+    summary="a loop that drives m1 to a goal, which is the command",
+    places=("m1",),
+    parameters=(
+        Parameter("stiffness", "k_p", "N m/rad", 0.0, 1e12, 0.0, role="magnitude"),
+        Parameter("damping", "k_d", "N m s/rad", 0.0, 1e12, 0.0, role="magnitude"),
+        Parameter("back_emf", "b_e", "N m s/rad", 0.0, 1e12, 0.0, role="magnitude"),
+    ),
+    hook="structure",
+    code=0,
+    reference="proportional and derivative control",
+    of_drive=True,
+    alters=_closed,
+    sought="given",
+)
+
+
+@part
+def asked(u, q, v, p, first):
+    """Force that the loop asks for under the held command u; p from `first` on is the loop's."""
+    return u - p[first] * q - p[first + 1] * v

@@ -1,0 +1,75 @@
+"""A servo gives no more than its limit: f = clip(a, -limit, limit) - a of what its loop asks, a.
+
+a = command - stiffness q - damping v of the `position_servo`; of a device without one a is the
+command, as it is held. What a supply limits is the voltage: the damper of the back-EMF, which is
+the mechanism's, acts beyond it.
+
+Limits: the command is the one held, ahead of an `actuator_lag`. The force is held over a substep
+(second order), which has to be short against the servo's own period.
+"""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from zwidth.sim.jit import part
+from zwidth.sim.lane_type import greatest, least
+from zwidth.sim.physics.effect import Bounds, Effect, Parameter, Scaled, Values
+from zwidth.sim.physics.position_servo import asked
+from zwidth.sim.physics.sizes import Sizes, up_to
+from zwidth.sim.place import Place
+
+
+def _starts(z: Sizes, _: Place) -> Iterator[Scaled]:
+    for share in (0.9, 0.7, 0.5, 0.3, 0.15, 0.07):
+        yield {"limit": share * z.peak}, {"limit": 0.2 * share * z.peak}
+
+
+def _sweep(z: Sizes, _: Place) -> Iterator[Scaled]:
+    for cut in up_to(0.95):
+        limit = (1.0 - cut) * z.peak
+        yield {"limit": limit}, {"limit": 0.5 * cut * limit}
+
+
+def _bounds(z: Sizes, _: Place) -> Bounds:
+    """A limit above the most that is asked does nothing."""
+    return {"limit": (0.0, z.peak)}
+
+
+def _natural(z: Sizes, _: Place) -> float:
+    return z.peak
+
+
+def _drawn(_: np.random.Generator, z: Sizes, __: Place) -> Values:
+    return {"limit": 0.95 * z.peak}
+
+
+servo_limit = Effect(
+    name="servo_limit",
+    summary="the limit of a servo's force, or of its voltage",
+    places=("m1",),
+    parameters=(
+        Parameter("limit", "f_max", "N m", 1e-12, math.inf, math.inf, role="strength", least=0.3),
+    ),
+    hook="force",
+    code=12,
+    reference="ideal saturation inside the loop",
+    of_drive=True,
+    borrows=("servo",),
+    needs="position_servo",
+    prior=0.3,  # every servo has one, and a step of its goal goes there
+    creased=True,
+    starts=_starts,
+    sweep=_sweep,
+    bounds=_bounds,
+    natural=_natural,
+    drawn=_drawn,
+)
+
+
+@part
+def beyond_limit(u, q, v, p):
+    """What the limit takes from the force asked under the held command u."""
+    a = asked(u, q, v, p, 1)
+    return least(greatest(a, -p[0]), p[0]) - a
