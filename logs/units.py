@@ -103,6 +103,7 @@ SI = {
     "position": ("rad", "m"),
     "velocity": ("rad/s", "m/s"),
     "acceleration": ("rad/s2", "m/s2"),
+    "force": ("N m", "N"),
     "command": ("N m", "N"),
 }
 """Quantity -> its SI unit on a rotary and on a linear device."""

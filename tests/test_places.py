@@ -99,7 +99,14 @@ def test_the_exam_draws_every_effect_at_every_place() -> None:
     device, random = five(), np.random.default_rng(5)
     possible = {(n, at) for n, at in places(device) if EFFECTS[n].odds}
     assert {at for n, at in possible if n == "force_ripple"} == {*MASSES, *LINKS}
-    assert {n for n, e in EFFECTS.items() if not e.odds} == {"encoder_step", "rectified_sensor"}
+    without = {
+        "encoder_step",
+        "rectified_sensor",
+        "position_servo",
+        "servo_limit",
+        "servo_dead_zone",
+    }
+    assert {n for n, e in EFFECTS.items() if not e.odds} == without
     drawn = [choose(random, device, []) for _ in range(4000)]
     assert set(drawn) == possible
     for name, at in possible:

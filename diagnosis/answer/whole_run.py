@@ -94,6 +94,8 @@ def whole_runs(
         for o, output in enumerate(e.outputs):
             quantity = "velocity" if output in e.differenced else output.quantity
             unit = length if quantity == "position" else f"{length}/s"
+            if o == 0 and e.pushed is not None:
+                quantity, unit = "force", "N m" if device.rotary else "N"
             name = f"{quantity}_m{output.mass + 1}"
             simulated = {word: found[:, o] for word, found in each.items()}
             runs.append(
@@ -128,6 +130,9 @@ def recorded(e: Experiment, taken: Floats) -> Floats:
         if (a := e.differenced.get(output)) is not None:
             moved = np.diff(taken[:, o], prepend=taken[0, o]) / e.period
             found[:, o] = lfilter([1.0 - a], [1.0, -a], moved)
+    if e.pushed is not None:
+        gain, stiffness = e.pushed
+        found[:, 0] = gain * e.command - stiffness * taken[:, 0]
     if e.folded:
         found[:, 0] = np.abs(found[:, 0])
     return found

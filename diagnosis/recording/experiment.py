@@ -10,6 +10,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.diagnosis.recording.drive_force import FORCE, drive_stiffness
 from zwidth.logs.stretches import jumps, without_gaps
 from zwidth.sim.changes import Changes, changes_of
 from zwidth.sim.device import Device
@@ -56,7 +57,8 @@ class Experiment:
     before: what was recorded up to here, where this is the rest of a recording; an observer follows
     it first, since what it says of the state (a position of which only the velocity is measured,
     the side of a play) no later sample may. changes: what was known to be different about the
-    device.
+    device. pushed: what the command counts by and the stiffness, where the first output is the
+    position that a drive's force tells (`recording.drive_force`).
     """
 
     period: float
@@ -73,6 +75,7 @@ class Experiment:
     notes: tuple[str, ...] = ()
     before: "Experiment | None" = None
     changes: Changes | None = None
+    pushed: tuple[float, float] | None = None
     differenced: Mapping["Output", float] = field(default_factory=dict["Output", float])
     folded: bool = False
 
@@ -155,6 +158,9 @@ def experiment(trace: Trace, device: Device, name: str = "recording") -> Experim
     recording says of its device cannot be so.
     """
     period, masses = device.interface.period, device.chain.masses.size
+    said = cast("Mapping[str, object]", trace.facts.get("device_changes", {}))
+    changes = changes_of(said, device)
+    trace, pushed = _told_by_force(trace, device, changes)
     found, beyond = _outputs(trace, device)
     one = "one mass" if masses == 1 else f"{masses} masses"
     if not found:
@@ -183,8 +189,6 @@ def experiment(trace: Trace, device: Device, name: str = "recording") -> Experim
     measured = np.column_stack([trace[o.name] for o in found])
     _refuse([(o.name, trace[o.name]) for o in found])
     command, free = _driving(trace, name)
-    said = cast("Mapping[str, object]", trace.facts.get("device_changes", {}))
-    changes = changes_of(said, device)
     if changes is not None:
         command = changes.command_gain * command
     swing = float(np.std(measured[:, 0]))
@@ -199,8 +203,37 @@ def experiment(trace: Trace, device: Device, name: str = "recording") -> Experim
     elif beyond:
         notes += (f"{name} has {', '.join(beyond)}, which is left out: the device has {one}",)
     return Experiment(
-        own, command, measured, tuple(found), name, swing, notes=notes, changes=changes
-    )
+        own, command, measured, tuple(found), name, swing, notes=notes, changes=changes,
+        pushed=pushed,
+    )  # fmt: skip
+
+
+def _told_by_force(
+    trace: Trace, device: Device, changes: Changes | None
+) -> tuple[Trace, tuple[float, float] | None]:
+    """Return a trace with the position that a drive's force tells first, where it is recorded.
+
+    And what the command counts by, and the stiffness.
+    """
+    if FORCE not in trace.channels or "command" not in trace.channels:
+        return trace, None
+    if "position_m1" in trace.channels:
+        return trace, None
+    stiffness = drive_stiffness(device, changes)
+    if stiffness == 0.0:
+        raise ExperimentError(
+            f"the recording has the force of the drive, {FORCE}, and the device no drive that it"
+            " would tell a position of; describe it in the device file as [drive] kind ="
+            ' "position" with its stiffness and without damping, or name another output'
+        )
+    counts = 1.0 if changes is None else changes.command_gain
+    gain = counts * device.interface.command_gain
+    position = (gain * trace["command"] - trace[FORCE]) / stiffness
+    length = "rad" if device.rotary else "m"
+    channels = {"position_m1": position} | dict(trace.channels)
+    units = {**trace.units, "position_m1": length}
+    told = Trace(trace.t, channels, units, trace.origin, trace.facts)
+    return told, (gain / counts, stiffness)
 
 
 def _driving(trace: Trace, name: str) -> tuple[Floats, tuple[str, ...]]:
@@ -240,6 +273,7 @@ def stretches(trace: Trace, device: Device, name: str = "recording") -> list[Exp
     ExperimentError as `experiment`, and where no stretch is long enough.
     """
     used = [o.name for o in _outputs(trace, device)[0]]
+    used += [FORCE] if FORCE in trace.channels else []
     used += ["command"] if "command" in trace.channels else []
     kept, lacking = without_gaps(trace, sorted(used), name)
     try:
