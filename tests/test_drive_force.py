@@ -5,6 +5,7 @@ import pytest
 
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.answer.whole_run import recorded as as_recorded
+from zwidth.diagnosis.intake.hold import smooth
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.recording.experiment import ExperimentError, experiment
 from zwidth.diagnosis.selection.hypothesis import judged, settled
@@ -14,6 +15,7 @@ from zwidth.sim.drive import Drive
 from zwidth.sim.interface import Interface
 from zwidth.sim.physics import make_physics
 from zwidth.sim.run import simulate
+from zwidth.sim.smooth_command import held_for
 from zwidth.sim.trace import Trace
 
 T, STIFF = 0.001, 4e6
@@ -24,15 +26,16 @@ BENCH = Drive("position", stiffness=STIFF).on(
 LEVEL = 900.0
 
 
-def bench(command_scale: float = 1.0) -> Trace:
+def bench() -> Trace:
     """What the load cell of a bench reads beside the motion it was given."""
-    t = T * np.arange(6000)
+    t = T * np.arange(6000, dtype=np.float64)
     motion = 0.02 * np.sin(3.0 * t) + 0.004 * np.sin(11.0 * t)
     device = BENCH.with_physics(make_physics("coulomb_friction", "m2", level=LEVEL))
-    run = simulate(device, recorded(motion), duration=t.size * T, substeps=20)
+    # As a spring that is moved without steps: what is held acts like the smooth motion.
+    run = simulate(device, recorded(held_for(motion)), duration=t.size * T, substeps=20)
     force = STIFF * (motion - run.trace["position_m1"])
-    force += 20.0 * np.random.default_rng(1).standard_normal(t.size)
-    channels = {"command": motion * command_scale, "force_m1": force}
+    force = force + 20.0 * np.random.default_rng(1).standard_normal(t.size)
+    channels = {"command": motion, "force_m1": force}
     return Trace(t, channels, {"command": "m", "force_m1": "N"}, "recorded", {})
 
 
@@ -53,7 +56,7 @@ def test_a_fit_to_a_force_finds_the_friction_behind_it():
     taken = experiment(bench(), guessed)
     friction = make_physics("coulomb_friction", "m2", level=750.0)
     model = Model(guessed).with_effect(friction, {"level": 300.0})
-    found = settled(judged([taken], model, np.zeros(len(model.parameters))))
+    found = settled(judged([smooth(taken)], model, np.zeros(len(model.parameters))))
     assert model.effects_at(found.x)[0].values["level"] == pytest.approx(LEVEL, rel=0.01)
     assert model.acting(found.x).chain.link_springs[0] == pytest.approx(8e5, rel=0.02)
 

@@ -131,8 +131,7 @@ def recorded(e: Experiment, taken: Floats) -> Floats:
             moved = np.diff(taken[:, o], prepend=taken[0, o]) / e.period
             found[:, o] = lfilter([1.0 - a], [1.0, -a], moved)
     if e.pushed is not None:
-        gain, stiffness = e.pushed
-        found[:, 0] = gain * e.command - stiffness * taken[:, 0]
+        found[:, 0] = e.pushed.force(taken[:, 0])
     if e.folded:
         found[:, 0] = np.abs(found[:, 0])
     return found

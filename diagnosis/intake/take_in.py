@@ -318,6 +318,9 @@ def _as_it_acted(device: Device, e: Experiment) -> tuple[Experiment, list[Fault]
     """
     if device.interface.command_hold == "smooth":
         return smooth(e), []
+    if e.pushed is not None:
+        said = f"the motion that was prescribed in {e.name} is taken as smooth between its samples"
+        return smooth(e), [Fault("smooth_command", said, False, 1.0, e.name)]
     factor = was_smooth(device, e)
     if factor is None:
         return e, []

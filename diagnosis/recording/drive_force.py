@@ -11,8 +11,12 @@ u the motion and q the position of m1. That is a measurement like any other, and
 wrong of it is, times K, what it gets wrong of the force. A K that is too high leaves its share of
 the compliance to the device's first spring; one too low cannot be made up for.
 
+Such a motion is smooth between its samples (`sim/smooth_command.py`): no mass could follow steps.
+
 Limits: no damping in the drive, and no limit that it reaches.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +26,26 @@ from zwidth.sim.device import Device
 
 Floats = NDArray[np.float64]
 FORCE = "force_m1"
+
+
+@dataclass(frozen=True)
+class Pushed:
+    """A drive that is a spring: its force at q = 0 (ticks,), as recorded, and its stiffness."""
+
+    at_zero: Floats
+    stiffness: float
+
+    def position(self, force: Floats) -> Floats:
+        """Return the position of m1 (ticks,) at which the drive has that force."""
+        return (self.at_zero - force) / self.stiffness
+
+    def force(self, position: Floats) -> Floats:
+        """Return the force (ticks,) of the drive where m1 is there."""
+        return self.at_zero - self.stiffness * position
+
+    def part(self, cut: slice) -> "Pushed":
+        """Return it for some of the samples."""
+        return Pushed(self.at_zero[cut], self.stiffness)
 
 
 def drive_stiffness(device: Device, changes: Changes | None) -> float:

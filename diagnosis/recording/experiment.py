@@ -10,7 +10,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.recording.drive_force import FORCE, drive_stiffness
+from zwidth.diagnosis.recording.drive_force import FORCE, Pushed, drive_stiffness
 from zwidth.logs.stretches import jumps, without_gaps
 from zwidth.sim.changes import Changes, changes_of
 from zwidth.sim.device import Device
@@ -57,8 +57,7 @@ class Experiment:
     before: what was recorded up to here, where this is the rest of a recording; an observer follows
     it first, since what it says of the state (a position of which only the velocity is measured,
     the side of a play) no later sample may. changes: what was known to be different about the
-    device. pushed: what the command counts by and the stiffness, where the first output is the
-    position that a drive's force tells (`recording.drive_force`).
+    device. pushed: where the first output is the position that a drive's force tells.
     """
 
     period: float
@@ -75,7 +74,7 @@ class Experiment:
     notes: tuple[str, ...] = ()
     before: "Experiment | None" = None
     changes: Changes | None = None
-    pushed: tuple[float, float] | None = None
+    pushed: "Pushed | None" = None
     differenced: Mapping["Output", float] = field(default_factory=dict["Output", float])
     folded: bool = False
 
@@ -107,6 +106,7 @@ class Experiment:
             force=None if self.force is None else self.force[cut],
             begins=self.begins + start * self.period,
             before=self.before if start == 0 else None,
+            pushed=None if self.pushed is None else self.pushed.part(cut),
         )
 
     def pauses(self) -> NDArray[np.bool_]:
@@ -210,11 +210,8 @@ def experiment(trace: Trace, device: Device, name: str = "recording") -> Experim
 
 def _told_by_force(
     trace: Trace, device: Device, changes: Changes | None
-) -> tuple[Trace, tuple[float, float] | None]:
-    """Return a trace with the position that a drive's force tells first, where it is recorded.
-
-    And what the command counts by, and the stiffness.
-    """
+) -> tuple[Trace, Pushed | None]:
+    """Return a trace with the position that a drive's force tells first, where it is recorded."""
     if FORCE not in trace.channels or "command" not in trace.channels:
         return trace, None
     if "position_m1" in trace.channels:
@@ -227,13 +224,12 @@ def _told_by_force(
             ' "position" with its stiffness and without damping, or name another output'
         )
     counts = 1.0 if changes is None else changes.command_gain
-    gain = counts * device.interface.command_gain
-    position = (gain * trace["command"] - trace[FORCE]) / stiffness
+    pushed = Pushed(counts * device.interface.command_gain * trace["command"], stiffness)
     length = "rad" if device.rotary else "m"
-    channels = {"position_m1": position} | dict(trace.channels)
+    channels = {"position_m1": pushed.position(trace[FORCE])} | dict(trace.channels)
     units = {**trace.units, "position_m1": length}
     told = Trace(trace.t, channels, units, trace.origin, trace.facts)
-    return told, (gain / counts, stiffness)
+    return told, pushed
 
 
 def _driving(trace: Trace, name: str) -> tuple[Floats, tuple[str, ...]]:
