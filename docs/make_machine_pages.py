@@ -15,7 +15,7 @@ from pathlib import Path
 from zwidth.diagnosis.answer.result import Diagnosis
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.recording.experiment import Experiment, stretches
-from zwidth.diagnosis.selection.effort import QUICK
+from zwidth.diagnosis.selection.effort import EFFORTS
 from zwidth.diagnosis_report import estimate, number
 from zwidth.figures.diagnosis import whole_run_figure
 from zwidth.files.protection import writing_as
@@ -33,21 +33,26 @@ WHEN = ("before", "refit", "after")
 class Machine:
     """A machine: its recordings to fit, and those to judge by; the last 30 % where there are none.
 
-    shown: which of the whole runs the picture is of.
+    shown: which of the whole runs the picture is of. effort: how much is tried.
     """
 
     fit: tuple[str, ...]
     judge: tuple[str, ...] = ()
     shown: int = 0
+    effort: str = "quick"
 
 
 MACHINES = {
     "two_mass_cart": Machine(("tm_2", "tm_sine_1"), ("tm_1_5", "tm_sine_4")),
     "rack_and_pinion": Machine(("rp1",)),
-    "hsm150": Machine(("hsm_pos_0.065_1",)),
+    "hsm150": Machine(("hsm_pos_0.06_1", "hsm_neg_0.04_1")),
     "lugre_motor": Machine(("LuGre_J_1",)),
     "coupled_drives": Machine(("drive_2",)),
     "ecp_carts": Machine(("Kmed_hand_Nomass",)),
+    "servo_pendulum": Machine(
+        ("sin_sin_kp8", "sin_sin_kp32"), ("up_and_down_kp8", "up_and_down_kp32"), effort="normal"
+    ),
+    "friction_damper": Machine(("brfd7",)),
 }
 
 
@@ -66,7 +71,7 @@ def diagnosed(name: str, data: Path) -> Diagnosis:
     device = load_device(PAGES / name / "device.toml")
     fit = experiments(name, machine.fit, device, data)
     judge = experiments(name, machine.judge, device, data) or None
-    return diagnose(device, fit, judge, effort=QUICK)
+    return diagnose(device, fit, judge, effort=EFFORTS[machine.effort])
 
 
 def command(name: str) -> str:
@@ -74,7 +79,8 @@ def command(name: str) -> str:
     machine = MACHINES[name]
     words = [*(f"{stem}.toml" for stem in machine.fit), "--device device.toml"]
     words += [f"--validate {stem}.toml" for stem in machine.judge]
-    return f"zwidth diagnose {' '.join(words)} --effort quick"
+    words += [f"--effort {machine.effort}"] if machine.effort != "normal" else []
+    return f"zwidth diagnose {' '.join(words)}"
 
 
 def answer(name: str, found: Diagnosis, seconds: float) -> str:
