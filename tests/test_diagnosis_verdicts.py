@@ -20,6 +20,7 @@ from zwidth.controllers.excitation import noise
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.answer import second_look as looking
 from zwidth.diagnosis.answer.adequacy import Adequacy, Ahead
+from zwidth.diagnosis.answer.answered import _standing
 from zwidth.diagnosis.answer.held_out import held_out
 from zwidth.diagnosis.answer.result import (
     UNKNOWN_FIT,
@@ -33,6 +34,7 @@ from zwidth.diagnosis.answer.verdict import Left
 from zwidth.diagnosis.answer.verdict import judged as said_of
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.intake.gate import encoder_step_seen, examine
+from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.recording.experiment import Experiment, Output
@@ -323,3 +325,39 @@ def test_nothing_missing_is_no_promise_where_free_runs_err(
     assert "42 % of the motion" in words
     verdict, _ = said_of(found, (), {}, Left(0.0, ""), None, None, near)
     assert verdict is Verdict.NOTHING_MISSING
+
+
+def test_where_held_out_data_refuse_what_is_believed_most_the_next_is_asked(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """And nothing that has all of what was refused and more; what costs less stays a rival.
+
+    Mutation: supersets of the refused are asked as well.
+    """
+    device = phantom()
+    taken = [record(device.with_physics(make_physics("coulomb_friction", "m1", level=0.02)), 2.0)]
+    plain = settled(judged(taken, Model(device), np.zeros(Model(device).linear_count)))
+    search = Search(plain, plain, QUICK, silent)
+    coulomb, bristles, drag = (
+        make_physics("coulomb_friction", "m1", level=0.02),
+        make_physics("presliding_friction", "m1", level=0.02, stiffness=100.0),
+        make_physics("quadratic_drag", "m1", coefficient=1e-3),
+    )
+    for i, laws in enumerate(((coulomb,), (bristles,), (coulomb, drag))):
+        model = Model(device)
+        for law in laws:
+            model = model.with_effect(law, dict(law.values))
+        h = search.keep(settled(judged(taken, model, np.zeros(len(model.parameters)))))
+        search.best = h if i == 0 else search.best
+    found = as_found(device, search)
+    assert search.best.labels == {"coulomb_friction@m1"}
+
+    def stands(_: object, by: Searched, __: object) -> Adequacy:
+        better = -5.0 if by.final.model.label == "coulomb_friction@m1" else 5.0
+        return Adequacy((Ahead(0.5, 1.0, 1.0, 2.0, 0.1, 0.5),), 0.5, better, True, 40)
+
+    monkeypatch.setattr("zwidth.diagnosis.answer.answered._adequacy", stands)
+    other, sound = _standing(device, cast("Taken", None), found, silent)
+    assert other.final.model.label == "presliding_friction@m1"
+    assert sound is not None
+    assert sound.useful

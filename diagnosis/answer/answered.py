@@ -29,7 +29,7 @@ from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.mishaps import Mishaps, Say, attempt, isolated
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.selection.effort import Effort
-from zwidth.diagnosis.selection.searched import Searched, unnamed
+from zwidth.diagnosis.selection.searched import Searched, next_believed, unnamed
 from zwidth.sim.device import Device
 
 # Stages without which no verdict stands, and what an error in them takes from it.
@@ -101,11 +101,20 @@ def _knowing_losses(taken: Taken, found: Searched) -> Taken:
 def _standing(
     device: Device, taken: Taken, found: Searched, say: Say
 ) -> tuple[Searched, Adequacy | None]:
-    """What was found, or nothing where held-out data speak against its names; how it stands."""
+    """What was found and how it stands; the next believed where held-out data speak against it.
+
+    Nothing where they speak against that as well. What was refused costs less than what is named
+    then, and stays beside it as the likelier rival: such an answer is never `identified`.
+    """
     sound = attempt("adequacy", "", partial(_adequacy, device, found, taken))
     if sound is None or sound.useful:
         return found, sound
     say(f"{found.final.model.label} predicts held-out data no better than without: not named")
+    for other in next_believed(found):
+        say(f"asking the held-out data of {other.final.model.label}")
+        stands = attempt("adequacy", "", partial(_adequacy, device, other, taken))
+        if stands is not None and stands.useful:
+            return other, stands
     bare = unnamed(found)
     return bare, attempt("adequacy", "", partial(_adequacy, device, bare, taken))
 

@@ -11,7 +11,7 @@ err over every horizon, stretch by stretch: the horizon that tells most clearly 
 of half a second has too few free runs to refuse anything, so there both are always asked for.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -32,6 +32,7 @@ from zwidth.diagnosis.selection.search import Moves, Search, from_afar, search, 
 from zwidth.sim.device import Device
 
 FAR_S = 0.05  # that errors are counted over where the next sample is no judge
+NEXT = 3  # that are asked where held-out data speak against what is believed most
 TELLING = 30  # free runs, of which fewer refuse nothing
 AHEAD = Moves(adding=(added,))  # steps and lost commands show in the next sample alone
 
@@ -130,6 +131,24 @@ def _judge(best: Hypothesis) -> Observer:
         return judged(best.experiments, best.model, best.x).noise.observer
     except NoObserver:
         return best.noise.observer
+
+
+def next_believed(found: Searched) -> Iterator[Searched]:
+    """Yield what else is believed over nothing, the cheapest first, where the best was refused.
+
+    What has all of the best and more is refused with it.
+    """
+    search = found.tried
+    refused, plain = search.best.labels, search.plain
+    left = [
+        h
+        for h in search.tried.values()
+        if h.model.effects and not refused <= h.labels and search.ahead(h, plain)
+    ]
+    for h in sorted(left, key=lambda h: h.cost.total)[:NEXT]:
+        ended = attempt("search", h.model.label, partial(settled, h))
+        if ended is not None and not ended.against_physics and search.ahead(ended, plain):
+            yield as_found(plain.model.nominal, replace(search, best=ended))
 
 
 def unnamed(found: Searched) -> Searched:
