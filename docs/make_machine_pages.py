@@ -52,7 +52,7 @@ MACHINES = {
     "servo_pendulum": Machine(
         ("sin_sin_kp8", "sin_sin_kp32"), ("up_and_down_kp8", "up_and_down_kp32"), effort="normal"
     ),
-    "friction_damper": Machine(("brfd7",)),
+    "friction_damper": Machine(("brfd7",), effort="normal"),
 }
 
 

@@ -8,6 +8,11 @@ from numpy.typing import NDArray
 from scipy.integrate import quad
 from scipy.signal import lfilter
 
+from tests.diagnosis_examples import phantom
+from zwidth.controllers.excitation import noise as excited
+from zwidth.controllers.recorded import recorded
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.diagnosis.selection.evidence import (
     ALPHA,
     Compared,
@@ -18,6 +23,9 @@ from zwidth.diagnosis.selection.evidence import (
     probabilities,
     rarity,
 )
+from zwidth.diagnosis.selection.hypothesis import judged, settled
+from zwidth.sim.physics import make_physics
+from zwidth.sim.run import simulate
 
 Floats = NDArray[np.float64]
 
@@ -173,3 +181,25 @@ def test_shares_are_right_as_often_as_they_say() -> None:
         some = (said > low) & (said <= high)
         assert np.count_nonzero(some) > 100
         assert true[some].mean() == pytest.approx(said[some].mean(), abs=0.05)
+
+
+def test_an_origin_that_velocities_do_not_see_costs_nothing_and_hides_nothing() -> None:
+    """A device on a spring, of which only the velocity is recorded.
+
+    Mutation: freedom of all linear parameters, infinite then in every hypothesis, so that friction
+    at 12 sigma was never believed.
+    """
+    device = phantom().with_chain(phantom().chain._replace(ground_spring=2.0))
+    u = excited(duration=2.0, seed=3)
+    rubs = make_physics("coulomb_friction", "m1", level=0.01)
+    run = simulate(device.with_physics(rubs), recorded(u), duration=2.0, substeps=20)
+    v = run.trace["velocity_m1"]
+    v = v + 1e-3 * v.std() * np.random.default_rng(1).standard_normal(v.size)
+    taken = [Experiment(0.001, u, v[:, None], (Output("velocity", 0),))]
+    model = Model(device)
+    plain = settled(judged(taken, model, np.zeros(model.linear_count)))
+    more = model.with_effect(rubs, {"level": 0.01})
+    found = settled(judged(taken, more, np.append(plain.x, 0.0)))
+    assert "origin" in {p.name for p in model.parameters}
+    assert math.isfinite(plain.cost.freedom)
+    assert believed(found.cost, plain.cost)

@@ -211,7 +211,9 @@ def priced(h: Hypothesis) -> Hypothesis:
     information, parameters = slopes.T @ slopes, h.model.parameters
     if any(p.kind == "effect" and information[i, i] < UNSEEN for i, p in enumerate(parameters)):
         return replace(h, slopes=slopes, cost=replace(h.cost, freedom=math.inf))
-    paid = freedom(information, _ranges(h.model, h.x, information))
+    # The origin of positions, which has no prior, where only velocities are recorded: in all alike.
+    seen = [i for i, p in enumerate(parameters) if p.prior or information[i, i] > UNSEEN]
+    paid = freedom(information[np.ix_(seen, seen)], _ranges(h.model, h.x, information))
     return replace(h, slopes=slopes, cost=replace(h.cost, freedom=paid))
 
 

@@ -49,8 +49,9 @@ class Truth(NamedTuple):
 
     masses, dampers, springs to ground, drag (v|v|), cubic_drag (v^3): (n,). links (l, 8): from, to
     (-1 is ground), stiffness, damping, cubic stiffness, gap, sway (share, Hz: the stiffness swings
-    with time). yields (y, 5), Bouc-Wen: from, to, stiffness, level, shape. bristles (b, 8): mass,
-    sigma_0, sigma_1, level and static level for v > 0, both for v < 0, Stribeck velocity. viscous
+    with time). yields (y, 5), Bouc-Wen: from, to, stiffness, level, shape. bristles (b, 9): mass,
+    sigma_0, sigma_1, level and static level for v > 0, both for v < 0, Stribeck velocity, what they
+    grow by with the command's magnitude. viscous
     (n, 2): for v > 0 and v < 0. constant (n,). gravity (g, 3): mass, level, angle. ripples (r, 5):
     mass, mass that feels the contrary (-1: ground), amplitude, period, phase over the position of
     the first. The other forces act on m1: hum: amplitude, Hz, phase; detent: amplitude, period,
@@ -126,18 +127,18 @@ def between(x, offset, i, j):
 
 
 @jit
-def dry_level(row, v):
-    """g(v) of a bristle [N m | N]."""
+def dry_level(row, v, held):
+    """g(v) of a bristle under the held command [N m | N]."""
     level, static = (row[3], row[4]) if v >= 0.0 else (row[5], row[6])
-    if static == level:
-        return level
-    return level + (static - level) * math.exp(-((v / row[7]) ** 2))
+    if static != level:
+        level += (static - level) * math.exp(-((v / row[7]) ** 2))
+    return level + row[8] * abs(held)
 
 
 @jit
-def bend(row, z, v, h):
+def bend(row, z, v, h, held):
     """Bristle after a time h at constant speed."""
-    g = dry_level(row, v)
+    g = dry_level(row, v, held)
     if g <= 0.0:
         return 0.0
     end = math.copysign(g / row[1], v)
@@ -145,9 +146,9 @@ def bend(row, z, v, h):
 
 
 @jit
-def bristle_force(row, z, v):
+def bristle_force(row, z, v, held):
     """Friction of a bristle."""
-    g = dry_level(row, v)
+    g = dry_level(row, v, held)
     if g <= 0.0:
         return 0.0
     return -(row[1] * z + row[2] * (v - row[1] * abs(v) * z / g))
@@ -376,14 +377,14 @@ def step(truth, t, h, x, z, pins, held, process, dry, stretch, k, stage):
     for b in range(z.size):
         row = truth.bristles[b]
         i = int(row[0])
-        z[b] = bend(row, z[b], x[n + i], 0.5 * h)
-        dry[i] += bristle_force(row, z[b], x[n + i])
+        z[b] = bend(row, z[b], x[n + i], 0.5 * h, held)
+        dry[i] += bristle_force(row, z[b], x[n + i], held)
     for e in range(pins.size):
         stretch[e] = between(x, 0, int(truth.links[e, 0]), int(truth.links[e, 1]))
     runge_kutta(truth, t, h, x, held, dry, pins, process, k, stage)
     for b in range(z.size):
         row = truth.bristles[b]
-        z[b] = bend(row, z[b], x[n + int(row[0])], 0.5 * h)
+        z[b] = bend(row, z[b], x[n + int(row[0])], 0.5 * h, held)
     for e in range(pins.size):
         row = truth.links[e]
         if row[5] > 0.0:

@@ -125,9 +125,11 @@ def _yields(by_name: Mapping[str, list[Physics]]) -> Floats:
 def _bristles(by_name: Mapping[str, list[Physics]], masses: Floats, h: float) -> Floats:
     rows: list[list[float]] = []
 
-    def stiff(i: int, levels: tuple[float, float, float, float], velocity: float) -> None:
-        rate = BRISTLE / h
-        rows.append([i, masses[i] * rate**2, 2.0 * MICRO * masses[i] * rate, *levels, velocity])
+    def stiff(
+        i: int, levels: tuple[float, float, float, float], velocity: float, load: float = 0.0
+    ) -> None:
+        rate, mass = BRISTLE / h, masses[i]
+        rows.append([i, mass * rate**2, 2.0 * MICRO * mass * rate, *levels, velocity, load])
 
     for p in by_name.get("coulomb_friction", ()):
         level = p.values["level"]
@@ -138,11 +140,13 @@ def _bristles(by_name: Mapping[str, list[Physics]], masses: Floats, h: float) ->
     for p in by_name.get("directional_friction", ()):
         plus, minus, *_ = p.values.values()
         stiff(p.place.index, (plus, plus, minus, minus), 1.0)
+    for p in by_name.get("load_friction", ()):
+        stiff(p.place.index, (0.0, 0.0, 0.0, 0.0), 1.0, p.values["ratio"])
     for p in by_name.get("presliding_friction", ()):
         level, stiffness = p.values.values()
         if stiffness > 0.0:
-            rows.append([p.place.index, stiffness, 0.0, level, level, level, level, 1.0])
-    return np.array(rows, dtype=np.float64).reshape(-1, 8)
+            rows.append([p.place.index, stiffness, 0.0, level, level, level, level, 1.0, 0.0])
+    return np.array(rows, dtype=np.float64).reshape(-1, 9)
 
 
 def _with(truth: Truth, outside: Outside, period: float) -> Truth:
