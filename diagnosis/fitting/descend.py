@@ -114,7 +114,7 @@ def descend(
 def _widths(slopes: Floats, residual: Floats) -> Floats:
     """Widths by what the recording tells of each parameter alone."""
     size = float(residual @ residual) / residual.size
-    own = np.sqrt(size / np.maximum(np.sum(slopes**2, axis=0), 1e-300))
+    own = np.sqrt(size / np.maximum(np.sum(slopes**2, axis=0), 1e-200))
     return np.clip(SHARE * own, 1e-3, CREASED)
 
 
