@@ -30,12 +30,12 @@ from zwidth.sim.lane_type import WIDTH
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.population import Population, Readings, Recorded
-from zwidth.sim.predict import Outputs, alone
+from zwidth.sim.predict import GROUND, Outputs, alone
 from zwidth.sim.run import Start, simulate, start_memory
 
 Floats = NDArray[np.float64]
 TICKS, MEMBERS, ROUNDS = 20000, 2 * WIDTH, 5
-OUTPUTS = Outputs(np.array([0]), np.array([True]))
+OUTPUTS = Outputs(np.array([0]), np.array([True]), np.array([GROUND]))
 
 
 def coulomb(level: float, at: str = "m1") -> Physics:
