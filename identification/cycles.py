@@ -8,8 +8,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from zwidth.identification.relay import STANDARD, RelayResult, RelayTest, reference_start, run
+from zwidth.identification.relay import (
+    STANDARD,
+    RelayResult,
+    RelayTest,
+    RelayVerdict,
+    reference_start,
+    run,
+)
 from zwidth.jobs.parallel import in_parallel, threads
+from zwidth.shown import Shown
 from zwidth.sim.device import Device
 from zwidth.sim.equations import equations
 from zwidth.sim.run import Start
@@ -41,6 +49,31 @@ class RelayCondition:
     cycles: tuple[Cycle, ...]
     diverging: float
     undecided: float
+
+    @property
+    def likeliest(self) -> Cycle | None:
+        """The cycle on which most starts end; None where more of them diverge, or none was run."""
+        if not self.cycles or self.cycles[0].share < max(self.diverging, self.undecided):
+            return None
+        return self.cycles[0]
+
+    @property
+    def verdict(self) -> RelayVerdict:
+        """What most starts do; the reference start where no others were run."""
+        if self.likeliest is not None:
+            return "oscillates"
+        if not self.cycles and not self.diverging and not self.undecided:
+            return self.reference.verdict
+        return "diverges" if self.diverging >= self.undecided else "undecided"
+
+
+@dataclass(frozen=True, repr=False)
+class RelayReadings(Shown):
+    """What a relay reads on a device at some dampings, a condition each; see `RelayCondition`."""
+
+    device: Device
+    test: RelayTest
+    conditions: tuple[RelayCondition, ...]
 
 
 def limit_cycles(

@@ -98,14 +98,14 @@ def _seems(signal: Signal, rows: int) -> str:
     unit = unit_seen(signal)
     if unit is not None:
         return QUANTITY_OF.get(unit.si, "")
-    words = _words(signal.name)
+    words = words_of(signal.name)
     for quantity, known in WORDS.items():
         if quantity != "time" and any(word in known for word in words):
             return quantity
     return ""
 
 
-def _words(name: str) -> list[str]:
+def words_of(name: str) -> list[str]:
     """Return the words of a name, the last first: "jointPos_deg" -> deg, pos, joint."""
     spaced = re.sub("([a-z0-9])([A-Z])", r"\1 \2", name)
     return re.findall("[a-z0-9]+", spaced.lower())[::-1]
@@ -116,17 +116,30 @@ def unit_seen(signal: Signal) -> Unit | None:
     if signal.unit:
         return find_unit(signal.unit)
     spelled = unit_spelled(signal)
-    return None if spelled is None else UNITS[spelled]
+    return None if spelled is None else find_unit(spelled)
 
 
 def unit_spelled(signal: Signal) -> str | None:
-    """Return the unit as a TOML would give it, or None."""
+    """Return the unit as a TOML would give it, or None.
+
+    At the end of a name it stands after a line, a blank, a comma or a slash, or begins with a
+    capital ("posDeg"). "in" is an input more often than an inch.
+    """
     if signal.unit:
         return signal.unit if find_unit(signal.unit) else None
     last = signal.name.rsplit(".", 1)[-1]
-    tails = [match.group(1).replace("_", "/") for match in re.finditer("(?=_(.+))", last)]
+    spaced = re.sub("([a-z0-9])([A-Z])", r"\1_\2", last)
+    found = [
+        m.group(1).strip("_ ,/") for n in (last, spaced) for m in re.finditer("(?=[_ ,/](.+))", n)
+    ]
+    tails = [spelled for t in found for spelled in (t, re.sub("(_per)?_", "/", t))]
     own = [last] if last != signal.name and len(last) > 1 else []
-    return next((tail for tail in [*tails, *own] if tail in UNITS), None)
+    known = (t for t in [*tails, *own] if t != "in" and _is_unit(t))
+    return next(known, None)
+
+
+def _is_unit(tail: str) -> bool:
+    return tail in UNITS or (len(tail) > 2 and find_unit(tail) is not None) or tail == "°"
 
 
 def _rows(source: Source) -> int:
@@ -143,10 +156,11 @@ def time_signal(source: Source) -> Signal | None:
     for signal in rising:
         unit = unit_seen(signal)
         if (unit is not None and unit.si == "s") or any(
-            word in WORDS["time"] for word in _words(signal.name)
+            word in WORDS["time"] for word in words_of(signal.name)
         ):
             return signal
-    even = [s for s in rising if not s.stamps and _even(_timing(s))]
+    steady = [s for s in rising if not s.stamps and not _timing(s).backwards]
+    even = [s for s in steady if _even(_timing(s))]
     return even[0] if len(even) == 1 else None
 
 
@@ -217,7 +231,7 @@ def draft(source: Source, seen: Sequence[Seen]) -> str:
     lines = [
         "# A guess by zwidth: check every line against what you know of the device.",
         _line("file", source.path.name),
-        *_clock_lines(source, [name for name in chosen.values() if name is not None]),
+        *clock_lines(source, [name for name in chosen.values() if name is not None]),
         *_rotary_lines(source, [name for name in chosen.values() if name is not None]),
     ]
     command = chosen.pop("command")
@@ -237,7 +251,8 @@ def _line(key: str, value: str) -> str:
     return tomli_w.dumps({key: value}).strip()
 
 
-def _clock_lines(source: Source, chosen: list[str]) -> list[str]:
+def clock_lines(source: Source, chosen: list[str]) -> list[str]:
+    """Return the lines of a TOML on the time of the signals chosen."""
     stamped = [source.signals[name] for name in chosen if source.signals[name].stamps]
     if stamped or any(signal.stamps for signal in source.signals.values()):
         signal = (stamped or [s for s in source.signals.values() if s.stamps])[0]

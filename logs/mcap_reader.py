@@ -21,11 +21,12 @@ from zwidth.logs.opening import opened
 from zwidth.logs.reading import Reading
 from zwidth.logs.schema import MESSAGES, SUBSTEP, TICK
 from zwidth.logs.summary import Summary, read_summary
+from zwidth.shown import Shown
 from zwidth.sim.trace import Trace
 
 
-@dataclass(frozen=True)
-class Log:
+@dataclass(frozen=True, repr=False)
+class Log(Shown):
     """What a log holds. warnings: a sentence on everything that is not intact; empty if all is.
 
     substep is None where the log has no such topic. metadata joins all notes, later ones winning.

@@ -67,7 +67,12 @@ def read_recording(path: FilePath, folder: FilePath | None = None) -> Trace:
     if path.suffix.lower() != ".toml":
         return read_own(path).tick
     description = load_description(path)
-    file = (path.parent if folder is None else Path(folder)) / description.file
+    return read_described(description, path.parent if folder is None else Path(folder))
+
+
+def read_described(description: Description, folder: Path) -> Trace:
+    """Return what a description, made or read, makes of its file in a folder; raises as above."""
+    path, file = description.path, folder / description.file
     reading(file, f"is what {path.name} describes")
     try:
         return _read(description, open_source(file, description.csv))

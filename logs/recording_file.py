@@ -48,6 +48,7 @@ from zwidth.logs.opening import opened
 from zwidth.logs.source import RecordingError
 from zwidth.logs.units import SI, UNITS, known_unit
 from zwidth.sim.changes import known_changes
+from zwidth.sim.device_file import other_kind
 from zwidth.sim.nearest import nearest
 from zwidth.sim.table import Table, TableError
 
@@ -63,7 +64,7 @@ INPUT_KEYS = (
 )
 OUTPUT_KEYS = (*INPUT_KEYS, "quantity", "at")
 QUANTITIES = tuple(quantity for quantity in SI if quantity != "command")
-PLACES = ("m1", "m2", "m3", "m4", "m5")
+PLACES = ("m1", "m2", "m3", "m4", "m5", "link12", "link23", "link34", "link45")
 
 
 @dataclass(frozen=True)
@@ -120,9 +121,15 @@ def load_description(path: Path) -> Description:
     nearest known one), a wrong type, a value that is not allowed.
     """
     with opened(path) as file:
-        data = file.read()
+        return description_of(file.read(), path)
+
+
+def description_of(data: bytes, path: Path) -> Description:
+    """Return the description in a recording TOML of that name; raises as `load_description`."""
     try:
         values = tomllib.loads(data.decode("utf-8-sig"))
+        if other := other_kind(values, "recording"):
+            raise TableError(other)
         return _description(path, Table(values).only(TOP_KEYS))
     except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
         raise RecordingError(f"{path.name}: this is not TOML: {error}") from None
@@ -140,6 +147,8 @@ def _description(path: Path, top: Table) -> Description:
     for table in top.tables("output"):
         table.only(OUTPUT_KEYS)
         quantity = _one_of(table, "quantity", QUANTITIES)
+        if quantity == "acceleration" and _one_of(table, "at", PLACES).startswith("link"):
+            raise TableError(f"{table.path}.at is a link, which has no acceleration; give a mass")
         entries.append(_entry(table, quantity, f"{quantity}_{_one_of(table, 'at', PLACES)}", top))
     if not entries:
         raise TableError("the file describes no signal; add [input] or [[output]]")

@@ -21,6 +21,7 @@ EPOCH = 1e6  # seconds; stamps beyond count from an epoch, and are counted from 
 GAP = 1.5  # an interval of that many periods lacks a sample
 NOTABLE_JITTER = 0.01  # of the period
 MOST_GAPS = 16
+BESIDE = 11  # samples, before and after a long interval
 
 
 @dataclass(frozen=True)
@@ -119,6 +120,13 @@ def _examine(t: Floats, intervals: Floats) -> Timing:
         usual = forward[np.abs(forward - median) <= 0.5 * median]
         period = float(f"{usual.mean():.12g}")
     gap_at = np.flatnonzero(intervals > GAP * period) if period else np.array([], dtype=np.int64)
+    late = np.array([not _stays(t, int(i) + 1, period) for i in gap_at], dtype=np.bool_)
+    if late.any():  # the next came the sooner: no sample lacks
+        scattered = [i for i in gap_at[late] if i == 0 or intervals[i - 1] > 0.0]
+        gap_at = gap_at[~late]
+        if scattered:  # and it is jitter, unless it follows a stamp that repeats or goes back
+            usual = np.delete(intervals, gap_at)
+            usual = usual[usual > 0.0]
     lacking = np.maximum(np.rint(intervals[gap_at] / period) - 1.0, 1.0) if period else gap_at
     repeat_at, back_at = np.flatnonzero(intervals == 0.0), np.flatnonzero(intervals < 0.0)
     rounding = 4.0 * float(np.spacing(np.abs(t).max()))
@@ -141,6 +149,16 @@ def _examine(t: Floats, intervals: Floats) -> Timing:
         backwards=back_at.size,
         backwards_at=float(t[back_at[0] + 1]) if back_at.size else None,
     )
+
+
+def _stays(t: Floats, k: int, period: float) -> bool:
+    """Whether the clock is still ahead of the count of samples some samples after a long interval.
+
+    Stamps of a busy host come late and catch up; where a sample lacks they never do.
+    """
+    before, after = np.arange(max(0, k - BESIDE), k), np.arange(k, min(t.size, k + BESIDE))
+    ahead = np.median(t[after] / period - after) - np.median(t[before] / period - before)
+    return bool(ahead > 0.5)
 
 
 def _resolution(t: Floats, period: float, rounding: float) -> float:

@@ -1,0 +1,62 @@
+"""Every key of a recording TOML: unit, default and what it means (`logs/recording_file.py`)."""
+
+from zwidth.sim.keys import Key
+
+_CLOCK = (
+    ("period_s", "sampling period: the samples are counted", "s", ""),
+    ("time", "the signal of the time stamps, or of MCAP messages a clock: log_time, publish_time,"
+     " header.stamp, stamp, timestamp", "", ""),
+    ("time_unit", "of the stamps: s, ms, us, ns or min", "", '"s"'),
+)  # fmt: skip
+_SIGNAL = (
+    ("signal", "a column, a variable, or topic.field", "", "", '"torque"'),
+    ("unit", "of the raw numbers, such as deg, mm, V or counts", "", "SI", '"deg"'),
+    ("scale", "SI per raw number, or per SI unit of the kind that unit names", "", "1", "35.15"),
+    ("offset", "added after the scale", "SI", "0", "0.0"),
+    ("counts_per_rev", "edges of an encoder in a turn (lines times four), with unit counts", "",
+     "none", "4000"),
+    ("counts_per_m", "edges of an encoder in a metre, with unit counts", "", "none", "1e6"),
+    ("shift_s", "added to the stamps of this signal", "s", "0", "0.002"),
+)  # fmt: skip
+
+
+def _signals(table: str) -> tuple[Key, ...]:
+    own = tuple(
+        Key(table, name, meaning, unit, default=default, example=example)
+        for name, meaning, unit, default, example in _SIGNAL
+    )
+    clocks = tuple(
+        Key(table, name, f"as at the top, where this stream has a clock of its own: {meaning}",
+            unit, default="that of the top")
+        for name, meaning, unit, _ in _CLOCK
+    )  # fmt: skip
+    return (*own, *clocks)
+
+
+RECORDING_KEYS: tuple[Key, ...] = (
+    Key("", "schema", "version of this format", default="1", example="1"),
+    Key("", "file", "the data, by its path from this TOML", example='"data.csv"'),
+    Key("", "source", "where the recording comes from", default='""'),
+    Key("", "rotary", "true: N m and rad; false: N and m", default="as a unit shows",
+        example="true"),
+    *(Key("", name, meaning, unit, default=default or "period_s or time must stand",
+          example='"t"' if name == "time" else "")
+      for name, meaning, unit, default in _CLOCK),
+    Key("", "resample", "true: all streams onto one axis of the longest period; a number: of that"
+        " period", "s", default="false"),
+    *_signals("input"),
+    *_signals("output"),
+    Key("output", "quantity", "position, velocity, acceleration, or force (of a drive)",
+        example='"position"'),
+    Key("output", "at", "the mass that it is of: m1 to m5", example='"m1"'),
+    Key("use", "from_s", "the first time that is used", "s", default="-inf"),
+    Key("use", "to_s", "the last time that is used", "s", default="inf"),
+    Key("csv", "delimiter", "between the cells of a text table", default="found out"),
+    Key("csv", "decimal", "the decimal point or comma", default="found out"),
+    Key("csv", "header_line", "the line that names the columns; 0: none does",
+        default="found out"),
+    Key("device", "masses", "as the device's own file would say in this run; likewise"
+        " ground_dampers, ground_spring, link_springs, link_dampers, delay_s, command_limit,"
+        " command_gain and [[device.physics]]", "kg m2", "kg", default="the device file's"),
+)  # fmt: skip
+"""The meaning of [device] is told by `sim/changes.py`."""

@@ -1,0 +1,75 @@
+"""Readings that repeat the one before because no new one was there.
+
+Two kinds. A sensor that is read more slowly than the log is written repeats every reading as often:
+all its changes then come at one place in every h samples, which motion does not arrange. And a
+reading may be late now and then: while a position runs by several of its steps a sample, past what
+its noise could take back, two that are equal to the last digit are one reading.
+
+The first is no recording at the log's rate, and is said with the rate to take instead; the second
+is put right by a spline through the readings that are new.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from zwidth.sim.trace import Trace
+
+Floats = NDArray[np.float64]
+SLOWEST = 100  # samples that a sensor repeats
+TOGETHER = 0.99  # share of the changes that come at one place
+ENOUGH = 50  # changes that can say so
+AROUND = 8  # samples on each side that say how fast a position runs
+RUNS = 4.0  # steps or noises a sample, from which equal readings are one
+MOST = 0.3  # share of repeated readings that a spline may fill
+
+
+def repeated(values: Floats) -> int:
+    """Return how many samples each reading (samples,) is repeated for; 1 where each is new."""
+    changes = np.flatnonzero(np.diff(values) != 0.0) + 1
+    if changes.size < ENOUGH or changes.size > 0.6 * values.size:
+        return 1
+    for h in range(min(SLOWEST, values.size // ENOUGH), 1, -1):
+        if np.bincount(changes % h).max() >= TOGETHER * changes.size:
+            return h
+    return 1
+
+
+def renewed(trace: Trace, positions: Sequence[str], name: str) -> tuple[Trace, str]:
+    """Return a trace without stale readings of positions, and a sentence; "" where none is."""
+    channels, said = dict(trace.channels), list[str]()
+    for channel in positions:
+        stale = _stale(trace[channel])
+        count = int(stale.sum())
+        if count == 0 or count > MOST * len(trace):
+            continue
+        new, index = ~stale, np.arange(len(trace), dtype=np.float64)
+        channels[channel] = trace[channel].copy()
+        channels[channel][stale] = CubicSpline(index[new], trace[channel][new])(index[stale])
+        first = trace.t[int(np.argmax(stale))]
+        said.append(f"{count} of {len(trace)} readings of {channel}, the first at {first:.6g} s")
+    if not said:
+        return trace, ""
+    return trace.with_channels(channels), (
+        f"{' and '.join(said)}, of {name} repeat the one before while it moves: they are taken as"
+        " stale, and filled in from the others"
+    )
+
+
+def _stale(values: Floats) -> NDArray[np.bool_]:
+    """Which readings (samples,) are the one before once more."""
+    stale = np.zeros(values.size, dtype=np.bool_)
+    if values.size < 4 * AROUND:
+        return stale
+    steps = np.abs(np.diff(values))
+    moved = steps[steps > 0.0]
+    if moved.size == 0:
+        return stale
+    step = float(np.quantile(moved, 0.01))
+    noise = float(np.median(np.abs(np.diff(values, 2))))
+    wide = np.abs(values[2 * AROUND :] - values[: -2 * AROUND]) / (2 * AROUND)
+    runs = np.concatenate([np.zeros(AROUND), wide, np.zeros(AROUND)]) > RUNS * max(step, noise)
+    stale[1:] = (steps == 0.0) & runs[1:]
+    return stale

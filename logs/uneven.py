@@ -1,0 +1,136 @@
+"""Samples at uneven instants, brought onto even ticks where the motion shows that they were uneven.
+
+A loop that a busy host runs samples when it gets to it, and stamps what it did; a logger that
+writes late stamps what was sampled evenly. Both files look alike, and the motion tells them apart.
+What a cubic through the two neighbours on each side leaves of a sample at index k,
+
+    r_k = y_k - (4 (y_(k-1) + y_(k+1)) - (y_(k-2) + y_(k+2))) / 6,
+
+is b v_k d_k + noise, where d_k is what the same cubic leaves of the stamp and v_k the slope there:
+b is 1 where samples were taken when their stamps say, and 0 where they were even. The cubic takes
+any drift of the clock with it. Least squares over all samples and outputs gives b and its error.
+
+Onto even ticks outputs come by a cubic spline, whose error is of the fourth order in the interval;
+of a command, which is held, the mean over each tick is taken, which has the same impulse. Limits: a
+spline smooths nothing, but steps of an encoder no longer lie on multiples of a step.
+"""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from zwidth.sim.trace import Trace
+
+Floats = NDArray[np.float64]
+
+SCATTER = 0.01  # of the period, below which stamps are even for any purpose
+SHOWN = 0.5  # b above which samples were taken when their stamps say
+CLEARLY = 4.0  # standard errors that b must stand apart from either
+FEWEST = 50  # samples that can say so
+LONGEST = 3.0  # periods: what a spline spans; beyond, samples are lost
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """How far the scatter of the stamps shows in the motion: share b and its standard error."""
+
+    seconds: float
+    share: float
+    error: float
+
+    @property
+    def real(self) -> bool:
+        """Whether samples were taken when their stamps say."""
+        return self.share > SHOWN and self.share > CLEARLY * self.error
+
+
+def scatter(trace: Trace, outputs: Sequence[str]) -> Scatter | None:
+    """Return how far uneven stamps show in outputs; None where stamps are even, or too few."""
+    t = trace.t
+    if t.size < FEWEST:
+        return None
+    steps = np.diff(t)
+    period = float(np.median(steps))
+    late = _left(t)
+    near = np.abs(np.lib.stride_tricks.sliding_window_view(steps, 4) / period - 1.0) < 0.9
+    usual = near.all(axis=1) & (np.abs(late) < period)
+    seconds = float(np.std(late[usual])) if usual.any() else 0.0
+    if seconds < SCATTER * period or usual.sum() < FEWEST:
+        return None
+    moved, left = list[Floats](), list[Floats]()
+    for name in outputs:
+        y = trace[name]
+        slope = (y[3:-1] - y[1:-3]) / (t[3:-1] - t[1:-3])
+        one, other = (slope * late)[usual], _left(y)[usual]
+        weight = float(np.median(np.abs(other))) or float(np.std(other)) or 1.0
+        moved.append(one / weight)
+        left.append(other / weight)
+    x, r = np.concatenate(moved), np.concatenate(left)
+    power = float(x @ x)
+    if power == 0.0:
+        return None
+    share = float(x @ r) / power
+    spread = x * (r - share * x)  # of each sample's own size: noise is not the same everywhere
+    return Scatter(seconds, share, float(np.sqrt(spread @ spread)) / power)
+
+
+def evened(trace: Trace, period: float, outputs: Sequence[str], name: str) -> tuple[Trace, str]:
+    """Return a trace on even ticks of that period [s], and a sentence; as it is where it is even.
+
+    outputs: the channels that are interpolated, each finite; `command` is averaged, if it is there.
+    A loop that comes late holds its command meanwhile, and nothing is lost; stretches between gaps
+    of more than `LONGEST` periods are each brought onto ticks of their own.
+    """
+    seen = scatter(trace, outputs)
+    if seen is None:
+        return trace, ""
+    said = f"the intervals of {name} scatter by {seen.seconds:.2g} s"
+    shows = f"{100.0 * seen.share:.0f} +- {196.0 * seen.error:.0f} % of it"
+    if not seen.real:
+        told = (
+            "the motion does not show it"
+            if seen.share + CLEARLY * seen.error < SHOWN
+            else (f"the motion does not tell whether samples were uneven ({shows} would show)")
+        )
+        return trace, f"{said}, and {told}: samples are taken as even"
+    steps = np.diff(trace.t)
+    cuts = np.flatnonzero(steps > LONGEST * float(np.median(steps))) + 1
+    ends = [0, *(int(j) for j in cuts), len(trace)]
+    parts = [_evened(trace, slice(a, b), period, outputs) for a, b in itertools.pairwise(ends)]
+    parts = [part for part in parts if part is not None]
+    if not parts:
+        return trace, f"{said}, and no stretch is long enough to bring it onto even ticks"
+    t = np.concatenate([at for at, _ in parts])
+    channels = {key: np.concatenate([c[key] for _, c in parts]) for key in parts[0][1]}
+    return trace.with_channels(channels, t), (
+        f"{said}, and the motion shows {shows}: it is brought onto even ticks of {period:.6g} s"
+    )
+
+
+def _left(values: Floats) -> Floats:
+    """What a cubic through two neighbours on each side leaves, (n - 4,)."""
+    inner, outer = values[1:-3] + values[3:-1], values[:-4] + values[4:]
+    return values[2:-2] - (4.0 * inner - outer) / 6.0
+
+
+def _evened(
+    trace: Trace, cut: slice, period: float, outputs: Sequence[str]
+) -> tuple[Floats, dict[str, Floats]] | None:
+    """One stretch on ticks of its own; None where it is too short for a spline."""
+    forward = np.concatenate(([True], np.diff(np.maximum.accumulate(trace.t[cut])) > 0.0))
+    t = trace.t[cut][forward]
+    if t.size < 4:
+        return None
+    at = t[0] + period * np.arange(int((t[-1] - t[0]) / period * (1.0 + 1e-9)) + 1)
+    channels = {n: CubicSpline(t, trace[n][cut][forward])(at) for n in outputs}
+    if "command" in trace.channels:
+        command = trace["command"][cut][forward]
+        impulse = np.concatenate(([0.0], np.cumsum(command[:-1] * np.diff(t))))
+        ends = np.append(at, at[-1] + period)
+        beyond = np.maximum(ends - t[-1], 0.0) * command[-1]
+        channels["command"] = np.diff(np.interp(ends, t, impulse) + beyond) / period
+    return at, channels

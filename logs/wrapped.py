@@ -1,0 +1,81 @@
+"""Positions that start anew where a counter or an angle does, brought back to one that goes on.
+
+    y_k - y_(k-1) = (q_k - q_(k-1)) - M or + M,    M what the counter holds, or a turn.
+
+Told from anything that moves so: every such step is of one size; before and after it the motion
+goes on at its own pace; all readings lie within M; and both ends and the middle of it are visited,
+as by one reading gone wrong, and by what switches, they are not. M is a turn where it is one to a
+hundredth, else a power of two of the reading's steps where it is one to as much, else what the
+steps say in the mean.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.logs.steps import step_seen
+from zwidth.logs.timing import times
+from zwidth.sim.trace import Trace
+
+Floats = NDArray[np.float64]
+FAR = 0.5  # of the range, that a step back to its other end is at least
+ALIKE = 0.02  # of M, by which its steps may differ
+ON = 5.0  # steps of the motion beside, by which it may go on otherwise
+BESIDE = 4  # samples on each side that say how it goes on
+VISITED = 0.02  # share of the samples in either end of the range, and between
+NEAR = 0.01  # of M, within which a turn or a whole counter is meant
+
+
+def unwrapped(trace: Trace, positions: Sequence[str], name: str) -> tuple[Trace, str]:
+    """Return a trace whose positions go on, and a sentence on those that did not; "" for none."""
+    said: list[str] = []
+    channels = dict(trace.channels)
+    for channel in positions:
+        values = trace[channel]
+        if (found := _wraps(values)) is None:
+            continue
+        at, size = found
+        turns = np.zeros(values.size)
+        turns[at + 1] = -np.sign(np.diff(values)[at])
+        channels[channel] = values + size * np.cumsum(turns)
+        unit = f" {trace.units[channel]}" if trace.units[channel] else ""
+        said.append(f"{channel} of {name} starts anew every {size:.6g}{unit}, {times(at.size)}")
+    if not said:
+        return trace, ""
+    return trace.with_channels(channels), f"{'; '.join(said)}: it is taken as one that goes on"
+
+
+def _wraps(values: Floats) -> tuple[NDArray[np.int64], float] | None:
+    """Where a position starts anew, the sample before, and M; None where it does not."""
+    steps, span = np.diff(values), float(np.ptp(values))
+    at = np.flatnonzero(np.abs(steps) > FAR * span)
+    if at.size == 0:
+        return None
+    visits, _ = np.histogram(values, 3)
+    if visits.min() < VISITED * values.size:
+        return None
+    usual = np.ma.masked_array(steps, np.isin(np.arange(steps.size), at))
+    beside = [usual[max(0, k - BESIDE) : k + BESIDE + 1] for k in at.tolist()]
+    pace = np.array([float(np.ma.median(b)) if b.count() else math.nan for b in beside])
+    spread = np.array([float(np.ma.max(np.ma.abs(b))) if b.count() else math.nan for b in beside])
+    sizes = np.abs(steps[at] - pace)
+    size = float(np.mean(sizes))
+    if not np.isfinite(size) or span > size * (1.0 + NEAR):
+        return None
+    goes_on = np.abs(sizes - size) <= ON * spread + ALIKE * size
+    return (at, _meant(values, size)) if np.all(goes_on) else None
+
+
+def _meant(values: Floats, size: float) -> float:
+    """What a counter holds that seems to hold so much."""
+    for turn in (2.0 * math.pi, math.pi):
+        if abs(size / turn - 1.0) < NEAR:
+            return turn
+    step = step_seen(values)
+    if step is not None:
+        whole = 2.0 ** round(math.log2(size / step)) * step
+        if abs(size / whole - 1.0) < NEAR:
+            return whole
+    return size

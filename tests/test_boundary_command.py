@@ -1,0 +1,62 @@
+"""`zwidth boundary` answers how stiff a wall may be."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from zwidth.cli import run
+from zwidth.figures.boundary import Corner, boundary_figure
+from zwidth.results import BoundaryResult, Critical, DelayBoundary, Point
+from zwidth.sim.device_file import load_device
+from zwidth.stability.linear import corner, last_stable_damping
+
+ASKED = "boundary phantom_1_0 --delay-ms 2 --damping 0 0.08 0.09 0.12 --limit-s 4 --tolerance 0.01"
+
+
+def test_how_stiff_first_and_point_by_point_on_request(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """K_max, its B, the last stable B and the jump; a B without a stable K is a dash, not 0.
+
+    The paper's device with 2 ms jumps from 28 to 171 Hz at the top of its boundary. Breaks where
+    the answer has to be read off the table, or what is unstable however soft has a K.
+    """
+    monkeypatch.chdir(tmp_path)
+    assert run([*ASKED.split(), "--json", "b.json"]) == 0
+    said = capsys.readouterr().out
+    assert "jumps from 27.8 to 171 Hz" in said
+    assert "K linear" not in said
+    (found,) = json.loads(Path("b.json").read_text())["boundaries"]
+    device = load_device("phantom_1_0").with_interface(delay=2e-3)
+    top, end = corner(device), last_stable_damping(device)
+    assert top is not None
+    stiffest = found["stiffest"]
+    assert stiffest["damping"] == 0.08
+    assert stiffest["stiffness"] == found["points"][1]["simulated"]["stable"]
+    assert stiffest["last_stable_damping"] == 0.09
+    assert stiffest["linear_stiffness"] == pytest.approx(top.stiffness)
+    assert stiffest["linear_last_stable_damping"] == end
+    assert run([*ASKED.split(), "--table"]) == 0
+    rows = capsys.readouterr().out.splitlines()
+    (last,) = (row.split() for row in rows if row.split()[:1] == ["0.12"])
+    assert last[1:6] == ["-"] * 5
+
+
+def test_the_corner_of_passive_walls_is_enlarged() -> None:
+    """Two of 41 dampings have a passive wall: an inset shows them, filled, over their own range.
+
+    Breaks where they are ticks that no one sees.
+    """
+    points = [Point(0.05 * i, Critical(2.0 + 8.0 * i, 9.0), None) for i in range(3)]
+    result = BoundaryResult("device", [DelayBoundary(0.002, points)])
+    damping = np.linspace(0.0, 0.012, 9)
+    corner = Corner(damping, np.maximum(2.0 - 400.0 * damping, 0.0), 2.5 + 80.0 * damping)
+    stiffness = boundary_figure(result, corners=[corner]).axes[0]
+    (inset,) = stiffness.child_axes
+    assert inset.get_xlim() == (0.0, 0.012)
+    assert 2.0 < inset.get_ylim()[1] < 4.0
+    assert len(inset.collections) == 1
+    none = corner._replace(passive=np.zeros(9))
+    assert not boundary_figure(result, corners=[none]).axes[0].child_axes

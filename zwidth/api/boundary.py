@@ -1,0 +1,36 @@
+"""The stiffest stable wall over damping."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.api.given import AnyDevice, device_of
+from zwidth.scenarios.scenario import usual_substeps
+from zwidth.stability.bisection import Search, Trial
+from zwidth.stability.boundary import Boundary, default_dampings, find_boundaries
+
+
+def boundary(
+    device: AnyDevice,
+    dampings: Sequence[float] | NDArray[np.float64] | None = None,
+    trial: Trial | None = None,
+    search: Search | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Boundary:
+    """Find the stability boundary of a device under a sampled virtual wall.
+
+    device: a Device, the name of a shipped one, or a device file. dampings: B [N m s/rad | N s/m],
+    by default from 0 to 1.2 times the last with a stable wall, in 41 steps. trial, search: how a
+    wall is judged, and how finely it is sought. progress is called with the share done.
+
+    By linear theory and by simulation, at the device's own delay:
+    `device.with_interface(delay=0.004)` is the same device with another. Raises ValueError with a
+    sentence that says what to change.
+    """
+    device = device_of(device)
+    grid = default_dampings(device) if dampings is None else np.asarray(dampings, dtype=np.float64)
+    if grid.ndim != 1 or grid.size == 0:
+        raise ValueError(f"dampings have shape {grid.shape}; give one row of at least one value")
+    trial = Trial(substeps=usual_substeps(device)) if trial is None else trial
+    return find_boundaries([device], [grid], trial, search or Search(), progress)[0]

@@ -1,0 +1,86 @@
+"""What a function takes for a device or a recording: the value, or where to find it."""
+
+import warnings
+from collections.abc import Sequence
+from os import PathLike
+from pathlib import Path
+from typing import cast
+
+from zwidth.diagnosis.recording.experiment import Experiment, stretches
+from zwidth.logs.mcap_reader import Log
+from zwidth.logs.recording import read_recording
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import load_device
+from zwidth.sim.run import Run
+from zwidth.sim.trace import Trace
+
+AnyDevice = Device | str | PathLike[str]
+AnyRecording = Trace | Run | Log | str | PathLike[str]
+
+
+def device_of(given: AnyDevice) -> Device:
+    """Return a device: as given, or that of a shipped name or of a device file's path.
+
+    Raises DeviceError, TypeError for anything else.
+    """
+    if isinstance(given, Device):
+        return given
+    if isinstance(given, str | PathLike):  # pyright: ignore[reportUnnecessaryIsInstance]
+        return load_device(given)
+    raise TypeError(
+        f"device is of type {type(given).__name__}; give a Device, the name of a shipped one, or"
+        " the path of a device file"
+    )
+
+
+def trace_of(given: AnyRecording) -> Trace:
+    """Return a recording's trace: as given, of a run or a log, or read from a path.
+
+    The one place where a recording that is given becomes one. What is odd about a file is warned
+    of. Raises RecordingError or another LogError, TypeError for anything else.
+    """
+    match given:
+        case Trace():
+            return given
+        case Run():
+            return given.trace
+        case Log():
+            return given.tick
+        case str() | PathLike():
+            trace = read_recording(given)
+            for said in cast("Sequence[str]", trace.facts.get("warnings", ())):
+                warnings.warn(f"{Path(given).name}: {said}", stacklevel=4)
+            return trace
+        case _:  # pyright: ignore[reportUnnecessaryComparison]
+            raise TypeError(
+                f"recording is of type {type(given).__name__}; give a Trace, a Run, a Log, or the"
+                " path of a recording"
+            )
+
+
+def name_of(given: AnyRecording, place: int = 0) -> str:
+    """Return what to call a recording: its file's name, or its place among several."""
+    match given:
+        case str() | PathLike():
+            return Path(given).stem
+        case Log():
+            return given.path.stem
+        case _:
+            return f"recording {place + 1}" if place else "recording"
+
+
+def experiments_of(
+    given: AnyRecording | Sequence[AnyRecording], device: Device
+) -> list[Experiment]:
+    """Return one recording or several as the stretches that a diagnosis reads.
+
+    Raises as `trace_of`, and ExperimentError for what is no use with this device.
+    """
+    several = [given] if isinstance(given, Trace | Run | Log | str | PathLike) else list(given)
+    if not several:
+        raise ValueError("no recording is given; give at least one")
+    return [
+        stretch
+        for place, one in enumerate(several)
+        for stretch in stretches(trace_of(one), device, name_of(one, place))
+    ]

@@ -1,0 +1,106 @@
+"""What a recording would show, and the commands to record."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.api.given import AnyDevice, device_of
+from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.planning import excitations
+from zwidth.planning import plan as planned
+from zwidth.planning.asked import check_length, usual_noise
+from zwidth.planning.excitations import Scale, scale_for
+from zwidth.planning.plan import Plan, better_excitations
+from zwidth.planning.rehearsal import Noise, rehearse
+from zwidth.sim.device import Device
+
+STANDARD = "standard_session"
+
+
+def excitation(
+    device: AnyDevice,
+    name: str = STANDARD,
+    *,
+    seconds: float = 20.0,
+    level: float | None = None,
+    travel: float | None = None,
+    seed: int = 0,
+) -> NDArray[np.float64]:
+    """Return a command [N m | N] to record, a value a tick, that a device bears.
+
+    device: a Device, the name of a shipped one, or a device file. name: standard_session,
+    small_multisine, large_multisine, two_level_multisine, slow_triangle, random_steps, white_noise
+    or chirp, over so many seconds. level: the largest command, by default 90 % of the device's
+    limit. travel: the largest of m1 [rad | m], by default 1 rad or 0.1 m. seed: of what is random.
+    `recorded` makes a controller of the command.
+
+    Raises ValueError with a sentence for an unknown name, or too short a time.
+    """
+    known = device_of(device)
+    scale = scale_for(known, level=level, travel=travel)
+    return excitations.excitation(name, known, seconds, scale, seed)
+
+
+def plan(
+    device: AnyDevice,
+    excitation: str | NDArray[np.float64] = STANDARD,
+    *,
+    seconds: float = 20.0,
+    noise: float | None = None,
+    process_noise: float | None = None,
+    level: float | None = None,
+    travel: float | None = None,
+    seed: int = 0,
+    advance: Callable[[str], object] | None = None,
+) -> Plan:
+    """Say what a recording would show, before it is made.
+
+    For every effect the smallest magnitude that stands five sigma above what a refit of the known
+    parameters absorbs; the pairs that the recording could not tell apart, and what would.
+
+    device: a Device, the name of a shipped one, or a device file. excitation: a name as of the
+    function `excitation`, over so many seconds, or a command of your own (ticks,). noise: rms of a
+    measured position [rad | m], by default an encoder step's rounding. process_noise: random
+    force at m1 [N m | N], by default 0.2 % of the largest command. level, travel, seed: see
+    `excitation`. advance is told what is done.
+
+    Raises ValueError with a sentence, also where the device has no encoder step and noise is None.
+    """
+    known = device_of(device)
+    if not isinstance(excitation, str):
+        seconds = len(excitation) * known.interface.period
+    check_length(known, seconds)
+    scale = scale_for(known, level=level, travel=travel)
+    seen = usual_noise(known, scale, noise, process_noise)
+    name, command = _command(known, excitation, seconds, scale, seed)
+    rehearsed = rehearse(known, command, seen, seed=seed, name=name)
+    try:
+        return _planned(known, rehearsed, seen, scale, seed, advance or _silent)
+    except NoObserver as error:
+        raise ValueError(f"{known.name} cannot be observed: {error}") from error
+
+
+def _planned(
+    device: Device, rehearsed: Experiment, seen: Noise, scale: Scale, seed: int,
+    advance: Callable[[str], object],
+) -> Plan:  # fmt: skip
+    found, _ = planned.plan(device, rehearsed, seen, advance)
+    return better_excitations(device, found, seen, scale, seed, advance)
+
+
+def _command(
+    device: Device,
+    asked: str | NDArray[np.float64],
+    seconds: float,
+    scale: Scale,
+    seed: int,
+) -> tuple[str, NDArray[np.float64]]:
+    if isinstance(asked, str):
+        return asked, excitations.excitation(asked, device, seconds, scale, seed)
+    return "own command", np.ascontiguousarray(asked, dtype=np.float64)
+
+
+def _silent(_: str) -> None:
+    """Say nothing."""

@@ -1,0 +1,217 @@
+"""The front door: a file that nobody described, and a device that nobody knows, each with a TOML.
+
+`described` turns a recording of another tool into a recording TOML beside the results, and says
+what it took the file for; `device_of` fits a device to recordings where none is given, and writes
+its file. Both are there to be edited: one that a person has edited is read, and not made anew.
+"""
+
+import os
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import click
+import numpy as np
+
+from zwidth.console import Console
+from zwidth.files.protection import Protected, check
+from zwidth.files.whole import write_text
+from zwidth.identification.first_device import FirstDevice, Motion, first_device
+from zwidth.logs.assumed import Ask, assumed
+from zwidth.logs.own import own_log
+from zwidth.logs.recording import read_described, read_recording
+from zwidth.logs.recording_file import description_of
+from zwidth.logs.source import Source
+from zwidth.logs.steps import step_seen
+from zwidth.logs.stretches import longest_stretch
+from zwidth.logs.units import GOAL
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import commented_text, load_device
+from zwidth.sim.interface import Interface
+from zwidth.sim.trace import Trace
+from zwidth.sim.uncertainty import Uncertainty
+
+FITTED = Uncertainty(masses=0.5, springs=2.0, dampers=2.0)
+"""How far a device is trusted that was fitted with little: far enough to start from."""
+ONE_TO_THREE = ("one mass", "two masses", "three masses", "four masses", "five masses")
+
+
+def described(console: Console, path: Path, out: Path) -> Path:
+    """Return a recording that can be read as it is: the file itself, or a TOML made for it.
+
+    The TOML is OUT/NAME.recording.toml. Raises LogError where the file cannot be read or nothing
+    in it moves.
+    """
+    if path.suffix.lower() == ".toml":
+        return path
+    found = own_log(path)
+    if not isinstance(found, Source):
+        return path
+    target = out / f"{path.stem}.recording.toml"
+    if edited(target):
+        console.note(f"{path.name} is read as {target} says, which was edited")
+        return target
+    guess = assumed(found, _relative(path, target.parent), asker())
+    console.note(f"{path.name} is a file of another tool ({found.kind}); it is taken for:")
+    for role, what in guess.roles:
+        console.note(f"  {role:<9} {what}")
+    for doubt in guess.doubts:
+        console.note(f"  assumed: {doubt}")
+    console.note(f"what is wrong can be corrected in {write_text(target, guess.text)}")
+    return target
+
+
+def taken(path: Path, ask: Ask | None = None) -> tuple[Trace, list[str]]:
+    """Return a recording of any kind, and what was assumed of it, without writing a file.
+
+    ask: where somebody can answer. Raises LogError where it cannot be read.
+    """
+    if path.suffix.lower() == ".toml":
+        return read_recording(path), []
+    found = own_log(path)
+    if not isinstance(found, Source):
+        return found.tick, []
+    guess = assumed(found, path.name, ask)
+    described = description_of(guess.text.encode(), path.with_suffix(".recording.toml"))
+    said = [f"{role}: {what}" for role, what in guess.roles]
+    said += [f"assumed: {doubt}" for doubt in guess.doubts]
+    return read_described(described, path.parent), said
+
+
+def device_of(
+    console: Console, recordings: Sequence[tuple[str, Trace]], out: Path
+) -> tuple[Path, Device, bool]:
+    """Return a device that is fitted to recordings, its file OUT/NAME.device.toml, and True.
+
+    Where that file stands there, edited, the device in it, and False. recordings: name and trace of
+    each, the first of which gives the name. Raises ValueError where they do not say what a device
+    is.
+    """
+    stem = recordings[0][0]
+    target = out / f"{stem}.device.toml"
+    if edited(target):
+        console.note(f"the device is that of {target}, which was edited")
+        return target, load_device(target), False
+    device, said = fitted(recordings)
+    for line in said:
+        console.note(line)
+    written = write_text(target, commented_text(device))
+    console.note(f"what is known better can be put into {written}")
+    return target, device, True
+
+
+def kept(refitted: Device, path: Path) -> Device:
+    """Write a device that was refitted in the place of the one it began as, and return it."""
+    device = replace(refitted, uncertainty=FITTED)
+    write_text(path, commented_text(device))
+    return device
+
+
+def fitted(recordings: Sequence[tuple[str, Trace]]) -> tuple[Device, list[str]]:
+    """Return a device that is fitted to recordings, and what is to be said of it.
+
+    Raises ValueError where they do not say what a device is.
+    """
+    stem = recordings[0][0]
+    traces = [trace for _, trace in recordings]
+    rotary = _rotary(stem, traces[0])
+    motions = [_motion(name, trace, rotary) for name, trace in recordings]
+    found = first_device(motions)
+    step = _encoder_step(traces)
+    device = Device(
+        f"{stem}, as fitted",
+        f"fitted to {', '.join(name for name, _ in recordings)}: a start, for a diagnosis to refit",
+        rotary,
+        found.chain,
+        Interface(period=float(f"{motions[0].period:.9g}"), encoder_step=step),
+        uncertainty=FITTED,
+    )
+    said = [f"no device is given: {_why(found)}"]
+    if all(m.command is None for m in motions):
+        mass = "kg m2" if rotary else "kg"
+        said.append(f"nothing drives, so nothing tells the scale: m1 is counted as 1 {mass}")
+    return device, said
+
+
+def asker() -> Ask | None:
+    """Return who asks a person at a terminal; None where nobody could answer."""
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        return None
+
+    def ask(question: str, answers: Sequence[str], default: str) -> str:
+        kind = click.Choice(list(answers)) if answers else str
+        return str(click.prompt(f"{question}?", default=default, type=kind, err=True))
+
+    return ask
+
+
+def edited(path: Path) -> bool:
+    """Whether a file stands there that this command may not write over: somebody made it."""
+    try:
+        check(path)
+    except Protected:
+        return True
+    return False
+
+
+def _relative(path: Path, folder: Path) -> str:
+    try:
+        return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
+    except ValueError:  # on another drive
+        return path.resolve().as_posix()
+
+
+def _rotary(name: str, trace: Trace) -> bool:
+    units = {unit.split("/")[0] for key, unit in trace.units.items() if key != "command"}
+    if "rad" in units:
+        return True
+    if "m" in units:
+        return False
+    raise ValueError(
+        f"{name} does not say whether the device turns or slides; say rotary in its TOML, or give"
+        " --device"
+    )
+
+
+def _motion(name: str, trace: Trace, rotary: bool) -> Motion:
+    keys = [k for k in trace.channels if k.split("_")[0] in ("position", "velocity")]
+    if not keys:
+        raise ValueError(
+            f"{name} has no position or velocity ({', '.join(trace.channels)}), so a device cannot"
+            " be fitted to it; give --device"
+        )
+    driven = "command" in trace.channels and np.ptp(trace["command"][np.isfinite(trace["command"])])
+    if driven and trace.units["command"] in GOAL:
+        raise ValueError(
+            f"the command of {name} is a position to go to; give --device with [drive] kind ="
+            ' "servo" or "position" (docs/device_file.md)'
+        )
+    whole, _ = longest_stretch(trace, (*keys, *(["command"] if driven else [])), name)
+    return Motion(
+        float(np.median(np.diff(whole.t))),
+        whole["command"] if driven else None,
+        np.column_stack([whole[key] for key in keys]),
+        tuple((key.split("_")[0], int(key.rsplit("_m", 1)[1]) - 1) for key in keys),
+        rotary,
+    )
+
+
+def _encoder_step(traces: Sequence[Trace]) -> float:
+    """Return the step of m1's position where all recordings show one and the same, else 0."""
+    steps = [step_seen(t["position_m1"]) if "position_m1" in t.channels else None for t in traces]
+    known = [step for step in steps if step is not None]
+    same = len(known) == len(steps) and max(known) <= 1.0001 * min(known)
+    return float(f"{known[0]:.9g}") if same else 0.0
+
+
+def _why(found: FirstDevice) -> str:
+    masses = found.chain.masses.size
+    errors = ", ".join(
+        f"{100.0 * error:.3g} % with {ONE_TO_THREE[found.least + i - 1]}"
+        for i, error in enumerate(found.errors)
+    )
+    return (
+        f"{ONE_TO_THREE[masses - 1]} {'is' if masses == 1 else 'are'} taken (error of the speed in"
+        f" free runs of {found.window:.3g} s that were not fitted: {errors})"
+    )

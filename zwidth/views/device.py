@@ -1,0 +1,91 @@
+"""A device: its chain, its interface, its physics."""
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from zwidth.sim.device import Device, place_label
+from zwidth.sim.interface import Interface
+from zwidth.views.table import Table, number
+from zwidth.views.units import Units, rows, units
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from xarray import Dataset
+
+
+MOST = 8  # parameters of an effect that are listed
+
+
+def table(device: Device) -> Table:
+    """Return a row a mass, and what of interface and physics is more than sampling."""
+    unit = units(device.rotary)
+    damping = f"[{unit.damping}]"
+    headings = ("", f"mass [{unit.mass}]", f"damper to ground {damping}",
+                f"spring to next [{unit.stiffness}]", f"damper to next {damping}")  # fmt: skip
+    grid = [
+        [name, *map(number, values)]
+        for name, *values in zip(_masses(device), *_columns(device), strict=True)
+    ]
+    said = [_interface(device, unit)]
+    said += [f"{place_label(p)}: {_values(p.values)}" for p in device.physics]
+    return Table(f"Device {device.name} ({device.source})", said, headings, grid)
+
+
+def _interface(device: Device, unit: Units) -> str:
+    face, usual = device.interface, Interface()
+    sampled = f"Sampled every {1e3 * face.period:g} ms, delay {1e3 * face.delay:g} ms"
+    more = [
+        f"{words} {value:g} {in_unit}".rstrip()
+        for words, value, neutral, in_unit in (
+            ("encoder step", face.encoder_step, usual.encoder_step, unit.length),
+            ("command step", face.command_step, usual.command_step, unit.force),
+            ("command limit", face.command_limit, usual.command_limit, unit.force),
+            ("command gain", face.command_gain, usual.command_gain, ""),
+            ("velocity cutoff", face.velocity_cutoff_hz, usual.velocity_cutoff_hz, "Hz"),
+            ("spring to ground", device.chain.ground_spring, 0.0, unit.stiffness),
+        )
+        if value != neutral
+    ]
+    return ", ".join([sampled, *more])
+
+
+def _values(values: Mapping[str, float]) -> str:
+    """The parameters of an effect, as far as they are set; of many the first."""
+    known = [f"{key} {value:.4g}" for key, value in values.items() if not math.isnan(value)]
+    more = [f"{len(known) - MOST} more"] if len(known) > MOST else []
+    return ", ".join([*known[:MOST], *more])
+
+
+def _masses(device: Device) -> list[str]:
+    return [f"m{i + 1}" for i in range(device.chain.masses.size)]
+
+
+def _columns(device: Device) -> tuple[list[float], ...]:
+    """Masses, dampers to ground, springs and dampers to the next, NaN for the last mass."""
+    chain = device.chain
+    links = ([*v.tolist(), math.nan] for v in (chain.link_springs, chain.link_dampers))
+    return chain.masses.tolist(), chain.ground_dampers.tolist(), *links
+
+
+def dataset(device: Device) -> "Dataset":
+    """Return the chain over its masses; interface and physics are attributes."""
+    unit = units(device.rotary)
+    names = ("mass", "damper_to_ground", "spring_to_next", "damper_to_next")
+    of = (unit.mass, unit.damping, unit.stiffness, unit.damping)
+    columns = {n: (v, u) for n, v, u in zip(names, _columns(device), of, strict=True)}
+    facts = {"name": device.name, "source": device.source, "rotary": int(device.rotary)}
+    facts |= {"ground_spring": device.chain.ground_spring, **vars(device.interface)}
+    facts |= {
+        f"{place_label(p)} {key}": value for p in device.physics for key, value in p.values.items()
+    }
+    return rows("place", (_masses(device), None), columns, facts)
+
+
+def _response(device: Device) -> "Figure":
+    from zwidth.figures.response import response_figure
+
+    return response_figure(device)
+
+
+PICTURES = {"response": _response}

@@ -1,0 +1,65 @@
+"""A device that was fitted to a recording, with the intervals of its parameters."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from zwidth.identification.identified import Identified
+from zwidth.views.table import Table, number
+from zwidth.views.units import Units, rows, units
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from xarray import Dataset
+
+
+def table(found: Identified) -> Table:
+    """Return a row a parameter."""
+    fit, unit = found.fit, units(found.device.rotary)
+    grid = [
+        [name, _unit(name, unit), *map(number, values)] for name, values in fit.intervals().items()
+    ]
+    said = [
+        f"Noise {number(fit.noise_rms)} {unit.length} rms; error of the fit over noise, squared:"
+        f" {number(fit.misfit)} (1 where the model explains all but noise)."
+    ]
+    said += [f"Warning: {fit.note}."] if fit.note else []
+    title = f"Identified: {found.device.name}, {len(fit.model.modes)} mode(s)"
+    return Table(title, said, ("parameter", "unit", "value", "95 % from", "to"), grid)
+
+
+def _unit(name: str, unit: Units) -> str:
+    return {"m": unit.mass, "b": unit.damping, "delay": "s"}.get(name, "rad/s")
+
+
+def dataset(found: Identified) -> "Dataset":
+    """Return the parameters with their intervals, and over frequency what was measured and fitted.
+
+    `unit` says what each parameter counts in.
+    """
+    fit, unit = found.fit, units(found.device.rotary)
+    intervals = fit.intervals()
+    value, lower, upper = (list(column) for column in zip(*intervals.values(), strict=True))
+    columns = {k: (v, "as in unit") for k, v in zip(
+        ("value", "lower", "upper"), (value, lower, upper), strict=True
+    )}  # fmt: skip
+    names = list(intervals)
+    said = {"unit": ([_unit(name, unit) for name in names], None)}
+    facts = {"device": found.device.name, "misfit": fit.misfit, "noise_rms": fit.noise_rms}
+    response = f"{unit.length}/({unit.force})"
+    over = rows("frequency", (fit.response.frequency_hz, "Hz"), {
+        "measured": (fit.response.value, response),
+        "fitted": (fit.fitted, response),
+        "deviation": (np.sqrt(fit.variance), response),
+        "coherence": (fit.response.coherence, ""),
+    })  # fmt: skip
+    return rows("parameter", (names, None), columns | said, facts).merge(over)
+
+
+def _drawn(found: Identified) -> "Figure":
+    from zwidth.figures.identified import fit_figure
+
+    return fit_figure(found.fit)
+
+
+PICTURES = {"response": _drawn}

@@ -1,0 +1,70 @@
+"""Units of a device's quantities, and arrays that carry theirs."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+
+class Units(NamedTuple):
+    """What a device counts in: force, length, mass, and what follows from them."""
+
+    force: str
+    length: str
+    mass: str
+
+    @property
+    def stiffness(self) -> str:
+        """The unit of K and of springs."""
+        return f"{self.force}/{self.length}"
+
+    @property
+    def damping(self) -> str:
+        """The unit of B and of dampers."""
+        return f"{self.force} s/{self.length}"
+
+
+def units(rotary: bool) -> Units:
+    """Return the units of a device that turns, or of one that moves along a line."""
+    return Units("N m", "rad", "kg m2") if rotary else Units("N", "m", "kg")
+
+
+Column = tuple[Sequence[Any] | np.ndarray[Any, Any], str | None]  # None: text, which has no unit
+
+
+def numbers(values: Sequence[float | None]) -> list[float]:
+    """Return numbers, NaN for none."""
+    return [np.nan if value is None else float(value) for value in values]
+
+
+def rows(
+    axis: str,
+    places: Column,
+    columns: Mapping[str, Column],
+    facts: Mapping[str, object] | None = None,
+) -> "Dataset":
+    """Return columns over one axis, each (values, unit), as a dataset.
+
+    places: of the axis itself. facts: what belongs to all of it; only text and numbers are kept.
+    """
+    from xarray import Dataset
+
+    plain = {k: v for k, v in (facts or {}).items() if isinstance(v, str | int | float)}
+    return Dataset(
+        {name: (axis, _array(values), _said(unit)) for name, (values, unit) in columns.items()},
+        {axis: (axis, _array(places[0]), _said(places[1]))},
+        plain,
+    )
+
+
+def _array(values: Sequence[Any] | np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    array = np.asarray(values)
+    return array.astype(object) if array.dtype.kind == "U" else array
+
+
+def _said(unit: str | None) -> dict[str, str]:
+    """The attribute of a unit; text has none."""
+    return {} if unit is None else {"units": unit}
