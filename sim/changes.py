@@ -102,6 +102,39 @@ def _changed(physics: Physics, factors: Mapping[str, float], added: Mapping[str,
     return replace(physics, values=values)
 
 
+def difference(before: Device, after: Device) -> Changes:
+    """Return what makes one device of another that has the same masses and effects."""
+    added = [np.subtract(b, a) for a, b in zip(before.chain, after.chain, strict=True)]
+    least = [LEAST * np.asarray(numbers) for numbers in after.chain]
+    other = {place_label(p): p.values for p in after.physics}
+    more = tuple(
+        (label, {name: other[label][name] - value for name, value in p.values.items()
+                 if other[label][name] != value})
+        for p in before.physics if (label := place_label(p)) in other
+    )  # fmt: skip
+    limit = after.interface.command_limit
+    return Changes(
+        _chain(added), _chain(least), after.interface.delay - before.interface.delay,
+        limit if limit != before.interface.command_limit else None,
+        physics=tuple((label, values) for label, values in more if values),
+    )  # fmt: skip
+
+
+def beside(known: Changes | None, more: Changes) -> Changes:
+    """Return what was known to be different and what was more different besides."""
+    if known is None:
+        return more
+    values: dict[str, dict[str, float]] = {}
+    for label, added in (*known.physics, *more.physics):
+        own = values.setdefault(label, {})
+        for name, value in added.items():
+            own[name] = own.get(name, 0.0) + value
+    chain = [np.add(a, b) for a, b in zip(known.chain, more.chain, strict=True)]
+    limit = known.command_limit if more.command_limit is None else more.command_limit
+    return replace(known, chain=_chain(chain), delay=known.delay + more.delay,
+                   command_limit=limit, physics=tuple(values.items()))  # fmt: skip
+
+
 def known_changes(table: Table) -> Table:
     """Return the table `[device]` of a recording if it has no other keys than it may have."""
     return table.only(KEYS)

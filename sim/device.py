@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from zwidth.shown import Shown
 from zwidth.sim.chain import (
     Chain,
     Chains,
@@ -31,8 +32,8 @@ class DeviceError(ValueError):
     """A device, or a device file, that cannot be; the message is one sentence."""
 
 
-@dataclass(frozen=True, eq=False)
-class Device:
+@dataclass(frozen=True, eq=False, repr=False)
+class Device(Shown):
     """One degree of freedom of a haptic device.
 
     rotary: N m and rad; else N and m. modal is kept where the device was given in modal form
@@ -231,7 +232,7 @@ def has_needed(effect: Effect, device: Device) -> bool:
 def known(effect: Effect, place: Place, device: Device) -> bool:
     """Whether the device has the quantity that this effect would set, or has no use for it."""
     home = effect.in_interface
-    if effect.sought == "given" or not has_needed(effect, device):
+    if effect.sought in ("given", "learned") or not has_needed(effect, device):
         return True
     if home is not None and not effect.adds:
         (parameter,) = effect.parameters

@@ -23,13 +23,16 @@ import tomli_w
 from zwidth.files.protection import reading, writing_as
 from zwidth.files.whole import write_text
 from zwidth.sim.chain import Chain, make_chain
-from zwidth.sim.device import Device, DeviceError, home, place_label
+from zwidth.sim.device import Device, DeviceError, home, place_label, warnings_of
+from zwidth.sim.device_keys import DEVICE_KEYS
 from zwidth.sim.drive import KINDS, NEEDED, POSSIBLE, Drive
 from zwidth.sim.interface import Interface
+from zwidth.sim.keys import Key, commented
 from zwidth.sim.modal import ModalModel, Mode, to_chain
 from zwidth.sim.nearest import nearest
-from zwidth.sim.physics import EFFECTS
-from zwidth.sim.physics.effect import Physics
+from zwidth.sim.physics import EFFECTS, unknown_effect
+from zwidth.sim.physics.effect import Parameter, Physics
+from zwidth.sim.physics.free_law import is_table, points_of, table_values
 from zwidth.sim.table import Table, TableError
 from zwidth.sim.uncertainty import UNCERTAINTY_FIELDS, Uncertainty
 
@@ -66,6 +69,20 @@ def shipped_devices() -> list[str]:
     return sorted(file.stem for file in SHIPPED.glob("*.toml"))
 
 
+def remarks_on(device: Device) -> list[str]:
+    """Return what a command says of a device before its work, a line each (`warnings_of`).
+
+    Nothing on the mechanism of a shipped device, of which `zwidth devices NAME` says it.
+    """
+    remarks = warnings_of(device)
+    known = (load_device(name).chain for name in shipped_devices()) if remarks else ()
+    return [] if any(_same(device.chain, chain) for chain in known) else remarks
+
+
+def _same(one: Chain, other: Chain) -> bool:
+    return all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
+
+
 def load_device(name_or_path: str | os.PathLike[str]) -> Device:
     """Return a shipped device by name ("phantom_1_0"), or else the device of a TOML file.
 
@@ -89,14 +106,14 @@ def load_device(name_or_path: str | os.PathLike[str]) -> Device:
 
 
 def save_device(device: Device, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-    """Write the device file as a whole or not at all; folders are made.
+    """Write the device file, commented, as a whole or not at all; folders are made.
 
     A file stands in the way unless this function wrote it and nobody has edited it since;
     overwrite: write over it. Raises Protected then, DeviceError where it cannot be written.
     """
     try:
         with writing_as("save_device", overwrite):
-            write_text(Path(path), device_to_text(device))
+            write_text(Path(path), commented_text(device))
     except OSError as error:
         raise DeviceError(f"{str(path)!r} cannot be written: {error.strerror}") from None
 
@@ -140,9 +157,54 @@ def device_to_text(device: Device) -> str:
         sections.append(_section("[uncertainty]", uncertain.keys(), uncertain.values()))
     for physics in device.physics:
         entry: dict[str, object] = {"effect": physics.effect.name, "at": physics.at}
-        entry |= physics.values
+        entry |= _numbers(physics)
         sections.append(_section("[[physics]]", entry.keys(), entry.values()))
     return "\n".join(sections)
+
+
+def commented_text(device: Device) -> str:
+    """Return the device file with a comment behind every key: its unit, and what it means."""
+    comments = {(key.table, key.name): key.comment(device.rotary) for key in DEVICE_KEYS}
+    head, *entries = device_to_text(device).split("[[physics]]\n")
+    texts = [commented(head, comments)]
+    for physics, entry in zip(device.physics, entries, strict=True):
+        own = {("", p.name): _meaning(p, device.rotary) for p in physics.effect.parameters}
+        own[("", "effect")] = physics.effect.summary
+        texts.append(commented(entry, own))
+    return "[[physics]]\n".join(texts)
+
+
+def template_text(masses: int) -> str:
+    """Return a device file of so many masses to start from: every key, explained, most of them off.
+
+    Raises ValueError for a number of masses that no chain has.
+    """
+    chain = make_chain([1e-3] * masses, [1e-3] * masses, 0.0, [10.0] * (masses - 1),
+                       [1e-2] * (masses - 1))  # fmt: skip
+    written = commented_text(Device("my device", "data sheets", True, chain)).split("\n")
+    own = {(key.table, key.name) for key in DEVICE_KEYS}
+    table, known = "", set[tuple[str, str]]()
+    for line in written:
+        table = line.strip("[]") if line.startswith("[") else table
+        known.add((table, line.split(" = ")[0]))
+    lines = ["\n".join(written).rstrip("\n")]
+    lines += [_off(key) for key in DEVICE_KEYS if key.table == "interface" and (key.table, key.name)
+              in own - known]  # fmt: skip
+    for header in ("drive", "uncertainty"):
+        lines += ["", f"# [{header}]"] + [_off(key) for key in DEVICE_KEYS if key.table == header]
+    lines += ["", "# [[physics]]  # 'zwidth effects' lists them, with their parameters"]
+    lines += ['# effect = "coulomb_friction"', '# at = "m1"', "# level = 0.01  # [N m]"]
+    return "\n".join(lines) + "\n"
+
+
+def _off(key: Key) -> str:
+    value = key.default if key.default and key.default != "motor_constant" else key.example or "..."
+    return f"# {key.name} = {value}  # {key.comment(True)}"
+
+
+def _meaning(parameter: Parameter, rotary: bool) -> str:
+    unit = parameter.unit_for(rotary)
+    return f"[{unit}] {parameter.meaning}" if unit else parameter.meaning
 
 
 def device_from_text(text: str, where: str = "device") -> Device:
@@ -155,9 +217,31 @@ def device_from_text(text: str, where: str = "device") -> Device:
     except (ValueError, RecursionError) as error:
         raise DeviceError(f"{where}: this is not TOML: {error}") from None
     try:
+        if other := other_kind(values, "device"):
+            raise TableError(other)
         return _device(Table(values).only(TOP_KEYS))
     except ValueError as error:
         raise DeviceError(f"{where}: {error}") from None
+
+
+KINDS_OF_FILES = {
+    "device": (("chain", "modal"), "a device file, which 'zwidth devices' describes"),
+    "scenario": (("controller", "duration_s"), "a scenario, which 'zwidth simulate' runs"),
+    "recording": (
+        ("input", "output"),
+        "a recording's description, which 'zwidth diagnose' reads",
+    ),
+}
+
+
+def other_kind(values: Mapping[str, object], wanted: str) -> str:
+    """Return what a TOML is by its keys, with what to do, where it is none of the wanted kind."""
+    if any(key in values for key in KINDS_OF_FILES[wanted][0]):
+        return ""
+    found = (said for keys, said in KINDS_OF_FILES.values() if any(k in values for k in keys))
+    said = next(found, "")
+    article = "a recording's description" if wanted == "recording" else f"a {wanted} file"
+    return f"this is {said}, and {article} is needed here" if said else ""
 
 
 def _device(top: Table) -> Device:
@@ -245,12 +329,32 @@ def _uncertainty(table: Table) -> Uncertainty:
 def _physics(table: Table) -> Physics:
     name = table.text("effect")
     if name not in EFFECTS:
-        raise TableError(f"{table.path}.effect is {name!r}; {nearest(name, EFFECTS)}")
+        raise TableError(f"{table.path}.effect is {name!r}; {unknown_effect(name)}")
     parameters = [parameter.name for parameter in EFFECTS[name].parameters]
+    if is_table(EFFECTS[name].parameters):
+        return _free_law(table)
     table.only(("effect", "at", *parameters))
     with _as_in_the_file({}, f"{table.path}: "):
         values = {key: table.number(key) for key in parameters}
         return Physics(EFFECTS[name], table.text("at"), values)
+
+
+def _free_law(table: Table) -> Physics:
+    """A law that is given as a table of points."""
+    table.only(("effect", "at", "odd", "table"))
+    odd = table.boolean("odd") if "odd" in table else False
+    rows = table.rows("table", 2)
+    with _as_in_the_file({}, f"{table.path}: "):
+        values = table_values([(s, f) for s, f in rows], odd)
+        return Physics(EFFECTS[table.text("effect")], table.text("at"), values)
+
+
+def _numbers(physics: Physics) -> dict[str, object]:
+    """The values of an effect as a file has them: a free law as its table."""
+    if not is_table(physics.effect.parameters):
+        return dict(physics.values)
+    rows = [list(point) for point in points_of(physics.values)]
+    return {"odd": physics.values["odd"] > 0.5, "table": rows}
 
 
 @contextmanager
@@ -268,5 +372,5 @@ def _as_in_the_file(keys: Mapping[str, str], before: str = "") -> Generator[None
 
 
 def _section(header: str, keys: Iterable[str], values: Iterable[Any]) -> str:
-    exact = (value if isinstance(value, str | list) else float(value) for value in values)
+    exact = (value if isinstance(value, str | list | bool) else float(value) for value in values)
     return f"{header}\n{tomli_w.dumps(dict(zip(keys, exact, strict=True)))}"

@@ -1,10 +1,11 @@
-"""exp, log, sin, cos and tanh of + - * / alone, for one number or for a lane each.
+"""exp, log, sin, cos, tanh and atan of + - * / alone, for one number or for a lane each.
 
 A library's functions differ between systems and take one number at a time. These have the same
 bits everywhere, alone and in lanes. Each reduces its argument exactly or nearly so and sums a
-polynomial; the constants are those of FreeBSD's msun (Sun Microsystems 1993) and, of tanh, of
-Cephes (Moshier 1989). Errors, in units of the last place (`tests/test_elementary.py`): exp, log
-below 1.5; sin, cos below 1.5 for |x| < 1e6, beyond which the reduction loses digits; tanh below 3.
+polynomial; the constants are those of FreeBSD's msun (Sun Microsystems 1993) and, of tanh and atan,
+of Cephes (Moshier 1989). Errors, in units of the last place (`tests/test_elementary.py`): exp, log
+below 1.5; sin, cos below 1.5 for |x| < 1e6, beyond which the reduction loses digits; tanh below 3,
+atan below 2.
 """
 
 # pyright: reportMissingParameterType=false, reportUnknownParameterType=false
@@ -16,6 +17,7 @@ LN2_HIGH, LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 PER_LN2 = 1.44269504088896338700
 HALF_PI = (1.57079632673412561417, 6.07710050630396597660e-11, 2.02226624879595063154e-21)
 PER_HALF_PI = 6.36619772367581382433e-01
+HALF_PI_AT, ATAN_REST = 1.57079632679489661923, 6.123233995736765886130e-17
 MOST, LEAST = 709.78, -708.39  # exponents beyond which exp is no normal number
 
 
@@ -164,3 +166,38 @@ def tanh(x):
     small = x + x * z * (numerator / denominator)
     large = signed(1.0 - 2.0 / (exp(2.0 * least(a, 30.0)) + 1.0), x)
     return select(a < 0.625, small, large)
+
+
+@part
+def atan(x):
+    """Return the angle whose tangent is x.
+
+    |x| is brought below 0.66 by atan x = pi / 2 - atan(1 / x) above tan(3 pi / 8), and by
+    atan x = pi / 4 + atan((x - 1) / (x + 1)) between; the rest is a quotient of polynomials.
+    """
+    size = abs(x)
+    far = size > 2.414213562373095
+    middle = size > 0.66
+    top = select(far, -1.0, select(middle, size - 1.0, size))
+    y = top / select(far, size, select(middle, size + 1.0, 1.0))
+    turned = select(far, HALF_PI_AT, select(middle, 0.5 * HALF_PI_AT, 0.0))
+    more = select(far, ATAN_REST, select(middle, 0.5 * ATAN_REST, 0.0))
+    z = y * y
+    above = z * (
+        (
+            (
+                (-8.750608600031904122785e-1 * z - 1.615753718733365076637e1) * z
+                - 7.500855792314704667340e1
+            )
+            * z
+            - 1.228866684490136173410e2
+        )
+        * z
+        - 6.485021904942025371773e1
+    )
+    below = (
+        (((z + 2.485846490142306297962e1) * z + 1.650270098316988542046e2) * z
+         + 4.328810604912902668951e2) * z
+        + 4.853903996359136964868e2
+    ) * z + 1.945506571482613964425e2  # fmt: skip
+    return signed(turned + (y * above / below + y + more), x)

@@ -6,7 +6,8 @@ which makes the source its own oracle (run it with ``NUMBA_DISABLE_JIT=1``).
 Numba's on-disk cache looks at the file of a function, not at the files of the functions it calls,
 so an edit of a callee would leave a stale caller behind. The cache folder is therefore named by the
 text of every file of `sim` and `controllers` that holds compiled functions, or `Equations`, whose
-fields compiled functions know by their order.
+fields compiled functions know by their order, and of every effect of the user's own
+(`sim/own_files.py`), which is compiled with them.
 """
 
 import hashlib
@@ -17,6 +18,8 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+
+from zwidth.sim.own_files import own_texts
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 COMPILED_PACKAGES = ("sim", "controllers")
@@ -31,6 +34,8 @@ def _fingerprint() -> str:
             text = file.read_bytes()
             if any(mark in text for mark in MARKS):
                 digest.update(text)
+    for _, text in own_texts():
+        digest.update(text or b"")
     return digest.hexdigest()[:16]
 
 

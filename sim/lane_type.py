@@ -254,6 +254,11 @@ def signed(size: Any, sign: Any) -> Any:
     return math.copysign(size, sign)
 
 
+def root(x: Any) -> Any:
+    """Return the square root, NaN below zero."""
+    return math.sqrt(x) if x >= 0.0 else math.nan
+
+
 def two_to(n: Any) -> Any:
     """Return 2^n for a whole number -1022 <= n <= 1023."""
     return math.ldexp(1.0, int(n)) if math.isfinite(n) else math.nan
@@ -358,6 +363,8 @@ def _intrinsic_of_llvm(name: str, count: int) -> Any:
 
 _floor_of = _intrinsic_of_llvm("llvm.floor", 1)
 _signed_of = _intrinsic_of_llvm("llvm.copysign", 2)
+_root_of = _intrinsic_of_llvm("llvm.sqrt", 1)
+overload(root, strict=False, jit_options=INLINED)(lambda x: lambda x: _root_of(x))
 overload(floor, strict=False, jit_options=INLINED)(lambda x: lambda x: _floor_of(x))
 overload(signed, strict=False, jit_options=INLINED)(
     lambda size, sign: lambda size, sign: _signed_of(size, sign)

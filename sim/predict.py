@@ -25,7 +25,16 @@ from numpy.typing import NDArray
 from zwidth.sim.equations import Equations
 from zwidth.sim.group import VIEWS, seen
 from zwidth.sim.jit import jit, part
-from zwidth.sim.kernel import Memory, Scratch, amplify, arrives, read_sensor, scratch, substep
+from zwidth.sim.kernel import (
+    MAX_COLUMNS,
+    Memory,
+    Scratch,
+    amplify,
+    arrives,
+    read_sensor,
+    scratch,
+    substep,
+)
 from zwidth.sim.lane_type import any_lane, as_lanes, negated, select
 from zwidth.sim.physics.backlash import backlash
 
@@ -36,11 +45,19 @@ PIECE = 512  # ticks whose innovations are whitened together, while they are in 
 OVERFLOW = 1e12  # of the position of m1
 
 
+GROUND = MAX_COLUMNS - 1  # place in a state that no device fills, and that stays zero
+
+
 class Outputs(NamedTuple):
-    """What was measured: state (o,) index of each output in x, sensed (o,) through m1's sensor."""
+    """What was measured: state (o,) index of each output in x, sensed (o,) through m1's sensor.
+
+    less (o,): index of what it is measured from, as the end of a link is from its other end;
+    `GROUND` for what stands still.
+    """
 
     state: NDArray[np.int64]
     sensed: NDArray[np.bool_]
+    less: NDArray[np.int64]
 
 
 class Reading(NamedTuple):
@@ -255,6 +272,7 @@ def predict(
             there = x[outputs.state[o]]
             if outputs.sensed[o]:
                 there = read_sensor(eq, there)
+            there = there - x[outputs.less[o]]
             y = measured[k, o] - reading.origin[o]
             if reading.arriving.size > 0:
                 y -= reading.jitter[o] * reading.arriving[k]

@@ -8,6 +8,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.shown import Shown
 from zwidth.sim.controller import Controller
 from zwidth.sim.device import Device
 from zwidth.sim.equations import Equations, equations, ledger_names
@@ -67,8 +68,8 @@ class Start:
         return padded
 
 
-@dataclass(frozen=True)
-class Run:
+@dataclass(frozen=True, repr=False)
+class Run(Shown):
     """A finished run: its trace, how it ended, the final state and the energy ledger [J].
 
     trace has one sample a tick, taken at t = kT before the chain moves. fine has one sample a

@@ -53,9 +53,30 @@ class Table:
         values = self._typed(key, default, list, "a list of numbers")
         return [_number(v, f"{self._at(key)}[{i}]") for i, v in enumerate(values)]
 
+    def rows(self, key: str, width: int) -> list[list[float]]:
+        """Return a list of rows of so many floats each."""
+        allowed = f"a list of rows of {width} numbers"
+        rows = self._typed(key, None, list, allowed)
+        for i, row in enumerate(rows):
+            if not isinstance(row, list) or len(cast("list[object]", row)) != width:
+                raise TableError(f"{self._at(key)}[{i}] is {brief(row)}; allowed is {allowed}")
+        return [
+            [_number(v, f"{self._at(key)}[{i}][{j}]") for j, v in enumerate(row)]
+            for i, row in enumerate(rows)
+        ]
+
     def text(self, key: str, default: str | None = None) -> str:
         """Return a string."""
         return self._typed(key, default, str, "a text in quotes")
+
+    def texts(self, key: str) -> list[str]:
+        """Return a list of strings."""
+        allowed = "a list of texts in quotes"
+        values = self._typed(key, None, list, allowed)
+        for i, value in enumerate(values):
+            if not isinstance(value, str):
+                raise TableError(f"{self._at(key)}[{i}] is {brief(value)}; allowed is {allowed}")
+        return cast("list[str]", values)
 
     def boolean(self, key: str, default: bool | None = None) -> bool:
         """Return true or false."""

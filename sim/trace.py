@@ -8,11 +8,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.shown import Shown
+
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Trace:
+@dataclass(frozen=True, repr=False)
+class Trace(Shown):
     """Sampled channels on one time axis.
 
     t: times [s], shape (samples,). channels: name -> array of shape (samples,), SI units.

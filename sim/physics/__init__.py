@@ -5,7 +5,9 @@ from importlib import import_module
 from types import MappingProxyType
 
 from zwidth.sim.nearest import nearest
+from zwidth.sim.own_files import FOLDER, VARIABLE
 from zwidth.sim.physics.effect import Effect, Physics
+from zwidth.sim.physics.own import OWN, WRONG
 from zwidth.sim.place import Place, place_at
 
 NAMES = (
@@ -36,6 +38,10 @@ NAMES = (
     "encoder_step",
     "encoder_eccentricity",
     "rectified_sensor",
+    "free_spring",
+    "free_damper",
+    "free_amplifier",
+    "free_sensor",
 )
 
 # Laws of no library: no device file names them, the diagnosis asks with them (`forces.probes`).
@@ -47,8 +53,23 @@ def _declared(names: Sequence[str]) -> Mapping[str, Effect]:
     return MappingProxyType(found)
 
 
-EFFECTS = _declared(NAMES)
+LIBRARY = _declared(NAMES)
 PROBES = _declared(PROBE_NAMES)
+
+
+def _with_own() -> tuple[Mapping[str, Effect], tuple[str, ...]]:
+    """All effects, and what is wrong with the files of the user's own."""
+    every, wrong = dict(LIBRARY), list(WRONG)
+    for name, own in OWN.items():
+        if name in every or name in PROBES:
+            wrong.append(f"{own.file}: name is {name!r}, which the library has; give it another")
+        else:
+            every[name] = own.effect
+    return MappingProxyType(every), tuple(wrong)
+
+
+EFFECTS, WRONG_FILES = _with_own()
+"""Every effect by name, those of the user's own last; what is wrong with the files of those."""
 RICHER_FORMS: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
     {name: tuple(e for e in EFFECTS.values() if name in e.contains) for name in EFFECTS}
 )
@@ -76,7 +97,15 @@ def effect_named(name: str) -> Effect:
     """Return the effect of that name; raises ValueError that names the nearest known one."""
     if name in EFFECTS:
         return EFFECTS[name]
-    raise ValueError(f"there is no effect {name!r}; {nearest(name, EFFECTS)}")
+    raise ValueError(f"there is no effect {name!r}; {unknown_effect(name)}")
+
+
+def unknown_effect(name: str) -> str:
+    """Return what to do about an effect that there is not."""
+    return (
+        f"{nearest(name, EFFECTS)}; an effect of your own is declared in a file in the folder"
+        f" {FOLDER!r} or in {VARIABLE}"
+    )
 
 
 def make_physics(name: str, at: str, **values: float) -> Physics:

@@ -42,9 +42,21 @@ actuator_lag = Effect(
     name="actuator_lag",
     summary="first-order lag between command and force",
     places=("command",),
-    parameters=(Parameter("time_constant", "tau_a", "s", 0.0, 10.0, 0.0, role="magnitude"),),
+    parameters=(
+        Parameter(
+            "time_constant",
+            "tau_a",
+            "s",
+            0.0,
+            10.0,
+            0.0,
+            role="magnitude",
+            meaning="in which the force follows a step to 63 %",
+        ),
+    ),
     hook="structure",
     code=0,
+    mistaken_for=("loop_delay", "extra_mode"),
     reference="first-order model of the current loop; a lag counts as delay at low frequency",
     lags=True,
     prior=0.1,  # every amplifier and filter lags; most by far less than a tick

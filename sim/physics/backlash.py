@@ -69,11 +69,21 @@ backlash = Effect(
     places=LINKS,
     parameters=(
         Parameter(
-            "gap", "2 alpha", "rad", 0.0, 1e3, 0.0, role="magnitude", vanishing=1e-15, valleys=True
+            "gap",
+            "2 alpha",
+            "rad",
+            0.0,
+            1e3,
+            0.0,
+            role="magnitude",
+            vanishing=1e-15,
+            valleys=True,
+            meaning="all of the play, from one side to the other: twice the half gap",
         ),
     ),
     hook="force",
     code=8,
+    mistaken_for=("cubic_stiffness", "hysteresis"),
     reference="Nordin, Galic & Gutman, Int. J. Adaptive Control Signal Proc. 11(1), 1997",
     borrows=("link_spring", "link_damper"),
     prior=0.1,  # of links, those with gears or couplings; cables and belts have none

@@ -35,9 +35,21 @@ command_step = Effect(
     name="command_step",
     summary="the command is converted in steps",
     places=("command",),
-    parameters=(Parameter("step", "Delta_u", "N m", 0.0, 1e6, 0.0, role="strength"),),
+    parameters=(
+        Parameter(
+            "step",
+            "Delta_u",
+            "N m",
+            0.0,
+            1e6,
+            0.0,
+            role="strength",
+            meaning="between one value that the converter knows and the next",
+        ),
+    ),
     hook="command",
     code=0,
+    mistaken_for=("encoder_step",),
     reference="uniform mid-tread quantiser",
     in_interface="command_step",
     prior=0.03,  # converters of few bits, and commands sent as small whole numbers

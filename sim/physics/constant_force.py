@@ -29,9 +29,21 @@ constant_force = Effect(
     name="constant_force",
     summary="a constant force or offset",
     places=MASSES,
-    parameters=(Parameter("level", "f_0", "N m", -1e6, 1e6, 0.0, role="magnitude"),),
+    parameters=(
+        Parameter(
+            "level",
+            "f_0",
+            "N m",
+            -1e6,
+            1e6,
+            0.0,
+            role="magnitude",
+            meaning="the force, positive along the position",
+        ),
+    ),
     hook="force",
     code=3,
+    mistaken_for=("gravity_pendulum", "gain_asymmetry"),
     reference="-",
     prior=0.1,  # an amplifier's offset, a cable, weight on a slide
     elsewhere=0.03,  # weight and cables only: an offset of the command is a force on m1

@@ -34,9 +34,21 @@ coulomb_friction = Effect(
     name="coulomb_friction",
     summary="dry friction of constant level",
     places=MASSES,
-    parameters=(Parameter("level", "f_c", "N m", 0.0, 1e6, 0.0, role="magnitude"),),
+    parameters=(
+        Parameter(
+            "level",
+            "f_c",
+            "N m",
+            0.0,
+            1e6,
+            0.0,
+            role="magnitude",
+            meaning="force at which it slips, and in sliding",
+        ),
+    ),
     hook="friction",
     code=1,
+    mistaken_for=("stribeck_friction", "presliding_friction", "directional_friction", "dead_band"),
     reference="Coulomb 1785; implicit as in Moreau, Unilateral contact and dry friction, 1988",
     prior=0.3,  # bearings, seals, brushes and cables: hardly a mechanism is without
     family="dry friction",

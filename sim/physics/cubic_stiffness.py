@@ -42,9 +42,21 @@ cubic_stiffness = Effect(
     name="cubic_stiffness",
     summary="cubic part of a spring",
     places=("ground", *LINKS),
-    parameters=(Parameter("coefficient", "k_3", "N m/rad3", -1e15, 1e15, 0.0, role="magnitude"),),
+    parameters=(
+        Parameter(
+            "coefficient",
+            "k_3",
+            "N m/rad3",
+            -1e15,
+            1e15,
+            0.0,
+            role="magnitude",
+            meaning="force over deflection cubed; above 0 the spring hardens, below it softens",
+        ),
+    ),
     hook="force",
     code=1,
+    mistaken_for=("backlash", "force_ripple"),
     reference="G. Duffing, Erzwungene Schwingungen, 1918",
     prior=0.03,  # springs are bent by design, or where they are short and stretched far
     starts=_starts,

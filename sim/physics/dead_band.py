@@ -36,9 +36,21 @@ dead_band = Effect(
     name="dead_band",
     summary="small commands give no force",
     places=("command",),
-    parameters=(Parameter("width", "w", "N m", 0.0, 1e6, 0.0, role="magnitude"),),
+    parameters=(
+        Parameter(
+            "width",
+            "w",
+            "N m",
+            0.0,
+            1e6,
+            0.0,
+            role="magnitude",
+            meaning="all of the band: commands within half of it to either side give nothing",
+        ),
+    ),
     hook="command",
     code=1,
+    mistaken_for=("coulomb_friction",),
     reference="Tao & Kokotovic, Adaptive Control of Systems with Actuator and Sensor"
     " Nonlinearities, Wiley 1996",
     prior=0.03,  # hydraulics and bad bridges; a current amplifier has none

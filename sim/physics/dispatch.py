@@ -2,7 +2,7 @@
 
 A new effect adds its file, its line here, and its line in the registry (`sim/physics/__init__.py`).
 Codes are the `Effect.code` of its declaration; parameters arrive in the declaration's order, what
-the effect borrows after them.
+the effect borrows after them. Codes from 100 on are effects of the user's own (`own.py`).
 """
 
 from zwidth.sim.jit import part
@@ -15,11 +15,15 @@ from zwidth.sim.physics.directional_friction import directional_bounds
 from zwidth.sim.physics.dropped_samples import is_delivered
 from zwidth.sim.physics.encoder_eccentricity import off_centre
 from zwidth.sim.physics.force_ripple import ripple_force
+from zwidth.sim.physics.free_amplifier import amplified_freely
+from zwidth.sim.physics.free_law import table_law
+from zwidth.sim.physics.free_sensor import read_freely
 from zwidth.sim.physics.gain_asymmetry import two_gains
 from zwidth.sim.physics.gravity_pendulum import pendulum_force
 from zwidth.sim.physics.hysteresis import bouc_wen_force, next_yield
 from zwidth.sim.physics.load_friction import load_bounds
 from zwidth.sim.physics.one_sided_spring import stop_force
+from zwidth.sim.physics.own import own_command, own_force, own_sensor
 from zwidth.sim.physics.periodic_force import periodic
 from zwidth.sim.physics.power_drag import power_force
 from zwidth.sim.physics.presliding_friction import dahl_force, next_bristle
@@ -59,7 +63,11 @@ def smooth_force(code, q, v, z, u, p):
         return beyond_limit(u, q, v, p)
     if code == 13:
         return within_zone(u, q, p)
-    return 0.0
+    if code == 14:
+        return table_law(q, p)
+    if code == 15:
+        return table_law(v, p)
+    return own_force(code, q, v, u, p)
 
 
 @part
@@ -106,7 +114,9 @@ def sensed(code, position, p):
         return off_centre(position, p)
     if code == 2:
         return magnitude(position)
-    return position
+    if code == 3:
+        return read_freely(position, p)
+    return position + own_sensor(code, position, p)
 
 
 @part
@@ -116,7 +126,9 @@ def amplified(code, command, p):
         return beyond_band(command, p)
     if code == 2:
         return two_gains(command, p)
-    return command
+    if code == 3:
+        return amplified_freely(command, p)
+    return command + own_command(code, command, p)
 
 
 @part

@@ -42,9 +42,21 @@ dropped_samples = Effect(
     name="dropped_samples",
     summary="commands that are lost, seldom and at random",
     places=("clock",),
-    parameters=(Parameter("rate", "p_d", "", 0.0, 1.0, 0.0, role="strength"),),
+    parameters=(
+        Parameter(
+            "rate",
+            "p_d",
+            "",
+            0.0,
+            1.0,
+            0.0,
+            role="strength",
+            meaning="share of the commands that are lost",
+        ),
+    ),
     hook="clock",
     code=1,
+    mistaken_for=("loop_delay",),
     reference="counter-based: Salmon et al., Proc. SC11, 2011",
     borrows=("seed",),
     prior=0.01,  # a network or a desktop system in the loop, and seldom there

@@ -17,6 +17,7 @@ How the diagnosis seeks an effect:
     lattice      no slope leads there: by what its steps or losses repeat
     folding      before all else: the recording is unfolded
     given        not at all: what a device file says of the drive
+    learned      not by name: where no name explains a recording (`diagnosis/learning`)
 
 All of that stands in the effect's own file. What of it depends on the recording is a function of
 `Sizes` and a place.
@@ -37,7 +38,7 @@ from zwidth.sim.place import Place, place_at
 
 Hook = Literal["sensor", "command", "clock", "structure", "force", "friction"]
 Borrowed = Literal["link_spring", "link_damper", "seed", "servo"]
-Sought = Literal["fit", "waves", "resonances", "lattice", "folding", "given"]
+Sought = Literal["fit", "waves", "resonances", "lattice", "folding", "given", "learned"]
 Role = Literal["magnitude", "strength", "turning", "shape"]
 Values = dict[str, float]
 Numbers = Mapping[str, float] | Mapping[str, np.ndarray]
@@ -64,6 +65,7 @@ class Parameter:
     open_ended: above its upper bound the law hardly changes, and a fit that ends there is sound.
     vanishing: value at which nothing is left of the effect but how the kernel steps. valleys: the
     errors over it have a valley every few percent, so that a fit ends in the one where it began.
+    meaning: what it is, for people.
     """
 
     name: str
@@ -79,6 +81,7 @@ class Parameter:
     open_ended: bool = False
     vanishing: float | None = None
     valleys: bool = False
+    meaning: str = ""
 
     def unit_for(self, rotary: bool) -> str:
         """Return the unit on a rotary or a linear device."""
@@ -140,7 +143,8 @@ class Effect:
     further mass, unless its strength is neutral, which it then is for all. lags: its one parameter
     is the amplifier's lag. in_chain: the `Chain` field that is its home at m1, if any, to
     which it adds. needs: an effect without which it has no part in a device. of_drive:
-    its numbers are the drive's, which count by what a command does.
+    its numbers are the drive's, which count by what a command does. mistaken_for: the effects that
+    a short or narrow recording does not tell it from.
 
     In the diagnosis. prior: how likely a device has it at one place, before anything is recorded;
     elsewhere: the same at all places but the first, where they differ. contains: the simpler
@@ -183,6 +187,7 @@ class Effect:
     lags: bool = False
     in_chain: str | None = None
     needs: str = ""
+    mistaken_for: tuple[str, ...] = ()
     of_drive: bool = False
 
     prior: float = 0.0

@@ -38,9 +38,21 @@ encoder_step = Effect(
     name="encoder_step",
     summary="the encoder counts in steps",
     places=("sensor",),
-    parameters=(Parameter("step", "Delta", "rad", 0.0, 1e3, 0.0, role="strength"),),
+    parameters=(
+        Parameter(
+            "step",
+            "Delta",
+            "rad",
+            0.0,
+            1e3,
+            0.0,
+            role="strength",
+            meaning="of the position, between one reading and the next",
+        ),
+    ),
     hook="sensor",
     code=0,
+    mistaken_for=("command_step",),
     reference="Abbott & Okamura, IEEE T. Robotics 21(5), 2005",
     in_interface="encoder_step",
     prior=0.1,  # every encoder counts; the device file mostly says in which steps

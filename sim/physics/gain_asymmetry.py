@@ -38,9 +38,21 @@ gain_asymmetry = Effect(
     name="gain_asymmetry",
     summary="positive and negative commands are amplified differently",
     places=("command",),
-    parameters=(Parameter("ratio", "r", "", 1e-3, 1e3, 1.0, role="magnitude"),),
+    parameters=(
+        Parameter(
+            "ratio",
+            "r",
+            "",
+            1e-3,
+            1e3,
+            1.0,
+            role="magnitude",
+            meaning="gain for positive commands over that for negative ones",
+        ),
+    ),
     hook="command",
     code=2,
+    mistaken_for=("constant_force",),
     reference="two-slope gain",
     prior=0.03,  # two half bridges that differ; a closed current loop has one gain
     starts=_starts,

@@ -64,11 +64,23 @@ presliding_friction = Effect(
     summary="friction that yields like a spring before it slips",
     places=MASSES,
     parameters=(
-        Parameter("level", "f_c", "N m", 0.0, 1e6, 0.0, role="magnitude"),
-        Parameter("stiffness", "sigma_0", "N m/rad", 0.0, 1e12, None, role="magnitude"),
+        Parameter(
+            "level", "f_c", "N m", 0.0, 1e6, 0.0, role="magnitude", meaning="force in sliding"
+        ),
+        Parameter(
+            "stiffness",
+            "sigma_0",
+            "N m/rad",
+            0.0,
+            1e12,
+            None,
+            role="magnitude",
+            meaning="of the bristles, before it slips",
+        ),
     ),
     hook="force",
     code=4,
+    mistaken_for=("coulomb_friction", "hysteresis", "ground_spring"),
     reference="P. R. Dahl, A solid friction model, Aerospace Corporation TOR-0158(3107-18)-1, 1968",
     prior=0.05,  # of dry friction, where the motion is so small that its bristles show
     contains=("coulomb_friction",),

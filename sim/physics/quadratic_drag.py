@@ -34,9 +34,21 @@ quadratic_drag = Effect(
     name="quadratic_drag",
     summary="drag that grows with the square of speed",
     places=MASSES,
-    parameters=(Parameter("coefficient", "c_2", "N m s2/rad2", 0.0, 1e6, 0.0, role="magnitude"),),
+    parameters=(
+        Parameter(
+            "coefficient",
+            "c_2",
+            "N m s2/rad2",
+            0.0,
+            1e6,
+            0.0,
+            role="magnitude",
+            meaning="force over the square of the speed",
+        ),
+    ),
     hook="force",
     code=2,
+    mistaken_for=("coulomb_friction",),
     reference="turbulent drag, Rayleigh",
     prior=0.03,  # a fan, a liquid, fast parts; haptic devices are slow and in air
     starts=_starts,

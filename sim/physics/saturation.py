@@ -50,10 +50,21 @@ saturation = Effect(
     places=("command",),
     parameters=(
         # A sine cut flat is another mechanism: a fit goes no further down at once.
-        Parameter("limit", "u_max", "N m", 1e-12, math.inf, math.inf, role="strength", least=0.3),
+        Parameter(
+            "limit",
+            "u_max",
+            "N m",
+            1e-12,
+            math.inf,
+            math.inf,
+            role="strength",
+            least=0.3,
+            meaning="largest force, of either sign",
+        ),
     ),
     hook="command",
     code=0,
+    mistaken_for=("gain_asymmetry",),
     reference="ideal saturation",
     in_interface="command_limit",
     prior=0.1,  # every amplifier has a limit; few recordings go there

@@ -74,12 +74,32 @@ stribeck_friction = Effect(
     summary="dry friction that falls with speed from a higher level at rest",
     places=MASSES,
     parameters=(
-        Parameter("level", "f_c", "N m", 0.0, 1e6, 0.0, role="magnitude"),
-        Parameter("static_level", "f_s", "N m", 0.0, 1e6, 0.0, role="magnitude"),
-        Parameter("velocity", "v_s", "rad/s", 1e-12, 1e6, None),
+        Parameter(
+            "level", "f_c", "N m", 0.0, 1e6, 0.0, role="magnitude", meaning="force in fast sliding"
+        ),
+        Parameter(
+            "static_level",
+            "f_s",
+            "N m",
+            0.0,
+            1e6,
+            0.0,
+            role="magnitude",
+            meaning="force at rest, to break away",
+        ),
+        Parameter(
+            "velocity",
+            "v_s",
+            "rad/s",
+            1e-12,
+            1e6,
+            None,
+            meaning="speed over which it falls from the one to the other",
+        ),
     ),
     hook="friction",
     code=2,
+    mistaken_for=("coulomb_friction", "presliding_friction"),
     reference="Armstrong-Helouvry, Dupont & Canudas de Wit, Automatica 30(7), 1994, eq. (4)",
     varies_with_speed=True,
     prior=0.05,  # of dry friction, where it is lubricated and moves slowly enough

@@ -1,0 +1,97 @@
+"""Every key of a device file: unit, default and what it means (`sim/device_file.py`)."""
+
+from dataclasses import fields
+
+from zwidth.sim.drive import NEEDED, POSSIBLE
+from zwidth.sim.interface import Interface
+from zwidth.sim.keys import Key
+from zwidth.sim.uncertainty import Uncertainty
+
+_NEUTRAL, _USUAL = Interface(), Uncertainty()
+_FORCE, _LENGTH = ("N m", "N"), ("rad", "m")
+_DAMPER, _SPRING = ("N m s/rad", "N s/m"), ("N m/rad", "N/m")
+
+
+def _interface(name: str, field: str, meaning: str, *units: str, example: str = "") -> Key:
+    value = getattr(_NEUTRAL, field)
+    default = f'"{value}"' if isinstance(value, str) else f"{value:g}"
+    return Key("interface", name, meaning, *(units or ("", "")), default=default, example=example)
+
+
+def _drive(name: str, meaning: str, unit: str, linear_unit: str = "", default: str = "") -> Key:
+    kinds = [kind for kind in NEEDED if name in (*NEEDED[kind], *POSSIBLE[kind])]
+    return Key("drive", name, f"{meaning} ({', '.join(kinds)})", unit, linear_unit, default)
+
+
+DEVICE_KEYS: tuple[Key, ...] = (
+    Key("", "schema", "version of this format", default="1", example="1"),
+    Key("", "name", "of the device, in reports and pictures", example='"axis of a desk robot"'),
+    Key("", "source", "where the numbers come from", default='""', example='"data sheets"'),
+    Key("", "rotary", "true: it turns, N m and rad; false: it slides, N and m", example="true"),
+    Key("chain", "masses", "one to five in a row; force and encoder at the first, m1", "kg m2",
+        "kg", example="[1.5e-3, 0.8e-3]"),
+    Key("chain", "ground_dampers", "from each mass to what stands still", *_DAMPER,
+        example="[4e-3, 2e-3]"),
+    Key("chain", "ground_spring", "from m1 to what stands still", *_SPRING, default="0",
+        example="0.0"),
+    Key("chain", "link_springs", "from each mass to the next", *_SPRING, default="[]",
+        example="[12.0]"),
+    Key("chain", "link_dampers", "from each mass to the next", *_DAMPER, default="[]",
+        example="[0.01]"),
+    Key("modal", "m_kgm2", "inertia of the whole; on a device that slides m_kg",
+        "kg m2"),
+    Key("modal", "m_kg", "mass of the whole", "kg"),
+    Key("modal", "b_nms_per_rad", "damper of the whole; on a device that slides b_ns_per_m",
+        "N m s/rad"),
+    Key("modal", "b_ns_per_m", "damper of the whole", "N s/m"),
+    Key("modal.mode", "omega_rad_s", "resonance", "rad/s"),
+    Key("modal.mode", "c_rad_s", "its damping, twice the ratio times the frequency", "rad/s"),
+    Key("modal.mode", "v_rad_s", "antiresonance", "rad/s"),
+    Key("modal.mode", "d_rad_s", "its damping, twice the ratio times the frequency", "rad/s"),
+    _interface("period_s", "period", "of the samples", "s", example="0.001"),
+    _interface("delay_s", "delay", "from a reading to the command's effect, any time", "s"),
+    _interface("encoder_step", "encoder_step", "of the position; 0: none", *_LENGTH),
+    _interface("command_step", "command_step", "of the command; 0: none", *_FORCE),
+    _interface("command_limit", "command_limit", "largest force; inf: none", *_FORCE),
+    _interface("velocity_cutoff_hz", "velocity_cutoff_hz",
+               "low-pass of the speed that a controller sees; inf: none", "Hz"),
+    _interface("encoder_rounding", "encoder_rounding", 'to the nearest step, or "floor"'),
+    _interface("command_gain", "command_gain", "force for one unit of the command"),
+    _interface("position_origin", "position_origin",
+               "what is read where the spring to ground is at rest", *_LENGTH),
+    _interface("command_hold", "command_hold",
+               'a recorded command between samples: held, or "smooth" where it is band-limited'),
+    Key("drive", "kind", "what the command is: voltage, current, duty, servo or position",
+        example='"voltage"'),
+    _drive("motor_constant", "force of the motor for a current", "N m/A", "N/A"),
+    _drive("resistance_ohm", "of the winding", "ohm"),
+    _drive("gear", "turns of the motor, or its travel, over those of m1", "", default="1"),
+    _drive("supply_v", "what no voltage exceeds", "V", default="inf"),
+    _drive("back_emf", "voltage for a speed", "V s/rad", "V s/m", default="motor_constant"),
+    _drive("inductance_h", "of the winding", "H", default="0"),
+    _drive("bandwidth_hz", "of the current loop", "Hz", default="inf"),
+    _drive("limit_a", "largest current", "A", default="inf"),
+    _drive("proportional", "voltage for the distance to the goal", "V/rad", "V/m"),
+    _drive("derivative", "voltage for a speed", "V s/rad", "V s/m", default="0"),
+    _drive("stiffness", "force for the distance to the goal", *_SPRING),
+    _drive("damping", "force for a speed", *_DAMPER, default="0"),
+    _drive("limit", "largest force of the loop", *_FORCE, default="inf"),
+    *(
+        Key("uncertainty", field.name, meaning, "share", default=f"{getattr(_USUAL, field.name):g}")
+        for field, meaning in zip(
+            fields(Uncertainty),
+            (
+                "how well the scale of the command is known (one sigma); 0: exactly",
+                "how well masses are known (one sigma)",
+                "how well springs are known (one sigma)",
+                "how well dampers are known (one sigma)",
+            ),
+            strict=True,
+        )
+    ),
+    Key("physics", "effect", "what else the device has: a name that 'zwidth effects' lists",
+        example='"backlash"'),
+    Key("physics", "at", "where: m1 to m5, link12 to link45, ground, command, clock, sensor",
+        example='"link12"'),
+)  # fmt: skip
+"""The parameters of an effect stand in its [[physics]] as well (`Effect.parameters`)."""

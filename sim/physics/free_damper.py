@@ -1,0 +1,22 @@
+"""A force of no formula over a velocity, or over that of a link's deflection: a drag as measured.
+
+    f = f(v),    a table with a smooth curve through it (`free_law.py`).
+
+v is the velocity of a mass or, in a link, v_i - v_j; f acts on the first mass, and against
+it on the second. What brakes has a table that falls. At rest it holds nothing: it is no friction.
+"""
+
+from zwidth.sim.physics.effect import Effect
+from zwidth.sim.physics.free_law import table_parameters
+from zwidth.sim.place import LINKS, MASSES
+
+free_damper = Effect(
+    name="free_damper",
+    summary="a force over velocity, or over how fast a link gives way, as a table",
+    places=(*MASSES, *LINKS),
+    parameters=table_parameters("rad/s", "N m"),
+    hook="force",
+    code=15,
+    reference="a table of what was measured; Catmull & Rom, Computer Aided Geometric Design, 1974",
+    sought="learned",
+)

@@ -1,0 +1,154 @@
+"""A law of no formula: a table of a state and what it makes of it, with a smooth curve through it.
+
+In each interval of the table, of width h and slope d, with t = clip((s - s_j) / h, 0, 1),
+
+    f(s) = f_1 + sum over j of  d h t^2 (3 - 2 t) + h (m_j t (1 - t)^2 - m_(j+1) t^2 (1 - t)),
+
+cubic, with a tangent m at each point that is the parabola's through it and its neighbours. Each
+term is nothing before its own interval and d h after it, so the sum is the curve, without a search
+for the interval, and of lanes each has its own. s is a position, a velocity, a deflection, a
+command; beyond the table the law stays at its ends. odd: the table is of |s|, and f(-s) = -f(s); it
+then begins at (0, 0), where its tangent is its first slope.
+
+It is what the diagnosis learns where no name explains a recording (`diagnosis/learning`), and what
+a user writes who has measured a curve:
+
+    [[physics]]
+    effect = "free_damper"
+    at = "m1"
+    odd = true
+    table = [[0.0, 0.0], [0.5, -0.012], [2.0, -0.019]]
+
+Limits: `KNOTS` points; the curve may swing between points that are far apart. A law that is steep
+against the substep is a stiff spring or damper, of second order in the substep only as long as
+slope x h / m (or h^2 / m) is well below one. A table may make energy, as no damper does, which the
+ledger then shows.
+"""
+
+import itertools
+from collections.abc import Mapping, Sequence
+
+from zwidth.sim.jit import part
+from zwidth.sim.lane_type import greatest, least, select
+from zwidth.sim.physics.effect import Parameter
+
+KNOTS = 16
+AT = tuple(f"at_{j + 1}" for j in range(KNOTS))
+FORCE = tuple(f"force_{j + 1}" for j in range(KNOTS))
+
+
+def table_parameters(state: str, makes: str) -> tuple[Parameter, ...]:
+    """Return the parameters of a law: units of the state and of what the law makes of it."""
+    return (
+        Parameter(
+            "odd", "odd", "", 0.0, 1.0, None, meaning="whether f(-s) = -f(s): a table of |s|"
+        ),
+        *(
+            Parameter(name, f"s_{j + 1}", state, -1e9, 1e9, None, meaning=f"state of point {j + 1}")
+            for j, name in enumerate(AT)
+        ),
+        *(
+            Parameter(
+                name,
+                f"f_{j + 1}",
+                makes,
+                -1e9,
+                1e9,
+                0.0,
+                role="magnitude",
+                meaning=f"law at point {j + 1}",
+            )
+            for j, name in enumerate(FORCE)
+        ),
+    )
+
+
+def table_values(points: Sequence[tuple[float, float]], odd: bool = False) -> dict[str, float]:
+    """Return the parameters of a law through points (state, force), whose states rise.
+
+    Raises ValueError for fewer than two points, more than `KNOTS`, states that do not rise, and of
+    an odd law a table that does not begin at (0, 0).
+    """
+    if not 2 <= len(points) <= KNOTS:
+        raise ValueError(f"table has {len(points)} points; allowed is 2 to {KNOTS}")
+    states = [s for s, _ in points]
+    for before, after in itertools.pairwise(states):
+        if not after > before:
+            raise ValueError(
+                f"table has the state {after:g} after {before:g}; states must rise from row to row"
+            )
+    if odd and tuple(points[0]) != (0.0, 0.0):
+        raise ValueError(
+            f"table of an odd law begins at {list(points[0])}; it must begin at [0, 0], where an"
+            " odd law is nothing"
+        )
+    padded = [*points, *[points[-1]] * (KNOTS - len(points))]
+    return (
+        {"odd": float(odd)}
+        | dict(zip(AT, (float(s) for s, _ in padded), strict=True))
+        | dict(zip(FORCE, (float(f) for _, f in padded), strict=True))
+    )
+
+
+def points_of(values: Mapping[str, float]) -> list[tuple[float, float]]:
+    """Return the points of a law, in the order of their states."""
+    found = [(values[AT[0]], values[FORCE[0]])]
+    for s, f in zip(AT[1:], FORCE[1:], strict=True):
+        if values[s] > found[-1][0]:
+            found.append((values[s], values[f]))
+    return found
+
+
+def is_table(parameters: Sequence[Parameter]) -> bool:
+    """Whether an effect is a law of this kind."""
+    return any(p.name == AT[0] for p in parameters)
+
+
+@part
+def table_law(s, p):
+    """The law at state s."""
+    odd = p[0] > 0.5
+    x = select(odd, abs(s), s)
+    total = p[KNOTS + 1] + 0.0 * x
+    before, slope_before = 0.0 * p[1], 0.0 * p[1]
+    width, slope = _interval(p, 1)
+    for j in range(1, KNOTS):
+        after, slope_after = _interval(p, j + 1)
+        first = select(odd, slope, _end(width, slope, after, slope_after))
+        left = select(before > 0.0, _tangent(before, slope_before, width, slope), first)
+        last = _end(width, slope, before, slope_before)
+        right = select(after > 0.0, _tangent(width, slope, after, slope_after), last)
+        t = least(greatest((x - p[j]) / select(width > 0.0, width, 1.0), 0.0), 1.0)
+        rest = 1.0 - t
+        total += width * (
+            slope * t * t * (3.0 - 2.0 * t) + left * t * rest * rest - right * t * t * rest
+        )
+        before, slope_before, width, slope = width, slope, after, slope_after
+    return select(odd & (s < 0.0), -total, total)
+
+
+@part
+def _interval(p, j):
+    """Width and slope of the interval from point j on; nothing beyond the last."""
+    if j == KNOTS:
+        return 0.0 * p[1], 0.0 * p[1]
+    width = p[j + 1] - p[j]
+    there = width > 0.0
+    rise = p[KNOTS + 1 + j] - p[KNOTS + j]
+    return select(there, width, 0.0), select(there, rise / select(there, width, 1.0), 0.0)
+
+
+@part
+def _tangent(before, slope_before, after, slope_after):
+    """The parabola's through a point and its neighbours, at that point."""
+    both = before + after
+    wide = select(both > 0.0, both, 1.0)
+    return (after * slope_before + before * slope_after) / wide
+
+
+@part
+def _end(width, slope, beside, slope_beside):
+    """The parabola's through an end and the two points next to it, at that end."""
+    both = width + beside
+    wide = select(both > 0.0, both, 1.0)
+    return select(beside > 0.0, slope + width * (slope - slope_beside) / wide, slope)

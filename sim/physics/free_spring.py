@@ -1,0 +1,22 @@
+"""A force of no formula over a position, or over the deflection of a link: a spring as measured.
+
+    f = f(q),    a table with a smooth curve through it (`free_law.py`).
+
+q is the position of a mass or, in a link, q_i - q_j; f acts on the first mass, and against
+it on the second. A spring that pulls back has a table that falls.
+"""
+
+from zwidth.sim.physics.effect import Effect
+from zwidth.sim.physics.free_law import table_parameters
+from zwidth.sim.place import LINKS, MASSES
+
+free_spring = Effect(
+    name="free_spring",
+    summary="a force over position, or over what a link gives way, as a table",
+    places=(*MASSES, *LINKS),
+    parameters=table_parameters("rad", "N m"),
+    hook="force",
+    code=14,
+    reference="a table of what was measured; Catmull & Rom, Computer Aided Geometric Design, 1974",
+    sought="learned",
+)

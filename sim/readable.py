@@ -1,0 +1,119 @@
+"""Numbers as people write them: the prefix that brings a unit to size, the digits that are known.
+
+Files and JSON hold plain SI; what a person reads (headlines, reports, pages) is written here.
+"""
+
+import math
+
+PREFIXES = {-9: "n", -6: "\u00b5", -3: "m", 0: "", 3: "k", 6: "M"}
+NO_KILO = ("rad", "s", "m", "m/s", "rad/s")  # nobody says kilosecond or kiloradian
+BARE = ("kg m2", "rms motions", "", "%")  # units that take no prefix
+LARGE = 9.995  # of the motion, from which an error is told in times and not in percent
+
+
+def with_unit(value: float, unit: str, digits: int = 4) -> str:
+    """Return a value with the prefix that brings it between 1 and 1000: 2e-3, "N m" -> "2 mN m".
+
+    Infinite is "none" (a limit that limits nothing), what is no number "unknown".
+    """
+    if not math.isfinite(value):
+        return "none" if value > 0.0 else "unknown"
+    factor, shown = scaled(value, unit)
+    return f"{plain(factor * value, digits)} {shown}".rstrip()
+
+
+def scaled(size: float, unit: str) -> tuple[float, str]:
+    """Return the factor and the unit by which a quantity of this size [unit] is written.
+
+    The same for an axis: 2e-3, "rad" -> (1e3, "mrad"). Masses go from gram to kilogram; inertias
+    stay in kg m2, and angles, lengths and times never get a kilo.
+    """
+    if unit == "kg":
+        return (1.0, "kg") if not 0.0 < abs(size) < 0.9995 else _by_prefix(1e3 * size, "g", 1e3)
+    if unit in BARE or not (unit[0].isalpha() and math.isfinite(size)):
+        return 1.0, unit
+    return _by_prefix(size, unit, 1.0)
+
+
+def _by_prefix(size: float, unit: str, already: float) -> tuple[float, str]:
+    power, letter = prefix(size)
+    if power > 0 and unit in NO_KILO:
+        power, letter = 0, ""
+    return already * 10.0 ** (-power), letter + unit
+
+
+def prefix(value: float) -> tuple[int, str]:
+    """Return the power of ten, and its letter, that bring a value between 1 and 1000."""
+    if value == 0.0 or not math.isfinite(value):
+        return 0, ""
+    power = 3 * math.floor(math.log10(abs(value)) / 3.0 + 1e-9)
+    power = min(max(power, min(PREFIXES)), max(PREFIXES))
+    return power, PREFIXES[power]
+
+
+def plain(value: float, digits: int = 4) -> str:
+    """Return a number with so many significant digits, as people write it: 2.05e-4, 12400."""
+    text = f"{value:.{digits}g}"
+    if 0.0 < abs(value) < 1e-3 and "e" not in text:
+        text = f"{value:.{digits - 1}e}"
+        mantissa, _, exponent = text.partition("e")
+        text = f"{mantissa.rstrip('0').rstrip('.')}e{exponent}" if "." in mantissa else text
+    if "e" not in text:
+        return text
+    if 1.0 <= abs(value) < 1e6:
+        return f"{float(text):.0f}"
+    mantissa, _, exponent = text.partition("e")
+    return f"{mantissa}e{int(exponent)}"
+
+
+def number(value: float) -> str:
+    """Four significant digits; a dash for what is not known."""
+    return plain(value) if math.isfinite(value) else "-"
+
+
+def interval(value: float, lower: float, upper: float, unit: str) -> str:
+    """Return a value with its interval, to the digits that the interval knows.
+
+    0.0201, 0.0197, 0.0205, "N m" -> "20.1 mN m (19.7 to 20.5)"; without an interval where its ends
+    are not known.
+    """
+    half = 0.5 * (upper - lower)
+    if not math.isfinite(value):
+        return "-"
+    if not (math.isfinite(half) and half > 0.0):
+        return with_unit(value, unit)
+    factor, shown = scaled(max(abs(value), half), unit)
+    first = math.floor(math.log10(factor * half))
+    leading = factor * half / 10.0**first
+    decimals = (1 if leading < 2.0 else 0) - first  # two digits of 0.014, one of 0.044
+    if decimals > 5 or factor * max(abs(value), half) >= 1e6:  # exponents, to the same digits
+        digits = max(2, decimals + 1 + math.floor(math.log10(factor * max(abs(value), half))))
+        texts = [plain(factor * v, digits) for v in (value, lower, upper)]
+    else:
+        texts = [_rounded(factor * v, decimals) for v in (value, lower, upper)]
+    said = f"{texts[0]} {shown}".rstrip()
+    return f"{said} ({texts[1]} to {texts[2]})"
+
+
+def _rounded(value: float, decimals: int) -> str:
+    text = f"{round(value, decimals):.{max(decimals, 0)}f}"
+    return text.removeprefix("-") if float(text) == 0.0 else text
+
+
+def percent(share: float) -> str:
+    """Return a share of the motion as people say it: "2.1 %", "14 times", "without bound"."""
+    if math.isnan(share):
+        return "unknown"
+    if not share < 1e6:
+        return "without bound"
+    if share >= LARGE:
+        return f"{plain(share, 3)} times"
+    return f"{plain(100.0 * share, 3 if share >= 1.0 else 2)} %"
+
+
+def of_the_motion(share: float) -> str:
+    """Return an error over the motion in words: "2.1 % of the motion", "14 times the motion"."""
+    text = percent(share)
+    if text.endswith("%"):
+        return f"{text} of the motion"
+    return f"{text} the motion" if text.endswith("times") else text
