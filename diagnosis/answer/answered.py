@@ -5,10 +5,14 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy
+from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy, freer
 from zwidth.diagnosis.answer.augmented import all_smooth, augmented
+from zwidth.diagnosis.answer.cautions import cautions
+from zwidth.diagnosis.answer.changes import Change, changing
 from zwidth.diagnosis.answer.findings import all_findings, linear, upper_bounds
+from zwidth.diagnosis.answer.headline import Answer, headline
 from zwidth.diagnosis.answer.held_out import held_out
+from zwidth.diagnosis.answer.learned import LearnedLaw, learned
 from zwidth.diagnosis.answer.lost import knowing_losses
 from zwidth.diagnosis.answer.result import (
     UNKNOWN_FIT,
@@ -20,7 +24,8 @@ from zwidth.diagnosis.answer.result import (
     Verdict,
 )
 from zwidth.diagnosis.answer.second_look import named_only_whole, on_first_part, second_look
-from zwidth.diagnosis.answer.verdict import Left, instead_of, judged, left_over
+from zwidth.diagnosis.answer.verdict import Left, instead_of, judged, left_over, unexplained
+from zwidth.diagnosis.answer.where import where
 from zwidth.diagnosis.answer.whole_run import whole_runs
 from zwidth.diagnosis.forces.locate import NOWHERE, locate
 from zwidth.diagnosis.forces.unknown import Instead
@@ -29,7 +34,7 @@ from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.mishaps import Mishaps, Say, attempt, isolated
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.selection.effort import Effort
-from zwidth.diagnosis.selection.searched import Searched, next_believed, unnamed
+from zwidth.diagnosis.selection.searched import Searched, farther, next_believed, unnamed
 from zwidth.sim.device import Device
 
 # Stages without which no verdict stands, and what an error in them takes from it.
@@ -51,9 +56,21 @@ def answered(
 
     An error in one part costs that part, and the verdict where it rests on it.
     """
+    found, taken, changes, halted = _what_changes(device, found, taken, say)
     asked, taken = taken, _knowing_losses(taken, found)
     found, sound = _standing(device, taken, found, say)
     left, other = _what_is_left(found, taken)
+    asked_far = found.far or found.interrupted or not effort.again
+    if not asked_far and unexplained(found, left, other, sound):
+        again = farther(device, found, say)
+        pair = (again.final, again.judge), (found.final, found.judge)
+        if again.final is found.final:
+            found = again
+        elif freer(*pair, taken.judge_by):  # nothing is promised, so the better of two is said
+            found, sound = _standing(device, taken, again, say)
+            left, other = _what_is_left(found, taken)
+        else:
+            found = replace(found, far=True)
     by, faults = found, taken.faults
     if taken.whole_unopened and named_only_whole(found, left, other, sound):
         with isolated("search", "all that was recorded"):
@@ -76,9 +93,23 @@ def answered(
     bounds = {} if findings else attempt("limits", "", partial(upper_bounds, found)) or {}
     augment = partial(_augmented, taken, found, findings)
     verdict, sentence = _verdict(found, findings, refit, left, other, mishaps, sound, free)
+    law, stopped = None, found.interrupted or halted
     if verdict is Verdict.UNKNOWN_PHYSICS:
         findings = tuple(f.without_probability() for f in findings)
+        law, stopped = _law_of_no_name(device, by, taken, free, say)
+    if law is not None:
+        sentence = f"{sentence}; {law.sentence}"
+        augment = partial(_augmented, taken, law.found, findings)
+    lost = " and ".join(dict.fromkeys(WHAT_IS_LOST[m.stage] for m in mishaps.of(*DECISIVE)))
+    masses = device.chain.masses.size
+    first = headline(
+        Answer(verdict, findings, refit, faults, masses, left, other, sound, free, lost)
+    )
+    if changes:
+        also = "; ".join(change.sentence for change in changes)
+        first, sentence = f"{first}; {also}", f"{sentence}; {also}"
     verdict, sentence = _with_faults(verdict, sentence, faults)
+    located = replace(located, sentence=where(located, findings, masses))
     shape = (-1, len(taken.whole[0].outputs))
     residuals = Residuals(
         taken.whole[0].period, found.refit.white.reshape(shape), found.final.white.reshape(shape)
@@ -86,10 +117,23 @@ def answered(
     return Diagnosis(
         verdict, sentence, findings, refit, located, one, free, bounds, faults,
         attempt("augmented device", "", augment) or device,
-        residuals, found, taken.whole, found.interrupted, _facts(found, left),
+        residuals, found, taken.whole, stopped, _facts(found, left),
         errors=tuple(mishaps.found), left_out=taken.left_out, adequacy=sound,
-        whole_runs=runs,
+        whole_runs=runs, learned=law, headline=first,
+        cautions=cautions(findings, free, sound, runs), changes=changes,
     )  # fmt: skip
+
+
+def _what_changes(
+    device: Device, found: Searched, taken: Taken, say: Say
+) -> tuple[Searched, Taken, tuple[Change, ...], bool]:
+    """As `changing`, and whether it was interrupted."""
+    if found.interrupted:
+        return found, taken, (), True
+    try:
+        return *changing(device, found, taken, say), False
+    except KeyboardInterrupt:
+        return found, taken, (), True
 
 
 def _knowing_losses(taken: Taken, found: Searched) -> Taken:
@@ -131,6 +175,19 @@ def _what_is_left(found: Searched, taken: Taken) -> tuple[Left, Instead | None]:
     with isolated("detect", "physics of no library in the place of what was named"):
         other = instead_of(found)
     return left or Left(0.0, ""), other
+
+
+def _law_of_no_name(
+    device: Device, found: Searched, taken: Taken, free: HeldOut, say: Say
+) -> tuple[LearnedLaw | None, bool]:
+    """A law that is learned where no name is adequate, and whether it was interrupted."""
+    if found.interrupted:
+        return None, True
+    try:
+        learning = partial(learned, device, found, taken.judge_by, free, say)
+        return attempt("learn", "a law of no name", learning), False
+    except KeyboardInterrupt:
+        return None, True
 
 
 def _augmented(taken: Taken, found: Searched, findings: Sequence[Finding]) -> Device:

@@ -73,7 +73,7 @@ def free_run(model: Model, x: Floats, taken: Experiment, substeps: int) -> Float
         eq, eq, outputs, seen.command, silent, none, np.zeros((0, eq.dof)),
         observer_memory(eq, seen),
     )  # fmt: skip
-    positions = np.array([o.quantity == "position" for o in seen.outputs])
+    positions = np.array([o.tells_position for o in seen.outputs])
     return -errors + _origin(model, x, taken.swing) * positions
 
 

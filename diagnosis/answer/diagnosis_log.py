@@ -57,26 +57,28 @@ def diagnosis_trace(
 
     refit: without what was found, final: with it. place: where the missing force is sought, a mass
     ("m2") or a link ("link12"); a force in command or sensor counts as one at m1. start_s: time of
-    the first sample. Channels, for the first output: `NAME` as measured, `command`,
-    `refit_NAME` and `found_NAME` predicted one step ahead, `refit_free_NAME` and `found_free_NAME`
-    as free runs, `refit_residual_NAME`, `found_residual_NAME`, `missing_force_PLACE`.
+    the first sample. Channels: `command`, `missing_force_PLACE`, and for every output `NAME` as it
+    was taken, `refit_NAME` and `found_NAME` predicted one step ahead, `refit_free_NAME` and
+    `found_free_NAME` as free runs, `refit_residual_NAME`, `found_residual_NAME`.
     """
     force, length = ("N m", "rad") if rotary else ("N", "m")
-    output = experiment.outputs[0]
-    unit = length if output.quantity == "position" else f"{length}/s"
-    name, measured = output.name, experiment.measured[:, 0]
     entry = place if place_at(place).kind in ("mass", "link") else "m1"
-    channels: dict[str, Floats] = {"command": experiment.command, name: measured}
-    units = {"command": force, name: unit}
-    for word, fitted in (("refit", refit), ("found", final)):
-        explained = _explained(problem, fitted, experiment)
-        channels[f"{word}_{name}"] = measured - explained.innovation[:, 0]
-        channels[f"{word}_free_{name}"] = measured - explained.free_error[:, 0]
-        channels[f"{word}_residual_{name}"] = explained.innovation[:, 0]
-        if word == "refit":
-            channels[f"missing_force_{entry}"] = missing_force(problem, fitted, experiment, entry)
-    units |= {key: unit for key in channels if key not in units}
-    units[f"missing_force_{entry}"] = force
+    channels: dict[str, Floats] = {"command": experiment.command}
+    channels[f"missing_force_{entry}"] = missing_force(problem, refit, experiment, entry)
+    units = dict.fromkeys(channels, force)
+    each = {
+        word: _explained(problem, fitted, experiment)
+        for word, fitted in (("refit", refit), ("found", final))
+    }
+    for o, output in enumerate(experiment.outputs):
+        unit = length if output.quantity == "position" else f"{length}/s"
+        name, measured = output.name, experiment.measured[:, o]
+        channels[name] = measured
+        for word, explained in each.items():
+            channels[f"{word}_{name}"] = measured - explained.innovation[:, o]
+            channels[f"{word}_free_{name}"] = measured - explained.free_error[:, o]
+            channels[f"{word}_residual_{name}"] = explained.innovation[:, o]
+        units |= {key: unit for key in channels if key not in units}
     t = start_s + experiment.period * np.arange(experiment.ticks, dtype=np.float64)
     return Trace(t, channels, units, "recorded", MappingProxyType(dict(facts)))
 

@@ -117,7 +117,7 @@ def _encoder(
     Values that were not counted would all lie within `ON_LATTICE` of a lattice with the odds of
     (2 ON_LATTICE)^n: that gives the sigma. A step far below the noise is no matter of physics.
     """
-    position = next((o for o in acted[0].outputs if o.quantity == "position"), None)
+    position = next((o for o in acted[0].outputs if o.tells_position), None)
     seen = [f.value for f in faults if f.kind == "encoder_step"]
     if position is None or not seen or found.final.model.has("encoder_step"):
         return None

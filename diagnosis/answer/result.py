@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +15,14 @@ from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.mishaps import Mishap
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.searched import Searched
+from zwidth.shown import Shown
 from zwidth.sim.device import Device
 from zwidth.sim.physics import contains
 from zwidth.sim.place import place_at
+
+if TYPE_CHECKING:
+    from zwidth.diagnosis.answer.changes import Change
+    from zwidth.diagnosis.answer.learned import LearnedLaw
 
 Floats = NDArray[np.float64]
 NEAR = 5.0  # sigma within which a rival cannot be told apart
@@ -157,10 +162,12 @@ class NextExperiment:
         }
 
 
-@dataclass(frozen=True)
-class Diagnosis:
+@dataclass(frozen=True, repr=False)
+class Diagnosis(Shown):
     """The whole answer. device: augmented by what was found, with refitted linear parameters.
 
+    headline: the answer in one line for people, without a full stop (`answer.headline`);
+    cautions: what to know before it is used.
     searched: the way there; experiments: the recordings whole, as they were taken. errors: what
     failed and cost no more than itself; left_out: the recordings, by their place, that this cost.
     """
@@ -185,6 +192,10 @@ class Diagnosis:
     left_out: tuple[int, ...] = ()
     adequacy: Adequacy | None = None
     whole_runs: tuple[WholeRun, ...] = ()
+    learned: "LearnedLaw | None" = None
+    headline: str = ""
+    cautions: tuple[str, ...] = ()
+    changes: "tuple[Change, ...]" = ()
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON of `zwidth diagnose`."""
@@ -198,7 +209,9 @@ class Diagnosis:
         one, free = self.one_step.as_json(), self.free_run.as_json()
         return {
             "verdict": self.verdict.value,
+            "headline": self.headline,
             "sentence": self.sentence,
+            "warnings": list(self.cautions),
             "findings": [
                 {
                     "effect": f.effect,
@@ -221,6 +234,8 @@ class Diagnosis:
                 "whole_run": [run.as_json() for run in self.whole_runs],
             },
             "adequacy": self.adequacy and self.adequacy.as_json(),
+            "learned": self.learned and self.learned.as_json(),
+            "changes": [change.as_json() for change in self.changes],
             "upper_bounds": self.upper_bounds,
             "faults": [vars(f) for f in self.faults],
             "next_experiment": self.next_experiment and self.next_experiment.as_json(),
@@ -238,12 +253,19 @@ class Unanswered:
     faults: tuple[Fault, ...]
     errors: tuple[Mishap, ...]
 
+    @property
+    def headline(self) -> str:
+        """Return the first line."""
+        return "Undecided: an error left nothing to conclude"
+
     def as_json(self) -> dict[str, Any]:
         """Return the JSON of `zwidth diagnose`, with nothing where nothing is known."""
         nothing: list[Any] = []
         return {
             "verdict": Verdict.UNDECIDED.value,
+            "headline": self.headline,
             "sentence": self.sentence,
+            "warnings": nothing,
             "findings": nothing,
             "linear_refit": {},
             "where": {
@@ -253,6 +275,8 @@ class Unanswered:
             "fit": {name: UNKNOWN_FIT.as_json() for name in ("held_out", "one_step", "free_run")}
             | {"whole_run": nothing},
             "adequacy": None,
+            "learned": None,
+            "changes": nothing,
             "upper_bounds": {},
             "faults": [vars(f) for f in self.faults],
             "next_experiment": None,

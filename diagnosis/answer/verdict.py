@@ -14,6 +14,7 @@ from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.searched import Searched
 from zwidth.sim.predict import OVERFLOW
+from zwidth.sim.readable import of_the_motion, percent
 
 SHIFTED = 5.0  # sigma by which a linear parameter must differ to be a finding
 MAPPED = 60.0  # chi-square that a map of the missing force over one state must gain
@@ -87,6 +88,13 @@ def matters(found: Searched, left: Left, named: bool) -> bool:
     return left.gained > 0.0 and (not named or left.gained > share * explained)
 
 
+def unexplained(found: Searched, left: Left, other: Instead | None, sound: Adequacy | None) -> bool:
+    """Whether what is named does not explain the recordings, or not as far as free runs go."""
+    named = bool(found.final.model.effects)
+    fails = sound is not None and not (sound.adequate if named else sound.sound)
+    return other is not None or matters(found, left, named) or fails
+
+
 def judged(
     found: Searched,
     findings: tuple[Finding, ...],
@@ -157,8 +165,8 @@ def told_from_chance(free: HeldOut) -> str:
     """Say of a recording that nothing was found in how much of its motion nothing explains."""
     return (
         "no effect of the library can be told from chance, and free runs on held-out data err"
-        f" {100.0 * free.after:.2g} % of the motion all the same, where noise of readings makes"
-        f" {100.0 * free.noise_floor:.2g} %: disturbances, or physics that this recording is too"
+        f" {of_the_motion(free.after)} all the same, where noise of readings makes"
+        f" {percent(free.noise_floor)}: disturbances, or physics that this recording is too"
         " short or too coarse to show; record for longer, at a higher level, or with a finer sensor"
     )
 
@@ -177,8 +185,8 @@ def too_disturbed(findings: tuple[Finding, ...], free: HeldOut) -> str:
     names = " and ".join(f"{f.effect} at {f.at}" for f in findings)
     return (
         f"something is missing beyond {names}: free runs on held-out data still err"
-        f" {100.0 * free.after:.2g} % of the motion, which only disturbances by chance explain"
-        f" ({100.0 * free.refit:.2g} % without the names)"
+        f" {of_the_motion(free.after)}, which only disturbances by chance explain"
+        f" ({percent(free.refit)} without the names)"
     )
 
 

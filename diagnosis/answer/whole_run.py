@@ -96,7 +96,7 @@ def whole_runs(
             unit = length if quantity == "position" else f"{length}/s"
             if o == 0 and e.pushed is not None:
                 quantity, unit = "force", "N m" if device.rotary else "N"
-            name = f"{quantity}_m{output.mass + 1}"
+            name = f"{quantity}_{output.at}"
             simulated = {word: found[:, o] for word, found in each.items()}
             runs.append(
                 WholeRun(e.name, name, unit, e.begins, e.period, measured[:, o], simulated, held)
@@ -112,7 +112,7 @@ def _simulated(model: Model, x: Floats, e: Experiment, observer: Observer) -> Fl
     """Outputs (ticks, o), as recorded, of a free run in which nothing is corrected."""
     device = model.acting(x)
     seen = begun(device, model.seen(e, x), observer)
-    eq, fine = ready = prepared(e.on(device))
+    eq, fine = ready = prepared(seen.on(device))
     with np.errstate(all="ignore"):  # infinite after an overflow
         memory, full = memory_at(ready, seen, device, observer.gain)
         wrong = alone(

@@ -116,7 +116,8 @@ def _bounded(values: Floats) -> Floats:
 def _enough(model: Model, x: Floats, experiments: Sequence[Experiment]) -> int:
     with suppress(NoObserver):  # all is `WORST` there
         device = model.acting(x)
-        changed = {id(e.changes): e.on(device) for e in experiments}
+        seen = [model.seen(e, x) if e.shares else e for e in experiments]
+        changed = {id(e.changes): e.on(device) for e in seen}
         return max(enough(own) for own in changed.values())
     return 1
 
@@ -139,14 +140,14 @@ class Problem:
         All `WORST` where the model runs away, or moves too fast to be followed. least: as
         `prepared` takes it.
         """
-        device = model.acting(x)
+        device, seen = model.acting(x), [model.seen(e, x) for e in self.experiments]
         try:
-            ready = prepared_each(device, self.experiments, self.fineness, least)
+            ready = prepared_each(device, seen, self.fineness, least)
         except NoObserver:
             return np.full(self.samples, WORST)
         parts: list[Floats] = []
-        for e, own in zip(self.experiments, ready, strict=True):
-            out = innovations(device, model.seen(e, x), self.observer.gain, ready=own)
+        for e, own in zip(seen, ready, strict=True):
+            out = innovations(device, e, self.observer.gain, ready=own)
             parts.append(self.observer.weigh(out)[SETTLING:].ravel())
         return _bounded(np.concatenate(parts))
 

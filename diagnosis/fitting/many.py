@@ -22,12 +22,13 @@ from zwidth.diagnosis.noise.predictor import (
 )
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.jobs.parallel import in_parallel, threads
-from zwidth.sim.changes import Changes
 from zwidth.sim.device import Device
-from zwidth.sim.members import together
+from zwidth.sim.members import Members, together
 from zwidth.sim.population import Followed, Population, Readings, Recorded
 
 Floats = NDArray[np.float64]
+Shares = tuple[tuple[str, float], ...]
+Differing = tuple[int, Shares]  # what was known to be different, and what of changes holds
 BEGINNING = 32  # samples that say where a run begins
 
 
@@ -44,19 +45,29 @@ class Many:
         self.model, self.size = model, len(xs)
         self.fineness, self.least = fineness, least
         self.xs = np.stack(xs) if len(xs) else np.zeros((0, len(model.parameters)))
-        self._kinds: dict[int, list[_Kind]] = {}  # by what was known to be different
+        self._kinds: dict[Differing, list[_Kind]] = {}
+        self._members: dict[Shares, Members] = {}
         if self.size:
-            self.everyone = model.members(self.xs)
-            self.everyone.check()
+            self._everyone(self.xs, ())
 
-    def kinds(self, changes: Changes | None) -> list["_Kind"]:
-        """Return the members as they were under what was known to be different, by their kind."""
-        if id(changes) not in self._kinds:
-            self._kinds[id(changes)] = list(self._prepared(changes)) if self.size else []
-        return self._kinds[id(changes)]
+    def kinds(self, experiment: Experiment) -> list["_Kind"]:
+        """Return the members as they were in a recording, by their kind."""
+        key = id(experiment.changes), experiment.shares
+        if key not in self._kinds:
+            self._kinds[key] = list(self._prepared(experiment)) if self.size else []
+        return self._kinds[key]
 
-    def _prepared(self, changes: Changes | None) -> Iterator["_Kind"]:
-        everyone = self.everyone if changes is None else changes.of_members(self.everyone)
+    def _everyone(self, xs: Floats, shares: Shares) -> Members:
+        """The members where such shares of what varies hold."""
+        if shares not in self._members:
+            self._members[shares] = self.model.members(xs)
+            self._members[shares].check()
+        return self._members[shares]
+
+    def _prepared(self, experiment: Experiment) -> Iterator["_Kind"]:
+        there, changes = self.model.there(self.xs, experiment), experiment.changes
+        everyone = self._everyone(there, experiment.shares)
+        everyone = everyone if changes is None else changes.of_members(everyone)
         for which in everyone.kinds():
             alike = everyone.taken(which)
             needed = alike.enough_substeps()
@@ -97,17 +108,17 @@ class Many:
         keep: bool = False,
     ) -> Iterator[tuple[NDArray[np.int64], Followed]]:
         plain = self.model.plain(experiment)
-        still = np.array([o.quantity == "position" for o in experiment.outputs], dtype=np.float64)
+        still = np.array([o.tells_position for o in experiment.outputs], dtype=np.float64)
         place = first_velocity(experiment)
         first = self.model.plain(experiment.part(0, min(BEGINNING, experiment.ticks)))
         change = None if place is None else self.model.arriving_change(first)
-        gains, at, jitter = self.model.reads_each(self.xs)
+        gains, at, jitter = self.model.reads_each(self.model.there(self.xs, experiment))
         origins = at[:, None] * experiment.swing * still
         jitters = np.zeros((self.size, still.size))
         if place is not None:
             jitters[:, place] = jitter
         period = self.model.nominal.interface.period
-        for which, population, device in self.kinds(experiment.changes):
+        for which, population, device in self.kinds(experiment):
             motions = np.array([
                 _first_motion(first, period, origins[i], place, float(jitter[i]), change)
                 for i in which

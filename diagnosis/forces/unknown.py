@@ -149,7 +149,7 @@ def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None
     best: tuple[float, Gained, Forced] | None = None
     problem = prepared_for(experiments, fitted.model, fitted.x)
     plain = problem.fit(fitted.model, fitted.x)
-    asked = list(_views(problem, plain, experiments))
+    asked = list(views_of(problem, plain))
     without = in_parallel([partial(alone, at, v.experiments) for v, at in asked], threads())
     base = min(problem.cost(plain), *without)
     gains = in_parallel([partial(_gains, v, at) for v, at in asked], threads())
@@ -183,10 +183,17 @@ def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None
     return Unknown(base - found, one.strength.size, one.shape.place, one.shape.follows)
 
 
-def _views(
-    problem: Problem, current: Fitted, experiments: Sequence[Experiment]
-) -> Iterator[tuple[Problem, Fitted]]:
-    """The given observer, then a slower one if it holds the device, with the model fitted again."""
+def weigh(problem: Problem, fitted: Fitted) -> list[tuple[str, str, float]]:
+    """Return place, state, and chi-square that a force in bins of it gains, its unknowns paid."""
+    every = _gains(problem, fitted)
+    return [
+        (g.shape.place, g.shape.follows, _surplus(g)) for g in every if g.shape.follows in STATES
+    ]
+
+
+def views_of(problem: Problem, current: Fitted) -> Iterator[tuple[Problem, Fitted]]:
+    """Yield the given observer, then a slower one that holds the device, the model refitted."""
+    experiments = problem.experiments
     yield problem, current
     ratio = SLOWER * problem.observer.ratio
     with suppress(NoObserver):  # so slow that it does not hold the device

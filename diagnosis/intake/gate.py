@@ -23,6 +23,7 @@ from zwidth.diagnosis.intake.driven import OFF, Driven, driven
 from zwidth.diagnosis.intake.units import nearest_unit, sentence
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.sim.device import Device
+from zwidth.sim.readable import with_unit
 
 Floats = NDArray[np.float64]
 COMMAND = ("command",)
@@ -244,7 +245,7 @@ def _output_faults(device: Device, e: Experiment) -> list[Fault]:
             found.append(
                 Fault(
                     "encoder_step" if output.quantity == "position" else "velocity_step",
-                    f"{output.name} of {e.name} comes in steps of {step:.4g} {unit}",
+                    f"{output.name} of {e.name} comes in steps of {with_unit(step, unit)}",
                     False,
                     step,
                 )

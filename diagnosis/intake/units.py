@@ -26,6 +26,7 @@ UNITS = {
     35.27 / 16.0: "pounds",
     16.0 / 35.27: "pounds",
 }
+ANGLES = "motion in degrees or turns"
 # Those that are mistaken for the SI so often that a factor in their neighbourhood is taken for one.
 TURNING = (math.pi / 180.0, 2.0 * math.pi / 60.0, 1e-3)
 ALONG = (25.4e-3, 1e-2, 1e-3)
@@ -35,6 +36,12 @@ def unit_of(factor: float) -> str | None:
     """Return in what a channel may be that is corrected by a factor, None for no unit."""
     near = min(UNITS, key=lambda u: abs(math.log(abs(factor) / u)))
     return UNITS[near] if abs(math.log(abs(factor) / near)) < math.log(NAMED) else None
+
+
+def asked_unit(factor: float, command: bool) -> str | None:
+    """As `unit_of`; of a command no unit of angles, which only the motion can be in."""
+    unit = unit_of(factor)
+    return ANGLES if command and unit in ("degrees", "turns", "turns a minute") else unit
 
 
 def nearest_unit(factor: float, rotary: bool) -> float:
@@ -64,7 +71,8 @@ def sentence(recording: str, channels: Sequence[str], factor: float) -> str:
         )
     less = f"{size:.3g} times too little" if size > 1.0 else f"{1.0 / size:.3g} times too much"
     sign = ", and with the wrong sign" if factor < 0.0 else ""
-    unit = unit_of(factor)
+    unit = asked_unit(factor, command)
     asked = f"{'are they' if many else 'is it'} in {unit}?"
+    asked = "is the motion in degrees or turns?" if command and unit == ANGLES else asked
     ask = f"check the unit and the scale of {entry}" if unit is None else asked
     return f"{what} count{'' if many else 's'} {less}{sign} (correct by {factor:.3g}): {ask}"

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.sim.chain import make_chain
+from zwidth.sim.changes import beside, difference
 from zwidth.sim.device import Device, place_label
 from zwidth.sim.members import Members, alike, chains_of
 from zwidth.sim.physics.effect import Bounds, Physics
@@ -40,7 +41,8 @@ MARGIN = 1e-9  # of x, by which a start keeps off a bound
 class Parameter:
     """One number; index in its array.
 
-    kind: "mass", "spring", "damper", "link", "k0", "origin", "gain", "jitter" or "effect".
+    kind: "mass", "spring", "damper", "link", "k0", "origin", "gain", "jitter", "effect", or
+    "change": of the parameter at `index` of all, in its x.
 
     scale: of x. lower, upper: bounds of x. prior: whether x has a unit Gaussian prior. key: of an
     effect's parameter its name; ends: at which of its bounds a fit is no physics, "lower", "upper".
@@ -55,6 +57,19 @@ class Parameter:
     prior: bool = True
     key: str = ""
     ends: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Varying:
+    """A change of one parameter (`Parameter.name`): in a recording counts what share of it holds.
+
+    name: of the change, by which recordings say their share (`Experiment.shares`). smooth: over
+    time, so that parts of a recording have all its values between.
+    """
+
+    name: str
+    of: str
+    smooth: bool = False
 
 
 class Reads(NamedTuple):
@@ -77,7 +92,8 @@ class Model:
     their free parameters; bounds: of them, given the recordings, where that is less than the effect
     allows.
     sensor_error_known: the recordings say what an encoder_step under trial adds to the sensor, so
-    that it is taken off there and not simulated.
+    that it is taken off there and not simulated. varying: what is not the same in all recordings;
+    those whose parameter the model lacks change nothing. `build` gives the device of no share.
     """
 
     nominal: Device
@@ -85,11 +101,29 @@ class Model:
     scales: tuple[Mapping[str, float], ...] = ()
     sensor_error_known: bool = False
     bounds: tuple[Bounds, ...] = ()
+    varying: tuple[Varying, ...] = ()
 
     @cached_property
     def parameters(self) -> list[Parameter]:
         """All free parameters, linear ones first; asked for in every prediction, so kept."""
-        return [*linear_parameters(self.nominal), *self._effect_parameters()]
+        lasting = [*linear_parameters(self.nominal), *self._effect_parameters()]
+        places = {p.name: i for i, p in enumerate(lasting)}
+        changes = [
+            Parameter(v.name, "change", places[v.of], 1.0, prior=False)
+            for v in self.varying
+            if v.of in places
+        ]
+        return lasting + changes
+
+    def there(self, x: Floats, experiment: Experiment) -> Floats:
+        """Return x (..., parameters) as it was in a recording: its shares of all changes added."""
+        shares = dict(experiment.shares)
+        found = x
+        for i, p in enumerate(self.parameters):
+            if p.kind == "change" and shares.get(p.name, 0.0) != 0.0:
+                found = found.copy() if found is x else found
+                found[..., p.index] += shares[p.name] * x[..., i]
+        return x if found is x else self.within(found)
 
     @property
     def linear_count(self) -> int:
@@ -109,9 +143,23 @@ class Model:
             ]  # fmt: skip
         return found
 
+    def size_of(self, index: int, x: Floats) -> float:
+        """Return by how much of its own x a parameter is nothing, or e times as much."""
+        p = self.parameters[index]
+        if p.kind == "effect":
+            return abs(self.effects[p.index].values[p.key] / p.scale + float(x[index]))
+        if p.kind in ("damper", "link"):
+            arrays = self.nominal.chain
+            own = arrays.ground_dampers if p.kind == "damper" else arrays.link_dampers
+            return abs(own[p.index] / p.scale + float(x[index]))
+        return 1.0 / p.scale if p.kind != "origin" else 1.0
+
     def less(self, x: Floats, *gone: int) -> tuple["Model", Floats]:
         """Return the model without some of its effects (their places in it), and its x."""
-        keep = np.array([p.kind != "effect" or p.index not in gone for p in self.parameters])
+        own = self.parameters
+        lost = {i for i, p in enumerate(own) if p.kind == "effect" and p.index in gone}
+        lost |= {i for i, p in enumerate(own) if p.kind == "change" and p.index in lost}
+        keep = np.array([i not in lost for i in range(len(own))])
         model = self
         for index in sorted(gone, reverse=True):
             model = model.without_effect(index)
@@ -256,7 +304,7 @@ class Model:
             measured = measured.copy()
             measured[:, 0] -= experiment.sensor_error
         if self.nominal.interface.position_origin != 0.0:
-            positions = np.array([o.quantity == "position" for o in experiment.outputs])
+            positions = np.array([o.tells_position for o in experiment.outputs])
             measured = measured - self.nominal.interface.position_origin * positions
         before = None if experiment.before is None else self.plain(experiment.before)
         return replace(experiment, command=command, measured=measured, before=before)
@@ -269,17 +317,21 @@ class Model:
         a late one not at all, which in the mean adds j / 2 m1 of each command's change to that
         reading; later readings see both alike.
         """
+        own, x = x, self.there(x, experiment)
         plain, reads = self.plain(experiment), self.reads(x)
         measured = plain.measured
         if reads.origin != 0.0:
-            still = np.array([o.quantity == "position" for o in experiment.outputs])
+            still = np.array([o.tells_position for o in experiment.outputs])
             measured = measured - reads.origin * experiment.swing * still
         if reads.jitter != 0.0 and (place := first_velocity(experiment)) is not None:
             measured = measured.copy()
             measured[:, place] -= reads.jitter * self.arriving_change(plain)
-        before = None if experiment.before is None else self.seen(experiment.before, x)
+        before = None if experiment.before is None else self.seen(experiment.before, own)
         command = reads.gain * plain.command
-        return replace(plain, command=command, measured=measured, before=before)
+        changes = experiment.changes
+        if x is not own:
+            changes = beside(changes, difference(self.acting(own), self.acting(x)))
+        return replace(plain, command=command, measured=measured, before=before, changes=changes)
 
     def arriving_change(self, plain: Experiment) -> Floats:
         """Return by how much the command that begins to act changes at each reading (ticks,)."""

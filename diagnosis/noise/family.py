@@ -118,7 +118,7 @@ def noises(
     usable = np.flatnonzero(np.isfinite(gains).all(axis=(1, 2)))
     if usable.size == 0:
         return []
-    each = {id(e.changes): _Observed(e.on(device), e.on(bare), gains[usable]) for e in experiments}
+    each = {id(e.changes): _Observed(e.on(device), e.on(bare), gains[usable]) for e in seen}
     followed = [each[id(e.changes)].followed(e) for e in seen]
     found: list[Noise] = []
     for i, ratio in enumerate(ratios[usable].tolist()):

@@ -20,17 +20,16 @@ from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import Device
 from zwidth.sim.equations import Equations, enough_substeps, equations
 from zwidth.sim.filters import filtered
-from zwidth.sim.kernel import MAX_COLUMNS, Memory
+from zwidth.sim.kernel import Memory
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.population import Population
-from zwidth.sim.predict import Outputs, alone
+from zwidth.sim.predict import GROUND, Outputs, alone
 from zwidth.sim.run import Start, start_memory
 
 Floats = NDArray[np.float64]
 ORDER = 24  # of the filters that whiten, at most
 SPARED = 100  # samples for each of their coefficients, at least
 MEMORY = 24.0  # lags over which they see correlation
-NOTHING = MAX_COLUMNS - 1  # place in a state that no device fills, and that stays zero
 BEGINNING = 2000  # ticks by which the state at the start is judged
 SETTLING = 100  # ticks left out at the start, until the observer has found the state
 SLOPE = (np.arange(10) - 4.5) / 82.5  # of the straight line through the first samples
@@ -251,9 +250,10 @@ def first_motion(outputs: Sequence[Output], measured: Floats, period: float) -> 
     velocity = 0.0
     for o, output in enumerate(outputs):
         y = measured[:, o]
-        if output.quantity == "position":
+        if output.tells_position:
             return float(y[0]), float(SLOPE @ y[: SLOPE.size]) / period
-        velocity = float(y[:5].mean())
+        if output.less is None:
+            velocity = float(y[:5].mean())
     return 0.0, velocity
 
 
@@ -327,8 +327,9 @@ def driven(device: Device, experiment: Experiment, gain: Floats, errors: Floats)
     eq, fine = ready = prepared(experiment.on(device))
     places, o = experiment.places(eq.dof), errors.shape[1]
     outputs = Outputs(
-        np.concatenate([np.full(o, NOTHING), places.state]),
+        np.concatenate([np.full(o, GROUND), places.state]),
         np.concatenate([np.zeros(o, dtype=np.bool_), places.sensed]),
+        np.concatenate([np.full(o, GROUND), places.less]),
     )
     memory, full = memory_at(ready, experiment, device, gain)
     found = alone(
@@ -467,6 +468,7 @@ def free_runs(
     wide = Outputs(
         np.concatenate([places.state, states]),
         np.concatenate([places.sensed, np.zeros(2 * n, dtype=np.bool_)]),
+        np.concatenate([places.less, np.full(2 * n, GROUND)]),
     )
     measured = np.hstack([experiment.measured, np.zeros((experiment.ticks, 2 * n))])
     memory, full = memory_at(ready, experiment, device, gain)

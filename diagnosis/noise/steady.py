@@ -40,6 +40,7 @@ from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.sim.device import Device
 from zwidth.sim.exponential import SPACES, held_motion_each
 from zwidth.sim.plant import Plant, hold
+from zwidth.sim.predict import GROUND
 
 Floats = NDArray[np.float64]
 FLOOR = 1e-18  # variance of every state a tick, in units of the measurement's
@@ -71,9 +72,7 @@ def steady(device: Device, experiment: Experiment, ratio: float) -> Steady:
     """
     plant = device.plant()
     a, b = hold(plant, experiment.period)
-    places = experiment.places(plant.dof).state
-    c = np.zeros((places.size, plant.size))
-    c[np.arange(places.size), places] = 1.0
+    c = _read(experiment, plant.dof, plant.size)
     scale = float(plant.matrices.mass.trace()) / experiment.period**2
     source = b[:, 1] * scale
     process = ratio * np.outer(source, source) + FLOOR * np.eye(plant.size)
@@ -108,9 +107,7 @@ def steady_gains(
         np.stack([p.a for p in plants]), b, experiment.period, dof, np.zeros(size),
         np.zeros((SPACES, size, size)), motion,
     )  # fmt: skip
-    places = experiment.places(dof).state
-    c = np.zeros((places.size, size))
-    c[np.arange(places.size), places] = 1.0
+    c = _read(experiment, dof, size)
     scale = np.array([float(p.matrices.mass.trace()) for p in plants]) / experiment.period**2
     source = motion[:, :, size + 1] * scale[:, None]
     process = ratios[:, None, None] * source[:, :, None] * source[:, None, :] + FLOOR * np.eye(size)
@@ -171,12 +168,22 @@ def noise_scale(experiment: Experiment) -> Floats:
     )
 
 
+def _read(experiment: Experiment, dof: int, size: int) -> Floats:
+    """What the outputs are of the state, (o, size)."""
+    places, rows = experiment.places(dof), np.arange(len(experiment.outputs))
+    c = np.zeros((rows.size, size))
+    c[rows, places.state] = 1.0
+    linked = places.less != GROUND
+    c[rows[linked], places.less[linked]] = -1.0
+    return c
+
+
 def _stands_unseen(plant: Plant, experiment: Experiment) -> bool:
     """Whether neither an output nor a spring to ground says where the device stands."""
     stiffness = plant.matrices.stiffness
     ties = np.abs(stiffness.sum(axis=1))
     free = bool(np.all(ties <= UNTIED * np.abs(np.diag(stiffness))))
-    return free and all(o.quantity == "velocity" for o in experiment.outputs)
+    return free and not any(o.tells_position for o in experiment.outputs)
 
 
 def _of_motion(plant: Plant, a: Floats, c: Floats, process: Floats, noise: Floats) -> Steady:

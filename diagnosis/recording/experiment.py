@@ -11,19 +11,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.recording.drive_force import FORCE, Pushed, drive_stiffness
+from zwidth.diagnosis.recording.link_force import told_by_links
+from zwidth.logs.stale import renewed, repeated
 from zwidth.logs.stretches import jumps, without_gaps
+from zwidth.logs.uneven import evened
+from zwidth.logs.wrapped import unwrapped
 from zwidth.sim.changes import Changes, changes_of
 from zwidth.sim.device import Device
-from zwidth.sim.predict import Outputs
+from zwidth.sim.predict import GROUND, Outputs
 from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
-OUTPUT = re.compile(r"(position|velocity)_m([1-5])$")
+OUTPUT = re.compile(r"(position|velocity)_(?:m([1-5])|link([1-4])([2-5]))$")
 SHORTEST = 200
 BLOCKS = 50  # in which pauses are looked for
 PAUSE = 5  # blocks, at least
 STILL, QUIET = 0.01, 0.3  # rms of motion and of command in a pause, over that of the recording
 STEADY = 0.05  # the same of the command's means over blocks, which noise leaves and a ramp does not
+LATE = 0.25  # of the period, that intervals of a late loop are longer by in the mean
 SIMULATED = 1e-5  # noise over the swing that is added to a log without any
 
 
@@ -33,15 +38,30 @@ class ExperimentError(ValueError):
 
 @dataclass(frozen=True)
 class Output:
-    """A measured channel: quantity ("position" or "velocity") of a mass, counted from 0."""
+    """A measured channel: quantity ("position" or "velocity") of a mass, counted from 0.
+
+    less: the mass that it is measured from, as the deflection of a link is; None for the ground.
+    """
 
     quantity: str
     mass: int
+    less: int | None = None
 
     @property
     def name(self) -> str:
         """Channel name in a trace."""
-        return f"{self.quantity}_m{self.mass + 1}"
+        return f"{self.quantity}_{self.at}"
+
+    @property
+    def at(self) -> str:
+        """Place: a mass, or the link whose deflection it is."""
+        first = self.mass + 1
+        return f"m{first}" if self.less is None else f"link{first}{self.less + 1}"
+
+    @property
+    def tells_position(self) -> bool:
+        """Whether it says where the device is, and not only how it moves or gives way."""
+        return self.quantity == "position" and self.less is None
 
 
 @dataclass(frozen=True)
@@ -57,7 +77,8 @@ class Experiment:
     before: what was recorded up to here, where this is the rest of a recording; an observer follows
     it first, since what it says of the state (a position of which only the velocity is measured,
     the side of a play) no later sample may. changes: what was known to be different about the
-    device. pushed: where the first output is the position that a drive's force tells.
+    device. pushed: where the first output is the position that a drive's force tells. shares: how
+    much of each change of a parameter (`Model.varying`) holds here; none of those not named.
     """
 
     period: float
@@ -77,6 +98,7 @@ class Experiment:
     pushed: "Pushed | None" = None
     differenced: Mapping["Output", float] = field(default_factory=dict["Output", float])
     folded: bool = False
+    shares: tuple[tuple[str, float], ...] = ()
 
     def on(self, device: Device) -> Device:
         """Return a device as it was in this recording."""
@@ -89,9 +111,16 @@ class Experiment:
 
     def places(self, dof: int) -> Outputs:
         """Return where the outputs stand in a state of that many masses."""
-        state = [o.mass + (dof if o.quantity == "velocity" else 0) for o in self.outputs]
-        sensed = [o.quantity == "position" and o.mass == 0 for o in self.outputs]
-        return Outputs(np.array(state, dtype=np.int64), np.array(sensed))
+        first = [dof if o.quantity == "velocity" else 0 for o in self.outputs]
+        state = [a + o.mass for a, o in zip(first, self.outputs, strict=True)]
+        less = [
+            GROUND if o.less is None else a + o.less
+            for a, o in zip(first, self.outputs, strict=True)
+        ]
+        sensed = [o.tells_position and o.mass == 0 for o in self.outputs]
+        return Outputs(
+            np.array(state, dtype=np.int64), np.array(sensed), np.array(less, dtype=np.int64)
+        )
 
     def part(self, start: int, stop: int) -> "Experiment":
         """Return the samples start <= k < stop."""
@@ -161,12 +190,18 @@ def experiment(trace: Trace, device: Device, name: str = "recording") -> Experim
     said = cast("Mapping[str, object]", trace.facts.get("device_changes", {}))
     changes = changes_of(said, device)
     trace, pushed = _told_by_force(trace, device, changes)
+    trace, cells = told_by_links(trace, device, name)
     found, beyond = _outputs(trace, device)
     one = "one mass" if masses == 1 else f"{masses} masses"
     if not found:
         raise ExperimentError(
             f"the recording has no position or velocity of a mass of the device, which has {one}"
             f" (it has {', '.join(trace.channels)}); name the outputs in the recording's TOML"
+        )
+    if found[0].less is not None:
+        raise ExperimentError(
+            f"the recording has {found[0].name} and no position or velocity of a mass: how"
+            " far a link gives way does not say how the device moves; name one of a mass beside it"
         )
     kind, unit = ("rotary", "rad") if device.rotary else ("linear", "m")
     for o in found:
@@ -202,6 +237,7 @@ def experiment(trace: Trace, device: Device, name: str = "recording") -> Experim
         )
     elif beyond:
         notes += (f"{name} has {', '.join(beyond)}, which is left out: the device has {one}",)
+    notes += cells
     return Experiment(
         own, command, measured, tuple(found), name, swing, notes=notes, changes=changes,
         pushed=pushed,
@@ -252,10 +288,14 @@ def _outputs(trace: Trace, device: Device) -> tuple[list[Output], list[str]]:
     beyond: list[str] = []
     for channel in trace.channels:
         match = OUTPUT.match(channel)
-        if match and int(match[2]) <= masses:
-            found.append(Output(match[1], int(match[2]) - 1))
-        elif match:
+        if match is None:
+            continue
+        ends = [int(end) for end in match.groups()[1:] if end]
+        if max(ends) > masses:
             beyond.append(channel)
+        else:
+            found.append(Output(match[1], ends[0] - 1, ends[1] - 1 if ends[1:] else None))
+    found.sort(key=lambda o: o.less is not None)  # first what says how the device itself moves
     if trace.origin == "simulated":  # a log holds every state; a device is seen at its encoder
         found = [o for o in found if o.name == "position_m1"]
     return found, beyond
@@ -269,9 +309,10 @@ def stretches(trace: Trace, device: Device, name: str = "recording") -> list[Exp
     ExperimentError as `experiment`, and where no stretch is long enough.
     """
     used = [o.name for o in _outputs(trace, device)[0]]
-    used += [FORCE] if FORCE in trace.channels else []
+    used += [c for c in trace.channels if c.startswith("force_")]
     used += ["command"] if "command" in trace.channels else []
     kept, lacking = without_gaps(trace, sorted(used), name)
+    kept, odd = _as_it_moved(kept, device.interface.period, used, name)
     try:
         whole = experiment(kept, device, name)
     except ExperimentError as error:
@@ -279,6 +320,7 @@ def stretches(trace: Trace, device: Device, name: str = "recording") -> list[Exp
     if lacking:
         first = float(kept.t[0] - trace.t[0])
         whole = replace(whole, begins=first, notes=(*whole.notes, lacking))
+    whole = replace(whole, notes=(*whole.notes, *odd))
     cuts = jumps(kept.t, whole.period)
     if cuts.size == 0:
         return [whole]
@@ -307,6 +349,33 @@ def stretches(trace: Trace, device: Device, name: str = "recording") -> list[Exp
         f"{short}"
     )
     return [replace(parts[0], notes=(*whole.notes, note)), *parts[1:]]
+
+
+def _as_it_moved(
+    trace: Trace, period: float, used: Sequence[str], name: str
+) -> tuple[Trace, list[str]]:
+    """A recording with what its sensors and its clock do to a motion put right, and what was.
+
+    Raises ExperimentError where a sensor is read more slowly than the log is written.
+    """
+    if trace.origin != "recorded":
+        return trace, []
+    moves = [c for c in used if c != "command"]
+    positions = [c for c in moves if c.startswith("position_m")]
+    for channel in moves:
+        if (times := repeated(trace[channel])) > 1:
+            slow = times * float(np.median(np.diff(trace.t)))
+            raise ExperimentError(
+                f"channel {channel!r} repeats every reading {times} times: it was read every"
+                f" {slow:g} s; write resample = {slow:g} into the recording's TOML and period_s ="
+                f" {slow:g} into the device's [interface]"
+            )
+    trace, wrapped = unwrapped(trace, positions, name)
+    trace, stale = renewed(trace, positions, name)
+    uneven = ""
+    if math.isclose(float(np.ptp(trace.t)), period * (len(trace) - 1), rel_tol=LATE):
+        trace, uneven = evened(trace, period, moves, name)
+    return trace, [said for said in (wrapped, stale, uneven) if said]
 
 
 def _refuse_unknown(name: str, values: Floats) -> None:

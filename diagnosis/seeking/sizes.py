@@ -27,6 +27,8 @@ def sizes_of(device: Device, experiments: Sequence[Experiment]) -> Sizes:
     speeds: list[Floats] = []
     for e in experiments:
         for o, output in enumerate(e.outputs):
+            if output.less is not None:
+                continue
             y = e.measured[:, o]
             if output.quantity == "position":
                 smooth = np.convolve(y, np.full(5, 0.2), "valid")

@@ -209,7 +209,8 @@ def priced(h: Hypothesis) -> Hypothesis:
         widths = np.clip(SHARE * own, SMOOTH, CREASED)
         slopes = slopes_at(ground, h.x, widths, both=True).slopes
     information, parameters = slopes.T @ slopes, h.model.parameters
-    if any(p.kind == "effect" and information[i, i] < UNSEEN for i, p in enumerate(parameters)):
+    asked = ("effect", "change")
+    if any(p.kind in asked and information[i, i] < UNSEEN for i, p in enumerate(parameters)):
         return replace(h, slopes=slopes, cost=replace(h.cost, freedom=math.inf))
     # The origin of positions, which has no prior, where only velocities are recorded: in all alike.
     seen = [i for i, p in enumerate(parameters) if p.prior or information[i, i] > UNSEEN]
@@ -225,11 +226,15 @@ def _ranges(model: Model, x: Floats, information: Floats) -> list[float]:
     """Range of each effect parameter in x, at least its own standard error.
 
     A magnitude is as likely in every octave of its sweep: its density at v is 1 / (v ln(most /
-    least)), that of a range of v ln(most / least). A phase may be anywhere on its turn.
+    least)), that of a range of v ln(most / least). A phase may be anywhere on its turn. A change
+    is as likely by any amount up to the whole of what changes, either way.
     """
     variance = np.diag(np.linalg.pinv(information))
     found: list[float] = []
     for i, p in enumerate(model.parameters):
+        if p.kind == "change":
+            spread = math.sqrt(max(float(variance[i]), 1e-300))
+            found.append(max(2.0 * model.size_of(p.index, x), spread))
         if p.kind != "effect":
             continue
         physics = model.effects[p.index]

@@ -43,7 +43,8 @@ class Searched:
 
     problem: the recordings under the noise of the best hypothesis; judge: the observer by which the
     answer is held against held-out data, which is its own likeliest one. held: whether its free
-    runs err no farther than its noise makes them on the recordings that it was fitted to.
+    runs err no farther than its noise makes them on the recordings that it was fitted to. far:
+    whether it was asked what shows over a longer horizon.
     """
 
     problem: Problem
@@ -52,6 +53,7 @@ class Searched:
     tried: Search
     judge: Observer
     held: bool = False
+    far: bool = False
 
     @property
     def interrupted(self) -> bool:
@@ -78,18 +80,29 @@ def searched(
         sound = attempt("search", "how far ahead it holds", partial(holds, device, first))
     if near.interrupted or sound is None:
         return first
+    first = replace(first, held=sound.sound)
     if sound.sound and sound.runs >= TELLING:
-        return replace(first, held=True)
+        return first
+    return farther(device, first, say)
+
+
+def farther(device: Device, found: Searched, say: Say) -> Searched:
+    """Search for what shows over a longer horizon, and return the answer whose free runs err less.
+
+    Laws that differ in the next sample by little can differ by much in where the motion ends: a
+    link that hardens follows play from sample to sample, and drifts in a cycle.
+    """
+    near = found.tried
     say("searched by what shows over a longer horizon")
     far = attempt("search", "over a longer horizon", partial(_farther, device, near))
     if far is None:
-        return first
+        return replace(found, far=True)
     second = as_found(device, far)
-    pair = (second.final, second.judge), (first.final, first.judge)
+    pair = (second.final, second.judge), (found.final, found.judge)
     if freer(*pair, near.best.experiments):
         say(f"over a longer horizon rather: {far.best.model.label}")
-        return second
-    return replace(first, tried=replace(near, interrupted=far.interrupted), held=sound.sound)
+        return replace(second, far=True)
+    return replace(found, tried=replace(near, interrupted=far.interrupted), far=True)
 
 
 def holds(device: Device, found: Searched) -> Adequacy | None:
@@ -148,7 +161,7 @@ def next_believed(found: Searched) -> Iterator[Searched]:
     for h in sorted(left, key=lambda h: h.cost.total)[:NEXT]:
         ended = attempt("search", h.model.label, partial(settled, h))
         if ended is not None and not ended.against_physics and search.ahead(ended, plain):
-            yield as_found(plain.model.nominal, replace(search, best=ended))
+            yield replace(as_found(plain.model.nominal, replace(search, best=ended)), far=found.far)
 
 
 def unnamed(found: Searched) -> Searched:
@@ -160,7 +173,7 @@ def unnamed(found: Searched) -> Searched:
     problem = Problem(plain.problem.experiments, plain.noise.observer, FINAL)
     refit = problem.fit(plain.model, plain.x)
     tried = replace(found.tried, plain=plain, best=plain)
-    return Searched(problem, refit, refit, tried, _judge(plain))
+    return Searched(problem, refit, refit, tried, _judge(plain), far=found.far)
 
 
 def _by_the_next_sample(h: Hypothesis) -> Hypothesis:

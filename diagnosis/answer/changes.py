@@ -1,0 +1,380 @@
+"""What does not stay the same while a device is recorded, as an answer says it.
+
+Asked of every answer (`learning.changing`) before its held-out data are opened for good: a change
+in what was fitted is named where free runs on held-out data, which come after it, err no more with
+it than without. One in the held-out data themselves is dated by the whole recording, and what comes
+after it judges no more. With a change the device is as it was at the end: that is what the
+augmented device says, and what later recordings are held against.
+"""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.diagnosis.answer.findings import UNITS
+from zwidth.diagnosis.answer.headline import (
+    effect_in_words,
+    parameter_in_words,
+    place_in_words,
+    said,
+)
+from zwidth.diagnosis.answer.held_out import held_out
+from zwidth.diagnosis.answer.result import Estimate
+from zwidth.diagnosis.fitting.uncertainty import Z95, covariance
+from zwidth.diagnosis.intake.take_in import Taken
+from zwidth.diagnosis.learning.changing import (
+    DRIFT,
+    MOST,
+    RUN,
+    SETTLES,
+    STEP,
+    Suspect,
+    Varied,
+    course,
+    share_at,
+    suspected,
+    varied,
+    with_varying,
+)
+from zwidth.diagnosis.mishaps import Say, attempt
+from zwidth.diagnosis.model.parameters import Model, values_of
+from zwidth.diagnosis.noise.predictor import SETTLING, window
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, priced
+from zwidth.diagnosis.selection.search import Search
+from zwidth.diagnosis.selection.searched import Searched, as_found
+from zwidth.sim.device import Device
+from zwidth.sim.place import place_at
+from zwidth.sim.readable import plain
+
+Floats = NDArray[np.float64]
+RIVALS = 8  # of those tried, that are fitted anew with a change
+FINE = 400  # points of a line
+PARTS, LEAST = 8, 3 * SETTLING  # that held-out data are cut into where a drift goes on, in samples
+RUNS = 2  # free runs that fit into held-out data before a change, so that they still judge
+
+
+@dataclass(frozen=True)
+class Windows:
+    """A parameter as each window of the recordings tells it: middle [s], value, 95 % interval.
+
+    Recordings follow each other; times (windows,) are from the first sample of the first.
+    changed: of what was fitted, its values at `line` (points,) [s]; dated: when a step is, the same
+    way, None where there is none within a recording.
+    """
+
+    times: Floats
+    values: Floats
+    lower: Floats
+    upper: Floats
+    line: Floats
+    changed: Floats
+    dated: tuple[float, float] | None
+
+
+@dataclass(frozen=True)
+class Change:
+    """One parameter that does not stay the same.
+
+    parameter: as `linear_refit` names it, or that of an effect at a place. shape: "step", at `at`
+    [s] of a recording with the 95 % interval `between`; "drift", from the first sample to the last;
+    "settling", with the time constant `rate` [s]; "run", in one recording only. before, after: its
+    values. gained: in -2 ln, all paid. free_run: errors over the motion of free runs on held-out
+    data without the change and with it, None where the change itself is held out. windows: what
+    each part of the recordings says by itself.
+    """
+
+    parameter: str
+    effect: str | None
+    place: str | None
+    shape: str
+    recording: str
+    at: float | None
+    between: tuple[float, float] | None
+    rate: float | None
+    before: Estimate
+    after: Estimate
+    gained: float
+    free_run: tuple[float, float] | None
+    masses: int
+    windows: Windows
+
+    @property
+    def what(self) -> str:
+        """The parameter in words."""
+        if self.effect is None or self.place is None:
+            return parameter_in_words(self.parameter, self.after.unit)
+        name = self.parameter.replace("_", " ")
+        return (
+            f"the {name} of {effect_in_words(self.effect)}"
+            f" {place_in_words(place_at(self.place), self.masses)}"
+        )
+
+    @property
+    def sentence(self) -> str:
+        """Say what changed, by how much, and when."""
+        first, last = said(self.before), said(self.after)
+        how = "rose" if self.after.value > self.before.value else "fell"
+        if self.shape == RUN:
+            return f"{self.what} was {first} in {self.recording}, and {last} in all others"
+        if self.shape == SETTLES:
+            return (
+                f"{self.what} settled from {first} to {last} with a time constant of"
+                f" {plain(self.rate or 0.0, 2)} s"
+            )
+        if self.shape == DRIFT:
+            return f"{self.what} drifted from {first} to {last}"
+        if self.at is None or self.between is None:
+            return f"{self.what} {how} from {first} to {last} from {self.recording} on"
+        low, high = self.between
+        digits = max(0, min(4, -int(np.floor(np.log10(max(0.5 * (high - low), 1e-4))))))
+        return (
+            f"{self.what} {how} from {first} to {last} at {self.at:.{digits}f} s"
+            f" ({low:.{digits}f} to {high:.{digits}f} s)"
+        )
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the JSON of `zwidth diagnose`."""
+        free = None if self.free_run is None else dict(zip(("constant", "changing"), self.free_run,
+                                                           strict=True))  # fmt: skip
+        return {
+            "parameter": self.parameter,
+            "effect": self.effect,
+            "at": self.place,
+            "shape": self.shape,
+            "recording": self.recording,
+            "at_s": self.at,
+            "at_s_ci95": None if self.between is None else list(self.between),
+            "time_constant_s": self.rate,
+            "before": self.before.as_json(),
+            "after": self.after.as_json(),
+            "gained": self.gained,
+            "free_run": free,
+            "windows": {
+                name: getattr(self.windows, name).tolist()
+                for name in ("times", "values", "lower", "upper")
+            },
+        }
+
+
+def changing(
+    device: Device, found: Searched, taken: Taken, say: Say
+) -> tuple[Searched, Taken, tuple[Change, ...]]:
+    """Return what was found with what changes, what is to judge it, and the changes."""
+    changes: list[Change] = []
+    for _ in range(MOST):
+        step = attempt("changes", "", partial(_one_more, device, found, taken, say))
+        if step is None:
+            break
+        found, taken, change = step
+        changes.append(change)
+    if not changes:
+        later = attempt("changes", "in held-out data", partial(_held_out, device, found, taken))
+        if later is not None:
+            taken, change = later
+            changes.append(change)
+    for change in changes:
+        say(change.sentence)
+    return found, taken, tuple(changes)
+
+
+def _one_more(
+    device: Device, found: Searched, taken: Taken, say: Say
+) -> tuple[Searched, Taken, Change] | None:
+    """A change within what was fitted, which held-out data bear out."""
+    best = found.tried.best
+    suspect = suspected(best)
+    if suspect is None:
+        return None
+    say(f"asking whether {suspect.of.replace('@', ' at ')} stays the same")
+    new = varied(best, suspect)
+    if new is None:
+        return None
+    judge_by = tuple(p for e in taken.judge_by for p in _as_it_goes_on(e, best.experiments, new))
+    other = as_found(device, replace(found.tried, best=new.hypothesis))
+    (_, without), (_, with_it) = (
+        held_out(device, found, taken.judge_by), held_out(device, other, judge_by)
+    )  # fmt: skip
+    if not with_it.after <= without.after:
+        say("it seems to change, but free runs on held-out data err more so: not said")
+        return None
+    change = _said(new, best.experiments, (without.after, with_it.after))
+    with_rivals = as_found(device, _rivals_anew(found.tried, new))
+    again = replace(with_rivals, held=found.held, far=found.far)
+    return again, replace(taken, judge_by=judge_by), change
+
+
+def _as_it_goes_on(e: Experiment, fitted: Sequence[Experiment], new: Varied) -> list[Experiment]:
+    """A recording to judge by: in parts, where what drifts goes on as it did."""
+    if e.before is None or len(fitted) > 1 or new.suspect.shape not in (DRIFT, SETTLES):
+        return [e]
+    end, before = fitted[0].ticks, e.before
+    count = max(1, min(PARTS, e.ticks // LEAST))
+    edges = np.linspace(0, e.ticks, count + 1).round().astype(np.int64).tolist()
+    found: list[Experiment] = []
+    for a, b in itertools.pairwise(edges):
+        share = share_at(new.suspect, end + 0.5 * (a + b), end)
+        part = replace(e.part(a, b), before=before, shares=(*e.shares, (new.name, share)))
+        found.append(part)
+        before = part
+    return found
+
+
+def _rivals_anew(tried: Search, new: Varied) -> Search:
+    """What was tried, fitted anew with the change on the same parts; the cheapest is the best."""
+    model, parts = new.hypothesis.model, new.hypothesis.experiments
+
+    def again(h: Hypothesis) -> Hypothesis | None:
+        return attempt("changes", h.model.label, partial(with_varying, h, model, parts))
+
+    # The refit is that of a device that stays the same.
+    constant = partial(with_varying, tried.plain, tried.plain.model, parts)
+    bare = new.without if tried.plain is tried.best else attempt("changes", "refit", constant)
+    found = replace(
+        tried, plain=bare or new.without, best=new.hypothesis, tried={}, grown=set(),
+        looked=set(), exchanged=set(),
+    )  # fmt: skip
+    labels = tried.best.labels
+    beside = [h for h in tried.tried.values() if h.labels not in (labels, tried.plain.labels)]
+    nearest = sorted(beside, key=lambda h: h.cost.total)[:RIVALS]
+    less = [h for h in beside if h.labels < labels and len(h.labels) == len(labels) - 1]
+    for h in (found.plain, new.hypothesis):
+        found.keep(h)
+    for h in {id(h): h for h in (*nearest, *less)}.values():
+        if (other := again(h)) is not None:
+            found.keep(other)
+    sound = [h for h in found.tried.values() if not h.against_physics]
+    cheapest = min(sound, key=lambda h: h.cost.total, default=found.best)
+    # One that lacks what changes does without the change: it must be believed over nothing less.
+    if cheapest.cost.total < found.best.cost.total and _same_changes(cheapest, found.best):
+        found.best = cheapest
+    return found
+
+
+def _same_changes(a: Hypothesis, b: Hypothesis) -> bool:
+    def own(h: Hypothesis) -> list[str]:
+        return [p.name for p in h.model.parameters if p.kind == "change"]
+
+    return own(a) == own(b)
+
+
+def _held_out(device: Device, found: Searched, taken: Taken) -> tuple[Taken, Change] | None:
+    """A step in the held-out part of the one recording, dated by all of it."""
+    if not taken.whole_unopened or len(taken.whole) != 1 or len(taken.judge_by) != 1:
+        return None
+    best, (held,) = found.tried.best, taken.judge_by
+    if held.before is None:
+        return None
+    first = held.before.ticks
+    h = priced(judged(taken.whole, best.model, best.x, best.family, best.family.near(best.ratio)))
+    suspect = suspected(h)
+    if suspect is None or suspect.shape != STEP or suspect.at < first - SETTLING:
+        return None
+    new = varied(h, suspect)
+    if new is None:
+        return None
+    change = _said(new, taken.whole, None)
+    until = round(new.suspect.at) - first
+    if until >= RUNS * window(held):
+        kept = replace(held.part(0, until), before=held.before)
+        taken = replace(taken, judge_by=(kept,))
+    return taken, change
+
+
+def _said(
+    new: Varied, experiments: Sequence[Experiment], free_run: tuple[float, float] | None
+) -> Change:
+    h, suspect = new.hypothesis, new.suspect
+    model, x = h.model, h.x
+    own = next(p for p in model.parameters if p.name == new.name)
+    index = model.parameters.index(own)
+    spread = covariance(h.fitted)
+    last = np.zeros(x.size)
+    last[own.index] = 1.0
+    first = last.copy()
+    first[index] = 1.0
+
+    def estimate(way: Floats) -> Estimate:
+        there = x.copy()
+        there[own.index] = way @ x
+        half = Z95 * float(np.sqrt(max(way @ spread @ way, 0.0)))
+        low, high = there.copy(), there.copy()
+        low[own.index] -= half
+        high[own.index] += half
+        values = [_value(model, model.within(at), own.index) for at in (there, low, high)]
+        return Estimate(values[0], min(values[1:]), max(values[1:]), _unit(model, own.index))
+
+    target = model.parameters[own.index]
+    physics = model.effects[target.index] if target.kind == "effect" else None
+    period = experiments[0].period
+    name, at, between = _when(suspect, experiments)
+    return Change(
+        target.key if physics is not None else target.name,
+        None if physics is None else physics.effect.name,
+        None if physics is None else physics.at,
+        suspect.shape, name, at, between,
+        suspect.rate * period if suspect.shape == SETTLES else None,
+        estimate(first), estimate(last), new.gained, free_run,
+        model.nominal.chain.masses.size,
+        _windows(new, experiments, own.index, index, at is not None),
+    )  # fmt: skip
+
+
+def _windows(
+    new: Varied, experiments: Sequence[Experiment], index: int, change: int, dated: bool
+) -> Windows:
+    told, (model, x) = course(new.without, index), (new.hypothesis.model, new.hypothesis.x)
+
+    def value(own: float) -> float:
+        there = x.copy()
+        there[index] = own
+        return _value(model, model.within(there), index)
+
+    half = Z95 * told.errors
+    each = [[value(own) for own in told.x + k * half] for k in (0.0, -1.0, 1.0)]
+    end = sum(e.ticks for e in experiments)
+    ticks = np.linspace(0.0, end, FINE)
+    held = [x[index] + share_at(new.suspect, tick, end) * x[change] for tick in ticks.tolist()]
+    period, (low, high) = experiments[0].period, new.suspect.between
+    return Windows(
+        told.times, np.array(each[0]), np.minimum(each[1], each[2]), np.maximum(each[1], each[2]),
+        period * ticks, np.array([value(own) for own in held]),
+        (period * low, period * high) if dated else None,
+    )  # fmt: skip
+
+
+def _when(
+    suspect: Suspect, experiments: Sequence[Experiment]
+) -> tuple[str, float | None, tuple[float, float] | None]:
+    """The recording, and when in it [s]; no time where a change is from one to the next."""
+    before = 0
+    for e in experiments:
+        if suspect.shape in (STEP, RUN) and suspect.at >= before + e.ticks:
+            before += e.ticks
+            continue
+        low, high = suspect.between
+        inside = before + 2 * SETTLING < suspect.at < before + e.ticks - 2 * SETTLING
+        if suspect.shape != STEP or not inside:
+            return e.name, None, None
+        at, low, high = (e.begins + (t - before) * e.period for t in (suspect.at, low, high))
+        return e.name, at, (low, high)
+    return experiments[-1].name, None, None
+
+
+def _value(model: Model, x: Floats, index: int) -> float:
+    p = model.parameters[index]
+    if p.kind == "effect":
+        return model.effects_at(x)[p.index].values[p.key]
+    return values_of(model, x)[p.name]
+
+
+def _unit(model: Model, index: int) -> str:
+    p, rotary = model.parameters[index], model.nominal.rotary
+    if p.kind == "effect":
+        return model.effects[p.index].effect.parameter(p.key).unit_for(rotary)
+    return UNITS[p.kind][0 if rotary else 1]

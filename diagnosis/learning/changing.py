@@ -1,0 +1,393 @@
+"""What does not stay the same: a parameter that steps, drifts or settles, and when.
+
+To first order the residual is r_0 + J d, J its slopes by the parameters. Of a parameter j that is
+delta g(t) more than at the end, the slopes are those of j itself times g, since an observer has
+forgotten after some ticks what was before: c = g J_j. Fitted together with all d, with A = J'J,
+
+    S = c'r_0 - c'J A^-1 J'r_0,    V = c'c - c'J A^-1 J'c,    delta = -S / V,    gain = S^2 / V
+
+in chi-square, so that one pass over slopes that are there already asks every parameter for a step
+at every time, for a drift and for settling at several rates (a score test: Andrews, Econometrica
+61, 1993). What gains most is fitted: the recording is cut where it changes, its parts share all
+parameters, and the change is one more (`Model.varying`). It pays what every number pays, how rare
+changes are, and how many were asked for.
+
+An observer that has not yet forgotten foretells less than c just after a step, so slopes date it
+late, by tens of ticks. So it is dated anew by going through it at every tick about there, with what
+was fitted before it and after, in one run. It is uncertain by the times that cost 7.35 more than
+the best, of which 95 % hold the true one: for a step that is small against its noise 2 ln of the
+likelihood falls off by xi, P(xi <= z) = (1 - exp(-z / 2))^2 (Hansen, Econometrica 68, 2000).
+
+Limits: one parameter changes at a time, `MOST` times in all; a change within `NEAREST` ticks of
+either end is not seen, nor are two that undo each other within as many. A law that lacks a state
+that differs between parts of a recording (its level, say) looks like a change: held-out data are
+asked (`answer.changes`).
+"""
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.diagnosis.model.parameters import Model, Varying
+from zwidth.diagnosis.noise.predictor import (
+    SEARCHING,
+    SETTLING,
+    begun,
+    copied,
+    memory_at,
+    prepared,
+)
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.selection.evidence import Compared, believed, compared
+from zwidth.diagnosis.selection.hypothesis import Hypothesis, against, judged, settled
+from zwidth.sim.kernel import Memory
+from zwidth.sim.predict import alone
+
+Floats = NDArray[np.float64]
+BLOCKS = 1000  # of which each may be where a step is, at most
+TICKS = 4  # of a block, at least
+NEAREST = 3 * SETTLING  # to an end, of a change that is asked for
+PIECES = 16  # that a drift is cut into, at most; 8 left a gain of 213 of a drift by 7 %
+SHORTEST = 3 * SETTLING  # of them
+RATES = (0.05, 0.1, 0.2, 0.4)  # of all that was recorded, over which something settles
+MOST = 3  # changes
+RARITY = 2.0 * math.log(0.95 / 0.05)  # of a recording over which something changes
+COMPARED = 40  # blocks over which what a change gains is held against its scatter
+DATED = -2.0 * math.log(1.0 - math.sqrt(0.95))  # 7.35
+ABOUT = 2 * SETTLING  # ticks to both sides, in which a step is dated
+WINDOWS = 24  # of which each tells a parameter by itself, for people to see
+DATES, LOOKS = 150, 3  # that are tried there, and how often it may turn out to be at the edge
+STEP, DRIFT, SETTLES, RUN = "step", "drift", "settling", "run"
+SHAPES = (STEP, DRIFT, SETTLES, RUN)
+CUT = (STEP, RUN)  # which hold in parts of the recordings wholly, and not at all in the others
+FEWEST_RUNS = 3  # of which one may be unlike the others; of two it is a step
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """A change that would gain: of which parameter, of which shape, when.
+
+    at: of a step, ticks of all recordings one after the other; between: the same of its 95 %
+    interval. rate: of what settles, in ticks; of a run that is unlike the others, where it ends
+    and `at` where it begins. amount: in x of the parameter. gained: in -2 ln, of
+    it phi (`evidence.compared`). price: of having asked for so many.
+    """
+
+    of: str
+    shape: str
+    at: float
+    between: tuple[float, float]
+    rate: float
+    amount: float
+    told: Compared
+    price: float
+
+
+class _Sums(NamedTuple):
+    """Of blocks of rows: J'J (blocks, p, p), J'r (blocks, p), where they begin, in ticks of all."""
+
+    squares: Floats
+    scores: Floats
+    begins: Floats
+    end: float
+
+
+def suspected(h: Hypothesis) -> Suspect | None:
+    """Return the change that a fitted hypothesis would gain most by, None where none would pay."""
+    smooth = {v.of for v in h.model.varying if v.smooth}  # what is left is that it is cut in parts
+    sums = _sums(h)
+    every = [s for shape in SHAPES for s in _best_of(h, sums, shape)]
+    found = [s for s in every if s.shape in CUT or s.of not in smooth]
+    best = max(found, key=lambda s: s.told.gain - s.price, default=None)
+    if best is None:
+        return None
+    # The slopes foretell what it would gain; half of that must pay, or a fit is not worth its time.
+    paid = best.price + 2.0 * best.told.phi * math.log(1e3)
+    return best if best.told.gain > 0.5 * paid else None
+
+
+def _sums(h: Hypothesis) -> _Sums:
+    assert h.slopes is not None
+    o, p = h.noise.observer.deviation.size, h.x.size
+    rows = [e.ticks - SETTLING for e in h.experiments]
+    each = max(TICKS, math.ceil(sum(rows) / BLOCKS))
+    squares: list[Floats] = []
+    scores: list[Floats] = []
+    begins: list[float] = []
+    row, before = 0, 0
+    for e, own in zip(h.experiments, rows, strict=True):
+        edges = np.append(np.arange(0, own, each), own)
+        for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
+            mine = slice((row + a) * o, (row + b) * o)
+            j, r = h.slopes[mine].reshape(-1, p), h.residual[mine]
+            squares.append(j.T @ j)
+            scores.append(j.T @ r)
+            # What was left out while the observer settled is the first block's.
+            begins.append(before + (a + SETTLING if a else 0))
+        row, before = row + own, before + e.ticks
+    return _Sums(np.array(squares), np.array(scores), np.array(begins, dtype=np.float64), before)
+
+
+def _best_of(h: Hypothesis, sums: _Sums, shape: str) -> list[Suspect]:
+    """The best change of one shape of each parameter."""
+    assert h.slopes is not None
+    at, end = sums.begins, sums.end
+    middle = 0.5 * (at + np.append(at[1:], end))
+    if shape == STEP:
+        asked = np.flatnonzero((at > NEAREST) & (at < end - NEAREST))
+        shares = (np.arange(at.size)[None, :] < asked[:, None]).astype(np.float64)
+        times, rates = at[asked], np.zeros(asked.size)
+    elif shape == RUN:
+        ends = np.cumsum([e.ticks for e in h.experiments]).astype(np.float64)
+        times, rates = np.append(0.0, ends[:-1]), ends
+        if ends.size < FEWEST_RUNS or any(e.shares for e in h.experiments):
+            return []
+        shares = ((at >= times[:, None]) & (at < ends[:, None])).astype(np.float64)
+    elif shape == DRIFT:
+        shares, times, rates = (1.0 - middle / end)[None, :], np.zeros(1), np.zeros(1)
+    else:
+        rates = end * np.array(RATES)
+        shares, times = np.exp(-middle[None, :] / rates[:, None]), np.zeros(rates.size)
+    if not shares.size:
+        return []
+    whole = h.slopes.T @ h.slopes
+    inverse = np.linalg.pinv(whole, hermitian=True)
+    left = inverse @ (h.slopes.T @ h.residual)
+    mixed = np.einsum("sb,bij->sij", shares, sums.squares)  # row j: c_j' J
+    own = np.einsum("sb,bjj->sj", shares**2, sums.squares)
+    score = shares @ sums.scores - mixed @ left
+    spread = own - np.einsum("sjk,kl,sjl->sj", mixed, inverse, mixed)
+    known = spread > 1e-6 * own  # else it is what the parameters themselves do
+    spread = np.where(known, spread, np.inf)
+    gained = score**2 / spread
+    found: list[Suspect] = []
+    parameters = h.model.parameters
+    kinds = sum(p.kind != "change" for p in parameters)
+    for j, p in enumerate(parameters):
+        if p.kind == "change":
+            continue
+        i = int(np.argmax(gained[:, j]))
+        if gained[i, j] <= 0.0:
+            continue
+        amount = float(-score[i, j] / spread[i, j])
+        told = _told(h, sums, shares[i], j)
+        near = np.flatnonzero(gained[:, j] > gained[i, j] - DATED * told.phi)
+        # Others between them may gain less: an interval holds them, too.
+        between = (float(times[near[0]]), float(times[near[-1]])) if shape == STEP else (0.0, 0.0)
+        choices = times.size / (near[-1] - near[0] + 1.0) if shape == STEP else times.size
+        price = 2.0 * math.log(kinds * len(SHAPES) * max(1.0, choices)) + RARITY
+        found.append(Suspect(p.name, shape, float(times[i]), between, float(rates[i]), amount,
+                             told, price))  # fmt: skip
+    return found
+
+
+def _told(h: Hypothesis, sums: _Sums, share: Floats, j: int) -> Compared:
+    """What a change gains in stretches of the recordings, as the slopes foretell it."""
+    assert h.slopes is not None
+    p = h.x.size
+    blocks = np.zeros((share.size, p + 1, p + 1))
+    blocks[:, :p, :p] = sums.squares
+    blocks[:, p, :p] = blocks[:, :p, p] = share[:, None] * sums.squares[:, j]
+    blocks[:, p, p] = share**2 * sums.squares[:, j, j]
+    scores = np.column_stack([sums.scores, share * sums.scores[:, j]])
+    total, score = blocks.sum(axis=0), scores.sum(axis=0)
+    total[:p, :p] = h.slopes.T @ h.slopes
+    score[:p] = h.slopes.T @ h.residual
+    with_it = -np.linalg.pinv(total, hermitian=True) @ score
+    inverse = np.linalg.pinv(total[:p, :p], hermitian=True)
+    without = np.append(-inverse @ score[:p], 0.0)
+
+    def costs(d: Floats) -> Floats:
+        return 2.0 * scores @ d + np.einsum("i,bij,j->b", d, blocks, d)
+
+    gains = costs(without) - costs(with_it)
+    foretold = np.einsum("i,bij,j->b", with_it - without, blocks, with_it - without)
+    parts = np.array_split(np.column_stack([gains, foretold]), min(COMPARED, share.size))
+    each = np.array([part.sum(axis=0) for part in parts])
+    return compared(each[:, 0], each[:, 1])
+
+
+def share_at(suspect: Suspect, tick: float, end: float) -> float:
+    """Return how much of a change holds at a tick of all recordings, which end at a tick."""
+    if suspect.shape == STEP:
+        return float(tick < suspect.at)
+    if suspect.shape == RUN:
+        return float(suspect.at <= tick < suspect.rate)
+    return math.exp(-tick / suspect.rate) if suspect.shape == SETTLES else 1.0 - tick / end
+
+
+def cut(experiments: Sequence[Experiment], suspect: Suspect, name: str) -> list[Experiment]:
+    """Return recordings in parts in each of which a change holds as much as in all of it."""
+    end, before = sum(e.ticks for e in experiments), 0
+    found: list[Experiment] = []
+    for e in experiments:
+        step = None if suspect.shape not in CUT else suspect.at - before
+        for a, b in [(0, e.ticks)] if suspect.shape == RUN else _parts(e.ticks, step, end):
+            # In the middle of what counts, once an observer has settled.
+            share = share_at(suspect, before + 0.5 * (a + SETTLING + b), end)
+            part = e.part(a, b) if (a, b) != (0, e.ticks) else e
+            own = ((name, share),) if share else ()
+            found.append(replace(part, shares=(*e.shares, *own)))
+        before += e.ticks
+    return found
+
+
+def _parts(ticks: int, step: float | None, end: int) -> list[tuple[int, int]]:
+    """Where a recording is cut: at a step, or evenly."""
+    if step is not None:
+        # A step that is as near to an end as an observer needs is that end.
+        if step < 2 * SETTLING or step > ticks - 2 * SETTLING:
+            return [(0, ticks)]
+        return [(0, round(step)), (round(step), ticks)]
+    count = max(1, min(round(PIECES * ticks / end), ticks // SHORTEST))
+    edges = np.linspace(0, ticks, count + 1).round().astype(np.int64).tolist()
+    return list(itertools.pairwise(edges))
+
+
+@dataclass(frozen=True)
+class Varied:
+    """A change that was fitted, and how it was asked for.
+
+    hypothesis: with it, on recordings in parts; without: the same parts without. name: of the
+    change; gained: over doing without, all paid.
+    """
+
+    suspect: Suspect
+    name: str
+    hypothesis: Hypothesis
+    without: Hypothesis
+
+    @property
+    def gained(self) -> float:
+        """In -2 ln, all paid."""
+        return self.without.cost.total - self.hypothesis.cost.total - self.suspect.price
+
+
+def varied(h: Hypothesis, suspect: Suspect) -> Varied | None:
+    """Fit a change that is suspected; None where it is not believed. Raises NoObserver."""
+    name = f"change {len(h.model.varying) + 1}"
+    parts = cut(h.experiments, suspect, name)
+    if len({e.shares for e in parts}) < 2:
+        return None
+    without = settled(judged(parts, h.model, h.x, h.family))
+    model = replace(
+        h.model, varying=(*h.model.varying, Varying(name, suspect.of, suspect.shape not in CUT))
+    )
+    begun = judged(parts, model, model.within(np.append(without.x, suspect.amount)), h.family)
+    best = settled(begun)
+    new = replace(best.cost, searched=best.cost.searched + suspect.price)
+    if best.against_physics or not believed(new, without.cost, against(best, without).phi):
+        return None
+    if suspect.shape == STEP:
+        at, between = _dated(h.experiments, best, suspect)
+        suspect = replace(suspect, at=at, between=between)
+        parts = cut(h.experiments, suspect, name)
+        best = settled(judged(parts, model, best.x, h.family))
+        without = settled(judged(parts, h.model, without.x, h.family))
+    return Varied(suspect, name, best, without)
+
+
+def _dated(
+    experiments: Sequence[Experiment], h: Hypothesis, suspect: Suspect
+) -> tuple[float, tuple[float, float]]:
+    """Return when a step is, and the 95 % interval, in ticks of all recordings.
+
+    h: with the step, fitted to the recordings in their parts.
+    """
+    before, place = 0, 0
+    while place < len(experiments) - 1 and suspect.at >= before + experiments[place].ticks:
+        before += experiments[place].ticks
+        place += 1
+    e = experiments[place]
+    at = round(suspect.at) - before
+    if len(_parts(e.ticks, at, 0)) < 2:  # between two recordings: it is not known when
+        return suspect.at, suspect.between
+    half = min(max(ABOUT, round(0.5 * (suspect.between[1] - suspect.between[0]))), e.ticks // 3)
+    ticks, costs, best = np.array([at]), np.zeros(1), 0
+    for _ in range(LOOKS):
+        first, last = max(SETTLING, at - half), min(e.ticks - SETTLING, at + half)
+        ticks = np.unique(np.linspace(first, last, DATES).round().astype(np.int64))
+        costs = _going_through(e, h, ticks, min(e.ticks, last + SETTLING))
+        best = int(np.argmin(costs))
+        at = int(ticks[best])
+        if 0 < best < ticks.size - 1:
+            break
+    near = np.flatnonzero(costs < costs[best] + DATED * suspect.told.phi)
+    # It may be anywhere between two that were tried.
+    ends = ticks[max(0, near[0] - 1)], ticks[min(ticks.size - 1, near[-1] + 1)]
+    return before + at, (float(before + ends[0]), float(before + ends[1]))
+
+
+def _going_through(e: Experiment, h: Hypothesis, ticks: NDArray[np.int64], stop: int) -> Floats:
+    """What a recording costs (ticks,) until a tick where a step is at each of some."""
+    model, x, observer = h.model, h.x, h.noise.observer
+    device = model.acting(x)
+    held = [model.seen(replace(e, shares=(*e.shares, *own)), x)
+            for own in (((model.varying[-1].name, 1.0),), ())]  # fmt: skip
+    early, late = (prepared(own.on(device), SEARCHING) for own in held)
+    places, begun_there = held[0].places(early.coarse.dof), begun(device, held[0], observer)
+    memory, full = memory_at(early, begun_there, device, observer.gain)
+    forces = np.zeros((0, early.coarse.dof))
+
+    def through(side: int, a: int, b: int, memory: Memory) -> Floats:
+        own, eq = held[side], (early, late)[side]
+        return alone(eq.coarse, eq.fine, places, own.command[a:b], own.measured[a:b], full, forces,
+                     memory)  # fmt: skip
+
+    start, here = int(ticks[0]), 0
+    before: list[Floats] = [through(0, 0, start, memory)]
+    costs: list[float] = []
+    for here, tick in zip([start, *ticks[:-1].tolist()], ticks.tolist(), strict=True):
+        before.append(through(0, here, tick, memory))
+        after = through(1, tick, stop, copied(memory))
+        white = observer.weigh(np.concatenate([*before, after]))[start - SETTLING // 2 :]
+        costs.append(float(np.sum(white**2)))
+    return np.nan_to_num(np.array(costs), nan=np.inf, posinf=np.inf)
+
+
+def with_varying(h: Hypothesis, model: Model, parts: Sequence[Experiment]) -> Hypothesis:
+    """Return a rival of a hypothesis that varies, fitted anew to the same parts."""
+    own = replace(h.model, varying=model.varying)
+    more = len(own.parameters) - h.x.size
+    return settled(judged(parts, own, np.append(h.x, np.zeros(more)), h.family))
+
+
+class Course(NamedTuple):
+    """A parameter in windows of recordings: seconds (windows,) from the first sample on, in x."""
+
+    times: Floats
+    x: Floats
+    errors: Floats
+
+
+def course(h: Hypothesis, index: int) -> Course:
+    """Return a parameter as each window of the recordings tells it by itself, to first order.
+
+    All others are the same everywhere. h: fitted, with the parameter the same everywhere as well.
+    """
+    sums, p = _sums(h), h.x.size
+    assert h.slopes is not None
+    windows = np.array_split(np.arange(sums.begins.size), min(WINDOWS, sums.begins.size))
+    others = [i for i in range(p) if i != index]
+    size = len(others) + len(windows)
+    rest = slice(0, len(others))
+    total, score = np.zeros((size, size)), np.zeros(size)
+    whole, residual = h.slopes.T @ h.slopes, h.slopes.T @ h.residual
+    total[rest, rest], score[rest] = whole[np.ix_(others, others)], residual[others]
+    times: list[float] = []
+    ends = np.append(sums.begins[1:], sums.end)
+    for w, blocks in enumerate(windows):
+        at, own = len(others) + w, sums.squares[blocks].sum(axis=0)
+        total[at, at] = own[index, index]
+        total[at, rest] = total[rest, at] = own[index, others]
+        score[at] = sums.scores[blocks].sum(axis=0)[index]
+        times.append(0.5 * float(sums.begins[blocks[0]] + ends[blocks[-1]]))
+    inverse = np.linalg.pinv(total, hermitian=True)
+    moved = -(inverse @ score)[len(others) :]
+    errors = np.sqrt(np.maximum(np.diag(inverse)[len(others) :], 0.0))
+    return Course(h.experiments[0].period * np.array(times), h.x[index] + moved, errors)

@@ -1,0 +1,234 @@
+"""What formula a learned law looks like: the smallest of the field's forms within its band.
+
+A law is known at its points with the covariance C of the fit, so a form g(s; theta) is as far from
+it as
+
+    d^2 = (f - g)' C^-1 (f - g),
+
+least over theta by weighted least squares. What else the fit cannot tell from the law is in C: of a
+table of velocity the straight part is the damper's as well, so that forms are told apart by what
+bends, and a form may have any straight part that C allows. A form costs d^2 + k ln m of its k
+numbers, m points; it is within the band where chance makes d^2 as large in one of a hundred fits.
+The cheapest is said, with those it cannot be told from (`CLOSE`).
+
+The forms are those of the field: straight lines, powers, a drag of two powers, saturations (tanh,
+arctangent, a clipped line), dead zones and stops, exponentials, bumps, sines, magnets. Limits: a
+curve of some ten points tells few numbers; a form is a description over the range that was seen,
+and no law beyond it.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.stats import chi2
+
+Floats = NDArray[np.float64]
+WITHIN = 0.01  # chance of a distance as large, above which a form is within the band
+CLOSE = 6.0  # of cost, within which forms are not told apart
+COARSE = 5e-3  # of the largest point: what the curve between points errs by, they carry
+POWERS = (0.1, 10.0)  # within which a power, a place (of the range) and a width are sought
+PLACES = 2.0
+WIDTHS = (1e-2, 1e2)
+STARTS = (0.1, 0.25, 0.5, 1.0, 2.0)  # of the range, for widths and corners
+
+
+@dataclass(frozen=True)
+class Form:
+    """A form: its law at states given the linear factors' columns, and how it is written.
+
+    columns(s, shape): what linear factors multiply, (points, factors); shape: numbers that are no
+    factors, over the range R of the states, from `starts`.
+    """
+
+    name: str
+    text: str
+    factors: tuple[str, ...]
+    shape: tuple[str, ...]
+    columns: Callable[[Floats, Floats], Floats]
+    starts: tuple[tuple[float, ...], ...] = ((),)
+    odd: bool = True
+
+
+@dataclass(frozen=True)
+class Formula:
+    """A form fitted to a law: its numbers by name, its distance, and what it costs."""
+
+    form: Form
+    numbers: dict[str, float]
+    distance: float
+    cost: float
+    chance: float
+
+    @property
+    def within(self) -> bool:
+        """Whether the law's band holds it."""
+        return self.chance > WITHIN
+
+    def at(self, states: Floats) -> Floats:
+        """Return it at some states (...,)."""
+        shape = np.array([self.numbers[n] for n in self.form.shape])
+        factors = np.array([self.numbers[n] for n in self.form.factors])
+        return self.form.columns(np.asarray(states, dtype=np.float64), shape) @ factors
+
+    def text(self, state: str) -> str:
+        """Return it as a formula of a state's letter, with its numbers."""
+        numbers = {name: f"{value:.3g}" for name, value in self.numbers.items()}
+        return self.form.text.format(s=state, **numbers).replace("+ -", "- ").replace("- -", "+ ")
+
+
+def _columns(*parts: Floats) -> Floats:
+    return np.stack(np.broadcast_arrays(*parts), axis=-1)
+
+
+def _odd_power(s: Floats, p: Floats | float) -> Floats:
+    return np.sign(s) * np.abs(s) ** p
+
+
+FORMS = (
+    Form("straight line", "{a} {s}", ("a",), (), lambda s, _: _columns(s)),
+    Form("offset", "{c}", ("c",), (), lambda s, _: _columns(np.ones_like(s)), odd=False),
+    Form("line", "{c} + {a} {s}", ("c", "a"), (), lambda s, _: _columns(np.ones_like(s), s),
+         odd=False),
+    Form("square", "{a} {s} |{s}|", ("a",), (), lambda s, _: _columns(s * np.abs(s))),
+    Form("cube", "{a} {s}^3", ("a",), (), lambda s, _: _columns(s**3)),
+    Form("power", "{a} sign({s}) |{s}|^{p}", ("a",), ("p",),
+         lambda s, t: _columns(_odd_power(s, t[0])),
+         ((0.5,), (1.5,), (2.5,), (4.0,))),
+    Form("line and square", "{a} {s} + {b} {s} |{s}|", ("a", "b"), (),
+         lambda s, _: _columns(s, s * np.abs(s))),
+    Form("line and cube", "{a} {s} + {b} {s}^3", ("a", "b"), (), lambda s, _: _columns(s, s**3)),
+    Form("parabola", "{c} + {a} {s} + {b} {s}^2", ("c", "a", "b"), (),
+         lambda s, _: _columns(np.ones_like(s), s, s**2), odd=False),
+    Form("saturation", "{a} tanh({s} / {w})", ("a",), ("w",),
+         lambda s, t: _columns(np.tanh(s / t[0])),
+         tuple((w,) for w in STARTS)),
+    Form("arctangent", "{a} atan({s} / {w})", ("a",), ("w",),
+         lambda s, t: _columns(np.arctan(s / t[0])), tuple((w,) for w in STARTS)),
+    Form("clipped line", "{a} clip({s}, -{w}, {w})", ("a",), ("w",),
+         lambda s, t: _columns(np.clip(s, -abs(t[0]), abs(t[0]))), tuple((w,) for w in STARTS)),
+    Form("dead zone", "{a} ({s} - clip({s}, -{w}, {w}))", ("a",), ("w",),
+         lambda s, t: _columns(s - np.clip(s, -abs(t[0]), abs(t[0]))),
+         tuple((w,) for w in STARTS)),
+    Form("saturation and line", "{a} tanh({s} / {w}) + {b} {s}", ("a", "b"), ("w",),
+         lambda s, t: _columns(np.tanh(s / t[0]), s), tuple((w,) for w in STARTS)),
+    Form("stop above", "{a} max({s} - {m}, 0)", ("a",), ("m",),
+         lambda s, t: _columns(np.maximum(s - t[0], 0.0)),
+         tuple((w,) for w in (-0.5, 0.0, 0.25, 0.5, 0.75)), odd=False),
+    Form("stop below", "{a} min({s} - {m}, 0)", ("a",), ("m",),
+         lambda s, t: _columns(np.minimum(s - t[0], 0.0)),
+         tuple((w,) for w in (-0.75, -0.5, -0.25, 0.0, 0.5)), odd=False),
+    Form("exponential", "{c} + {a} exp({s} / {w})", ("c", "a"), ("w",),
+         lambda s, t: _columns(np.ones_like(s), np.exp(np.clip(s / t[0], -50.0, 50.0))),
+         ((0.3,), (-0.3,), (1.0,), (-1.0,)), odd=False),
+    Form("bump", "{c} + {a} exp(-({s} - {m})^2 / (2 {w}^2))", ("c", "a"), ("m", "w"),
+         lambda s, t: _columns(np.ones_like(s), np.exp(-0.5 * ((s - t[0]) / t[1]) ** 2)),
+         tuple((m, w) for m in (-0.5, 0.0, 0.5) for w in (0.15, 0.4)), odd=False),
+    Form("magnet", "{a} {s} / ({w}^2 + {s}^2)", ("a",), ("w",),
+         lambda s, t: _columns(s / (t[0] ** 2 + s**2)), tuple((w,) for w in STARTS)),
+    Form("sine", "{c} + {a} sin({s} / {w}) + {b} cos({s} / {w})", ("c", "a", "b"), ("w",),
+         lambda s, t: _columns(np.ones_like(s), np.sin(s / t[0]), np.cos(s / t[0])),
+         tuple((w,) for w in (0.07, 0.1, 0.15, 0.25, 0.4, 0.7)), odd=False),
+)  # fmt: skip
+
+
+# Each form as the formula of an effect (`sim/physics/own.py`) over a state s, and the powers of the
+# state by which its factors are less than the law.
+LAWS: dict[str, tuple[str, tuple[int, ...]]] = {
+    "straight line": ("a * s", (1,)),
+    "offset": ("c", (0,)),
+    "line": ("c + a * s", (0, 1)),
+    "square": ("a * s * abs(s)", (2,)),
+    "cube": ("a * s**3", (3,)),
+    "power": ("a * sign(s) * abs(s)**p", (0,)),
+    "line and square": ("a * s + b * s * abs(s)", (1, 2)),
+    "line and cube": ("a * s + b * s**3", (1, 3)),
+    "parabola": ("c + a * s + b * s**2", (0, 1, 2)),
+    "saturation": ("a * tanh(s / w)", (0,)),
+    "arctangent": ("a * atan(s / w)", (0,)),
+    "clipped line": ("a * clip(s, -w, w)", (1,)),
+    "dead zone": ("a * (s - clip(s, -w, w))", (1,)),
+    "saturation and line": ("a * tanh(s / w) + b * s", (0, 1)),
+    "stop above": ("a * max(s - m, 0)", (1,)),
+    "stop below": ("a * min(s - m, 0)", (1,)),
+    "exponential": ("c + a * exp(clip(s / w, -50, 50))", (0, 0)),
+    "bump": ("c + a * exp(-0.5 * ((s - m) / w)**2)", (0, 0)),
+    "magnet": ("a * s / (w**2 + s**2)", (-1,)),
+    "sine": ("c + a * sin(s / w) + b * cos(s / w)", (0, 0, 0)),
+}
+
+
+def formulas(states: Floats, forces: Floats, covariance: Floats, odd: bool) -> list[Formula]:
+    """Return what a law looks like, the cheapest first: that, and what it is not told from.
+
+    states, forces (points,): of the law, covariance (points, points) of the forces. Empty where no
+    form is within the band.
+    """
+    if odd:  # nothing at nothing is known for certain, and says nothing
+        states, forces, covariance = states[1:], forces[1:], covariance[1:, 1:]
+    size = float(np.abs(forces).max())
+    if size == 0.0 or states.size < 2:
+        return []
+    known = covariance + np.eye(states.size) * (COARSE * size) ** 2
+    weigh = np.asarray(np.linalg.inv(np.linalg.cholesky(known)), dtype=np.float64)
+    found = [
+        fitted
+        for form in FORMS
+        if (form.odd or not odd)
+        and (fitted := _fitted(form, states, forces, weigh)) is not None
+        and fitted.within
+    ]
+    found.sort(key=lambda f: f.cost)
+    return [f for f in found if f.cost < found[0].cost + CLOSE]
+
+
+def _fitted(form: Form, states: Floats, forces: Floats, weigh: Floats) -> Formula | None:
+    """A form at its nearest to a law; None where the law has no more points than it has numbers."""
+    count = len(form.factors) + len(form.shape)
+    if states.size <= count:
+        return None
+    reach = float(np.abs(states).max())
+    target = weigh @ forces
+
+    def linear(shape: Floats) -> tuple[Floats, Floats]:
+        columns = weigh @ form.columns(states, shape)
+        factors = np.asarray(np.linalg.lstsq(columns, target, rcond=1e-12)[0], dtype=np.float64)
+        return factors, target - columns @ factors
+
+    best: tuple[float, Floats] | None = None
+    for start in form.starts:
+        shape = np.array([v * _unit(n, reach) for n, v in zip(form.shape, start, strict=True)])
+        if form.shape:
+            limits = [_limits(n, v, reach) for n, v in zip(form.shape, start, strict=True)]
+            bounds = [low for low, _ in limits], [high for _, high in limits]
+            scale = [_unit(n, reach) for n in form.shape]
+            shape = least_squares(lambda t: linear(t)[1], shape, bounds=bounds, x_scale=scale).x
+        squares = float(np.sum(linear(shape)[1] ** 2))
+        if math.isfinite(squares) and (best is None or squares < best[0]):
+            best = squares, shape
+    if best is None:
+        return None
+    squares, shape = best
+    numbers = dict(zip(form.factors, linear(shape)[0].tolist(), strict=True))
+    numbers |= dict(zip(form.shape, (float(v) for v in shape), strict=True))
+    chance = float(chi2.sf(squares, states.size - count))
+    cost = squares + count * math.log(states.size)
+    return Formula(form, numbers, squares, cost, chance)
+
+
+def _unit(name: str, reach: float) -> float:
+    """What a number of a shape is counted in: powers are numbers, all others are states."""
+    return 1.0 if name == "p" else reach
+
+
+def _limits(name: str, start: float, reach: float) -> tuple[float, float]:
+    """Bounds of a number of a shape: a power, a place, or a width, which keeps its sign."""
+    if name == "p":
+        return POWERS
+    if name == "m":
+        return -PLACES * reach, PLACES * reach
+    low, high = (math.copysign(w * reach, start) for w in WIDTHS)
+    return min(low, high), max(low, high)

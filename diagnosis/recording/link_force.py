@@ -1,0 +1,49 @@
+"""The force of a link, read by a load cell, as what the link gives way.
+
+A load cell between two masses is a spring of known stiffness K, so that its reading
+
+    F = K (q_i - q_j)    gives    q_i - q_j = F / K,
+
+the deflection of the link: a measurement that says nothing of where the device is, and much of what
+stands on either side of the cell. K is that of the link in the device file. A cell is calibrated,
+so its K is held to be known well; a link whose stiffness is a guess is no load cell, and a wrong K
+shows as a deflection that counts wrong.
+
+Limits: a cell without a damper, whose force is that of its spring alone.
+"""
+
+import re
+
+from zwidth.sim.device import Device
+from zwidth.sim.trace import Trace
+
+LINK_FORCE = re.compile(r"force_(link([1-4])([2-5]))$")
+
+
+def told_by_links(trace: Trace, device: Device, name: str) -> tuple[Trace, tuple[str, ...]]:
+    """Return a trace with the deflections that forces of links tell, and what to say of them.
+
+    A force of a link that the device does not have is left as it is, and so is one beside a
+    deflection that was measured itself.
+    """
+    channels, units = dict(trace.channels), dict(trace.units)
+    said: list[str] = []
+    springs = device.chain.link_springs
+    for channel in trace.channels:
+        match = LINK_FORCE.match(channel)
+        if match is None or int(match[3]) != int(match[2]) + 1 or int(match[2]) > springs.size:
+            continue
+        deflection = f"position_{match[1]}"
+        if deflection in channels:
+            continue
+        stiffness = float(springs[int(match[2]) - 1])
+        channels[deflection] = trace[channel] / stiffness
+        units[deflection] = "rad" if device.rotary else "m"
+        unit = "N m/rad" if device.rotary else "N/m"
+        said.append(
+            f"{channel} of {name} is taken as what {match[1]} gives way, at the {stiffness:.6g}"
+            f" {unit} of the device file"
+        )
+    if not said:
+        return trace, ()
+    return Trace(trace.t, channels, units, trace.origin, trace.facts), tuple(said)
