@@ -89,7 +89,7 @@ def as_seen(e: Experiment, origin: float | None) -> Experiment:
 
     origin: in units of the rms motion, None for none. JSON has None, too, for what is not finite.
     """
-    still = np.array([o.quantity == "position" for o in e.outputs])
+    still = np.array([o.tells_position for o in e.outputs])
     before = None if e.before is None else as_seen(e.before, origin)
     return replace(e, measured=e.measured - (origin or 0.0) * e.swing * still, before=before)
 

@@ -22,6 +22,7 @@ from zwidth.planning.limits import SHOWN, limit
 from zwidth.planning.reference import Reference, reference
 from zwidth.planning.rehearsal import Noise, rehearse
 from zwidth.planning.separation import shapes
+from zwidth.shown import Shown
 from zwidth.sim.device import Device, place_label
 from zwidth.sim.physics import EFFECTS, contains
 from zwidth.sim.physics.effect import Physics
@@ -71,8 +72,8 @@ class Confusable:
     better_sigma: float | None = None
 
 
-@dataclass(frozen=True)
-class Plan:
+@dataclass(frozen=True, repr=False)
+class Plan(Shown):
     """What a recording of an excitation would show.
 
     labels and distances (effects, rivals): distances[i, j] in sigma, of effect i at three times its

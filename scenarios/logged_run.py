@@ -20,7 +20,9 @@ from zwidth.scenarios.run_events import EventFinder, ending
 from zwidth.scenarios.run_verdict import run_verdict
 from zwidth.scenarios.scenario import Scenario
 from zwidth.scenarios.scenario_file import scenario_to_text
+from zwidth.shown import Shown
 from zwidth.sim.device_file import device_to_text, model_hash
+from zwidth.sim.physics.own import OWN
 from zwidth.sim.run import BLOCK_TICKS, Outcome, Run, Setup
 from zwidth.sim.trace import Trace
 
@@ -37,8 +39,8 @@ class Block(NamedTuple):
     outcome: Outcome
 
 
-@dataclass(frozen=True)
-class LoggedRun:
+@dataclass(frozen=True, repr=False)
+class LoggedRun(Shown):
     """A finished run and its log: the file, the events and metadata in it."""
 
     run: Run
@@ -169,7 +171,9 @@ def _description(scenario: Scenario) -> dict[str, str]:
     for fact in ("function", "source_sha256"):
         if fact in law.facts:
             known[f"controller_{fact}"] = str(law.facts[fact])
-    return known
+    own = {f"effect_{p.effect.name}": OWN[p.effect.name].source for p in scenario.device.physics
+           if p.effect.name in OWN}  # fmt: skip
+    return known | own
 
 
 def _conclusion(scenario: Scenario, trace: Trace, outcome: Outcome) -> dict[str, str]:

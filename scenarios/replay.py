@@ -1,7 +1,7 @@
 """Replay a log: from the file alone, simulate the run again and compare it bit for bit."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from os import PathLike
 
 from zwidth.logs.mcap_reader import Log, read_log
@@ -11,27 +11,31 @@ from zwidth.scenarios.exact import with_computed
 from zwidth.scenarios.logged_run import COMPUTED, SCENARIO, run_blocks, zwidth_version
 from zwidth.scenarios.scenario import Scenario
 from zwidth.scenarios.scenario_file import scenario_from_text
+from zwidth.shown import Shown
 from zwidth.sim.controller import Step
+from zwidth.sim.physics.own import OWN
 from zwidth.sim.run import Setup
+from zwidth.sim.trace import Trace
 
 
 class ReplayError(ValueError):
     """A log that cannot be replayed; the message is one sentence."""
 
 
-@dataclass(frozen=True)
-class ReplayResult:
+@dataclass(frozen=True, repr=False)
+class ReplayResult(Shown):
     """Whether a log and its replay are equal bit for bit.
 
     ticks: how many the log holds, all of which were compared up to the first difference (None
     where they are identical). notes: a sentence on everything that limits what this shows (a log
-    cut short, another source of the user's controller, another version).
+    cut short, another source of the user's controller, another version). trace: what was logged.
     """
 
     identical: bool
     ticks: int
     first_difference: Difference | None
     notes: tuple[str, ...] = ()
+    trace: Trace | None = field(default=None, compare=False)
 
 
 def replay(path: str | PathLike[str], controller: Step | None = None) -> ReplayResult:
@@ -54,7 +58,7 @@ def replay(path: str | PathLike[str], controller: Step | None = None) -> ReplayR
         raise ReplayError(f"{log.path}: {error}") from None
     notes = [*log.warnings, *_doubts(log, scenario), *notes]
     found = _first_difference(log, scenario, setup)
-    return ReplayResult(found is None, len(log.tick), found, tuple(notes))
+    return ReplayResult(found is None, len(log.tick), found, tuple(notes), log.tick)
 
 
 def _attachment(log: Log, name: str) -> bytes:
@@ -89,6 +93,10 @@ def _doubts(log: Log, scenario: Scenario) -> Iterator[str]:
             f"the source of {scenario.controller.facts.get('function')} is not the one that ran"
             f" as {function} when the log was written"
         )
+    for name, own in OWN.items():
+        source = log.metadata.get(f"effect_{name}")
+        if source is not None and source != own.source:
+            yield f"{own.file} is not the effect {name} with which the log was written"
 
 
 def _first_difference(log: Log, scenario: Scenario, setup: Setup) -> Difference | None:

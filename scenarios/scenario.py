@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.scenarios.disturbance import Disturbance
+from zwidth.shown import Shown
 from zwidth.sim.controller import Controller
 from zwidth.sim.device import Device
 from zwidth.sim.equations import enough_substeps
@@ -21,8 +22,8 @@ LARGEST_SEED = 2**53  # whole numbers up to here survive every reader of TOML an
 SUBSTEPS = 10  # per tick, where one is not exact
 
 
-@dataclass(frozen=True, eq=False)
-class Scenario:
+@dataclass(frozen=True, eq=False, repr=False)
+class Scenario(Shown):
     """A device under a controller, from a start, under disturbances, for `duration` seconds.
 
     seed: of every random number in the run. substeps a tick: 0 for one where that is exact, ten

@@ -25,6 +25,7 @@ from zwidth.sim.device_file import (
     device_from_text,
     device_to_text,
     load_device,
+    other_kind,
     shipped_devices,
 )
 from zwidth.sim.nearest import nearest
@@ -70,6 +71,8 @@ def scenario_from_text(
         values = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise ScenarioError(f"{where}: this is not TOML: {error}") from None
+    if other := other_kind(values, "scenario"):
+        raise ScenarioError(f"{where}: {other}")
     try:
         return _scenario(values, files or _beside(Path(where)), step)
     except ValueError as error:

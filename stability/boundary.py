@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.shown import Shown
 from zwidth.sim.device import Device
 from zwidth.stability.bisection import Bracket, Search, Trial, find_brackets
 from zwidth.stability.linear import boundary, corner, last_stable_damping
@@ -30,8 +31,8 @@ class BoundaryPoint:
         return self.linear.damping
 
 
-@dataclass(frozen=True)
-class Boundary:
+@dataclass(frozen=True, repr=False)
+class Boundary(Shown):
     """The stability boundary of a device over virtual damping."""
 
     device: Device

@@ -8,7 +8,7 @@ from contextlib import nullcontext
 from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from zwidth.files.whole import write_bytes
 from zwidth.jobs.executor import Executor, Local
 from zwidth.jobs.only_driver import only_driver
 from zwidth.jobs.store import PartStore
+from zwidth.shown import Shown
 from zwidth.sim.device_file import device_to_text
 from zwidth.sim.jit import cache_folder
 from zwidth.stability.adaptive import filled, rounds, side
@@ -26,12 +27,15 @@ from zwidth.stability.map_parts import run_parts
 from zwidth.stability.plane import Floats, Plane
 from zwidth.stability.plane_theory import linear_radius
 
+if TYPE_CHECKING:
+    from xarray import Dataset
+
 WHAT = ("map", "plane")  # what its folder holds, and of what
 CHUNK = 512  # points a part: what is lost at most, for each core, when a run is stopped
 
 
-@dataclass(frozen=True)
-class FateMap:
+@dataclass(frozen=True, repr=False)
+class FateMap(Shown):
     """A finished map. x, y: lattice values; fates, flat, and run: (y, x).
 
     run: points that were simulated; the others lie among points of one fate and have theirs.
@@ -140,15 +144,23 @@ def description(plane: Plane, coarse: int, levels: int) -> dict[str, Any]:
 def save_map(result: FateMap, file: Path, *, overwrite: bool = False) -> Path:
     """Write a map as NetCDF with units and attributes, whole or not at all; returns the path.
 
+    Its dimensions are the quantities of its axes: (K, B) for the usual map.
     The same map gives the same bytes. A file stands in the way unless this function wrote it and
     nobody has edited it since; overwrite: write over it. Raises Protected then, OSError.
     """
+    with writing_as("save_map", overwrite):
+        return write_bytes(file, bytes(map_dataset(result).to_netcdf(engine="scipy")))
+
+
+def map_dataset(result: FateMap) -> "Dataset":
+    """Return a map as an `xarray.Dataset` with units, over y and x."""
     import xarray  # takes half a second, and only who saves a map needs it
 
     plane = result.plane
     unit, force = ("rad", "N m") if plane.device.rotary else ("m", "N")
     rests, grows = result.transitions()
-    whole = ("y", "x")
+    across, up = (dimension(axis.quantity) for axis in (plane.x, plane.y))
+    whole = (up, across)
     contents: dict[str, Any] = {
         "fate": (whole, result.fates.fate, {
             "flag_values": np.array([int(f) for f in Fate], dtype=np.int8),
@@ -160,12 +172,14 @@ def save_map(result: FateMap, file: Path, *, overwrite: bool = False) -> Path:
         "frequency": (whole, result.fates.frequency, {"units": "Hz"}),
         "run": (whole, result.run.astype(np.int8), {"long_name": "simulated, not filled in"}),
         "linear": (whole, result.linear, {"long_name": "spectral radius less one"}),
-        "rests_up_to": ("x", rests, {"long_name": "y up to which all runs rest"}),
-        "grows_from": ("x", grows, {"long_name": "y from which a run grows"}),
+        "rests_up_to": (across, rests, {"long_name": f"{up} up to which all runs rest",
+                                        "units": units_of(plane, plane.y.quantity)}),
+        "grows_from": (across, grows, {"long_name": f"{up} from which a run grows",
+                                       "units": units_of(plane, plane.y.quantity)}),
     }  # fmt: skip
     axes = {
         name: (name, values, {"long_name": axis.quantity, "units": units_of(plane, axis.quantity)})
-        for name, values, axis in (("x", result.x, plane.x), ("y", result.y, plane.y))
+        for name, values, axis in ((across, result.x, plane.x), (up, result.y, plane.y))
     }
     identity = description(plane, 3, 0)
     attributes = {
@@ -177,9 +191,12 @@ def save_map(result: FateMap, file: Path, *, overwrite: bool = False) -> Path:
         "perceptible": plane.perceptible,
         "one_sided": int(plane.one_sided),
     }
-    data = xarray.Dataset(contents, axes, attributes)
-    with writing_as("save_map", overwrite):
-        return write_bytes(file, bytes(data.to_netcdf(engine="scipy")))
+    return xarray.Dataset(contents, axes, attributes)
+
+
+def dimension(quantity: str) -> str:
+    """Return the name of a quantity's dimension in a file, where `amplitude` is a result."""
+    return "start_amplitude" if quantity == "amplitude" else quantity
 
 
 def units_of(plane: Plane, quantity: str) -> str:

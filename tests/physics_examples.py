@@ -8,6 +8,7 @@ from zwidth.sim.device_file import load_device
 from zwidth.sim.interface import Interface
 from zwidth.sim.physics import EFFECTS, make_physics
 from zwidth.sim.physics.effect import Effect, Physics
+from zwidth.sim.physics.free_law import points_of, table_values
 from zwidth.sim.place import place_at
 
 EXAMPLES: dict[str, dict[str, float]] = {
@@ -43,6 +44,10 @@ EXAMPLES: dict[str, dict[str, float]] = {
     "encoder_step": {"step": 1e-5},
     "encoder_eccentricity": {"amplitude": 1e-4, "period": 0.05, "phase": 1.0},
     "rectified_sensor": {},
+    "free_spring": table_values([(-0.01, 2e-3), (0.0, 0.0), (0.02, -3e-3)]),
+    "free_damper": table_values([(0.0, 0.0), (0.2, -1e-3), (1.0, -2e-3)], odd=True),
+    "free_amplifier": table_values([(-0.05, 3e-3), (0.0, 0.0), (0.05, 2e-3)]),
+    "free_sensor": table_values([(-0.01, 1e-5), (0.0, 0.0), (0.01, 2e-5)]),
 }
 
 MASSES = 3  # of the PHANToM
@@ -96,3 +101,13 @@ def neutral(effect: Effect, at: str) -> Physics:
         for p in effect.parameters
     }
     return Physics(effect, at, values)
+
+
+def entry_of(name: str, place: str) -> list[str]:
+    """Return the lines of an example in a device file, without their header."""
+    values = EXAMPLES[name]
+    entry = [f'effect = "{name}"', f'at = "{place}"']
+    if EFFECTS[name].sought != "learned":
+        return entry + [f"{key} = {value!r}" for key, value in values.items()]
+    rows = [list(point) for point in points_of(values)]
+    return [*entry, f"odd = {str(values['odd'] > 0.5).lower()}", f"table = {rows}"]

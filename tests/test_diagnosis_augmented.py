@@ -47,7 +47,7 @@ LIBRARY = [
     label_of(effect.name, place_at(place))
     for effect in ALL_EFFECTS.values()
     for place in effect.places
-    if effect.sought not in (*ELSEWHERE, "given")
+    if effect.sought not in (*ELSEWHERE, "given", "learned")
     if place != "sensor"
     if place_at(place).masses_needed <= phantom().chain.masses.size
 ]

@@ -42,7 +42,8 @@ MOTOR = Device("motor", "", True, make_chain([1.2e-3], [6e-3]), Interface(period
 
 # What is said where the device file leaves the command's scale open, and only there.
 SCALE = (
-    "the command's scale: 0.938 [0.92, 0.95]; forces, masses, springs and dampers all scale with it"
+    "the command's scale: 0.938 (0.920 to 0.950);"
+    " forces, masses, springs and dampers all scale with it"
 )
 
 
@@ -76,8 +77,15 @@ def test_diagnose_from_file_to_report(
     level = result["findings"][0]["parameters"]["level"]["value"]
     assert augmented.physics[0].values["level"] == pytest.approx(level, rel=1e-9)
     page = Path(result["report"]).read_text(encoding="utf-8")
-    assert "Identified" in page
-    assert " ".join(["zwidth", *line]) in html.unescape(page)
+    assert result["headline"].startswith("Coulomb friction of ")
+    assert result["headline"].endswith(" at the motor is missing from the simulation")
+    assert f"<h1>{result['headline']}</h1>" in page
+    assert " ".join(["zwidth", *line, "--json", "o/r.json"]) in html.unescape(page)
+    assert f"cd {tmp_path} &amp;&amp; zwidth diagnose" in page
+    first, where = page.index("<img"), page.index("Where simulation and recording part")
+    assert "beside free runs before and after" in page[first:where]  # the first picture
+    assert 'class="warning"' not in page
+    assert result["warnings"] == []
     assert "command's scale" not in html.unescape(page)
     assert "gain" not in result["linear_refit"]
     assert ">nan<" not in page
@@ -89,6 +97,7 @@ def test_diagnose_from_file_to_report(
     assert whole["share"]["after"] == pytest.approx(whole["rms"]["after"] / whole["motion_rms"])
     out, err = capsys.readouterr()
     assert "... " not in out
+    assert f"\n{result['headline']}\n" in out
     assert "command's scale" not in out
     assert " s  locating" in err
     residual, recording = read_log(result["logs"][0]), load_log("swing.toml")
@@ -127,15 +136,15 @@ def _what_else_it_may_say(
     line = ["diagnose", "swing.toml", "sub/swing.toml", "--device", "known.toml", "--out", "o"]
     assert run(line) == 130
     out, _ = capsys.readouterr()
-    assert "\ninterrupted, so only what was found until then: identified: " in out
+    assert "\ninterrupted, so only what was found until then: Coulomb friction of " in out
     assert "augmented.toml\nthe command counts 0.938 times in the augmented device" in out
     assert f"\n{SCALE}\n" in out
     assert "gain  " not in out
     assert "swing.diagnosis.mcap\nwrote o/swing-2.diagnosis.mcap\n" in out
     page = Path("o/swing.diagnosis.html").read_text(encoding="utf-8")
-    assert '<p class="verdict">Interrupted, so only what was found until then: ' in page
-    assert "coulomb_friction at m1</td>" in page
-    assert "<td>below 0.001 N m</td>" in page
+    assert '<p class="verdict">Interrupted, so only what was found until then: Identified. ' in page
+    assert "Coulomb friction at the motor</td>" in page
+    assert "<td>below 1 mN m</td>" in page
     assert "The command counts 0.938 times in the augmented device" in page
     assert SCALE[1:] in html.unescape(page)
     assert '<td class="text">gain</td>' not in page

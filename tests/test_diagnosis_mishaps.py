@@ -331,7 +331,7 @@ def test_one_recording_of_several_that_fails_costs_itself_alone(
         ("picture", "diagnosis_report.residual_figure", 0),
         ("picture", "diagnosis_report.augmented_boundary_figure", 0),
         ("log", "commands.diagnose.diagnosis_trace", 1),
-        ("augmented device", "commands.diagnose.device_to_text", 1),
+        ("augmented device", "commands.diagnose.commented_text", 1),
         ("report", "diagnosis_report.page", 1),
     ],
 )
@@ -408,7 +408,7 @@ def test_a_velocity_alone_gets_a_next_experiment(
     assert answer["errors"] == []
     assert answer["next_experiment"]["separates"] == ["coulomb_friction@m1", "dead_band@command"]
     assert Path(answer["next_experiment"]["scenario"]).exists()
-    assert "to tell coulomb_friction at m1 from dead_band at command" in capsys.readouterr().out
+    assert "to tell coulomb friction at m1 from dead band at command" in capsys.readouterr().out
 
 
 def test_a_friction_beside_a_fast_mode_is_searched():

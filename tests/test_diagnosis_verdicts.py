@@ -1,5 +1,6 @@
 """Recordings with a known cause: what the diagnosis says of them."""
 
+import html
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -42,7 +43,7 @@ from zwidth.diagnosis.selection.effort import NORMAL, QUICK
 from zwidth.diagnosis.selection.hypothesis import judged, settled
 from zwidth.diagnosis.selection.search import Search
 from zwidth.diagnosis.selection.searched import Searched, as_found
-from zwidth.diagnosis_report import Commands, save_report, sentence
+from zwidth.diagnosis_report import Commands, save_report
 from zwidth.sim.device import Device, known
 from zwidth.sim.device_file import device_from_text, device_to_text
 from zwidth.sim.physics import make_physics, richer_at
@@ -100,7 +101,7 @@ def test_the_effect_is_named_with_its_parameter(
     page = save_report(
         found, ["r"], Commands("zwidth diagnose r", "zwidth explore d"), tmp_path / "r.html"
     ).read_text()
-    assert sentence(found.sentence) in page
+    assert found.headline in html.unescape(page)
     assert page.count("data:image/svg+xml;base64,") == 3
 
 
@@ -190,7 +191,7 @@ def test_a_step_is_told_with_its_unit():
     both = replace(e, measured=coarse, outputs=(Output("position", 0), Output("velocity", 0)))
     steps = [f for f in examine(phantom(), [both]) if f.kind.endswith("_step")]
     assert [f.kind for f in steps] == ["encoder_step", "velocity_step"]
-    assert [f.sentence.split("steps of ")[1] for f in steps] == ["0.001 rad", "0.001 rad/s"]
+    assert [f.sentence.split("steps of ")[1] for f in steps] == ["1 mrad", "1 mrad/s"]
 
 
 def test_encoder_steps_are_seen():

@@ -1,4 +1,4 @@
-"""exp, log, sin, cos and tanh of our own: against a library's, alone and in lanes."""
+"""exp, log, sin, cos, tanh and atan of our own: against a library's, alone and in lanes."""
 
 import math
 from collections.abc import Callable
@@ -21,8 +21,9 @@ ARGUMENTS: dict[str, Floats] = {
     "sin": np.concatenate([RNG.uniform(-1e6, 1e6, COUNT), 3.0 * NEAR]),
     "cos": np.concatenate([RNG.uniform(-1e6, 1e6, COUNT), 3.0 * NEAR]),
     "tanh": np.concatenate([RNG.uniform(-20.0, 20.0, COUNT), 0.5 * NEAR]),
+    "atan": np.concatenate([RNG.uniform(-20.0, 20.0, COUNT), NEAR]),
 }
-LARGEST = {"exp": 1.0, "log": 1.0, "sin": 2.0, "cos": 2.0, "tanh": 3.0}
+LARGEST = {"exp": 1.0, "log": 1.0, "sin": 2.0, "cos": 2.0, "tanh": 3.0, "atan": 2.0}
 
 
 def loops(function: Callable[..., Any]) -> tuple[Any, Any]:

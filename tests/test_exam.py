@@ -330,6 +330,22 @@ def test_a_goal_with_two_sides_needs_enough_to_tell(right: int, count: int, reac
     assert "| in no library | named" not in page(found | {"marks": []}, facts, pictures)
 
 
+@pytest.mark.parametrize(
+    ("wrong", "count", "reached"),
+    [(0, 1, "too few to tell"), (0, 20, "yes"), (1, 1, "**no**"), (1, 20, "**no**")],
+)
+def test_none_of_one_reaches_no_goal(wrong: int, count: int, reached: str) -> None:
+    """A false claim in 0 of 1 says nothing of 2 %; 1 of 1 does.
+
+    Breaks where a share of one subject counts like one of a hundred.
+    """
+    silent = mark(key_of(stratum="none"), answered(verdict="nothing_missing"), {})
+    found = tally([silent], {})
+    found["none"]["false_claims"] = Share(wrong, count).as_json()
+    (row,) = (r for r in goals(found) if r[0] == "nothing concealed: a false claim")
+    assert row[3] == reached
+
+
 def test_tally() -> None:
     """Counts by hand, with the exact intervals of 0 of 100 and 1 of 2."""
     nothing = answered(verdict="nothing_missing")

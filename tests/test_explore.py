@@ -17,17 +17,22 @@ from zwidth.explore.bench import Bench
 from zwidth.explore.link import explore_command, explore_link
 from zwidth.explore.look import columns, look, spectrum
 from zwidth.explore.picture import picture
-from zwidth.explore.stops import decades, stops, with_unit
+from zwidth.explore.plane_figure import bounded
+from zwidth.explore.stops import decades, stops
+from zwidth.explore.tooltips import sized
 from zwidth.explore.view import LAYERS, View, read_query
+from zwidth.explore.words import of_the_plane
 from zwidth.figures.map import COLOURS
 from zwidth.scenarios.paddle import paddle_boundary
 from zwidth.scenarios.scenario_file import scenario_from_text, scenario_to_text
 from zwidth.sim.device_file import load_device, save_device
+from zwidth.sim.readable import with_unit
 from zwidth.stability import sketch as sketching
 from zwidth.stability.bisection import Trial
+from zwidth.stability.fate_map import make_map
 from zwidth.stability.fates import Fate, evaluate
 from zwidth.stability.linear import critical_stiffness
-from zwidth.stability.plane import Axis, Plane
+from zwidth.stability.plane import Axis, Plane, with_friction
 from zwidth.stability.sketch import Sketch, sketch
 
 PHANTOM = load_device("phantom_1_0")
@@ -269,3 +274,29 @@ def test_errors_are_sentences(
     monkeypatch.setattr("zwidth.commands.explore.find_spec", lambda name: None)
     assert run(["explore", "phantom_1_0"]) == 2
     assert "pip install 'zwidth[explore]'" in capsys.readouterr().err
+
+
+def test_no_amplitude_is_told_of_what_grows_without_bound():
+    """Under a limit it is; breaks where the pointer says 2735845548713524300000000 rad."""
+    free = make_map(small_plane(), 5, 0)
+    grows = free.fates.fate == Fate.GROWS
+    assert grows.any()
+    assert np.isnan(bounded(free)[grows]).all()
+    rest = free.fates.amplitude[~grows]
+    assert np.array_equal(bounded(free)[~grows], rest, equal_nan=True)
+    limited = replace(free, plane=replace(
+        free.plane, device=free.plane.device.with_interface(command_limit=1.0)
+    ))  # fmt: skip
+    assert np.array_equal(bounded(limited), free.fates.amplitude, equal_nan=True)
+    code = sized("rad").code
+    assert "grows without bound" in code
+    assert "%" not in code
+
+
+def test_a_plane_that_friction_holds_still_says_so():
+    """And what to move; breaks where all of it is white without a word."""
+    plane = small_plane()
+    stuck = replace(plane, device=with_friction(plane.device, 10.0))
+    said = of_the_plane(make_map(stuck, 5, 0), False, True)
+    assert ". Friction of 10 N m holds every wall here at rest, from a start of 1 mrad" in said
+    assert "Friction" not in of_the_plane(make_map(plane, 5, 0), False, True)

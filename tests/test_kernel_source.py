@@ -16,7 +16,7 @@ from zwidth.sim.device import Device
 from zwidth.sim.equations import equations
 from zwidth.sim.kernel import scratch
 from zwidth.sim.physics import make_physics
-from zwidth.sim.predict import Outputs, alone
+from zwidth.sim.predict import GROUND, Outputs, alone
 from zwidth.sim.run import Start, simulate, start_memory
 from zwidth.sim.windows import MEASURES, Bank, Kept, run_windows
 
@@ -47,7 +47,7 @@ def _predicted(device: Device) -> Floats:
     """Return the innovations of 24 ticks."""
     rng = np.random.default_rng(4)
     eq, fine = equations(device, 1), equations(device, 3)
-    outputs = Outputs(np.array([0, 4]), np.array([True, False]))
+    outputs = Outputs(np.array([0, 4]), np.array([True, False]), np.array([GROUND, GROUND]))
     gain = 0.1 * rng.normal(size=(eq.states, 2))
     return alone(
         eq, fine, outputs, 0.05 * rng.normal(size=24), 1e-3 * rng.normal(size=(24, 2)), gain,

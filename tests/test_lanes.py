@@ -87,6 +87,7 @@ def varied(device: Device, physics: Physics | None, members: int) -> list[Device
             same = physics.effect.name == "loop_delay"  # which changes the substeps, too
             scale = 1.0 if same else 1.0 + 0.1 * rng.uniform(-1.0, 1.0)
             values = {name: scale * value for name, value in physics.values.items()}
+            values |= {"odd": physics.values["odd"]} if "odd" in values else {}
             own = own.with_physics(replace(physics, values=values))
         found.append(own)
     return found

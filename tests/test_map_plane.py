@@ -169,11 +169,53 @@ def test_the_file_opens_in_xarray_with_units_and_settings(tmp_path: object) -> N
     file = save_map(result, pathlib.Path(str(tmp_path)) / "deep" / "map.nc")
     with xarray.open_dataset(file, engine="scipy") as data:
         np.testing.assert_array_equal(data["fate"], result.fates.fate)
-        np.testing.assert_array_equal(data["x"], result.x)
-        assert data["x"].attrs == {"long_name": "B", "units": "N m s/rad"}
+        assert data["fate"].dims == ("K", "B")  # and not y and x, which name nothing
+        np.testing.assert_array_equal(data["B"], result.x)
+        np.testing.assert_array_equal(data["K"], result.y)
+        assert data["B"].attrs == {"long_name": "B", "units": "N m s/rad"}
+        assert data["K"].attrs["units"] == "N m/rad"
+        assert data["rests_up_to"].dims == ("B",)
         assert data["force"].attrs["units"] == "N m"
         assert data.attrs["device"] == device_to_text(device)
         assert data.attrs["runs"] == result.runs
+
+
+def test_what_grows_without_a_limit_has_a_colour_of_its_own() -> None:
+    """In both panels, and in the legend; a colour bar has round ticks.
+
+    Breaks where the panel of forces leaves what grows in the white of what comes to rest.
+    """
+    from matplotlib.collections import QuadMesh
+
+    from zwidth.figures.map import legend, map_figure
+
+    result = make_map(plane(), 5, 1)
+    assert Fate.GROWS in result.fates.fate
+    figure = map_figure(result)
+    for axes in figure.axes[:2]:
+        first = next(c for c in axes.collections if isinstance(c, QuadMesh))
+        values = first.get_array()
+        assert values is not None
+        np.testing.assert_array_equal(np.asarray(values).reshape(result.fates.fate.shape),
+                                      result.fates.fate)  # fmt: skip
+    labels = [str(handle.get_label()) for handle in legend([result])]
+    assert "grows without bound" in labels
+    limited = make_map(plane(device=phantom().with_interface(command_limit=1.0)), 3, 0)
+    labels = [str(handle.get_label()) for handle in legend([limited])]
+    assert "grows without bound" not in labels
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "ticks"),
+    [(1.0, 1000.0, [1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0]), (110.0, 140.0, [110, 125, 140])],
+)
+def test_a_colour_bar_has_three_round_ticks_at_least(
+    low: float, high: float, ticks: list[float]
+) -> None:
+    """Breaks where a narrow range has none of the powers of ten."""
+    from zwidth.figures.map import round_ticks
+
+    assert round_ticks(low, high) == pytest.approx(ticks)
 
 
 @pytest.mark.parametrize(

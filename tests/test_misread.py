@@ -240,7 +240,7 @@ def test_a_search_of_each_reading_decides():
     assert [(f.kind, f.channels) for f in kept.faults if f.wrong] == [("command_scale", COMMAND)]
     assert kept.faults[0].value == pytest.approx(DEGREES)
     assert "57.3 times too little" in kept.faults[0].sentence
-    assert "degrees?" in kept.faults[0].sentence
+    assert "is the motion in degrees or turns?" in kept.faults[0].sentence  # no torque is
     assert len(readings(motor(), [sound], None)) == 1
     (whole,) = readings(motor(), [sound], None)
     wrong = taken_of(whole.fit_on[0], COMMAND, -1.0)

@@ -205,3 +205,26 @@ def test_the_log_of_a_diagnosis_reads_back_on_the_recording_s_time(tmp_path: Pat
     assert abs(free[first] - y[first]) < 6.0 * float(problem.observer.deviation[0])
     assert np.std((free - y)[first:]) < 0.2 * np.std(y)
     assert back.units["missing_force_m1"] == "N m"
+
+
+def test_the_log_of_a_diagnosis_holds_every_output():
+    """A velocity beside the position: measured, predicted, free and left, in its own unit.
+
+    Mutation that breaks it: the first output alone.
+    """
+    e = recorded()
+    speed = np.gradient(e.measured[:, 0], e.period)
+    both = replace(
+        e,
+        measured=np.column_stack([e.measured[:, 0], speed]),
+        outputs=(*e.outputs, Output("velocity", 0)),
+    )
+    problem = Problem([both], known_observer(MASS, both, SEEN))
+    fitted = problem.fit(Model(MASS))
+    trace = diagnosis_trace(problem, fitted, fitted, both)
+    for word in ("", "refit_", "found_", "refit_free_", "found_free_", "refit_residual_"):
+        assert trace.units[f"{word}position_m1"] == "rad"
+        assert trace.units[f"{word}velocity_m1"] == "rad/s"
+    assert np.array_equal(trace["velocity_m1"], speed)
+    left = (trace["velocity_m1"] - trace["found_velocity_m1"])[SETTLING:]
+    assert np.allclose(left, trace["found_residual_velocity_m1"][SETTLING:])

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from physics_examples import EVERYWHERE, EXAMPLES, example, neutral, phantom, with_needed
+from physics_examples import EVERYWHERE, EXAMPLES, entry_of, example, neutral, phantom, with_needed
 
 from zwidth.controllers.wall import wall
 from zwidth.scenarios.scenario import usual_substeps
@@ -16,10 +16,12 @@ from zwidth.sim.device_file import device_from_text, device_to_text
 from zwidth.sim.equations import enough_substeps
 from zwidth.sim.physics import EFFECTS, PROBES
 from zwidth.sim.physics.effect import Effect, Physics
+from zwidth.sim.physics.free_law import AT, FORCE
 from zwidth.sim.run import Run, Start, simulate
 
 MASSES = ("m1", "m2", "m3", "m4", "m5")
 LINKS = ("link12", "link23", "link34", "link45")
+POINTS = " ".join(["odd", *AT, *FORCE])
 TABLE = {
     "coulomb_friction": (MASSES, "level"),
     "stribeck_friction": (MASSES, "level static_level velocity"),
@@ -48,6 +50,10 @@ TABLE = {
     "encoder_step": (("sensor",), "step"),
     "encoder_eccentricity": (("sensor",), "amplitude period phase"),
     "rectified_sensor": (("sensor",), ""),
+    "free_spring": ((*MASSES, *LINKS), POINTS),
+    "free_damper": ((*MASSES, *LINKS), POINTS),
+    "free_amplifier": (("command",), POINTS),
+    "free_sensor": (("sensor",), POINTS),
 }
 SEVERAL = ("coulomb_friction", "cubic_stiffness", "backlash", "actuator_lag", "dead_band")
 
@@ -71,7 +77,10 @@ def _row(effect: Effect) -> str:
     places = " ".join(effect.places)
     for every, words in ((MASSES, "any mass"), (LINKS, "any link")):
         places = places.replace(" ".join(every), words)
-    parameters = (f"{p.name} [{p.unit}]" if p.unit else p.name for p in effect.parameters)
+    parameters = [f"{p.name} [{p.unit}]" if p.unit else p.name for p in effect.parameters]
+    if effect.name.startswith("free_"):
+        (_, state, *_), makes = effect.parameters, effect.parameters[-1]
+        parameters = ["odd", f"table of points ([{state.unit}], [{makes.unit}])"]
     prior = f"{effect.prior:g}"
     if effect.elsewhere is not None:
         prior += f", elsewhere {effect.elsewhere:g}"
@@ -136,8 +145,7 @@ def test_every_effect_goes_through_a_device_file(name: str, place: str) -> None:
     device = phantom().with_physics(example(name, place))
     assert device_from_text(device_to_text(device)) == device
     plain = device_to_text(phantom())
-    entry = [f'effect = "{name}"', f'at = "{place}"']
-    entry += [f"{key} = {value!r}" for key, value in EXAMPLES[name].items()]
+    entry = entry_of(name, place)
     written = device_from_text("\n".join([plain, "[[physics]]", *entry]))
     assert written == device
 

@@ -22,7 +22,7 @@ SIZES = Sizes(
     masses=(2e-4, 9e-4, 7e-5), speeds=(2.0, 1.9, 1.8), positions=(0.2, 0.2, 0.19),
     spans=(0.8, 0.8, 0.7), fastest=(9.0, 8.0, 7.0), springs=(217.0, 14.5), stretches=(3e-4, 6e-4),
 )  # fmt: skip
-SOUGHT = [name for name, effect in EFFECTS.items() if effect.sought != "given"]
+SOUGHT = [n for n, effect in EFFECTS.items() if effect.sought not in ("given", "learned")]
 SOUGHT_BY_VALUES = [
     (n, at) for n, at in EVERYWHERE if n in SOUGHT and EFFECTS[n].sought != "folding"
 ]

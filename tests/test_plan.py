@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from zwidth.cli import run
+from zwidth.figures.plan import limit_in_words, plan_figure
 from zwidth.planning.excitations import (
     LIBRARY,
     Scale,
@@ -17,7 +18,7 @@ from zwidth.planning.excitations import (
     travelled,
 )
 from zwidth.planning.limits import SHOWN, sigma
-from zwidth.planning.plan import ALIKE, Plan, better_excitations, nearest_of, plan
+from zwidth.planning.plan import ALIKE, Plan, Visible, better_excitations, nearest_of, plan
 from zwidth.planning.reference import Reference
 from zwidth.planning.rehearsal import Noise, rehearse
 from zwidth.scenarios.scenario_file import load_scenario
@@ -185,3 +186,19 @@ def test_bad_input_is_one_sentence(
     error = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error:")]
     assert len(error) == 1
     assert sentence in error[0]
+
+
+def test_the_picture_draws_the_number_that_it_prints():
+    """A friction of 0.11 mN m where the command is 0.22 N m is drawn, and written, at 0.05 %.
+
+    Breaks where the value stands alone at an axis of shares.
+    """
+    physics = make_physics("coulomb_friction", "m1", level=1.1e-4)
+    seen = Visible("coulomb_friction@m1", physics, 1.1e-4, "level", "N m", 0.22)
+    assert limit_in_words(seen) == "110 \u00b5N m (0.05 %)"
+    labels = (seen.label, "dead_band@command")
+    shown = Plan("noise", 4.0, (seen,), labels, np.full((2, 2), 9.0), ())
+    axes = plan_figure(shown, "device").axes[0]
+    (dot,) = (line for line in axes.get_lines() if line.get_marker() == "o")
+    assert float(np.asarray(dot.get_xdata())[0]) == pytest.approx(0.05)
+    assert axes.get_xaxis().get_major_formatter()(0.05) == "0.05 %"

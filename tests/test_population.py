@@ -14,11 +14,11 @@ from zwidth.sim.device import Device
 from zwidth.sim.equations import equations
 from zwidth.sim.lane_type import WIDTH
 from zwidth.sim.population import Population, Readings, Recorded
-from zwidth.sim.predict import Outputs, alone
+from zwidth.sim.predict import GROUND, Outputs, alone
 from zwidth.sim.run import Start, simulate, start_memory
 
 TICKS = 700  # more than a piece
-OUTPUTS = Outputs(np.array([0, 4]), np.array([True, False]))
+OUTPUTS = Outputs(np.array([0, 4]), np.array([True, False]), np.array([GROUND, GROUND]))
 
 
 def recorded(ticks: int = TICKS) -> Recorded:

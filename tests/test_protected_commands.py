@@ -134,10 +134,11 @@ CASES: dict[str, Case | str] = {
     ),
     "relay": Case(
         "dev.toml --delay-ms 8 --damping 0.08 --starts 0 --out o",
-        ("o/relay.png", "o/relay.svg"),
+        ("o/relay.png", "o/relay.svg", "o/relay_boundary.png", "o/relay_boundary.svg"),
         ("dev.toml",),
         "relay_conditions",
     ),
+    "effects": Case("coulomb_friction --json o/x.json", ("o/x.json",), (), "described"),
     "devices": Case("dev.toml --save o/x.toml", ("o/x.toml",), ("dev.toml",), "_chain_table"),
 }
 WRITING = [name for name in cli.COMMANDS if CASES.get(name) != NOTHING]

@@ -31,14 +31,25 @@ def test_gaps_repeats_and_going_back() -> None:
     assert timing.period == pytest.approx(0.001, rel=1e-9)
     assert (timing.repeats, timing.repeats_at) == (1, t[299])
     assert (timing.backwards, timing.backwards_at) == (1, t[900])
-    # The stamp after the repeat, and the one after going back, come late as well.
-    assert [g.samples for g in timing.gaps] == [1, 3, 1, 10]
-    assert [g.t for g in timing.gaps] == pytest.approx([t[300], 0.499, 0.699, t[900]])
-    assert timing.missing == 15
+    # The stamp after the repeat, and the one after going back, come late and lack nothing.
+    assert [g.samples for g in timing.gaps] == [3, 1]
+    assert [g.t for g in timing.gaps] == pytest.approx([0.499, 0.699])
+    assert timing.missing == 4
+    assert timing.jitter == 0.0
     said = " ".join(timing.faults())
     assert "goes back once" in said
     assert "repeats the one before once" in said
-    assert "15 samples are missing in 4 gaps" in said
+    assert "4 samples are missing in 2 gaps" in said
+
+
+def test_stamps_that_come_late_and_catch_up_are_jitter_and_no_lost_samples() -> None:
+    """Mutation: every interval above 1.5 periods a gap."""
+    t = regular()
+    t[100:900:50] += 0.0008
+    timing = examine(t)
+    assert (timing.gap_count, timing.missing) == (0, 0)
+    assert timing.jitter > 0.0001
+    assert any("intervals scatter" in fault for fault in timing.faults())
 
 
 def test_jitter_is_measured() -> None:

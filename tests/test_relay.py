@@ -1,10 +1,22 @@
 """The relay experiment on Table I's device: truth 10."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from zwidth.identification.cycles import gathered, limit_cycles
-from zwidth.identification.relay import RelayResult, RelayTest, critical_point, relay_run, waveform
+from zwidth import cli
+from zwidth.figures.relay import relay_figure
+from zwidth.identification.cycles import Cycle, RelayCondition, gathered, limit_cycles
+from zwidth.identification.relay import (
+    RelayResult,
+    RelayTest,
+    Waveform,
+    critical_point,
+    relay_run,
+    waveform,
+)
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device
 from zwidth.sim.physics import make_physics
@@ -101,3 +113,42 @@ def test_settings_that_cannot_be_are_refused():
         waveform(at(2), 0.12, 0.4)
     with pytest.raises(ValueError, match="never switched"):
         critical_point(np.ones(10), np.ones(10), 0.001)
+
+
+def test_the_likeliest_cycle_is_told_first_and_not_the_reference_start_s(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """2 ms and B = 0.08: the reference start gives 60.2, nine starts of ten 29.4.
+
+    Breaks where the row begins with the reference start's cycle.
+    """
+    monkeypatch.chdir(tmp_path)
+    line = "relay phantom_1_0 --delay-ms 2 --damping 0.08 --starts 15 --json r.json"
+    assert cli.run(line.split()) == 0
+    (found,) = json.loads(Path("r.json").read_text())["conditions"]
+    assert found["likeliest"]["stiffness"] == pytest.approx(29.4, abs=0.1)
+    assert found["likeliest"]["share"] > 0.8
+    assert found["stiffness"] == pytest.approx(60.22, abs=0.1)  # of the reference start
+    rows = (row.split() for row in capsys.readouterr().out.splitlines())
+    (row,) = (row for row in rows if row[:2] == ["2", "0.08"])
+    assert row[2] == "oscillates"
+    assert float(row[5]) == pytest.approx(29.4, abs=0.1)
+    assert float(row[-1]) == pytest.approx(60.22, abs=0.1)
+    assert Path("runs/relay/relay_boundary.png").stat().st_size > 0
+
+
+def test_where_more_starts_diverge_that_is_the_verdict():
+    """Breaks where the few that oscillate are told first."""
+    result = RelayResult("oscillates", 7.0, 15.0, 1e-3, 0.0, 5.0)
+    cycle = Cycle(7.0, 15.0, 1e-3, 0.2)
+    assert RelayCondition(0.002, 0.1, result, (cycle,), 0.8, 0.0).verdict == "diverges"
+    assert RelayCondition(0.002, 0.1, result, (cycle,), 0.1, 0.7).verdict == "undecided"
+    assert RelayCondition(0.002, 0.1, result, (), 0.0, 0.0).verdict == "oscillates"
+
+
+def test_a_picture_of_a_run_says_its_condition():
+    """Breaks where two pictures of two conditions look the same."""
+    t = np.arange(9, dtype=np.float64) * 1e-3
+    figure = relay_figure(Waveform(t, 0.05 * np.sign(t - 4e-3), 1e-3 * t), "2 ms, B = 0.08")
+    assert figure.get_suptitle() == "2 ms, B = 0.08"
+    assert figure.axes[0].get_ylabel() == "relay torque [mN m]"

@@ -60,7 +60,7 @@ def test_public_names_are_what_type_checkers_see():
         for node in ast.walk(tree)
         if isinstance(node, ast.ImportFrom)
         for alias in node.names
-        if alias.asname
+        if alias.asname == alias.name
     }
     assert seen == zwidth.HOMES
 

@@ -1,22 +1,82 @@
-"""How stiff a virtual wall a haptic device can render, by theory and in the time domain.
+"""Simulate a haptic device under a virtual wall, and explain why a recording differs from it.
 
-The names below are the public ones; each is imported when it is first used, so that
-``import zwidth`` and ``zwidth --help`` do not wait for numpy and numba.
+    import zwidth
+
+    device = zwidth.load_device("phantom_1_0")       # or your own device file
+    zwidth.boundary(device)                          # how stiff a wall it can render
+    zwidth.simulate(device, zwidth.wall(2.0, 0.01))  # one run: K = 2 N m/rad, B = 0.01 N m s/rad
+    answer = zwidth.diagnose("recording.toml", device, effort="quick")
+    answer.device                                    # with what the recording shows to be missing
+
+Why does a recording differ?
+    diagnose          what physics is missing, where, how much, with 95 % intervals
+    identify          a device from a recording of its command and position
+    plan, excitation  what a recording would show before it is made; the command to record
+How stiff a wall?
+    boundary          stable stiffness over damping, by theory and by simulation
+    critical_stiffness, corner    the linear theory alone: at one damping, at the top
+    make_map, save_map            what a run does over two quantities: rests, oscillates, grows
+    relay             critical stiffness and frequency as a relay experiment reads them
+    find_boundaries   boundaries of several devices over dampings that you choose
+What happens in a run?
+    simulate          a device under wall, recorded, none or user_controller, or a Scenario
+    load_scenario, logged_run, replay    an experiment from a file, its log, the log run again
+    read_recording, load_log, write_log  recordings and logs as Trace
+Which device?
+    load_device, save_device, shipped_devices    device files; every function takes a path or name
+    Device, Chain, Interface, ModalModel         a device in Python; make_physics adds an effect,
+    make_chain, make_physics, nearest_passive    as in device.with_physics(make_physics(...))
+Where does long work run?
+    executor          on threads, in processes, on a cluster
+
+Every result (Boundary, Run, Trace, Log, Diagnosis, Identified, RelayReadings, Plan, FateMap,
+ReplayResult, Scenario, Device) has to_xarray(), to_pandas() and plot(), and shows as a table in a
+notebook. Quantities are SI; a rotary device counts in N m and rad, any other in N and m.
+help(zwidth.diagnose) and so on say what each takes, returns and raises; docs/python.md shows more.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+# Each name is imported when it is first used, so that `import zwidth` and `zwidth --help` do not
+# wait for numpy and numba. There is no __all__: pydoc prints in full every class that it names,
+# 2 000 lines of methods, and without it only the overview above, the answer to help(zwidth).
 
-if TYPE_CHECKING:
+from importlib import import_module as _import_module
+from typing import TYPE_CHECKING as _TYPE_CHECKING
+from typing import Any as _Any
+
+from zwidth.shown import shown_by as _shown_by
+
+if _TYPE_CHECKING:
+    from zwidth.api.boundary import boundary as boundary
+    from zwidth.api.diagnose import diagnose as diagnose
+    from zwidth.api.identify import identify as identify
+    from zwidth.api.make_map import make_map as make_map
+    from zwidth.api.plan import excitation as excitation
+    from zwidth.api.plan import plan as plan
+    from zwidth.api.relay import relay as relay
+    from zwidth.api.simulate import simulate as simulate
     from zwidth.controllers.none import none as none
     from zwidth.controllers.recorded import recorded as recorded
     from zwidth.controllers.wall import wall as wall
+    from zwidth.diagnosis.answer.result import Diagnosis as Diagnosis
+    from zwidth.diagnosis.answer.result import Estimate as Estimate
+    from zwidth.diagnosis.answer.result import Finding as Finding
+    from zwidth.diagnosis.answer.result import NotDiagnosed as NotDiagnosed
+    from zwidth.diagnosis.answer.result import Rival as Rival
+    from zwidth.diagnosis.answer.result import Verdict as Verdict
+    from zwidth.identification.cycles import RelayCondition as RelayCondition
+    from zwidth.identification.cycles import RelayReadings as RelayReadings
+    from zwidth.identification.identified import Identified as Identified
+    from zwidth.identification.relay import RelayTest as RelayTest
     from zwidth.jobs.choose import executor as executor
     from zwidth.jobs.executor import Executor as Executor
+    from zwidth.logs.events import Event as Event
     from zwidth.logs.mcap_reader import Log as Log
     from zwidth.logs.mcap_writer import write_log as write_log
     from zwidth.logs.recording import load_log as load_log
     from zwidth.logs.recording import read_recording as read_recording
+    from zwidth.planning.plan import Plan as Plan
+    from zwidth.scenarios.comparison import Difference as Difference
+    from zwidth.scenarios.disturbance import Disturbance as Disturbance
     from zwidth.scenarios.logged_run import LoggedRun as LoggedRun
     from zwidth.scenarios.logged_run import logged_run as logged_run
     from zwidth.scenarios.replay import ReplayResult as ReplayResult
@@ -26,6 +86,7 @@ if TYPE_CHECKING:
     from zwidth.sim.chain import Chain as Chain
     from zwidth.sim.chain import make_chain as make_chain
     from zwidth.sim.controller import Controller as Controller
+    from zwidth.sim.controller import user_controller as user_controller
     from zwidth.sim.device import Device as Device
     from zwidth.sim.device_file import load_device as load_device
     from zwidth.sim.device_file import save_device as save_device
@@ -33,84 +94,119 @@ if TYPE_CHECKING:
     from zwidth.sim.interface import Interface as Interface
     from zwidth.sim.modal import ModalModel as ModalModel
     from zwidth.sim.modal import Mode as Mode
+    from zwidth.sim.passive import PassiveFit as PassiveFit
     from zwidth.sim.passive import nearest_passive as nearest_passive
+    from zwidth.sim.physics import make_physics as make_physics
+    from zwidth.sim.physics.effect import Physics as Physics
+    from zwidth.sim.run import Outcome as Outcome
     from zwidth.sim.run import Run as Run
     from zwidth.sim.run import Start as Start
-    from zwidth.sim.run import simulate as simulate
     from zwidth.sim.trace import Trace as Trace
     from zwidth.sim.uncertainty import Uncertainty as Uncertainty
+    from zwidth.stability.bisection import Bracket as Bracket
+    from zwidth.stability.bisection import Search as Search
     from zwidth.stability.bisection import Trial as Trial
     from zwidth.stability.boundary import Boundary as Boundary
+    from zwidth.stability.boundary import BoundaryPoint as BoundaryPoint
     from zwidth.stability.boundary import find_boundaries as find_boundaries
     from zwidth.stability.fate_map import FateMap as FateMap
-    from zwidth.stability.fate_map import make_map as make_map
     from zwidth.stability.fate_map import save_map as save_map
     from zwidth.stability.fates import Fate as Fate
     from zwidth.stability.fates import Fates as Fates
-    from zwidth.stability.linear import boundary as boundary
     from zwidth.stability.linear import corner as corner
     from zwidth.stability.linear import critical_stiffness as critical_stiffness
     from zwidth.stability.plane import Axis as Axis
     from zwidth.stability.plane import Plane as Plane
+    from zwidth.stability.types import Corner as Corner
+    from zwidth.stability.types import LinearPoint as LinearPoint
 
 # name -> the module that it comes from; the same list as above, for the running program.
 HOMES = {
     "Axis": "zwidth.stability.plane",
     "Boundary": "zwidth.stability.boundary",
+    "BoundaryPoint": "zwidth.stability.boundary",
+    "Bracket": "zwidth.stability.bisection",
     "Chain": "zwidth.sim.chain",
     "Controller": "zwidth.sim.controller",
+    "Corner": "zwidth.stability.types",
     "Device": "zwidth.sim.device",
+    "Diagnosis": "zwidth.diagnosis.answer.result",
+    "Difference": "zwidth.scenarios.comparison",
+    "Disturbance": "zwidth.scenarios.disturbance",
+    "Estimate": "zwidth.diagnosis.answer.result",
+    "Event": "zwidth.logs.events",
     "Executor": "zwidth.jobs.executor",
     "Fate": "zwidth.stability.fates",
     "FateMap": "zwidth.stability.fate_map",
     "Fates": "zwidth.stability.fates",
+    "Finding": "zwidth.diagnosis.answer.result",
+    "Identified": "zwidth.identification.identified",
     "Interface": "zwidth.sim.interface",
+    "LinearPoint": "zwidth.stability.types",
     "Log": "zwidth.logs.mcap_reader",
     "LoggedRun": "zwidth.scenarios.logged_run",
     "ModalModel": "zwidth.sim.modal",
     "Mode": "zwidth.sim.modal",
+    "NotDiagnosed": "zwidth.diagnosis.answer.result",
+    "Outcome": "zwidth.sim.run",
+    "PassiveFit": "zwidth.sim.passive",
+    "Physics": "zwidth.sim.physics.effect",
+    "Plan": "zwidth.planning.plan",
     "Plane": "zwidth.stability.plane",
+    "RelayCondition": "zwidth.identification.cycles",
+    "RelayReadings": "zwidth.identification.cycles",
+    "RelayTest": "zwidth.identification.relay",
     "ReplayResult": "zwidth.scenarios.replay",
+    "Rival": "zwidth.diagnosis.answer.result",
     "Run": "zwidth.sim.run",
     "Scenario": "zwidth.scenarios.scenario",
+    "Search": "zwidth.stability.bisection",
     "Start": "zwidth.sim.run",
     "Trace": "zwidth.sim.trace",
     "Trial": "zwidth.stability.bisection",
     "Uncertainty": "zwidth.sim.uncertainty",
-    "boundary": "zwidth.stability.linear",
+    "Verdict": "zwidth.diagnosis.answer.result",
+    "boundary": "zwidth.api.boundary",
     "corner": "zwidth.stability.linear",
     "critical_stiffness": "zwidth.stability.linear",
+    "diagnose": "zwidth.api.diagnose",
+    "excitation": "zwidth.api.plan",
     "executor": "zwidth.jobs.choose",
     "find_boundaries": "zwidth.stability.boundary",
+    "identify": "zwidth.api.identify",
     "load_device": "zwidth.sim.device_file",
     "load_log": "zwidth.logs.recording",
     "load_scenario": "zwidth.scenarios.scenario_file",
     "logged_run": "zwidth.scenarios.logged_run",
     "make_chain": "zwidth.sim.chain",
-    "make_map": "zwidth.stability.fate_map",
+    "make_map": "zwidth.api.make_map",
+    "make_physics": "zwidth.sim.physics",
     "nearest_passive": "zwidth.sim.passive",
     "none": "zwidth.controllers.none",
+    "plan": "zwidth.api.plan",
     "read_recording": "zwidth.logs.recording",
     "recorded": "zwidth.controllers.recorded",
+    "relay": "zwidth.api.relay",
     "replay": "zwidth.scenarios.replay",
     "save_device": "zwidth.sim.device_file",
     "save_map": "zwidth.stability.fate_map",
     "shipped_devices": "zwidth.sim.device_file",
-    "simulate": "zwidth.sim.run",
+    "simulate": "zwidth.api.simulate",
+    "user_controller": "zwidth.sim.controller",
     "wall": "zwidth.controllers.wall",
     "write_log": "zwidth.logs.mcap_writer",
 }
 
-__all__ = list(HOMES)  # pyright: ignore[reportUnsupportedDunderAll]
+_shown_by("zwidth.views")
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> _Any:
     if name not in HOMES:
         raise AttributeError(f"module 'zwidth' has no attribute {name!r}")
-    value = getattr(import_module(HOMES[name]), name)
+    value = getattr(_import_module(HOMES[name]), name)
     globals()[name] = value
     return value
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *HOMES])
+    return sorted(["__doc__", "__file__", "__name__", "__path__", *HOMES])

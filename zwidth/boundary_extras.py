@@ -61,6 +61,13 @@ def extra_cells(point: Point) -> list[str]:
     """Return the cells of a point, one for each thing that was asked for."""
     cells: list[str] = []
     if point.passive is not UNSET:
-        cells.append("none" if point.passive is None else f"{point.passive.stiffness:.4g}")
+        cells.append("-" if point.passive is None else f"{point.passive.stiffness:.4g}")
     bands = (point.hand, point.confidence95)
-    return cells + [f"{band.low:.4g} to {band.high:.4g}" for band in bands if band is not UNSET]
+    return cells + [_from_to(band) for band in bands if band is not UNSET]
+
+
+def _from_to(band: Interval) -> str:
+    """A band in a cell: a dash where no case has a stable K, and where only some have none."""
+    if band.high == 0.0:
+        return "-"
+    return f"{band.low:.4g} to {band.high:.4g}" if band.low > 0.0 else f"- to {band.high:.4g}"

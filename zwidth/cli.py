@@ -10,8 +10,9 @@ from typing import Any, NoReturn, TextIO
 
 import click
 
-from zwidth.errors import Status, explain
+from zwidth.errors import Status, explain, one_line
 from zwidth.files import protection
+from zwidth.sim.own_files import own_files
 
 # Matrices here are small: threads of the linear algebra library only get in the way of ours. It
 # reads this when numpy is first imported, which is later than here.
@@ -20,28 +21,29 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # name -> what help says of it. A command is the object `command` in zwidth/commands/NAME.py and is
 # imported when it is called, so that help does not wait for numpy, numba and matplotlib.
 COMMANDS = {
-    "paper": (
-        "Reproduce the paper: every figure and table, ours beside theirs, as one HTML report."
+    "diagnose": (
+        "Say why recordings differ from the simulation of a device, and what physics is missing."
     ),
     "convert": "Show what a recorded file holds, draft its description, or convert it.",
+    "identify": "Fit a device to a recording of its command and position.",
+    "plan": "Say what a recording would show, before it is made.",
     "boundary": "Find the stability boundary of a device under a sampled virtual wall.",
     "map": "Map what becomes of a run over two quantities, with the linear boundary over it.",
     "explore": "Explore the K-B plane of a device in the browser.",
+    "relay": (
+        "Find K_CR and the ultimate frequency by a relay, as the paper did on the real device."
+    ),
     "simulate": "Run the experiment that a TOML file describes.",
     "replay": (
         "Simulate a logged run again, from the log alone, and compare every value bit for bit."
     ),
-    "diagnose": (
-        "Say why recordings differ from the simulation of a device, and what physics is missing."
-    ),
-    "plan": "Say what a recording would show, before it is made.",
+    "devices": "List the devices that come with zwidth, or describe one.",
+    "effects": "List the effects that zwidth knows, or describe one.",
     "conceal": "Make recordings in which physics is concealed, with sealed keys.",
     "exam": "Diagnose concealed recordings, open the seals, and score.",
-    "identify": "Fit a device to a recording of its command and position.",
-    "relay": (
-        "Find K_CR and the ultimate frequency by a relay, as the paper did on the real device."
+    "paper": (
+        "Reproduce the paper: every figure and table, ours beside theirs, as one HTML report."
     ),
-    "devices": "List the devices that come with zwidth, or describe one.",
 }
 
 
@@ -87,8 +89,19 @@ class CommandsByName(click.Group):
 @click.version_option(package_name="zwidth", message="%(prog)s %(version)s")
 @click.pass_context
 def zwidth(context: click.Context) -> None:
-    """Find how stiff a virtual wall a haptic device can render, and why no stiffer."""
+    """Say why a recording differs from its simulation, and how stiff a wall a device can render."""
+    own_effects_readable()
     context.with_resource(protection.command(f"zwidth {context.invoked_subcommand}"))
+
+
+def own_effects_readable() -> None:
+    """Raise ValueError for a file of an effect of the user's own that is not as it must be."""
+    if not own_files():
+        return  # and nothing more is imported for it
+    from zwidth.sim.physics import WRONG_FILES
+
+    if WRONG_FILES:
+        raise ValueError("; ".join(WRONG_FILES))
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
@@ -122,7 +135,7 @@ def main() -> NoReturn:
 
 
 def _one_line_warning(message: Warning | str, *_: Any, **__: Any) -> None:
-    print(f"warning: {' '.join(str(message).split())}", file=sys.stderr)
+    print(f"warning: {one_line(str(message))}", file=sys.stderr)
 
 
 def _silence_if_broken(stream: TextIO) -> None:

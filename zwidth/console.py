@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TextIO
 
+from zwidth.errors import one_line
 from zwidth.files.protection import check
 from zwidth.files.whole import json_text, write_text
 
@@ -49,9 +50,13 @@ class Console:
         """Write what is being done to standard error, where `progress` writes, too."""
         print(f"... {text}", file=sys.stderr)
 
+    def note(self, text: str) -> None:
+        """Write a line for people to standard error: what was assumed, beside the answer."""
+        print(text, file=sys.stderr)
+
     def warn(self, text: str) -> None:
         """Write one line that begins with ``warning:`` to standard error."""
-        print(f"warning: {text}", file=sys.stderr)
+        print(f"warning: {one_line(text)}", file=sys.stderr)
 
     def table(self, title: str, columns: Sequence[Column], rows: Sequence[Sequence[str]]) -> None:
         """Write a table: ruled on a terminal, plain columns elsewhere."""

@@ -1,8 +1,10 @@
 """The report of a diagnosis as one HTML file: the verdict first, every picture inside it."""
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 
@@ -10,14 +12,30 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from zwidth.diagnosis.answer.augmented_boundary import AugmentedBoundary
-from zwidth.diagnosis.answer.result import Diagnosis, Estimate, HeldOut, NextExperiment, Unanswered
+from zwidth.diagnosis.answer.headline import effect_in_words, parameter_in_words, place_in_words
+from zwidth.diagnosis.answer.result import (
+    Diagnosis,
+    Estimate,
+    Finding,
+    HeldOut,
+    NextExperiment,
+    Rival,
+    Unanswered,
+    Verdict,
+)
+from zwidth.diagnosis.forces.locate import densest
+from zwidth.diagnosis.intake.units import unit_of
 from zwidth.diagnosis.mishaps import collecting, isolated, silent
 from zwidth.figures.augmented_boundary import augmented_boundary_figure
+from zwidth.figures.changes import changes_figure
 from zwidth.figures.diagnosis import force_map_figure, residual_figure, whole_run_figure
+from zwidth.figures.learned import learned_figure
 from zwidth.figures.style import STYLE
 from zwidth.files.whole import write_text
 from zwidth.report_page import embedded, page
 from zwidth.sim.physics import EFFECTS
+from zwidth.sim.place import place_at
+from zwidth.sim.readable import interval, number, of_the_motion, percent, plain, with_unit
 
 WORDS = {
     "nothing_missing": "Nothing missing",
@@ -28,6 +46,8 @@ WORDS = {
     "recording_fault": "The recording is at fault",
     "undecided": "Undecided",
 }
+NAMES = re.compile(rf"\b({'|'.join(name for name in EFFECTS if '_' in name)})\b")
+RIVALS = 6  # of a finding that are listed
 INTERRUPTED = "interrupted, so only what was found until then"
 
 
@@ -56,15 +76,27 @@ def save_report(
     with collecting(silent) as mishaps:
         pictures = _pictures(diagnosis, boundary, {} if drawn is None else drawn)
         errors = list(dict.fromkeys((*diagnosis.errors, *mishaps.found)))
+    states = diagnosis.located.state if densest(diagnosis.located.state) else []
     text = page(
         "diagnosis_report.html",
-        {"number": number, "estimate": estimate, "sentence": sentence, "sigma": _sigma},
+        {
+            "number": number,
+            "estimate": estimate,
+            "sentence": sentence,
+            "sigma": _sigma,
+            "percent": percent,
+            "words": in_words,
+            "odds": odds,
+            "error": error,
+        },
         d=diagnosis,
         verdict=WORDS[diagnosis.verdict.value],
+        found=found_rows(diagnosis),
         interrupted=INTERRUPTED,
+        told=told(diagnosis),
         gain=gain_sentence(diagnosis),
         scale=scale_sentence(diagnosis),
-        linear=linear_rows(diagnosis),
+        linear=linear_words(diagnosis),
         bounds=_bounds(diagnosis),
         recordings=recordings,
         commands=commands,
@@ -72,10 +104,10 @@ def save_report(
         errors=errors,
         pictures=pictures,
         next_sentence=next_sentence(diagnosis.next_experiment),
-        place="" if top is None else top.place,
-        state=sorted(diagnosis.located.state, key=lambda s: -float(s["share"])),
+        place="" if top is None else place_in_words(place_at(top.place), masses_of(diagnosis)),
+        state=sorted(states, key=lambda s: -float(s["share"])),
         fits=(("one step ahead", diagnosis.one_step), ("free run", diagnosis.free_run)),
-        improvement=improvement(diagnosis.free_run),
+        improvement=improvement(diagnosis.free_run, bool(diagnosis.findings)),
         whole_runs=diagnosis.whole_runs,
     )
     return write_text(path, text)
@@ -97,7 +129,7 @@ def save_unanswered(
     return write_text(path, text)
 
 
-PICTURES = ("motion", "missing force", "residual", "boundary")
+PICTURES = ("motion", "missing force", "residual", "law", "boundary")
 
 
 def _pictures(
@@ -109,15 +141,49 @@ def _pictures(
     if diagnosis.located.maps:
         draw["missing force"] = lambda: force_map_figure(diagnosis.located, rotary)
     if diagnosis.whole_runs:
-        draw["motion"] = lambda: whole_run_figure(diagnosis.whole_runs[0])
+        draw["motion"] = lambda: whole_run_figure(diagnosis.whole_runs[0], bool(diagnosis.findings))
     draw["residual"] = lambda: residual_figure(diagnosis.residuals)
+    if (law := diagnosis.learned) is not None:
+        draw["law"] = lambda: learned_figure(law, rotary)
+    for i, change in enumerate(diagnosis.changes):
+        draw[f"change {i + 1}"] = partial(changes_figure, change)
     if boundary is not None:
         draw["boundary"] = lambda: augmented_boundary_figure(boundary)
     for name, figure in draw.items():
         if name not in drawn:
             with isolated("picture", name):
                 drawn[name] = _embedded(figure())
-    return {name: drawn.get(name, "") for name in PICTURES}
+    return {name: drawn.get(name, "") for name in dict.fromkeys((*PICTURES, *draw))}
+
+
+def told(diagnosis: Diagnosis) -> str:
+    """What the headline rests on: the verdict's sentence, or of a name that stands its worth."""
+    if diagnosis.verdict is Verdict.IDENTIFIED:
+        return improvement(diagnosis.free_run, True)
+    return in_words(diagnosis.sentence)
+
+
+def in_words(text: str) -> str:
+    """A sentence with the names of effects as people write them."""
+    return NAMES.sub(lambda name: effect_in_words(name[0]), text)
+
+
+def masses_of(diagnosis: Diagnosis) -> int:
+    """How many masses the device has."""
+    return diagnosis.device.chain.masses.size
+
+
+def found_rows(diagnosis: Diagnosis) -> list[tuple[str, Finding, list[Rival]]]:
+    """Every finding with its name and place in words, and the nearest of its rivals."""
+    return [
+        (effect_at(diagnosis, f.effect, f.at), f, list(f.rivals[:RIVALS]))
+        for f in diagnosis.findings
+    ]
+
+
+def effect_at(diagnosis: Diagnosis, effect: str, at: str) -> str:
+    """Return an effect and its place in words: "Coulomb friction at the motor"."""
+    return f"{effect_in_words(effect)} {place_in_words(place_at(at), masses_of(diagnosis))}"
 
 
 def _bounds(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
@@ -127,8 +193,17 @@ def _bounds(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
         effect, at = label.split("@")
         for name, value in bound.items():
             unit = EFFECTS[effect].parameter(name).unit_for(diagnosis.device.rotary)
-            rows.append((f"{effect} at {at}", name, f"{number(value)} {unit}".rstrip()))
+            said = with_unit(value, unit, 3) if unit else plain(value, 6)
+            rows.append((effect_at(diagnosis, effect, at), name.replace("_", " "), said))
     return rows
+
+
+def linear_words(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
+    """The linear parameters in words: name, the device file's value, the refitted one."""
+    return [
+        (parameter_in_words(name, e.unit), with_unit(nominal, e.unit), estimate(e))
+        for name, (nominal, e) in linear_rows(diagnosis).items()
+    ]
 
 
 def gain_sentence(diagnosis: Diagnosis) -> str:
@@ -136,9 +211,11 @@ def gain_sentence(diagnosis: Diagnosis) -> str:
     _, gain = diagnosis.linear_refit.get("gain", (1.0, Estimate(1.0, 1.0, 1.0)))
     if gain.lower <= 1.0 <= gain.upper or not math.isfinite(gain.upper - gain.lower):
         return ""
+    unit = unit_of(gain.value)
+    asked = "" if unit is None else f" ({unit}?)"
     return (
-        f"the command counts {gain.value:.3g} times in the augmented device (command_gain in its"
-        " [interface])"
+        f"the command counts {gain.value:.3g} times in the augmented device{asked} (command_gain in"
+        " its [interface])"
     )
 
 
@@ -158,20 +235,36 @@ def linear_rows(diagnosis: Diagnosis) -> dict[str, tuple[float, Estimate]]:
     return {k: both for k, both in diagnosis.linear_refit.items() if k != "gain"}
 
 
-def improvement(fit: HeldOut) -> str:
-    """Say how much smaller the error on held-out data became."""
+def improvement(fit: HeldOut, named: bool) -> str:
+    """Say how much smaller the error on held-out data became. named: whether anything was found."""
     if not fit.after > 0.0 or not fit.refit > 0.0:
         return "there is too little held-out data to judge by"
+    if math.isinf(fit.after):
+        return "the held-out free run of what was found runs away"
+    if math.isinf(fit.refit):
+        errs = of_the_motion(fit.after)
+        return f"the free run of the refit alone runs away; with what was found it errs {errs}"
+    if not named:
+        less = fit.before / fit.refit
+        if not 1.02 < less < math.inf:
+            return f"the free run errs {of_the_motion(fit.refit)}, refitted or not"
+        return (
+            f"the free run of the refit errs {less:.3g} times less than the device file's:"
+            f" {of_the_motion(fit.refit)}"
+        )
     if fit.refit <= 1.02 * fit.after:
         return "the held-out free run is no better than with the refit alone"
-    return f"the held-out free run errs {fit.refit / fit.after:.3g} times less than the refit alone"
+    return (
+        f"the held-out free run errs {fit.refit / fit.after:.3g} times less than the refit alone:"
+        f" {of_the_motion(fit.after)}"
+    )
 
 
 def next_sentence(planned: NextExperiment | None) -> str:
     """Say what to record next, "" where nothing is in doubt."""
     if planned is None:
         return ""
-    a, b = (label.replace("@", " at ") for label in planned.separates)
+    a, b = (label.replace("@", " at ").replace("_", " ") for label in planned.separates)
     sigma = f"{planned.separation_sigma:.3g} sigma"
     words = planned.excitation.replace("_", " ")
     return (
@@ -180,9 +273,14 @@ def next_sentence(planned: NextExperiment | None) -> str:
     )
 
 
-def number(value: float) -> str:
-    """Four significant digits; a dash for what there is too little data to tell."""
-    return f"{value:.4g}" if math.isfinite(value) else "-"
+def error(size: float, unit: str) -> str:
+    """An rms error with its unit."""
+    return "without bound" if math.isinf(size) else with_unit(size, unit)
+
+
+def odds(probability: float) -> str:
+    """A probability, without a hundred that is none."""
+    return "over 99.9 %" if probability > 0.9995 else f"{100.0 * probability:.3g} %"
 
 
 def _sigma(value: float) -> str:
@@ -195,8 +293,8 @@ def sentence(text: str) -> str:
 
 
 def estimate(value: Estimate) -> str:
-    """A value with its interval and unit."""
-    return f"{value.value:.4g} [{value.lower:.4g}, {value.upper:.4g}] {value.unit}".rstrip()
+    """A value with its interval, in a unit that a person uses."""
+    return interval(value.value, value.lower, value.upper, value.unit)
 
 
 def _embedded(figure: Figure) -> str:

@@ -1,6 +1,7 @@
 """What an error means to the person who typed the command: a sentence and an exit status."""
 
 import errno
+import re
 from enum import IntEnum
 
 import click
@@ -32,31 +33,36 @@ def explain(error: BaseException) -> tuple[Status, str]:
         case click.UsageError():
             return Status.BAD_INPUT, _usage(error)
         case click.ClickException():
-            return Status.FAILED, _one_line(error.format_message())
+            return Status.FAILED, one_line(error.format_message())
         case OSError(errno=int()):
             status = Status.BAD_INPUT if error.errno in PATH_ERRORS else Status.FAILED
             return status, _operating_system(error)
         case ValueError():
-            return Status.BAD_INPUT, _one_line(str(error))
+            return Status.BAD_INPUT, one_line(str(error))
         case MemoryError():
             return Status.FAILED, "out of memory; ask for fewer runs at once or shorter ones"
         case _:
             kind = type(error).__name__
             return Status.FAILED, (
-                f"internal error, {kind}: {_one_line(str(error))}"
+                f"internal error, {kind}: {one_line(str(error))}"
                 " (set ZWIDTH_DEBUG=1 to see where, and report it)"
             )
 
 
-def _one_line(text: str) -> str:
-    return " ".join(text.split()).rstrip(".")
+def one_line(text: str) -> str:
+    """Return sentences as one line that ends without a period, and has one between any two.
+
+    What others say ends in a period or not; joined by ours, that gave "..", "?." and ".;".
+    """
+    line = re.sub(r"(?<=[\w)\]'?])\.\.(?=\s|$)", ".", " ".join(text.split()))
+    return re.sub(r"(?<=[\w)\]'])\.;", ";", line).rstrip(".")
 
 
 def _usage(error: click.UsageError) -> str:
     hint = ""
-    sentence = _one_line(error.format_message())
+    sentence = one_line(error.format_message())
     if isinstance(error, click.NoSuchOption | NoSuchCommand) and error.possibilities:
-        sentence = _one_line(error.message)
+        sentence = one_line(error.message)
         hint = f"; did you mean {error.possibilities[0]!r}?"
     elif error.ctx is not None and not isinstance(error, click.BadParameter):
         hint = f"; see '{error.ctx.command_path} --help'"
@@ -64,7 +70,7 @@ def _usage(error: click.UsageError) -> str:
 
 
 def _operating_system(error: OSError) -> str:
-    reason = _one_line(error.strerror or str(error))
+    reason = one_line(error.strerror or str(error))
     if error.filename is None:
         return reason
     if error.errno in FULL:

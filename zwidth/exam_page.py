@@ -18,6 +18,8 @@ COVERED, HELD_OUT, SECONDS = (0.92, 0.98), 0.95, 10.0
 RIG_NAMED, RIG_FIRST, RIG_PLAY, RIG_WRONG, RIG_CLEAN = 0.80, 0.90, 0.90, 0.02, 0.95
 OWN_JUDGEMENT, CALIBRATED = 0.05, 0.03
 FEW = 50  # parameters that cannot tell 92 % from 98 %
+HANDFUL = 5  # subjects, below which neither side of a goal is reached by chance alone
+UNTOLD = "too few to tell"
 
 
 def page(found: Mapping[str, Any], facts: Mapping[str, Any], pictures: Mapping[str, str]) -> str:
@@ -100,6 +102,16 @@ def _row(asked: str, goal: str, s: Mapping[str, Any] | None, reached: bool) -> l
     return [asked, goal, ratio(s), "yes" if reached else "**no**"]
 
 
+def _in_doubt(row: list[str], s: Mapping[str, Any] | None, goal: float) -> list[str]:
+    """The row, undecided where a handful of subjects allows both sides of the goal: 0 of 1 is none.
+
+    Of 0 of 1 the 95 % interval is 0 to 97.5 %.
+    """
+    if s is None or not 0 < s["count"] < HANDFUL or not s["ci95"][0] <= goal <= s["ci95"][1]:
+        return row
+    return [*row[:3], UNTOLD]
+
+
 def goals(found: Mapping[str, Any]) -> list[list[str]]:
     """Return rows: what is asked, the goal, what was found, whether that reaches it."""
     classes, rows = found["classes"], list[list[str]]()
@@ -107,11 +119,11 @@ def goals(found: Mapping[str, Any]) -> list[list[str]]:
 
     def least(asked: str, s: Mapping[str, Any] | None, goal: float) -> None:
         reached = s is not None and bool(s["count"]) and s["share"] >= goal
-        rows.append(_row(asked, f">= {100 * goal:.0f} %", s, reached))
+        rows.append(_in_doubt(_row(asked, f">= {100 * goal:.0f} %", s, reached), s, goal))
 
     def most(asked: str, s: Mapping[str, Any] | None, goal: float) -> None:
         reached = s is not None and bool(s["count"]) and s["share"] <= goal
-        rows.append(_row(asked, f"<= {100 * goal:.0f} %", s, reached))
+        rows.append(_in_doubt(_row(asked, f"<= {100 * goal:.0f} %", s, reached), s, goal))
 
     def near(asked: str, share: Mapping[str, Any]) -> None:
         if share["count"]:
@@ -121,7 +133,7 @@ def goals(found: Mapping[str, Any]) -> list[list[str]]:
 
     def covers(asked: str, s: Mapping[str, Any]) -> None:
         row = _row(asked, "92 to 98 %", s, _covers(s))
-        rows.append([*row[:3], "too few to tell"] if _too_few(s) else row)
+        rows.append([*row[:3], UNTOLD] if _too_few(s) else row)
 
     if _at_limit(found):
         for name, title, goal in (

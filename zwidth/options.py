@@ -2,12 +2,14 @@
 
 import math
 import re
+import shlex
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import click
+from click.core import ParameterSource
 
 from zwidth.files import protection
 from zwidth.files.whole import check_folder
@@ -124,6 +126,42 @@ cluster_option = click.option(
 )  # fmt: skip
 
 
+def device_argument(destination: str = "device") -> Callable[[Any], Any]:
+    """Return the argument DEVICE, which may be given as ``--device DEVICE`` as well.
+
+    So it is in every command of one device. Where the arguments are recordings, ``--device`` is all
+    that there is.
+    """
+    key = "zwidth.named_device"
+
+    def named(ctx: click.Context, param: click.Parameter, value: str | None) -> None:
+        ctx.meta[key] = value
+
+    def chosen(ctx: click.Context, param: click.Parameter, value: str | None) -> str:
+        other = ctx.meta.get(key)
+        if value is not None and other is not None:
+            raise click.UsageError(
+                f"the device is given twice, {value} and --device {other}; give it once", ctx
+            )
+        if value is None and other is None:
+            raise click.UsageError(
+                "no device is given; give its file, or a name that 'zwidth devices' lists", ctx
+            )
+        return str(other if value is None else value)
+
+    def add(command: Any) -> Any:
+        command = click.option(
+            "--device", "named_device", metavar="DEVICE", is_eager=True, expose_value=False,
+            callback=named, help="The same as DEVICE.",
+        )(command)  # fmt: skip
+        argument = click.argument(
+            destination, metavar="DEVICE", required=False, callback=chosen, default=None
+        )
+        return argument(command)
+
+    return add
+
+
 def out_option(default: str) -> Callable[[Any], Any]:
     """Return ``--out DIR`` with the default folder of the command.
 
@@ -148,3 +186,31 @@ def _writable(ctx: click.Context, param: click.Parameter, value: Path) -> Path:
             f"{value} cannot be written to ({error.strerror}); give a folder that can.", ctx, param
         ) from None
     return value
+
+
+def typed_line(context: click.Context) -> str:
+    """Return the line that asks a command again, complete: with its folder, every option given.
+
+    It can be copied to any terminal; what was not given stands on its default again.
+    """
+    words = ["zwidth", context.info_name or ""]
+    for parameter in context.command.params:
+        name = parameter.name or ""
+        value: Any = context.params.get(name)
+        if isinstance(parameter, click.Argument):
+            words += map(str, value if parameter.nargs == -1 else [value])
+            continue
+        if context.get_parameter_source(name) != ParameterSource.COMMANDLINE:
+            continue
+        flag = max(parameter.opts, key=len)
+        if isinstance(parameter, click.Option) and parameter.is_flag:
+            words.append(flag if value in (True, None) else max(parameter.secondary_opts, key=len))
+        else:
+            for one in value if parameter.multiple else [value]:
+                words += [flag, *map(str, one if isinstance(one, tuple) else [one])]
+    return in_this_folder(*words)
+
+
+def in_this_folder(*words: str) -> str:
+    """Return a line to type as it stands: the paths in it hold where they were given."""
+    return f"cd {shlex.quote(str(Path.cwd()))} && {shlex.join(words)}"

@@ -10,6 +10,8 @@ from typing import Any
 import msgspec
 from msgspec import UNSET, UnsetType
 
+from zwidth.stability.boundary import BoundaryPoint
+
 
 class Critical(msgspec.Struct, frozen=True):
     """The boundary by linear theory: K_CR [N m/rad | N/m] and the ultimate frequency."""
@@ -63,11 +65,31 @@ class Point(msgspec.Struct, frozen=True, omit_defaults=True):
     confidence95: Interval | UnsetType = UNSET
 
 
-class DelayBoundary(msgspec.Struct, frozen=True):
-    """The boundary at one delay."""
+class Stiffest(msgspec.Struct, frozen=True):
+    """The stiffest wall: the largest stable K tried, in the time domain, and where it ends.
+
+    linear_stiffness, linear_damping: the top by linear theory; frequency_below_hz and
+    frequency_above_hz of it on either side of that B, which differ where the frequency jumps.
+    last_stable_damping: the largest B tried with a stable K; linear_last_stable_damping by theory.
+    None where there is none.
+    """
+
+    stiffness: float | None
+    damping: float | None
+    last_stable_damping: float | None
+    linear_stiffness: float | None
+    linear_damping: float | None
+    frequency_below_hz: float | None
+    frequency_above_hz: float | None
+    linear_last_stable_damping: float | None
+
+
+class DelayBoundary(msgspec.Struct, frozen=True, omit_defaults=True):
+    """The boundary at one delay; stiffest answers how stiff a wall may be."""
 
     delay_s: float
     points: list[Point]
+    stiffest: Stiffest | UnsetType = UNSET
 
 
 class BoundaryResult(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -76,6 +98,17 @@ class BoundaryResult(msgspec.Struct, frozen=True, omit_defaults=True):
     device: str
     boundaries: list[DelayBoundary]
     rotary: bool = True
+
+
+def point_of(point: BoundaryPoint, measured: Measured | UnsetType = UNSET) -> Point:
+    """Return a point of a boundary, beside what was measured there."""
+    linear, bracket = point.linear, point.simulated
+    critical = simulated = None
+    if linear.stiffness is not None and linear.frequency_hz is not None:
+        critical = Critical(linear.stiffness, linear.frequency_hz)
+    if bracket.stable is not None:
+        simulated = Bracketed(bracket.stable, bracket.unstable, bracket.frequency)
+    return Point(float(point.damping), critical, simulated, measured)
 
 
 def as_json(result: msgspec.Struct) -> Mapping[str, Any]:

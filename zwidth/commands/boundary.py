@@ -3,44 +3,60 @@
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
 
 from zwidth.boundary_extras import Asked, extra_cells, extra_headings, with_extras
+from zwidth.boundary_summary import say_stiffest, stiffest
 from zwidth.compiling import announce
 from zwidth.console import Column, Console, progress
 from zwidth.controllers.wall import wall
 from zwidth.covariance import load_covariance
 from zwidth.figures.names import picture_files
-from zwidth.options import ManyNumbers, Quantities, Quantity, force_option, json_option, out_option
+from zwidth.options import (
+    ManyNumbers,
+    Quantities,
+    Quantity,
+    device_argument,
+    force_option,
+    json_option,
+    out_option,
+)
 from zwidth.results import (
     UNSET,
     BoundaryResult,
-    Bracketed,
-    Critical,
     DelayBoundary,
     Measured,
     Point,
     as_json,
+    point_of,
 )
 from zwidth.scenarios.logged_run import logged_run
 from zwidth.scenarios.scenario import Scenario, usual_substeps
 from zwidth.scenarios.table_2 import DEVICE, MeasuredPoint, measured_at
-from zwidth.sim.device import Device, warnings_of
-from zwidth.sim.device_file import load_device
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import load_device, remarks_on
 from zwidth.sim.run import Start
 from zwidth.stability.bisection import Bracket, Search, Trial
 from zwidth.stability.boundary import Boundary, BoundaryPoint, default_dampings, find_boundaries
+from zwidth.stability.linear import boundary as linear_boundary
+from zwidth.stability.passivity import passive_boundary
+
+if TYPE_CHECKING:
+    from zwidth.figures.boundary import Corner
 
 LOGGED_S = 4.0
 SAME_DAMPING = 1e-9
+ABSURD = 1e4  # times the damping that stops all masses within a period
+CORNER_POINTS = 33
+NONE = "-"  # no stable K
 SIDES = ("stable", "unstable")  # of a boundary's top, a log each
 
 
 @click.command("boundary", cls=ManyNumbers)
-@click.argument("name", metavar="DEVICE")
+@device_argument("name")
 @click.option("--delay-ms", cls=Quantities, type=Quantity("ms"), metavar="MS ...",
               help="Loop delays, a boundary each; else the device's own.")  # fmt: skip
 @click.option("--damping", cls=Quantities, type=Quantity("N m s/rad | N s/m"), rising=True,
@@ -65,19 +81,22 @@ SIDES = ("stable", "unstable")  # of a boundary's top, a log each
               type=click.Path(exists=True, dir_okay=False, path_type=Path),
               help="95 % band of K_CR from the parameters' covariance, as `zwidth identify` wrote"
               " it.")  # fmt: skip
+@click.option("--table", "in_full", is_flag=True, help="Print the boundary at every damping, too.")
 @out_option("runs/boundary")
 @force_option
 @json_option
 def command(name: str, out: Path, json_file: str | None, **options: Any) -> None:
     """Find the stability boundary of a device under a sampled virtual wall.
 
-    DEVICE is a shipped device or a device file. Prints a table per delay, draws the boundaries, and
-    logs the two runs on either side of each boundary's top.
+    DEVICE is a shipped device or a device file. Says how stiff a wall may be at each delay, draws
+    the boundaries, and logs the two runs on either side of each boundary's top. --table prints the
+    boundary point by point.
     """
     console = Console(json_file)
     device = load_device(name)
-    for warning in warnings_of(device):
+    for warning in remarks_on(device):
         console.warn(warning)
+    _refuse_absurd(device, options["damping"])
     delays = [1e-3 * ms for ms in options["delay_ms"]] or [device.interface.delay]
     asked = Asked(
         options["criterion"] == "passivity",
@@ -105,7 +124,19 @@ def command(name: str, out: Path, json_file: str | None, **options: Any) -> None
                 found += find_boundaries([variant], [grid], trial, search, counted)
     finally:  # after Ctrl-C too: what is finished is kept
         if found:
-            _write(console, device, found, trial, out, measured, asked)
+            _write(console, device, found, trial, out, measured, asked, options["in_full"])
+
+
+def _refuse_absurd(device: Device, dampings: Sequence[float]) -> None:
+    """Raise ValueError for a damping that no sampled device comes near, nor any arithmetic."""
+    most = ABSURD * float(np.sum(device.chain.masses)) / device.interface.period
+    unit = "N m s/rad" if device.rotary else "N s/m"
+    for damping in dampings:
+        if damping > most:
+            raise ValueError(
+                f"--damping is {damping:g}; above {most:.3g} {unit}, {ABSURD:g} times what would"
+                " stop all masses within a period, no wall of this device is worth a run: give less"
+            )
 
 
 def _lever(device: Device, hand: bool, lever: float | None) -> float | None:
@@ -147,29 +178,47 @@ def _write(
     out: Path,
     measured: bool,
     asked: Asked,
+    in_full: bool,
 ) -> None:
     result = BoundaryResult(
         device.name,
         [
             DelayBoundary(
-                b.device.interface.delay, with_extras(b.device, _points(b, measured), asked)
+                b.device.interface.delay,
+                with_extras(b.device, _points(b, measured), asked),
+                stiffest(b),
             )
             for b in found
         ],
         device.rotary,
     )
+    say_stiffest(console, result)
     for boundary, values in zip(found, result.boundaries, strict=True):
-        _table(console, boundary, values, asked)
+        if in_full:
+            _table(console, boundary, values, asked)
     console.result(as_json(result))
-    from zwidth.figures.boundary import boundary_figure
+    from zwidth.figures.boundary import boundary_figure  # after the work
     from zwidth.figures.style import save_figure
 
-    figure = boundary_figure(result, "measured (Table II)")
+    corners = [_corner(b.device) for b in found] if asked.passive else []
+    figure = boundary_figure(result, "measured (Table II)", corners)
     for path in save_figure(figure, out / "boundary"):
         console.say(f"wrote {path}")
     for boundary in found:
         for path in _log_top(boundary, trial, out):
             console.say(f"wrote {path}")
+
+
+def _corner(device: Device) -> "Corner":
+    """The corner of passive walls, twice as wide as where the last one is passive."""
+    from zwidth.figures.boundary import Corner
+
+    # No wall has more damping than the device may lose: sum b_i, and less at a higher frequency.
+    limit = max(float(device.chain.ground_dampers.sum()), 0.0)
+    grid = np.linspace(0.0, 2.0 * limit, CORNER_POINTS) if limit else np.zeros(1)
+    walls = [p.stiffness or 0.0 for p in passive_boundary(device, grid.tolist())]
+    theory = [p.stiffness or 0.0 for p in linear_boundary(device, grid.tolist())]
+    return Corner(grid, np.array(walls), np.array(theory))
 
 
 def _points(boundary: Boundary, measured: bool) -> list[Point]:
@@ -182,28 +231,10 @@ def _measured(rows: Sequence[MeasuredPoint], damping: float) -> MeasuredPoint | 
 
 
 def _point(point: BoundaryPoint, row: MeasuredPoint | None) -> Point:
-    linear, bracket = point.linear, point.simulated
-    critical = None
-    if linear.stiffness is not None and linear.frequency_hz is not None:
-        critical = Critical(linear.stiffness, linear.frequency_hz)
-    return Point(
-        float(point.damping),
-        critical,
-        _bracketed(bracket),
-        UNSET
-        if row is None
-        else Measured(
-            row.stiffness,
-            row.frequency,
-            UNSET if row.damping_meant is None else row.damping,
-        ),
-    )
-
-
-def _bracketed(bracket: Bracket) -> Bracketed | None:
-    if bracket.stable is None:
-        return None
-    return Bracketed(bracket.stable, bracket.unstable, bracket.frequency)
+    if row is None:
+        return point_of(point)
+    printed = UNSET if row.damping_meant is None else row.damping
+    return point_of(point, Measured(row.stiffness, row.frequency, printed))
 
 
 def _table(console: Console, boundary: Boundary, values: DelayBoundary, asked: Asked) -> None:
@@ -229,8 +260,12 @@ def _table(console: Console, boundary: Boundary, values: DelayBoundary, asked: A
 def _row(point: Point, bracket: Bracket) -> list[str]:
     linear = point.linear
     cells = [f"{point.damping:.5g}"]
-    cells += [f"{linear.stiffness:.5g}", f"{linear.frequency_hz:.2f}"] if linear else ["none", ""]
-    cells += [_number(bracket.stable), _number(bracket.unstable), _frequency(bracket.frequency)]
+    cells += [f"{linear.stiffness:.5g}", f"{linear.frequency_hz:.2f}"] if linear else [NONE, NONE]
+    if bracket.stable is None:  # what is unstable however soft tells no boundary
+        cells += [NONE] * 3
+    else:
+        seen = (_number(bracket.stable), _number(bracket.unstable), _frequency(bracket.frequency))
+        cells += seen
     note = _note(bracket)
     if point.measured is UNSET:
         return [*cells, "", "", *extra_cells(point), note]
@@ -251,7 +286,7 @@ def _note(bracket: Bracket) -> str:
 
 
 def _number(value: float | None) -> str:
-    return "none" if value is None else f"{value:.5g}"
+    return NONE if value is None else f"{value:.5g}"
 
 
 def _frequency(value: float | None) -> str:

@@ -11,8 +11,15 @@ import numpy as np
 from zwidth.console import Column, Console
 from zwidth.files.whole import write_text
 from zwidth.options import force_option, json_option
+from zwidth.sim.chain import MAX_MASSES
 from zwidth.sim.device import Device, place_label, warnings_of
-from zwidth.sim.device_file import USUAL, device_to_text, load_device, shipped_devices
+from zwidth.sim.device_file import (
+    USUAL,
+    commented_text,
+    load_device,
+    shipped_devices,
+    template_text,
+)
 from zwidth.sim.modal import ModalModel, from_chain
 from zwidth.sim.passive import nearest_passive
 
@@ -30,20 +37,44 @@ TURN = 2.0 * math.pi
     type=click.Path(path_type=Path),
     help="Write what is described as a device file, to be edited or used in other commands.",
 )
+@click.option(
+    "--template", type=click.IntRange(1, MAX_MASSES), metavar="MASSES",
+    help="Print a device file of so many masses to start from, with every key explained.",
+)  # fmt: skip
 @force_option
 @json_option
-def command(device: str | None, passive: bool, save: Path | None, json_file: str | None) -> None:
+def command(
+    device: str | None,
+    passive: bool,
+    save: Path | None,
+    template: int | None,
+    json_file: str | None,
+) -> None:
     """List the devices that come with zwidth, or describe one.
 
     DEVICE is the name of one of them or a device file.
     """
     console = Console(json_file)
-    if device is not None:
+    if template is not None:
+        if device is not None or passive:
+            raise click.UsageError("--template stands for itself; leave DEVICE and --passive out")
+        _template(console, template, save)
+    elif device is not None:
         _describe(console, device, passive, save)
     elif passive or save:
         raise click.UsageError("--passive and --save need a DEVICE, give its name or file")
     else:
         _list(console)
+
+
+def _template(console: Console, masses: int, save: Path | None) -> None:
+    console.will_write(*([save] if save else []))
+    text = template_text(masses)
+    if save:
+        console.say(f"wrote {write_text(save, text)}")
+    else:
+        console.say(text)
+    console.result({"masses": masses, "toml": text})
 
 
 def _list(console: Console) -> None:
@@ -77,7 +108,7 @@ def _describe(console: Console, name: str, passive: bool, save: Path | None) -> 
     _mode_table(console, modes)
     _settings(console, device)
     if save:
-        console.say(f"wrote {write_text(save, device_to_text(device))}")
+        console.say(f"wrote {write_text(save, commented_text(device))}")
     console.result(_as_json(device, modes) | result)
 
 

@@ -2,10 +2,9 @@
 
 import itertools
 import math
-import shlex
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -15,9 +14,13 @@ import click
 import numpy as np
 
 from zwidth.console import Column, Console
-from zwidth.diagnosis.answer.augmented_boundary import AugmentedBoundary, augmented_boundary
+from zwidth.diagnosis.answer.augmented_boundary import (
+    AugmentedBoundary,
+    augmented_boundary,
+    may_render,
+)
 from zwidth.diagnosis.answer.diagnosis_log import diagnosis_trace
-from zwidth.diagnosis.answer.result import Diagnosis, NotDiagnosed
+from zwidth.diagnosis.answer.result import Diagnosis, NotDiagnosed, Verdict
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.mishaps import Mishaps, attempt, collecting, isolated
 from zwidth.diagnosis.recording.experiment import Experiment, stretches
@@ -25,23 +28,27 @@ from zwidth.diagnosis.selection.effort import EFFORTS
 from zwidth.diagnosis_report import (
     INTERRUPTED,
     Commands,
+    effect_at,
+    error,
     estimate,
     gain_sentence,
     improvement,
-    linear_rows,
+    linear_words,
     next_sentence,
-    number,
     save_report,
     save_unanswered,
     scale_sentence,
 )
+from zwidth.door import described, device_of, kept
 from zwidth.files.whole import write_text
 from zwidth.logs.mcap_writer import write_log
 from zwidth.logs.recording import load_log, read_recording
-from zwidth.options import force_option, json_option, out_option
+from zwidth.options import force_option, in_this_folder, json_option, out_option, typed_line
 from zwidth.planning.separating import separating
 from zwidth.sim.device import Device
-from zwidth.sim.device_file import device_to_text, load_device
+from zwidth.sim.device_file import commented_text, load_device
+from zwidth.sim.readable import number, percent
+from zwidth.sim.trace import Trace
 
 # What is written beside the logs: NAME.diagnosis.html, ...
 WHEN = ("before", "refit", "after")
@@ -56,7 +63,10 @@ RESULTS = ("diagnosis.html", "augmented.toml", "next.toml", "next.npy")
     required=True,
     type=click.Path(path_type=Path),
 )
-@click.option("--device", "name", metavar="DEVICE", required=True, help="Device file or name.")
+@click.option(
+    "--device", "name", metavar="DEVICE",
+    help="Device file or name; without it one is fitted: one to three masses, as the data ask.",
+)  # fmt: skip
 @click.option(
     "--validate",
     metavar="RECORDING",
@@ -71,20 +81,29 @@ RESULTS = ("diagnosis.html", "augmented.toml", "next.toml", "next.npy")
     show_default=True,
     help="How much to try: quick looks for three effects at most, and for no play.",
 )
+@click.option(
+    "--wall/--no-wall",
+    default=None,
+    help="Say what becomes of the stiffest wall, or not; else where the device may render one.",
+)
 @out_option("runs")
 @force_option
 @json_option
 def command(
     recordings: tuple[Path, ...],
-    name: str,
+    name: str | None,
     validate: tuple[Path, ...],
     effort: str,
+    wall: bool | None,
     out: Path,
     json_file: str | None,
 ) -> None:
     """Say why recordings differ from the simulation of a device, and what physics is missing.
 
-    RECORDING is a recording TOML or a log that zwidth wrote; several are diagnosed together.
+    RECORDING is any file that 'zwidth convert' reads: a CSV, MAT, HDF5, NPY or MCAP of another
+    tool, a recording TOML, or a log that zwidth wrote; several are diagnosed together. What a file
+    of another tool is taken for is said, and written as NAME.recording.toml; a device that is not
+    given is fitted, and written as NAME.device.toml. Edit either and give the same line again.
 
     Writes NAME.diagnosis.html, the report; NAME.augmented.toml, the device with what was found,
     which every command takes; NAME.diagnosis.mcap, residual, missing force and predictions, which
@@ -93,26 +112,32 @@ def command(
     """
     console = Console(json_file)
     _refuse_fitted(recordings, validate)
-    device = load_device(name)
-    more = ["--effort", effort] if effort != "normal" else []
-    for path in validate:
-        more += ["--validate", str(path)]
-    more += ["--out", str(out)] if out != Path("runs") else []
-    asked = Asked(console, recordings, device, name, out, tuple(more))
+    known = None if name is None else load_device(name)  # what is wrong with it is said at once
+    read = {path: described(console, path, out) for path in (*recordings, *validate)}
+    line = typed_line(click.get_current_context())
     with collecting(console.warn) as mishaps:
         with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # numpy's, on 1e300
-            fit_on = _read_all(console, recordings, device)
-            judge_by = [e for _, e in _read_all(console, validate, device)] or None
+            fitted_to = _traces(console, recordings, read)
+            fresh, file = False, Path(name or "")
+            if known is None:
+                named = [(path.stem, trace) for path, trace in fitted_to]
+                file, known, fresh = device_of(console, named, out)
+            device, name = known, name or str(file)
+            asked = Asked(console, recordings, read, device, name, out, line, wall)
+            fit_on = _stretches(fitted_to, device)
+            judged_by = _traces(console, validate, read)
+            judge_by = [e for _, e in _stretches(judged_by, device)] or None
             logs = _log_files(out, [path for path, _ in fit_on])
             console.will_write(*map(asked.file, RESULTS), *(log for _, log in logs))
+            say, tries = _timed(console), EFFORTS[effort]
             try:
-                found = diagnose(
-                    device,
-                    [e for _, e in fit_on],
-                    judge_by,
-                    _timed(console),
-                    EFFORTS[effort],
-                )
+                found = diagnose(device, [e for _, e in fit_on], judge_by, say, tries)
+                if fresh and not found.interrupted and found.verdict is Verdict.LINEAR_PARAMETERS:
+                    console.note("the device as it was fitted is refitted, and asked again")
+                    device = kept(found.device, file)
+                    asked = replace(asked, device=device)
+                    fit_on = _stretches(fitted_to, device)
+                    found = diagnose(device, [e for _, e in fit_on], judge_by, say, tries)
             except NotDiagnosed as end:
                 raise _unanswered(asked, end, mishaps) from end
         _say(console, found)
@@ -135,25 +160,23 @@ def _timed(console: Console) -> Callable[[str], None]:
 class Asked:
     """What was asked, and where answers go.
 
-    name: of the device, as it was given; more: options that were given.
+    read: what each recording is read from; name: of the device, as it was given or made; line: the
+    line that asks again. wall: whether to say what becomes of the stiffest wall; None for where the
+    device may render one.
     """
 
     console: Console
     recordings: tuple[Path, ...]
+    read: Mapping[Path, Path]
     device: Device
     name: str
     out: Path
-    more: tuple[str, ...] = ()
+    line: str = ""
+    wall: bool | None = None
 
     def file(self, ending: str) -> Path:
         """The path of a file of the answer."""
         return self.out / f"{self.recordings[0].stem}.{ending}"
-
-    @property
-    def line(self) -> str:
-        """The line that asks again."""
-        words = ["zwidth", "diagnose", *map(str, self.recordings), "--device", self.name]
-        return shlex.join([*words, *self.more])
 
 
 @dataclass
@@ -177,18 +200,18 @@ def _answer(
     console, files = asked.console, Files()
     with isolated("augmented device"):
         if not mishaps.of("augmented device"):
-            text = device_to_text(found.device)
+            text = commented_text(found.device)
             files.augmented = write_text(asked.file("augmented.toml"), text)
     _report(asked, found, files, None)
     console.keep(_result(asked, found, files, None, mishaps))
     bounds: AugmentedBoundary | None = None
     try:
-        files.logs = _logs(found, logs)
+        files.logs = _logs(found, [(asked.read[path], log) for path, log in logs])
         with isolated("next experiment"):
             found = replace(found, next_experiment=separating(found, asked.file("next.toml")))
             if found.next_experiment is not None:
                 console.say(f"\n{next_sentence(found.next_experiment)}")
-        bounds = _boundary(console, asked.device, found)
+        bounds = _boundary(asked, found)
     finally:  # after Ctrl-C too
         found = replace(found, errors=tuple(mishaps.found))
         _report(asked, found, files, bounds)
@@ -200,7 +223,7 @@ def _answer(
 def _report(asked: Asked, found: Diagnosis, files: Files, bounds: AugmentedBoundary | None) -> None:
     """Write the report as far as there is an answer."""
     shown = str(files.augmented or asked.name)
-    view = shlex.join(["zwidth", "explore", asked.name, "--compare", shown])
+    view = in_this_folder("zwidth", "explore", asked.name, "--compare", shown)
     with isolated("report"):
         names = [path.name for path in asked.recordings]
         commands = Commands(asked.line, view)
@@ -303,11 +326,13 @@ def _distinct(stems: Sequence[str]) -> list[str]:
     return names
 
 
-def _boundary(console: Console, device: Device, found: Diagnosis) -> AugmentedBoundary | None:
+def _boundary(asked: Asked, found: Diagnosis) -> AugmentedBoundary | None:
     """The stiffest wall before and after; None where nothing was found or there is no such wall."""
-    if not found.findings:
+    console, device = asked.console, asked.device
+    renders = may_render(device, found.experiments) if asked.wall is None else asked.wall
+    if not found.findings or not renders:
         return None
-    names = " and ".join(f"{f.effect} at {f.at}" for f in found.findings)
+    names = " and ".join(effect_at(found, f.effect, f.at) for f in found.findings)
     bounds = attempt("boundary", "", lambda: augmented_boundary(device, found.device, names))
     if bounds is not None:
         console.say(bounds.sentence)
@@ -327,35 +352,52 @@ def _log(found: Diagnosis, e: Experiment, recording: Path, path: Path) -> None:
     write_log(path, trace, epoch_ns=log.epoch_ns)
 
 
-def _read_all(
-    console: Console, paths: Sequence[Path], device: Device
-) -> list[tuple[Path, Experiment]]:
-    """Read recordings as stretches; one of several that cannot be read costs itself alone."""
-    found: list[tuple[Path, Experiment]] = []
+def _traces(
+    console: Console, paths: Sequence[Path], read: Mapping[Path, Path]
+) -> list[tuple[Path, Trace]]:
+    """Read recordings; one of several that cannot be read costs itself alone."""
+    found: list[tuple[Path, Trace]] = []
     for path in paths:
         with isolated("recording", path.name) if len(paths) > 1 else nullcontext():
-            found += [(path, e) for e in _read(console, path, device)]
+            trace = read_recording(read[path])
+            for warning in cast("list[str]", trace.facts.get("warnings", [])):
+                console.warn(f"{path.name}: {warning}")
+            found.append((path, trace))
     if paths and not found:
         raise ValueError("none of the recordings can be read, as said above")
     return found
 
 
-def _read(console: Console, path: Path, device: Device) -> list[Experiment]:
-    trace = read_recording(path)
-    for warning in cast("list[str]", trace.facts.get("warnings", [])):
-        console.warn(f"{path.name}: {warning}")
-    return stretches(trace, device, path.stem)
+def _stretches(
+    traces: Sequence[tuple[Path, Trace]], device: Device
+) -> list[tuple[Path, Experiment]]:
+    """Take recordings as stretches; one of several that cannot be used costs itself alone."""
+    found: list[tuple[Path, Experiment]] = []
+    for path, trace in traces:
+        with isolated("recording", path.name) if len(traces) > 1 else nullcontext():
+            found += [(path, e) for e in stretches(trace, device, path.stem)]
+    if traces and not found:
+        raise ValueError("none of the recordings can be read, as said above")
+    return found
 
 
 def _say(console: Console, found: Diagnosis) -> None:
     before = f"{INTERRUPTED}: " if found.interrupted else ""
-    console.say(f"\n{before}{found.verdict.value}: {found.sentence}\n")
+    console.say(f"\n{before}{found.headline}\n")
+    for caution in found.cautions:
+        console.warn(caution)
+    console.say(f"{found.verdict.value}: {found.sentence}\n")
     for fault in found.faults:
         if fault.sentence not in found.sentence:
             console.say(fault.sentence)
     console.say(found.located.sentence)
     rows = [
-        [f"{f.effect} at {f.at}", name, estimate(value), number(f.separation_sigma)]
+        [
+            effect_at(found, f.effect, f.at),
+            name.replace("_", " "),
+            estimate(value),
+            number(f.separation_sigma),
+        ]
         for f in found.findings
         for name, value in f.parameters.items()
     ]
@@ -367,16 +409,15 @@ def _say(console: Console, found: Diagnosis) -> None:
             Column("sigma"),
         ]
         console.table("\nWhat was found", columns, rows)
-    linear = linear_rows(found).items()
-    rows = [[k, number(nominal), estimate(value)] for k, (nominal, value) in linear]
+    rows = [list(row) for row in linear_words(found)]
     columns = [Column("", False), Column("device file"), Column("refitted")]
     console.table("\nLinear parameters", columns, rows)
     if scale := scale_sentence(found):
         console.say(scale)
-    console.say(f"\n{improvement(found.free_run)}")
+    console.say(f"\n{improvement(found.free_run, bool(found.findings))}")
     rows = [
         [f"{run.output} of {run.recording}"]
-        + [f"{number(run.errors[w])} {run.unit} ({100.0 * run.shares[w]:.3g} %)" for w in WHEN]
+        + [f"{error(run.errors[w], run.unit)} ({percent(run.shares[w])})" for w in WHEN]
         + ["held out" if run.held_out else "fitted"]
         for run in found.whole_runs
     ]

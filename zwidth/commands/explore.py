@@ -8,14 +8,15 @@ import click
 
 from zwidth.compiling import announce
 from zwidth.console import Console, progress
+from zwidth.door import asker, fitted, taken
 from zwidth.explore.link import PORT
-from zwidth.logs.recording import read_recording
-from zwidth.sim.device import warnings_of
-from zwidth.sim.device_file import load_device
+from zwidth.options import device_argument
+from zwidth.sim.device_file import load_device, remarks_on, shipped_devices
+from zwidth.sim.trace import Trace
 
 
 @click.command("explore")
-@click.argument("device", metavar="DEVICE")
+@device_argument()
 @click.option("--compare", multiple=True, metavar="DEVICE2",
               help="Another device, which a button on the page puts in place of the first (again"
               " for more); what `zwidth diagnose` has found, for one.")  # fmt: skip
@@ -33,41 +34,70 @@ def command(
 ) -> None:  # fmt: skip
     """Explore the K-B plane of a device in the browser.
 
-    DEVICE is a shipped device or a device file. Sliders change encoder, amplifier, delay, friction
-    and start; a click on a wall shows its run, which can be saved as a log or a scenario. The
-    address of the page holds all that it shows. Ctrl-C ends it.
+    DEVICE is a shipped device, a device file, or a recording of any kind, such as a CSV, to which a
+    device is fitted and which lies beside every run. Sliders change encoder, amplifier, delay,
+    friction and start; a click on a wall shows its run, which can be saved as a log or a scenario.
+    The address of the page holds all that it shows. Ctrl-C ends it.
     """
     console = Console()
     if find_spec("bokeh") is None:
         raise ValueError(
             "explore needs Bokeh, which is not installed; pip install 'zwidth[explore]' brings it"
         )
-    devices = [load_device(name) for name in (device, *compare)]
-    for warning in dict.fromkeys(w for d in devices for w in warnings_of(d)):
+    if _is_data(device):
+        recording = recording or Path(device)
+    trace = None if recording is None else _taken(console, recording)
+    if trace is not None and recording is not None and _is_data(device):
+        own, said = fitted([(recording.stem, trace)])
+        for line in said:
+            console.note(line)
+    else:
+        own = load_device(device)
+    devices = [own, *(load_device(name) for name in compare)]
+    for warning in dict.fromkeys(w for d in devices for w in remarks_on(d)):
         console.warn(warning)
-    trace = None if recording is None else read_recording(recording)
     from zwidth.explore.bench import Bench
     from zwidth.explore.prepare import steps
     from zwidth.explore.server import LOCAL, listen
 
     bench = Bench(devices, trace)
     server, url = listen(bench, address, port)
-    announce(console)
-    preparing = steps(bench)
-    with progress("preparing", len(preparing)) as advance:
-        for what, prepare in preparing:
-            advance(0, now=what)
-            prepare()
-            advance(1, now=what)
-    if address != LOCAL:
-        console.warn(f"whoever reaches {url} may use it; there is no password")
-    server.start()
-    console.say(f"{bench.devices[0].name}: {url} (Ctrl-C ends it)")
-    if not no_browser:
-        server.io_loop.add_callback(webbrowser.open, url)
     try:
+        announce(console)
+        preparing = steps(bench)
+        with progress("preparing", len(preparing)) as advance:
+            for what, prepare in preparing:
+                advance(0, now=what)
+                prepare()
+                advance(1, now=what)
+        if address != LOCAL:
+            console.warn(f"whoever reaches {url} may use it; there is no password")
+        server.start()
+        console.say(f"{bench.devices[0].name}: {url} (Ctrl-C ends it)")
+        if not no_browser:
+            server.io_loop.add_callback(webbrowser.open, url)
         server.io_loop.start()
     except KeyboardInterrupt:
         console.say("ended")
     finally:
         server.stop()
+
+
+def _is_data(name: str) -> bool:
+    """Whether what was named as the device is a file of data and no device file."""
+    return (
+        name not in shipped_devices()
+        and Path(name).suffix.lower() != ".toml"
+        and Path(name).is_file()
+    )
+
+
+def _taken(console: Console, path: Path) -> Trace:
+    trace, said = taken(path, asker())
+    if said:
+        console.note(f"{path.name} is a file of another tool; it is taken for:")
+    for line in said:
+        console.note(f"  {line}")
+    if said:
+        console.note(f"'zwidth diagnose {path}' writes that, and a device, as files to edit")
+    return trace

@@ -13,14 +13,12 @@ from zwidth.figures.names import picture_files
 from zwidth.files.whole import write_text
 from zwidth.identification.coordinates import MAX_MODES
 from zwidth.identification.fit import Fit, fit_response
+from zwidth.identification.identified import identified
 from zwidth.identification.search import REJECTED
 from zwidth.logs.recording import read_recording
 from zwidth.options import Quantity, force_option, json_option, out_option
 from zwidth.sim.device import Device, warnings_of
-from zwidth.sim.device_file import device_to_text
-from zwidth.sim.interface import Interface
-from zwidth.sim.modal import to_chain
-from zwidth.sim.sampled import sampled_frequency_response
+from zwidth.sim.device_file import commented_text
 
 
 @click.command("identify")
@@ -74,22 +72,18 @@ def command(
     for warning in (*(warned if isinstance(warned, list | tuple) else ()), fit.note):
         if warning:
             console.warn(f"{recording.name}: {warning}")
-    unit = trace.units[position]
-    if unit not in ("rad", "m"):
-        raise ValueError(f"channel {position!r} is in {unit!r}; a position in rad or m is needed")
-    device = Device(
-        name or recording.stem,
-        f"identified from {recording.name}",
-        unit == "rad",
-        to_chain(fit.model),
-        Interface(period=fit.response.windows.period, delay=max(0.0, fit.delay)),
-        modal=fit.model,
-    )
+    source = f"identified from {recording.name}"
+    found = identified(fit, name or recording.stem, trace.units[position], source, position)
+    device = found.device
     _tell(console, device, fit)
-    write_text(device_file, device_to_text(device))
+    write_text(device_file, commented_text(device))
     save_covariance(spread, fit.names, fit.covariance)
     console.result(_result(device, fit, device_file, spread))
-    for path in (device_file, spread, *_drawn(fit, bode)):
+    from zwidth.figures.identified import fit_figure  # matplotlib takes a second, after the work
+    from zwidth.figures.style import save_figure
+
+    figure = fit_figure(fit)
+    for path in (device_file, spread, *save_figure(figure, bode)):
         console.say(f"wrote {path}")
 
 
@@ -154,25 +148,3 @@ def _result(device: Device, fit: Fit, device_file: Path, spread: Path) -> dict[s
         "device_file": str(device_file),
         "covariance_file": str(spread),
     }
-
-
-def _drawn(fit: Fit, path: Path) -> list[Path]:
-    from zwidth.figures.identified import identified_figure
-    from zwidth.figures.style import save_figure
-
-    period = fit.response.windows.period
-    frequency = np.geomspace(fit.response.frequency_hz[0], 0.499 / period, 800)
-    turn = np.exp(-2j * np.pi * frequency * fit.delay)
-    model = sampled_frequency_response(fit.model, period, frequency) * turn
-    return list(
-        save_figure(
-            identified_figure(
-                fit.response.frequency_hz,
-                fit.response.value,
-                fit.response.coherence,
-                np.sqrt(fit.variance),
-                (frequency, model),
-            ),
-            path,
-        )
-    )

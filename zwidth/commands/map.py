@@ -12,31 +12,33 @@ from zwidth.console import Column, Console, progress
 from zwidth.figures.names import picture_files
 from zwidth.files.whole import write_with
 from zwidth.jobs.choose import executor
-from zwidth.options import Quantity, cluster_option, force_option, json_option, out_option
+from zwidth.options import (
+    Quantity,
+    cluster_option,
+    device_argument,
+    force_option,
+    json_option,
+    out_option,
+)
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device
 from zwidth.sim.equations import enough_substeps
 from zwidth.stability.bisection import Trial
 from zwidth.stability.fate_map import make_map, save_map
-from zwidth.stability.linear import corner, last_stable_damping
 from zwidth.stability.map_summary import summary
 from zwidth.stability.plane import QUANTITIES, Axis, Plane, with_friction
 from zwidth.stability.plane import Quantity as Quantities
+from zwidth.stability.usual_plane import usual_axis
 
 # The option that sets a quantity where it is on no axis.
 FIXED_BY: dict[Quantities, str] = {
     "K": "stiffness", "B": "damping", "delay": "delay_ms", "encoder_step": "encoder_step",
     "command_limit": "command_limit", "friction": "friction", "amplitude": "start",
 }  # fmt: skip
-CUSTOMARY = {
-    "delay": (0.0, 0.01), "encoder_step": (0.0, 1e-3), "command_limit": (0.05, 1.0),
-    "friction": (0.0, 0.02), "amplitude": (1e-4, 1e-1),
-}  # fmt: skip
-RISING_BY_RATIOS = ("amplitude",)  # where no range is given
 
 
 @click.command("map")
-@click.argument("device", metavar="DEVICE")
+@device_argument()
 @click.option("--axes", nargs=2, type=click.Choice(QUANTITIES), default=("B", "K"),
               show_default=True, help="Two quantities, horizontal and vertical.")  # fmt: skip
 @click.option("--x-range", nargs=2, type=Quantity("SI"),
@@ -110,7 +112,7 @@ def command(
         saving = partial(figure.savefig, format=kind, dpi=150, metadata=facts)
         console.say(f"wrote {write_with(out / f'map.{kind}', saving)}")
     found = summary(result)
-    _say(console, found)
+    _say(console, found, plane.device.rotary)
     console.result(found)
 
 
@@ -165,28 +167,21 @@ def _axis(
     assert quantity in get_args(Quantities)
     if limits is not None:
         return Axis(quantity, *limits, "log" if ratios else "linear")
-    if quantity == "B":
-        low, high = 0.0, 1.2 * (last_stable_damping(device) or 0.1)
-    elif quantity == "K":
-        top = corner(device)
-        high = 1.4 * top.stiffness if top is not None else 50.0
-        low = 0.01 * high
-    else:
-        low, high = CUSTOMARY[quantity]
-    if ratios and low == 0.0:
-        low = 1e-3 * high
-    return Axis(quantity, low, high, "log" if ratios or quantity in RISING_BY_RATIOS else "linear")
+    return usual_axis(device, quantity, ratios)
 
 
-def _say(console: Console, found: dict[str, Any]) -> None:
+def _say(console: Console, found: dict[str, Any], rotary: bool) -> None:
+    length, force = ("rad", "N m") if rotary else ("m", "N")
     fates = found["fates"]
     columns = [
-        Column("fate", False), Column("share of the plane"), Column("amplitude, median and most"),
-        Column("in encoder steps"), Column("force, median and most"),
+        Column("fate", False), Column("share of the plane"),
+        Column(f"amplitude [{length}]: median"), Column("most"),
+        Column("encoder steps: median"), Column("most"),
+        Column(f"force [{force}]: median"), Column("most"),
     ]  # fmt: skip
     rows = [
-        [name, f"{100.0 * f['share']:.1f} %", _two(f["amplitude"]), _two(f["encoder_steps"]),
-         _two(f["force"])]
+        [name.replace("_", " "), f"{100.0 * f['share']:.1f} %", *_two(f["amplitude"]),
+         *_two(f["encoder_steps"]), *_two(f["force"])]
         for name, f in fates.items() if f["share"] > 0.0
     ]  # fmt: skip
     console.table(
@@ -207,5 +202,6 @@ def _say(console: Console, found: dict[str, Any]) -> None:
         )
 
 
-def _two(values: list[float] | None) -> str:
-    return "" if values is None else f"{values[0]:.3g}  {values[1]:.3g}"
+def _two(values: list[float] | None) -> tuple[str, str]:
+    """Median and most, a cell each."""
+    return ("-", "-") if values is None else (f"{values[0]:.3g}", f"{values[1]:.3g}")

@@ -14,30 +14,29 @@ from zwidth.compiling import announce
 from zwidth.console import Advance, Column, Console, progress
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.noise.steady import NoObserver
-from zwidth.diagnosis.recording.experiment import SHORTEST
 from zwidth.figures.names import picture_files
 from zwidth.figures.plan import named, plan_figure
 from zwidth.figures.style import save_figure
-from zwidth.options import Quantity, force_option, json_option, out_option
+from zwidth.options import Quantity, device_argument, force_option, json_option, out_option
+from zwidth.planning.asked import check_length, usual_noise
 from zwidth.planning.excitations import LIBRARY, Scale, excitation, save_scenario, scale_for
 from zwidth.planning.limits import SHOWN
 from zwidth.planning.plan import ALIKE, Plan, Visible, better_excitations, plan
 from zwidth.planning.rehearsal import Noise, rehearse
 from zwidth.scenarios.scenario_file import load_scenario
-from zwidth.sim.device import Device, warnings_of
-from zwidth.sim.device_file import load_device
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import load_device, remarks_on
 from zwidth.sim.nearest import nearest
 from zwidth.sim.physics import EFFECTS
 from zwidth.sim.place import place_at
+from zwidth.sim.readable import with_unit
 from zwidth.sim.run import simulate
 
-PROCESS = 0.002  # of the largest command: the process noise where none is given
-LONGEST = 120_000  # ticks: a hundred signatures as long are held at once
 Floats = NDArray[np.float64]
 
 
 @click.command("plan")
-@click.option("--device", "name", metavar="DEVICE", required=True, help="Device file or name.")
+@device_argument("name")
 @click.option("--noise", type=Quantity("rad | m", above=True), default=None,
               help="Of a measured position, rms; default an encoder step's rounding.")  # fmt: skip
 @click.option("--process-noise", type=Quantity("N m | N", above=True), default=None,
@@ -72,18 +71,20 @@ def command(
 ) -> None:
     """Say what a recording would show, before it is made.
 
+    DEVICE is a shipped device or a device file.
+
     For every effect the smallest magnitude that stands five sigma above what a refit of the known
     parameters absorbs; the pairs of effects that it could not tell apart, and which excitation
     would. Writes a picture, and each excitation as a scenario that zwidth and rigs can play.
     """
     console = Console(json_file)
     device = load_device(name)
-    for warning in warnings_of(device):
+    for warning in remarks_on(device):
         console.warn(warning)
     announce(console)
-    _check_length(device, seconds)
+    check_length(device, seconds)
     scale = scale_for(device, level=level, travel=travel)
-    seen = Noise(process_noise or PROCESS * scale.level, _measurement(device, noise, scale.travel))
+    seen = usual_noise(device, scale, noise, process_noise)
     commands = {Path(n).stem: _command(n, device, seconds, scale, seed) for n in names}
     _say_experiment(console, device, scale, seen)
     pictures = [file for stem in commands for file in picture_files(out / f"{stem}_plan")]
@@ -135,31 +136,6 @@ def _tell(advance: Advance, stem: str, now: str) -> None:
     advance(1, f"{stem}: {now}")
 
 
-def _check_length(device: Device, seconds: float) -> None:
-    period = device.interface.period
-    if not SHORTEST <= seconds / period <= LONGEST:
-        raise ValueError(
-            f"seconds is {seconds:g}; at this device's period of {period:g} s {SHORTEST * period:g}"
-            f" to {LONGEST * period:g} s are allowed"
-        )
-
-
-def _measurement(device: Device, noise: float | None, travel: float) -> float:
-    unit, step = "rad" if device.rotary else "m", device.interface.encoder_step
-    if noise is None and step == 0.0:
-        raise ValueError(
-            f"{device.name} has no encoder_step, so its noise is not known; give --noise, the rms"
-            f" of a measured position at rest [{unit}]"
-        )
-    found = step / 12.0**0.5 if noise is None else noise
-    if found >= 0.1 * travel:
-        raise ValueError(
-            f"noise is {found:g} {unit}, and m1 travels {travel:g} {unit}; give less than a tenth"
-            " of the travel"
-        )
-    return found
-
-
 def _command(name: str, device: Device, seconds: float, scale: Scale, seed: int) -> Floats:
     """The command of a library excitation, or of a scenario by its file."""
     if name in LIBRARY:
@@ -196,13 +172,15 @@ def _say_experiment(console: Console, device: Device, scale: Scale, noise: Noise
 
 def _say_limits(console: Console, plans: Sequence[Plan]) -> None:
     columns = [Column("effect", False), Column("magnitude", False)]
-    columns += [*(Column(p.excitation) for p in plans), Column("unit", False), Column("at", False)]
+    columns += [*(Column(p.excitation) for p in plans), Column("at", False)]
     rows: list[list[str]] = []
     for every in zip(*(p.visible for p in plans), strict=True):
         first: Visible = every[0]
         shape = ", ".join(f"{key} {value:.3g}" for key, value in first.shape.items())
-        numbers = ["never" if v.magnitude is None else f"{v.magnitude:.3g}" for v in every]
-        rows.append([named(first.label), _magnitude(first), *numbers, first.unit, shape])
+        numbers = [
+            "never" if v.magnitude is None else with_unit(v.magnitude, v.unit, 3) for v in every
+        ]
+        rows.append([named(first.label), _magnitude(first), *numbers, shape])
     console.table(f"\nSmallest magnitude that shows ({SHOWN:g} sigma)", columns, rows)
 
 

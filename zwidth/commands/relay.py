@@ -1,6 +1,7 @@
 """`zwidth relay`: the relay experiment, its limit cycles, and how far off the boundary it reads."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import click
@@ -10,18 +11,29 @@ from zwidth.console import Column, Console, progress
 from zwidth.figures.names import picture_files
 from zwidth.identification.cycles import RelayCondition, relay_conditions
 from zwidth.identification.relay import RelayTest, waveform
-from zwidth.options import ManyNumbers, Quantities, Quantity, force_option, json_option, out_option
+from zwidth.options import (
+    ManyNumbers,
+    Quantities,
+    Quantity,
+    device_argument,
+    force_option,
+    json_option,
+    out_option,
+)
 from zwidth.scenarios.scenario import usual_substeps
 from zwidth.scenarios.table_2 import table_2
-from zwidth.sim.device import Device, warnings_of
-from zwidth.sim.device_file import load_device
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import load_device, remarks_on
+from zwidth.sim.readable import with_unit
 from zwidth.stability.linear import critical_stiffness
 
 SHOWN_S = 0.4
+LISTED = 2  # cycles beside the likeliest
+NONE = "-"
 
 
 @click.command("relay", cls=ManyNumbers)
-@click.argument("name", metavar="DEVICE")
+@device_argument("name")
 @click.option("--delay-ms", cls=Quantities, type=Quantity("ms"), metavar="MS ...",
               help="Loop delays, crossed with --damping; else those of Table II.")  # fmt: skip
 @click.option("--damping", cls=Quantities, type=Quantity("N m s/rad | N s/m"), metavar="B ...",
@@ -51,13 +63,14 @@ def command(
     """Find K_CR and the ultimate frequency by a relay, as the paper did on the real device.
 
     DEVICE is a shipped device or a device file. Every condition runs from one reference start (m1
-    at 1e-3, at rest) and from random ones; a loop that keeps growing diverges.
+    at 1e-3, at rest) and from random ones: the cycle on which most of them end is told first. A
+    loop that keeps growing diverges.
     """
     console = Console(json_file)
     device = load_device(name)
-    for warning in warnings_of(device):
+    for warning in remarks_on(device):
         console.warn(warning)
-    console.will_write(*picture_files(out / "relay"))
+    console.will_write(*picture_files(out / "relay"), *picture_files(out / "relay_boundary"))
     announce(console)
     asked = _asked(device, delay_ms, damping)
     devices = [device.with_interface(delay=delay) for delay, _ in asked]
@@ -90,51 +103,80 @@ def _asked(
     return kept
 
 
+@dataclass(frozen=True)
+class Told:
+    """What a condition is told by: what most starts do, and of them how many; K and frequency.
+
+    share is None where only the reference start was run.
+    """
+
+    verdict: str
+    share: float | None
+    stiffness: float | None
+    frequency_hz: float | None
+
+
+def _told(condition: RelayCondition) -> Told:
+    cycle, verdict = condition.likeliest, condition.verdict
+    if cycle is not None:
+        return Told(verdict, cycle.share, cycle.stiffness, cycle.frequency_hz)
+    shares = {"diverges": condition.diverging, "undecided": condition.undecided}
+    if shares.get(verdict):
+        return Told(verdict, shares[verdict], None, None)
+    result = condition.reference
+    return Told(verdict, None, result.stiffness, result.frequency_hz)
+
+
 def _tell(console: Console, devices: Sequence[Device], found: Sequence[RelayCondition]) -> None:
-    columns = [Column("delay [ms]"), Column("B"), Column("verdict", False)]
-    columns += [Column(heading) for heading in ("K", "f [Hz]", "K linear", "off")]
-    columns += [Column("cycles: K (share)", False), Column("diverge")]
+    force, length = ("N m", "rad") if devices[0].rotary else ("N", "m")
+    columns = [
+        Column("delay [ms]"), Column(f"B [{force} s/{length}]"), Column("verdict", False),
+        Column("of the starts"), Column(f"K [{force}/{length}]"), Column("f [Hz]"),
+        Column("K linear"), Column("off"), Column("other cycles: K (share)", False),
+        Column("diverge"), Column("K of the reference start"),
+    ]  # fmt: skip
     rows = [_row(device, condition) for device, condition in zip(devices, found, strict=True)]
-    console.table(f"{devices[0].name}: relay", columns, rows)
+    console.table(f"{devices[0].name}: relay, the likeliest cycle", columns, rows)
 
 
 def _row(device: Device, condition: RelayCondition) -> list[str]:
-    result = condition.reference
+    told, reference = _told(condition), condition.reference
     linear = critical_stiffness(device, condition.damping).stiffness
-    known = result.stiffness is not None and linear is not None
-    off = f"{100.0 * (result.stiffness / linear - 1.0):+.1f} %" if known else ""  # pyright: ignore
-    cycles = ", ".join(f"{c.stiffness:.4g} ({100.0 * c.share:.0f} %)" for c in condition.cycles[:4])
-    more = len(condition.cycles) - 4
+    off = NONE
+    if told.stiffness is not None and linear is not None:
+        off = f"{100.0 * (told.stiffness / linear - 1.0):+.1f} %"
+    others = [c for c in condition.cycles if c is not condition.likeliest]
+    cycles = ", ".join(f"{c.stiffness:.4g} ({_percent(c.share)})" for c in others[:LISTED])
+    more = len(others) - LISTED
     return [
         f"{1e3 * condition.delay:g}",
         f"{condition.damping:g}",
-        result.verdict,
-        "" if result.stiffness is None else f"{result.stiffness:.4g}",
-        "" if result.frequency_hz is None else f"{result.frequency_hz:.2f}",
-        "none" if linear is None else f"{linear:.4g}",
+        told.verdict,
+        NONE if told.share is None else _percent(told.share),
+        NONE if told.stiffness is None else f"{told.stiffness:.4g}",
+        NONE if told.frequency_hz is None else f"{told.frequency_hz:.2f}",
+        NONE if linear is None else f"{linear:.4g}",
         off,
         cycles + (f", {more} more" if more > 0 else ""),
-        f"{100.0 * condition.diverging:.0f} %",
+        _percent(condition.diverging),
+        reference.verdict if reference.stiffness is None else f"{reference.stiffness:.4g}",
     ]
 
 
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.0f} %"
+
+
 def _entry(condition: RelayCondition) -> dict[str, object]:
-    result = condition.reference
+    result, likeliest = condition.reference, condition.likeliest
     return {
         "delay_s": condition.delay,
         "damping": condition.damping,
         "verdict": result.verdict,
         "stiffness": result.stiffness,
         "frequency_hz": result.frequency_hz,
-        "cycles": [
-            {
-                "stiffness": c.stiffness,
-                "frequency_hz": c.frequency_hz,
-                "amplitude": c.amplitude,
-                "share": c.share,
-            }
-            for c in condition.cycles
-        ],
+        "likeliest": None if likeliest is None else vars(likeliest),
+        "cycles": [vars(cycle) for cycle in condition.cycles],
         "diverging_share": condition.diverging,
         "undecided_share": condition.undecided,
     }
@@ -143,16 +185,31 @@ def _entry(condition: RelayCondition) -> dict[str, object]:
 def _drawn(
     devices: Sequence[Device], found: Sequence[RelayCondition], test: RelayTest, out: Path
 ) -> list[Path]:
-    """Draw Fig. 8 of the condition nearest to the paper's, 8 ms and B = 0.08, that oscillates."""
-    from zwidth.figures.relay import relay_figure
+    """Draw K over B of all conditions, and Fig. 8 of the one nearest to 8 ms and B = 0.08."""
+    from zwidth.figures.relay import relay_boundary_figure, relay_figure
     from zwidth.figures.style import save_figure
 
+    written = save_figure(relay_boundary_figure(devices, found), out / "relay_boundary")
     steady = [
-        (abs(c.delay - 0.008) + abs(c.damping - 0.08), device, c.damping)
+        (abs(c.delay - 0.008) + abs(c.damping - 0.08), device, c)
         for device, c in zip(devices, found, strict=True)
         if c.reference.verdict == "oscillates"
     ]
-    if not steady:
-        return []
-    _, device, damping = min(steady, key=lambda entry: entry[0])
-    return list(save_figure(relay_figure(waveform(device, damping, SHOWN_S, test)), out / "relay"))
+    if steady:
+        _, device, c = min(steady, key=lambda entry: entry[0])
+        wave = waveform(device, c.damping, SHOWN_S, test)
+        title = _condition_in_words(device, c, test)
+        written += save_figure(relay_figure(wave, title, device.rotary), out / "relay")
+    return written
+
+
+def _condition_in_words(device: Device, c: RelayCondition, test: RelayTest) -> str:
+    """What the picture of a run is of."""
+    force, length = ("N m", "rad") if device.rotary else ("N", "m")
+    assert c.reference.stiffness is not None
+    assert c.reference.frequency_hz is not None
+    return (
+        f"{device.name}: relay of \u00b1{with_unit(test.force, force)},"
+        f" delay {1e3 * c.delay:g} ms, B = {c.damping:g} {force} s/{length},\nreference start:"
+        f" K = {c.reference.stiffness:.4g} {force}/{length} at {c.reference.frequency_hz:.3g} Hz"
+    )

@@ -15,7 +15,7 @@ from zwidth.scenarios.logged_run import LoggedRun, logged_run
 from zwidth.scenarios.scenario import Scenario
 from zwidth.scenarios.scenario_file import load_scenario
 from zwidth.sim.controller import Step
-from zwidth.sim.device import warnings_of
+from zwidth.sim.device_file import remarks_on
 from zwidth.sim.jit import cache_folder
 from zwidth.sim.run import Run
 from zwidth.user_law import controller_option
@@ -46,7 +46,7 @@ def command(scenario: Path, controller: Step | None, out: Path, json_file: str |
     """
     console = Console(json_file)
     described = load_scenario(scenario, controller)
-    for warning in warnings_of(described.device):
+    for warning in remarks_on(described.device):
         console.warn(warning)
     log, picture = out / f"{scenario.stem}.mcap", out / f"{scenario.stem}.png"
     console.will_write(log, picture)

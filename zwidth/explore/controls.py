@@ -32,6 +32,10 @@ class User(Protocol):
         """Change parts of the view."""
         ...
 
+    def refuse(self, sentence: str) -> None:
+        """Say why what was typed is not taken, and show what holds."""
+        ...
+
     def choose(self, damping: float, stiffness: float) -> None:
         """Run a wall."""
         ...
@@ -87,7 +91,7 @@ class Controls:
             (self.damping, "damping", False),
             (self.recording_from, "recording_from", False),
         ):
-            self._on(widget, "value", _number_taker(user, name, above))
+            self._on(widget, "value", _number_taker(user, name, str(widget.title), above))
         self._on(self.files, "value", lambda _: self._take(user))
 
     def _on(self, widget: Any, name: str, call: Callable[[Any], object]) -> None:
@@ -133,10 +137,15 @@ class Controls:
             self._showing = False
 
 
-def _number_taker(user: User, name: str, above: bool) -> Callable[[Any], None]:
+def _number_taker(user: User, name: str, title: str, above: bool) -> Callable[[Any], None]:
+    least = "above 0" if above else "0 or more"
+
     def take(value: float | None) -> None:
-        allowed = value is not None and (value > 0.0 if above else value >= 0.0)
-        user.change(**({name: float(value)} if allowed and value is not None else {}))
+        if value is not None and (value > 0.0 if above else value >= 0.0):
+            user.change(**{name: float(value)})
+        else:
+            said = "no number" if value is None else f"{value:g}"
+            user.refuse(f"{title} is {said}, which is not taken; give a number {least}")
 
     return take
 

@@ -7,15 +7,16 @@ from collections.abc import Sequence
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from tempfile import TemporaryDirectory
 
-from zwidth.logs.recording import read_recording
+from zwidth.door import taken
 from zwidth.logs.recording_file import load_description
 from zwidth.sim.trace import Trace
 
 
-def read_dropped(names: Sequence[str], contents: Sequence[str]) -> Trace:
-    """Return the recording in files that were dropped together; contents are base64.
+def read_dropped(names: Sequence[str], contents: Sequence[str]) -> tuple[Trace, list[str]]:
+    """Return the recording in files that were dropped together, and what was assumed of it.
 
-    One file that zwidth wrote, or a description (TOML) and the file that it describes. Nothing but
+    contents are base64. One file, of zwidth or of another tool, which is then taken for what it
+    seems; or a description (TOML) and the file that it describes. Nothing but
     these files is opened, whatever the description names. Raises ValueError with a sentence.
     """
     if len(names) != len(contents) or not names:
@@ -25,7 +26,7 @@ def read_dropped(names: Sequence[str], contents: Sequence[str]) -> Trace:
             _written(Path(folder), name, text) for name, text in zip(names, contents, strict=True)
         ]
         try:
-            trace = read_recording(_chosen(paths))
+            trace, said = taken(_chosen(paths))
         except ValueError as error:
             raise ValueError(str(error).replace(f"{folder}{os.sep}", "")) from None
     missing = {"position_m1", "command"} - set(trace.channels)
@@ -34,7 +35,7 @@ def read_dropped(names: Sequence[str], contents: Sequence[str]) -> Trace:
             f"{paths[0].name} holds neither position_m1 nor command; there are"
             f" {', '.join(trace.channels)}"
         )
-    return trace
+    return trace, said
 
 
 def _written(folder: Path, name: str, text: str) -> Path:
@@ -54,8 +55,8 @@ def _chosen(paths: Sequence[Path]) -> Path:
     described = [p for p in paths if p.suffix.lower() == ".toml"]
     if len(described) > 1 or (not described and len(paths) > 1):
         raise ValueError(
-            "drop one recording: a file that zwidth wrote, or a description (.toml) together with"
-            " the one file that it describes"
+            "drop one recording: a file of data, or a description (.toml) together with the file"
+            " that it describes"
         )
     if not described:
         return paths[0]

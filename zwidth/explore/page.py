@@ -17,8 +17,8 @@ from zwidth.explore.bench import SECONDS, Bench
 from zwidth.explore.controls import Controls, User
 from zwidth.explore.plane_figure import PlaneFigure
 from zwidth.explore.run_figures import RunFigures
-from zwidth.explore.stops import with_unit
 from zwidth.explore.view import View
+from zwidth.sim.readable import with_unit
 from zwidth.sim.trace import Trace
 from zwidth.stability.fate_map import units_of
 

@@ -22,15 +22,15 @@ from bokeh.plotting import figure
 from zwidth.explore.bench import Line
 from zwidth.explore.measured import MeasuredPoint
 from zwidth.explore.picture import picture
+from zwidth.explore.tooltips import sized
 from zwidth.explore.view import Layer, Span
 from zwidth.figures.map import NAMES, PREDICTED
 from zwidth.stability.fate_map import FateMap, units_of
 from zwidth.stability.fates import Fate
-from zwidth.stability.plane import Plane
+from zwidth.stability.plane import Floats, Plane
 
 SAME_DELAY = 1e-9
-HIGHEST = 1e30  # shown
-FATE_WORDS = f"return {[NAMES[f] for f in Fate]}[value]"
+FATE_WORDS = f"return {[{**NAMES, Fate.GROWS: 'grows'}[f] for f in Fate]}[value]"
 
 
 class PlaneFigure:
@@ -72,9 +72,9 @@ class PlaneFigure:
         unit = self.units["amplitude"]
         words = [
             ("B, K", "$x{0.0000}, $y{0.00}"), ("", "@fate{custom}"),
-            ("amplitude", f"@amplitude{{0.00e+0}} {unit}"), ("frequency", "@frequency{0.0} Hz"),
+            ("amplitude", "@amplitude{custom}"), ("frequency", "@frequency{0.0} Hz"),
         ]  # fmt: skip
-        said: dict[str, Any] = {"@fate": CustomJSHover(code=FATE_WORDS)}
+        said: dict[str, Any] = {"@fate": CustomJSHover(code=FATE_WORDS), "@amplitude": sized(unit)}
         self.figure.add_tools(HoverTool(renderers=[drawn], tooltips=words, formatters=said))
 
     def _lines(self) -> None:
@@ -118,7 +118,7 @@ class PlaneFigure:
         self.image.data = {
             "colours": [drawn.colours],
             "fate": [result.fates.fate.astype(np.uint8)],
-            "amplitude": [np.minimum(result.fates.amplitude, HIGHEST).astype(np.float32)],
+            "amplitude": [bounded(result).astype(np.float32)],
             "frequency": [result.fates.frequency.astype(np.float32)],
             "x": [result.x[0] - half_x], "y": [result.y[0] - half_y],
             "dw": [result.x[-1] - result.x[0] + 2.0 * half_x],
@@ -154,6 +154,14 @@ class PlaneFigure:
         """Set both axes."""
         self.figure.x_range.update(start=dampings[0], end=dampings[1])
         self.figure.y_range.update(start=stiffnesses[0], end=stiffnesses[1])
+
+
+def bounded(result: FateMap) -> Floats:
+    """Return the amplitudes (y, x); none of what grows where no limit holds it."""
+    held = "command_limit" in (result.plane.x.quantity, result.plane.y.quantity)
+    if held or np.isfinite(result.plane.device.interface.command_limit):
+        return result.fates.amplitude
+    return np.where(result.fates.fate == Fate.GROWS, np.nan, result.fates.amplitude)
 
 
 def _inside(event: Any, chosen: Callable[[float, float], None]) -> None:

@@ -7,9 +7,11 @@ from typing import Any
 import numpy as np
 from bokeh.events import RangesUpdate
 from bokeh.models import (
+    BasicTicker,
     ColumnDataSource,
     HoverTool,
     PanTool,
+    PrintfTickFormatter,
     Range1d,
     Span,
     WheelZoomTool,
@@ -18,8 +20,9 @@ from bokeh.plotting import figure
 from numpy.typing import NDArray
 
 from zwidth.explore.look import fitting, spectrum, within
-from zwidth.explore.stops import prefix
+from zwidth.explore.tooltips import sized
 from zwidth.explore.view import Span as Times
+from zwidth.sim.readable import prefix
 
 Floats = NDArray[np.float64]
 Drawn = dict[str, Floats]
@@ -35,6 +38,7 @@ QUANTITIES = {"position": ("position",), "velocity": ("velocity",), "command": (
               "contact": ("contact",), "energy": tuple(ENERGIES)}  # fmt: skip
 NOTHING: Drawn = {name: np.zeros(0) for name in ("t", *(c for q in QUANTITIES.values() for c in q))}
 LOWEST_HZ = 1.0
+FEW_TICKS = 3
 
 
 class RunFigures:
@@ -119,6 +123,10 @@ class RunFigures:
                 "position", "velocity", source=self.phase[which], color=colour, line_dash=dash,
                 alpha=0.7,
             )  # fmt: skip
+        # Beside a recording the plane is narrow: few ticks, short labels, none over another.
+        drawn.xaxis.ticker = BasicTicker(desired_num_ticks=FEW_TICKS)
+        drawn.xaxis.formatter = PrintfTickFormatter(format="%.4g")
+        drawn.yaxis.formatter = PrintfTickFormatter(format="%.4g")
         return drawn
 
     def _spectrum(self) -> figure:
@@ -137,7 +145,12 @@ class RunFigures:
             dimension="height", line_color="black", line_dash="dashed", visible=False, location=1.0
         )
         drawn.add_layout(self.ultimate)
-        drawn.add_tools(HoverTool(tooltips=[("", "@frequency{0.0} Hz: @amplitude{0.00e+0}")]))
+        drawn.add_tools(
+            HoverTool(
+                tooltips=[("", "@frequency{0.0} Hz: @amplitude{custom}")],
+                formatters={"@amplitude": sized(self.units["position"])},
+            )
+        )
         return drawn
 
     def show(self, runs: dict[str, Drawn | None], span: Times | None) -> None:
@@ -154,13 +167,19 @@ class RunFigures:
 
     def show_span(self, span: Times | None) -> None:
         """Show a part of the time, and the phase plane and spectrum of that part."""
-        start, stop = span or (0.0, self.seconds)
+        start, stop = span or (0.0, self.ends)
         self.axis.update(start=start, end=stop)
         for which, drawn in self.runs.items():
             part = within(drawn, span)
             self.phase[which].data = {n: self.scales[n] * part[n] for n in ("position", "velocity")}
             self.spectra[which].data = dict(spectrum(part))
         self._fit(span)
+
+    @property
+    def ends(self) -> float:
+        """Where the time axis ends: where the runs do, which may be lost early."""
+        last = [float(d["t"][-1]) for n, d in self.runs.items() if n != RECORDED and d["t"].size]
+        return min(self.seconds, max(last, default=self.seconds)) or self.seconds
 
     def _fit(self, span: Times | None) -> None:
         """Fit the axes to the run, and to the others where they are not much larger."""
@@ -188,9 +207,10 @@ class RunFigures:
         """Return the factor to a unit in which all runs read well, and write it at the axes."""
         if name == "contact":
             return 1.0
-        values = [r[n] for r in self.runs.values() for n in QUANTITIES[name] if r[n].size]
-        sizes = [np.nanmax(np.abs(v)) for v in values if np.isfinite(v).any()]
-        power, letter = prefix(float(max(sizes, default=1.0)))
+        names = QUANTITIES[name]
+        parts = {which: np.concatenate([r[n] for n in names]) for which, r in self.runs.items()}
+        shown = fitting(parts.pop(RUN), list(parts.values()))  # the unit is that of the axis
+        power, letter = prefix(max(map(abs, shown)))
         label = f"{name} [{letter}{self.units[name]}]"
         if name in self.over_time:
             self.over_time[name].yaxis.axis_label = label

@@ -71,6 +71,13 @@ class Session:
         """Run the wall at a point."""
         if damping >= 0.0 and stiffness > 0.0:
             self.change(damping=_short(damping), stiffness=_short(stiffness))
+        else:
+            self.page.complain("a wall has K above 0 and B of 0 or more; click there")
+
+    def refuse(self, sentence: str) -> None:
+        """Say why what was typed is not taken, and show what holds."""
+        self.page.complain(sentence)
+        self.page.show_view(self.view)
 
     def zoom(self, dampings: Span, stiffnesses: Span) -> None:
         """Compute the part of the plane that the user zoomed to."""
@@ -89,11 +96,11 @@ class Session:
     def take(self, names: list[str], contents: list[str]) -> None:
         """Lay a recording beside the run."""
         try:
-            self.recording = read_dropped(names, contents)
+            self.recording, assumed = read_dropped(names, contents)
         except (ValueError, OSError) as error:
             self.page.complain(str(error))
             return
-        self.page.complain("")
+        self.page.complain("; ".join(line for line in assumed if line.startswith("assumed")))
         self.page.say_recording(names, self.recording)
         self._show_recording()
         self._ask_for_run()

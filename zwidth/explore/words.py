@@ -6,16 +6,17 @@ from html import escape
 
 import numpy as np
 
-from zwidth.explore.bench import Bench, Line
+from zwidth.explore.bench import SECONDS, Bench, Line
 from zwidth.explore.look import Look
-from zwidth.explore.stops import with_unit
 from zwidth.explore.view import View
 from zwidth.figures.map import COLOURS, NAMES, PREDICTED
 from zwidth.sim.device import Device, place_label
+from zwidth.sim.readable import with_unit
 from zwidth.stability.fate_map import FateMap, units_of
 from zwidth.stability.fates import Fate
 from zwidth.stability.plane import Plane, is_friction_at_m1
 
+EARLY = 0.98  # of the time that is shown, before which a run that ends was lost
 SHORT = {
     Fate.RESTS: "rest",
     Fate.IMPERCEPTIBLE_CYCLE: "buzz unfelt",
@@ -72,7 +73,8 @@ def _seen(found: Look, plane: Plane, fate: Fate, limited: bool) -> str:
     if fate == Fate.RESTS:
         return "comes to rest"
     if fate == Fate.GROWS and not limited:
-        return f"grows without end, at {float(fates.frequency[0]):.3g} Hz"
+        lost = f"; lost after {with_unit(ends, 's', 3)}" if (ends := _ends(found)) else ""
+        return f"grows without bound, at {float(fates.frequency[0]):.3g} Hz{lost}"
     return {
         Fate.IMPERCEPTIBLE_CYCLE: f"oscillates on, too weakly to feel: {size}",
         Fate.CYCLE: f"oscillates on for ever: {size}",
@@ -81,13 +83,33 @@ def _seen(found: Look, plane: Plane, fate: Fate, limited: bool) -> str:
     }[fate]
 
 
+def _ends(found: Look) -> float:
+    """When a run ended that did not go on to the end, 0 for one that did."""
+    t = found.trace.t
+    return float(t[-1]) if t.size and float(t[-1]) < EARLY * SECONDS else 0.0
+
+
 def of_the_plane(result: FateMap, middle: bool, finished: bool) -> str:
     """Return the shares of the fates and how far the picture is, as plain text."""
     shares = [(f, float(np.mean(result.fates.fate == f))) for f in Fate]
     said = " \u00b7 ".join(f"{_percent(share)} {SHORT[f]}" for f, share in shares if share > 0.0)
     grid = "161 \u00d7 161" if finished else "41 \u00d7 41" if middle else "11 \u00d7 11"
     state = f"{grid}, {result.runs} runs" + ("" if finished else ", refining \u2026")
-    return f"{said}; {state}"
+    return f"{said}; {state}{_held_still(result)}"
+
+
+def _held_still(result: FateMap) -> str:
+    """Say so where friction alone makes all of the plane come to rest, and what would show more."""
+    plane = result.plane
+    values = plane.at({})
+    if not (values["friction"] > 0.0 and np.all(result.fates.fate == Fate.RESTS)):
+        return ""
+    friction = with_unit(values["friction"], units_of(plane, "friction"))
+    start = with_unit(values["amplitude"], units_of(plane, "amplitude"))
+    return (
+        f". Friction of {friction} holds every wall here at rest, from a start of {start}: move the"
+        " start up or the friction down to see where it does not"
+    )
 
 
 def _percent(share: float) -> str:
@@ -96,7 +118,11 @@ def _percent(share: float) -> str:
 
 def legend(perceptible: str, measured: bool) -> str:
     """Return what colours, lines and marks mean, as HTML. perceptible: force that is felt."""
-    names = {**NAMES, Fate.CYCLE: f"{NAMES[Fate.CYCLE]} (felt: from {perceptible})"}
+    names = {
+        **NAMES,
+        Fate.GROWS: "grows (to the limit, if any)",
+        Fate.CYCLE: f"{NAMES[Fate.CYCLE]} (felt: from {perceptible})",
+    }
     names[Fate.UNDECIDED] = "undecided"
     entries = [(SWATCH.format(colour=COLOURS[f]), name) for f, name in names.items()]
     entries.append(("<b>\u2501</b>", "linear boundary"))

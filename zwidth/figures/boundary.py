@@ -4,16 +4,19 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
 from msgspec import UNSET, UnsetType
+from numpy.typing import NDArray
 
 from zwidth.figures.style import STYLE
 from zwidth.results import BoundaryResult, DelayBoundary, Interval, Point
 
+Floats = NDArray[np.float64]
 # Colours that differ in lightness, so that they survive grey print and every kind of colour
 # blindness (P. Tol, "high contrast", "medium contrast"); dashes and shapes say the same once more.
 COLOURS = ("#004488", "#BB5566", "#DDAA33", "#000000", "#6699CC", "#997700")
@@ -27,6 +30,7 @@ DASHES = (
 )
 SHAPES = ("o", "s", "^", "D", "v", "P")
 JUMP = 4.0  # ratio of neighbouring frequencies that is a change of branch and no slope
+INSET_ROOM = 1.45  # of the picture's width, for what it enlarges
 DOTS = 60  # time-domain brackets shown a delay at the most; each is narrower than its dot
 
 
@@ -41,9 +45,24 @@ class Look(NamedTuple):
 Value = Callable[[Point], float | None]
 
 
-def boundary_figure(result: BoundaryResult, measured_source: str = "measured") -> Figure:
+class Corner(NamedTuple):
+    """The corner at the origin in which walls are passive, densely: B, passive K, linear K_CR.
+
+    Each (n,), over B from 0 to about twice where the last wall is passive; 0 for none.
+    """
+
+    damping: Floats
+    passive: Floats
+    linear: Floats
+
+
+def boundary_figure(
+    result: BoundaryResult, measured_source: str = "measured", corners: Sequence[Corner] = ()
+) -> Figure:
     """Return the figure; lines are theory, dots brackets of simulations, open shapes measured.
 
+    corners: of each boundary, where passive walls were asked for: they end so near to the origin
+    that an inset enlarges it.
     A line ends where no K is stable. A misprinted point stands where it belongs, dotted by a cross.
     """
     with rc_context(STYLE):
@@ -55,6 +74,8 @@ def boundary_figure(result: BoundaryResult, measured_source: str = "measured") -
             look = Look(COLOURS[i % 6], DASHES[i % 6], SHAPES[i % 6])
             _draw(stiffness, frequency, boundary, look)
         _label(stiffness, frequency, result)
+        if any(corner.passive.any() for corner in corners):
+            _inset(stiffness, corners)
         stiffness.set_title(f"Stability boundary of {result.device}", loc="left", fontsize=12)
         _legend(figure, result, measured_source)
     return figure
@@ -83,6 +104,26 @@ def _draw(stiffness: Axes, frequency: Axes, boundary: DelayBoundary, look: Look)
         if point.measured is not UNSET:
             _shape(stiffness, point, point.measured.stiffness, look)
             _shape(frequency, point, point.measured.frequency_hz, look)
+
+
+def _inset(axes: Axes, corners: Sequence[Corner]) -> None:
+    """Enlarge the corner at the origin in which walls are passive, above the boundaries' end."""
+    left, right = axes.get_xlim()
+    axes.set_xlim(left, left + INSET_ROOM * (right - left))
+    inset = axes.inset_axes((0.66, 0.42, 0.33, 0.5))
+    for i, corner in enumerate(corners):
+        look = Look(COLOURS[i % 6], DASHES[i % 6], SHAPES[i % 6])
+        there = corner.linear > 0.0
+        inset.plot(corner.damping[there], corner.linear[there], color=look.colour,
+                   linestyle=look.dashes, linewidth=1.0)  # fmt: skip
+        inset.fill_between(corner.damping, corner.passive, color=look.colour, alpha=0.35,
+                           linewidth=0.0)  # fmt: skip
+        inset.plot(corner.damping, corner.passive, color=look.colour, linestyle=":", linewidth=1.2)
+    inset.set_xlim(0.0, max(float(corner.damping[-1]) for corner in corners))
+    inset.set_ylim(0.0, 1.6 * max(float(corner.passive.max()) for corner in corners))
+    inset.tick_params(labelsize=7)
+    inset.locator_params(nbins=4)
+    inset.set_title("at the origin: passive walls filled", fontsize=8)
 
 
 def _line(axes: Axes, points: Sequence[Point], value: Value, look: Look, *, joined: bool) -> None:

@@ -1,5 +1,8 @@
 """Pictures of a diagnosis: the missing force against the state, the residual before and after."""
 
+import math
+from typing import Any
+
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
@@ -11,12 +14,25 @@ from zwidth.diagnosis.answer.result import Residuals
 from zwidth.diagnosis.answer.whole_run import WholeRun
 from zwidth.diagnosis.forces.locate import Located
 from zwidth.figures.style import STYLE
+from zwidth.sim.readable import percent, scaled, with_unit
 
 Floats = NDArray[np.float64]
 BEFORE, AFTER = "#bb5566", "#004488"
 SLICES = 60
 MOST_POINTS = 4000
-ROOM = 1.4  # of the motion, for the legend
+LEVEL = 0.02  # of its level, below which a map's shape is told and its level is not
+ROOM = 1.15  # of the motion
+CROWDED, SWINGS, CLOSE = 60, 12, 40  # crossings of the middle: too many, and shown; ticks at least
+# run -> label, colour, dashes
+WITH_NAMES = {
+    "before": ("device file", "0.55", ":"),
+    "refit": ("refitted, without what was found", BEFORE, "--"),
+    "after": ("with what was found", AFTER, "-"),
+}
+WITHOUT = {
+    "before": ("device file", BEFORE, "--"),
+    "after": ("refitted", AFTER, "-"),
+}
 
 
 def force_map_figure(located: Located, rotary: bool) -> Figure:
@@ -28,67 +44,121 @@ def force_map_figure(located: Located, rotary: bool) -> Figure:
     force, length = ("N m", "rad") if rotary else ("N", "m")
     units = {"position": length, "velocity": f"{length}/s", "command": force, "time": "s"}
     maps = [m for m in located.maps if m.place == top.place]
+    forces = [_about_its_level(m.force) for m in maps]
+    push, pushed = scaled(max(float(np.abs(f).max()) for f in forces), force)
     with rc_context(STYLE):
         figure = Figure(figsize=(7.2, 5.0), layout="constrained")
         panels = figure.subplots(2, 2, squeeze=False).ravel()
         for axes in panels[len(maps) :]:  # of a free motion there is no command
             axes.remove()
-        for axes, m in zip(panels, maps, strict=False):
+        for axes, m, missing in zip(panels, maps, forces, strict=False):
             middle = 0.5 * (m.edges[1:] + m.edges[:-1])
             axes.axhline(0.0, color="0.6", linewidth=0.8)
+            by, unit = scaled(float(np.abs(m.edges).max()), units[m.against])
             axes.errorbar(
-                middle, m.force, m.error, 0.5 * np.diff(m.edges),
+                by * middle, push * missing, push * m.error, by * 0.5 * np.diff(m.edges),
                 fmt="o", color=AFTER, markersize=3.5, linewidth=1.2,
             )  # fmt: skip
-            axes.set_xlabel(f"{m.against} [{units[m.against]}]")
-            axes.set_title(f"chi-square {m.gained:.0f}", fontsize=9)
-            axes.ticklabel_format(axis="y", scilimits=(-3, 3))
+            axes.set_xlabel(f"{m.against} [{unit}]")
+            axes.set_title(f"explains a chi-square of {m.gained:.0f}", fontsize=9)
             axes.locator_params(axis="x", nbins=4)
         for axes in panels[: len(maps) : 2]:
-            axes.set_ylabel(f"missing force at {top.place} [{force}]")
+            axes.set_ylabel(f"missing {'torque' if rotary else 'force'} at {top.place} [{pushed}]")
     return figure
 
 
-def whole_run_figure(run: WholeRun) -> Figure:
-    """Return what was measured beside free runs of the refit and of what was found, errors below.
+def _about_its_level(force: Floats) -> Floats:
+    """Take off what is the same in all bins where it is all there is.
 
-    Runs that leave the picture are cut where they leave it.
+    A spring to the ground and the origin of the position take up any constant force, which the map
+    then cannot tell: its level is what rounding made it.
     """
-    t = run.begins + run.period * np.arange(run.measured.size)
-    words = {"refit": ("refitted alone", BEFORE), "after": ("with what was found", AFTER)}
-    shown = max(1, t.size // MOST_POINTS)
+    level = float(force.mean())
+    return force - level if float(np.ptp(force)) < LEVEL * abs(level) else force
+
+
+def whole_run_figure(run: WholeRun, named: bool = True) -> Figure:
+    """Return what was measured beside free runs before and after, errors below, in fitting units.
+
+    named: whether anything was found; else before is the device file, and after the refit. Runs
+    that leave the picture are cut where they leave it. Where the motion is too quick for the width
+    of a page, its quickest stretch stands beside it.
+    """
+    t = run.begins + run.period * np.arange(run.measured.size, dtype=np.float64)
+    middle = float(run.measured.mean())
+    swing = float(np.abs(run.measured - middle).max())
+    factor, unit = scaled(float(np.abs(run.measured).max()), run.unit)
+    words = WITH_NAMES if named else WITHOUT
+    close = _close_look(run)
     with rc_context(STYLE):
-        figure = Figure(figsize=(7.2, 4.2), layout="constrained")
-        motion, error = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
-        motion.plot(
-            t[::shown], run.measured[::shown], color="0.15", linewidth=1.6, label="measured"
-        )
-        for name, (label, colour) in words.items():
-            simulated = run.simulated[name]
-            with np.errstate(all="ignore"):
-                off = simulated - run.measured
-            style = {"color": colour, "linewidth": 1.0}
-            motion.plot(t[::shown], simulated[::shown], linestyle="--", label=label, **style)
-            said = (
-                f"{label}: {run.errors[name]:.3g} {run.unit} rms, {100.0 * run.shares[name]:.3g} %"
-            )
-            error.plot(t[::shown], off[::shown], label=said, **style)
-        middle = float(run.measured.mean())
-        reach = ROOM * float(np.abs(run.measured - middle).max())
-        motion.set_ylim(middle - reach, middle + reach)
-        errors = [run.errors[name] for name in words if np.isfinite(run.errors[name])]
-        error.set_ylim(-(most := min(reach, 4.0 * max(errors, default=reach)) or 1.0), most)
-        error.axhline(0.0, color="0.6", linewidth=0.8)
+        figure = Figure(figsize=(7.2, 4.6), layout="constrained")
+        columns = 1 if close is None else 2
+        panels = figure.subplots(
+            2, columns, sharex="col", sharey="row", squeeze=False,
+            gridspec_kw={"height_ratios": (3, 2), "width_ratios": (3, 2)[:columns]},
+        )  # fmt: skip
+        spans = [slice(None)] if close is None else [slice(None), close]
+        for column, span in zip(panels.T, spans, strict=True):
+            _motion(column, t[span], run, span, factor, words)
+        motion, error = panels[:, 0]
+        reach = ROOM * swing
+        motion.set_ylim(factor * (middle - reach), factor * (middle + reach))
+        errors = [run.errors[name] for name in words if name != "before" or not named]
+        finite = [e for e in errors if np.isfinite(e)]
+        most = min(reach, 4.0 * max(finite, default=reach)) or 1.0
+        error.set_ylim(-factor * most, factor * most)
         quantity, at = run.output.split("_")
-        motion.set_ylabel(f"{quantity} of {at} [{run.unit}]")
-        error.set_ylabel(f"error [{run.unit}]")
-        error.set_xlabel("time [s]")
+        motion.set_ylabel(f"{quantity} of {at} [{unit}]")
+        error.set_ylabel(f"error [{unit}]")
+        for axes in panels[1]:
+            axes.set_xlabel("time [s]")
         held = "nothing was fitted to it" if run.held_out else "it was fitted"
-        motion.set_title(f"{run.recording}, simulated freely; {held}", fontsize=9)
-        for axes in (motion, error):
-            axes.legend(loc="upper right", fontsize=7, ncols=3)
-            axes.ticklabel_format(axis="y", scilimits=(-3, 3))
+        figure.suptitle(
+            f"{run.recording}, simulated freely from its first state; {held}", fontsize=9
+        )
+        handles, labels = motion.get_legend_handles_labels()
+        figure.legend(
+            handles, labels, loc="outside lower center", ncols=2, fontsize=8, frameon=False
+        )
     return figure
+
+
+def _motion(
+    column: NDArray[np.object_], t: Floats, run: WholeRun, span: slice, factor: float,
+    words: dict[str, tuple[str, str, str]],
+) -> None:  # fmt: skip
+    """Draw one stretch: motions above, errors below."""
+    motion, error = column
+    measured = run.measured[span]
+    shown = max(1, t.size // MOST_POINTS)
+    motion.plot(
+        t[::shown], factor * measured[::shown], color="0.15", linewidth=1.8, label="measured"
+    )
+    for name, (label, colour, dashes) in words.items():
+        simulated = run.simulated[name][span]
+        with np.errstate(all="ignore"):
+            off = factor * (simulated - measured)
+            drawn = factor * simulated
+        size = run.errors[name]
+        rms = "runs away" if math.isinf(size) else f"errs {with_unit(size, run.unit, 3)} rms"
+        said = f"{label}: {rms} ({percent(run.shares[name])})"
+        style: dict[str, Any] = {"color": colour, "linewidth": 1.1, "linestyle": dashes}
+        motion.plot(t[::shown], drawn[::shown], label=said, **style)
+        error.plot(t[::shown], off[::shown], **style)
+    error.axhline(0.0, color="0.6", linewidth=0.8)
+    motion.margins(x=0.01)
+
+
+def _close_look(run: WholeRun) -> slice | None:
+    """The stretch in which a motion of too many swings for the width is read; None where few."""
+    about = run.measured - run.measured.mean()
+    turns = np.flatnonzero(np.diff(np.sign(about)) != 0)
+    if turns.size < CROWDED or run.measured.size < 10 * CLOSE:
+        return None
+    ticks = max(CLOSE, round(run.measured.size * SWINGS / turns.size))
+    # The middle of the recording: its beginning is where every run starts right.
+    first = max(0, run.measured.size // 2 - ticks // 2)
+    return slice(first, min(run.measured.size, first + ticks))
 
 
 def residual_figure(residuals: Residuals) -> Figure:

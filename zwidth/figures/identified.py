@@ -6,10 +6,28 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from zwidth.figures.style import STYLE
+from zwidth.identification.fit import Fit
+from zwidth.sim.sampled import sampled_frequency_response
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 TWO_SIGMA = 1.96
+POINTS = 800  # of the model's line
+
+
+def fit_figure(fit: Fit) -> Figure:
+    """Return a fit over the response that it was fitted to, up to half the sampling rate."""
+    period = fit.response.windows.period
+    frequency = np.geomspace(fit.response.frequency_hz[0], 0.499 / period, POINTS)
+    turn = np.exp(-2j * np.pi * frequency * fit.delay)
+    model = sampled_frequency_response(fit.model, period, frequency) * turn
+    return identified_figure(
+        fit.response.frequency_hz,
+        fit.response.value,
+        fit.response.coherence,
+        np.sqrt(fit.variance),
+        (frequency, model),
+    )
 
 
 def identified_figure(

@@ -1,5 +1,6 @@
 """A map of fates over two quantities, with the linear boundary over it."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from zwidth.sim.readable import scaled, with_unit
 from zwidth.stability.fate_map import FateMap, units_of
 from zwidth.stability.fates import Fate
 from zwidth.stability.plane import Plane
@@ -23,6 +25,7 @@ COLOURS = {
     Fate.UNDECIDED: "#ffd92f",
 }
 PREDICTED = "#d01c8b"
+FEWEST_TICKS = 3
 NAMES = {
     Fate.RESTS: "comes to rest",
     Fate.IMPERCEPTIBLE_CYCLE: "imperceptible oscillation",
@@ -62,22 +65,28 @@ def map_figure(result: FateMap, title: str | None = None) -> Figure:
 
 def draw_fates(axes: Axes, result: FateMap, lines: Sequence[Line] = ()) -> None:
     """Draw the fates of a map, the linear boundary and other lines into axes."""
+    _fates(axes, result)
+    _draw_linear(axes, result)
+    for line in lines:
+        axes.plot(line.x, line.y, color=PREDICTED, lw=1.6, ls="--")
+
+
+def _fates(axes: Axes, result: FateMap) -> None:
+    """Every point in the colour of its fate."""
     colours = ListedColormap([COLOURS[f] for f in Fate])
     norm = BoundaryNorm(np.arange(len(Fate) + 1) - 0.5, len(Fate))
     axes.pcolormesh(
         result.x, result.y, result.fates.fate, cmap=colours, norm=norm, shading="nearest",
         rasterized=True,
     )  # fmt: skip
-    _draw_linear(axes, result)
-    for line in lines:
-        axes.plot(line.x, line.y, color=PREDICTED, lw=1.6, ls="--")
 
 
 def legend(results: Sequence[FateMap], lines: Sequence[Line] = ()) -> list[Patch | Line2D]:
     """Return the legend of the fates that occur in maps, of the linear boundary and the lines."""
+    names = names_in(results[0].plane)
     present = [f for f in Fate if any(np.any(r.fates.fate == f) for r in results)]
     handles: list[Patch | Line2D] = [
-        Patch(facecolor=COLOURS[f], edgecolor="0.5", label=NAMES[f]) for f in present
+        Patch(facecolor=COLOURS[f], edgecolor="0.5", label=names[f]) for f in present
     ]
     handles.append(Line2D([], [], color="k", lw=1.6, label="linear boundary"))
     handles += [Line2D([], [], color=PREDICTED, lw=1.6, ls="--", label=n.name) for n in lines]
@@ -94,32 +103,59 @@ def _draw_linear(axes: Axes, result: FateMap) -> None:
     axes.set_ylabel(axis_label(plane, plane.y.quantity))
 
 
+def names_in(plane: Plane) -> dict[Fate, str]:
+    """What the fates are called in a plane: what grows is held by a limit where there is one."""
+    bounded = _held(plane)
+    return NAMES if bounded else {**NAMES, Fate.GROWS: "grows without bound"}
+
+
+def _held(plane: Plane) -> bool:
+    """Whether a limit of the command holds what grows."""
+    on_axis = "command_limit" in (plane.x.quantity, plane.y.quantity)
+    return on_axis or bool(np.isfinite(plane.device.interface.command_limit))
+
+
+def round_ticks(low: float, high: float) -> list[float]:
+    """Return round values between two, three at least, for a logarithmic bar."""
+    decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    for digits in ((1.0, 3.0), (1.0, 2.0, 5.0), (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)):
+        found = [d * 10.0**n for n in decades for d in digits if low <= d * 10.0**n <= high]
+        if len(found) >= FEWEST_TICKS:
+            return found
+    return [float(f"{v:.3g}") for v in np.linspace(low, high, FEWEST_TICKS)]
+
+
 def _draw_force(figure: Figure, axes: Axes, result: FateMap) -> None:
     cycling = np.isin(result.fates.fate, [Fate.IMPERCEPTIBLE_CYCLE, Fate.CYCLE])
-    bounded = "command_limit" in (result.plane.x.quantity, result.plane.y.quantity)
-    held = bounded or np.isfinite(result.plane.device.interface.command_limit)
+    held = _held(result.plane)
     shown = cycling | ((result.fates.fate == Fate.GROWS) & held)
     force = np.where(shown & (result.fates.force > 0.0), result.fates.force, np.nan)
     unit = units_of(result.plane, "command_limit")
-    axes.set_facecolor("#f2f2f2")
+    _fates(axes, result)
     if np.isfinite(force).any():
-        low, high = np.nanmin(force), np.nanmax(force)
+        factor, unit = scaled(float(np.nanmax(force)), unit)
+        force *= factor
+        low, high = float(np.nanmin(force)), float(np.nanmax(force))
+        high = max(high, 1.001 * low)
         mesh = axes.pcolormesh(
-            result.x, result.y, force, norm=LogNorm(low, max(high, 1.001 * low)), cmap="cividis",
+            result.x, result.y, force, norm=LogNorm(low, high), cmap="cividis",
             shading="nearest", rasterized=True,
         )  # fmt: skip
-        figure.colorbar(mesh, ax=axes, label=f"half the range of the command [{unit}]")
+        bar = figure.colorbar(mesh, ax=axes, label=f"half the range of the command [{unit}]")
+        bar.set_ticks(ticks := round_ticks(low, high), labels=[f"{t:g}" for t in ticks])
+        bar.minorticks_off()
     else:
-        axes.text(0.5, 0.5, "nothing oscillates on", ha="center", transform=axes.transAxes)
+        axes.text(0.5, 0.5, "nothing oscillates on", ha="center", transform=axes.transAxes,
+                  bbox={"facecolor": "white", "edgecolor": "0.7"})  # fmt: skip
     _draw_linear(axes, result)
 
 
 def _title(plane: Plane) -> str:
     facts = [
-        f"{SYMBOLS.get(q, QUANTITY_NAMES[q])} {value:g} {units_of(plane, q)}"
+        f"{SYMBOLS.get(q, QUANTITY_NAMES[q])} {with_unit(value, units_of(plane, q))}"
         for q, value in plane.at({}).items()
         if q not in (plane.x.quantity, plane.y.quantity)
-        and (q, value) not in (("friction", 0.0), ("command_limit", np.inf))
+        and (q, value) not in (("friction", 0.0), ("encoder_step", 0.0), ("command_limit", np.inf))
     ]
     middle = (len(facts) + 1) // 2
     return "\n".join([plane.device.name, ", ".join(facts[:middle]), ", ".join(facts[middle:])])

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from zwidth.figures.style import STYLE
 from zwidth.planning.limits import SHOWN
 from zwidth.planning.plan import ALIKE, Plan, Visible
+from zwidth.sim.readable import with_unit
 
 DOT = "#004488"
 # Distance in sigma, from alike (dark) to apart (white): grey levels tell it in print too.
@@ -18,7 +19,11 @@ ROW = 0.19  # inches
 
 
 def plan_figure(plan: Plan, title: str) -> Figure:
-    """Return two panels: limits as shares of what the experiment moves by, distances of pairs."""
+    """Return two panels: limits as shares of what the experiment moves by, distances of pairs.
+
+    Limits of friction, play and mass have no common unit, so the axis is the share of what would
+    be all of it (a friction as large as the command), and the value itself stands beside the dot.
+    """
     shown = [v for v in plan.visible if v.magnitude is not None]
     rows = max(len(shown), len(plan.labels))
     with rc_context(STYLE):
@@ -31,19 +36,24 @@ def plan_figure(plan: Plan, title: str) -> Figure:
 
 
 def _limits(axes: Axes, shown: list[Visible]) -> None:
-    shares = [(v.magnitude or np.nan) / v.natural for v in shown]
+    shares = [100.0 * (v.magnitude or np.nan) / v.natural for v in shown]
     places = np.arange(len(shown))
     axes.hlines(places, min(shares) / 3.0, shares, color="0.85", linewidth=0.8)
     axes.plot(shares, places, "o", color=DOT, markersize=4.5, label=f"stands at {SHOWN:g} sigma")
     for share, place, visible in zip(shares, places, shown, strict=True):
-        text = f"  {visible.magnitude:.2g} {visible.unit}".rstrip()
+        text = f"  {limit_in_words(visible)}"
         axes.annotate(text, (share, place), va="center", fontsize=7.5)
     axes.set_xscale("log")
     axes.set_xlim(min(shares) / 3.0, max(shares) * 60.0)
     axes.set_yticks(places, [named(v.label) for v in shown], fontsize=8)
     axes.set_ylim(len(shown) - 0.4, -0.6)
     axes.grid(axis="y", visible=False)
-    axes.set_xlabel("smallest magnitude that shows, of what the experiment moves by", fontsize=9)
+    axes.xaxis.set_major_formatter("{x:g} %")
+    axes.set_xlabel(
+        "smallest magnitude that shows, as a share of what the experiment moves by;\n"
+        "beside the dot its value",
+        fontsize=9,
+    )
     axes.set_title("Seen above everything a linear refit absorbs", fontsize=10)
     axes.legend(frameon=False, fontsize=8, loc="lower right")
 
@@ -69,6 +79,12 @@ def _pairs(axes: Axes, plan: Plan) -> None:
     bar = axes.figure.colorbar(picture, ax=axes, shrink=0.5, aspect=25, ticks=EDGES[:-1])
     bar.set_label("distance [sigma]; below 5 the two look alike", fontsize=8)
     bar.ax.set_yticklabels([f"{edge:g}" for edge in EDGES[:-1]], fontsize=8)
+
+
+def limit_in_words(visible: Visible) -> str:
+    """Return the value of a limit and the share that is drawn: "110 µN m (0.05 %)"."""
+    magnitude = visible.magnitude or np.nan
+    return f"{with_unit(magnitude, visible.unit, 2)} ({100.0 * magnitude / visible.natural:.2g} %)"
 
 
 def named(label: str) -> str:

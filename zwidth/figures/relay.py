@@ -2,15 +2,22 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
+from zwidth.figures.boundary import COLOURS, DASHES
 from zwidth.figures.style import STYLE
+from zwidth.identification.cycles import RelayCondition
 from zwidth.identification.relay import Waveform
+from zwidth.sim.device import Device
+from zwidth.sim.readable import scaled
+from zwidth.stability.linear import boundary, last_stable_damping
 
 Floats = NDArray[np.float64]
 
@@ -26,18 +33,87 @@ class Sweep:
     logarithmic: bool = False
 
 
-def relay_figure(wave: Waveform) -> Figure:
-    """Return relay force and position over time."""
+def relay_figure(wave: Waveform, title: str = "", rotary: bool = True) -> Figure:
+    """Return relay force and position over time. title: the condition."""
+    force_unit, length = ("N m", "rad") if rotary else ("N", "m")
+    push, pushed = scaled(float(np.abs(wave.force).max()), force_unit)
+    by, unit = scaled(float(np.abs(wave.position).max()), length)
     with rc_context(STYLE):
         figure = Figure(figsize=(7.2, 4.2), layout="constrained")
         force, position = figure.subplots(2, 1, sharex=True)
-        force.step(wave.t, wave.force, where="post", color="#BB5566")
-        force.set_ylabel("relay force [N m]")
-        position.plot(wave.t, 1e3 * wave.position, color="#004488")
-        position.set_ylabel("position [mrad]")
+        force.step(wave.t, push * wave.force, where="post", color="#BB5566")
+        force.set_ylabel(f"relay {'torque' if rotary else 'force'} [{pushed}]")
+        position.plot(wave.t, by * wave.position, color="#004488")
+        position.set_ylabel(f"position [{unit}]")
         position.set_xlabel("time in steady state [s]")
         position.set_xlim(0.0, float(wave.t[-1]))
+        if title:
+            figure.suptitle(title, fontsize=10)
     return figure
+
+
+def relay_boundary_figure(
+    devices: Sequence[Device], conditions: Sequence[RelayCondition]
+) -> Figure:
+    """Return K by relay over B beside the linear boundary, a colour a delay.
+
+    Discs: the cycles, of an area that goes with the share of the starts that end on them; a ring
+    around the one of the reference start. Crosses on the axis: conditions that diverge.
+    """
+    force, length = ("N m", "rad") if devices[0].rotary else ("N", "m")
+    delays = list(dict.fromkeys(c.delay for c in conditions))
+    with rc_context(STYLE):
+        figure = Figure(figsize=(7.2, 4.8), layout="constrained")
+        axes = figure.subplots()
+        handles: list[Line2D] = []
+        for i, delay in enumerate(delays):
+            mine = [(d, c) for d, c in zip(devices, conditions, strict=True) if c.delay == delay]
+            colour, dashes = COLOURS[i % len(COLOURS)], DASHES[i % len(DASHES)]
+            _linear_line(axes, mine[0][0], max(c.damping for _, c in mine), colour, dashes)
+            for _, c in mine:
+                _cycles(axes, c, colour)
+            handles.append(
+                Line2D([], [], color=colour, linestyle=dashes, marker="o", markersize=6,
+                       label=f"delay {1e3 * delay:g} ms")
+            )  # fmt: skip
+        grey: dict[str, Any] = {"color": "0.35", "linestyle": "none"}
+        handles += [
+            Line2D([], [], color="0.35", label="line: linear boundary"),
+            Line2D([], [], marker="o", markersize=8, alpha=0.6, **grey,
+                   label="cycle by relay, area: share of starts"),
+            Line2D([], [], marker="o", markersize=9, markerfacecolor="none", **grey,
+                   label="of the reference start"),
+            Line2D([], [], marker="x", **grey, label="most starts diverge"),
+        ]  # fmt: skip
+        axes.set_xlabel(f"virtual damping $B$ [{force} s/{length}]")
+        axes.set_ylabel(f"$K$ [{force}/{length}]")
+        axes.set_ylim(bottom=0.0)
+        axes.set_title(f"{devices[0].name}: critical stiffness by relay", fontsize=11, loc="left")
+        figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False,
+                      fontsize=8)  # fmt: skip
+    return figure
+
+
+def _linear_line(axes: Axes, device: Device, furthest: float, colour: str, dashes: Any) -> None:
+    """The linear boundary, to where it ends or a little beyond what was asked."""
+    last = last_stable_damping(device)
+    if last is None or last <= 0.0:
+        return
+    grid: Floats = np.linspace(0.0, min(last * (1.0 - 1e-6), 1.1 * furthest or last), 201)
+    points = [(p.damping, p.stiffness) for p in boundary(device, grid) if p.stiffness is not None]
+    x, y = zip(*points, strict=True)
+    axes.plot(x, y, color=colour, linestyle=dashes, linewidth=1.3)
+
+
+def _cycles(axes: Axes, c: RelayCondition, colour: str) -> None:
+    for cycle in c.cycles:
+        axes.scatter(c.damping, cycle.stiffness, s=6.0 + 90.0 * cycle.share, color=colour,
+                     alpha=0.6, linewidths=0.0, zorder=3)  # fmt: skip
+    if c.reference.stiffness is not None:
+        axes.plot(c.damping, c.reference.stiffness, marker="o", markersize=11, color=colour,
+                  markerfacecolor="none", markeredgewidth=1.0, zorder=4)  # fmt: skip
+    if c.verdict == "diverges":
+        axes.plot(c.damping, 0.0, marker="x", markersize=6, color=colour, clip_on=False, zorder=5)
 
 
 def relay_bias_figure(

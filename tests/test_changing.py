@@ -1,0 +1,280 @@
+"""A parameter that steps, drifts or settles is found, dated and measured; what stays is left alone.
+
+The recordings are of an integrator of its own: a mass under Coulomb friction, fifty times a sample.
+"""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from numba import njit
+from numpy.typing import NDArray
+
+from zwidth.diagnosis.answer.changes import Change
+from zwidth.diagnosis.answer.result import Verdict
+from zwidth.diagnosis.diagnose import diagnose
+from zwidth.diagnosis.learning.changing import (
+    DRIFT,
+    RUN,
+    SETTLES,
+    STEP,
+    course,
+    cut,
+    share_at,
+    suspected,
+    varied,
+)
+from zwidth.diagnosis.model.parameters import Model, Varying
+from zwidth.diagnosis.noise.predictor import innovations
+from zwidth.diagnosis.recording.experiment import Experiment, Output
+from zwidth.diagnosis.selection.effort import QUICK
+from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
+from zwidth.figures.changes import changes_figure
+from zwidth.sim.chain import make_chain
+from zwidth.sim.changes import beside, changes_of, difference
+from zwidth.sim.device import Device
+from zwidth.sim.interface import Interface
+from zwidth.sim.physics import make_physics
+
+Floats = NDArray[np.float64]
+T = 0.004
+FINE = 50
+DEVICE = Device("mass", "", True, make_chain([1e-3], [2e-3], 0.0), Interface(period=T))
+
+
+@njit
+def moved(command: Floats, mass: Floats, damper: Floats, friction: Floats) -> Floats:
+    """Positions (ticks,) of a mass whose numbers (ticks,) differ from sample to sample."""
+    found = np.zeros(command.size)
+    x, v, h = 0.0, 0.0, T / FINE
+    for k in range(command.size):
+        found[k] = x
+        for _ in range(FINE):
+            w = v + h * (command[k] - damper[k] * v) / mass[k]
+            stops = h * friction[k] / mass[k]
+            w = w - stops if w > stops else (w + stops if w < -stops else 0.0)
+            x += 0.5 * h * (v + w)
+            v = w
+    return found
+
+
+Factors = dict[str, Floats]
+
+
+def recording(seconds: float, seed: int, factors: Factors, name: str = "swing") -> Experiment:
+    random = np.random.default_rng(seed)
+    ticks = round(seconds / T)
+    t = T * np.arange(ticks)
+    waves = zip(random.uniform(0.4, 4.0, 3), random.uniform(0.0, 6.0, 3), strict=True)
+    command = np.sum([0.06 * np.sin(2.0 * np.pi * f * t + p) for f, p in waves], axis=0)
+    own = {"mass": 1e-3, "damper": 2e-3, "friction": 0.02}
+    numbers = [value * factors.get(key, 1.0) * np.ones(ticks) for key, value in own.items()]
+    y = moved(command, *numbers) + 2e-4 * random.standard_normal(ticks)
+    return Experiment(T, command, y[:, None], (Output("position", 0),), name, float(y.std()))
+
+
+def fitted(*experiments: Experiment) -> Hypothesis:
+    """Friction, fitted as if nothing changed."""
+    friction = make_physics("coulomb_friction", "m1", level=0.02)
+    model = Model(DEVICE).with_effect(friction, {"level": 0.02})
+    return settled(judged(experiments, model, np.zeros(len(model.parameters))))
+
+
+def at_time(seconds: float, after: float, tau: float) -> Floats:
+    return np.where(T * np.arange(round(seconds / T)) < tau, 1.0, after)
+
+
+@cache
+def step() -> tuple[Hypothesis, Hypothesis]:
+    h = fitted(recording(12.0, 5, {"friction": at_time(12.0, 1.05, 7.0)}))
+    suspect = suspected(h)
+    assert suspect is not None
+    assert (suspect.of, suspect.shape) == ("coulomb_friction@m1.level", STEP)
+    new = varied(h, suspect)
+    assert new is not None
+    low, high = (T * t for t in new.suspect.between)
+    assert low <= T * new.suspect.at <= high
+    assert T * new.suspect.at == pytest.approx(7.0, abs=0.03)
+    assert high - low < 0.6  # 5 % of the length
+    return h, new.hypothesis
+
+
+def test_a_step_of_five_percent_is_found_dated_and_measured():
+    """Mutations that break it: slopes not taken off the other parameters' span; shares the other
+    way round; the change put on all parts; the date read off the slopes alone, which are late.
+    """
+    _, h = step()
+    (own,) = (p for p in h.model.parameters if p.kind == "change")
+    last = h.model.effects_at(h.x)[0].values["level"]
+    first = h.model.effects_at(h.model.there(h.x, h.experiments[0]))[0].values["level"]
+    assert last == pytest.approx(0.021, rel=2e-3)
+    assert first == pytest.approx(0.020, rel=2e-3)
+    assert own.name == "change 1"
+    assert [e.shares for e in h.experiments] == [(("change 1", 1.0),), ()]
+    assert suspected(h) is None  # nothing changes besides
+
+
+def test_the_course_shows_what_each_window_says():
+    """Mutation that breaks it: a window's own slopes left out of what it shares with the others."""
+    h, _ = step()
+    index = [p.name for p in h.model.parameters].index("coulomb_friction@m1.level")
+    told = course(h, index)
+    p = h.model.parameters[index]
+    levels = h.model.effects[0].values["level"] + p.scale * told.x
+    early, late = told.times < 6.5, told.times > 7.5
+    errors = p.scale * told.errors
+    for which, truth in ((early, 0.020), (late, 0.021)):
+        off = (levels[which] - truth) / errors[which]
+        assert np.abs(off).max() < 4.0
+    assert (levels[late].mean() - levels[early].mean()) == pytest.approx(1e-3, rel=0.2)
+
+
+@pytest.mark.parametrize("which", ["mass", "damper"])
+def test_what_changes_is_told_from_what_stays(which: str):
+    """Friction stays; mutation that breaks it: gains that are not held against their spread."""
+    size = {"mass": 1.05, "damper": 1.5}[which]
+    h = fitted(recording(12.0, 6, {which: at_time(12.0, size, 4.0)}))
+    suspect = suspected(h)
+    assert suspect is not None
+    assert suspect.of == {"mass": "m1", "damper": "b1"}[which]
+    new = varied(h, suspect)
+    assert new is not None
+    low, high = (T * t for t in new.suspect.between)
+    assert low <= 4.0 <= high
+    ends = [new.hypothesis.model.build(new.hypothesis.model.there(new.hypothesis.x, e)).chain
+            for e in new.hypothesis.experiments]  # fmt: skip
+    before, after = ((c.masses if which == "mass" else c.ground_dampers)[0] for c in ends)
+    assert after / before == pytest.approx(size, rel=0.01)
+
+
+@pytest.mark.parametrize("shape", [DRIFT, SETTLES])
+def test_what_moves_slowly_is_no_step(shape: str):
+    """Mutation that breaks it: all shapes but the step left out, or the drift turned round."""
+    share = np.arange(3000) / 3000
+    course = 1.0 + 0.1 * share if shape == DRIFT else 1.0 - 0.15 * np.exp(-share / 0.1)
+    h = fitted(recording(12.0, 7, {"friction": course}))
+    suspect = suspected(h)
+    assert suspect is not None
+    assert (suspect.of, suspect.shape) == ("coulomb_friction@m1.level", shape)
+    new = varied(h, suspect)
+    assert new is not None
+    own = new.hypothesis
+    first = own.model.effects_at(own.model.there(own.x, own.experiments[0]))[0].values["level"]
+    last = own.model.effects_at(own.x)[0].values["level"]
+    mean = float((0.02 * course)[100 : own.experiments[0].ticks].mean())
+    assert last == pytest.approx(0.022 if shape == DRIFT else 0.02, rel=5e-3)
+    assert first == pytest.approx(mean, rel=0.01)  # parts are taken as constant
+    if shape == SETTLES:
+        assert suspect.rate == pytest.approx(300.0)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_nothing_changes_where_nothing_does(seed: int):
+    """Mutation that breaks it: what was asked for so often is not paid."""
+    h = fitted(recording(8.0, 20 + seed, {}))
+    suspect = suspected(h)
+    assert suspect is None or varied(h, suspect) is None
+
+
+def test_one_run_is_unlike_the_others():
+    """Mutation that breaks it: runs not asked for; then it is two steps."""
+    runs = [recording(4.0, 30 + i, {"friction": np.full(1000, 1.1 if i == 1 else 1.0)}, f"r{i}")
+            for i in range(4)]  # fmt: skip
+    h = fitted(*runs)
+    suspect = suspected(h)
+    assert suspect is not None
+    assert (suspect.of, suspect.shape) == ("coulomb_friction@m1.level", RUN)
+    parts = cut(h.experiments, suspect, "change 1")
+    assert [bool(e.shares) for e in parts] == [False, True, False, False]
+    assert len(parts) == 4  # nothing is cut
+
+
+def test_from_one_recording_to_the_next_it_is_not_known_when():
+    runs = [recording(4.0, 40 + i, {"friction": np.full(1000, 1.0 + 0.1 * i)}, f"r{i}")
+            for i in range(2)]  # fmt: skip
+    h = fitted(*runs)
+    suspect = suspected(h)
+    assert suspect is not None
+    new = varied(h, suspect)
+    assert new is not None
+    assert [e.ticks for e in new.hypothesis.experiments] == [1000, 1000]
+    assert [bool(e.shares) for e in new.hypothesis.experiments] == [True, False]
+
+
+@cache
+def answer(tau: float) -> tuple[Verdict, tuple[Change, ...], str, float]:
+    e = recording(14.0, 9, {"friction": at_time(14.0, 1.2, tau)})
+    found = diagnose(DEVICE, [e], effort=QUICK)
+    return found.verdict, found.changes, found.headline, found.free_run.after
+
+
+@pytest.mark.parametrize("tau", [4.0, 12.0])
+def test_a_diagnosis_says_when(tau: float):
+    """4 s is fitted, 12 s is held out. Mutation that breaks it: the whole recording not asked; what
+    comes after a change still judging what was before it.
+    """
+    verdict, changes, headline, after = answer(tau)
+    assert verdict is Verdict.IDENTIFIED
+    (change,) = changes
+    assert (change.effect, change.parameter, change.place) == ("coulomb_friction", "level", "m1")
+    assert change.at == pytest.approx(tau, abs=0.05)
+    assert change.before.lower < 0.02 < change.before.upper
+    assert change.after.lower < 0.024 < change.after.upper
+    assert "level of Coulomb friction at the motor rose from" in headline
+    assert (change.free_run is None) == (tau == 12.0)
+    assert after < 0.01
+    said = change.as_json()
+    assert said["at_s_ci95"][0] <= tau <= said["at_s_ci95"][1]
+    assert said["shape"] == "step"
+    figure = changes_figure(change)
+    assert figure.axes[0].get_ylabel() == "level [mN m]"
+
+
+def test_members_of_a_model_that_varies_are_those_built_one_by_one():
+    """Mutation that breaks it: lanes that do not see the shares of a recording."""
+    _, h = step()
+    problem, model = h.problem, h.model
+    xs = [h.x, h.x + 0.01]
+    lanes = problem.weighted_each(model, xs)
+    for x, own in zip(xs, lanes, strict=True):
+        assert own == pytest.approx(problem.weighted(model, x), abs=1e-6)
+
+
+def test_shares_of_a_parameter_that_a_model_lacks_change_nothing():
+    model = Model(DEVICE, varying=(Varying("change 1", "coulomb_friction@m1.level"),))
+    e = replace(recording(4.0, 1, {}), shares=(("change 1", 1.0),))
+    x = np.zeros(len(model.parameters))
+    assert model.parameters == Model(DEVICE).parameters
+    assert model.there(x, e) is x
+    friction = make_physics("coulomb_friction", "m1", level=0.02)
+    more = model.with_effect(friction, {"level": 0.02})
+    less, kept = more.less(np.arange(5.0), 0)
+    assert [p.kind for p in more.parameters][-2:] == ["effect", "change"]
+    assert kept.tolist() == [0.0, 1.0, 2.0]
+    assert less.parameters == model.parameters
+
+
+def test_a_difference_makes_one_device_of_another_beside_what_was_known():
+    friction = make_physics("coulomb_friction", "m1", level=0.02)
+    before = DEVICE.with_physics(friction)
+    after = replace(before, chain=make_chain([1.1e-3], [2e-3], 0.0)).with_physics(
+        make_physics("coulomb_friction", "m1", level=0.03)
+    )
+    known = changes_of({"masses": [1.5e-3]}, before)
+    both = beside(known, difference(before, after)).of(before)
+    assert both.chain.masses[0] == pytest.approx(1.6e-3)
+    assert both.physics[0].values["level"] == pytest.approx(0.03)
+    same = beside(None, difference(before, after)).of(before)
+    e = recording(2.0, 1, {})
+    gain = np.full((2, 1), 0.1)
+    assert innovations(same, e, gain) == pytest.approx(innovations(after, e, gain), abs=1e-12)
+
+
+def test_shares_over_time():
+    h = fitted(recording(4.0, 30, {}))
+    suspect = suspected(fitted(recording(8.0, 5, {"friction": at_time(8.0, 1.2, 4.0)})))
+    assert suspect is not None
+    assert h.experiments[0].shares == ()
+    drift = replace(suspect, shape=DRIFT)
+    assert [share_at(drift, t, 1000.0) for t in (0.0, 500.0, 1500.0)] == [1.0, 0.5, -0.5]

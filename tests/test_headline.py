@@ -1,0 +1,235 @@
+"""The first line of a diagnosis, for every verdict, and what stands beside it."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from zwidth.diagnosis.answer.adequacy import Adequacy, Ahead
+from zwidth.diagnosis.answer.augmented_boundary import may_render
+from zwidth.diagnosis.answer.cautions import cautions
+from zwidth.diagnosis.answer.headline import SAYINGS, Answer, headline, in_words
+from zwidth.diagnosis.answer.result import Estimate, Finding, HeldOut, Rival, Verdict
+from zwidth.diagnosis.answer.verdict import Left, told_from_chance, too_disturbed
+from zwidth.diagnosis.answer.where import where
+from zwidth.diagnosis.answer.whole_run import WholeRun
+from zwidth.diagnosis.forces.locate import ForceMap, Located
+from zwidth.diagnosis.forces.unknown import Instead
+from zwidth.diagnosis.intake.gate import misread
+from zwidth.diagnosis.recording.experiment import Experiment, Output
+from zwidth.figures.diagnosis import force_map_figure, whole_run_figure
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.interface import Interface
+from zwidth.sim.physics import EFFECTS, make_physics
+
+FRICTION = Finding(
+    "coulomb_friction", "m1", {"level": Estimate(0.0301, 0.0297, 0.0305, "N m")}, 40.0, (), 0.99
+)
+BAND = Rival("dead_band", "command", 3.0, 0.3)
+GOOD = HeldOut(3.0, 0.7, 0.03, 0.02)
+SOUND = Adequacy((Ahead(0.5, 0.01, 0.01, 0.02, 0.0, 0.1),), 0.95, 9.0, True, 9)
+MOTOR = Device("motor", "", True, make_chain([1e-3], [6e-3]), Interface(period=0.001))
+
+
+def answer(verdict: Verdict, *findings: Finding, masses: int = 1) -> Answer:
+    left = Left(90.0, "a force at m1 that follows time")
+    return Answer(verdict, findings, {}, (), masses, left, None, SOUND, GOOD)
+
+
+def test_what_was_found_in_the_words_of_an_engineer():
+    """Breaks where the verdict or the name of a file is the heading."""
+    found = answer(Verdict.IDENTIFIED, FRICTION)
+    missing = "Coulomb friction of 30.1 mN m (29.7 to 30.5) at the motor is missing"
+    assert headline(found) == f"{missing} from the simulation"
+    assert " at the motor (m1) is missing" in headline(replace(found, masses=3))
+
+
+def test_rivals_that_cannot_be_told_apart_stand_in_the_headline():
+    """Breaks where a rival within five sigma is left for the table."""
+    found = answer(Verdict.CONFUSABLE, replace(FRICTION, rivals=(BAND,)))
+    assert headline(found) == (
+        "Coulomb friction of 30.1 mN m (29.7 to 30.5) at the motor, or dead band in the command:"
+        " this recording cannot tell which is missing"
+    )
+    unsure = answer(Verdict.CONFUSABLE, replace(FRICTION, probability=0.53))
+    assert headline(unsure).endswith("may be missing: the probability is 53 % only")
+
+
+def test_unknown_physics_says_how_far_the_names_go():
+    """Breaks where a name that explains nothing is given its value in the headline."""
+    found = answer(Verdict.UNKNOWN_PHYSICS, FRICTION)
+    assert headline(found).endswith("; the names explain 95 % of the error")
+    assert "and something else that has no name in the library" in headline(found)
+    poor = replace(found, sound=replace(SOUND, explained=0.04))
+    assert headline(poor).endswith("the nearest names (Coulomb friction) explain 4 % of the error")
+    bare = answer(Verdict.UNKNOWN_PHYSICS)
+    assert "a force at m1 that follows time" in headline(bare)
+    other = Instead(300.0, 9, "m1", "repeats every 6.3 rad", "force_ripple at m1")
+    assert "a force at the motor that repeats every 6.3 rad" in headline(
+        replace(found, other=other)
+    )
+
+
+def test_no_physics_but_a_parameter_says_which_and_by_how_much():
+    """Breaks where the parameter is named and its change is not; 57.3 asks for degrees."""
+    refit = {
+        "m1": (1.2e-3, Estimate(1.56e-3, 1.55e-3, 1.57e-3, "kg m2")),
+        "b1": (6e-3, Estimate(6.0e-3, 5.9e-3, 6.1e-3, "N m s/rad")),
+    }
+    found = replace(answer(Verdict.LINEAR_PARAMETERS), refit=refit)
+    assert headline(found) == (
+        "No physics is missing, but the inertia m1 is 0.00156 kg m2 (0.00155 to 0.00157), 30 %"
+        " above the device file's"
+    )
+    scale = {"gain": (1.0, Estimate(57.4, 57.0, 57.8, ""))}
+    assert "(degrees?)" in headline(replace(found, refit=scale))
+
+
+@pytest.mark.parametrize(
+    ("channels", "factor", "said"),
+    [
+        (("command",), -1.0, "The sign of the command of run is wrong"),
+        (("position_m1",), 0.01745, "Position_m1 of run counts 57.3 times too much (degrees?)"),
+        (("position_m1",), 1e-3, "1000 times too much (mm or mN m?)"),
+        (("command",), 57.3, "57.3 times too little (motion in degrees or turns?)"),
+    ],
+)
+def test_a_fault_of_the_recording_comes_first(channels: tuple[str, ...], factor: float, said: str):
+    """With the unit that the factor asks for; a command is in no degrees.
+
+    Breaks where what was found hides what is wrong with the recording.
+    """
+    e = Experiment(0.001, np.zeros(9), np.zeros((9, 1)), (Output("position", 0),), "run")
+    fault = misread(e, channels, factor)
+    assert said in headline(replace(answer(Verdict.NOTHING_MISSING), faults=(fault,)))
+    both = headline(replace(answer(Verdict.IDENTIFIED, FRICTION), faults=(fault,)))
+    assert said in both
+    assert "; with that corrected, Coulomb friction of 30.1 mN m" in both
+
+
+def test_nothing_and_undecided():
+    """Breaks where an error is told as an answer."""
+    assert headline(answer(Verdict.NOTHING_MISSING)).startswith("Nothing is missing")
+    lost = replace(answer(Verdict.UNDECIDED, FRICTION), lost="a part of the search")
+    assert headline(lost) == "Undecided: an error left out a part of the search"
+    away = replace(answer(Verdict.UNDECIDED), free=HeldOut(math.inf, math.inf, math.inf, 0.01))
+    assert "without bound" in headline(away)
+
+
+def test_no_infinity_in_what_is_said():
+    """Breaks where a free run that runs away is told in percent."""
+    away = HeldOut(math.inf, math.inf, math.inf, 0.01)
+    said = [told_from_chance(away), too_disturbed((FRICTION,), away)]
+    said += cautions((FRICTION,), away, SOUND, ())
+    assert not any("inf" in text.replace("information", "") for text in said)
+
+
+def test_every_effect_has_words_and_its_size():
+    """Breaks where an effect is added without a saying, or one asks for a value it has not."""
+    for name, effect in EFFECTS.items():
+        if effect.sought in ("given", "learned"):
+            continue
+        values = {p.name: Estimate(0.02, 0.019, 0.021, p.unit) for p in effect.parameters}
+        found = Finding(name, effect.places[0], values, 9.0, ())
+        assert name in SAYINGS
+        text = in_words(found, 3)
+        assert "_" not in text
+        assert not values or any(c.isdigit() for c in text)
+
+
+def held(top: ForceMap, share: float) -> Located:
+    names = ("within 12 ms of a velocity reversal", "elsewhere")
+    pairs = zip(names, (share, 1.0 - share), strict=True)
+    state = [{"name": n, "share": s, "time_share": 0.5} for n, s in pairs]
+    return Located("", [], [], state, [], (top,))
+
+
+def force_map(place: str, against: str, gained: float = 900.0) -> ForceMap:
+    edges = np.linspace(-1.0, 1.0, 9)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    return ForceMap(place, against, edges, -np.sign(middle), np.full(8, 0.1), gained)
+
+
+def test_where_agrees_with_the_finding_or_says_why_not():
+    """And says nothing of a state that lies where the time is.
+
+    Breaks where "55 % lies elsewhere (55 % of the time)" is said.
+    """
+    agrees = where(held(force_map("m1", "velocity"), 0.9), (FRICTION,), 1)
+    assert agrees.startswith("90 % of what the refitted device cannot predict lies within 12 ms")
+    assert agrees.endswith("would explain most of it, as Coulomb friction there does")
+    even = where(held(force_map("m1", "velocity"), 0.55), (FRICTION,), 1)
+    assert even.startswith("a force at the motor that follows the velocity, against the motion,")
+    elsewhere = where(held(force_map("m2", "velocity"), 0.5), (FRICTION,), 3)
+    assert "the Coulomb friction was found at the motor (m1) all the same" in elsewhere
+    timed = where(held(force_map("m1", "time"), 0.5), (FRICTION,), 1)
+    assert "is no force that changes with time alone" in timed
+    quiet = where(held(force_map("m1", "velocity", 9.0), 0.5), (), 1)
+    assert quiet.endswith("stands out of the noise")
+
+
+def test_a_red_line_where_free_runs_stray():
+    """Far above noise, or worse than the device file; breaks where these are left for a table."""
+    assert cautions((FRICTION,), GOOD, SOUND, ()) == ()
+    (stray,) = cautions((FRICTION,), replace(GOOD, after=0.4), SOUND, ())
+    assert "still err 40 % of the motion, where the noise of readings makes 2 %" in stray
+    (worse,) = cautions((FRICTION,), replace(GOOD, before=0.2, after=0.4), SOUND, ())
+    assert "more than the device file as it is (20 %)" in worse
+    far = replace(SOUND, ahead=(Ahead(0.5, 0.06, 0.01, 0.02, 0.0, 0.1),))
+    (noise,) = cautions((FRICTION,), GOOD, far, ())
+    assert noise == "over 500 ms free runs err 6 times as far as their own noise would make them"
+
+
+def whole(before: float, after: float) -> WholeRun:
+    y = 1e-3 * 1.1 * np.sin(np.linspace(0.0, 20.0, 500))
+    runs = {"before": y + before, "refit": y + before, "after": y + after}
+    return WholeRun("swing", "position_m1", "rad", 0.0, 0.001, y, runs, True)
+
+
+def test_a_whole_run_that_is_worse_is_said():
+    """Breaks where only windows of half a second are judged."""
+    (said,) = cautions((FRICTION,), GOOD, SOUND, (whole(1e-4, 3e-4),))
+    assert said.startswith("from beginning to end position_m1 of swing errs 300 \u00b5rad")
+    assert cautions((FRICTION,), GOOD, SOUND, (whole(3e-4, 1e-4),)) == ()
+
+
+def test_the_first_picture_shows_before_and_after_with_their_errors():
+    """In units of the motion; breaks where the device file's own run is left out."""
+    figure = whole_run_figure(whole(3e-4, 1e-4))
+    motion, error = figure.axes
+    assert motion.get_ylabel() == "position of m1 [mrad]"
+    assert error.get_ylabel() == "error [mrad]"
+    labels = [line.get_label() for line in motion.get_lines()]
+    assert labels[0] == "measured"
+    assert "with what was found: errs 100 \u00b5rad rms (13 %)" in labels
+    assert any(str(label).startswith("device file: errs 300") for label in labels)
+    alone = whole_run_figure(whole(3e-4, 1e-4), named=False).axes[0]
+    assert [str(line.get_label())[:9] for line in alone.get_lines()][2] == "refitted:"
+
+
+def test_a_level_that_the_origin_takes_up_is_not_drawn():
+    """Breaks where a map that is told but for its level is drawn at -30 kN."""
+    flat = force_map("m1", "velocity")
+    shape = 1e-3 * flat.force
+    located = held(replace(flat, force=shape - 30e3, error=1e-4 * flat.error), 0.5)
+    axes = force_map_figure(located, False).axes[0]
+    low, high = axes.get_ylim()
+    assert high - low < 10.0
+
+
+def experiment(command: float, output: Output) -> Experiment:
+    ticks = np.arange(300) * 0.001
+    return Experiment(0.001, command * np.sin(ticks), np.zeros((300, 1)), (output,))
+
+
+def test_only_a_rig_that_may_render_a_wall_is_asked_for_one():
+    """Breaks where a free decay, a slow loop, a velocity or a servo is held against a wall."""
+    angle = Output("position", 0)
+    assert may_render(MOTOR, [experiment(1.0, angle)])
+    assert not may_render(MOTOR, [experiment(0.0, angle)])
+    assert not may_render(MOTOR, [experiment(1.0, Output("velocity", 0))])
+    assert not may_render(MOTOR.with_interface(period=0.02), [experiment(1.0, angle)])
+    servo = make_physics("position_servo", "m1", stiffness=1.0, damping=0.1, back_emf=0.0)
+    assert not may_render(MOTOR.with_physics(servo), [experiment(1.0, angle)])

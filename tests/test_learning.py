@@ -1,0 +1,126 @@
+"""A law of no name is learned as a curve, beside and in the place of names."""
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from zwidth.diagnosis.answer.learned import learned
+from zwidth.diagnosis.answer.result import HeldOut
+from zwidth.diagnosis.learning.curves import Learned, law_at, learn
+from zwidth.diagnosis.learning.formulas import formulas
+from zwidth.diagnosis.mishaps import silent
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.recording.experiment import Experiment, Output
+from zwidth.diagnosis.selection.effort import QUICK
+from zwidth.diagnosis.selection.hypothesis import judged, settled
+from zwidth.diagnosis.selection.search import Search
+from zwidth.diagnosis.selection.searched import as_found
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.interface import Interface
+
+Floats = NDArray[np.float64]
+T = 0.004
+DEVICE = Device("mass", "", False, make_chain([0.5], [0.8], 30.0), Interface(period=T))
+Law = Callable[[float, float], float]
+
+
+def cube(_: float, v: float) -> float:
+    return -0.5 * v**3
+
+
+def well(q: float, _: float) -> float:
+    return 3.0 * float(np.exp(-0.5 * ((q - 0.02) / 0.06) ** 2))
+
+
+def nothing(_: float, __: float) -> float:
+    return 0.0
+
+
+@cache
+def recording(law: Law, seed: int = 3, ticks: int = 2500) -> Experiment:
+    """A mass on a spring under a law, by classical Runge-Kutta in halves of a tick."""
+    random = np.random.default_rng(seed)
+    command = np.repeat(random.normal(0.0, 4.0, ticks // 25 + 1), 25)[:ticks]
+    x, position = np.zeros(2), np.zeros(ticks)
+
+    def moves(x: Floats, u: float) -> Floats:
+        q, v = float(x[0]), float(x[1])
+        return np.array([v, (u - 0.8 * v - 30.0 * q + law(q, v)) / 0.5])
+
+    for k in range(ticks):
+        position[k] = x[0]
+        for _ in range(2):
+            h, u = T / 2.0, float(command[k])
+            a = moves(x, u)
+            b = moves(x + 0.5 * h * a, u)
+            c = moves(x + 0.5 * h * b, u)
+            x = x + h / 6.0 * (a + 2.0 * b + 2.0 * c + moves(x + h * c, u))
+    noisy = position + 2e-5 * random.standard_normal(ticks)
+    swing = float(np.std(noisy))
+    return Experiment(T, command, noisy[:, None], (Output("position", 0),), swing=swing)
+
+
+@cache
+def without_names(law: Law) -> Search:
+    """A search that knows no name."""
+    model = Model(DEVICE)
+    fit = recording(law).split()[0]
+    plain = settled(judged([fit], model, np.zeros(len(model.parameters))))
+    return Search(plain, plain, QUICK, silent)
+
+
+@cache
+def curve_of(law: Law) -> Learned | None:
+    return learn(without_names(law), silent)
+
+
+def test_the_cube_of_a_velocity_is_learned_and_called_so() -> None:
+    """Mutations that break it: no odd laws; the law not in the place where it gains most."""
+    curve = curve_of(cube)
+    assert curve is not None
+    assert (curve.physics.effect.name, curve.physics.at, curve.odd) == ("free_damper", "m1", True)
+    truth = np.array([cube(0.0, v) for v in curve.states])
+    straight = curve.states  # the damper's, which nothing tells from the law's own
+    bent = curve.forces - truth
+    bent = bent - straight * (straight @ bent) / (straight @ straight)
+    assert np.abs(bent).max() < 0.02 * np.abs(truth).max()
+    assert np.all((curve.lower <= truth) & (truth <= curve.upper))
+    (like, *_) = formulas(curve.states, curve.forces, curve.covariance, curve.odd)
+    assert like.form.name in ("cube", "power", "line and cube")
+    grid = np.linspace(-2.0, 2.0, 9)
+    np.testing.assert_allclose(law_at(curve.physics, -grid), -law_at(curve.physics, grid))
+
+
+def test_a_law_of_position_is_learned_where_it_is() -> None:
+    curve = curve_of(well)
+    assert curve is not None
+    assert (curve.physics.effect.name, curve.physics.at) == ("free_spring", "m1")
+    (like, *_) = formulas(curve.states, curve.forces, curve.covariance, curve.odd)
+    assert like.form.name == "bump"  # beside an offset, which is another origin of the spring
+    assert like.numbers["a"] == pytest.approx(3.0, rel=0.05)
+    assert abs(like.numbers["w"]) == pytest.approx(0.06, rel=0.05)
+
+
+def test_nothing_is_learned_where_nothing_is_missing() -> None:
+    """Mutation that breaks it: points at no cost."""
+    assert curve_of(nothing) is None
+
+
+@pytest.mark.parametrize(("names", "worth"), [(0.5, True), (1e-9, False)])
+def test_a_law_is_kept_where_held_out_data_agree(names: float, worth: bool) -> None:
+    found = as_found(DEVICE, without_names(cube))
+    held = [recording(cube).split()[1]]
+    free = HeldOut(1.0, 1.0, names, 1e-5)
+    law = learned(DEVICE, found, held, free, silent)
+    assert (law is not None) is worth
+    if law is None:
+        return
+    assert law.law.after < 0.01
+    assert "a force at m1 over velocity, which looks like -0." in law.sentence
+    said = law.as_json()
+    assert said["formula"].endswith("v^3") or "|v|^" in said["formula"]
+    assert len(said["points"]) == law.curve.states.size

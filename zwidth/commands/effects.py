@@ -1,0 +1,148 @@
+"""`zwidth effects`: the physics that a device may have besides its masses, springs and dampers."""
+
+import inspect
+import json
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import click
+
+from zwidth.console import Column, Console
+from zwidth.diagnosis.learning.own_effect import effect_text
+from zwidth.files.protection import reading
+from zwidth.files.whole import write_text
+from zwidth.json_number import json_number
+from zwidth.options import force_option, json_option
+from zwidth.sim.own_files import FOLDER
+from zwidth.sim.physics import EFFECTS, LIBRARY, unknown_effect
+from zwidth.sim.physics.effect import Effect
+from zwidth.sim.physics.own import IDENTIFIER, OWN
+
+
+@click.command("effects")
+@click.argument("name", metavar="[NAME]", required=False)
+@click.option(
+    "--learned", metavar="FILE", type=click.Path(path_type=Path),
+    help="Keep what a diagnosis has learned (its --json FILE) as an effect NAME of your own, in"
+    " effects/NAME.toml.",
+)  # fmt: skip
+@force_option
+@json_option
+def command(name: str | None, learned: Path | None, json_file: str | None) -> None:
+    """List the effects that zwidth knows, or describe one.
+
+    An effect is physics that a device may have besides its masses, springs and dampers: friction,
+    play, a limit. Device files give them as [[physics]], the diagnosis seeks them.
+    """
+    console = Console(json_file)
+    if learned is not None:
+        _keep(console, name, learned)
+        return
+    console.will_write()
+    if name is None:
+        columns = [Column("effect", False), Column("at", False), Column("what it is", False)]
+        rows = [[e.name, places(e), e.summary] for e in EFFECTS.values()]
+        console.table(f"{len(rows)} effects; 'zwidth effects NAME' describes one", columns, rows)
+        console.result({"effects": [described(e) for e in EFFECTS.values()]})
+        return
+    if name not in EFFECTS:
+        raise ValueError(f"there is no effect {name!r}; {unknown_effect(name)}")
+    effect = EFFECTS[name]
+    console.say(f"{effect.name}: {effect.summary}\n\n{law(effect)}\n")
+    if effect.parameters:
+        columns = [Column("parameter", False), Column("unit", False), Column("from")]
+        columns += [Column("to"), Column("what it is", False)]
+        rows = [
+            [p.name, units(effect, p.name), f"{p.lower:g}", f"{p.upper:g}", p.meaning]
+            for p in effect.parameters
+        ]
+        console.table("", columns, rows)
+    console.say(f"\nat: {places(effect)}")
+    if effect.mistaken_for:
+        console.say(f"mistaken for: {', '.join(effect.mistaken_for)}")
+    console.say(f"source: {effect.reference}")
+    console.result(described(effect))
+
+
+def _keep(console: Console, name: str | None, file: Path) -> None:
+    """Write what was learned as an effect of one's own."""
+    if name is None:
+        raise click.UsageError("--learned needs the NAME that the effect is to have")
+    if name in LIBRARY or not IDENTIFIER.match(name):
+        raise ValueError(
+            f"NAME is {name!r}; allowed are small letters, digits and _, and no name of the library"
+        )
+    try:
+        result = json.loads(reading(file).read_text(encoding="utf-8"))
+        found = result["learned"]
+    except (ValueError, KeyError, TypeError):
+        raise ValueError(f"{file} is no result of 'zwidth diagnose --json FILE'") from None
+    if not found:
+        raise ValueError(f"{file} has no law that was learned: every finding in it has a name")
+    if not found["formulas"]:
+        raise ValueError(
+            f"{file} has a law that looks like no formula; as a table it stands in the augmented"
+            f" device ({found['effect']})"
+        )
+    best = found["formulas"][0]
+    said = f"learned from {result['recordings'][0] if result.get('recordings') else file.name}"
+    text = effect_text(name, found["effect"], best["form"], best["numbers"], said)
+    path = Path(FOLDER) / f"{name}.toml"
+    console.will_write(path)
+    path.parent.mkdir(exist_ok=True)
+    console.say(f"wrote {write_text(path, text)}")
+    console.say(
+        f"{found['formula']}: from now on sought as {name} by commands in this folder; the first"
+        " compiles it"
+    )
+    console.result({"file": str(path), "effect": name, "formula": found["formula"]})
+
+
+def law(effect: Effect) -> str:
+    """Return what the file of an effect says of it: its law, and where it holds."""
+    if effect.name in OWN:
+        own = OWN[effect.name]
+        return f"{own.formula}\n\nAn effect of your own, declared in {own.file}."
+    return inspect.cleandoc(import_module(f"zwidth.sim.physics.{effect.name}").__doc__ or "")
+
+
+def places(effect: Effect) -> str:
+    """Return where an effect can act, in words."""
+    masses = [p for p in effect.places if p.startswith("m") and p[1:].isdigit()]
+    links = [p for p in effect.places if p.startswith("link")]
+    found = ["any mass"] if len(masses) > 1 else masses
+    found += ["any link"] if len(links) > 1 else links
+    return ", ".join([*found, *(p for p in effect.places if p not in (*masses, *links))])
+
+
+def units(effect: Effect, name: str) -> str:
+    """Return a parameter's unit on a rotary and on a linear device, "N m | N"."""
+    parameter = effect.parameter(name)
+    own = parameter.unit_for(True)
+    other = own if effect.rotary_only else parameter.unit_for(False)
+    return own if own == other else f"{own} | {other}"
+
+
+def described(effect: Effect) -> dict[str, Any]:
+    """Return an effect as JSON has it."""
+    return {
+        "effect": effect.name,
+        "summary": effect.summary,
+        "at": list(effect.places),
+        "law": law(effect),
+        "parameters": [
+            {
+                "name": p.name,
+                "symbol": p.symbol,
+                "unit": {"rotary": p.unit_for(True), "linear": p.unit_for(False)},
+                "lower": json_number(p.lower),
+                "upper": json_number(p.upper),
+                "neutral": None if p.neutral is None else json_number(p.neutral),
+                "meaning": p.meaning,
+            }
+            for p in effect.parameters
+        ],
+        "mistaken_for": list(effect.mistaken_for),
+        "source": effect.reference,
+    }

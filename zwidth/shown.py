@@ -1,0 +1,86 @@
+"""What every result can do: become arrays, be drawn, be looked at.
+
+A result says nothing of this itself. What it looks like stands in the package that `shown_by`
+names, one module a class, above everything that is shown and imported when it is first needed:
+arrays of xarray and pictures of matplotlib take a second to load, and a simulation needs neither.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Protocol, cast
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+    from xarray import Dataset
+
+
+class Views(Protocol):
+    """The package that knows what results look like."""
+
+    def text(self, result: Any) -> str:
+        """Return a few lines for a terminal."""
+        ...
+
+    def html(self, result: Any) -> str:
+        """Return a table for a notebook."""
+        ...
+
+    def dataset(self, result: Any) -> "Dataset":
+        """Return the numbers as arrays with units."""
+        ...
+
+    def frame(self, result: Any) -> "DataFrame":
+        """Return the numbers as one table."""
+        ...
+
+    def figure(self, result: Any, picture: str | None) -> "Figure":
+        """Return a picture by its name, or the first one."""
+        ...
+
+
+_home: list[str] = []
+
+
+def shown_by(package: str) -> None:
+    """Name the package of the views."""
+    _home[:] = [package]
+
+
+def _views() -> Views:
+    return cast("Views", import_module(*_home))
+
+
+class Shown:
+    """A result: `to_xarray`, `to_pandas`, `plot`, and a table where it is looked at."""
+
+    __slots__ = ()
+
+    def to_xarray(self) -> "Dataset":
+        """Return the numbers as an `xarray.Dataset`; `attrs["units"]` has the unit of each.
+
+        Raises ImportError where xarray is missing, with what to install.
+        """
+        return _views().dataset(self)
+
+    def to_pandas(self) -> "DataFrame":
+        """Return the numbers of `to_xarray` that share its first axes as a `pandas.DataFrame`.
+
+        `attrs["units"]` has the units of its columns by their names.
+
+        Raises ImportError where pandas is missing, with what to install.
+        """
+        return _views().frame(self)
+
+    def plot(self, picture: str | None = None) -> "Figure":
+        """Return a `matplotlib.figure.Figure`, which a notebook shows and `savefig` writes.
+
+        picture: which one, where a result has several; by default the first of them. Raises
+        ValueError, which names them, for one that there is not.
+        """
+        return _views().figure(self, picture)
+
+    def __repr__(self) -> str:
+        return _views().text(self)
+
+    def _repr_html_(self) -> str:
+        return _views().html(self)
