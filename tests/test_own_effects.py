@@ -6,7 +6,7 @@ import os
 import re
 import subprocess
 import sys
-from dataclasses import replace
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,7 @@ from zwidth.diagnosis.learning.formulas import LAWS
 from zwidth.diagnosis.learning.own_effect import effect_text
 from zwidth.errors import Status
 from zwidth.sim.own_files import VARIABLE, own_files, source_hash
-from zwidth.sim.physics.own import FIRST_CODE, PLAIN, compiled, read_own, translated
+from zwidth.sim.physics.own import FIRST_CODE, PLAIN, OwnEffect, compiled, read_own, translated
 from zwidth.sim.table import TableError
 
 PAGE = Path(__file__).parent.parent / "docs" / "own_effects.md"
@@ -29,7 +29,7 @@ unit = "N m s3/rad3"
 """
 
 
-def read(text: str):
+def read(text: str) -> tuple[OwnEffect, str]:
     return read_own(Path("drag.toml"), text.encode(), FIRST_CODE)
 
 
@@ -41,10 +41,11 @@ def read(text: str):
         ("a * u if q > b else -v", lambda q, v, u: 0.7 * u if q > 0.2 else -v),
         ("min(a, max(q, -a)) - atan(v) * pi", lambda q, v, u: q - math.atan(v) * math.pi),
         ("a * abs(v)**1.5 * sign(v)", lambda q, v, u: math.copysign(0.7 * abs(v) ** 1.5, v)),
-        ("clip(u, -b, b) + sqrt(abs(q)) - tan(q)", lambda q, v, u: 0.2 + math.sqrt(abs(q)) - math.tan(q)),
+        ("clip(u, -b, b) + sqrt(abs(q)) - tan(q)",
+         lambda q, v, u: 0.2 + math.sqrt(abs(q)) - math.tan(q)),
     ],
 )  # fmt: skip
-def test_a_formula_means_what_it_says(formula, truth):
+def test_a_formula_means_what_it_says(formula: str, truth: Callable[..., float]):
     law = translated(formula, ("q", "v", "u"), ("a", "b"))
     plain = eval(f"lambda q, v, u, p: {law}", dict(PLAIN))
     kernel = compiled("code, q, v, u, p", {FIRST_CODE: law}, "0.0")
@@ -72,7 +73,7 @@ def test_a_formula_means_what_it_says(formula, truth):
         ("c *", "is no expression"),
     ],
 )
-def test_nothing_but_arithmetic_is_a_formula(formula, said):
+def test_nothing_but_arithmetic_is_a_formula(formula: str, said: str):
     with pytest.raises(TableError, match=re.escape(said)):
         translated(formula, ("q", "v", "u"), ("c",))
 
@@ -93,7 +94,7 @@ def test_nothing_but_arithmetic_is_a_formula(formula, said):
         ('name = "cubic_drag"', "name = ", "is no TOML"),
     ],
 )  # fmt: skip
-def test_a_file_that_is_wrong_is_said_in_one_sentence(old, new, said):
+def test_a_file_that_is_wrong_is_said_in_one_sentence(old: str, new: str, said: str):
     assert old in DRAG
     with pytest.raises(TableError, match=said) as error:
         read(DRAG.replace(old, new))
@@ -106,7 +107,8 @@ def test_a_magnitude_is_found_from_the_formula_and_sought_by_what_moves():
     assert (c.role, c.neutral, c.lower) == ("magnitude", 0.0, 0.0)
     assert law == "((-p[0]) * (v * v * v))"
     assert own.source == source_hash(DRAG.encode())
-    assert own.effect.code == FIRST_CODE and "m1" in own.effect.places
+    assert own.effect.code == FIRST_CODE
+    assert "m1" in own.effect.places
 
 
 def test_files_are_those_that_a_variable_names_or_of_a_folder(
@@ -127,7 +129,7 @@ def test_files_are_those_that_a_variable_names_or_of_a_folder(
 
 @pytest.mark.parametrize("effect", ["free_spring", "free_damper", "free_amplifier", "free_sensor"])
 @pytest.mark.parametrize("form", list(LAWS))
-def test_whatever_formula_was_learned_is_a_file_that_is_read(effect, form):
+def test_whatever_formula_was_learned_is_a_file_that_is_read(effect: str, form: str):
     numbers = dict.fromkeys("abcdefghijklmnopqrstuvwxyz", 0.5) | {"k1": 0.3, "k2": 0.2}
     own, _ = read(effect_text("mine", effect, form, numbers, "a test"))
     assert own.effect.hook == {"free_amplifier": "command", "free_sensor": "sensor"}.get(
@@ -148,7 +150,8 @@ def test_what_was_learned_is_kept_as_a_file_of_ones_own(
     Path("answer.json").write_text(json.dumps({"learned": learned, "recordings": ["shake"]}))
     assert run(["effects", "mine", "--learned", "answer.json"]) == 0
     own, _ = read(Path("effects/mine.toml").read_text())
-    assert own.effect.name == "mine" and "shake" in own.effect.reference
+    assert own.effect.name == "mine"
+    assert "shake" in own.effect.reference
     capsys.readouterr()
     assert run(["effects", "coulomb_friction", "--learned", "answer.json"]) == Status.BAD_INPUT
     assert "no name of the library" in capsys.readouterr().err
@@ -174,7 +177,7 @@ m, c, v0 = 0.002, 2e-5, 20.0
 drag = make_physics("cubic_drag", "m1", c=c)
 chain = make_chain([m], [0.0], 0.0)
 device = Device("mass", "", True, chain, Interface(period=1e-3)).with_physics(drag)
-trace = simulate(device, wall(0.0, 0.0), Start(0.0, v0), ticks=500).trace
+trace = simulate(device, wall(0.0, 0.0), duration=0.5, start=Start(0.0, v0), substeps=10).trace
 v, t = trace["velocity_m1"], np.arange(trace["velocity_m1"].size) * 1e-3
 print(float(np.abs(v / (v0 / np.sqrt(1.0 + 2.0 * c / m * v0**2 * t)) - 1.0).max()))
 """
@@ -203,11 +206,10 @@ def test_the_documented_example_from_a_file_to_a_boundary(tmp_path: Path):
     for line in blocks("sh")[0].strip().splitlines():
         words = line.split()[1:]
         words += ["--effort", "quick", "--json", "answer.json"] if words[0] == "diagnose" else []
-        out = asked(
-            "-c", f"from zwidth.cli import main; import sys; sys.argv[1:] = {words}; main()"
-        )
+        out = asked("-m", "zwidth", *words)
         if words[0] == "effects":
-            assert "-c * v**3" in out and "cubic_drag.toml" in out
+            assert "-c * v**3" in out
+            assert "cubic_drag.toml" in out
     answer = json.loads((tmp_path / "answer.json").read_text())
     (found,) = answer["findings"]
     assert (answer["verdict"], found["effect"], found["at"]) == ("identified", "cubic_drag", "m1")
@@ -215,9 +217,10 @@ def test_the_documented_example_from_a_file_to_a_boundary(tmp_path: Path):
 
     # The log says which text it was; without the file, or with another, replay says so.
     log = str(tmp_path / "runs" / "shake.mcap")
-    replayed = [sys.executable, "-c", f"from zwidth.cli import main; import sys; sys.argv[1:] = ['replay', {log!r}]; main()"]  # fmt: skip
+    replayed = [sys.executable, "-m", "zwidth", "replay", log]
     alone = subprocess.run(
         replayed, cwd=tmp_path.parent, env=environment, capture_output=True, text=True, check=False
     )
-    assert alone.returncode == Status.BAD_INPUT and "'cubic_drag'" in alone.stderr
+    assert alone.returncode == Status.BAD_INPUT
+    assert "'cubic_drag'" in alone.stderr
     assert "Traceback" not in alone.stderr
