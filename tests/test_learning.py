@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import cache
+from typing import cast
 
 import numpy as np
 import pytest
@@ -15,12 +16,14 @@ from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.diagnosis.selection.effort import QUICK
-from zwidth.diagnosis.selection.hypothesis import judged, settled
+from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
 from zwidth.diagnosis.selection.search import Search
 from zwidth.diagnosis.selection.searched import as_found
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.interface import Interface
+from zwidth.sim.physics import make_physics
+from zwidth.sim.physics.free_law import table_values
 
 Floats = NDArray[np.float64]
 T = 0.004
@@ -124,3 +127,21 @@ def test_a_law_is_kept_where_held_out_data_agree(names: float, worth: bool) -> N
     said = law.as_json()
     assert said["formula"].endswith("v^3") or "|v|^" in said["formula"]
     assert len(said["points"]) == law.curve.states.size
+
+
+def test_a_straight_line_is_no_law_of_its_own() -> None:
+    """Mutation that breaks it: `straight` without the covariance of the points."""
+    states = np.linspace(0.0, 2.0, 5)
+    forces = -0.9 * states + np.array([0.0, 0.03, -0.03, 0.04, -0.03])
+    law = make_physics("free_amplifier", "command", **table_values(
+        list(zip(states.tolist(), forces.tolist(), strict=True)), odd=True))  # fmt: skip
+
+    def learned(spread: float, bend: float) -> Learned:
+        bent = forces + bend * states * (states - 2.0)
+        known = np.diag([0.0, *[spread**2] * 4])
+        return Learned(law, states, bent, bent, bent, known, states, (), 1.0,
+                       cast("Hypothesis", None))  # fmt: skip
+
+    assert learned(0.02, 0.0).straight
+    assert not learned(0.02, 0.3).straight
+    assert not learned(1e-5, 0.0).straight

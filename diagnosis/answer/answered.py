@@ -107,6 +107,8 @@ def answered(
     )
     if changes:
         also = "; ".join(change.sentence for change in changes)
+        if verdict is Verdict.UNKNOWN_PHYSICS:  # what lacks a law may look as if it changed
+            also = f"as far as these laws hold, {also}"
         first, sentence = f"{first}; {also}", f"{sentence}; {also}"
     verdict, sentence = _with_faults(verdict, sentence, faults)
     located = replace(located, sentence=where(located, findings, masses))

@@ -24,10 +24,12 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
+from scipy.stats import chi2
 
 from zwidth.diagnosis.fitting.uncertainty import Z95, covariance
 from zwidth.diagnosis.forces.leftover import predicted_states
 from zwidth.diagnosis.forces.unknown import views_of, weigh
+from zwidth.diagnosis.learning.formulas import COARSE, WITHIN
 from zwidth.diagnosis.mishaps import Say, attempt
 from zwidth.diagnosis.noise.predictor import SETTLING
 from zwidth.diagnosis.noise.steady import NoObserver
@@ -85,6 +87,22 @@ class Learned:
         return self.physics.values["odd"] > 0.5
 
     @property
+    def straight(self) -> bool:
+        """Whether a line through the origin is within the band: a scale, spring or damper.
+
+        Those are linear parameters, with what the device file says of them; a line of no name
+        would only say that the device file is trusted less than it was.
+        """
+        known = self.states != 0.0 if self.odd else np.ones(self.states.size, dtype=np.bool_)
+        s, f = self.states[known], self.forces[known]
+        scale = float(np.abs(f).max()) or 1.0
+        spread = self.covariance[np.ix_(known, known)] + np.eye(s.size) * (COARSE * scale) ** 2
+        weigh = np.linalg.inv(np.linalg.cholesky(spread))
+        column, target = weigh @ s, weigh @ f
+        left = target - column * float(column @ target) / float(column @ column)
+        return bool(chi2.sf(float(left @ left), max(1, s.size - 1)) > WITHIN)
+
+    @property
     def over(self) -> str:
         """What the law follows, in words."""
         link = self.physics.place.kind == "link"
@@ -114,7 +132,8 @@ def learn(found: Search, say: Say) -> Learned | None:
     best = _shaped(*best), best[1]
     if not found.ahead(best[0], least):
         return None
-    return _learned(*best, least)
+    learned = _learned(*best, least)
+    return None if learned.straight else learned
 
 
 def _sites(base: Hypothesis) -> list[Site]:
