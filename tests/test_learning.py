@@ -1,8 +1,8 @@
 """A law of no name is learned as a curve, beside and in the place of names."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
-from typing import cast
 
 import numpy as np
 import pytest
@@ -16,14 +16,12 @@ from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.diagnosis.selection.effort import QUICK
-from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
+from zwidth.diagnosis.selection.hypothesis import judged, settled
 from zwidth.diagnosis.selection.search import Search
 from zwidth.diagnosis.selection.searched import as_found
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.interface import Interface
-from zwidth.sim.physics import make_physics
-from zwidth.sim.physics.free_law import table_values
 
 Floats = NDArray[np.float64]
 T = 0.004
@@ -123,25 +121,28 @@ def test_a_law_is_kept_where_held_out_data_agree(names: float, worth: bool) -> N
     if law is None:
         return
     assert law.law.after < 0.01
+    first = law.headline(1, False)
+    assert first.startswith("a force acts at the motor that has no name in the library: up to")
+    assert "over velocity, which looks like a" in first
+    assert first.endswith("and 50 % without")
     assert "a force at m1 over velocity, which looks like -0." in law.sentence
     said = law.as_json()
     assert said["formula"].endswith("v^3") or "|v|^" in said["formula"]
     assert len(said["points"]) == law.curve.states.size
 
 
-def test_a_straight_line_is_no_law_of_its_own() -> None:
-    """Mutation that breaks it: `straight` without the covariance of the points."""
-    states = np.linspace(0.0, 2.0, 5)
-    forces = -0.9 * states + np.array([0.0, 0.03, -0.03, 0.04, -0.03])
-    law = make_physics("free_amplifier", "command", **table_values(
-        list(zip(states.tolist(), forces.tolist(), strict=True)), odd=True))  # fmt: skip
+def test_a_command_that_counts_for_more_is_no_law() -> None:
+    """Half as much again of every command is a scale, whatever the device file says of masses.
 
-    def learned(spread: float, bend: float) -> Learned:
-        bent = forces + bend * states * (states - 2.0)
-        known = np.diag([0.0, *[spread**2] * 4])
-        return Learned(law, states, bent, bent, bent, known, states, (), 1.0,
-                       cast("Hypothesis", None))  # fmt: skip
-
-    assert learned(0.02, 0.0).straight
-    assert not learned(0.02, 0.3).straight
-    assert not learned(1e-5, 0.0).straight
+    Mutation that breaks it: no straight line in the place of what was learned.
+    """
+    e = recording(nothing, 5)
+    less = replace(e, command=e.command / 1.5)
+    stiff = Device("mass", "", False, make_chain([0.5], [0.8], 30.0), Interface(period=T))
+    known = replace(stiff, uncertainty=replace(stiff.uncertainty, masses=1e-3, springs=1e-3,
+                                               dampers=1e-3))  # fmt: skip
+    model = Model(known)
+    plain = settled(judged([less], model, np.zeros(len(model.parameters))))
+    said: list[str] = []
+    assert learn(Search(plain, plain, QUICK, silent), said.append) is None
+    assert any("straight line" in s for s in said)

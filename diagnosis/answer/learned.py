@@ -1,19 +1,27 @@
 """A law of no name, as an answer says it: its curve, its formula, and what it is worth."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from zwidth.diagnosis.answer.adequacy import oftener_freer
+from zwidth.diagnosis.answer.headline import place_in_words
 from zwidth.diagnosis.answer.held_out import held_out
 from zwidth.diagnosis.answer.result import HeldOut
 from zwidth.diagnosis.learning.curves import Learned, learn
 from zwidth.diagnosis.learning.formulas import Formula, formulas
 from zwidth.diagnosis.mishaps import Say
+from zwidth.diagnosis.noise.family import as_far_as
+from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
-from zwidth.diagnosis.selection.searched import Searched, as_found
+from zwidth.diagnosis.selection.hypothesis import judged, settled
+from zwidth.diagnosis.selection.search import Search
+from zwidth.diagnosis.selection.searched import FAR_S, Searched, as_found
 from zwidth.sim.device import Device
+from zwidth.sim.readable import with_unit
 
 BETTER = 0.95  # of the error of the names' free runs, below which a law is worth having
 LETTERS = {"free_spring": "q", "free_damper": "v", "free_amplifier": "u", "free_sensor": "q"}
@@ -43,6 +51,24 @@ class LearnedLaw:
     def formula(self) -> str:
         """What it looks like, "" for no form."""
         return self.formulas[0].text(self.letter) if self.formulas else ""
+
+    def headline(self, masses: int, rotary: bool) -> str:
+        """Say it as the first line of an answer: where, over what, of which form, its worth."""
+        curve = self.curve
+        sensor, at = curve.physics.effect.name == "free_sensor", curve.physics.place
+        what = {
+            "free_amplifier": "something is added to the command",
+            "free_sensor": "the reading errs",
+        }.get(curve.physics.effect.name, f"a force acts {place_in_words(at, masses)}")
+        unit = ("rad" if rotary else "m") if sensor else ("N m" if rotary else "N")
+        most = with_unit(float(np.abs(curve.forces).max()), unit, 2)
+        looks = f", which looks like a {self.formulas[0].form.name}" if self.formulas else ""
+        own, other = 100.0 * self.law.after, 100.0 * self.names.after
+        return (
+            f"{what} that has no name in the library: up to {most} over {curve.over}{looks};"
+            f" with it free runs on held-out data err {own:.2g} % of the motion, and {other:.2g} %"
+            " without"
+        )
 
     @property
     def sentence(self) -> str:
@@ -93,16 +119,36 @@ def learned(
 ) -> LearnedLaw | None:
     """Learn a law where names do not explain a recording; None where none holds on other data.
 
-    names: free runs on held-out data of what is named.
+    By what the next sample shows, and where that shows none by what shows over a longer horizon:
+    where noise of slow forces is what a hypothesis believes in, the next sample tells little of a
+    law, and a motion of half a second tells much. names: free runs on held-out data of what is
+    named.
     """
     say("no name explains it: learning a law")
-    curve = learn(found.tried, say)
-    if curve is None:
-        return None
-    with_law = as_found(device, replace(found.tried, best=curve.hypothesis))
-    _, free = held_out(device, with_law, judge_by)
-    if not free.after < BETTER * names.after:
+    for search in _horizons(found):
+        curve = learn(search, say)
+        if curve is None:
+            continue
+        with_law = as_found(device, replace(search, best=curve.hypothesis))
+        _, free = held_out(device, with_law, judge_by)
+        pair = (with_law.final, with_law.judge), (found.final, found.judge)
+        near = curve.hypothesis.family.whitening
+        if free.after < BETTER * names.after and (near or oftener_freer(*pair, judge_by)):
+            like = formulas(curve.states, curve.forces, curve.covariance, curve.odd)
+            return LearnedLaw(curve, tuple(like), names, free, with_law)
         say("the law that was learned does not hold on held-out data")
-        return None
-    like = formulas(curve.states, curve.forces, curve.covariance, curve.odd)
-    return LearnedLaw(curve, tuple(like), names, free, with_law)
+    return None
+
+
+def _horizons(found: Searched) -> Iterator[Search]:
+    """The search as it was judged, and what it found judged over a longer horizon."""
+    tried = found.tried
+    yield tried
+    if not tried.best.family.whitening:
+        return
+    family = as_far_as(FAR_S, tried.best.experiments)
+    with suppress(NoObserver):
+        plain, best = (
+            settled(judged(h.experiments, h.model, h.x, family)) for h in (tried.plain, tried.best)
+        )
+        yield replace(tried, plain=plain, best=best, tried={})
