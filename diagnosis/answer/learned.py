@@ -11,10 +11,12 @@ from zwidth.diagnosis.answer.adequacy import oftener_freer
 from zwidth.diagnosis.answer.headline import place_in_words
 from zwidth.diagnosis.answer.held_out import held_out
 from zwidth.diagnosis.answer.result import HeldOut
+from zwidth.diagnosis.fitting.fit import Fitted
 from zwidth.diagnosis.learning.curves import Learned, learn
 from zwidth.diagnosis.learning.formulas import Formula, formulas
 from zwidth.diagnosis.mishaps import Say
 from zwidth.diagnosis.noise.family import as_far_as
+from zwidth.diagnosis.noise.predictor import Observer
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.hypothesis import judged, settled
@@ -25,6 +27,9 @@ from zwidth.sim.readable import with_unit
 
 BETTER = 0.95  # of the error of the names' free runs, below which a law is worth having
 LETTERS = {"free_spring": "q", "free_damper": "v", "free_amplifier": "u", "free_sensor": "q"}
+# A law that only free runs show, where slow chance forces are believed in as well, must take away
+# more: of 20 recordings without one, one found a law that left 0.94 of the error.
+BETTER_FAR = 0.8
 QUANTILES = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 
 
@@ -125,19 +130,33 @@ def learned(
     named.
     """
     say("no name explains it: learning a law")
+    best: tuple[Learned, Searched] | None = None
     for search in _horizons(found):
         curve = learn(search, say)
         if curve is None:
             continue
         with_law = as_found(device, replace(search, best=curve.hypothesis))
-        _, free = held_out(device, with_law, judge_by)
-        pair = (with_law.final, with_law.judge), (found.final, found.judge)
-        near = curve.hypothesis.family.whitening
-        if free.after < BETTER * names.after and (near or oftener_freer(*pair, judge_by)):
-            like = formulas(curve.states, curve.forces, curve.covariance, curve.odd)
-            return LearnedLaw(curve, tuple(like), names, free, with_law)
+        # Which of two horizons taught more, those recordings say that both were taught by.
+        if best is None or oftener_freer(
+            _pair(with_law), _pair(best[1]), found.problem.experiments
+        ):
+            best = curve, with_law
+    if best is None:
+        return None
+    curve, with_law = best
+    _, free = held_out(device, with_law, judge_by)
+    near = curve.hypothesis.family.whitening
+    ratio = free.after / names.after if names.after > 0.0 else 1.0
+    holds = ratio < BETTER if near else ratio < BETTER_FAR
+    if not holds or not (near or oftener_freer(_pair(with_law), _pair(found), judge_by)):
         say("the law that was learned does not hold on held-out data")
-    return None
+        return None
+    like = formulas(curve.states, curve.forces, curve.covariance, curve.odd)
+    return LearnedLaw(curve, tuple(like), names, free, with_law)
+
+
+def _pair(found: Searched) -> tuple[Fitted, Observer]:
+    return found.final, found.judge
 
 
 def _horizons(found: Searched) -> Iterator[Search]:
