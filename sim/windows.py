@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from zwidth.sim.group import VIEWS, seen
 from zwidth.sim.jit import jit, part
-from zwidth.sim.kernel import Memory, amplify, arrives, read_position, substep
+from zwidth.sim.kernel import Memory, amplify, arrives, estimate, given, read_position, substep
 from zwidth.sim.lane_type import any_lane, as_lanes, greatest, least, select
 from zwidth.sim.propagation import at_once, chosen, propagate
 
@@ -132,9 +132,9 @@ def run_windows(device, space, banks, weights, results):
                     row = window * weights.size + k
                     kept.velocities[row, g] = select(alive, speed, np.nan)
                 y = read_position(eq, x[0])
-                v += eq.smoothing * ((y - y_before) * eq.rate - v)
+                v = estimate(eq, tick, y, y_before, v, scalars)
                 y_before = y
-                wanted = wall_command(wall, y, v)
+                wanted = wall_command(wall, given(eq, tick, y, scalars), v)
                 u = select(arrives(eq, tick), amplify(eq, wanted), u)
                 low_command, high_command = least(low_command, u), greatest(high_command, u)
                 line[head] = u

@@ -74,6 +74,12 @@ def fingerprints() -> dict[str, str]:
             one_mass(1e-3, 2e-3, encoder_step=1e-6, encoder_rounding="floor"), 1,
         ),
         "steps, filter, fractional delay": (phantom().with_interface(**stepped), 2),
+        "several rates": (
+            phantom().with_interface(
+                velocity_ticks=3, position_ticks=2, velocity_cutoff_hz=90.0, velocity_order=2,
+            ),
+            1,
+        ),
         "lag": (phantom().with_physics(lag), 1),
         "friction": (phantom().with_interface(delay=0.0013).with_physics(*dry), 3),
         "smooth": (phantom().with_physics(cubic, drag), 2),

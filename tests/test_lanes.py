@@ -35,6 +35,21 @@ DEVICES: dict[str, tuple[Device, int]] = {
     "fractional delay": (phantom().with_interface(delay=0.0037), 1),
     "steps and limit": (phantom().with_interface(**STEPPED), 1),
     "filter": (phantom().with_interface(velocity_cutoff_hz=120.0), 1),
+    "second-order filter": (
+        phantom().with_interface(velocity_cutoff_hz=90.0, velocity_order=2, encoder_step=3e-6),
+        1,
+    ),
+    "several rates": (
+        phantom().with_interface(
+            period=2.5e-4,
+            velocity_ticks=4,
+            position_ticks=3,
+            velocity_cutoff_hz=150.0,
+            velocity_order=2,
+            delay=4e-4,
+        ),
+        1,
+    ),
     "one mass": (one_mass(1.2e-3, 6e-3, delay=0.002), 1),
     "friction": (phantom().with_physics(coulomb(2e-3)), 3),
     "friction, steps, fraction": (
@@ -102,7 +117,14 @@ def alone(device: Device, substeps: int, ensemble: Walls, i: int, start: Start) 
     """Return the run that the scalar kernel makes of one member."""
     stiffness, damping, position, one_sided = ensemble.parameters()[i].tolist()
     law = wall(stiffness, damping, position, bool(one_sided))
-    return simulate(device, law, duration=TICKS * 1e-3, start=start, substeps=substeps, bound=1e300)
+    return simulate(
+        device,
+        law,
+        duration=TICKS * device.interface.period,
+        start=start,
+        substeps=substeps,
+        bound=1e300,
+    )
 
 
 def assert_equal_runs(devices: list[Device], substeps: int, runs: range) -> None:
