@@ -16,6 +16,7 @@ How stiff a wall?
     boundary          stable stiffness over damping, by theory and by simulation
     critical_stiffness, corner    the linear theory alone: at one damping, at the top
     make_map, save_map            what a run does over two quantities: rests, oscillates, grows
+    sweep             the setting, as of the velocity filter, with the widest Z-width
     relay             critical stiffness and frequency as a relay experiment reads them
     find_boundaries   boundaries of several devices over dampings that you choose
 What happens in a run?
@@ -30,8 +31,8 @@ Where does long work run?
     executor          on threads, in processes, on a cluster
 
 Every result (Boundary, Run, Trace, Log, Diagnosis, Identified, RelayReadings, Plan, FateMap,
-ReplayResult, Scenario, Device) has to_xarray(), to_pandas() and plot(), and shows as a table in a
-notebook. Quantities are SI; a rotary device counts in N m and rad, any other in N and m.
+Sweep, ReplayResult, Scenario, Device) has to_xarray(), to_pandas() and plot(), and shows as a table
+in a notebook. Quantities are SI; a rotary device counts in N m and rad, any other in N and m.
 help(zwidth.diagnose) and so on say what each takes, returns and raises; docs/python.md shows more.
 """
 
@@ -54,6 +55,7 @@ if _TYPE_CHECKING:
     from zwidth.api.plan import plan as plan
     from zwidth.api.relay import relay as relay
     from zwidth.api.simulate import simulate as simulate
+    from zwidth.api.sweep import sweep as sweep
     from zwidth.controllers.none import none as none
     from zwidth.controllers.recorded import recorded as recorded
     from zwidth.controllers.wall import wall as wall
@@ -117,6 +119,8 @@ if _TYPE_CHECKING:
     from zwidth.stability.linear import critical_stiffness as critical_stiffness
     from zwidth.stability.plane import Axis as Axis
     from zwidth.stability.plane import Plane as Plane
+    from zwidth.stability.sweep import Step as Step
+    from zwidth.stability.sweep import Sweep as Sweep
     from zwidth.stability.types import Corner as Corner
     from zwidth.stability.types import LinearPoint as LinearPoint
 
@@ -162,6 +166,8 @@ HOMES = {
     "Scenario": "zwidth.scenarios.scenario",
     "Search": "zwidth.stability.bisection",
     "Start": "zwidth.sim.run",
+    "Step": "zwidth.stability.sweep",
+    "Sweep": "zwidth.stability.sweep",
     "Trace": "zwidth.sim.trace",
     "Trial": "zwidth.stability.bisection",
     "Uncertainty": "zwidth.sim.uncertainty",
@@ -192,6 +198,7 @@ HOMES = {
     "save_map": "zwidth.stability.fate_map",
     "shipped_devices": "zwidth.sim.device_file",
     "simulate": "zwidth.api.simulate",
+    "sweep": "zwidth.api.sweep",
     "user_controller": "zwidth.sim.controller",
     "wall": "zwidth.controllers.wall",
     "write_log": "zwidth.logs.mcap_writer",
