@@ -18,9 +18,11 @@ How stiff a wall?
     make_map, save_map            what a run does over two quantities: rests, oscillates, grows
     sweep             the setting, as of the velocity filter, with the widest Z-width
     relay             critical stiffness and frequency as a relay experiment reads them
-    find_boundaries   boundaries of several devices over dampings that you choose
+    find_boundaries   boundaries of several devices over dampings that you choose; Trial(law=Law())
+                      says which law the walls follow
 What happens in a run?
-    simulate          a device under wall, recorded, none or user_controller, or a Scenario
+    simulate          a device under wall, texture, region, guarded (by a passivity controller),
+                      recorded, none or user_controller, or a Scenario
     load_scenario, logged_run, replay    an experiment from a file, its log, the log run again
     read_recording, load_log, write_log  recordings and logs as Trace
 Which device?
@@ -56,8 +58,11 @@ if _TYPE_CHECKING:
     from zwidth.api.relay import relay as relay
     from zwidth.api.simulate import simulate as simulate
     from zwidth.api.sweep import sweep as sweep
+    from zwidth.controllers.guarded import guarded as guarded
     from zwidth.controllers.none import none as none
     from zwidth.controllers.recorded import recorded as recorded
+    from zwidth.controllers.region import region as region
+    from zwidth.controllers.texture import texture as texture
     from zwidth.controllers.wall import wall as wall
     from zwidth.diagnosis.answer.result import Diagnosis as Diagnosis
     from zwidth.diagnosis.answer.result import Estimate as Estimate
@@ -94,6 +99,7 @@ if _TYPE_CHECKING:
     from zwidth.sim.device_file import save_device as save_device
     from zwidth.sim.device_file import shipped_devices as shipped_devices
     from zwidth.sim.interface import Interface as Interface
+    from zwidth.sim.law import Law as Law
     from zwidth.sim.modal import ModalModel as ModalModel
     from zwidth.sim.modal import Mode as Mode
     from zwidth.sim.passive import PassiveFit as PassiveFit
@@ -146,6 +152,7 @@ HOMES = {
     "Finding": "zwidth.diagnosis.answer.result",
     "Identified": "zwidth.identification.identified",
     "Interface": "zwidth.sim.interface",
+    "Law": "zwidth.sim.law",
     "LinearPoint": "zwidth.stability.types",
     "Log": "zwidth.logs.mcap_reader",
     "LoggedRun": "zwidth.scenarios.logged_run",
@@ -179,6 +186,7 @@ HOMES = {
     "excitation": "zwidth.api.plan",
     "executor": "zwidth.jobs.choose",
     "find_boundaries": "zwidth.stability.boundary",
+    "guarded": "zwidth.controllers.guarded",
     "identify": "zwidth.api.identify",
     "load_device": "zwidth.sim.device_file",
     "load_log": "zwidth.logs.recording",
@@ -192,6 +200,7 @@ HOMES = {
     "plan": "zwidth.api.plan",
     "read_recording": "zwidth.logs.recording",
     "recorded": "zwidth.controllers.recorded",
+    "region": "zwidth.controllers.region",
     "relay": "zwidth.api.relay",
     "replay": "zwidth.scenarios.replay",
     "save_device": "zwidth.sim.device_file",
@@ -199,6 +208,7 @@ HOMES = {
     "shipped_devices": "zwidth.sim.device_file",
     "simulate": "zwidth.api.simulate",
     "sweep": "zwidth.api.sweep",
+    "texture": "zwidth.controllers.texture",
     "user_controller": "zwidth.sim.controller",
     "wall": "zwidth.controllers.wall",
     "write_log": "zwidth.logs.mcap_writer",
