@@ -168,7 +168,7 @@ def ladder(modes: int, mass: float, b: float) -> Device:
 
 @pytest.mark.parametrize("damping", [0.0, 1e-3, 2e-3, 4e-3])
 def test_the_worst_lossless_hand_comes_down_to_the_passive_wall(damping: float) -> None:
-    """b > K T/2 + B (Colgate and Schenkel): a stable wall is above it, the worst hand's b within 10 %.
+    """b > K T/2 + B (Colgate and Schenkel): the worst hand stands above it, by 10 % of b.
 
     A rod of so many resonances has 8/pi2 sum 1/(2 n + 1)2 of the aliases' sum, 95 % for four, and
     b over that in place of b. Mutation: the criterion with T in place of T/2.
