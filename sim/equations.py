@@ -55,6 +55,7 @@ class Equations(NamedTuple):
     propagators (2 segments, locked sets, row blocks, columns, 8); quadratics (2, locked sets,
     entries, columns, columns), no entries without a ledger; reaction (n, columns): the force on a
     mass as a row on w; springs (m, 2) places and spring_stiffness (m,) for the stored energy.
+    rate of velocity estimates; filter (3,): the second-order one's other weights, else (0,).
     """
 
     dof: int
@@ -79,6 +80,10 @@ class Equations(NamedTuple):
     period: float
     rate: float
     smoothing: float
+    filter: Floats
+    second_order: bool
+    velocity_ticks: int
+    position_ticks: int
     encoder_step: float
     encoder_floor: bool
     command_step: float
@@ -146,8 +151,12 @@ def frame(device: Device, substeps: int, seed: int = 0) -> tuple[Equations, Plan
         clocks=table["clock"],
         whole_delay=whole,
         period=interface.period,
-        rate=1.0 / interface.period,
+        rate=1.0 / interface.velocity_period,
         smoothing=interface.velocity_smoothing,
+        filter=np.array(interface.velocity_filter[1:] if interface.second_order else ()),
+        second_order=interface.second_order,
+        velocity_ticks=int(interface.velocity_ticks),
+        position_ticks=int(interface.position_ticks),
         encoder_step=interface.encoder_step,
         encoder_floor=interface.encoder_rounding == "floor",
         command_step=interface.command_step,

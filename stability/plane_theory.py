@@ -12,7 +12,9 @@ from zwidth.stability.describing import (
     quantiser_boundaries,
     saturation_cycle,
 )
-from zwidth.stability.loop import Loop, open_loop
+from zwidth.stability.linear import any_loop
+from zwidth.stability.loop import Loop
+from zwidth.stability.periodic import PeriodicLoop
 from zwidth.stability.plane import Axis, Floats, Plane, Quantity, with_friction
 
 LINE_POINTS = 49
@@ -23,13 +25,13 @@ def linear_radius(plane: Plane, x: Floats, y: Floats) -> Floats:
 
     Its zero line is the linear boundary; friction, steps, limits and amplitude do not change it.
     """
-    loops: dict[float, Loop] = {}
+    loops: dict[float, Loop | PeriodicLoop] = {}
 
     def closed(xi: float, yj: float) -> Floats:
         values = {plane.x.quantity: xi, plane.y.quantity: yj}
         delay = values.get("delay", plane.device.interface.delay)
         if delay not in loops:
-            loops[delay] = open_loop(plane.device.with_interface(delay=delay))
+            loops[delay] = any_loop(plane.device.with_interface(delay=delay))
         return loops[delay].closed(values.get("K", plane.stiffness), values.get("B", plane.damping))
 
     if "delay" not in (plane.x.quantity, plane.y.quantity):

@@ -181,6 +181,9 @@ def _settings(console: Console, device: Device) -> None:
         ("command gain", interface.command_gain, 1.0),
         ("position origin", interface.position_origin, 0.0),
         ("velocity cutoff [Hz]", interface.velocity_cutoff_hz, math.inf),
+        ("order of the velocity filter", interface.velocity_order, 1),
+        ("samples from one velocity to the next", interface.velocity_ticks, 1),
+        ("samples from one position of the law to the next", interface.position_ticks, 1),
     ):
         if value != none:
             console.say(f"{what} {value:g}")
