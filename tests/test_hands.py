@@ -76,7 +76,8 @@ def test_commands_take_the_law_of_the_walls(
         found.append(result["boundaries"][0]["points"][0]["simulated"]["stable"])
     assert "passivity controller up to 0.1738" in result["law"]
     assert found[1] > 5.0 * found[0]
-    small = "map phantom_1_0 --delay-ms 0 --coarse 5 --levels 0 --seconds 1 --y-range 1 100"
+    small = "map phantom_1_0 --delay-ms 0 --coarse 5 --levels 0 --seconds 1"
+    small += " --y-range 1 100 --x-range 0 0.03"
     shares: list[float] = []
     for law in ("wall", "guarded"):
         assert run([*small.split(), "--law", law, "--json", "m.json", "--out", law]) == 0
