@@ -117,7 +117,8 @@ def _read(data: bytes) -> dict[str, Floats]:
 
 def _fill(kept: dict[str, Floats], own: dict[str, Floats]) -> None:
     """Add what logs of earlier versions lack: numbers that a run with one rate does not read."""
-    kept.setdefault("filter", own["filter"])
+    for name in ("filter", "force_row", "force_gain"):
+        kept.setdefault(name, own[name])
     scalars = kept.get("start_scalars")
     if scalars is not None and scalars.shape == (READ_BEFORE,):
         kept["start_scalars"] = np.append(scalars, own["start_scalars"][READ_BEFORE:])

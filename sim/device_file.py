@@ -60,13 +60,15 @@ INTERFACE_KEYS = {
     "velocity_order": "velocity_order",
     "velocity_ticks": "velocity_ticks",
     "position_ticks": "position_ticks",
+    "force_sensor": "force_sensor",
+    "force_gain": "force_gain",
 }
 NEUTRAL, USUAL = Interface(), Uncertainty()
-INTERFACE_TEXTS = ("encoder_rounding", "command_hold")
+INTERFACE_TEXTS = ("encoder_rounding", "command_hold", "force_sensor")
 # Written where they say something: a device without them has the text, and the hash, of zwidth 0.1.
 WHERE_NEEDED = (
     "command_gain", "position_origin", "command_hold", "velocity_order", "velocity_ticks",
-    "position_ticks",
+    "position_ticks", "force_sensor", "force_gain",
 )  # fmt: skip
 
 

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, fields
 from typing import Literal
 
+LINKS = ("link12", "link23", "link34", "link45")
 MOST_RATIO = 1000  # of the rates of two loops
 
 
@@ -25,6 +26,9 @@ class Interface:
     estimated, over just as many, and held in between. position_ticks: every how many periods the
     law is given a new position, as an outer loop is that is slower than the device's own.
 
+    force_sensor: the link whose force is measured ("link12"), "" for none; force_gain G of its
+    feedback (`sim/force_sensor.py`).
+
     Raises ValueError with a sentence that names the field, the value and what is allowed.
     """
 
@@ -41,6 +45,8 @@ class Interface:
     velocity_order: int = 1
     velocity_ticks: int = 1
     position_ticks: int = 1
+    force_sensor: str = ""
+    force_gain: float = 0.0
 
     def __post_init__(self) -> None:
         for field, allowed, holds in (
@@ -62,6 +68,9 @@ class Interface:
                 "'zero_order' or 'smooth'",
                 self.command_hold in ("zero_order", "smooth"),
             ),
+            ("force_gain", ">= 0 and finite", 0.0 <= self.force_gain < math.inf),
+            ("force_gain", "0 without force_sensor", self.force_sensor or self.force_gain == 0.0),
+            ("force_sensor", "a link, as link12, or nothing", self.force_sensor in ("", *LINKS)),
             ("velocity_order", "1 or 2", self.velocity_order in (1, 2)),
             *(
                 (

@@ -6,7 +6,8 @@ At t = kT, before anything moves:
 (2) the velocity is estimated, by default (y_k - y_{k-1})/T, every so many ticks where the interface
     says so, and held in between;
 (3) the controller computes the command (a one-sided wall pulls never) from the position, which a
-    slower outer loop renews every so many ticks only, and that velocity;
+    slower outer loop renews every so many ticks only, and that velocity; where a force is measured,
+    its feedback is added;
 (4) amplifier effects: step, gain, dead band, limit;
 (5) the command enters the delay line and takes effect at kT + delay, held until the next one does
     (a delay that is no multiple of T changes the held value inside the tick, exactly);
@@ -448,6 +449,17 @@ def given(eq, tick, y, scalars):
 
 
 @part
+def fed_back(eq, x, command):
+    """Add the feedback of the measured force to what the law commands (`sim/force_sensor.py`)."""
+    if eq.force_row.shape[0] == 0:
+        return command
+    force = 0.0
+    for i in range(eq.force_row.shape[0]):
+        force += eq.force_row[i] * x[i]
+    return command + eq.force_gain * (command - force)
+
+
+@part
 def amplify(eq, command):
     """Step (4): step, gain, further amplifier effects in the order of their declaration, limit."""
     command = quantise_command(command, eq.command_step) * eq.command_gain
@@ -500,6 +512,7 @@ def advance(
         y_before = y
         at = given(eq, tick, y, scalars)
         wanted = controller(tick, tick * eq.period, at, v, parameters, memory.controller)
+        wanted = fed_back(eq, x, wanted)
         u = select(arrives(eq, tick), amplify(eq, wanted), u)
         line[head] = u
         head = 0 if head == last else head + 1

@@ -195,8 +195,8 @@ def at_work(eq, fine, space, fine_space, look):
         eq.quadratics, eq.reaction, eq.masses, eq.springs, eq.spring_stiffness, eq.forces,
         eq.frictions, eq.bounds_vary, eq.sensors, eq.amplifiers, eq.clocks, eq.whole_delay,
         eq.period, eq.rate, eq.smoothing, eq.filter, eq.second_order, eq.velocity_ticks,
-        eq.position_ticks, eq.encoder_step, eq.encoder_floor, eq.command_step, eq.command_gain,
-        eq.command_limit, eq.position_origin,
+        eq.position_ticks, eq.force_row, eq.force_gain, eq.encoder_step, eq.encoder_floor,
+        eq.command_step, eq.command_gain, eq.command_limit, eq.position_origin,
     )  # fmt: skip
     room = Scratch(
         space.before, space.values, space.ahead, space.after, space.friction, space.limits,

@@ -14,7 +14,16 @@ from numpy.typing import NDArray
 
 from zwidth.sim.group import VIEWS, seen
 from zwidth.sim.jit import jit, part
-from zwidth.sim.kernel import Memory, amplify, arrives, estimate, given, read_position, substep
+from zwidth.sim.kernel import (
+    Memory,
+    amplify,
+    arrives,
+    estimate,
+    fed_back,
+    given,
+    read_position,
+    substep,
+)
 from zwidth.sim.lane_type import any_lane, as_lanes, greatest, least, select
 from zwidth.sim.propagation import at_once, chosen, propagate
 from zwidth.sim.wall_law import wall_push
@@ -132,6 +141,7 @@ def run_windows(device, space, banks, weights, results):
                 y_before = y
                 at = given(eq, tick, y, scalars)
                 wanted = -wall_push(bank.law, wall, tick, tick * eq.period, at, v, account)
+                wanted = fed_back(eq, x, wanted)
                 u = select(arrives(eq, tick), amplify(eq, wanted), u)
                 low_command, high_command = least(low_command, u), greatest(high_command, u)
                 line[head] = u

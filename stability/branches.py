@@ -22,7 +22,7 @@ from scipy.optimize import linear_sum_assignment
 from zwidth.sim.device import Device
 from zwidth.stability.loop import Loop, open_loop
 from zwidth.stability.types import LinearPoint
-from zwidth.stability.velocity import velocity_response
+from zwidth.stability.velocity import refuse_force, velocity_response
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -106,6 +106,7 @@ def damper_effect(device: Device, frequency_hz: ArrayLike) -> Complexes:
 
 def _start(device: Device) -> tuple[tuple[str, ...], Complexes]:
     """Names and eigenvalues at K = B = 0: modes in rising |p|, the slowest two the rigid body."""
+    refuse_force(device, "a naming by modes")
     plant, interface = device.plant(), device.interface
     whole, remainder = interface.delay_ticks
     mechanical = plant.a[: 2 * plant.dof, : 2 * plant.dof]

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from zwidth.sim.device import Device
 from zwidth.sim.modal import ModalModel
 from zwidth.sim.plant import Plant
-from zwidth.stability.velocity import velocity_response
+from zwidth.stability.velocity import refuse_force, velocity_response
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -55,6 +55,7 @@ def curve(device: Device, frequency_hz: ArrayLike) -> Curve:
     """
     interface = device.interface
     f = np.asarray(frequency_hz, dtype=np.float64)
+    refuse_force(device, "this closed form")
     nyquist = 0.5 / interface.period
     if not np.all((f > 0.0) & (f < nyquist)):
         raise ValueError(

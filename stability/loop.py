@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.sim.device import Device
+from zwidth.sim.force_sensor import force_row
 from zwidth.sim.plant import hold
 
 Floats = NDArray[np.float64]
@@ -99,11 +100,24 @@ def open_loop(device: Device) -> Loop:
     gain = device.interface.command_gain
     newer, older = gain * newer[:, 0], None if older is None else gain * older
     loop = wired(transition, newer, older, whole, period, device.interface.velocity_filter)
+    if device.interface.force_gain > 0.0:
+        loop = _fed_back(device, plant.dof, loop)
     shift = loop.shift
     grounded = plant.matrices.stiffness
     if np.all(np.abs(grounded.sum(axis=1)) <= 1e-14 * np.diag(grounded)):
         shift[: plant.dof] = shift[plant.size + whole + (remainder > 0.0)] = 1.0
     return loop
+
+
+def _fed_back(device: Device, dof: int, loop: Loop) -> Loop:
+    """Close the loop of the force sensor: u = (1 + G) w - G F, F a row on the device's state."""
+    gain = device.interface.force_gain
+    row = np.zeros(loop.entry.size)
+    row[: 2 * dof] = force_row(device.chain, device.interface, dof)
+    return loop._replace(
+        transition=loop.transition - gain * np.outer(loop.entry, row),
+        entry=(1.0 + gain) * loop.entry,
+    )
 
 
 def wired(

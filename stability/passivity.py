@@ -34,7 +34,7 @@ from scipy.optimize import minimize_scalar
 from zwidth.sim.device import Device
 from zwidth.sim.interface import Interface
 from zwidth.stability.types import PassivePoint
-from zwidth.stability.velocity import filter_response
+from zwidth.stability.velocity import filter_response, refuse_force
 
 Floats = NDArray[np.float64]
 POINTS_PER_TICK = 64
@@ -62,6 +62,7 @@ def passive_boundary(device: Device, dampings: Iterable[float]) -> list[PassiveP
             "velocity_ticks or position_ticks is more than 1, and the passivity criterion takes one"
             " rate: set both to 1"
         )
+    refuse_force(device, "the passivity criterion")
     b = float(device.chain.ground_dampers.sum())
     return [_passive(device.interface, b, damping) for damping in dampings]
 

@@ -10,6 +10,7 @@ Limits: one rate; an estimate every so many ticks is no function of z alone.
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.sim.device import Device
 from zwidth.sim.interface import Interface
 
 Complexes = NDArray[np.complex128]
@@ -26,3 +27,12 @@ def filter_response(interface: Interface, z: Complexes) -> Complexes:
 def velocity_response(interface: Interface, z: Complexes) -> Complexes:
     """Return the velocity estimate's response at z: v over the position [1/s]."""
     return filter_response(interface, z) * (1.0 - 1.0 / z) / interface.period
+
+
+def refuse_force(device: Device, what: str) -> None:
+    """Raise ValueError for a device with force feedback, of which `what` knows nothing."""
+    if device.interface.force_gain > 0.0:
+        raise ValueError(
+            f"force_gain is {device.interface.force_gain:g}, and {what} takes no force feedback:"
+            " set it to 0, or use the linear boundary"
+        )

@@ -90,6 +90,9 @@ def fingerprints() -> dict[str, str]:
             ),
             1,
         ),
+        "force sensor": (
+            phantom().with_interface(force_sensor="link23", force_gain=0.5, delay=0.0), 1,
+        ),
         "lag": (phantom().with_physics(lag), 1),
         "friction": (phantom().with_interface(delay=0.0013).with_physics(*dry), 3),
         "smooth": (phantom().with_physics(cubic, drag), 2),

@@ -51,6 +51,10 @@ DEVICES: dict[str, tuple[Device, int]] = {
         ),
         1,
     ),
+    "force sensor": (
+        phantom().with_interface(force_sensor="link12", force_gain=0.4, delay=5e-4),
+        1,
+    ),
     "one mass": (one_mass(1.2e-3, 6e-3, delay=0.002), 1),
     "friction": (phantom().with_physics(coulomb(2e-3)), 3),
     "friction, steps, fraction": (
