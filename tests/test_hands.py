@@ -74,7 +74,7 @@ def test_commands_take_the_law_of_the_walls(
         assert run([*line.split(), "--law", law]) == 0
         result = json.loads(Path("b.json").read_text())
         found.append(result["boundaries"][0]["points"][0]["simulated"]["stable"])
-    assert "passivity controller up to 0.1738" in result["law"]
+    assert "passivity controller up to 0.03477" in result["law"]
     assert found[1] > 5.0 * found[0]
     small = "map phantom_1_0 --delay-ms 0 --coarse 5 --levels 0 --seconds 1"
     small += " --y-range 1 100 --x-range 0 0.03"

@@ -15,7 +15,7 @@ OF: dict[str, tuple[str, ...]] = {
     "wavelength": ("texture",), "share": ("texture",), "width": ("region",),
     "most_damping": ("guarded",),
 }  # fmt: skip
-USUAL_SHARE = 0.5  # of the last stable damping, which a passivity controller may add
+USUAL_SHARE = 0.1  # of the last stable damping, which a passivity controller may add
 
 
 def law_options(command: Any) -> Any:
@@ -32,7 +32,7 @@ def law_options(command: Any) -> Any:
         click.option("--width", type=Quantity("rad | m", above=True),
                      help="Of a region, which begins at 0; else it is everywhere."),
         click.option("--most-damping", type=Quantity("N m s/rad | N s/m"),
-                     help="The most that a passivity controller adds; default half of the last"
+                     help="The most that a passivity controller adds; default a tenth of the last"
                      " damping that is stable by itself."),
     ]  # fmt: skip
     for option in reversed(options):
