@@ -27,6 +27,7 @@ from make_machine_pages import (  # pyright: ignore[reportMissingImports]
 )
 
 from zwidth.diagnosis.intake.take_in import take_in
+from zwidth.diagnosis.mishaps import collecting, silent
 from zwidth.diagnosis.recording.experiment import Experiment, ExperimentError
 from zwidth.sim.device_file import load_device
 
@@ -94,7 +95,8 @@ def main() -> None:
         for fault, sown in FAULTS.items():
             since = time.perf_counter()
             try:
-                taken = take_in(device, [sown(e) for e in made], None)
+                with collecting(silent):  # as a diagnosis does: an error costs what it concerns
+                    taken = take_in(device, [sown(e) for e in made], None)
                 said = [f"[{f.kind} {f.value:.4g}] {f.sentence}" for f in taken.faults if f.wrong]
             except ExperimentError as error:
                 said = [f"refused: {error}"]
