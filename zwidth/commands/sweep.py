@@ -77,13 +77,14 @@ def command(name: str, out: Path, json_file: str | None, **options: Any) -> None
     announce(console)
     limit = max(options["limit_s"], 4.0)
     trial = Trial(options["start"], limit_s=limit, substeps=usual_substeps(device))
-    with progress("boundaries", 0) as advance:
+    with progress("sweeping, percent", 100) as advance:
         shown = 0
 
         def report(done: int, total: int) -> None:
             nonlocal shown
-            advance(done - shown, now=f"of {total}")
-            shown = done
+            percent = int(100.0 * done / total)
+            advance(percent - shown, now=f"{done} boundaries")
+            shown = percent
 
         found = sweep(
             device, options["setting"], list(options["values"]) or None,

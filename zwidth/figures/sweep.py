@@ -10,8 +10,8 @@ from matplotlib.ticker import LogLocator, NullLocator
 
 from zwidth.figures.boundary import COLOURS, DASHES, SHAPES
 from zwidth.figures.style import STYLE
-from zwidth.sim.readable import plain, with_unit
-from zwidth.stability.sweep import Step, Sweep
+from zwidth.sim.readable import plain, scaled, with_unit
+from zwidth.stability.sweep import WHOLE, Step, Sweep
 
 NAMES = {
     "cutoff": "cut-off of the velocity filter", "period": "period", "delay": "delay",
@@ -41,7 +41,9 @@ def _areas(axes: Axes, result: Sweep) -> None:
     finite = np.array([s.value for s in steps if math.isfinite(s.value)])
     positive = finite[finite > 0.0]
     ratios = positive.size == finite.size and positive.max() > 4.0 * positive.min()
-    places = [s.value if math.isfinite(s.value) else NO_FILTER * finite.max() for s in steps]
+    factor, unit = _axis(result, finite)
+    values = [factor * s.value for s in steps]
+    places = [v if math.isfinite(v) else NO_FILTER * factor * finite.max() for v in values]
     inner = [i for i, s in enumerate(steps) if math.isfinite(s.value)]
     theory = np.array([s.linear_area for s in steps])
     seen = np.array([s.area for s in steps])
@@ -61,7 +63,7 @@ def _areas(axes: Axes, result: Sweep) -> None:
                       xytext=(0, 7), ha="center", fontsize=8)  # fmt: skip
     force, length = ("N m", "rad") if result.device.rotary else ("N", "m")
     axes.set_ylim(bottom=0.0)
-    axes.set_xlabel(f"{NAMES[result.setting]} [{result.unit}]")
+    axes.set_xlabel(NAMES[result.setting] + unit)
     axes.set_ylabel(f"area of stable walls [({force}/{length})$^2$ s]")
     axes.set_title(f"widest at {_said(result, best)}", loc="left", fontsize=10)
     axes.legend(frameon=False, fontsize=9)
@@ -99,5 +101,14 @@ def _some(result: Sweep) -> list[Step]:
 def _said(result: Sweep, step: Step) -> str:
     if not math.isfinite(step.value):
         return "no filter"
-    unit = result.unit
-    return f"{plain(step.value)} {unit}" if unit == "samples" else with_unit(step.value, unit, 3)
+    if result.setting in WHOLE:
+        return f"every {plain(step.value)} samples" if step.value > 1.0 else "every sample"
+    return with_unit(step.value, result.unit, 3)
+
+
+def _axis(result: Sweep, values: np.ndarray) -> tuple[float, str]:
+    """Return the factor of an axis and what its label says of the unit."""
+    if result.setting in WHOLE:
+        return 1.0, ""
+    factor, unit = scaled(float(np.median(values)), result.unit)
+    return factor, f" [{unit}]"

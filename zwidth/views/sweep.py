@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from zwidth.stability.sweep import Sweep
+from zwidth.stability.sweep import WHOLE, Sweep
 from zwidth.views.table import Table, number
 from zwidth.views.units import rows, units
 
@@ -25,9 +25,15 @@ def table(result: Sweep) -> Table:
          f"{100.0 * step.linear_area / best.area:.1f} %", number(step.stiffest)]
         for step in result.steps
     ]  # fmt: skip
-    value = "none" if best.value == float("inf") else f"{number(best.value)} {result.unit}"
-    said = [f"The Z-width is widest at {result.setting} {value}, {_gain(result)}."]
+    said = [f"The Z-width is widest at {result.setting} {_value(result)}, {_gain(result)}."]
     return Table(f"Z-width of {result.device.name} over {result.setting}", said, headings, grid)
+
+
+def _value(result: Sweep) -> str:
+    if result.best.value == float("inf"):
+        return "none"
+    unit = "" if result.setting in WHOLE else f" {result.unit}"
+    return number(result.best.value) + unit
 
 
 def _gain(result: Sweep) -> str:
