@@ -425,6 +425,8 @@ def test_the_page_of_python_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     text = (Path(__file__).parents[1] / "docs" / "python.md").read_text(encoding="utf-8")
     first, *others = (part.split("```")[0] for part in text.split("```python\n")[1:])
     assert len([line for line in first.splitlines() if line.strip()]) <= 12
+    readme = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+    assert f"```python\n{first}```" in readme
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {}
     for block in (first, *others):
