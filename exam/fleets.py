@@ -1,8 +1,8 @@
 """A fleet of simulated devices with faults that are known, recorded again and again.
 
 A joint of one mass with a return spring, viscous and dry friction, recorded for some seconds at
-100 Hz under a random force. Its load (a known value) adds to the inertia, its dry friction differs from
-device to device, all else is shared. Some recordings have one of five kinds of fault, and the dry
+100 Hz under a random force. Its load (a known value) adds to the inertia, its dry friction differs
+from device to device, all else is shared. Some recordings have one of five kinds of fault, and the dry
 friction of one device drifts from a date on. All of it follows from a seed.
 """
 

@@ -9,9 +9,9 @@ or a TOML with `[[recording]]` tables of the same keys (`file` for `recording`).
 asked for. `device` (or `unit`) says of which device it is; without it all are of one. `date` is
 ISO 8601. Every other column of numbers is a known value that parameters may scale with.
 
-A folder is read through its table where it has one (`fleet.csv`, `fleet.toml`); else every recording
-in it counts: recording TOMLs, logs, and files of data that no TOML describes. A subfolder is a device,
-and a date is taken from a file's name (`2026-03-02` in it).
+A folder is read through its table where it has one (`fleet.csv`, `fleet.toml`); else every
+recording in it counts: recording TOMLs, logs, and files of data that no TOML describes. A subfolder
+is a device, and a date is taken from a file's name (`2026-03-02` in it).
 """
 
 import csv

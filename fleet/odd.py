@@ -41,9 +41,9 @@ THEM, OWN, NOISE_OFF, FREE_OFF, STILL = "parameter", "within", "noise", "free ru
 
 @dataclass(frozen=True)
 class Course:
-    """What the fleet says of a parameter: expected (n,) for each recording, scatter tau beside errors.
+    """What the fleet says of a parameter: expected (n,) for each recording.
 
-    within: the same scatter inside devices.
+    tau: what recordings scatter by beside their errors; within: the same inside devices.
     """
 
     expected: Floats

@@ -213,5 +213,7 @@ def from_arrays(values: Mapping[str, object]) -> Quick:
     """Return what `to_arrays` gave; raises TypeError, ValueError, KeyError where it is none."""
     arrays = ("x", "values", "errors", "covariance", "drawn")
     own = {k: np.array(v, dtype=np.float64) if k in arrays else v for k, v in values.items()}
+    errors = own["errors"]
+    own["errors"] = np.where(errors < 0.0, np.inf, errors)  # as `fleet.kept` writes infinity
     own["remarks"] = tuple(own["remarks"])  # pyright: ignore[reportArgumentType]
     return Quick(**own)  # pyright: ignore[reportArgumentType]

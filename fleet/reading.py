@@ -30,7 +30,7 @@ def trace_of(path: Path) -> Trace:
 
 
 def experiment_of(path: Path, device: Device, name: str) -> Experiment:
-    """Return a recording as one experiment: its longest stretch. Raises ExperimentError, LogError."""
+    """Return the longest stretch of a recording; raises ExperimentError, LogError."""
     parts = stretches(trace_of(path), device, name)
     return max(parts, key=lambda e: e.ticks)
 

@@ -1,9 +1,10 @@
 """Why a recording is unlike the others: what would make it one of them, each asked by its cost.
 
-A sound recording of the fleet has parameters about mu (with its own columns) with deviations S. Read
-in one way (as it is, with a sign turned, in another unit, ...), a fit gives y with covariance C, and
+A sound recording of the fleet has parameters about mu (with its own columns) with deviations S.
+Read in one way (as it is, with a sign turned, ...), a fit gives y with covariance C, and
 
-    cost = -2 ln p(recording | y) + (y - mu)' (C + S)^-1 (y - mu) + ln det (C + S) - ln det C + price
+    cost = -2 ln p(recording | y) + price
+         + (y - mu)' (C + S)^-1 (y - mu) + ln det (C + S) - ln det C
 
 is what that reading costs (the evidence of a normal prior N(mu, S) on what the device is, by
 Laplace). A device that is another one in a parameter is the same with that one's S as wide as
@@ -159,14 +160,21 @@ def explained(question: Question) -> Reason:
     return reason
 
 
+def in_words(parameter: str) -> str:
+    """Return a parameter's name for people: coulomb friction at m1, level."""
+    effect, _, key = parameter.partition(".")
+    name = effect.replace("_", " ").replace("@", " at ")
+    return f"{name}, {key.replace('_', ' ')}," if key else name
+
+
 def _unexplained(e: Experiment, noise: float, question: Question) -> str:
     signs = ", ".join(
         f"{name or kind} by {sigma:.3g} sigma" for kind, name, sigma in question.odd.signs[:4]
     )
     times = noise / question.noise if question.noise > 0.0 else math.inf
     return (
-        f"{e.name} is unlike the others ({signs}; noise {times:.3g} times theirs), and no fault that"
-        " was tried explains it"
+        f"{e.name} is unlike the others ({signs}; noise {times:.3g} times theirs), and no fault"
+        " that was tried explains it"
     )
 
 
@@ -213,7 +221,6 @@ def _cost(question: Question, h: Hypothesis, ticks: int, wide: Sequence[int] = (
     both = c + np.diag(deviation[told] ** 2)
     off = (values - question.expected)[told]
     far = float(off @ np.linalg.solve(both, off))
-    # Not told from its prior: what it is off by is as dear as the whole width that it may have.
     return own + far + float(np.linalg.slogdet(both)[1]) - float(np.linalg.slogdet(c)[1])
 
 
@@ -221,15 +228,15 @@ def _own(question: Question, h: Hypothesis, e: Experiment) -> Iterator[tuple[flo
     """Parameters of its own: each alone, those that stand out together, and all."""
     units = names_of(question.structure)
     names = list(units)
-    values, errors, _ = estimates(h)
+    values, _, _ = estimates(h)
     standing = [names.index(name) for name in question.odd.parameters if name in names]
     choices = [(i,) for i in range(len(names))]
     choices += [tuple(standing[:2])] if len(standing) > 1 else []
     for places in dict.fromkeys(tuple(sorted(c)) for c in choices):
         cost = _cost(question, h, e.ticks, places) + RARE * len(places)
         said = " and ".join(
-            f"{names[i].replace('_', ' ')} is {with_unit(float(values[i]), units[names[i]])} and not"
-            f" {with_unit(float(question.expected[i]), units[names[i]])}"
+            f"{in_words(names[i])} is {with_unit(float(values[i]), units[names[i]])}"
+            f" and not {with_unit(float(question.expected[i]), units[names[i]])}"
             for i in places
         )
         yield (
@@ -358,7 +365,7 @@ def _more(h: Hypothesis, after: Floats) -> float:
     moved = replace(seen, measured=seen.measured + size * after)
     slope = (observer.weigh(innovations(device, moved, observer.gain)) - own) / size
     r, c = own[SETTLING:].ravel(), slope[SETTLING:].ravel()
-    return float(c @ r) / max(float(c @ c), 1e-300)
+    return -float(c @ r) / max(float(c @ c), 1e-300)
 
 
 def _other_physics(e: Experiment, question: Question) -> Reason | None:

@@ -107,7 +107,7 @@ def structure_from(text: str) -> Structure:
 
 
 def known_structure(device: Device) -> Structure:
-    """Return the structure of a device file: its own effects, where a fit can move them, are free."""
+    """Return the structure of a device file: its own effects are free where a fit can move them."""
     free = [p for p in device.physics if p.effect.sought != "lattice" and not p.effect.in_recording]
     scales = [
         {k: SHARE * abs(v) for k, v in p.values.items() if v != 0.0 and math.isfinite(v)}
