@@ -2,8 +2,8 @@
 
 A joint of one mass with a return spring, viscous and dry friction, recorded for some seconds at
 100 Hz under a random force. Its load (a known value) adds to the inertia, its dry friction differs
-from device to device, all else is shared. Some recordings have one of five kinds of fault, and the dry
-friction of one device drifts from a date on. All of it follows from a seed.
+from device to device, all else is shared. Some recordings have one of five kinds of fault, and the
+dry friction of one device drifts from a date on. All of it follows from a seed.
 """
 
 import io

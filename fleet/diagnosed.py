@@ -10,7 +10,7 @@
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +28,7 @@ from zwidth.fleet.quick import Quick, Task, names_of, run
 from zwidth.fleet.reading import content_of, experiment_of
 from zwidth.fleet.reasons import Question, Reason, explained, unusable
 from zwidth.fleet.result import Fleet, Member
-from zwidth.fleet.spread import spread
+from zwidth.fleet.spread import Spread, spread
 from zwidth.fleet.structure import Structure, informative, sought
 from zwidth.jobs.executor import Executor, Local
 from zwidth.sim.device import Device
@@ -98,7 +98,7 @@ def diagnose_fleet(
         reason = unusable(q.problem) if k is None else reasons.get(k)
         members.append(Member(one, q, None if k is None else odd.get(k), reason))
     sound = [k for k in range(len(usable)) if k not in reasons]
-    spreads = {}
+    spreads: dict[str, Spread] = {}
     repeats: dict[str, float] = {}
     if len(sound) >= 2:
         for place, name in enumerate(names):
@@ -239,7 +239,7 @@ def _beside(
 
 
 def _with(q: Quick, values: Floats) -> Quick:
-    return Quick(**{**vars(q), "values": values})
+    return replace(q, values=values)
 
 
 def _reasons(

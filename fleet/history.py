@@ -151,7 +151,7 @@ def _column(shape: str, day: Floats, at: float) -> Floats:
 def _fit(y: Floats, s: Floats, column: Floats) -> tuple[float, Floats, float]:
     """Chi-square, coefficients and the standard error of the last of them."""
     design = np.column_stack([np.ones(y.size), column]) / s[:, None]
-    b = np.linalg.lstsq(design, y / s)[0]
+    b = np.asarray(np.linalg.lstsq(design, y / s)[0], dtype=np.float64)
     left = y / s - design @ b
     covariance = np.linalg.pinv(design.T @ design)
     return float(left @ left), b, math.sqrt(float(covariance[-1, -1]))

@@ -11,8 +11,9 @@ draw others to the typical device. Errors hold for a coloured residual (`fitting
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -153,7 +154,7 @@ def summed_up(e: Experiment, h: Hypothesis, remarks: Sequence[str] = ()) -> Quic
     model, x = h.model, h.x
     values, errors, spread = estimates(h)
     observer, (start,) = h.noise.observer, h.noise.starts
-    begun = Experiment(**{**vars(e), "start": start})
+    begun = replace(e, start=start)
     device: Device = model.acting(x)
     with np.errstate(all="ignore"):
         errors_of, signal = free_run_errors(device, model.seen(begun, x), observer.gain, window(e))
@@ -209,11 +210,13 @@ def to_arrays(q: Quick) -> Mapping[str, object]:
     }
 
 
-def from_arrays(values: Mapping[str, object]) -> Quick:
+def from_arrays(values: Mapping[str, Any]) -> Quick:
     """Return what `to_arrays` gave; raises TypeError, ValueError, KeyError where it is none."""
     arrays = ("x", "values", "errors", "covariance", "drawn")
-    own = {k: np.array(v, dtype=np.float64) if k in arrays else v for k, v in values.items()}
+    own: dict[str, Any] = {
+        k: np.array(v, dtype=np.float64) if k in arrays else v for k, v in values.items()
+    }
     errors = own["errors"]
     own["errors"] = np.where(errors < 0.0, np.inf, errors)  # as `fleet.kept` writes infinity
-    own["remarks"] = tuple(own["remarks"])  # pyright: ignore[reportArgumentType]
-    return Quick(**own)  # pyright: ignore[reportArgumentType]
+    own["remarks"] = tuple(own["remarks"])
+    return Quick(**own)

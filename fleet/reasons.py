@@ -266,7 +266,7 @@ def _ways(e: Experiment, question: Question, model: Model, start: Floats) -> Ite
     """Other ways to read a recording."""
     device = model.build(start)
     names = tuple(o.name for o in e.outputs)
-    seen = set[tuple[tuple[str, ...], float]]()
+    seen = set[tuple[tuple[tuple[str, ...], float], ...]]()
     units = TURNING if device.rotary else ALONG
     factors = [-1.0, *units, *(1.0 / u for u in units)]
     faults = [(misread(e, channels, f),) for channels in (COMMAND, names) for f in factors]

@@ -221,7 +221,7 @@ def _at(data: _Data, design: Floats, tau_device: float, tau_run: float) -> _Poin
     part, held = sums[:, :-1], sums[:, -1]
     taken = tau_device**2 / (1.0 + tau_device**2 * held)
     gram = both.T @ (weight[:, None] * both) - part.T @ (taken[:, None] * part)
-    covariance = np.linalg.inv(gram[:-1, :-1])
+    covariance = np.asarray(np.linalg.inv(gram[:-1, :-1]), dtype=np.float64)
     b = covariance @ gram[:-1, -1]
     log_det = float(np.sum(np.log(apart[np.isfinite(apart)])))
     log_det += float(np.sum(np.log1p(tau_device**2 * held)))
