@@ -36,6 +36,7 @@ from zwidth.sim.device import Device
 Floats = NDArray[np.float64]
 LOOKED_AT = 40  # recordings among which informative ones are looked for
 SEARCHED = 4  # of them, that the structure is sought in
+OWN_ERRORS = 1.5  # times, that errors may be too small by before repeats differ by themselves
 EACH = 8  # recordings of a task
 Advance = Callable[[str, int, int], None]
 
@@ -108,8 +109,9 @@ def diagnose_fleet(
             if np.count_nonzero(np.isfinite(errors)) < 2:
                 continue
             known = {n: c[sound] for n, c in every.columns.items()}
-            spreads[name] = spread(values, np.maximum(errors, 1e-300), devices, known)
             repeats[name] = _repeats(values - course[place].expected[sound], errors, devices)
+            floor = np.maximum(errors, 1e-300) * min(max(1.0, repeats[name]), OWN_ERRORS)
+            spreads[name] = spread(values, floor, devices, known)
     notes = tuple(f"{n} is not known of all recordings, and is left aside" for n in left)
     return Fleet(
         found.structure, names, tuple(members), spreads, tuple(changed), found.candidates,

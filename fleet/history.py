@@ -108,50 +108,51 @@ def _changed(
         return None
     order = np.argsort(day, kind="stable")
     day, y, s = day[order], y[order], s[order]
-    flat, _, _ = _fit(y, s, np.zeros((y.size, 0)))
+    every = np.unique(day)
     size = max(float(np.ptp(y)), abs(float(np.median(y))))
-    edges = np.flatnonzero(np.diff(day) > 0.0) + 1
-    steps = [int(k) for k in edges if SIDE <= k <= y.size - SIDE]
+    steps = [float(d) for d in every[1:] if SIDE <= np.count_nonzero(day < d) <= y.size - SIDE]
     begins = np.linspace(day[0], day[-1], DATES, endpoint=False)
-    last_two = np.unique(day)[-2]
-    begins = begins[begins <= last_two]
+    begins = begins[begins <= every[-2]] if every.size > 2 else begins[:0]
     best: Change | None = None
-    for shape, times in ((STEP, [float(day[k]) for k in steps]), (DRIFT, begins.tolist())):
-        tried = [_fit(y, s, _column(shape, day, t)) for t in times]
-        if not tried:
+    for shape, times in ((STEP, np.array(steps)), (DRIFT, begins)):
+        if times.size == 0:
             continue
-        costs = np.array([cost for cost, _, _ in tried])
+        flat, costs, a, b, errors = _fits(y, s, _columns(shape, day, times))
         i = int(np.argmin(costs))
-        cost, b, error = tried[i]
-        choices = len(steps) if shape == STEP else len(np.unique(day))
+        error = float(errors[i])
+        choices = times.size if shape == STEP else every.size
         price = 2.0 * math.log(2.0 * size / max(error, 1e-300)) - math.log(2.0 * math.pi)
-        price += 2.0 * math.log(2.0 * max(1, asked) * max(1, choices))
-        gained = flat - cost - price
+        price += 2.0 * math.log(2.0 * max(1, asked) * choices)
+        gained = flat - float(costs[i]) - price
         near = np.flatnonzero(costs <= costs[i] + (DATED if shape == STEP else BEGUN))
         between = float(times[near[0]]), float(times[near[-1]])
-        at = float(times[i])
         if shape == STEP:  # it came between two recordings
-            before = float(day[day < between[0]].max(initial=day[0]))
-            between = before, between[1]
+            between = float(day[day < between[0]].max()), between[1]
         else:
-            span = begins[1] - begins[0]
-            between = max(float(day[0]), between[0] - span), between[1] + span
+            apart = float(day[-1] - day[0]) / DATES
+            between = max(float(day[0]), between[0] - apart), between[1] + apart
         if gained > BELIEVED and (best is None or gained > best.gained):
-            a = float(b[0])
-            best = Change(device, parameter, shape, at, between, a, a + float(b[1]), error, gained)
+            own = float(a[i]), float(a[i] + b[i])
+            best = Change(device, parameter, shape, float(times[i]), between, *own, error, gained)
     return best
 
 
-def _column(shape: str, day: Floats, at: float) -> Floats:
+def _columns(shape: str, day: Floats, at: Floats) -> Floats:
+    """How much of a change has come about on each day, for each time that it may begin at."""
     if shape == STEP:
-        return (day >= at).astype(np.float64)[:, None]
-    return (np.maximum(0.0, day - at) / (day[-1] - at))[:, None]
+        return (day >= at[:, None]).astype(np.float64)
+    return np.maximum(0.0, day - at[:, None]) / (day[-1] - at[:, None])
 
 
-def _fit(y: Floats, s: Floats, column: Floats) -> tuple[float, Floats, float]:
-    """Chi-square, coefficients and the standard error of the last of them."""
-    design = np.column_stack([np.ones(y.size), column]) / s[:, None]
-    b = np.asarray(np.linalg.lstsq(design, y / s)[0], dtype=np.float64)
-    left = y / s - design @ b
-    covariance = np.linalg.pinv(design.T @ design)
-    return float(left @ left), b, math.sqrt(float(covariance[-1, -1]))
+def _fits(y: Floats, s: Floats, columns: Floats) -> tuple[float, Floats, Floats, Floats, Floats]:
+    """Weighted straight lines over each column (times, n).
+
+    Returns chi-square without any, then (times,) each: chi-square, value before, amount, its error.
+    """
+    w = 1.0 / s**2
+    mean, means = float(w @ y) / w.sum(), columns @ w / w.sum()
+    off, about = columns - means[:, None], y - mean
+    square, mixed = off**2 @ w, off @ (w * about)
+    b = mixed / square
+    flat = float(w @ about**2)
+    return flat, flat - mixed * b, mean - b * means, b, 1.0 / np.sqrt(square)

@@ -134,6 +134,9 @@ def odd_ones(
     n, q = len(quicks), len(names)
     asked = n * (2 * q + 3)
     t = float(student.isf(ALPHA / (2.0 * asked), max(3, n - 1)))
+    # Where devices differ, it is they that say by how much.
+    count = len(set(devices))
+    between = float(student.isf(ALPHA / (2.0 * asked), max(3, (count if count > 1 else n) - 1)))
     signs: dict[int, list[tuple[str, str, float]]] = {}
 
     def say(place: int, kind: str, name: str, sigma: float) -> None:
@@ -144,7 +147,7 @@ def odd_ones(
     for k, course in enumerate(found):
         off = values[:, k] - course.expected
         sigma = np.abs(off) / np.sqrt(errors[:, k] ** 2 + course.tau**2)
-        for place in np.flatnonzero(sigma > t).tolist():
+        for place in np.flatnonzero(sigma > between).tolist():
             say(place, THEM, names[k], sigma[place])
         for name in dict.fromkeys(devices):
             mine = np.flatnonzero((own == name) & np.isfinite(errors[:, k]))

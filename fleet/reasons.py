@@ -52,6 +52,7 @@ RARE = -2.0 * math.log(LIKELY_ODDS)
 WIDE = 10.0  # times what a parameter is, that another device may have
 LATEST = 30  # samples that a reading may come late
 BADLY = 3.0  # times the fleet's noise, from which what is left is not explained
+FITTED = 4  # readings that are fitted, of those that cost least without
 SURELY = 2.0 * math.log(1.0 / ALPHA)
 FAULTS = {
     "inverted_sign": "a sign is inverted",
@@ -132,9 +133,11 @@ def explained(question: Question) -> Reason:
     as_is = _fit(e, model, start)
     plain = math.inf if as_is is None else _cost(question, as_is, e.ticks)
     found: list[tuple[float, Reason, Hypothesis | None]] = []
-    ways = list(_ways(e, question, model, start))
-    asked = 2.0 * math.log(max(1, len(ways)))
-    for way in ways:
+    every = list(_ways(e, question, model, start))
+    asked = 2.0 * math.log(max(1, len(every)))
+    # A recording that is read rightly fits where the fleet is: the others need no fit of their own.
+    ranked = sorted(every, key=lambda way: _unfitted(way, model, start, e.ticks))
+    for way in ranked[:FITTED]:
         h = _fit(way.experiment, model, start)
         if h is not None:
             cost = _cost(question, h, e.ticks) + way.price + asked
@@ -143,8 +146,9 @@ def explained(question: Question) -> Reason:
         found += [
             (cost, replace(r, gained=plain - cost), as_is) for cost, r in _own(question, as_is, e)
         ]
-        gained, reason = _within(as_is)
-        found.append((plain - gained, replace(reason, gained=gained), None))
+        if question.odd.fits_badly:
+            gained, reason = _within(as_is)
+            found.append((plain - gained, replace(reason, gained=gained), None))
     best = min(found, key=lambda f: f[0], default=None)
     if best is None:
         return unusable(f"no observer follows {e.name}, however it is read")
@@ -176,6 +180,15 @@ def _unexplained(e: Experiment, noise: float, question: Question) -> str:
         f"{e.name} is unlike the others ({signs}; noise {times:.3g} times theirs), and no fault"
         " that was tried explains it"
     )
+
+
+def _unfitted(way: _Way, model: Model, start: Floats, ticks: int) -> float:
+    """What a reading costs with the parameters that are expected."""
+    with suppress(NoObserver, ValueError), np.errstate(all="ignore"):
+        h = judged([way.experiment], model, start)
+        rows = max(1, way.experiment.ticks - SETTLING)
+        return h.cost.misfit * (ticks - SETTLING) / rows + way.price
+    return math.inf
 
 
 def _fit(e: Experiment, model: Model, start: Floats) -> Hypothesis | None:
@@ -285,6 +298,8 @@ def _ways(e: Experiment, question: Question, model: Model, start: Floats) -> Ite
         other, found = in_time(device, e)
         if found:
             yield _Way("late", found[0].sentence, other, RARE)
+    if not question.odd.fits_badly:
+        return
     late = _reading_late(e, model, start)
     if late is not None:
         yield late

@@ -33,7 +33,7 @@ from zwidth.diagnosis.selection.effort import Effort
 from zwidth.diagnosis.selection.evidence import ALPHA
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
 from zwidth.diagnosis.selection.search import search
-from zwidth.sim.device import Device, place_label
+from zwidth.sim.device import Device
 from zwidth.sim.device_file import device_from_text, device_to_text
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
@@ -166,12 +166,16 @@ def sought(
     Raises NoObserver where none can be followed.
     """
     begun = known_structure(device)
-    found: dict[frozenset[str], Hypothesis] = {}
+    bare = Model(replace(begun.device, uncertainty=_open(device)))
+    found: dict[frozenset[str], tuple[Model, Floats, float]] = {}
+    if begun.effects:  # what the device file has already is one of the candidates
+        own = begun.model
+        found[frozenset(begun.labels)] = own, np.zeros(len(own.parameters)), 0.0
     wanting = len(experiments)
     for e in experiments:
         say(f"what {e.name} asks for")
         try:
-            tried = search(replace(device, uncertainty=_open(device)), [e], effort)
+            tried = search(bare.nominal, [e], effort)
         except NoObserver:
             wanting -= 1
             continue
@@ -180,20 +184,19 @@ def sought(
             parts = [_single(h, i) for i in range(len(h.model.effects))]
             for one in [h, *(parts if len(parts) > 1 else [])]:
                 known = found.get(one.labels)
-                if known is None or one.cost.total < known.cost.total:
-                    found[one.labels] = one
+                if known is None or one.cost.total < known[2]:
+                    found[one.labels] = one.model, one.x, one.cost.total
     if not wanting:
         raise NoObserver("no recording of the fleet can be followed with the device")
-    bare = Model(replace(device, uncertainty=_open(device)))
     plain = [_fitted(e, bare, np.zeros(len(bare.parameters))) for e in experiments]
     costs = {frozenset[str](): sum(h.cost.total for h in plain if h is not None)}
     fits: dict[frozenset[str], list[Hypothesis | None]] = {frozenset(): plain}
-    for labels, h in found.items():
+    for labels, (structure, x, _) in found.items():
         if not labels:
             continue
         say(f"asking all of them for {' and '.join(sorted(labels))}")
-        model = replace(h.model, nominal=bare.nominal)
-        each = [_fitted(e, model, h.x) for e in experiments]
+        model = replace(structure, nominal=bare.nominal)
+        each = [_fitted(e, model, x) for e in experiments]
         fits[labels], costs[labels] = each, _cost(each, plain)
     best = frozenset[str]()
     for labels in sorted(costs, key=len):
@@ -201,17 +204,7 @@ def sought(
             best = labels
     more = {" + ".join(sorted(s)) or "linear": c - costs[best] for s, c in costs.items()}
     kept = [h for h in fits[best] if h is not None]
-    typical = _typical(kept, _open(device))
-    own = [p for p in begun.effects if place_label(p) not in typical.labels]
-    if own:  # what the device file had already is free like what was found
-        places = [begun.effects.index(p) for p in own]
-        gone = typical.device.without_physics(*(p.effect.name for p in own))
-        typical = replace(
-            typical, device=gone, effects=(*typical.effects, *own),
-            scales=(*typical.scales, *(begun.scales[i] for i in places)),
-            bounds=(*typical.bounds, *(begun.bounds[i] for i in places)),
-        )  # fmt: skip
-    return typical, more
+    return _typical(kept, _open(device)), more
 
 
 def _single(h: Hypothesis, index: int) -> Hypothesis:

@@ -2,11 +2,21 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from zwidth.fleet.spread import _at, _pooled, _read, spread  # pyright: ignore[reportPrivateUsage]
 
+Floats = NDArray[np.float64]
 
-def fleet(seed, devices=20, runs=4, tau_device=0.0, tau_run=0.0, slope=0.0):
+
+def fleet(
+    seed: int,
+    devices: int = 20,
+    runs: int = 4,
+    tau_device: float = 0.0,
+    tau_run: float = 0.0,
+    slope: float = 0.0,
+) -> tuple[Floats, Floats, list[str], dict[str, Floats], Floats]:
     rng = np.random.default_rng(seed)
     device = np.repeat(np.arange(devices), runs)
     load = rng.uniform(0.0, 5.0, device.size)
@@ -28,7 +38,9 @@ def fleet(seed, devices=20, runs=4, tau_device=0.0, tau_run=0.0, slope=0.0):
         ({"tau_device": 3.0, "slope": 1.5}, (True, False, True)),
     ],
 )
-def test_each_level_and_the_slope_are_told_apart(made, said):
+def test_each_level_and_the_slope_are_told_apart(
+    made: dict[str, float], said: tuple[bool, bool, bool]
+):
     for seed in range(5):
         values, errors, devices, columns, _ = fleet(seed, **made)
         found = spread(values, errors, devices, columns)

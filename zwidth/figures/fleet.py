@@ -1,6 +1,9 @@
 """What a fleet's parameters are: each recording's own value, what is pooled, what is unlike."""
 
 import math
+from collections.abc import Sequence
+from datetime import timedelta
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -11,7 +14,7 @@ from matplotlib.figure import Figure
 
 from zwidth.figures.style import STYLE
 from zwidth.fleet.reasons import in_words
-from zwidth.fleet.result import Fleet
+from zwidth.fleet.result import Fleet, Member
 from zwidth.sim.readable import scaled
 
 SOUND, ODD, CHANGED, BAND = "#004488", "#bb5566", "#ddaa33", "0.85"
@@ -32,14 +35,14 @@ def fleet_figure(fleet: Fleet) -> Figure:
             locator = AutoDateLocator()
             rows[-1].xaxis.set_major_locator(locator)
             rows[-1].xaxis.set_major_formatter(ConciseDateFormatter(locator))
-        rows[-1].set_xlabel("date" if dated else "recording")
+        rows[-1].set_xlabel("date, devices side by side" if dated else "recording")
         handles, labels = rows[0].get_legend_handles_labels()
         for ax in rows[1:]:
             for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
                 if label not in labels:
                     handles.append(handle)
                     labels.append(label)
-        figure.legend(handles, labels, loc="outside lower center", ncols=4)
+        figure.legend(handles, labels, loc="outside lower center", ncols=2)
     return figure
 
 
@@ -51,8 +54,8 @@ def _parameter(ax: Axes, fleet: Fleet, name: str) -> None:
     s, place = fleet.spreads[name], list(fleet.names).index(name)
     members = [m for m in fleet.members if not m.quick.problem]
     dated = _dated(fleet)
-    x: list[Any] = [m.listed.date if dated else i for i, m in enumerate(members)]
-    y = np.array([m.quick.values[place] for m in members])
+    x: list[Any] = _beside(members) if dated else list(range(len(members)))
+    y = np.array([_at_the_mean(fleet, m, name) for m in members])
     error = np.array([m.quick.errors[place] for m in members])
     odd = np.array([not m.pooled for m in members])
     size = max(abs(s.center.value), 1e-300)
@@ -84,8 +87,8 @@ def _parameter(ax: Axes, fleet: Fleet, name: str) -> None:
         )  # fmt: skip
     for device in sorted(changed):
         own = [m for m in fleet.of(device) if m.pooled]
-        days: list[Any] = [m.listed.date for m in own]
-        course = [factor * m.quick.values[place] for m in own]
+        days = [at for at, m in zip(x, members, strict=True) if m in own]
+        course = [factor * v for v, m in zip(y, members, strict=True) if m in own]
         ax.plot(days, course, color=CHANGED, linewidth=1.0)
     if deviation > 0.0 and not s.slopes:
         centre = s.center.value
@@ -98,9 +101,31 @@ def _parameter(ax: Axes, fleet: Fleet, name: str) -> None:
     ax.set_ylabel(f"[{unit or '1'}]")
 
 
+def _beside(members: Sequence[Member]) -> list[Any]:
+    """The dates, those of different devices a little apart, so that none hides another."""
+    days = sorted({m.listed.date for m in members if m.listed.date is not None})
+    gaps = [b - a for a, b in pairwise(days)]
+    room = 0.5 * min(gaps) if gaps else timedelta(days=1)
+    devices = sorted({m.listed.device for m in members})
+    places = {d: (k + 0.5) / len(devices) - 0.5 for k, d in enumerate(devices)}
+    return [
+        None if m.listed.date is None else m.listed.date + places[m.listed.device] * room
+        for m in members
+    ]
+
+
+def _at_the_mean(fleet: Fleet, m: Member, name: str) -> float:
+    """A recording's value of a parameter, brought to the mean of what it goes with."""
+    value = float(m.quick.values[list(fleet.names).index(name)])
+    for column, slope in fleet.spreads[name].slopes.items():
+        mean = float(np.mean([o.listed.known[column] for o in fleet.members if o.pooled]))
+        value -= slope.value * (m.listed.known[column] - mean)
+    return value
+
+
 def _title(fleet: Fleet, name: str) -> str:
     s = fleet.spreads[name]
     levels = [word for has, word in ((s.per_device, "per device"), (s.per_run, "per run")) if has]
-    levels += [f"goes with {column}" for column in s.slopes]
+    levels += [f"goes with {column}, drawn at its mean" for column in s.slopes]
     words = in_words(name).rstrip(",")
     return f"{words}: {', '.join(levels) or 'shared by all'}"
