@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from zwidth import cli
 from zwidth.errors import Status
@@ -25,6 +26,7 @@ from zwidth.fleet.structure import Structure, known_structure, structure_from
 from zwidth.sim.device_file import device_to_text
 from zwidth.sim.physics import make_physics
 
+Floats = NDArray[np.float64]
 KNOWN = nominal().with_physics(make_physics("coulomb_friction", "m1", level=0.04))
 SECONDS, DEVICES, RUNS = 4.0, 8, 4
 
@@ -122,8 +124,9 @@ def test_the_answer_is_json_and_a_picture(found: tuple[Fleet, Path]):
     assert read["recordings"] == DEVICES * RUNS
     assert read["changes"][0]["shape"] == "drift"
     pooled = [m for m in read["members"] if not m["odd"]]
-    level = "coulomb_friction@m1.level"
-    assert all(m["pooled"][level]["error"] <= m["parameters"][level]["error"] for m in pooled[:5])
+    # What is one for all is known far better than from a recording alone.
+    for m in pooled:
+        assert m["pooled"]["k0"]["error"] < 0.5 * m["parameters"]["k0"]["error"]
     assert len(fleet_figure(found[0]).axes) == len(found[0].spreads)
 
 
@@ -184,7 +187,7 @@ def test_a_toml_table_says_the_same_as_a_csv(tmp_path: Path):
 def history(seed: int, level: float = 0.0, slope: float = 0.0, runs: int = 12) -> list[Change]:
     """Recordings of four devices, of which the second changes."""
     rng = np.random.default_rng(seed)
-    days = np.tile(np.arange(runs) * 7.0, 4)
+    days: Floats = np.tile(7.0 * np.arange(runs, dtype=np.float64), 4)
     devices = [name for name in "abcd" for _ in range(runs)]
     errors = rng.uniform(0.5, 1.5, days.size)
     y = 100.0 + errors * rng.standard_normal(days.size)
@@ -212,7 +215,7 @@ def test_hardly_anything_changes_where_nothing_does():
 
 def test_what_all_devices_do_together_is_of_all():
     rng = np.random.default_rng(0)
-    days = np.tile(np.arange(6) * 7.0, 20)
+    days: Floats = np.tile(7.0 * np.arange(6, dtype=np.float64), 20)
     devices = [f"d{k}" for k in range(20) for _ in range(6)]
     y = 100.0 + np.repeat(rng.normal(0.0, 20.0, 20), 6) + 1.5 * (days >= 21.0)
     y += rng.standard_normal(days.size)

@@ -33,7 +33,7 @@ def fleet(
         ({}, (False, False, False)),
         ({"tau_device": 3.0}, (True, False, False)),
         ({"tau_run": 4.0}, (False, True, False)),
-        ({"tau_device": 5.0, "tau_run": 4.0}, (True, True, False)),
+        ({"tau_device": 8.0, "tau_run": 4.0}, (True, True, False)),
         ({"slope": 1.5}, (False, False, True)),
         ({"tau_device": 3.0, "slope": 1.5}, (True, False, True)),
     ],
@@ -42,7 +42,12 @@ def test_each_level_and_the_slope_are_told_apart(
     made: dict[str, float], said: tuple[bool, bool, bool]
 ):
     for seed in range(5):
-        values, errors, devices, columns, _ = fleet(seed, **made)
+        values, errors, devices, columns, _ = fleet(
+            seed,
+            tau_device=made.get("tau_device", 0.0),
+            tau_run=made.get("tau_run", 0.0),
+            slope=made.get("slope", 0.0),
+        )
         found = spread(values, errors, devices, columns)
         assert (found.per_device, found.per_run, "load" in found.slopes) == said, seed
         for term, has in zip(("per device", "per run", "load"), said, strict=True):
