@@ -169,7 +169,9 @@ def _fitted(
     missing = [i for i, q in enumerate(found) if q is None]
     parts = [missing[k : k + EACH] for k in range(0, len(missing), EACH)]
     tasks = {
-        f"fit-{n}": Task(tuple((recordings[i].name, recordings[i].path) for i in part), structure)
+        f"fit-{n}": Task(
+            tuple((recordings[i].name, recordings[i].path.resolve()) for i in part), structure
+        )
         for n, part in enumerate(parts)
     }
     done = len(recordings) - len(missing)
@@ -272,7 +274,7 @@ def _reasons(
                 expected[p] += float(np.median(off))
                 scatter[p] = max(c.within, float(np.std(off)))
         questions[k] = Question(
-            listed.name, listed.path, found.structure, expected, scatter, noise, one
+            listed.name, listed.path.resolve(), found.structure, expected, scatter, noise, one
         )
     reasons: dict[int, Reason] = {}
     tasks: dict[str, Question] = {}
