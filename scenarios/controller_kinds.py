@@ -12,9 +12,12 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.controllers.guarded import guarded
 from zwidth.controllers.none import none
 from zwidth.controllers.recorded import recorded
+from zwidth.controllers.region import region
 from zwidth.controllers.relay import relay
+from zwidth.controllers.texture import texture
 from zwidth.controllers.wall import wall
 from zwidth.sim.controller import Controller, Step, user_controller
 from zwidth.sim.nearest import nearest
@@ -24,7 +27,15 @@ Floats = NDArray[np.float64]
 Files = Callable[[str], bytes]  # a file that a scenario names, by that name
 
 KINDS: Mapping[str, Callable[..., Controller]] = MappingProxyType(
-    {"wall": wall, "none": none, "recorded": recorded, "relay": relay}
+    {
+        "wall": wall,
+        "none": none,
+        "recorded": recorded,
+        "relay": relay,
+        "texture": texture,
+        "region": region,
+        "guarded": guarded,
+    }
 )
 SCALARS = (float, int, bool, str)
 USER = "user"

@@ -26,6 +26,7 @@ SIGNALS = {"external": "disturbance", "parameters": "controller's signal"}
 # Relative to the largest entry of an array. Processors differ by 1e-13 or so, more where modes lie
 # close; another device differs by more than this in something.
 AGREE = 1e-8
+READ_BEFORE = 4  # scalars of the memory up to version 0.2
 
 
 class NotTheSame(ValueError):
@@ -45,6 +46,7 @@ def with_computed(setup: Setup, data: bytes) -> tuple[Setup, list[str]]:
     Raises NotTheSame where they are not those of the setup's device and start.
     """
     kept, own, notes = _read(data), _numbers(setup), list[str]()
+    _fill(kept, own)
     for name, array in own.items():
         _check_shape(name, array, kept.get(name))
         if _agree(array, kept[name]):
@@ -111,6 +113,15 @@ def _read(data: bytes) -> dict[str, Floats]:
             return {name: np.asarray(file[name], order="C") for name in file.files}
     except (ValueError, TypeError, AttributeError, OSError, EOFError, BadZipFile) as error:
         raise NotTheSame(f"the computed numbers in the log cannot be read: {error}") from None
+
+
+def _fill(kept: dict[str, Floats], own: dict[str, Floats]) -> None:
+    """Add what logs of earlier versions lack: numbers that a run with one rate does not read."""
+    for name in ("filter", "force_row", "force_gain"):
+        kept.setdefault(name, own[name])
+    scalars = kept.get("start_scalars")
+    if scalars is not None and scalars.shape == (READ_BEFORE,):
+        kept["start_scalars"] = np.append(scalars, own["start_scalars"][READ_BEFORE:])
 
 
 def _check_shape(name: str, own: Floats, kept: Floats | None) -> None:

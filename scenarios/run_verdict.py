@@ -55,7 +55,11 @@ def run_verdict(scenario: Scenario, trace: Trace, outcome: Outcome) -> Verdict |
 def is_linear(scenario: Scenario) -> bool:
     """Whether nothing in the loop is nonlinear, so that it has no limit cycles."""
     law, device = scenario.controller, scenario.device
-    linear_law = law.kind == "none" or (law.kind == "wall" and not law.facts["one_sided"])
+    linear_law = (
+        law.kind == "none"
+        or (law.kind == "wall" and not law.facts["one_sided"])
+        or (law.kind == "region" and law.facts["width"] == 0.0)
+    )
     return linear_law and device.interface.linear and not device.physics
 
 

@@ -57,11 +57,19 @@ INTERFACE_KEYS = {
     "command_gain": "command_gain",
     "position_origin": "position_origin",
     "command_hold": "command_hold",
+    "velocity_order": "velocity_order",
+    "velocity_ticks": "velocity_ticks",
+    "position_ticks": "position_ticks",
+    "force_sensor": "force_sensor",
+    "force_gain": "force_gain",
 }
 NEUTRAL, USUAL = Interface(), Uncertainty()
-INTERFACE_TEXTS = ("encoder_rounding", "command_hold")
+INTERFACE_TEXTS = ("encoder_rounding", "command_hold", "force_sensor")
 # Written where they say something: a device without them has the text, and the hash, of zwidth 0.1.
-WHERE_NEEDED = ("command_gain", "position_origin", "command_hold")
+WHERE_NEEDED = (
+    "command_gain", "position_origin", "command_hold", "velocity_order", "velocity_ticks",
+    "position_ticks", "force_sensor", "force_gain",
+)  # fmt: skip
 
 
 def shipped_devices() -> list[str]:
@@ -306,6 +314,9 @@ def _interface(table: Table) -> Interface:
         for key, field in INTERFACE_KEYS.items()
         if key in table
     }
+    for field, value in values.items():
+        if type(getattr(NEUTRAL, field)) is int and isinstance(value, float) and value % 1.0 == 0.0:
+            values[field] = int(value)
     with _as_in_the_file({field: key for key, field in INTERFACE_KEYS.items()}):
         return Interface(**values)  # pyright: ignore[reportArgumentType]
 

@@ -7,41 +7,59 @@ state, so the result does not depend on the number of threads.
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.sim.group import Group, Member, Stack, group, stack
 from zwidth.sim.lane_type import WIDTH
+from zwidth.sim.law import Law
 from zwidth.sim.run import Start, start_memory
+from zwidth.sim.wall_law import MEMORY
 from zwidth.sim.windows import MEASURES, Bank, Kept, run_windows
 
 Floats = NDArray[np.float64]
 Task = Callable[[], None]
 PIECES = 4  # tasks a thread, of runs of one device: none waits long for the others
-ROWS = ("x", "line", "internal", "scalars", "walls", "past", "bounds", "escaped")  # last axis: runs
+ROWS = (
+    "x",
+    "line",
+    "internal",
+    "scalars",
+    "walls",
+    "past",
+    "bounds",
+    "escaped",
+    "controller",
+)  # last axis: runs
 
 
 @dataclass(frozen=True)
 class Walls:
-    """Built-in walls of an ensemble, one value a run (runs,): K, B, position, one-sided."""
+    """Built-in walls of an ensemble, one value a run (runs,): K, B, position, one-sided.
+
+    law: the one that all of them follow.
+    """
 
     stiffness: Floats
     damping: Floats
     position: Floats
     one_sided: NDArray[np.bool_]
+    law: Law = field(default_factory=Law)
 
     def parameters(self) -> Floats:
-        """Return the parameters of `controllers.wall`, shape (runs, 4)."""
+        """Return the numbers of `sim/wall_law.py`, shape (runs, 6)."""
         columns = [self.stiffness, self.damping, self.position, self.one_sided.astype(float)]
+        columns += [np.full(self.stiffness.size, number) for number in self.law.numbers]
         return np.ascontiguousarray(np.column_stack(columns))
 
     def select(self, runs: NDArray[np.int64]) -> "Walls":
         """Return the walls of some runs."""
         return Walls(
-            self.stiffness[runs], self.damping[runs], self.position[runs], self.one_sided[runs]
-        )
+            self.stiffness[runs], self.damping[runs], self.position[runs], self.one_sided[runs],
+            self.law,
+        )  # fmt: skip
 
 
 def walls(
@@ -49,11 +67,16 @@ def walls(
     damping: Floats | float,
     position: float = 0.0,
     one_sided: bool = False,
+    law: Law | None = None,
 ) -> Walls:
-    """Return walls over arrays of K and B that broadcast together, all at one position."""
+    """Return walls over arrays of K and B that broadcast together, all at one position.
+
+    law: the one that they follow, by default that of spring and damper.
+    """
     k, b = np.broadcast_arrays(np.atleast_1d(stiffness), np.atleast_1d(damping))
     k, b = k.astype(np.float64).ravel(), b.astype(np.float64).ravel()
-    return Walls(k, b, np.full(k.size, position), np.full(k.size, one_sided))
+    sides = np.full(k.size, one_sided)
+    return Walls(k, b, np.full(k.size, position), sides, law or Law())
 
 
 @dataclass(frozen=True)
@@ -176,7 +199,9 @@ def start_runs(
         past=each_own(np.full(3, m.x[n]) for m in memories),
         bounds=np.broadcast_to(bounds, count).astype(np.float64),
         escaped=np.zeros(count),
+        controller=np.zeros((MEMORY, count)),
         counters=np.zeros(2, dtype=np.int64),
+        law=ensemble.law.code,
     )
     return Runs(stack(devices), which, bank)
 

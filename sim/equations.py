@@ -22,6 +22,7 @@ from scipy.linalg import expm
 from zwidth.sim.chain import Chain, Chains
 from zwidth.sim.device import Device
 from zwidth.sim.exponential import SPACES, held_motion_alone
+from zwidth.sim.force_sensor import force_row
 from zwidth.sim.interface import Interface
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.place import GROUND
@@ -55,6 +56,8 @@ class Equations(NamedTuple):
     propagators (2 segments, locked sets, row blocks, columns, 8); quadratics (2, locked sets,
     entries, columns, columns), no entries without a ledger; reaction (n, columns): the force on a
     mass as a row on w; springs (m, 2) places and spring_stiffness (m,) for the stored energy.
+    rate of velocity estimates; filter (3,): the second-order one's other weights, else (0,);
+    force_row (2 n,): the measured force as a row on the state, (0,) without a sensor.
     """
 
     dof: int
@@ -79,6 +82,12 @@ class Equations(NamedTuple):
     period: float
     rate: float
     smoothing: float
+    filter: Floats
+    second_order: bool
+    velocity_ticks: int
+    position_ticks: int
+    force_row: Floats
+    force_gain: float
     encoder_step: float
     encoder_floor: bool
     command_step: float
@@ -146,8 +155,14 @@ def frame(device: Device, substeps: int, seed: int = 0) -> tuple[Equations, Plan
         clocks=table["clock"],
         whole_delay=whole,
         period=interface.period,
-        rate=1.0 / interface.period,
+        rate=1.0 / interface.velocity_period,
         smoothing=interface.velocity_smoothing,
+        filter=np.array(interface.velocity_filter[1:] if interface.second_order else ()),
+        second_order=interface.second_order,
+        velocity_ticks=int(interface.velocity_ticks),
+        position_ticks=int(interface.position_ticks),
+        force_row=force_row(device.chain, interface, plant.dof),
+        force_gain=interface.force_gain,
         encoder_step=interface.encoder_step,
         encoder_floor=interface.encoder_rounding == "floor",
         command_step=interface.command_step,

@@ -10,7 +10,9 @@ is prolonged.
 
 Two energies are watched, because a fast mode that has just begun to grow is invisible in the
 kinetic energy of a slow one: kinetic energy, and the third difference of m1's velocity, in which
-170 Hz stands 3e4 times above 28 Hz. A run decays only if both do, and grows if either does.
+170 Hz stands 3e4 times above 28 Hz. A run decays only if both do, and grows if either does. Where
+nothing fast is left, the second one is rounding, whose slope says nothing: it counts as decayed,
+and not as growing before it stands out of the rounding.
 
 Where something is nonlinear, growth may be caught by a limit cycle and decay may stop at one, so a
 slope is the verdict only when no more time is left. Before, a run must come to rest, escape, or
@@ -39,6 +41,7 @@ from zwidth.sim.windows import (
 Floats = NDArray[np.float64]
 SIGNIFICANCE = 6.0  # standard errors between a growth rate and zero
 SILENCE = 1e-24  # energy over the first window's at which a run has come to rest
+ROUNDED = 1e-14  # fast energy over its largest window's, below which it is rounding
 ESCAPE = 1e6  # amplitude over the start's at which a run counts as lost
 STEADY = 0.02  # change of amplitude over the last half of a run that a limit cycle may show
 FLAT = 1e-3  # growth in ln(amplitude) over that half that is none, however significant
@@ -108,6 +111,11 @@ def assess(
         silent = kinetic[-1] <= SILENCE * kinetic[0]
     up = [(rate > SIGNIFICANCE * error) for rate, error in slopes]
     down = [(rate < -SIGNIFICANCE * error) for rate, error in slopes]
+    with np.errstate(invalid="ignore"):
+        rounding = measures[-1, FAST_ENERGY] <= ROUNDED * measures[:, FAST_ENERGY].max(axis=0)
+    # What rises within the rounding may be a mode: the answer comes when it is out, or at the end.
+    down[1] |= rounding & (final | ~up[1])
+    up[1] &= ~rounding
     escaped = ~(np.isfinite(kinetic) & (amplitude < ESCAPE * start)).all(axis=0)
     verdict = np.full(runs, UNDECIDED)
     verdict[down[0] & down[1]] = DECAYS
@@ -153,6 +161,14 @@ def _cycling(amplitude: Floats, kinetic: Floats, window: float, final: bool) -> 
     return (change < STEADY) & ~moving
 
 
+def _sum(rows: Floats) -> Floats:
+    """Return the sum of rows in their order: a run has its bits however many there are."""
+    total = np.zeros(rows.shape[1:])
+    for row in rows:
+        total += row
+    return total
+
+
 def growth_rate(lines: Floats, window: float) -> tuple[Floats, Floats]:
     """Return slope [1/s] and its standard error over the last three quarters, each (runs,).
 
@@ -162,11 +178,12 @@ def growth_rate(lines: Floats, window: float) -> tuple[Floats, Floats]:
     count = kept.shape[0]
     t = (np.arange(count) - 0.5 * (count - 1)) * window
     spread = t @ t
-    centred = kept - kept.mean(axis=0)
-    slope = t @ centred / spread
+    centred = kept - _sum(kept) / count
+    slope = _sum(t[:, None] * centred) / spread
     residual = centred - t[:, None] * slope
-    variance = (residual * residual).sum(axis=0) / (count - 2)
-    lag = (residual[1:] * residual[:-1]).sum(axis=0) / ((residual * residual).sum(axis=0) + 1e-300)
+    total = _sum(residual * residual)
+    variance = total / (count - 2)
+    lag = _sum(residual[1:] * residual[:-1]) / (total + 1e-300)
     correlation = np.clip(lag, 0.0, 0.95)
     error = np.sqrt(variance / spread * (1.0 + correlation) / (1.0 - correlation))
     return slope, error

@@ -4,6 +4,9 @@ import math
 from dataclasses import dataclass, fields
 from typing import Literal
 
+LINKS = ("link12", "link23", "link34", "link45")
+MOST_RATIO = 1000  # of the rates of two loops
+
 
 @dataclass(frozen=True)
 class Interface:
@@ -11,12 +14,20 @@ class Interface:
 
     period T [s]; delay [s], any real >= 0, from the encoder reading to the moment the command takes
     effect; encoder_step [rad | m], 0 for none; command_step and command_limit [N m | N], 0 and inf
-    for none; velocity_cutoff_hz of the first-order low-pass on the backward difference, inf for
-    none; encoder_rounding "nearest" (ties away from zero) or "floor". command_gain: what a command
+    for none; velocity_cutoff_hz of the low-pass on the backward difference, inf for none;
+    encoder_rounding "nearest" (ties away from zero) or "floor". command_gain: what a command
     counts by, after its step and before all else of the amplifier (limits are of the force).
     position_origin [rad | m]: what is read, and written down as positions, where the chain is at
     zero and a spring to ground at rest. command_hold: what a *recorded* command is between its
     samples, "zero_order" or "smooth" (a band-limited signal); a law's command is held in any case.
+
+    Several rates: the encoder is read and a command computed every period. velocity_order of that
+    low-pass, 1 or 2 (Butterworth). velocity_ticks: every how many periods the velocity is
+    estimated, over just as many, and held in between. position_ticks: every how many periods the
+    law is given a new position, as an outer loop is that is slower than the device's own.
+
+    force_sensor: the link whose force is measured ("link12"), "" for none; force_gain G of its
+    feedback (`sim/force_sensor.py`).
 
     Raises ValueError with a sentence that names the field, the value and what is allowed.
     """
@@ -31,6 +42,11 @@ class Interface:
     command_gain: float = 1.0
     position_origin: float = 0.0
     command_hold: Literal["zero_order", "smooth"] = "zero_order"
+    velocity_order: int = 1
+    velocity_ticks: int = 1
+    position_ticks: int = 1
+    force_sensor: str = ""
+    force_gain: float = 0.0
 
     def __post_init__(self) -> None:
         for field, allowed, holds in (
@@ -52,6 +68,18 @@ class Interface:
                 "'zero_order' or 'smooth'",
                 self.command_hold in ("zero_order", "smooth"),
             ),
+            ("force_gain", ">= 0 and finite", 0.0 <= self.force_gain < math.inf),
+            ("force_gain", "0 without force_sensor", self.force_sensor or self.force_gain == 0.0),
+            ("force_sensor", "a link, as link12, or nothing", self.force_sensor in ("", *LINKS)),
+            ("velocity_order", "1 or 2", self.velocity_order in (1, 2)),
+            *(
+                (
+                    name,
+                    f"a whole number from 1 to {MOST_RATIO}",
+                    _whole(getattr(self, name)) and 1 <= getattr(self, name) <= MOST_RATIO,
+                )
+                for name in ("velocity_ticks", "position_ticks")
+            ),
         ):
             if not holds:
                 value = getattr(self, field)
@@ -68,9 +96,45 @@ class Interface:
         return whole, remainder if remainder > 1e-9 * self.period else 0.0
 
     @property
+    def multirate(self) -> bool:
+        """True where position or velocity is renewed less often than once a period."""
+        return self.velocity_ticks > 1 or self.position_ticks > 1
+
+    @property
+    def velocity_period(self) -> float:
+        """Time from one velocity estimate to the next [s]."""
+        return self.velocity_ticks * self.period
+
+    @property
+    def second_order(self) -> bool:
+        """Whether the velocity filter has two states."""
+        return self.velocity_order == 2 and math.isfinite(self.velocity_cutoff_hz)
+
+    @property
+    def velocity_filter(self) -> tuple[float, float, float, float]:
+        """Weights (a, b, c, d) of the velocity filter.
+
+        With e the backward difference less the last v, and r the slope of v times its period T,
+
+            v_k = v_{k-1} + a e + b r_{k-1},    r_k = c e + d r_{k-1}.
+
+        First order: a = 1 - exp(-w T), w = 2 pi f, the rest 0. Second order: Butterworth,
+        v'' = w^2 (u - v) - sqrt(2) w v', exact for a difference u that is held.
+        """
+        period = self.velocity_period
+        if not self.second_order:
+            decay = math.exp(-2.0 * math.pi * self.velocity_cutoff_hz * period)
+            return 1.0 - decay, 0.0, 0.0, 0.0
+        w = 2.0 * math.pi * self.velocity_cutoff_hz * period
+        s = w / math.sqrt(2.0)
+        decay, cosine, sine = math.exp(-s), math.cos(s), math.sin(s)
+        b = decay * sine / s
+        return 1.0 - decay * (cosine + sine), b, w * w * b, decay * (cosine - sine)
+
+    @property
     def velocity_smoothing(self) -> float:
-        """Weight a of v_k = v_{k-1} + a (difference - v_{k-1}): 1 - exp(-2 pi f T)."""
-        return 1.0 - math.exp(-2.0 * math.pi * self.velocity_cutoff_hz * self.period)
+        """Weight a of the velocity filter, 1 without one: see `velocity_filter`."""
+        return self.velocity_filter[0]
 
     @property
     def linear(self) -> bool:
@@ -78,6 +142,10 @@ class Interface:
         return (
             self.encoder_step == 0.0 and self.command_step == 0.0 and math.isinf(self.command_limit)
         )
+
+
+def _whole(value: float) -> bool:
+    return float(value).is_integer()
 
 
 INTERFACE_FIELDS = tuple(field.name for field in fields(Interface))

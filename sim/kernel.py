@@ -3,8 +3,11 @@
 
 At t = kT, before anything moves:
 (1) the encoder reads m1's position (sensor effects, then its step);
-(2) the velocity is estimated, by default (y_k - y_{k-1})/T;
-(3) the controller computes the command (a one-sided wall pulls never);
+(2) the velocity is estimated, by default (y_k - y_{k-1})/T, every so many ticks where the interface
+    says so, and held in between;
+(3) the controller computes the command (a one-sided wall pulls never) from the position, which a
+    slower outer loop renews every so many ticks only, and that velocity; where a force is measured,
+    its feedback is added;
 (4) amplifier effects: step, gain, dead band, limit;
 (5) the command enters the delay line and takes effect at kT + delay, held until the next one does
     (a delay that is no multiple of T changes the held value inside the tick, exactly);
@@ -53,6 +56,8 @@ DONE, ESCAPED, NOT_FINITE = 0, 1, 2
 MOTOR, WALL, DISTURBANCE, LAG, DAMPERS = 0, 1, 2, 3, 4
 MAX_COLUMNS, MAX_MASSES = 32, 8
 MAX_SWEEPS = 200
+# Of scalars; the last three only where the interface has several rates or a second-order filter.
+READ, VELOCITY, COMMAND, APPLIED, EARLIER, SLOPE, GIVEN, SCALARS = 0, 1, 2, 3, 4, 5, 6, 7
 LOWER, UPPER, LOWER_AT_REST, UPPER_AT_REST, LOCKED = 0, 1, 2, 3, 4  # rows of limits
 
 
@@ -60,9 +65,10 @@ class Memory(NamedTuple):
     """All that survives a tick, changed in place; copy it to resume from here.
 
     x (32,): states, then held command and forces on the masses, which every substep writes anew;
-    line (d + 2,) delay line; controller (its memory,); internal (force effects,); scalars (4,):
-    last reading, velocity estimate, last command, last applied; counters (2,): tick, head of the
-    line; totals (entries,) of the ledger.
+    line (d + 2,) delay line; controller (its memory,); internal (force effects,); scalars (7,):
+    last reading, velocity estimate, last command, last applied, reading of the last estimate, slope
+    of the filter, position that the law was given; counters (2,): tick, head of the line; totals
+    (entries,) of the ledger.
     """
 
     x: Floats
@@ -416,6 +422,44 @@ def read_position(eq, position):
 
 
 @part
+def estimate(eq, tick, y, y_before, v, scalars):
+    """Step (2): the velocity estimate at this tick, from the one before (`Interface`)."""
+    if eq.velocity_ticks == 1 or tick % eq.velocity_ticks == 0:
+        if eq.velocity_ticks > 1:
+            y_before = scalars[EARLIER]
+            scalars[EARLIER] = y
+        e = (y - y_before) * eq.rate - v
+        if eq.second_order:
+            slope = scalars[SLOPE]
+            v += eq.smoothing * e + eq.filter[0] * slope
+            scalars[SLOPE] = eq.filter[1] * e + eq.filter[2] * slope
+        else:
+            v += eq.smoothing * e
+    return v
+
+
+@part
+def given(eq, tick, y, scalars):
+    """Step (3): the position that the law is given at this tick."""
+    if eq.position_ticks == 1:
+        return y
+    if tick % eq.position_ticks == 0:
+        scalars[GIVEN] = y
+    return scalars[GIVEN]
+
+
+@part
+def fed_back(eq, x, command):
+    """Add the feedback of the measured force to what the law commands (`sim/force_sensor.py`)."""
+    if eq.force_row.shape[0] == 0:
+        return command
+    force = 0.0
+    for i in range(eq.force_row.shape[0]):
+        force += eq.force_row[i] * x[i]
+    return command + eq.force_gain * (command - force)
+
+
+@part
 def amplify(eq, command):
     """Step (4): step, gain, further amplifier effects in the order of their declaration, limit."""
     command = quantise_command(command, eq.command_step) * eq.command_gain
@@ -462,11 +506,13 @@ def advance(
     done = 0
     while done < ticks:
         y = read_position(eq, x[0])
-        v += eq.smoothing * ((y - y_before) * eq.rate - v)
+        v = estimate(eq, tick, y, y_before, v, scalars)
         if memory.totals.size > 0:
             memory.totals[WALL] += u * (y - y_before)
         y_before = y
-        wanted = controller(tick, tick * eq.period, y, v, parameters, memory.controller)
+        at = given(eq, tick, y, scalars)
+        wanted = controller(tick, tick * eq.period, at, v, parameters, memory.controller)
+        wanted = fed_back(eq, x, wanted)
         u = select(arrives(eq, tick), amplify(eq, wanted), u)
         line[head] = u
         head = 0 if head == last else head + 1

@@ -297,6 +297,8 @@ def _stack(
         "reaction": reaction(plant),
         "masses": np.diagonal(plant.matrices.mass, axis1=-2, axis2=-1),
         "smoothing": np.full(members.size, first.smoothing),
+        "force_row": np.broadcast_to(first.force_row, (members.size, first.force_row.size)),
+        "filter": np.broadcast_to(first.filter, (members.size, first.filter.size)),
     }  # the others are fields of the interface
     numbers = {
         name: _last(each[name] if name in each else members.of_interface(name)) for name in NUMBERS

@@ -187,15 +187,16 @@ def at_work(eq, fine, space, fine_space, look):
 
     The rest is the same for both, and named once, so that it need not be fetched every tick.
     """
+    substeps = eq.substeps if look == 0 else fine.substeps
+    durations = eq.durations if look == 0 else fine.durations
+    propagators = eq.propagators if look == 0 else fine.propagators
     now = Equations(
-        eq.dof, eq.states, eq.columns, eq.lagging,
-        eq.substeps if look == 0 else fine.substeps,
-        eq.durations if look == 0 else fine.durations,
-        eq.propagators if look == 0 else fine.propagators,
+        eq.dof, eq.states, eq.columns, eq.lagging, substeps, durations, propagators,
         eq.quadratics, eq.reaction, eq.masses, eq.springs, eq.spring_stiffness, eq.forces,
         eq.frictions, eq.bounds_vary, eq.sensors, eq.amplifiers, eq.clocks, eq.whole_delay,
-        eq.period, eq.rate, eq.smoothing, eq.encoder_step, eq.encoder_floor, eq.command_step,
-        eq.command_gain, eq.command_limit, eq.position_origin,
+        eq.period, eq.rate, eq.smoothing, eq.filter, eq.second_order, eq.velocity_ticks,
+        eq.position_ticks, eq.force_row, eq.force_gain, eq.encoder_step, eq.encoder_floor,
+        eq.command_step, eq.command_gain, eq.command_limit, eq.position_origin,
     )  # fmt: skip
     room = Scratch(
         space.before, space.values, space.ahead, space.after, space.friction, space.limits,

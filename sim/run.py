@@ -94,6 +94,7 @@ def start_memory(eq: Equations, start: Start, memory: int = 1, entries: int = 0)
     """
     x = start.state(eq.dof)
     before = read_position(eq, x[0] - eq.period * x[eq.dof])
+    earlier = read_position(eq, x[0] - x[eq.dof] / eq.rate)
     internal = [
         first_internal(code, across(x, 0, i, origin), p)
         for code, i, _, origin, p in zip(*eq.forces, strict=True)
@@ -103,7 +104,7 @@ def start_memory(eq: Equations, start: Start, memory: int = 1, entries: int = 0)
         line=np.zeros(eq.whole_delay + 2),
         controller=np.zeros(memory),
         internal=np.array(internal, dtype=np.float64),
-        scalars=np.array([before, x[eq.dof], 0.0, 0.0]),
+        scalars=np.array([before, x[eq.dof], 0.0, 0.0, earlier, 0.0, before]),
         counters=np.zeros(2, dtype=np.int64),
         totals=np.zeros(entries),
     )

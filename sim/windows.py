@@ -14,23 +14,33 @@ from numpy.typing import NDArray
 
 from zwidth.sim.group import VIEWS, seen
 from zwidth.sim.jit import jit, part
-from zwidth.sim.kernel import Memory, amplify, arrives, read_position, substep
+from zwidth.sim.kernel import (
+    Memory,
+    amplify,
+    arrives,
+    estimate,
+    fed_back,
+    given,
+    read_position,
+    substep,
+)
 from zwidth.sim.lane_type import any_lane, as_lanes, greatest, least, select
 from zwidth.sim.propagation import at_once, chosen, propagate
+from zwidth.sim.wall_law import wall_push
 
 Floats = NDArray[np.float64]
 SLOW_ENERGY, FAST_ENERGY, LOWEST, HIGHEST = 0, 1, 2, 3
 LOWEST_COMMAND, HIGHEST_COMMAND, REVERSALS = 4, 5, 6
 MEASURES = 7
-STIFFNESS, DAMPING, POSITION, ONE_SIDED = 0, 1, 2, 3  # of a wall
 
 
 class Bank(NamedTuple):
     """States of groups of runs, the first axis of each: x (groups, 32), line, internal and scalars.
 
-    As in `Memory`, whose counters (2,) all runs share. walls (groups, 4); past (groups, 3): m1's
-    three velocities before; bounds (groups,) of |position of m1|; escaped
-    (groups,): 1 where a run has left them.
+    As in `Memory`, whose counters (2,) all runs share. walls (groups, 6): their numbers; past
+    (groups, 3): m1's three velocities before; bounds (groups,) of |position of m1|; escaped
+    (groups,): 1 where a run has left them. controller (groups, 4): memory of the walls' law, which
+    is one for all (`sim/wall_law.py`).
     """
 
     x: Floats
@@ -41,7 +51,9 @@ class Bank(NamedTuple):
     past: Floats
     bounds: Floats
     escaped: Floats
+    controller: Floats
     counters: NDArray[np.int64]
+    law: int
 
 
 class Kept(NamedTuple):
@@ -56,7 +68,8 @@ def _lane_bank(b):
     """View a bank in lanes."""
     return Bank(
         as_lanes(b.x), as_lanes(b.line), as_lanes(b.internal), as_lanes(b.scalars),
-        as_lanes(b.walls), as_lanes(b.past), as_lanes(b.bounds), as_lanes(b.escaped), b.counters,
+        as_lanes(b.walls), as_lanes(b.past), as_lanes(b.bounds), as_lanes(b.escaped),
+        as_lanes(b.controller), b.counters, b.law,
     )  # fmt: skip
 
 
@@ -68,15 +81,6 @@ def _lane_kept(k):
 
 VIEWS[Bank] = ("x", 3, _lane_bank)
 VIEWS[Kept] = ("measures", 4, _lane_kept)
-
-
-@part
-def wall_command(wall, y, v):
-    """Command of a wall (`controllers/wall.py`) at a reading y and velocity v."""
-    depth = y - wall[POSITION]
-    push = wall[STIFFNESS] * depth + wall[DAMPING] * v
-    inside = select(depth > 0.0, -greatest(0.0, push), 0.0)
-    return select(wall[ONE_SIDED] == 0.0, -push, inside)
 
 
 @jit
@@ -101,7 +105,8 @@ def run_windows(device, space, banks, weights, results):
         tick, head = first_tick, first_head
         x, line, past, wall = bank.x[g], bank.line[g], bank.past[g], bank.walls[g]
         scalars = bank.scalars[g]
-        memory = Memory(x, line, past, bank.internal[g], scalars, bank.counters, past[:0])
+        account = bank.controller[g]
+        memory = Memory(x, line, account, bank.internal[g], scalars, bank.counters, past[:0])
         alive = bank.escaped[g] == 0.0
         y_before, v, u = scalars[0], scalars[1], scalars[2]
         for window in range(measures.shape[0]):
@@ -132,9 +137,11 @@ def run_windows(device, space, banks, weights, results):
                     row = window * weights.size + k
                     kept.velocities[row, g] = select(alive, speed, np.nan)
                 y = read_position(eq, x[0])
-                v += eq.smoothing * ((y - y_before) * eq.rate - v)
+                v = estimate(eq, tick, y, y_before, v, scalars)
                 y_before = y
-                wanted = wall_command(wall, y, v)
+                at = given(eq, tick, y, scalars)
+                wanted = -wall_push(bank.law, wall, tick, tick * eq.period, at, v, account)
+                wanted = fed_back(eq, x, wanted)
                 u = select(arrives(eq, tick), amplify(eq, wanted), u)
                 low_command, high_command = least(low_command, u), greatest(high_command, u)
                 line[head] = u

@@ -18,6 +18,7 @@ device also one that lies below the boundary and ends between two dampings that 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
+from dataclasses import field as with_default
 from functools import partial
 
 import numpy as np
@@ -38,6 +39,7 @@ from zwidth.sim.growth import (
     assess,
     window_weights,
 )
+from zwidth.sim.law import Law
 from zwidth.sim.run import Start
 from zwidth.sim.windows import MEASURES
 from zwidth.stability.frequency import ultimate_frequencies
@@ -54,7 +56,7 @@ class Trial:
     start: amplitude of the start, all masses displaced by it at rest [rad | m]; with friction the
     boundary depends on it. seconds of the first run, limit_s of the longest; window_s of the energy
     windows. threshold: amplitude of a limit cycle that counts as rest (None: one encoder step, or
-    1e-3 of the start without one). substeps a tick where the device needs them.
+    1e-3 of the start without one). substeps a tick where the device needs them. law: of the walls.
 
     Raises ValueError with field, value and what is allowed.
     """
@@ -65,6 +67,7 @@ class Trial:
     window_s: float = 0.5
     threshold: float | None = None
     substeps: int = 1
+    law: Law = with_default(default_factory=Law)
 
     def __post_init__(self) -> None:
         if not 0.0 < abs(self.start) < math.inf:
@@ -214,7 +217,7 @@ def judge_subjects(subjects: Subjects, ensemble: Walls, trial: Trial, workers: i
     weights = window_weights(max(8, round(trial.window_s / period)))
     window = weights.size * period
     starts, rests = np.abs(subjects.starts), subjects.rests
-    nonlinear = subjects.nonlinear or bool(ensemble.one_sided.any())
+    nonlinear = subjects.nonlinear or bool(ensemble.one_sided.any()) or not ensemble.law.linear
     judged = Growth(np.full(runs.size, UNDECIDED), *np.full((5, runs.size), np.nan))
     pending, history = np.arange(runs.size), np.zeros((0, MEASURES, runs.size))
     together = partial(in_parallel, workers=workers)
@@ -266,7 +269,7 @@ class _Hunt:
         self.first = np.full(shape, self.lowest)  # K to begin with
         self.order = np.argsort(dampings, kind="stable")
         self.waiting = np.zeros(shape, dtype=bool)  # for the dampings that lead
-        if not _nonlinear(device) and shape > 2:
+        if not _nonlinear(device) and trial.law.linear and shape > 2:
             self.waiting[self.order] = True
             self.waiting[self.order[[*range(0, shape, LEADING), -1]]] = False
 
@@ -282,7 +285,7 @@ class _Hunt:
                 continue
             if active.size == 0:
                 return self.brackets(self.frequencies(trial, workers))
-            some = walls(tried[active], self.dampings[active])
+            some = walls(tried[active], self.dampings[active], law=trial.law)
             growth = judge_subjects(self.subjects(active.size, trial), some, trial, workers)
             self.learn(active, tried[active], growth)
 
@@ -298,7 +301,7 @@ class _Hunt:
         known = np.flatnonzero(~np.isnan(self.unstable))
         if known.size == 0:
             return found
-        some = walls(self.unstable[known], self.dampings[known])
+        some = walls(self.unstable[known], self.dampings[known], law=trial.law)
         period = self.device.interface.period
         weights = np.zeros(round(trial.seconds / period))
         runs = self.subjects(known.size, trial).started(some)

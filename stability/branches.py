@@ -22,6 +22,7 @@ from scipy.optimize import linear_sum_assignment
 from zwidth.sim.device import Device
 from zwidth.stability.loop import Loop, open_loop
 from zwidth.stability.types import LinearPoint
+from zwidth.stability.velocity import refuse_force, velocity_response
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -93,18 +94,19 @@ def damper_effect(device: Device, frequency_hz: ArrayLike) -> Complexes:
     Raises ValueError for a frequency <= 0.
     """
     interface = device.interface
-    period, a = interface.period, interface.velocity_smoothing
+    period = interface.period
     rate = 2.0 * np.pi * np.asarray(frequency_hz, dtype=np.float64)
     if not np.all(rate > 0.0):
         raise ValueError("frequency_hz holds a value that is not > 0; give frequencies > 0 Hz")
     step = np.exp(-1j * rate * period)
-    estimate = a * (1.0 - step) / (period * (1.0 - (1.0 - a) * step))
+    estimate = velocity_response(interface, np.exp(1j * rate * period))
     held = (1.0 - step) / (1j * rate * period)
     return estimate * held * np.exp(-1j * rate * interface.delay) / (1j * rate)
 
 
 def _start(device: Device) -> tuple[tuple[str, ...], Complexes]:
     """Names and eigenvalues at K = B = 0: modes in rising |p|, the slowest two the rigid body."""
+    refuse_force(device, "a naming by modes")
     plant, interface = device.plant(), device.interface
     whole, remainder = interface.delay_ticks
     mechanical = plant.a[: 2 * plant.dof, : 2 * plant.dof]
@@ -118,9 +120,13 @@ def _start(device: Device) -> tuple[tuple[str, ...], Complexes]:
     for _ in range(whole + (remainder > 0.0) + 1):
         names.append(DELAY)
         z.append(0.0)
-    if interface.velocity_smoothing < 1.0:
+    straight, from_slope, to_slope, kept = interface.velocity_filter
+    if interface.second_order:
+        names += [FILTER, FILTER]
+        z += np.linalg.eigvals([[1.0 - straight, from_slope], [-to_slope, kept]]).tolist()
+    elif straight < 1.0:
         names.append(FILTER)
-        z.append(1.0 - interface.velocity_smoothing)
+        z.append(1.0 - straight)
     return tuple(names), np.array(z, dtype=np.complex128)
 
 

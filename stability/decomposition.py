@@ -2,7 +2,9 @@
 
 On the unit circle the characteristic equation is linear in K and B with one complex coefficient,
 
-    K + B w(z) = -1 / P(z),    z = exp(2 pi j f T),    w = a (1 - 1/z) / (T (1 - (1 - a)/z)),
+    K + B w(z) = -1 / P(z),    z = exp(2 pi j f T),
+
+w the response of the velocity estimate (`velocity_response`),
 
 so its imaginary part gives B(f), its real part K(f). P is the plant with hold and delay; from the
 partial fractions G(s) = sum r_i / (s - p_i),
@@ -23,6 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from zwidth.sim.device import Device
 from zwidth.sim.modal import ModalModel
 from zwidth.sim.plant import Plant
+from zwidth.stability.velocity import refuse_force, velocity_response
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -52,6 +55,7 @@ def curve(device: Device, frequency_hz: ArrayLike) -> Curve:
     """
     interface = device.interface
     f = np.asarray(frequency_hz, dtype=np.float64)
+    refuse_force(device, "this closed form")
     nyquist = 0.5 / interface.period
     if not np.all((f > 0.0) & (f < nyquist)):
         raise ValueError(
@@ -61,8 +65,7 @@ def curve(device: Device, frequency_hz: ArrayLike) -> Curve:
     modal = None if altered else device.modal
     fractions = from_plant(device.plant()) if modal is None else from_modal(modal)
     z = np.exp(2j * np.pi * interface.period * f)
-    a = interface.velocity_smoothing
-    velocity = a * (1.0 - 1.0 / z) / (interface.period * (1.0 - (1.0 - a) / z))
+    velocity = velocity_response(interface, z)
     needed = -1.0 / sampled(fractions, interface.period, *interface.delay_ticks, z)
     damping = needed.imag / velocity.imag
     return Curve(damping, needed.real - damping * velocity.real)

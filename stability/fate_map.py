@@ -204,5 +204,5 @@ def units_of(plane: Plane, quantity: str) -> str:
     angle, force = ("rad", "N m") if plane.device.rotary else ("m", "N")
     return {
         "K": f"{force}/{angle}", "B": f"{force} s/{angle}", "delay": "s", "encoder_step": angle,
-        "command_limit": force, "friction": force, "amplitude": angle,
+        "command_limit": force, "friction": force, "amplitude": angle, "cutoff": "Hz",
     }[quantity]  # fmt: skip

@@ -76,7 +76,7 @@ def evaluate(plane: Plane, x: Floats, y: Floats, workers: int | None = None) -> 
     stiffness = columns.get("K", np.full(x.size, plane.stiffness))
     damping = columns.get("B", np.full(x.size, plane.damping))
     setting = Setting.of(plane, devices, which, starts)
-    ensemble = walls(stiffness, damping, 0.0, plane.one_sided)
+    ensemble = walls(stiffness, damping, 0.0, plane.one_sided, plane.trial.law)
     growth = judge_each(devices, which, ensemble, starts, setting.rest, plane.trial, workers)
     return classify(growth, setting, plane.trial.limit_s, plane.perceptible, plane.one_sided)
 

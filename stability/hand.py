@@ -5,7 +5,8 @@ The ranges are ascribed to the index finger in extension at 2 to 20 N (A. Z. Haj
 Identification of the mechanical impedance at the human finger tip, J. Biomechanical Engineering
 119, 109-114, 1997): finger, forces and model are as in its abstract, the numbers themselves are yet
 to be verified in the paper. The band of K_CR is taken over the corners of the ranges and their
-middle, at each damping. Limits: nothing between hand and device gives, the hand does not react.
+middle, at each damping; its quantiles over hands that are drawn, each property for itself and by
+equal ratios over its range. Limits: nothing between hand and device gives, the hand does not react.
 """
 
 from collections.abc import Iterable
@@ -34,6 +35,16 @@ class Range(NamedTuple):
     high: float
 
 
+class Quantiles(NamedTuple):
+    """K_CR [N m/rad | N/m] that 95, 50 and 5 % of hands reach."""
+
+    low: float
+    median: float
+    high: float
+
+
+LEVELS = (0.05, 0.5, 0.95)
+DRAWN = 200
 MASS, DAMPING, STIFFNESS = Range(3.5e-3, 8.7e-3), Range(4.02, 7.40), Range(255.0, 1255.0)
 MIDDLE = Hand(*(float(np.mean(r)) for r in (MASS, DAMPING, STIFFNESS)))
 HANDS = (MIDDLE, *(Hand(*values) for values in product(MASS, DAMPING, STIFFNESS)))
@@ -72,6 +83,36 @@ def hand_band(device: Device, dampings: Iterable[float], lever: float = 1.0) -> 
         ]
     )
     return [Range(float(k.min()), float(k.max())) for k in found.T]
+
+
+def draw_hands(count: int, seed: int = 0) -> list[Hand]:
+    """Return hands drawn from the ranges: the logarithm of each property evenly, each for itself.
+
+    Raises ValueError for a count < 1.
+    """
+    if count < 1:
+        raise ValueError(f"count is {count}; at least 1 hand is needed")
+    parts = np.random.default_rng(seed).random((count, 3))
+    low, high = np.log(np.array([MASS, DAMPING, STIFFNESS])).T
+    return [Hand(*row) for row in np.exp(low + parts * (high - low)).tolist()]
+
+
+def hand_quantiles(
+    device: Device, dampings: Iterable[float], lever: float = 1.0, count: int = DRAWN, seed: int = 0
+) -> list[Quantiles]:
+    """Return the K_CR that 95, 50 and 5 % of drawn hands reach at each B, 0 for no stable K.
+
+    lever [m] of the hand on a rotary device, unused else. Limit: with n hands the share that a
+    quantile is of is uncertain by some 1/sqrt(n).
+    """
+    grid = list(dampings)
+    found = np.array(
+        [
+            [point.stiffness or 0.0 for point in boundary(with_hand(device, hand, lever), grid)]
+            for hand in draw_hands(count, seed)
+        ]
+    )
+    return [Quantiles(*row) for row in np.quantile(found, LEVELS, axis=0).T.tolist()]
 
 
 def _added(values: np.ndarray, amount: float) -> np.ndarray:

@@ -23,6 +23,13 @@ from scipy.optimize import minimize_scalar
 from zwidth.sim.device import Device
 from zwidth.stability.crossings import Crossings, crossings
 from zwidth.stability.loop import Loop, open_loop
+from zwidth.stability.periodic import (
+    PeriodicLoop,
+    periodic_boundary,
+    periodic_corner,
+    periodic_last_damping,
+    periodic_loop,
+)
 from zwidth.stability.types import Corner, LinearPoint
 
 Floats = NDArray[np.float64]
@@ -38,13 +45,20 @@ def critical_stiffness(device: Device, damping: float) -> LinearPoint:
 
     Raises ValueError where B is not finite.
     """
-    return _critical(open_loop(device), damping)
+    return boundary(device, [damping])[0]
 
 
 def boundary(device: Device, dampings: Iterable[float]) -> list[LinearPoint]:
-    """Return the critical stiffness at each B."""
+    """Return the critical stiffness at each B; of several rates by `stability/periodic.py`."""
+    if device.interface.multirate:
+        return periodic_boundary(device, dampings)
     loop = open_loop(device)
     return [_critical(loop, damping) for damping in dampings]
+
+
+def any_loop(device: Device) -> Loop | PeriodicLoop:
+    """Return the loop of a device: `closed(K, B)` is of a tick or, of several rates, of a cycle."""
+    return periodic_loop(device) if device.interface.multirate else open_loop(device)
 
 
 def stable_bands(device: Device, damping: float) -> list[tuple[float, float]]:
@@ -67,6 +81,8 @@ def stable_dampings(device: Device) -> list[tuple[float, float]]:
 
 def last_stable_damping(device: Device) -> float | None:
     """Return the B above which every small K is unstable; None where that is so for every B."""
+    if device.interface.multirate:
+        return periodic_last_damping(device)
     bands = stable_dampings(device)
     return bands[-1][1] if bands else None
 
@@ -76,6 +92,8 @@ def corner(device: Device) -> Corner | None:
 
     The top is searched from a grid of `CORNER_GRID` dampings, then to rounding.
     """
+    if device.interface.multirate:
+        return periodic_corner(device)
     loop = open_loop(device)
     bands = _stable_dampings(loop)
     if not bands:

@@ -6,7 +6,8 @@ over [kT + r, (k + 1) T), so that
     x_{k+1} = Phi(T) x_k + Gamma(T - r) u_{k-d} + Phi(T - r) Gamma(r) u_{k-d-1}
     u_k = -(K y_k + B v_k),   v_k = (1 - a) v_{k-1} + a (y_k - y_{k-1}) / T
 
-State s = [x; u_{k-1} .. u_{k-D}; y_{k-1}; v_{k-1} where filtered], D = d or, with r > 0, d + 1.
+State s = [x; u_{k-1} .. u_{k-D}; y_{k-1}; v_{k-1} where filtered; its slope where that is of second
+order], D = d or, with r > 0, d + 1.
 Command, reading and velocity enter as single vectors, so K and B are both rank-one changes:
 
     s_{k+1} = (A - b (K c_y + B c_v)) s_k
@@ -20,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.sim.device import Device
+from zwidth.sim.force_sensor import force_row
 from zwidth.sim.plant import hold
 
 Floats = NDArray[np.float64]
@@ -79,12 +81,16 @@ def open_loop(device: Device) -> Loop:
     """
     plant = device.plant()
     period = device.interface.period
-    smoothing = device.interface.velocity_smoothing
     whole, remainder = device.interface.delay_ticks
     if whole > MOST_TICKS:
         raise ValueError(
             f"interface.delay is {whole} periods; the linear theory takes up to {MOST_TICKS}:"
             " shorten delay_s or lengthen period_s"
+        )
+    if device.interface.multirate:
+        raise ValueError(
+            "velocity_ticks or position_ticks is more than 1, and this theory takes one rate: use"
+            " `stability.periodic`, or set both to 1"
         )
     late, newer = hold(plant, period - remainder)
     transition, older = late, None
@@ -93,7 +99,9 @@ def open_loop(device: Device) -> Loop:
         older = late @ hold(plant, remainder)[1][:, 0]
     gain = device.interface.command_gain
     newer, older = gain * newer[:, 0], None if older is None else gain * older
-    loop = wired(transition, newer, older, whole, period, smoothing)
+    loop = wired(transition, newer, older, whole, period, device.interface.velocity_filter)
+    if device.interface.force_gain > 0.0:
+        loop = _fed_back(device, plant.dof, loop)
     shift = loop.shift
     grounded = plant.matrices.stiffness
     if np.all(np.abs(grounded.sum(axis=1)) <= 1e-14 * np.diag(grounded)):
@@ -101,18 +109,33 @@ def open_loop(device: Device) -> Loop:
     return loop
 
 
+def _fed_back(device: Device, dof: int, loop: Loop) -> Loop:
+    """Close the loop of the force sensor: u = (1 + G) w - G F, F a row on the device's state."""
+    gain = device.interface.force_gain
+    row = np.zeros(loop.entry.size)
+    row[: 2 * dof] = force_row(device.chain, device.interface, dof)
+    return loop._replace(
+        transition=loop.transition - gain * np.outer(loop.entry, row),
+        entry=(1.0 + gain) * loop.entry,
+    )
+
+
 def wired(
     transition: Floats, newer: Floats, older: Floats | None, whole: int, period: float,
-    smoothing: float = 1.0,
+    weights: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0),
 ) -> Loop:  # fmt: skip
     """Return the loop around a device whose position is its first state, shift left zero.
 
     transition (n, n) over a period; newer, older (n,): what the commands add that are `whole` and
-    whole + 1 ticks old, older None without remainder.
+    whole + 1 ticks old, older None without remainder. weights: of the velocity filter
+    (`Interface.velocity_filter`).
     """
     n, depth = transition.shape[0], whole + (older is not None)
     last_reading = n + depth
-    size = last_reading + 1 + (smoothing < 1.0)
+    straight, from_slope, to_slope, kept = weights
+    second = from_slope != 0.0
+    filtered = second or straight < 1.0
+    size = last_reading + 1 + filtered + second
     a = np.zeros((size, size))
     b, reading, velocity, shift = np.zeros((4, size))
     a[:n, :n] = transition
@@ -128,10 +151,15 @@ def wired(
         a[:n, n + whole] = older
     reading[0] = 1.0
     a[last_reading] = reading
-    velocity[0], velocity[last_reading] = smoothing / period, -smoothing / period
-    if smoothing < 1.0:
-        velocity[-1] = 1.0 - smoothing
-        a[-1] = velocity
+    velocity[0], velocity[last_reading] = straight / period, -straight / period
+    if filtered:
+        v = last_reading + 1
+        velocity[v] = 1.0 - straight
+        if second:
+            velocity[v + 1] = from_slope
+            a[v + 1, 0], a[v + 1, last_reading] = to_slope / period, -to_slope / period
+            a[v + 1, v], a[v + 1, v + 1] = -to_slope, kept
+        a[v] = velocity
     return Loop(a, b, reading, velocity, shift, period)
 
 

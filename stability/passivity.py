@@ -34,6 +34,7 @@ from scipy.optimize import minimize_scalar
 from zwidth.sim.device import Device
 from zwidth.sim.interface import Interface
 from zwidth.stability.types import PassivePoint
+from zwidth.stability.velocity import filter_response, refuse_force
 
 Floats = NDArray[np.float64]
 POINTS_PER_TICK = 64
@@ -56,6 +57,12 @@ def passive_boundary(device: Device, dampings: Iterable[float]) -> list[PassiveP
             "actuator_lag is set, which the passivity criterion cannot take: remove it, or add its"
             " time_constant to delay_s"
         )
+    if device.interface.multirate:
+        raise ValueError(
+            "velocity_ticks or position_ticks is more than 1, and the passivity criterion takes one"
+            " rate: set both to 1"
+        )
+    refuse_force(device, "the passivity criterion")
     b = float(device.chain.ground_dampers.sum())
     return [_passive(device.interface, b, damping) for damping in dampings]
 
@@ -84,10 +91,10 @@ def _passive(interface: Interface, b: float, damping: float) -> PassivePoint:
 def allowed(interface: Interface, b: float, damping: float, angles: Floats) -> Band:
     """Return the interval of K that the condition allows at each angle wT in [0, pi]."""
     whole, r = interface.delay_ticks
-    period, a = interface.period, interface.velocity_smoothing
+    period = interface.period
     behind = np.exp(-1j * angles)
     u = (period - r) * _kernel(whole, angles) + r * _kernel(whole + 1, angles)
-    filtered = a / (period * (1.0 - (1.0 - a) * behind))
+    filtered = filter_response(interface, np.exp(1j * angles)) / period
     w = filtered * (1.0 - behind)
     wu = -filtered * behind ** (whole + 1) * (period - r + r * behind)
     # -square K^2 - linear K + constant > 0

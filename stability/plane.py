@@ -14,12 +14,17 @@ from zwidth.sim.physics.effect import Physics
 from zwidth.stability.bisection import Trial
 
 Floats = NDArray[np.float64]
-Quantity = Literal["K", "B", "delay", "encoder_step", "command_limit", "friction", "amplitude"]
+Quantity = Literal[
+    "K", "B", "delay", "encoder_step", "command_limit", "friction", "amplitude", "cutoff"
+]
 QUANTITIES: tuple[Quantity, ...] = (
-    "K", "B", "delay", "encoder_step", "command_limit", "friction", "amplitude",
+    "K", "B", "delay", "encoder_step", "command_limit", "friction", "amplitude", "cutoff",
 )  # fmt: skip
-OF_THE_DEVICE: tuple[Quantity, ...] = ("delay", "encoder_step", "command_limit", "friction")
-NEVER_ZERO: tuple[Quantity, ...] = ("K", "command_limit", "amplitude")
+OF_THE_DEVICE: tuple[Quantity, ...] = (
+    "delay", "encoder_step", "command_limit", "friction", "cutoff",
+)  # fmt: skip
+NEVER_ZERO: tuple[Quantity, ...] = ("K", "command_limit", "amplitude", "cutoff")
+FIELDS: dict[str, str] = {"cutoff": "velocity_cutoff_hz"}  # of the interface, where named otherwise
 FEWEST_TICKS = 64  # of a run: eight windows of eight ticks
 MOST_TICKS = 50  # of delay: linear theory takes the eigenvalues of as many states at every point
 REST_OF_START, REST_OF_STEP = 1e-3, 0.02
@@ -65,10 +70,11 @@ class Axis:
 class Plane:
     """Two axes over a device; what is on no axis has its value in the device, or here.
 
-    stiffness, damping: of the wall. Friction on an axis is the level of Coulomb friction at m1
-    [N m | N]. perceptible: amplitude of the command [N m | N] from which a sustained oscillation is
-    felt. one_sided: the wall fills y > 0 and the run starts inside it. trial.threshold None: a run
-    rests below 1e-3 of its start and 0.02 of an encoder step.
+    stiffness, damping: of the wall, whose law is trial.law. Friction on an axis is the level of
+    Coulomb friction at m1 [N m | N], cutoff that of the velocity filter [Hz]. perceptible:
+    amplitude of the command [N m | N] from which a sustained oscillation is felt. one_sided: the
+    wall fills y > 0 and the run starts inside it. trial.threshold None: a run rests below 1e-3 of
+    its start and 0.02 of an encoder step.
 
     Raises ValueError (field, value, what is allowed).
     """
@@ -117,6 +123,7 @@ class Plane:
             "command_limit": interface.command_limit,
             "friction": next(levels, 0.0),
             "amplitude": abs(self.trial.start),
+            "cutoff": interface.velocity_cutoff_hz,
         }[quantity]
 
     def at(self, values: Mapping[str, float]) -> dict[Quantity, float]:
@@ -125,7 +132,9 @@ class Plane:
 
     def device_at(self, values: Mapping[str, float]) -> Device:
         """Return the device with the quantities that belong to it set to values."""
-        changes = {k: v for k, v in values.items() if k in OF_THE_DEVICE and k != "friction"}
+        changes = {
+            FIELDS.get(k, k): v for k, v in values.items() if k in OF_THE_DEVICE and k != "friction"
+        }
         device = self.device.with_interface(**changes) if changes else self.device
         return with_friction(device, values["friction"]) if "friction" in values else device
 

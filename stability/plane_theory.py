@@ -12,7 +12,9 @@ from zwidth.stability.describing import (
     quantiser_boundaries,
     saturation_cycle,
 )
-from zwidth.stability.loop import Loop, open_loop
+from zwidth.stability.linear import any_loop
+from zwidth.stability.loop import Loop
+from zwidth.stability.periodic import PeriodicLoop
 from zwidth.stability.plane import Axis, Floats, Plane, Quantity, with_friction
 
 LINE_POINTS = 49
@@ -23,16 +25,19 @@ def linear_radius(plane: Plane, x: Floats, y: Floats) -> Floats:
 
     Its zero line is the linear boundary; friction, steps, limits and amplitude do not change it.
     """
-    loops: dict[float, Loop] = {}
+    loops: dict[tuple[float, float], Loop | PeriodicLoop] = {}
+    face = plane.device.interface
 
     def closed(xi: float, yj: float) -> Floats:
         values = {plane.x.quantity: xi, plane.y.quantity: yj}
-        delay = values.get("delay", plane.device.interface.delay)
-        if delay not in loops:
-            loops[delay] = open_loop(plane.device.with_interface(delay=delay))
-        return loops[delay].closed(values.get("K", plane.stiffness), values.get("B", plane.damping))
+        key = values.get("delay", face.delay), values.get("cutoff", face.velocity_cutoff_hz)
+        if key not in loops:
+            loops[key] = any_loop(
+                plane.device.with_interface(delay=key[0], velocity_cutoff_hz=key[1])
+            )
+        return loops[key].closed(values.get("K", plane.stiffness), values.get("B", plane.damping))
 
-    if "delay" not in (plane.x.quantity, plane.y.quantity):
+    if not {"delay", "cutoff"} & {plane.x.quantity, plane.y.quantity}:
         matrices = np.array([[closed(float(xi), float(yj)) for xi in x] for yj in y])
         return np.abs(np.linalg.eigvals(matrices)).max(axis=-1) - 1.0
     radii = [[_radius(closed(float(xi), float(yj))) for xi in x] for yj in y]
@@ -60,7 +65,8 @@ def describing_lines(plane: Plane, points: int = LINE_POINTS) -> list[Line]:
     encoder step with friction, a limit in reach or a one-sided wall is no case of either theory.
     """
     axes = (plane.x, plane.y)
-    if "K" not in (plane.x.quantity, plane.y.quantity) or plane.one_sided:
+    plain = plane.trial.law.linear and not plane.one_sided
+    if "K" not in (plane.x.quantity, plane.y.quantity) or not plain:
         return []
     k_axis, other = axes if plane.x.quantity == "K" else axes[::-1]
     values = other.values(points)
@@ -113,6 +119,11 @@ def cycle_at_the_limit(plane: Plane, x: float, y: float) -> PredictedCycle | Non
     values = {plane.x.quantity: x, plane.y.quantity: y}
     at, device = plane.at(values), plane.device_at(values)
     alone = not device.physics and not device.interface.command_step and not at["encoder_step"]
-    if plane.one_sided or not alone or not math.isfinite(at["command_limit"]):
+    if (
+        plane.one_sided
+        or not plane.trial.law.linear
+        or not alone
+        or not math.isfinite(at["command_limit"])
+    ):
         return None
     return saturation_cycle(device, at["K"], at["B"])

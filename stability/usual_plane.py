@@ -8,9 +8,9 @@ from zwidth.stability.plane import Axis, Plane, Quantity
 
 CUSTOMARY = {
     "delay": (0.0, 0.01), "encoder_step": (0.0, 1e-3), "command_limit": (0.05, 1.0),
-    "friction": (0.0, 0.02), "amplitude": (1e-4, 1e-1),
+    "friction": (0.0, 0.02), "amplitude": (1e-4, 1e-1), "cutoff": (5.0, 500.0),
 }  # fmt: skip
-RISING_BY_RATIOS = ("amplitude",)  # where no range is given
+RISING_BY_RATIOS = ("amplitude", "cutoff")  # where no range is given
 SUBSTEPS = 10  # a tick, with friction or other physics
 LIMIT_S = 16.0  # of the longest run
 

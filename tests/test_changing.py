@@ -221,7 +221,12 @@ def test_a_diagnosis_says_when(tau: float):
     assert change.at == pytest.approx(tau, abs=0.05)
     assert change.before.lower < 0.02 < change.before.upper
     assert change.after.lower < 0.024 < change.after.upper
+    assert change.by.lower < 0.004 < change.by.upper
+    assert change.by.value == pytest.approx(change.after.value - change.before.value)
     assert "level of Coulomb friction at the motor rose from" in headline
+    # Values that are hardly known, and a difference that is: then the difference is said.
+    vague = replace(change, before=replace(change.before, lower=0.0, upper=1.0))
+    assert "motor rose by" in vague.sentence
     assert (change.free_run is None) == (tau == 12.0)
     assert after < 0.01
     said = change.as_json()

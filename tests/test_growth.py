@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-from engine_examples import Floats
+from engine_examples import Floats, phantom
 
+from zwidth.sim.ensemble import walls
 from zwidth.sim.growth import (
     DECAYS,
     GROWS,
@@ -15,6 +16,7 @@ from zwidth.sim.growth import (
     window_weights,
 )
 from zwidth.sim.windows import MEASURES
+from zwidth.stability.bisection import judge
 from zwidth.stability.frequency import ultimate_frequencies
 
 T, WINDOW = 1e-3, 500
@@ -155,3 +157,15 @@ def test_runs_of_any_length_keep_their_own_frequency() -> None:
     assert np.isnan(found[3])
     assert found[2] == ultimate_frequencies(rows[2:3, :3100], T)[0]
     assert np.isnan(ultimate_frequencies(np.ones((1, 10)), T)[0])
+
+
+def test_rounding_that_seems_to_grow_is_no_growth() -> None:
+    """A slow decay whose fast energy has fallen to rounding decays, whatever the rounding's slope.
+
+    A wall a thousandth of what the device bears, with a damper that leaves 0.02 /s of decay.
+    Mutation: `ROUNDED` of 0, with which one of these walls grows.
+    """
+    device = phantom().with_interface(velocity_order=2, velocity_cutoff_hz=97.86708907438302)
+    stiffness = np.geomspace(0.008, 0.02, 64)
+    growth = judge(device, walls(stiffness, 0.37947834782032713))
+    assert np.all(growth.verdict == DECAYS)

@@ -15,10 +15,19 @@ from zwidth.controllers.wall import wall
 from zwidth.sim.device import Device
 from zwidth.sim.equations import equations
 from zwidth.sim.kernel import scratch
+from zwidth.sim.law import Law
 from zwidth.sim.physics import make_physics
 from zwidth.sim.predict import GROUND, Outputs, alone
 from zwidth.sim.run import Start, simulate, start_memory
+from zwidth.sim.wall_law import MEMORY
 from zwidth.sim.windows import MEASURES, Bank, Kept, run_windows
+
+LAWS = (
+    Law(),
+    Law("texture", 3e-4, 0.4),
+    Law("region", width=2e-4),
+    Law("guarded", most_damping=0.05),
+)
 
 
 def _hash(*arrays: Floats) -> str:
@@ -29,14 +38,15 @@ def _hash(*arrays: Floats) -> str:
     return digest.hexdigest()
 
 
-def _windows(device: Device) -> list[Floats]:
+def _windows(device: Device, law: Law = LAWS[0]) -> list[Floats]:
     """Return measures and state of one run under a wall, two windows of eight ticks."""
     eq = equations(device, 1)
     memory = start_memory(eq, Start(1e-4, 0.02))
     bank = Bank(
         *(a[None] for a in (memory.x, memory.line, memory.internal, memory.scalars)),
-        walls=np.array([[20.0, 0.03, 1e-5, 1.0]]), past=np.full((1, 3), 0.02),
-        bounds=np.full(1, np.inf), escaped=np.zeros(1), counters=memory.counters,
+        walls=np.array([[20.0, 0.03, 1e-5, 1.0, *law.numbers]]), past=np.full((1, 3), 0.02),
+        bounds=np.full(1, np.inf), escaped=np.zeros(1), controller=np.zeros((1, MEMORY)),
+        counters=memory.counters, law=law.code,
     )  # fmt: skip
     kept = Kept(np.zeros((2, MEASURES, 1)), np.zeros((16, 1)))
     run_windows(eq, scratch(eq), bank, np.linspace(0.1, 1.0, 8), kept)
@@ -74,6 +84,15 @@ def fingerprints() -> dict[str, str]:
             one_mass(1e-3, 2e-3, encoder_step=1e-6, encoder_rounding="floor"), 1,
         ),
         "steps, filter, fractional delay": (phantom().with_interface(**stepped), 2),
+        "several rates": (
+            phantom().with_interface(
+                velocity_ticks=3, position_ticks=2, velocity_cutoff_hz=90.0, velocity_order=2,
+            ),
+            1,
+        ),
+        "force sensor": (
+            phantom().with_interface(force_sensor="link23", force_gain=0.5, delay=0.0), 1,
+        ),
         "lag": (phantom().with_physics(lag), 1),
         "friction": (phantom().with_interface(delay=0.0013).with_physics(*dry), 3),
         "smooth": (phantom().with_physics(cubic, drag), 2),
@@ -97,6 +116,8 @@ def fingerprints() -> dict[str, str]:
         "windows, friction": phantom().with_physics(coulomb(2e-3)),
     }.items():
         found[name] = _hash(*_windows(device))
+        for law in LAWS[1:]:
+            found[f"{name}, {law.kind}"] = _hash(*_windows(device, law))
         found[name.replace("windows", "predicted")] = _hash(_predicted(device))
     return found
 

@@ -8,13 +8,14 @@ import pytest
 from engine_examples import Floats, coulomb, one_mass, phantom
 from physics_examples import EVERYWHERE, example
 
-from zwidth.controllers.wall import wall
+from zwidth.controllers.of_law import controller_of
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import Device
 from zwidth.sim.ensemble import Runs, Walls, advance_runs, start_runs
 from zwidth.sim.group import member
 from zwidth.sim.growth import window_weights
 from zwidth.sim.lane_type import WIDTH
+from zwidth.sim.law import Law
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.run import Run, Start, simulate
@@ -35,6 +36,25 @@ DEVICES: dict[str, tuple[Device, int]] = {
     "fractional delay": (phantom().with_interface(delay=0.0037), 1),
     "steps and limit": (phantom().with_interface(**STEPPED), 1),
     "filter": (phantom().with_interface(velocity_cutoff_hz=120.0), 1),
+    "second-order filter": (
+        phantom().with_interface(velocity_cutoff_hz=90.0, velocity_order=2, encoder_step=3e-6),
+        1,
+    ),
+    "several rates": (
+        phantom().with_interface(
+            period=2.5e-4,
+            velocity_ticks=4,
+            position_ticks=3,
+            velocity_cutoff_hz=150.0,
+            velocity_order=2,
+            delay=4e-4,
+        ),
+        1,
+    ),
+    "force sensor": (
+        phantom().with_interface(force_sensor="link12", force_gain=0.4, delay=5e-4),
+        1,
+    ),
     "one mass": (one_mass(1.2e-3, 6e-3, delay=0.002), 1),
     "friction": (phantom().with_physics(coulomb(2e-3)), 3),
     "friction, steps, fraction": (
@@ -100,14 +120,24 @@ def started(devices: list[Device], substeps: int, ensemble: Walls, starts: list[
 
 def alone(device: Device, substeps: int, ensemble: Walls, i: int, start: Start) -> Run:
     """Return the run that the scalar kernel makes of one member."""
-    stiffness, damping, position, one_sided = ensemble.parameters()[i].tolist()
-    law = wall(stiffness, damping, position, bool(one_sided))
-    return simulate(device, law, duration=TICKS * 1e-3, start=start, substeps=substeps, bound=1e300)
+    stiffness, damping, position, one_sided = ensemble.parameters()[i, :4].tolist()
+    law = controller_of(ensemble.law, stiffness, damping, position, bool(one_sided))
+    return simulate(
+        device,
+        law,
+        duration=TICKS * device.interface.period,
+        start=start,
+        substeps=substeps,
+        bound=1e300,
+    )
 
 
-def assert_equal_runs(devices: list[Device], substeps: int, runs: range) -> None:
+def assert_equal_runs(
+    devices: list[Device], substeps: int, runs: range, law: Law | None = None
+) -> None:
     """State, reading, command and extremes to the bit; energies, summed otherwise, to 1e-12."""
     ensemble, starts = some_walls(), some_starts(devices[0].plant().dof)
+    ensemble = replace(ensemble, law=law or Law())
     weights = window_weights(TICKS)
     found, after = advance_runs(started(devices, substeps, ensemble, starts), weights, 1)
     for i in runs:
@@ -137,6 +167,18 @@ def test_lanes_equal_the_scalar_kernel(name: str) -> None:
     """
     device, substeps = DEVICES[name]
     assert_equal_runs([device], substeps, range(RUNS))
+
+
+@pytest.mark.parametrize("name", ["linear", "steps and limit", "several rates", "friction"])
+@pytest.mark.parametrize(
+    "law",
+    [Law("texture", 4e-4, 0.7), Law("region", width=6e-4), Law("guarded", most_damping=0.05)],
+    ids=lambda law: law.kind,
+)
+def test_every_law_in_lanes_equals_its_controller(name: str, law: Law) -> None:
+    """Mutations: the account of a guarded wall not handed on; the grating without its share."""
+    device, substeps = DEVICES[name]
+    assert_equal_runs([device], substeps, range(RUNS), law)
 
 
 @pytest.mark.parametrize(("name", "place"), EVERYWHERE)

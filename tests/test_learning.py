@@ -1,6 +1,7 @@
 """A law of no name is learned as a curve, beside and in the place of names."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -120,7 +121,28 @@ def test_a_law_is_kept_where_held_out_data_agree(names: float, worth: bool) -> N
     if law is None:
         return
     assert law.law.after < 0.01
+    first = law.headline(1, False)
+    assert first.startswith("a force acts at the motor that has no name in the library: up to")
+    assert "over velocity, which looks like a" in first
+    assert first.endswith("and 50 % without")
     assert "a force at m1 over velocity, which looks like -0." in law.sentence
     said = law.as_json()
     assert said["formula"].endswith("v^3") or "|v|^" in said["formula"]
     assert len(said["points"]) == law.curve.states.size
+
+
+def test_a_command_that_counts_for_more_is_no_law() -> None:
+    """Half as much again of every command is a scale, whatever the device file says of masses.
+
+    Mutation that breaks it: no straight line in the place of what was learned.
+    """
+    e = recording(nothing, 5)
+    less = replace(e, command=e.command / 1.5)
+    stiff = Device("mass", "", False, make_chain([0.5], [0.8], 30.0), Interface(period=T))
+    known = replace(stiff, uncertainty=replace(stiff.uncertainty, masses=1e-3, springs=1e-3,
+                                               dampers=1e-3))  # fmt: skip
+    model = Model(known)
+    plain = settled(judged([less], model, np.zeros(len(model.parameters))))
+    said: list[str] = []
+    assert learn(Search(plain, plain, QUICK, silent), said.append) is None
+    assert any("straight line" in s for s in said)

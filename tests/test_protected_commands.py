@@ -79,6 +79,12 @@ CASES: dict[str, Case | str] = {
         ("dev.toml",),
         "make_map",
     ),
+    "sweep": Case(
+        "dev.toml --values 20 80 --dampings 3 --rounds 0 --tolerance 0.1 --limit-s 4 --out o",
+        ("o/best.toml", "o/sweep.png", "o/sweep.svg"),
+        ("dev.toml",),
+        "sweep",
+    ),
     "explore": NOTHING,
     "simulate": Case(
         "wall.toml --out o",

@@ -100,6 +100,7 @@ RESULTS: dict[str, Any] = {
     "Scenario": lambda _: scenario(),
     "Diagnosis": lambda _: diagnosis(),
     "Identified": lambda _: identified(),
+    "Sweep": lambda _: zwidth.sweep(cart(), values=[20.0], dampings=3, rounds=0),
     "RelayReadings": lambda _: zwidth.relay(cart(), [0.0, 2.0], starts=2),
     "Plan": lambda _: zwidth.plan(cart(), "random_steps", seconds=1.0, level=4.0, travel=0.05),
 }

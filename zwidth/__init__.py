@@ -16,10 +16,13 @@ How stiff a wall?
     boundary          stable stiffness over damping, by theory and by simulation
     critical_stiffness, corner    the linear theory alone: at one damping, at the top
     make_map, save_map            what a run does over two quantities: rests, oscillates, grows
+    sweep             the setting, as of the velocity filter, with the widest Z-width
     relay             critical stiffness and frequency as a relay experiment reads them
-    find_boundaries   boundaries of several devices over dampings that you choose
+    find_boundaries   boundaries of several devices over dampings that you choose; Trial(law=Law())
+                      says which law the walls follow
 What happens in a run?
-    simulate          a device under wall, recorded, none or user_controller, or a Scenario
+    simulate          a device under wall, texture, region, guarded (by a passivity controller),
+                      recorded, none or user_controller, or a Scenario
     load_scenario, logged_run, replay    an experiment from a file, its log, the log run again
     read_recording, load_log, write_log  recordings and logs as Trace
 Which device?
@@ -30,8 +33,8 @@ Where does long work run?
     executor          on threads, in processes, on a cluster
 
 Every result (Boundary, Run, Trace, Log, Diagnosis, Identified, RelayReadings, Plan, FateMap,
-ReplayResult, Scenario, Device) has to_xarray(), to_pandas() and plot(), and shows as a table in a
-notebook. Quantities are SI; a rotary device counts in N m and rad, any other in N and m.
+Sweep, ReplayResult, Scenario, Device) has to_xarray(), to_pandas() and plot(), and shows as a table
+in a notebook. Quantities are SI; a rotary device counts in N m and rad, any other in N and m.
 help(zwidth.diagnose) and so on say what each takes, returns and raises; docs/python.md shows more.
 """
 
@@ -54,8 +57,12 @@ if _TYPE_CHECKING:
     from zwidth.api.plan import plan as plan
     from zwidth.api.relay import relay as relay
     from zwidth.api.simulate import simulate as simulate
+    from zwidth.api.sweep import sweep as sweep
+    from zwidth.controllers.guarded import guarded as guarded
     from zwidth.controllers.none import none as none
     from zwidth.controllers.recorded import recorded as recorded
+    from zwidth.controllers.region import region as region
+    from zwidth.controllers.texture import texture as texture
     from zwidth.controllers.wall import wall as wall
     from zwidth.diagnosis.answer.result import Diagnosis as Diagnosis
     from zwidth.diagnosis.answer.result import Estimate as Estimate
@@ -92,6 +99,7 @@ if _TYPE_CHECKING:
     from zwidth.sim.device_file import save_device as save_device
     from zwidth.sim.device_file import shipped_devices as shipped_devices
     from zwidth.sim.interface import Interface as Interface
+    from zwidth.sim.law import Law as Law
     from zwidth.sim.modal import ModalModel as ModalModel
     from zwidth.sim.modal import Mode as Mode
     from zwidth.sim.passive import PassiveFit as PassiveFit
@@ -117,6 +125,8 @@ if _TYPE_CHECKING:
     from zwidth.stability.linear import critical_stiffness as critical_stiffness
     from zwidth.stability.plane import Axis as Axis
     from zwidth.stability.plane import Plane as Plane
+    from zwidth.stability.sweep import Step as Step
+    from zwidth.stability.sweep import Sweep as Sweep
     from zwidth.stability.types import Corner as Corner
     from zwidth.stability.types import LinearPoint as LinearPoint
 
@@ -142,6 +152,7 @@ HOMES = {
     "Finding": "zwidth.diagnosis.answer.result",
     "Identified": "zwidth.identification.identified",
     "Interface": "zwidth.sim.interface",
+    "Law": "zwidth.sim.law",
     "LinearPoint": "zwidth.stability.types",
     "Log": "zwidth.logs.mcap_reader",
     "LoggedRun": "zwidth.scenarios.logged_run",
@@ -162,6 +173,8 @@ HOMES = {
     "Scenario": "zwidth.scenarios.scenario",
     "Search": "zwidth.stability.bisection",
     "Start": "zwidth.sim.run",
+    "Step": "zwidth.stability.sweep",
+    "Sweep": "zwidth.stability.sweep",
     "Trace": "zwidth.sim.trace",
     "Trial": "zwidth.stability.bisection",
     "Uncertainty": "zwidth.sim.uncertainty",
@@ -173,6 +186,7 @@ HOMES = {
     "excitation": "zwidth.api.plan",
     "executor": "zwidth.jobs.choose",
     "find_boundaries": "zwidth.stability.boundary",
+    "guarded": "zwidth.controllers.guarded",
     "identify": "zwidth.api.identify",
     "load_device": "zwidth.sim.device_file",
     "load_log": "zwidth.logs.recording",
@@ -186,12 +200,15 @@ HOMES = {
     "plan": "zwidth.api.plan",
     "read_recording": "zwidth.logs.recording",
     "recorded": "zwidth.controllers.recorded",
+    "region": "zwidth.controllers.region",
     "relay": "zwidth.api.relay",
     "replay": "zwidth.scenarios.replay",
     "save_device": "zwidth.sim.device_file",
     "save_map": "zwidth.stability.fate_map",
     "shipped_devices": "zwidth.sim.device_file",
     "simulate": "zwidth.api.simulate",
+    "sweep": "zwidth.api.sweep",
+    "texture": "zwidth.controllers.texture",
     "user_controller": "zwidth.sim.controller",
     "wall": "zwidth.controllers.wall",
     "write_log": "zwidth.logs.mcap_writer",

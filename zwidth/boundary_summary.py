@@ -41,8 +41,9 @@ def say_stiffest(console: Console, result: BoundaryResult) -> None:
         *(Column(name) for name in extras),
     ]  # fmt: skip
     rows = [[*_row(b), *(EXTRAS[name](b) or NONE for name in extras)] for b in asked]
+    law = "" if result.law is UNSET else f", {result.law}"
     console.table(
-        f"\n{result.device}: how stiff a wall may be, B in {force} s/{length}", columns, rows
+        f"\n{result.device}{law}: how stiff a wall may be, B in {force} s/{length}", columns, rows
     )
 
 
@@ -97,6 +98,14 @@ def _hand(b: DelayBoundary) -> str:
     return f"{top.hand.low:.4g} to {top.hand.high:.4g}"
 
 
+def _hands(b: DelayBoundary) -> str:
+    known = [p.hands for p in b.points if p.hands is not UNSET]
+    if not known:
+        return ""
+    best = max(known, key=lambda s: s.low)
+    return f"{best.low:.4g}, {best.median:.4g}, {best.high:.4g}"
+
+
 def _spread(b: DelayBoundary) -> str:
     top = _top(b)
     if top is None or top.confidence95 is UNSET:
@@ -107,5 +116,6 @@ def _spread(b: DelayBoundary) -> str:
 EXTRAS = {
     "stiffest passive wall": _passive,
     "held by a hand": _hand,
+    "by 95, 50, 5 % of hands": _hands,
     "95 % of K_max": _spread,
 }

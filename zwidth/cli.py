@@ -29,6 +29,7 @@ COMMANDS = {
     "plan": "Say what a recording would show, before it is made.",
     "boundary": "Find the stability boundary of a device under a sampled virtual wall.",
     "map": "Map what becomes of a run over two quantities, with the linear boundary over it.",
+    "sweep": "Find the setting of the interface with which a device renders the most walls.",
     "explore": "Explore the K-B plane of a device in the browser.",
     "relay": (
         "Find K_CR and the ultimate frequency by a relay, as the paper did on the real device."

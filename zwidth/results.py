@@ -49,11 +49,20 @@ class Interval(msgspec.Struct, frozen=True):
     high: float
 
 
+class Quantiles(msgspec.Struct, frozen=True):
+    """Stiffness [N m/rad | N/m] that 95, 50 and 5 % of cases reach; 0 for no stable K."""
+
+    low: float
+    median: float
+    high: float
+
+
 class Point(msgspec.Struct, frozen=True, omit_defaults=True):
     """The boundary at one virtual damping B [N m s/rad | N s/m].
 
     passive: the stiffest passive wall, None where there is none; hand: K_CR over the range of hands
-    at m3; confidence95: K_CR by the covariance of the parameters. Absent where not asked for.
+    at m3; hands: its quantiles over hands that were drawn; confidence95: K_CR by the covariance of
+    the parameters. Absent where not asked for.
     """
 
     damping: float
@@ -62,6 +71,7 @@ class Point(msgspec.Struct, frozen=True, omit_defaults=True):
     measured: Measured | UnsetType = UNSET
     passive: Critical | UnsetType | None = UNSET
     hand: Interval | UnsetType = UNSET
+    hands: Quantiles | UnsetType = UNSET
     confidence95: Interval | UnsetType = UNSET
 
 
@@ -93,11 +103,15 @@ class DelayBoundary(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class BoundaryResult(msgspec.Struct, frozen=True, omit_defaults=True):
-    """The result of ``zwidth boundary``; rotary says which units the numbers have."""
+    """The result of ``zwidth boundary``; rotary says which units the numbers have.
+
+    law: of the walls in the time domain, in words; absent for spring and damper.
+    """
 
     device: str
     boundaries: list[DelayBoundary]
     rotary: bool = True
+    law: str | UnsetType = UNSET
 
 
 def point_of(point: BoundaryPoint, measured: Measured | UnsetType = UNSET) -> Point:

@@ -43,7 +43,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 from scipy.special import expit, logit
-from scipy.stats import norm
+from scipy.stats import norm, wilcoxon
 from scipy.stats import t as student
 
 from zwidth.diagnosis.answer.led import Span, span
@@ -72,6 +72,7 @@ HORIZONS = (0.05, 0.5, 2.0)  # s
 SHORTEST = 5  # ticks of a free run
 FAR_LESS = 0.5  # rms error over that of another, from which ratios tell as well as differences
 APART = 2.0  # sigma
+OFTEN = 0.01  # odds of ranks by chance
 TINY = 1e-300
 RUNS = 3  # free runs of a length at least, or nothing is said of it
 MOST_RUNS = 100  # free runs of a length in a recording
@@ -381,6 +382,30 @@ def freer(
         if max(a.mean(), b.mean()) * FAR_LESS**2 > min(a.mean(), b.mean()) > 0.0:
             told.append(_clearly(np.log(np.maximum(b, TINY) / np.maximum(a, TINY))))
     return max(told, key=abs, default=0.0) > APART
+
+
+def oftener_freer(
+    new: tuple[Fitted, Observer], old: tuple[Fitted, Observer], experiments: Sequence[Experiment]
+) -> bool:
+    """Whether free runs of one answer err less than those of another more often than by chance.
+
+    By Wilcoxon's signed ranks of the ratios of their errors (Biometrics Bulletin 1, 1945), at any
+    horizon with odds of `OFTEN`. A law with a steep branch errs little in most runs and much in the
+    few in which it takes the wrong side; their squares would tell nothing.
+    """
+    lengths = _lengths(experiments)
+    for ticks in lengths:
+        a, b = (
+            _squares(
+                f.model.acting(f.x), [_seen(f.model, f.x, e, o) for e in experiments], o, ticks
+            )
+            for f, o in (new, old)
+        )
+        ratios = np.log(np.maximum(b, TINY) / np.maximum(a, TINY))
+        odds = float(wilcoxon(ratios, alternative="greater").pvalue) if np.any(ratios) else 1.0
+        if odds < OFTEN / len(lengths):
+            return True
+    return False
 
 
 def _clearly(gains: Floats) -> float:

@@ -5,7 +5,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy, freer
+from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy, freer, wander
 from zwidth.diagnosis.answer.augmented import all_smooth, augmented
 from zwidth.diagnosis.answer.cautions import cautions
 from zwidth.diagnosis.answer.changes import Change, changing
@@ -94,19 +94,27 @@ def answered(
     augment = partial(_augmented, taken, found, findings)
     verdict, sentence = _verdict(found, findings, refit, left, other, mishaps, sound, free)
     law, stopped = None, found.interrupted or halted
-    if verdict is Verdict.UNKNOWN_PHYSICS:
+    strays = not findings and wander(free.after, free.noise_floor)
+    if verdict is Verdict.UNKNOWN_PHYSICS or (verdict is Verdict.UNDECIDED and strays):
         findings = tuple(f.without_probability() for f in findings)
         law, stopped = _law_of_no_name(device, by, taken, free, say)
     if law is not None:
+        if verdict is Verdict.UNDECIDED:  # what was said of chance no longer stands
+            verdict = Verdict.UNKNOWN_PHYSICS
+            sentence = "something is missing that no effect of the library explains"
         sentence = f"{sentence}; {law.sentence}"
         augment = partial(_augmented, taken, law.found, findings)
     lost = " and ".join(dict.fromkeys(WHAT_IS_LOST[m.stage] for m in mishaps.of(*DECISIVE)))
     masses = device.chain.masses.size
-    first = headline(
-        Answer(verdict, findings, refit, faults, masses, left, other, sound, free, lost)
+    law_in_words = "" if law is None else law.headline(masses, device.rotary)
+    said_of = Answer(
+        verdict, findings, refit, faults, masses, left, other, sound, free, lost, law_in_words
     )
+    first = headline(said_of)
     if changes:
         also = "; ".join(change.sentence for change in changes)
+        if verdict is Verdict.UNKNOWN_PHYSICS:  # what lacks a law may look as if it changed
+            also = f"as far as these laws hold, {also}"
         first, sentence = f"{first}; {also}", f"{sentence}; {also}"
     verdict, sentence = _with_faults(verdict, sentence, faults)
     located = replace(located, sentence=where(located, findings, masses))

@@ -84,9 +84,10 @@ class Change:
     parameter: as `linear_refit` names it, or that of an effect at a place. shape: "step", at `at`
     [s] of a recording with the 95 % interval `between`; "drift", from the first sample to the last;
     "settling", with the time constant `rate` [s]; "run", in one recording only. before, after: its
-    values. gained: in -2 ln, all paid. free_run: errors over the motion of free runs on held-out
-    data without the change and with it, None where the change itself is held out. windows: what
-    each part of the recordings says by itself.
+    values; by: what lies between, which may be known far better than either, where another
+    parameter does nearly the same. gained: in -2 ln, all paid. free_run: errors over the motion of
+    free runs on held-out data without the change and with it, None where the change itself is held
+    out. windows: what each part of the recordings says by itself.
     """
 
     parameter: str
@@ -99,6 +100,7 @@ class Change:
     rate: float | None
     before: Estimate
     after: Estimate
+    by: Estimate
     gained: float
     free_run: tuple[float, float] | None
     masses: int
@@ -118,25 +120,38 @@ class Change:
     @property
     def sentence(self) -> str:
         """Say what changed, by how much, and when."""
-        first, last = said(self.before), said(self.after)
-        how = "rose" if self.after.value > self.before.value else "fell"
+        how = "rose" if self.by.value > 0.0 else "fell"
         if self.shape == RUN:
-            return f"{self.what} was {first} in {self.recording}, and {last} in all others"
-        if self.shape == SETTLES:
+            if self._apart:
+                first, last = said(self.before), said(self.after)
+                return f"{self.what} was {first} in {self.recording}, and {last} in all others"
+            more = "more" if self.by.value < 0.0 else "less"
             return (
-                f"{self.what} settled from {first} to {last} with a time constant of"
-                f" {plain(self.rate or 0.0, 2)} s"
+                f"{self.what} was {said(_size(self.by))} {more} in {self.recording} than in all"
+                f" others, where it was {said(self.after)}"
             )
-        if self.shape == DRIFT:
-            return f"{self.what} drifted from {first} to {last}"
-        if self.at is None or self.between is None:
-            return f"{self.what} {how} from {first} to {last} from {self.recording} on"
-        low, high = self.between
-        digits = max(0, min(4, -int(np.floor(np.log10(max(0.5 * (high - low), 1e-4))))))
-        return (
-            f"{self.what} {how} from {first} to {last} at {self.at:.{digits}f} s"
-            f" ({low:.{digits}f} to {high:.{digits}f} s)"
-        )
+        if self.shape == SETTLES:
+            how, when = "settled", f"with a time constant of {plain(self.rate or 0.0, 2)} s"
+        elif self.shape == DRIFT:
+            how, when = "drifted", "from the first sample to the last"
+        elif self.at is None or self.between is None:
+            when = f"from {self.recording} on"
+        else:
+            low, high = self.between
+            digits = max(0, min(4, -int(np.floor(np.log10(max(0.5 * (high - low), 1e-4))))))
+            when = f"at {self.at:.{digits}f} s ({low:.{digits}f} to {high:.{digits}f} s)"
+        return f"{self.what} {how} {self._course} {when}"
+
+    @property
+    def _apart(self) -> bool:
+        """Whether the values' own intervals show that they differ."""
+        return self.before.upper < self.after.lower or self.after.upper < self.before.lower
+
+    @property
+    def _course(self) -> str:
+        if self._apart:
+            return f"from {said(self.before)} to {said(self.after)}"
+        return f"by {said(_size(self.by))} from {said(self.before)}"
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON of `zwidth diagnose`."""
@@ -153,6 +168,7 @@ class Change:
             "time_constant_s": self.rate,
             "before": self.before.as_json(),
             "after": self.after.as_json(),
+            "by": self.by.as_json(),
             "gained": self.gained,
             "free_run": free,
             "windows": {
@@ -160,6 +176,13 @@ class Change:
                 for name in ("times", "values", "lower", "upper")
             },
         }
+
+
+def _size(by: Estimate) -> Estimate:
+    """A difference without its sign."""
+    if by.value > 0.0:
+        return by
+    return Estimate(-by.value, -by.upper, -by.lower, by.unit)
 
 
 def changing(
@@ -299,15 +322,26 @@ def _said(
     first = last.copy()
     first[index] = 1.0
 
-    def estimate(way: Floats) -> Estimate:
+    unit = _unit(model, own.index)
+
+    def value(own_x: float) -> float:
         there = x.copy()
-        there[own.index] = way @ x
-        half = Z95 * float(np.sqrt(max(way @ spread @ way, 0.0)))
-        low, high = there.copy(), there.copy()
-        low[own.index] -= half
-        high[own.index] += half
-        values = [_value(model, model.within(at), own.index) for at in (there, low, high)]
-        return Estimate(values[0], min(values[1:]), max(values[1:]), _unit(model, own.index))
+        there[own.index] = own_x
+        return _value(model, model.within(there), own.index)
+
+    def estimate(way: Floats) -> Estimate:
+        at, half = float(way @ x), Z95 * float(np.sqrt(max(way @ spread @ way, 0.0)))
+        ends = value(at - half), value(at + half)
+        return Estimate(value(at), min(ends), max(ends), unit)
+
+    def difference() -> Estimate:
+        """From before to after, the other parameters as they are."""
+        before, last_x = value(float(first @ x)), float(last @ x)
+        half = Z95 * float(np.sqrt(max(spread[index, index], 0.0)))
+        least, most = (value(last_x + x[index] + k * half) for k in (-1.0, 1.0))
+        now = value(last_x)
+        ends = now - least, now - most
+        return Estimate(now - before, min(ends), max(ends), unit)
 
     target = model.parameters[own.index]
     physics = model.effects[target.index] if target.kind == "effect" else None
@@ -319,7 +353,7 @@ def _said(
         None if physics is None else physics.at,
         suspect.shape, name, at, between,
         suspect.rate * period if suspect.shape == SETTLES else None,
-        estimate(first), estimate(last), new.gained, free_run,
+        estimate(first), estimate(last), difference(), new.gained, free_run,
         model.nominal.chain.masses.size,
         _windows(new, experiments, own.index, index, at is not None),
     )  # fmt: skip

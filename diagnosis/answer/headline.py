@@ -163,7 +163,8 @@ class Answer:
 
     refit: name -> (device file's, refitted); masses: of the device's chain; left: what no effect of
     the library explains beside what was found, other: the same in its place; sound and free: what
-    held-out data say; lost: what an error took from the verdict, "" for nothing.
+    held-out data say; lost: what an error took from the verdict, "" for nothing; learned: a law of
+    no name in words, "" for none.
     """
 
     verdict: Verdict
@@ -176,6 +177,7 @@ class Answer:
     sound: Adequacy | None
     free: HeldOut
     lost: str = ""
+    learned: str = ""
 
 
 def headline(answer: Answer) -> str:
@@ -223,6 +225,10 @@ def _confusable(a: Answer) -> str:
 
 def _unknown(a: Answer) -> str:
     """How far the names go, and what is known of the rest."""
+    if a.learned:
+        names = all_in_words(a.findings, a.masses)
+        beside = f"{names} {_is(a.findings)} missing, and " if a.findings else ""
+        return f"{beside}{a.learned}"
     if a.other is not None:
         return f"something is missing that has no name in the library: {_of_no_name(a, a.other)}"
     if not a.findings:

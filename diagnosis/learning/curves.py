@@ -32,7 +32,8 @@ from zwidth.diagnosis.mishaps import Say, attempt
 from zwidth.diagnosis.noise.predictor import SETTLING
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.seeking.sizes import sizes_of
-from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
+from zwidth.diagnosis.selection.evidence import believed
+from zwidth.diagnosis.selection.hypothesis import Hypothesis, against, judged, settled
 from zwidth.diagnosis.selection.search import Search
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
@@ -114,6 +115,10 @@ def learn(found: Search, say: Say) -> Learned | None:
     best = _shaped(*best), best[1]
     if not found.ahead(best[0], least):
         return None
+    rival = _in_its_place(*best, _line(best[1]))
+    if rival is not None and not believed(best[0].cost, rival.cost, against(best[0], rival).phi):
+        say("a straight line would do as well: that is no law, but a spring, a damper or a scale")
+        return None
     return _learned(*best, least)
 
 
@@ -166,6 +171,12 @@ def _law(site: Site, count: int, odd: bool, like: Physics | None = None) -> Phys
     return make_physics(site.effect, site.at, **table_values(points, odd))
 
 
+def _line(site: Site) -> Physics:
+    """A line through the origin, which a spring, a damper or a scale is."""
+    points = [(0.0, 0.0), (float(np.abs(site.states).max()), 0.0)]
+    return make_physics(site.effect, site.at, **table_values(points, odd=True))
+
+
 def law_at(law: Physics, states: Floats) -> Floats:
     """Return a law of no name at some states (...,)."""
     s, f = np.array(points_of(law.values)).T
@@ -195,17 +206,21 @@ def _fitted(
         return None
 
 
+def _in_its_place(h: Hypothesis, site: Site, law: Physics) -> Hypothesis | None:
+    """Another law in the place of the one that a hypothesis has last, fitted."""
+    model, own = h.model.less(h.x, len(h.model.effects) - 1)
+    return _fitted(replace(h, model=model, x=own), site, law, own)
+
+
 def _shaped(h: Hypothesis, site: Site) -> Hypothesis:
     """The same law with as many points as pay, odd where that is likelier."""
-    model, own = h.model.less(h.x, len(h.model.effects) - 1)
-    bare = replace(h, model=model, x=own)
     law = h.model.effects_at(h.x)[-1]
     best = h
     for count, odd in [*((c, False) for c in COUNTS), *((c, True) for c in ODD_COUNTS)]:
         shape = _law(site, count, odd, law)
         if shape is None or (len(points_of(law.values)), law.values["odd"] > 0.5) == (count, odd):
             continue
-        other = _fitted(bare, site, shape, own)
+        other = _in_its_place(h, site, shape)
         if other is not None and other.cost.total < best.cost.total:
             best = other
     return _without_names(best)

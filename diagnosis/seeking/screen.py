@@ -151,7 +151,8 @@ def _between(first: Screened, second: Screened, base: Floats, least: float) -> S
     along = float(a) * physics.values[key]
     across = float(b) * second.start.physics.values[key]
     size = math.hypot(along, across)
-    if not size > 0.0:
+    most = physics.effect.parameter(key).upper
+    if not 0.0 < size <= most:  # larger than the effect can be is another effect
         return None
     values = {**physics.values, key: size, name: math.atan2(across, along)}
     scales = {**first.start.scales, key: size}

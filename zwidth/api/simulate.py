@@ -29,7 +29,8 @@ def simulate(
     """Run a device under a controller, or a scenario as it stands.
 
     device: a Device, the name of a shipped one, a device file; or a Scenario, which says all the
-    rest. controller: of `wall`, `recorded`, `none` or your own; None for none. duration [s]: by
+    rest. controller: of `wall`, `texture`, `region`,
+    `guarded`, `recorded`, `none` or your own; None for none. duration [s]: by
     default that of a recorded command, else 4 s. start: by default at rest, under a wall displaced
     by 1e-3 [rad | m], or nothing would move. disturbance: forces [N m | N], shape (ticks,) on m1 or
     (ticks, masses), each held for a tick. substeps a tick: by default one where that is exact, else
@@ -45,7 +46,7 @@ def simulate(
     device = device_of(device)
     law = none() if controller is None else controller
     if start is None:
-        still = law.kind == "wall" and disturbance is None
+        still = law.kind in ("wall", "texture", "region", "guarded") and disturbance is None
         start = Start(Trial().start if still else 0.0)
     if duration is None:
         ticks = law.parameters.size if law.kind == "recorded" else 0

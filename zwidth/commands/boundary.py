@@ -12,9 +12,10 @@ from zwidth.boundary_extras import Asked, extra_cells, extra_headings, with_extr
 from zwidth.boundary_summary import say_stiffest, stiffest
 from zwidth.compiling import announce
 from zwidth.console import Column, Console, progress
-from zwidth.controllers.wall import wall
+from zwidth.controllers.of_law import controller_of
 from zwidth.covariance import load_covariance
 from zwidth.figures.names import picture_files
+from zwidth.law_options import law_of, law_options, said_of
 from zwidth.options import (
     ManyNumbers,
     Quantities,
@@ -77,10 +78,13 @@ SIDES = ("stable", "unstable")  # of a boundary's top, a log each
               " mass, as a band.")  # fmt: skip
 @click.option("--lever", type=Quantity("m", above=True),
               help="Distance of the hand from the axis of a rotary device.")  # fmt: skip
+@click.option("--hands", type=click.IntRange(10, 100_000), default=None, metavar="N",
+              help="K_CR over N fingers drawn from the published range: quantiles.")  # fmt: skip
 @click.option("--covariance", "covariance_file", metavar="FILE",
               type=click.Path(exists=True, dir_okay=False, path_type=Path),
               help="95 % band of K_CR from the parameters' covariance, as `zwidth identify` wrote"
               " it.")  # fmt: skip
+@law_options
 @click.option("--table", "in_full", is_flag=True, help="Print the boundary at every damping, too.")
 @out_option("runs/boundary")
 @force_option
@@ -100,9 +104,12 @@ def command(name: str, out: Path, json_file: str | None, **options: Any) -> None
     delays = [1e-3 * ms for ms in options["delay_ms"]] or [device.interface.delay]
     asked = Asked(
         options["criterion"] == "passivity",
-        _lever(device, options["hand"], options["lever"]),
+        _lever(device, options["hand"] or options["hands"] is not None, options["lever"]),
         None if options["covariance_file"] is None else load_covariance(options["covariance_file"]),
+        options["hands"] or 0,
+        options["hand"],
     )
+    law = law_of([device.with_interface(delay=delay) for delay in delays], options)
     logs = (_log_file(out, delay, side) for delay in delays for side in SIDES)
     console.will_write(*picture_files(out / "boundary"), *logs)
     announce(console)
@@ -111,6 +118,7 @@ def command(name: str, out: Path, json_file: str | None, **options: Any) -> None
         limit_s=max(options["limit_s"], 4.0),
         substeps=options["substeps"]
         or max(usual_substeps(device.with_interface(delay=d)) for d in delays),
+        law=law,
     )
     search = Search(tolerance=options["tolerance"])
     measured = device.name == load_device(DEVICE).name
@@ -142,10 +150,11 @@ def _refuse_absurd(device: Device, dampings: Sequence[float]) -> None:
 def _lever(device: Device, hand: bool, lever: float | None) -> float | None:
     """Where a hand holds the device, None for no hand."""
     if lever is not None and not hand:
-        raise ValueError("--lever says where a hand holds the device; add --hand")
+        raise ValueError("--lever says where a hand holds the device; add --hand or --hands")
     if hand and device.rotary and lever is None:
         raise ValueError(
-            "--hand on a rotary device needs --lever, the hand's distance from the axis [m]"
+            "--hand or --hands on a rotary device needs --lever, the hand's distance from the axis"
+            " [m]"
         )
     return (lever or 1.0) if hand else None
 
@@ -191,6 +200,7 @@ def _write(
             for b in found
         ],
         device.rotary,
+        said_of(trial.law, device.rotary) or UNSET,
     )
     say_stiffest(console, result)
     for boundary, values in zip(found, result.boundaries, strict=True):
@@ -314,7 +324,7 @@ def _log_top(boundary: Boundary, trial: Trial, out: Path) -> list[Path]:
             continue
         scenario = Scenario(
             boundary.device,
-            wall(stiffness, bracket.damping),
+            controller_of(trial.law, stiffness, bracket.damping),
             max(LOGGED_S, trial.seconds),
             Start(trial.start),
             substeps=trial.substeps,

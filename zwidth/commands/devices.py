@@ -181,9 +181,14 @@ def _settings(console: Console, device: Device) -> None:
         ("command gain", interface.command_gain, 1.0),
         ("position origin", interface.position_origin, 0.0),
         ("velocity cutoff [Hz]", interface.velocity_cutoff_hz, math.inf),
+        ("order of the velocity filter", interface.velocity_order, 1),
+        ("force sensor in", interface.force_sensor, ""),
+        ("gain of the force feedback", interface.force_gain, 0.0),
+        ("samples from one velocity to the next", interface.velocity_ticks, 1),
+        ("samples from one position of the law to the next", interface.position_ticks, 1),
     ):
         if value != none:
-            console.say(f"{what} {value:g}")
+            console.say(f"{what} {value if isinstance(value, str) else f'{value:g}'}")
     known = device.uncertainty
     for what, value, usual in (
         ("command scale", known.command_scale, USUAL.command_scale),

@@ -12,6 +12,7 @@ from zwidth.console import Column, Console, progress
 from zwidth.figures.names import picture_files
 from zwidth.files.whole import write_with
 from zwidth.jobs.choose import executor
+from zwidth.law_options import law_of, law_options
 from zwidth.options import (
     Quantity,
     cluster_option,
@@ -34,6 +35,7 @@ from zwidth.stability.usual_plane import usual_axis
 FIXED_BY: dict[Quantities, str] = {
     "K": "stiffness", "B": "damping", "delay": "delay_ms", "encoder_step": "encoder_step",
     "command_limit": "command_limit", "friction": "friction", "amplitude": "start",
+    "cutoff": "cutoff_hz",
 }  # fmt: skip
 
 
@@ -55,6 +57,8 @@ FIXED_BY: dict[Quantities, str] = {
               help="Limit, else the device's.")  # fmt: skip
 @click.option("--friction", type=Quantity("N m | N"),
               help="Coulomb friction at m1, else the device's.")  # fmt: skip
+@click.option("--cutoff-hz", type=Quantity("Hz", above=True),
+              help="Cut-off of the velocity filter, else the device's.")  # fmt: skip
 @click.option("--start", type=Quantity("rad | m", above=True), default=1e-3, show_default=True,
               help="Start amplitude where it is no axis.")  # fmt: skip
 @click.option("--seconds", type=Quantity("s", above=True), default=4.0, show_default=True,
@@ -64,6 +68,7 @@ FIXED_BY: dict[Quantities, str] = {
 @click.option("--perceptible", type=Quantity("N m | N"), default=0.01, show_default=True,
               help="Force from which an oscillation is felt.")  # fmt: skip
 @click.option("--one-sided", is_flag=True, help="The wall only pushes.")
+@law_options
 @click.option("--coarse", type=click.IntRange(3, 513), default=25, show_default=True,
               help="Points a side before refinement.")  # fmt: skip
 @click.option("--levels", type=click.IntRange(0, 8), default=3, show_default=True,
@@ -138,6 +143,7 @@ def _plane(device: Device, options: dict[str, Any]) -> Plane:
             ("delay", "delay_ms", 1e-3),
             ("encoder_step", "encoder_step", 1.0),
             ("command_limit", "command_limit", 1.0),
+            ("velocity_cutoff_hz", "cutoff_hz", 1.0),
         )
         if options[option] is not None
     }
@@ -154,6 +160,7 @@ def _plane(device: Device, options: dict[str, Any]) -> Plane:
     trial = Trial(
         options["start"], seconds, 4.0 * seconds, min(0.5, seconds / 8.0),
         substeps=options["substeps"] or enough_substeps(rubbing, 10 if rubbing.physics else 1),
+        law=law_of([device], options),
     )  # fmt: skip
     return Plane(
         device, axes[0], axes[1], options["stiffness"], options["damping"], trial,

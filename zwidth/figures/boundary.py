@@ -30,6 +30,7 @@ DASHES = (
 )
 SHAPES = ("o", "s", "^", "D", "v", "P")
 JUMP = 4.0  # ratio of neighbouring frequencies that is a change of branch and no slope
+LONG_TITLE = 60
 INSET_ROOM = 1.45  # of the picture's width, for what it enlarges
 DOTS = 60  # time-domain brackets shown a delay at the most; each is narrower than its dot
 
@@ -76,7 +77,9 @@ def boundary_figure(
         _label(stiffness, frequency, result)
         if any(corner.passive.any() for corner in corners):
             _inset(stiffness, corners)
-        stiffness.set_title(f"Stability boundary of {result.device}", loc="left", fontsize=12)
+        law = "" if result.law is UNSET else f"; dots: {result.law}"
+        title = f"Stability boundary of {result.device}{law}"
+        stiffness.set_title(title, loc="left", fontsize=12 if len(title) < LONG_TITLE else 9)
         _legend(figure, result, measured_source)
     return figure
 
@@ -90,6 +93,7 @@ def _draw(stiffness: Axes, frequency: Axes, boundary: DelayBoundary, look: Look)
         color=look.colour, linestyle=":", marker="_", markersize=9,
     )  # fmt: skip
     _band(stiffness, points, lambda p: p.hand, look, 0.12)
+    _hands(stiffness, points, look)
     _band(stiffness, points, lambda p: p.confidence95, look, 0.3)
     shown = points[:: math.ceil(len(points) / DOTS)]
     dots: dict[str, Any] = {
@@ -161,6 +165,16 @@ def _band(
         axes.fill_between(x, low, high, color=look.colour, alpha=strength, linewidth=0.0)
 
 
+def _hands(axes: Axes, points: Sequence[Point], look: Look) -> None:
+    """Fill between the quantiles over hands, with a thin line at the median."""
+    known = [(p.damping, p.hands) for p in points if p.hands is not UNSET]
+    if known:
+        x = [damping for damping, _ in known]
+        low, high = [h.low for _, h in known], [h.high for _, h in known]
+        axes.fill_between(x, low, high, color=look.colour, alpha=0.2, linewidth=0.0)
+        axes.plot(x, [h.median for _, h in known], color=look.colour, linewidth=0.8)
+
+
 def _shape(axes: Axes, point: Point, value: float, look: Look) -> None:
     axes.plot(
         point.damping,
@@ -221,6 +235,8 @@ def _legend(figure: Figure, result: BoundaryResult, measured_source: str) -> Non
         kinds.append(Line2D([], [], color="0.35", linestyle=":", marker="_", label="passive walls"))
     if any(point.hand is not UNSET for point in points):
         kinds.append(_patch("held by a hand", 0.12))
+    if any(point.hands is not UNSET for point in points):
+        kinds.append(_patch("5 to 95 % of hands", 0.2))
     if any(point.confidence95 is not UNSET for point in points):
         kinds.append(_patch("95 % by parameters", 0.3))
     cells = _rows_of(4, delays) + _rows_of(4, kinds)

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from zwidth.law_options import said_of
 from zwidth.sim.readable import scaled, with_unit
 from zwidth.stability.fate_map import FateMap, units_of
 from zwidth.stability.fates import Fate
@@ -39,6 +40,7 @@ QUANTITY_NAMES = {
     "K": "virtual stiffness K", "B": "virtual damping B", "delay": "delay",
     "encoder_step": "encoder step", "command_limit": "command limit",
     "friction": "Coulomb friction at m1", "amplitude": "start amplitude",
+    "cutoff": "cut-off of the velocity filter",
 }  # fmt: skip
 SYMBOLS = {"K": "K =", "B": "B =", "command_limit": "limit", "amplitude": "start"}
 
@@ -155,7 +157,14 @@ def _title(plane: Plane) -> str:
         f"{SYMBOLS.get(q, QUANTITY_NAMES[q])} {with_unit(value, units_of(plane, q))}"
         for q, value in plane.at({}).items()
         if q not in (plane.x.quantity, plane.y.quantity)
-        and (q, value) not in (("friction", 0.0), ("encoder_step", 0.0), ("command_limit", np.inf))
+        and (q, value)
+        not in (
+            ("friction", 0.0),
+            ("encoder_step", 0.0),
+            ("command_limit", np.inf),
+            ("cutoff", np.inf),
+        )
     ]
+    facts += [law] if (law := said_of(plane.trial.law, plane.device.rotary)) else []
     middle = (len(facts) + 1) // 2
     return "\n".join([plane.device.name, ", ".join(facts[:middle]), ", ".join(facts[middle:])])

@@ -43,6 +43,10 @@ def _interface(device: Device, unit: Units) -> str:
             ("command limit", face.command_limit, usual.command_limit, unit.force),
             ("command gain", face.command_gain, usual.command_gain, ""),
             ("velocity cutoff", face.velocity_cutoff_hz, usual.velocity_cutoff_hz, "Hz"),
+            ("velocity filter of order", face.velocity_order, usual.velocity_order, ""),
+            ("velocity every", face.velocity_ticks, usual.velocity_ticks, "samples"),
+            ("position every", face.position_ticks, usual.position_ticks, "samples"),
+            ("gain of the force feedback", face.force_gain, usual.force_gain, ""),
             ("spring to ground", device.chain.ground_spring, 0.0, unit.stiffness),
         )
         if value != neutral

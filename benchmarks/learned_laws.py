@@ -1,0 +1,177 @@
+"""How well laws of no name are learned, on machines with a law drawn from the exam's grammar.
+
+The grammar's shapes (odd, even and one-sided powers, tanh, sine, bump, straight pieces between
+random knots; centred and scaled at random) of one state at one place, which neither a refit nor two
+laws of the library come near (`grammar.novelty`): of position or velocity at a mass, of a link's
+stretch or its rate, of the command. One or two masses of the exam's sizes, encoders and noise, a
+device file whose every number is off by 10 to 50 %, a law of 10 to 50 % of the force. Every other
+recording has no law. Diagnosed with `--effort quick`.
+
+    python -m benchmarks.learned_laws --count 40 --seed 1
+
+Columns: what acts, the verdict, what was learned and where; by how much the curve errs over the
+range that holds 98 % of the samples, as a share of the law's rms, both without what a straight line
+holds (that is a spring's, a damper's or a gain's); whether the truth lies within its band; and the
+share of the refit's held-out free-run error that is gone, less what noise alone makes.
+"""
+
+import argparse
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from zwidth.diagnosis.diagnose import diagnose
+from zwidth.diagnosis.learning.curves import Learned, law_at
+from zwidth.diagnosis.recording.experiment import stretches
+from zwidth.diagnosis.selection.effort import QUICK
+from zwidth.exam.filming import Scene, draw_camera, film
+from zwidth.exam.grammar import Law, draw_law, motion_at, novelty, scaled
+from zwidth.exam.machines import draw_machine, guessed, log_uniform
+from zwidth.exam.playing import draw_playing
+from zwidth.scenarios.concealed.integrator import NO_LAWS
+from zwidth.scenarios.concealed.rig import RunAway
+from zwidth.sim.device import Device
+from zwidth.sim.trace import Trace
+
+Floats = NDArray[np.float64]
+SECONDS, TRIES, NOVEL = 12.0, 400, 0.4
+STATES = {"position": "free_spring", "stretch": "free_spring", "velocity": "free_damper",
+          "rate": "free_damper", "command": "free_amplifier"}  # fmt: skip
+NEAR, WITHIN, COARSE = 0.1, 0.01, 5e-3
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A recording with a law or none, the device file for it, and the law's states (samples,)."""
+
+    trace: Trace
+    device: Device
+    law: Law | None
+    states: Floats
+
+
+def drawn(seed: int, index: int) -> Drawn:
+    """Draw a recording. Raises ValueError where no law that shows was found."""
+    random = np.random.default_rng([seed, index, 57])
+    for _ in range(TRIES):
+        try:
+            found = _try(random, with_law=index % 2 == 0)
+        except RunAway:
+            continue
+        if found is not None:
+            return found
+    raise ValueError(f"no machine was found for index {index} of seed {seed}; try another")
+
+
+def _try(random: np.random.Generator, with_law: bool) -> Drawn | None:
+    machine = draw_machine(random)
+    if machine.device.chain.masses.size > 2:
+        return None
+    playing = draw_playing(random, machine, SECONDS)
+    camera = draw_camera(random, machine)
+    scene = Scene(machine.device, playing, camera, int(random.integers(2**31)), NO_LAWS)
+    made = film(scene)
+    nominal = guessed(random, machine.device)
+    if not with_law:
+        return Drawn(made.trace, nominal, None, np.zeros(0))
+    period = machine.device.interface.period
+    t = period * np.arange(playing.wanted.size, dtype=np.float64)
+    command = made.trace.channels["command"]
+    law = draw_law(random, machine.device, t, made.states, command)
+    known = law.first.argument in STATES and law.at != "sensor"
+    own = law.first.argument == "command" or law.at != "command"
+    across = law.at.startswith("link") == (law.first.argument in ("stretch", "rate"))
+    if law.second is not None or not (known and own and across):
+        return None
+    if law.at != "command" and law.first.argument == "command":
+        return None
+    if novelty(law, t, made.states, command) < NOVEL:
+        return None
+    share = log_uniform(random, 0.1, 0.5)
+    law = scaled(law, share * float(np.sqrt(np.mean(command**2))))
+    rows = law.row(machine.device.chain.masses.size)[None, :]
+    again = film(replace(scene, laws=rows))
+    states = motion_at(law.at, t, again.states, again.trace.channels["command"])
+    return Drawn(again.trace, nominal, law, states[law.first.argument])
+
+
+def bent(values: Floats, states: Floats) -> Floats:
+    """Return values (points,) less the straight line that is nearest to them."""
+    line = np.polynomial.polynomial.polyfit(states, values, 1)
+    return values - np.polynomial.polynomial.polyval(states, line)
+
+
+def errs(one: Drawn, law: Law, curve: Learned) -> tuple[float, bool]:
+    """Return by how much a curve errs over the law's rms, and whether its band holds the law."""
+    low, high = np.quantile(one.states, (0.01, 0.99))
+    s = np.linspace(low, high, 101)
+    truth = law.along({law.first.argument: s})
+    ours = law_at(curve.physics, s)
+    share = float(np.std(bent(ours - truth, s)) / max(np.std(bent(truth, s)), 1e-300))
+    at = curve.states[1:] if curve.odd else curve.states
+    known = curve.covariance[1:, 1:] if curve.odd else curve.covariance
+    forces = curve.forces[1:] if curve.odd else curve.forces
+    own = law.along({law.first.argument: at})
+    known = known + np.eye(at.size) * (COARSE * float(np.abs(forces).max())) ** 2
+    columns = np.column_stack([np.ones(at.size), at])
+    weigh = np.linalg.inv(np.linalg.cholesky(known))
+    apart = weigh @ (forces - own)
+    apart -= weigh @ columns @ np.linalg.lstsq(weigh @ columns, apart, rcond=None)[0]
+    return share, bool(chi2.sf(float(apart @ apart), max(1, at.size - 2)) > WITHIN)
+
+
+def main() -> None:
+    """Print a line for each recording, and the tally."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--count", type=int, default=40)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--seed", type=int, default=1)
+    asked = parser.parse_args()
+    near: list[bool] = []
+    placed: list[bool] = []
+    false: list[bool] = []
+    gone: list[float] = []
+    for index in range(asked.first, asked.first + asked.count):
+        one = drawn(asked.seed, index)
+        since = time.perf_counter()
+        recordings = stretches(one.trace, one.device, "run")
+        found = diagnose(one.device, recordings, effort=QUICK)
+        spent = time.perf_counter() - since
+        law, fit = found.learned, found.free_run
+        what = "nothing" if one.law is None else one.law.text
+        names = ", ".join(f"{f.effect} at {f.at}" for f in found.findings)
+        line = f"{index:4d} {found.verdict.value:16s} [{names}]"
+        after = fit.after if law is None else law.law.after
+        if one.law is None:
+            false.append(law is not None)
+        else:
+            share = (fit.refit - after) / max(fit.refit - fit.noise_floor, 1e-12)
+            gone.append(share)
+            line += f" gone {100.0 * share:.1f} %"
+            right = law is not None and (
+                law.curve.physics.effect.name == STATES[one.law.first.argument]
+                and law.curve.physics.at == one.law.at
+            )
+            placed.append(right)
+            held = False
+            if law is not None and right:
+                err, within = errs(one, one.law, law.curve)
+                held = within or err < NEAR
+                line += f" errs {100.0 * err:.1f} % within {within}"
+            near.append(held)
+        if law is not None:
+            own = law.curve.physics
+            line += f" learned {own.effect.name} at {own.at}: {law.formula or 'no form'}"
+        print(f"{line} | {one.law.at if one.law else ''} {what} {spent:.0f} s", flush=True)
+    print(f"a law at its place: {sum(placed)} of {len(placed)}")
+    print(f"form recovered: {sum(near)} of {len(near)}")
+    if gone:
+        print(f"held-out error that is gone, median: {100.0 * float(np.median(gone)):.1f} %")
+    print(f"learned of none: {sum(false)} of {len(false)}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,691 @@
+"""Make `docs/haptics.md` and its pictures.
+
+    python docs/make_haptics_page.py
+
+Every number of the page is computed here; on two idle cores it takes about two minutes, most of it
+for the maps.
+"""
+
+import math
+import sys
+import textwrap
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.special import j1
+
+from zwidth.controllers.guarded import guarded
+from zwidth.controllers.none import none
+from zwidth.controllers.region import region
+from zwidth.controllers.wall import wall
+from zwidth.figures.boundary import COLOURS, DASHES, SHAPES
+from zwidth.figures.map import draw_fates, legend
+from zwidth.figures.style import STYLE
+from zwidth.figures.sweep import sweep_figure
+from zwidth.files.protection import writing_as
+from zwidth.files.whole import write_text, write_with
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import load_device
+from zwidth.sim.ensemble import walls
+from zwidth.sim.interface import Interface
+from zwidth.sim.law import Law
+from zwidth.sim.physics import make_physics
+from zwidth.sim.run import Start, simulate
+from zwidth.stability.bisection import Trial, find_brackets, judge
+from zwidth.stability.fate_map import FateMap, make_map
+from zwidth.stability.fates import Fate
+from zwidth.stability.hand import draw_hands, hand_quantiles, with_hand
+from zwidth.stability.linear import boundary, corner, critical_stiffness, last_stable_damping
+from zwidth.stability.plane import Axis, Plane
+from zwidth.stability.sweep import Sweep, sweep
+
+Floats = NDArray[np.float64]
+DOCS = Path(__file__).parent
+PICTURES = "haptics"
+T = 1e-3
+COARSE, REFINEMENTS = 25, 2
+LEVER = 0.05  # m, from the axis to the finger
+HANDS = 200
+SHARE = 0.1  # of the last stable damping, that a passivity controller may add
+
+
+TEXT = """# Haptics: everything between controller and hand
+
+What decides how stiff a wall a device can render is not the device alone: the filter of its
+velocity, the rates of its loops, the law of the wall, a sensor for the force, and the hand. Each
+of them is part of the same tick here, in the device file or as a law of the walls, so that
+`boundary`, `map`, `sweep` and `simulate` take it, and each is held against a closed form in the
+tests.
+
+Every picture and number below is made by `python docs/make_haptics_page.py`. The device is the
+PHANToM of the paper, with its 2 ms of delay where nothing else is said. Lines are theory, dots are
+simulations.
+
+## Velocity filters
+
+    zwidth sweep phantom_1_0 --over cutoff --order 2
+
+![Area of stable walls over the cut-off of the velocity filter, and boundaries](haptics/filter.png)
+
+A wall's damper needs a velocity, and the difference of two readings is a rough one. A low-pass
+makes it smooth and late. The Z-width, the area of stable walls in the plane of B and K, has its
+maximum in between, as Chawda, Celik and O'Malley found by simulation and confirmed on a device (J.
+Dynamic Systems, Measurement, and Control 137, 024503, 2015):
+
+[[filters]]
+
+Here it is not the encoder that asks for a filter but the mode at 170 Hz, which the delayed damper
+drives; the filter keeps the damper away from it, and damping that was unstable becomes usable.
+`best.toml`, which the command writes, is the device with the best filter, ready for every other
+command. `--over` takes period, delay, encoder step and the rates of the loops as well. In a device
+file the filter is `velocity_cutoff_hz` and `velocity_order`. The areas agree with those below the
+D-decomposition, which is a closed form, within 1 % (`tests/test_sweep.py`).
+
+## Two loops, two rates
+
+    [interface]
+    period_s = 0.0001       # the device's own loop: 10 kHz
+    position_ticks = 10     # the law is given a new position at 1 kHz
+    velocity_ticks = 1      # and a new velocity at 10 kHz
+
+![Boundaries at one rate and at two, and stiffness over delay](haptics/rates.png)
+
+A simulated world is often slower than the loop that can run on the device. `position_ticks` and
+`velocity_ticks` say every how many periods the law is given a new position and a new velocity; the
+velocity is then the difference over just as many. The exact theory of the whole cycle is
+`stability/periodic.py`. K_CR and K_max in N m/rad, B in N m s/rad:
+
+[[rates]]
+
+(What no amplifier holds says what sampling would allow.) Without delay a slow world under a fast
+damper renders stiff walls all the same; a slow velocity takes that away, however fast the spring
+is. With a delay the rate hardly matters: a rigid device has K_CR = b / (T/2 + t_d), and from t_d =
+2 ms on the T/2 is small (J. J. Gil, E. Sanchez, T. Hulin, C. Preusche, G. Hirzinger, J. Computing
+and Information Science in Engineering 9, 011005, 2009).
+
+Why does anybody slow the velocity down? Because an encoder of step q makes a damper's command
+chatter by B q / T_v in the most even motion. In an even motion with q = 1e-4 rad and B = 0.02 N m
+s/rad:
+
+[[chatter]]
+
+What chatter allows of B so grows with T_v, ten times from 20 to 2 kHz. That is the gain that Koul,
+Manivannan and Saha measured (J. Intelligent & Robotic Systems 91, 2018): with position and
+velocity at 20 kHz walls end at about 0.1 N m s/rad, with the velocity at 2 kHz they hold to 1 N m
+s/rad. Their device is not simulated here.
+
+## A passivity observer and controller
+
+    zwidth boundary phantom_1_0 --delay-ms 0 --law guarded
+    zwidth map phantom_1_0 --delay-ms 0 --law guarded
+
+![A wall of three times the critical stiffness; the gain over the delay](haptics/guarded.png)
+
+An unstable wall gives more energy than it took. The observer of Hannaford and Ryu (IEEE T.
+Robotics and Automation 18, 1, 2002) counts it, and the controller adds damping at the very tick
+that would give too much. For a held command without delay the count is exact: to rounding it is
+the entry `wall` of the energy ledger (`tests/test_wall_laws.py`). Without delay that is worth a
+factor; every millisecond of delay takes most of it, since the force that acts is not the one that
+was counted. K in N m/rad at B = 0, damping of the controller up to a tenth of what is stable by
+itself:
+
+[[guard]]
+
+Where that is not enough for a tick, a little is given after all (middle). More is no help here:
+what the controller adds counts towards the damping that a sampled loop bears, and the map at the
+end of this page shows walls that it loses at large B. A passive wall is left alone, to the bit. As
+a controller of a scenario it is `kind = "guarded"`.
+
+## Textures and regions of damping
+
+    zwidth boundary phantom_1_0 --law texture --wavelength 0.01
+
+![Amplitudes in a grating; boundaries with the worst hands](haptics/textures.png)
+
+A texture is a sinusoidal grating of force, alone or on a spring; K is its steepest slope. In its
+trough a small motion is one on a spring K, and stable up to the same K_CR (0.1 %). Above it the
+oscillation grows only until the mean slope over its swing is K_CR again, which a describing
+function says (left). Buzzing in a texture is such a cycle.
+
+A region of damping has K = 0, and what it may be depends on the hand. A device of damping b is
+passive with a wall when b > K T/2 + B (J. E. Colgate, G. Schenkel, J. Robotic Systems 14, 37,
+1997); no hand is below that line, and the worst comes down to it: a rod that a wave crosses in
+T/2, all of whose resonances stand at half the rate once sampled (right).
+
+[[textures]]
+
+In Python: `zwidth.texture`, `zwidth.region`; in a scenario `kind = "texture"` and `"region"`
+([scenarios](scenarios.md)).
+
+## A hand, and its spread
+
+    zwidth boundary phantom_1_0 --hands 200 --lever 0.05
+
+![Boundaries over hands](haptics/hands.png)
+
+Fingers differ: mass, damping and stiffness are drawn over published ranges (A. Z. Hajian, R. D.
+Howe, J. Biomechanical Engineering 119, 109, 1997), each for itself and by equal ratios. Of a rigid
+device K_CR = 2 (b + b_h)/T whatever the hand's mass and spring, and the quantiles found are those
+of the damping, within 5 % (`tests/test_hands.py`).
+
+[[hands]]
+
+## A force sensor in the loop
+
+    [interface]
+    force_sensor = "link12"    # the force of this link is measured
+    force_gain = 1.0           # u = w + G (w - F)
+
+![What the hand moves, and what stiffness is left, over the gain](haptics/force.png)
+
+Feedback of the measured force divides the mass and the friction that a hand feels by 1 + G. With a
+delay it costs stiffness, and it ends at G = 1 + M/m_h, the ratio of the masses before and behind
+the sensor, where a command makes itself through the force that it causes (within 10 %,
+`tests/test_force_sensor.py`). With t = T/2 + t_d and t_F = T + t_d, since the force of a held
+command is that of the middle of its period,
+
+    b = (1 + G) K_CR (t - G m_h t_F / (M + (1 + G) m_h)).
+
+[[force]]
+
+## Maps
+
+![Maps of the laws](haptics/maps.png)
+
+What a run does in the end, as in [what the linear boundary does not
+say](what_the_linear_boundary_does_not_say.md); black is linear theory, which knows the filter, the
+rates and the force sensor, and of a grating and a guarded wall what they are without.
+
+[[maps]]
+
+## Limits
+
+- The linear theory of several rates scans K in steps of 5 %; a narrower band of instability is
+  stepped over. The closed form (`decomposition`), the passive walls and the names of branches take
+  one rate and no force feedback, and say so.
+- The passivity observer counts what the law commands: a delay, an amplifier's limit or a slower
+  position stand between that and what acts.
+- The force sensor has no noise and measures the link's own spring and damper.
+- The texts of Chawda et al. and of Koul et al. were read as far as their abstracts go; their
+  devices are not among those here.
+"""
+
+
+def phantom(**interface: Any) -> Device:
+    """Return the PHANToM of the paper with another interface."""
+    return load_device("phantom_1_0").with_interface(**interface)
+
+
+def middles(device: Device, dampings: Floats, trial: Trial = Trial()) -> Floats:
+    """Return K_CR in the time domain at each damping, NaN where none is stable."""
+    found = find_brackets([device], [dampings], trial)[0]
+    return np.array([math.nan if b.stable is None else b.stable for b in found])
+
+
+def theory(device: Device, dampings: Floats) -> Floats:
+    """Return K_CR by linear theory at each damping, NaN where none is stable."""
+    points = boundary(device, dampings.tolist())
+    return np.array([math.nan if p.stiffness is None else p.stiffness for p in points])
+
+
+def save(figure: Figure, name: str) -> None:
+    """Write a picture."""
+    with rc_context(STYLE):
+        saving = partial(figure.savefig, format="png", dpi=110)
+        write_with(DOCS / PICTURES / f"{name}.png", saving)
+    print(name, file=sys.stderr)
+
+
+def panels(count: int, width: float = 10.0, height: float = 4.2) -> tuple[Figure, list[Axes]]:
+    """Return a figure with panels side by side."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    return figure, list(np.atleast_1d(figure.subplots(1, count)))
+
+
+# Velocity filters
+
+
+def filters() -> dict[int, Sweep]:
+    """Return the Z-width over the cut-off of both filters."""
+    found = {order: sweep(phantom(velocity_order=order), "cutoff") for order in (1, 2)}
+    save(sweep_figure(found[2]), "filter")
+    return found
+
+
+def said_of_filters(found: dict[int, Sweep]) -> str:
+    """Return what the page says of them."""
+    rows: list[str] = []
+    for order, result in found.items():
+        own = result.without
+        assert own is not None
+        rows.append(
+            f"| {order} | {result.best.value:.3g} Hz | {result.best_by_theory.value:.3g} Hz |"
+            f" {result.best.area / own.area:.2f} | {result.best.stiffest:.1f} |"
+        )
+    bare = found[2].without
+    assert bare is not None
+    head = "| order | best cut-off, simulated | by theory | Z-width, times none | K_max |\n"
+    return (
+        head + "|---|---|---|---|---|\n" + "\n".join(rows)
+        + f"\n\nK_max in N m/rad; without a filter {bare.stiffest:.1f}."
+    )  # fmt: skip
+
+
+# Several rates
+
+
+class Rates(NamedTuple):
+    """An interface of one or two rates, named."""
+
+    name: str
+    device: Device
+
+
+def rates() -> list[Rates]:
+    """Return what is compared: without delay, one rate and two."""
+    fast = {"delay": 0.0, "period": 1e-4}
+    return [
+        Rates("1 kHz", phantom(delay=0.0)),
+        Rates("10 kHz, position at 1 kHz", phantom(**fast, position_ticks=10)),
+        Rates("10 kHz, velocity at 1 kHz", phantom(**fast, velocity_ticks=10)),
+        Rates("10 kHz", phantom(**fast)),
+    ]
+
+
+def draw_rates() -> str:
+    """Draw their boundaries and return the table of the page."""
+    rows: list[str] = []
+    with rc_context(STYLE):
+        figure, (left, right) = panels(2)
+        for i, (name, device) in enumerate(rates()):
+            last, top = last_stable_damping(device), corner(device)
+            assert last is not None
+            assert top is not None
+            grid = np.linspace(0.0, 0.999 * last, 60)
+            some = grid[::6]
+            line, dots = theory(device, grid), middles(device, some)
+            left.plot(grid, line, color=COLOURS[i], linestyle=DASHES[i])
+            left.plot(some, dots, color=COLOURS[i], linestyle="none", marker=SHAPES[i],
+                      markersize=4, label=name)  # fmt: skip
+            late = device.with_interface(delay=2e-3)
+            late_top = corner(late)
+            assert late_top is not None
+            rows.append(
+                f"| {name} | {line[0]:.4g} | {top.stiffness:.4g} | {last:.3g} |"
+                f" {late_top.stiffness:.4g} |"
+            )
+        left.set_yscale("log")
+        left.set_xlabel("virtual damping $B$ [N m s/rad]")
+        left.set_ylabel("critical stiffness [N m/rad]")
+        left.set_title("two loops of a PHANToM without delay", loc="left", fontsize=10)
+        left.legend(frameon=False, fontsize=8, loc="lower right")
+        delays = np.array([0.0, 0.1, 0.2, 0.5, 1.0, 2.0, 4.0]) * 1e-3
+        rigid = Device("rigid", "-", True, make_chain([1e-2], [5e-3], 0.0), Interface())
+        for i, period in enumerate((1e-3, 2e-4, 1e-4)):
+            found = [
+                middles(rigid.with_interface(delay=d, period=period), np.zeros(1))[0]
+                for d in delays.tolist()
+            ]
+            dense = np.linspace(0.0, 4e-3, 200)
+            right.plot(1e3 * dense, 5e-3 / (0.5 * period + dense), color=COLOURS[i],
+                       linestyle=DASHES[i])  # fmt: skip
+            right.plot(1e3 * delays, found, color=COLOURS[i], marker=SHAPES[i], markersize=4,
+                       linestyle="none", label=f"{1e-3 / period:g} kHz")  # fmt: skip
+        right.set_yscale("log")
+        right.set_xlabel("delay $t_d$ [ms]")
+        right.set_ylabel("critical stiffness [N m/rad]")
+        right.set_title("a rigid device, $B$ = 0: $b / (T/2 + t_d)$", loc="left", fontsize=10)
+        right.legend(frameon=False, fontsize=8)
+    save(figure, "rates")
+    head = "| rates | K_CR at B = 0 | K_max | last B | K_max with 2 ms of delay |\n"
+    return head + "|---|---|---|---|---|\n" + "\n".join(rows)
+
+
+def chatter() -> str:
+    """Return how far a damper's command swings in an even motion, at two rates of the velocity."""
+    step, speed, damping = 1e-4, 0.0313, 0.02
+    rows: list[str] = []
+    for ticks in (1, 10):
+        face = Interface(period=5e-5, encoder_step=step, velocity_ticks=ticks)
+        device = Device("even", "-", True, make_chain([1e3], [0.0], 0.0), face)
+        run = simulate(device, region(damping), duration=0.5, start=Start(0.0, speed))
+        u = run.trace["command"][100:]
+        rows.append(
+            f"| {20 / ticks:g} kHz | {1e3 * (u.max() - u.min()):.3g} |"
+            f" {1e3 * damping * step / (5e-5 * ticks):.3g} |"
+        )
+    head = "| velocity at | swing of the command [mN m] | B q / T_v [mN m] |\n|---|---|---|\n"
+    return head + "\n".join(rows)
+
+
+# Passivity controller
+
+
+def draw_guard() -> str:
+    """Draw a wall with and without it, and its gain over the delay; return the table."""
+    device = phantom(delay=0.0)
+    point, last = critical_stiffness(device, 0.0), last_stable_damping(device)
+    assert point.stiffness is not None
+    assert last is not None
+    rows: list[str] = []
+    with rc_context(STYLE):
+        figure, (left, middle, right) = panels(3, 12.5)
+        for i, law in enumerate(
+            (wall(3.0 * point.stiffness, 0.0), guarded(3.0 * point.stiffness, 0.0, SHARE * last))
+        ):
+            run = simulate(device, law, duration=0.3, start=Start(1e-3), ledger=True)
+            name = "plain" if law.kind == "wall" else "guarded"
+            left.plot(run.trace.t, 1e3 * run.trace["position_m1"], color=COLOURS[i],
+                      linestyle=DASHES[i], label=name)  # fmt: skip
+            middle.plot(run.trace.t, -1e6 * run.trace["work_wall"] + _held(point.stiffness),
+                        color=COLOURS[i], linestyle=DASHES[i], label=name)  # fmt: skip
+        left.set_ylim(-2.0, 2.0)
+        left.set_xlabel("time [s]")
+        left.set_ylabel("position [mrad]")
+        left.set_title(f"three times $K_\\mathrm{{CR}}$ ({point.stiffness:.3g} N m/rad)",
+                       loc="left", fontsize=10)  # fmt: skip
+        middle.set_ylim(-60.0, 40.0)
+        middle.axhline(0.0, color="0.5", linewidth=0.8)
+        middle.set_xlabel("time [s]")
+        middle.set_ylabel("energy that the wall holds [µJ]")
+        middle.set_title("the ledger's account of the wall", loc="left", fontsize=10)
+        left.legend(frameon=False, fontsize=9)
+        delays = np.array([0.0, 0.25, 0.5, 1.0, 2.0, 4.0]) * 1e-3
+        gains: list[tuple[float, float]] = []
+        for delay in delays.tolist():
+            own = device.with_interface(delay=delay)
+            most = SHARE * (last_stable_damping(own) or 0.0)
+            trials = Trial(), Trial(law=Law("guarded", most_damping=most), limit_s=16.0)
+            plain, held = (float(middles(own, np.zeros(1), t)[0]) for t in trials)
+            gains.append((plain, held))
+            rows.append(f"| {1e3 * delay:g} ms | {plain:.4g} | {held:.4g} | {held / plain:.3g} |")
+        for i, name in enumerate(("plain", "guarded")):
+            right.plot(1e3 * delays, [g[i] for g in gains], color=COLOURS[i], marker=SHAPES[i],
+                       linestyle=DASHES[i], label=name)  # fmt: skip
+        right.set_yscale("log")
+        right.set_xlabel("delay [ms]")
+        right.set_ylabel("stiffest stable wall, $B$ = 0 [N m/rad]")
+        right.set_title("a delay blinds the observer", loc="left", fontsize=10)
+        right.legend(frameon=False, fontsize=9)
+    save(figure, "guarded")
+    head = "| delay | K, plain | K, guarded | gain |\n|---|---|---|---|\n"
+    return head + "\n".join(rows)
+
+
+def _held(stiffness: float) -> float:
+    """Energy [µJ] of the wall of the picture at its start."""
+    return 1e6 * 0.5 * 3.0 * stiffness * 1e-6
+
+
+# Textures and damping
+
+
+def ladder(modes: int, damping: float, mass: float = 1e-4) -> Device:
+    """Return a mass on a damper with the worst lossless hand of so many modes at it.
+
+    The hand is a line of masses and springs with the resonances of a rod that is clamped at its far
+    end and that a wave crosses in T/2: all of them stand at half the rate when sampled.
+    """
+    zeros, poles = (np.arange(modes) + 0.5) ** 2, np.arange(1, modes) ** 2.0
+    top, bottom = np.atleast_1d(np.poly(-zeros)), np.atleast_1d(np.poly(-poles))
+    masses: list[float] = []
+    springs: list[float] = []
+    while len(masses) < modes:  # Cauer's continued fraction of its impedance
+        masses.append(top[0] / bottom[0])
+        top = (top - masses[-1] * np.append(bottom, 0.0))[1:]
+        springs.append(top[0] / bottom[0])
+        bottom = (bottom - top / springs[-1])[1:]
+    k = mass * (2.0 * math.pi / T) ** 2 * np.array(springs)
+    chain = make_chain((mass * np.array(masses)).tolist(), [damping] + [0.0] * (modes - 1), 0.0,
+                       k[:-1].tolist(), [0.0] * (modes - 1))  # fmt: skip
+    device = Device("ladder", "-", True, chain, Interface(delay=0.0))
+    return device.with_physics(make_physics("ground_spring", f"m{modes}", stiffness=float(k[-1])))
+
+
+def draw_textures() -> str:
+    """Draw cycles in a grating, and how worst hands come down to the passive walls."""
+    device, wavelength, damping, b = phantom(), 1e-2, 0.02, 5e-3
+    limit = critical_stiffness(device, damping).stiffness
+    assert limit is not None
+    factors = np.array([1.02, 1.05, 1.1, 1.2, 1.35, 1.5, 1.75, 2.0])
+    growth = judge(device, walls(factors * limit, damping, law=Law("texture", wavelength)),
+                   Trial(start=1e-4))  # fmt: skip
+    dense = np.linspace(1.001, 2.05, 80)
+    number = 2.0 * math.pi / wavelength
+
+    def predicted(f: float) -> float:
+        return float(brentq(lambda x: 2.0 * j1(x) / x - 1.0 / f, 1e-4, 3.8)) / number
+
+    line = np.array([predicted(f) for f in dense.tolist()])
+    truth = np.array([predicted(f) for f in factors.tolist()])
+    with rc_context(STYLE):
+        figure, (left, right) = panels(2)
+        left.plot(dense, 1e3 * line, color=COLOURS[0], label="$K\\,2 J_1(kA)/(kA) = K_{CR}$")
+        left.plot(factors, 1e3 * growth.amplitude, color=COLOURS[1], marker="o", linestyle="none",
+                  label="simulated")  # fmt: skip
+        left.set_xlabel("steepest slope of the grating over $K_\\mathrm{CR}$")
+        left.set_ylabel("amplitude of the oscillation [mrad]")
+        left.set_title("a grating of 10 mrad holds its own growth", loc="left", fontsize=10)
+        left.legend(frameon=False, fontsize=9)
+        grid = np.linspace(0.0, b, 40)
+        right.fill_between(grid, 2.0 * (b - grid) / T, color="0.9", label="passive, $b > KT/2 + B$")
+        for i, modes in enumerate((1, 2, 4)):
+            own = ladder(modes, b)
+            last = last_stable_damping(own) or 0.0
+            dampings = np.linspace(0.0, 0.999 * last, 40)
+            some = dampings[:-1:6]
+            right.plot(dampings, theory(own, dampings), color=COLOURS[i], linestyle=DASHES[i])
+            name = f"worst hand of {modes} mode" + ("s" if modes > 1 else "")
+            right.plot(some, middles(own, some), color=COLOURS[i], marker=SHAPES[i], markersize=4,
+                       linestyle="none", label=name)  # fmt: skip
+        right.set_xlabel("virtual damping $B$ [N m s/rad]")
+        right.set_ylabel("critical stiffness [N m/rad]")
+        right.set_title(f"a device of b = {b:g} N m s/rad, T = 1 ms", loc="left", fontsize=10)
+        right.set_ylim(bottom=0.0)
+        right.legend(frameon=False, fontsize=8)
+    save(figure, "textures")
+    worst = float(np.abs(growth.amplitude / truth - 1.0).max())
+    last = last_stable_damping(ladder(4, b)) or 0.0
+    alone = last_stable_damping(
+        Device("alone", "-", True, make_chain([1e-3], [b], 0.0), Interface(delay=0.0))
+    )
+    return _said(
+        f"The amplitudes are within {100.0 * worst:.1f} % of the describing function's. With the"
+        f" hand of four modes the last damping that is stable at K = 0 is {last / b:.3f} b; alone,"
+        f" a device of 1e-3 kg m2 bears {alone or 0.0:.2f} N m s/rad, {(alone or 0.0) / b:.0f} b."
+    )
+
+
+# Hands
+
+
+def draw_hands_of() -> str:
+    """Draw the spread of boundaries over hands."""
+    device = phantom()
+    last = last_stable_damping(device) or 0.0
+    grid = np.linspace(0.0, 0.999 * last, 40)
+    spread = hand_quantiles(device, grid.tolist(), LEVER, HANDS)
+    low, median, high = (np.array(values) for values in zip(*spread, strict=True))
+    some = grid[4:32:9]
+    hands = draw_hands(8, 1)
+    devices = [with_hand(device, hand, LEVER) for hand in hands]
+    dots = find_brackets(devices, [some] * len(devices))
+    with rc_context(STYLE):
+        figure, (axes,) = panels(1, 6.4, 4.2)
+        axes.fill_between(grid, low, high, color=COLOURS[0], alpha=0.25, linewidth=0.0,
+                          label="5 to 95 % of hands")  # fmt: skip
+        known = np.where(median > 0.0, median, math.nan)
+        axes.plot(grid, known, color=COLOURS[0], label="median of hands")
+        axes.plot(grid, theory(device, grid), color=COLOURS[1], linestyle=DASHES[1],
+                  label="free device")  # fmt: skip
+        for i, own in enumerate(dots):
+            axes.plot(some, [b.stable or math.nan for b in own], color="k", marker=".",
+                      markersize=5, linestyle="none",
+                      label="eight hands, simulated" if i == 0 else None)  # fmt: skip
+        axes.set_xlabel("virtual damping $B$ [N m s/rad]")
+        axes.set_ylabel("critical stiffness [N m/rad]")
+        axes.set_ylim(bottom=0.0)
+        axes.set_title("a PHANToM with 2 ms of delay, held by a finger", loc="left", fontsize=10)
+        axes.legend(frameon=False, fontsize=8)
+    save(figure, "hands")
+    return _said(
+        f"At B = 0 a free device bears {theory(device, np.zeros(1))[0]:.3g} N m/rad, 95 % of"
+        f" {HANDS} fingers at a lever of {1e3 * LEVER:g} mm {low[0]:.3g}, half of them"
+        f" {median[0]:.3g}, 5 % {high[0]:.3g}."
+    )
+
+
+# Force sensor
+
+
+def held(gain: float, hand: float = 0.05, delay: float = 0.0) -> Device:
+    """Return a device of 0.2 kg and 2 N s/m that holds a hand's mass on a stiff sensor."""
+    together = 0.2 * hand / (0.2 + hand)
+    spring = together * (2.0 * math.pi * 2500.0) ** 2
+    chain = make_chain([0.2, hand], [2.0, 0.0], 0.0, [spring],
+                       [1.4 * math.sqrt(spring * together)])  # fmt: skip
+    face = Interface(delay=delay, force_sensor="link12", force_gain=gain)
+    return Device("held", "-", False, chain, face)
+
+
+def draw_force() -> str:
+    """Draw what a hand feels and what stiffness is left, over the gain of the force feedback."""
+    gains = np.linspace(0.0, 3.0, 13)
+    force = np.zeros((500, 2))
+    force[:, 1] = 0.1
+    felt: list[float] = []
+    for gain in gains.tolist():
+        run = simulate(held(gain), none(), duration=0.5, disturbance=force)
+        v, t = run.trace["velocity_m2"], run.trace.t
+        b = 2.0 / (1.0 + gain)
+        early = (t > 0.02) & (t < 0.1)
+        # F = m a + b v: the mass that explains the impulse after the damper's share.
+        impulse = 0.1 * t - b * (run.trace["position_m2"] - run.trace["position_m2"][0])
+        felt.append(float(np.mean(impulse[early] / v[early])))
+    with rc_context(STYLE):
+        figure, (left, right) = panels(2)
+        dense = np.linspace(0.0, 3.0, 100)
+        left.plot(dense, 1e3 * (0.2 / (1.0 + dense) + 0.05), color=COLOURS[0],
+                  label="$M / (1 + G) + m_h$")  # fmt: skip
+        left.plot(gains, 1e3 * np.array(felt), color=COLOURS[1], marker="o", linestyle="none",
+                  label="simulated")  # fmt: skip
+        left.set_xlabel("gain G of the force feedback")
+        left.set_ylabel("mass that the hand moves [g]")
+        left.set_ylim(bottom=0.0)
+        left.legend(frameon=False, fontsize=9)
+        left.set_title("0.2 kg device, 50 g hand", loc="left", fontsize=10)
+        worst = 0.0
+        for i, delay in enumerate((0.0, 2e-3)):
+            t, late = 0.5 * T + delay, T + delay
+            inertia = 0.2 + (1.0 + dense) * 0.05
+            line = 2.0 / ((1.0 + dense) * (t - dense * 0.05 * late / inertia))
+            dots = np.array([middles(held(g, delay=delay), np.zeros(1))[0] for g in gains.tolist()])
+            right.plot(dense, line, color=COLOURS[i], linestyle=DASHES[i])
+            right.plot(gains, dots, color=COLOURS[i], marker=SHAPES[i], markersize=4,
+                       linestyle="none", label=f"delay {1e3 * delay:g} ms")  # fmt: skip
+            at = np.interp(gains, dense, line)
+            worst = max(worst, float(np.nanmax(np.abs(dots / at - 1.0))))
+        right.set_yscale("log")
+        right.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        right.yaxis.set_major_formatter("{x:g}")
+        right.yaxis.set_minor_locator(NullLocator())
+        right.set_xlabel("gain G of the force feedback")
+        right.set_ylabel("critical stiffness, $B$ = 0 [N/m]")
+        right.set_title("lines: the closed form", loc="left", fontsize=10)
+        right.legend(frameon=False, fontsize=9)
+    save(figure, "force")
+    return _said(f"The simulated boundary is within {100.0 * worst:.1f} % of the closed form.")
+
+
+# Maps
+
+
+def maps() -> list[tuple[str, FateMap]]:
+    """Return a map of each, over B and K or over what it is about."""
+    trial = Trial(limit_s=16.0)
+    quick = phantom(delay=0.0)
+    most = SHARE * (last_stable_damping(quick) or 0.0)
+    b, k = Axis("B", 0.0, 0.12), Axis("K", 0.5, 60.0)
+    wide = Axis("B", 0.0, 0.4), Axis("K", 1.0, 250.0)
+    planes = {
+        "spring and damper": Plane(phantom(), b, k, trial=trial),
+        "velocity filter of 89 Hz, second order": Plane(
+            phantom(velocity_order=2, velocity_cutoff_hz=89.0), Axis("B", 0.0, 0.8), k, trial=trial
+        ),
+        "over the filter's cut-off, B = 0.06": Plane(
+            phantom(velocity_order=2), Axis("cutoff", 10.0, 400.0, "log"), k, damping=0.06,
+            trial=trial,
+        ),
+        "grating of 10 mrad, K its steepest": Plane(
+            phantom(), b, k, trial=replace(trial, law=Law("texture", 1e-2))
+        ),
+        "no delay": Plane(quick, *wide, trial=trial),
+        "no delay, passivity controller": Plane(
+            quick, *wide, trial=replace(trial, law=Law("guarded", most_damping=most))
+        ),
+    }  # fmt: skip
+    found: list[tuple[str, FateMap]] = []
+    for name, plane in planes.items():
+        found.append((name, make_map(plane, COARSE, REFINEMENTS)))
+        print(name, found[-1][1].runs, "runs", file=sys.stderr)
+    return found
+
+
+def draw_maps(found: Sequence[tuple[str, FateMap]]) -> str:
+    """Draw them and say how much of each rests."""
+    figure = Figure(figsize=(12.0, 7.2), layout="constrained")
+    for axes, (name, result) in zip(figure.subplots(2, 3).ravel(), found, strict=True):
+        draw_fates(axes, result)
+        axes.set_title(name, fontsize=10)
+    handles = legend([result for _, result in found])
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=9)
+    save(figure, "maps")
+    share = {name: float(np.mean(m.fates.fate == Fate.RESTS)) for name, m in found}
+    before, after = share["no delay"], share["no delay, passivity controller"]
+    return _said(
+        f"With the passivity controller {100.0 * after:.0f} % of the plane comes to rest, without"
+        f" it {100.0 * before:.0f} %: it fills the corner of small B, where the plain wall has"
+        " nothing to spend, and takes a little where B is large. In a grating what is unstable for"
+        " its K does not grow, it oscillates in its trough; what is unstable for its B grows there"
+        " as anywhere."
+    )
+
+
+def _said(text: str) -> str:
+    return "\n".join(textwrap.wrap(text, 99, break_long_words=False, break_on_hyphens=False))
+
+
+def page() -> str:
+    """Return the page, drawing its pictures on the way."""
+    text = TEXT
+    parts = {
+        "filters": said_of_filters(filters()),
+        "rates": draw_rates(),
+        "chatter": chatter(),
+        "guard": draw_guard(),
+        "textures": draw_textures(),
+        "hands": draw_hands_of(),
+        "force": draw_force(),
+        "maps": draw_maps(maps()),
+    }
+    for name, part in parts.items():
+        assert f"[[{name}]]" in text, name
+        text = text.replace(f"[[{name}]]", part)
+    return text
+
+
+if __name__ == "__main__":
+    with writing_as("python docs/make_haptics_page.py", True):
+        (DOCS / PICTURES).mkdir(exist_ok=True)
+        write_text(DOCS / "haptics.md", page())

@@ -1,0 +1,208 @@
+"""The closed loop of several rates: what one cycle of ticks makes of the state.
+
+The state is that of `stability/loop.py`, and before each tick's command, in this order, what is
+read of it: the position y^ that the law has, the reading y* of the last velocity estimate, the
+estimate v, its filter's slope r. At a tick that renews them they are set by a linear map M of the
+state, else left; then u = -(K y^ + B v), and the chain moves over one tick, P:
+
+    s_{k+1} = (P - b (K c_y + B c_v)) M_k s_k.
+
+M_k repeats after N ticks, the least common multiple of `position_ticks` and `velocity_ticks`, and
+the loop is stable iff all eigenvalues of the product over N ticks lie inside the unit circle.
+(Lifting; P. Voulgaris and B. Bamieh, Systems & Control Letters 20, 249, 1993.) K enters the product
+in many places and not as a rank-one change, so the end of its stable interval is found by a scan,
+`RATIO` from one K to the next, and Brent's method on the spectral radius.
+
+Limits: a band of instability narrower than the scan's ratio can be stepped over.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import reduce
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq, minimize_scalar
+
+from zwidth.sim.device import Device
+from zwidth.sim.interface import Interface
+from zwidth.stability.loop import open_loop
+from zwidth.stability.types import Corner, LinearPoint
+
+Floats = NDArray[np.float64]
+RATIO = 1.05
+LOWEST = 1e-8  # of 4 m / T^2, above which no sampled wall holds the whole mass m
+CORNER_GRID = 40
+
+
+@dataclass(frozen=True)
+class PeriodicLoop:
+    """One cycle of ticks of a device and a two-sided wall.
+
+    moves (M, M): P; entry (M,): b; measure (N, M, M): M_k; places of y^ and v in the state; period
+    [s] of the cycle; free: nothing but damping holds the device.
+    """
+
+    moves: Floats
+    entry: Floats
+    measure: Floats
+    position: int
+    velocity: int
+    period: float
+    free: bool
+
+    def tick(self, stiffness: float | Floats, damping: float) -> Floats:
+        """Return what a tick makes of the measured state, shape (..., M, M) for K (...)."""
+        k = np.asarray(stiffness)[..., None]
+        moves = np.broadcast_to(self.moves, (*k.shape[:-1], *self.moves.shape)).copy()
+        moves[..., self.position] -= k * self.entry
+        moves[..., self.velocity] -= damping * self.entry
+        return moves
+
+    def closed(self, stiffness: float | Floats, damping: float) -> Floats:
+        """Return what a cycle makes of the state under spring and damper, (..., M, M)."""
+        tick = self.tick(stiffness, damping)
+        return reduce(lambda whole, m: tick @ (m @ whole), self.measure, np.eye(self.entry.size))
+
+    def radii(self, stiffness: Floats, damping: float) -> Floats:
+        """Return the spectral radius of a cycle, less one, at each K."""
+        return np.abs(np.linalg.eigvals(self.closed(stiffness, damping))).max(axis=-1) - 1.0
+
+    def radius(self, stiffness: float, damping: float) -> float:
+        """Return the spectral radius of a cycle, less one."""
+        return float(self.radii(np.array(stiffness), damping))
+
+
+def periodic_loop(device: Device) -> PeriodicLoop:
+    """Return the cycle of a device; raises ValueError as `open_loop` does for a long delay."""
+    face = device.interface
+    plain = open_loop(device.with_interface(**ONE_RATE))
+    n = plain.entry.size - 1  # without the stored reading
+    first = {"position": n, "earlier": n + 1, "velocity": n + 2, "slope": n + 3}
+    moves = np.eye(n + 4)
+    moves[:n, :n] = plain.transition[:n, :n]
+    entry = np.append(plain.entry[:n], np.zeros(4))
+    cycle = math.lcm(int(face.position_ticks), int(face.velocity_ticks))
+    measure = np.array([_measured(face, n, k) for k in range(cycle)])
+    return PeriodicLoop(
+        moves, entry, measure, first["position"], first["velocity"], cycle * face.period, plain.free
+    )
+
+
+ONE_RATE = {
+    "velocity_ticks": 1, "position_ticks": 1, "velocity_cutoff_hz": math.inf, "velocity_order": 1,
+}  # fmt: skip
+
+
+def _measured(face: Interface, n: int, tick: int) -> Floats:
+    """Return M of a tick: what is renewed of y^, y*, v and r before the command."""
+    straight, from_slope, to_slope, kept = face.velocity_filter
+    m = np.eye(n + 4)
+    given, earlier, v, slope = n, n + 1, n + 2, n + 3
+    if tick % face.position_ticks == 0:
+        m[given] = 0.0
+        m[given, 0] = 1.0
+    if tick % face.velocity_ticks == 0:
+        rate = 1.0 / face.velocity_period
+        m[[v, slope]] = 0.0
+        for row, weight in ((v, straight), (slope, to_slope)):
+            m[row, 0], m[row, earlier], m[row, v] = weight * rate, -weight * rate, -weight
+        m[v, v] += 1.0
+        m[v, slope], m[slope, slope] = from_slope, kept
+        m[earlier] = 0.0
+        m[earlier, 0] = 1.0
+    return m
+
+
+def periodic_boundary(device: Device, dampings: Iterable[float]) -> list[LinearPoint]:
+    """Return the critical stiffness of a device with several rates at each B.
+
+    Raises ValueError for a damping that is not finite.
+    """
+    loop = periodic_loop(device)
+    return [_critical(device, loop, damping) for damping in dampings]
+
+
+def periodic_last_damping(device: Device) -> float | None:
+    """Return the B above which every small K is unstable; None where that is so at B = 0."""
+    loop, scan = periodic_loop(device), _scan(device)
+    low = float(scan[0])
+    if loop.radius(low, 0.0) >= 0.0:
+        return None
+    b = 0.0
+    for more in (scan * device.interface.period).tolist():
+        if loop.radius(low, more) >= 0.0:
+            return float(brentq(lambda x: loop.radius(low, x), b, more))
+        b = more
+    return b
+
+
+def periodic_corner(device: Device) -> Corner | None:
+    """Return the top of the boundary for B from 0 to the last stable one, None without a stable K.
+
+    The top is searched from a grid of `CORNER_GRID` dampings.
+    """
+    last = periodic_last_damping(device)
+    if last is None:
+        return None
+    loop = periodic_loop(device)
+    grid = np.linspace(0.0, last, CORNER_GRID)
+    heights = [_critical(device, loop, b).stiffness or 0.0 for b in grid.tolist()]
+    top = int(np.argmax(heights))
+    step = grid[1] - grid[0]
+    peak = minimize_scalar(
+        lambda b: -(_critical(device, loop, float(b)).stiffness or 0.0),
+        bounds=(max(grid[top] - step, 0.0), min(grid[top] + step, last)),
+        method="bounded",
+        options={"xatol": 1e-4 * last},
+    )
+    best = max(float(peak.x), 0.0) if -peak.fun > heights[top] else float(grid[top])
+    sides = [_critical(device, loop, b) for b in (best - 1e-3 * last, best, best + 1e-3 * last)]
+    below, at, above = sides
+    if at.stiffness is None or at.frequency_hz is None:
+        return None
+    return Corner(
+        best, at.stiffness, below.frequency_hz or at.frequency_hz,
+        above.frequency_hz or at.frequency_hz,
+    )  # fmt: skip
+
+
+def _scan(device: Device) -> Floats:
+    """Return the K that are tried [N m/rad | N/m], rising."""
+    scale = 4.0 * float(device.chain.masses.sum()) / device.interface.period**2
+    return scale * RATIO ** np.arange(math.log(LOWEST) / math.log(RATIO), 1.0)
+
+
+def _critical(device: Device, loop: PeriodicLoop, damping: float) -> LinearPoint:
+    if not np.isfinite(damping):
+        raise ValueError(f"damping is {damping}; only finite numbers are allowed")
+    scan = _scan(device)
+    outside = loop.radii(scan, damping) >= 0.0
+    first = int(np.argmax(outside))
+    if not outside.any() or first == 0:
+        return LinearPoint(damping, None, None, None)
+    low, high = float(scan[first - 1]), float(scan[first])
+    end = float(brentq(lambda x: loop.radius(x, damping), low, high, xtol=1e-12 * low))
+    step = 1e-4
+    rise = (loop.radius(end * (1.0 + step), damping) - loop.radius(end * (1.0 - step), damping)) / (
+        2.0 * step * end * loop.period
+    )
+    return LinearPoint(damping, end, _frequency(loop, end, damping), rise)
+
+
+def _frequency(loop: PeriodicLoop, stiffness: float, damping: float) -> float:
+    """Frequency [Hz] of the critical oscillation, of which a cycle shows only the alias.
+
+    Its eigenvector is followed through the cycle: the phase by which m1's velocity turns from tick
+    to tick, summed, says which of the aliases it is.
+    """
+    values, vectors = np.linalg.eig(loop.closed(stiffness, damping))
+    state = vectors[:, int(np.argmax(np.abs(values)))].astype(np.complex128)
+    tick = loop.tick(stiffness, damping)
+    turned = 0.0
+    for m in loop.measure:
+        after = tick @ m @ state
+        turned += float(np.angle(after[0] / state[0]))
+        state = after
+    return abs(turned) / (2.0 * np.pi * loop.period)

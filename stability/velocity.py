@@ -1,0 +1,38 @@
+"""What the velocity estimate makes of a motion: its response in z.
+
+With q = 1/z and the weights (a, b, c, d) of the filter (`Interface.velocity_filter`),
+
+    v (1 - q + q G) = G (1 - q) y / T,    G = a + b c q / (1 - d q).
+
+Limits: one rate; an estimate every so many ticks is no function of z alone.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.sim.device import Device
+from zwidth.sim.interface import Interface
+
+Complexes = NDArray[np.complex128]
+
+
+def filter_response(interface: Interface, z: Complexes) -> Complexes:
+    """Return the velocity filter's response at z: v over the backward difference."""
+    a, b, c, d = interface.velocity_filter
+    behind = 1.0 / z
+    straight = a + b * c * behind / (1.0 - d * behind)
+    return straight / (1.0 - behind + behind * straight)
+
+
+def velocity_response(interface: Interface, z: Complexes) -> Complexes:
+    """Return the velocity estimate's response at z: v over the position [1/s]."""
+    return filter_response(interface, z) * (1.0 - 1.0 / z) / interface.period
+
+
+def refuse_force(device: Device, what: str) -> None:
+    """Raise ValueError for a device with force feedback, of which `what` knows nothing."""
+    if device.interface.force_gain > 0.0:
+        raise ValueError(
+            f"force_gain is {device.interface.force_gain:g}, and {what} takes no force feedback:"
+            " set it to 0, or use the linear boundary"
+        )
