@@ -89,7 +89,7 @@ def whole_runs(
     length = "rad" if device.rotary else "m"
     runs: list[WholeRun] = []
     for e, held in [*((e, True) for e in judge_by), *((e, False) for e in whole)]:
-        each = {name: _simulated(model, x, e, found.judge) for name, (model, x) in models.items()}
+        each = {name: simulated(model, x, e, found.judge) for name, (model, x) in models.items()}
         measured = recorded(e, e.measured)
         for o, output in enumerate(e.outputs):
             quantity = "velocity" if output in e.differenced else output.quantity
@@ -108,7 +108,7 @@ def _same(a: Experiment, b: Experiment) -> bool:
     return a.name == b.name and np.array_equal(a.command, b.command)
 
 
-def _simulated(model: Model, x: Floats, e: Experiment, observer: Observer) -> Floats:
+def simulated(model: Model, x: Floats, e: Experiment, observer: Observer) -> Floats:
     """Outputs (ticks, o), as recorded, of a free run in which nothing is corrected."""
     device = model.acting(x)
     seen = begun(device, model.seen(e, x), observer)

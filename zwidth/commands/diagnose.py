@@ -41,9 +41,18 @@ from zwidth.diagnosis_report import (
 )
 from zwidth.door import described, device_of, kept
 from zwidth.files.whole import write_text
+from zwidth.fleet.listing import is_fleet
+from zwidth.fleet_door import diagnose_recordings
 from zwidth.logs.mcap_writer import write_log
 from zwidth.logs.recording import load_log, read_recording
-from zwidth.options import force_option, in_this_folder, json_option, out_option, typed_line
+from zwidth.options import (
+    cluster_option,
+    force_option,
+    in_this_folder,
+    json_option,
+    out_option,
+    typed_line,
+)
 from zwidth.planning.separating import separating
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import commented_text, load_device
@@ -86,6 +95,8 @@ RESULTS = ("diagnosis.html", "augmented.toml", "next.toml", "next.npy")
     default=None,
     help="Say what becomes of the stiffest wall, or not; else where the device may render one.",
 )
+@click.option("--processes", type=click.IntRange(1), help="Of a fleet: processes side by side.")
+@cluster_option
 @out_option("runs")
 @force_option
 @json_option
@@ -95,6 +106,8 @@ def command(
     validate: tuple[Path, ...],
     effort: str,
     wall: bool | None,
+    processes: int | None,
+    cluster: str | None,
     out: Path,
     json_file: str | None,
 ) -> None:
@@ -109,8 +122,24 @@ def command(
     which every command takes; NAME.diagnosis.mcap, residual, missing force and predictions, which
     opens beside the recording; and NAME.next.toml, what to record where rivals are left. Ctrl-C
     ends the search and judges what was found until then.
+
+    A folder of recordings, or a table of them (CSV or TOML: recording, device, date, known values),
+    is a fleet: what is shared, what differs from device to device, what changed and when, and which
+    recordings are unlike the others and why. Writes NAME.fleet.html (docs/fleets.md).
     """
     console = Console(json_file)
+    if any(is_fleet(path) for path in recordings):
+        _refuse_beside_a_fleet(recordings, validate, wall)
+        device = None if name is None else load_device(name)
+        line = typed_line(click.get_current_context())
+        (path,) = recordings
+        diagnose_recordings(console, path, device, effort, out, processes, cluster, line)
+        return
+    if processes is not None or cluster is not None:
+        raise ValueError(
+            "--processes and --cluster are for a fleet, a folder or a table of recordings; leave"
+            " them out, or give one"
+        )
     _refuse_fitted(recordings, validate)
     known = None if name is None else load_device(name)  # what is wrong with it is said at once
     read = {path: described(console, path, out) for path in (*recordings, *validate)}
@@ -144,6 +173,20 @@ def command(
         _answer(asked, found, logs, mishaps)
     if found.interrupted:
         raise KeyboardInterrupt
+
+
+def _refuse_beside_a_fleet(
+    recordings: Sequence[Path], validate: Sequence[Path], wall: bool | None
+) -> None:
+    """Raise ValueError for what has no use where a fleet is diagnosed."""
+    if len(recordings) > 1:
+        raise ValueError(
+            f"{len(recordings)} are given and one of them is a fleet; give the folder or the table"
+            " of recordings alone, or recordings only"
+        )
+    if validate or wall is not None:
+        option = "--validate" if validate else "--wall"
+        raise ValueError(f"{option} has no use with a fleet; leave it out")
 
 
 def _timed(console: Console) -> Callable[[str], None]:

@@ -1,0 +1,1 @@
+"""Many recordings at once: what is the same in all, what differs, and by what it scales."""

@@ -1,0 +1,158 @@
+"""What changed over time, when, and on which device: steps and drifts over the dates.
+
+Of one device and one parameter recordings at dates t_j say y_j with deviations s_j (their errors,
+and what repeats scatter by). Held against a value that stays,
+
+    step:  y = a + b [t >= t_k],            drift:  y = a + b max(0, t - t_0) / (t_end - t_0),
+
+each by weighted least squares, gain the chi-square that it takes away. It pays for its amount (2 ln
+of its range over its error - ln 2 pi), for all parameters, devices, shapes and dates that were
+asked, and must gain 2 ln (1 / ALPHA) beyond. A step is dated by the dates that cost 7.35 more than
+the best (Hansen, Econometrica 68, 2000), the beginning of a drift by those that cost 3.84 more.
+What all devices do together is asked of the same with each device's own mean taken off.
+
+Limits: one change of a parameter and device; a step needs two recordings on either side, of which
+one alone would be an outlier.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.diagnosis.selection.evidence import ALPHA
+
+Floats = NDArray[np.float64]
+STEP, DRIFT = "step", "drift"
+FEWEST = 4  # dated recordings
+SIDE = 2  # recordings on either side of a step
+DATED, BEGUN = -2.0 * math.log(1.0 - math.sqrt(0.95)), 3.84
+DATES = 200  # at which a drift may begin
+BELIEVED = 2.0 * math.log(1.0 / ALPHA)
+ALL = "all devices"
+
+
+@dataclass(frozen=True)
+class Change:
+    """A parameter of a device that did not stay the same, in the unit of the parameter.
+
+    at: days since 1970 of a step, or of the beginning of a drift; between: its 95 % interval.
+    before, after: values before, and at the last date; error: of their difference; gained: in
+    chi-square, all paid.
+    """
+
+    device: str
+    parameter: str
+    shape: str
+    at: float
+    between: tuple[float, float]
+    before: float
+    after: float
+    error: float
+    gained: float
+
+    def share(self, day: Floats, end: float) -> Floats:
+        """Return how much of it had come about at days, of which `end` is the device's last."""
+        if self.shape == STEP:
+            return (day >= self.at).astype(np.float64)
+        return np.clip((day - self.at) / max(end - self.at, 1e-9), 0.0, 1.0)
+
+
+def date_of(day: float) -> str:
+    """Return a day since 1970 as a date."""
+    return datetime.fromtimestamp(86400.0 * day, UTC).date().isoformat()
+
+
+def changes(
+    parameter: str,
+    days: Floats,
+    values: Floats,
+    errors: Floats,
+    devices: Sequence[str],
+    scatter: float,
+    asked: int,
+) -> list[Change]:
+    """Return what changed of a parameter: of each device, and of all together.
+
+    days, values, errors (n,); scatter: of repeats beside their errors; asked: how many parameters
+    and devices are asked in all.
+    """
+    told = np.isfinite(days) & np.isfinite(errors)
+    s = np.sqrt(errors**2 + scatter**2)
+    names = np.asarray(devices)
+    every = list(dict.fromkeys(devices))
+    found: list[Change] = []
+    off = values.copy()
+    for name in every:
+        mine = told & (names == name)
+        one = _changed(name, parameter, days[mine], values[mine], s[mine], asked)
+        found += [] if one is None else [one]
+        if mine.any():
+            off[names == name] -= float(np.average(values[mine], weights=1.0 / s[mine] ** 2))
+    if len(every) > 1:
+        others = told & ~np.isin(names, [c.device for c in found])
+        if others.any():
+            middle = float(np.median(values[others]))
+            one = _changed(ALL, parameter, days[others], off[others] + middle, s[others], asked)
+            found += [] if one is None else [one]
+    return found
+
+
+def _changed(
+    device: str, parameter: str, day: Floats, y: Floats, s: Floats, asked: int
+) -> Change | None:
+    if y.size < FEWEST or np.ptp(day) == 0.0:
+        return None
+    order = np.argsort(day, kind="stable")
+    day, y, s = day[order], y[order], s[order]
+    every = np.unique(day)
+    size = max(float(np.ptp(y)), abs(float(np.median(y))))
+    steps = [float(d) for d in every[1:] if SIDE <= np.count_nonzero(day < d) <= y.size - SIDE]
+    begins = np.linspace(day[0], day[-1], DATES, endpoint=False)
+    begins = begins[begins <= every[-2]] if every.size > 2 else begins[:0]
+    best: Change | None = None
+    for shape, times in ((STEP, np.array(steps)), (DRIFT, begins)):
+        if times.size == 0:
+            continue
+        flat, costs, a, b, errors = _fits(y, s, _columns(shape, day, times))
+        i = int(np.argmin(costs))
+        error = float(errors[i])
+        choices = times.size if shape == STEP else every.size
+        price = 2.0 * math.log(2.0 * size / max(error, 1e-300)) - math.log(2.0 * math.pi)
+        price += 2.0 * math.log(2.0 * max(1, asked) * choices)
+        gained = flat - float(costs[i]) - price
+        near = np.flatnonzero(costs <= costs[i] + (DATED if shape == STEP else BEGUN))
+        between = float(times[near[0]]), float(times[near[-1]])
+        if shape == STEP:  # it came between two recordings
+            between = float(day[day < between[0]].max()), between[1]
+        else:
+            apart = float(day[-1] - day[0]) / DATES
+            between = max(float(day[0]), between[0] - apart), between[1] + apart
+        if gained > BELIEVED and (best is None or gained > best.gained):
+            own = float(a[i]), float(a[i] + b[i])
+            best = Change(device, parameter, shape, float(times[i]), between, *own, error, gained)
+    return best
+
+
+def _columns(shape: str, day: Floats, at: Floats) -> Floats:
+    """How much of a change has come about on each day, for each time that it may begin at."""
+    if shape == STEP:
+        return (day >= at[:, None]).astype(np.float64)
+    return np.maximum(0.0, day - at[:, None]) / (day[-1] - at[:, None])
+
+
+def _fits(y: Floats, s: Floats, columns: Floats) -> tuple[float, Floats, Floats, Floats, Floats]:
+    """Weighted straight lines over each column (times, n).
+
+    Returns chi-square without any, then (times,) each: chi-square, value before, amount, its error.
+    """
+    w = 1.0 / s**2
+    mean, means = float(w @ y) / w.sum(), columns @ w / w.sum()
+    off, about = columns - means[:, None], y - mean
+    square, mixed = off**2 @ w, off @ (w * about)
+    b = mixed / square
+    flat = float(w @ about**2)
+    return flat, flat - mixed * b, mean - b * means, b, 1.0 / np.sqrt(square)

@@ -1,0 +1,222 @@
+"""One recording fitted with the fleet's structure: its own numbers, and how well they go.
+
+A descent from the typical device (`settled`: fit and noise in turn), so some tenths of a second for
+600 samples. Estimates are free of the prior: with posterior variance v of x under a unit prior
+about 0, what the recording alone says has
+
+    1 / s^2 = 1 / v - 1,    y = x s^2 / v,
+
+so a recording that says nothing of a parameter has an infinite standard error of it, and does not
+draw others to the typical device. Errors hold for a coloured residual (`fitting.uncertainty`).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.diagnosis.answer.findings import UNITS
+from zwidth.diagnosis.answer.whole_run import simulated
+from zwidth.diagnosis.fitting.uncertainty import covariance
+from zwidth.diagnosis.intake.gate import oddities
+from zwidth.diagnosis.model.parameters import Model, Parameter
+from zwidth.diagnosis.noise.predictor import free_run_errors, window
+from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
+from zwidth.fleet.reading import experiment_of
+from zwidth.fleet.structure import Structure
+from zwidth.sim.device import Device
+
+Floats = NDArray[np.float64]
+NUISANCE = ("origin", "jitter", "gain", "change")  # of a run, and no parameter of a device
+DRAWN = 160  # points of a recording that are kept to be drawn
+UNTOLD = 0.98  # of the prior's variance, above which a recording says nothing of a parameter
+
+
+@dataclass(frozen=True)
+class Quick:
+    """What the quick fit of a recording says, in SI.
+
+    x (p,): of the model; values, errors (q,): of the reported parameters, errors infinite where it
+    says nothing; covariance (q, q). noise: deviation of the innovations of the first output; free:
+    rms error of free runs of half a second over the motion; swing: rms motion; held: longest time
+    that a reading stands still, over the whole. drawn (2, points): the first output as measured and
+    as it runs freely, drawn_s its period. remarks: what is odd about the recording. problem: why
+    there is no fit; "" where there is one.
+    """
+
+    name: str
+    x: Floats = field(default_factory=lambda: np.zeros(0))
+    values: Floats = field(default_factory=lambda: np.zeros(0))
+    errors: Floats = field(default_factory=lambda: np.zeros(0))
+    covariance: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    misfit: float = 0.0
+    samples: int = 0
+    seconds: float = 0.0
+    noise: float = 0.0
+    free: float = 0.0
+    swing: float = 0.0
+    held: float = 0.0
+    drawn: Floats = field(default_factory=lambda: np.zeros((2, 0)))
+    drawn_s: float = 0.0
+    remarks: tuple[str, ...] = ()
+    problem: str = ""
+
+
+@dataclass(frozen=True)
+class Task:
+    """Recordings (name, path) to be fitted one after the other with a structure."""
+
+    recordings: tuple[tuple[str, Path], ...]
+    structure: Structure
+
+
+def reported(model: Model) -> list[int]:
+    """Return the places of the parameters that tell of the device."""
+    return [i for i, p in enumerate(model.parameters) if p.kind not in NUISANCE]
+
+
+def names_of(structure: Structure) -> dict[str, str]:
+    """Return name and unit of each reported parameter."""
+    model, rotary = structure.model, structure.device.rotary
+    found: dict[str, str] = {}
+    for i in reported(model):
+        p = model.parameters[i]
+        if p.kind == "effect":
+            unit = model.effects[p.index].effect.parameter(p.key).unit_for(rotary)
+        else:
+            unit = UNITS[p.kind][0 if rotary else 1]
+        found[p.name] = unit
+    return found
+
+
+def physical(model: Model, x: Floats) -> tuple[Floats, Floats]:
+    """Return value and slope by x of each reported parameter."""
+    values: list[float] = []
+    slopes: list[float] = []
+    for i in reported(model):
+        p, own = model.parameters[i], float(x[i])
+        value, slope = _physical(model, p, own)
+        values.append(value)
+        slopes.append(slope)
+    return np.array(values), np.array(slopes)
+
+
+def _physical(model: Model, p: Parameter, x: float) -> tuple[float, float]:
+    chain = model.nominal.chain
+    if p.kind == "effect":
+        return model.effects[p.index].values[p.key] + p.scale * x, p.scale
+    if p.kind in ("damper", "link"):
+        own = chain.ground_dampers if p.kind == "damper" else chain.link_dampers
+        return float(own[p.index]) + p.scale * x, p.scale
+    if p.kind == "k0":
+        nominal = chain.ground_spring
+    else:
+        nominal = float((chain.masses if p.kind == "mass" else chain.link_springs)[p.index])
+    value = nominal * float(np.exp(p.scale * x))
+    return value, p.scale * value
+
+
+def run(task: Task) -> list[Quick]:
+    """Return the quick fit of each recording of a task."""
+    return [_of(name, path, task.structure) for name, path in task.recordings]
+
+
+def _of(name: str, path: Path, structure: Structure) -> Quick:
+    try:
+        e = experiment_of(path, structure.device, name)
+    except (ValueError, OSError) as error:
+        return Quick(name, problem=str(error))
+    return quick(e, structure)
+
+
+def quick(e: Experiment, structure: Structure) -> Quick:
+    """Return the quick fit of a recording."""
+    try:
+        h = fit(e, structure)
+    except NoObserver:
+        return Quick(e.name, problem=f"no observer follows {e.name} with the fleet's structure")
+    return summed_up(e, h, tuple(f.sentence for f in oddities(structure.typical, e)))
+
+
+def fit(e: Experiment, structure: Structure) -> Hypothesis:
+    """Return the fit of a recording with the fleet's structure; raises NoObserver."""
+    model = structure.model
+    return settled(judged([e], model, model.within(np.zeros(len(model.parameters)))))
+
+
+def summed_up(e: Experiment, h: Hypothesis, remarks: Sequence[str] = ()) -> Quick:
+    """Return what a fit says of its recording."""
+    model, x = h.model, h.x
+    values, errors, spread = estimates(h)
+    observer, (start,) = h.noise.observer, h.noise.starts
+    begun = replace(e, start=start)
+    device: Device = model.acting(x)
+    with np.errstate(all="ignore"):
+        errors_of, signal = free_run_errors(device, model.seen(begun, x), observer.gain, window(e))
+        size = float(np.sqrt(np.mean(signal[:, 0] ** 2))) if signal.size else 0.0
+        off = float(np.sqrt(np.mean(errors_of[:, 0] ** 2))) if signal.size else 0.0
+        run_freely = simulated(model, x, e, observer)[:, 0]
+    every = max(1, e.ticks // DRAWN)
+    drawn = np.stack([e.measured[::every, 0], np.nan_to_num(run_freely[::every])])
+    return Quick(
+        e.name, x, values, errors, spread, h.cost.misfit, h.samples, e.ticks * e.period,
+        float(observer.deviation[0]), off / size if size > 0.0 else 0.0, e.swing, held(e), drawn,
+        every * e.period, tuple(remarks),
+    )  # fmt: skip
+
+
+def estimates(h: Hypothesis) -> tuple[Floats, Floats, Floats]:
+    """Return values, standard errors and covariance of the reported parameters, prior taken off."""
+    model, own = h.model, np.array(reported(h.model))
+    spread = covariance(h.fitted)[np.ix_(own, own)]
+    variance = np.diag(spread)
+    prior = np.array([model.parameters[i].prior for i in own])
+    x = h.x.copy()
+    alone = np.where(np.isfinite(variance), variance, np.inf)
+    for k, i in enumerate(own):
+        if not prior[k] or not np.isfinite(variance[k]):
+            continue
+        if variance[k] >= UNTOLD:
+            alone[k] = np.inf
+        else:
+            alone[k] = variance[k] / (1.0 - variance[k])
+            x[i] = h.x[i] * alone[k] / variance[k]
+    x = model.within(x)
+    values, slopes = physical(model, x)
+    errors = np.abs(slopes) * np.sqrt(alone)
+    with np.errstate(all="ignore"):
+        alike = spread / np.sqrt(np.outer(variance, variance))
+    alike = np.where(np.isfinite(alike), alike, np.eye(own.size))
+    finite = np.where(np.isfinite(errors), errors, 0.0)
+    return values, errors, alike * np.outer(finite, finite)
+
+
+def held(e: Experiment) -> float:
+    """Return for how much of a recording its first output stands still longest."""
+    still = np.flatnonzero(np.diff(e.measured[:, 0], prepend=np.nan, append=np.nan) != 0.0)
+    return float(np.diff(still).max() - 1) / e.ticks if still.size > 1 else 0.0
+
+
+def to_arrays(q: Quick) -> Mapping[str, object]:
+    """Return it as JSON types."""
+    return {
+        k: v.tolist() if isinstance(v, np.ndarray) else list(v) if isinstance(v, tuple) else v
+        for k, v in vars(q).items()
+    }
+
+
+def from_arrays(values: Mapping[str, Any]) -> Quick:
+    """Return what `to_arrays` gave; raises TypeError, ValueError, KeyError where it is none."""
+    arrays = ("x", "values", "errors", "covariance", "drawn")
+    own: dict[str, Any] = {
+        k: np.array(v, dtype=np.float64) if k in arrays else v for k, v in values.items()
+    }
+    errors = own["errors"]
+    own["errors"] = np.where(errors < 0.0, np.inf, errors)  # as `fleet.kept` writes infinity
+    own["remarks"] = tuple(own["remarks"])
+    return Quick(**own)

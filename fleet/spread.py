@@ -1,0 +1,284 @@
+"""Whether a parameter is one for a fleet, or differs from device to device or from run to run.
+
+Recording i of device d says y_i of a parameter, with standard error s_i. The model is the random
+effects one (DerSimonian & Laird, Control. Clin. Trials 7, 1986) with two levels and known columns,
+
+    y_i = b_0 + sum_k b_k x_ik + u_d + w_i + e_i,
+    u_d ~ N(0, tau_d^2),   w_i ~ N(0, tau_r^2),   e_i ~ N(0, s_i^2).
+
+"Shared" is tau_d = tau_r = 0. For given taus, y is normal with covariance V, and b is integrated
+out in closed form (Gelman et al., Bayesian Data Analysis, 3rd ed., 5.4 and 14.8):
+
+    cost = r' V^-1 r + ln det V + ln det X' V^-1 X + 2 sum_k ln range_k - k ln 2 pi,
+
+r what generalized least squares leaves, range_k = 2 ptp(y) / ptp(x_k) for a slope. The constant
+b_0 and n ln 2 pi are in all hypotheses and left out. A tau that is not nothing is uniform in its
+logarithm between `LEAST_TAU` of the median standard error and the whole range of y, summed on a
+grid. A hypothesis is taken over a simpler one where it costs less by more than 2 ln (1 / ALPHA)
+for each thing that it adds, the threshold of `zwidth.diagnosis.selection.evidence`.
+
+Limits: the ranges are taken from the data. A device must have been recorded twice for its own value
+to be told from that of the run: without repeats what differs is called per run. Normal spreads
+have no outliers; those must have been taken out before.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from zwidth.diagnosis.selection.evidence import ALPHA
+
+Floats = NDArray[np.float64]
+LEAST_TAU = 0.1  # of the median standard error: a smaller spread changes no interval
+GRID = 24  # values of a tau, uniform in its logarithm
+STEP_COST = 2.0 * math.log(1.0 / ALPHA)
+NEGLIGIBLE = 1e-6  # share of a pair of taus below which it is left out of means
+
+
+class Slope(NamedTuple):
+    """By how much a parameter changes with a known column, per unit of it, and how sure."""
+
+    value: float
+    error: float
+
+
+@dataclass(frozen=True)
+class Spread:
+    """What a fleet says of one parameter, in the unit of the estimates.
+
+    per_device, per_run: at which levels it differs. tau_device, tau_run: the standard deviations
+    of these differences (0 where there is none), posterior root mean squares. center: the value
+    where each column is at its mean. slopes: of the columns that it scales with. pooled (n,),
+    pooled_errors (n,): of each recording's own value, what the others say included. gains: what
+    each level and column is worth, in -2 ln evidence: how much dearer the answer is without it, or,
+    of what it has not, how much cheaper it would be with it.
+    """
+
+    per_device: bool
+    per_run: bool
+    center: Slope
+    tau_device: float
+    tau_run: float
+    slopes: Mapping[str, Slope]
+    pooled: Floats
+    pooled_errors: Floats
+    gains: Mapping[str, float]
+
+    @property
+    def shared(self) -> bool:
+        """Whether, after its slopes, it is one value for all recordings."""
+        return not (self.per_device or self.per_run)
+
+
+def spread(
+    values: Floats,
+    errors: Floats,
+    devices: Sequence[str],
+    columns: Mapping[str, Floats] | None = None,
+) -> Spread:
+    """Decide by cost what a parameter differs by, and pool its estimates accordingly.
+
+    values (n,), errors (n,): estimates and their standard errors, n at least 2; devices (n,): which
+    device each is of; columns: name to known values (n,). An infinite error says nothing of its
+    value, and its recording gets what the others say. Columns that are constant are left out.
+    Raises ValueError for lengths that differ, values that are not finite, errors that are not
+    above 0, and fewer than two recordings that say anything.
+    """
+    data = _read(values, errors, devices, columns or {})
+    sought: dict[_Kind, _Weighed] = {}
+
+    def weighed(kind: _Kind) -> _Weighed:
+        if kind not in sought:
+            sought[kind] = _weigh(data, kind)
+        return sought[kind]
+
+    def penalized(kind: _Kind) -> float:
+        return weighed(kind).cost + STEP_COST * len(kind)
+
+    # Every step makes the penalized cost smaller, so none is taken twice. Steps of two let a column
+    # take the place of a spread that stood for it.
+    kind: _Kind = frozenset()
+    while True:
+        single = [frozenset({term}) for term in data.terms]
+        double = [a | b for i, a in enumerate(single) for b in single[:i]]
+        best = min((kind ^ step for step in single + double), key=penalized, default=kind)
+        if penalized(best) >= penalized(kind):
+            break
+        kind = best
+    found = weighed(kind)
+    gains = {
+        term: (weighed(kind ^ {term}).cost - found.cost) * (1.0 if term in kind else -1.0)
+        for term in data.terms
+    }
+    return _answer(data, kind, found, gains)
+
+
+DEVICE, RUN = "per device", "per run"
+_Kind = frozenset[str]
+
+
+class _Data(NamedTuple):
+    y: Floats
+    variance: Floats
+    device: NDArray[np.intp]
+    columns: dict[str, Floats]
+    terms: tuple[str, ...]
+
+
+class _Point(NamedTuple):
+    tau_device: float
+    tau_run: float
+    cost: float
+    b: Floats
+    b_covariance: Floats
+
+
+class _Weighed(NamedTuple):
+    cost: float
+    points: list[_Point]
+
+
+def _read(
+    values: Floats, errors: Floats, devices: Sequence[str], columns: Mapping[str, Floats]
+) -> _Data:
+    y, s = np.asarray(values, dtype=np.float64), np.asarray(errors, dtype=np.float64)
+    lengths = {"errors": s.size, "devices": len(devices)}
+    lengths |= {f"column {name!r}": len(column) for name, column in columns.items()}
+    for name, length in lengths.items():
+        if length != y.size:
+            raise ValueError(f"{name} has {length} entries and values {y.size}; give one for each")
+    known = {name: np.asarray(column, dtype=np.float64) for name, column in columns.items()}
+    for name, column in {"values": y, **known}.items():
+        if not np.all(np.isfinite(column)):
+            raise ValueError(f"{name} holds NaN or infinity; leave those recordings out")
+    for name in set(known) & {DEVICE, RUN}:
+        raise ValueError(f"a column is named {name!r}, which names a level; give it another name")
+    if not np.all(s > 0.0):
+        raise ValueError("errors holds values that are not above 0; give standard errors")
+    telling = np.isfinite(s)
+    if np.count_nonzero(telling) < 2:
+        raise ValueError("fewer than two estimates have a finite error; give more recordings")
+    known = {
+        name: column - column.mean() for name, column in known.items() if np.ptp(column[telling])
+    }
+    _, device = np.unique(np.asarray(devices), return_inverse=True)
+    recorded = np.bincount(device[telling])
+    repeated = np.count_nonzero(recorded) > 1 and bool(recorded.max() > 1)
+    terms = ((DEVICE,) if repeated else ()) + (RUN, *known)
+    return _Data(y, s**2, device, known, terms if np.ptp(y[telling]) > 0.0 else ())
+
+
+def _design(data: _Data, kind: _Kind) -> tuple[list[str], Floats]:
+    names = [name for name in data.columns if name in kind]
+    return names, np.column_stack([np.ones(data.y.size), *(data.columns[n] for n in names)])
+
+
+def _taus(data: _Data) -> Floats:
+    telling = np.isfinite(data.variance)
+    least = LEAST_TAU * math.sqrt(float(np.median(data.variance[telling])))
+    return np.geomspace(least, max(float(np.ptp(data.y[telling])), 10.0 * least), GRID)
+
+
+def _weigh(data: _Data, kind: _Kind) -> _Weighed:
+    names, design = _design(data, kind)
+    grid, nothing = _taus(data), np.zeros(1)
+    telling = np.isfinite(data.variance)
+    ranges = sum(
+        2.0 * math.log(2.0 * np.ptp(data.y[telling]) / np.ptp(data.columns[n][telling]))
+        - math.log(2.0 * math.pi)
+        for n in names
+    )
+    points = [
+        _at(data, design, float(device), float(run))
+        for run in (grid if RUN in kind else nothing)
+        for device in (grid if DEVICE in kind else nothing)
+    ]
+    costs = np.array([point.cost for point in points])
+    total = -2.0 * float(logsumexp(-0.5 * costs)) + 2.0 * math.log(len(points)) + ranges
+    return _Weighed(total, points)
+
+
+def _sums(data: _Data, weight: Floats, what: Floats) -> Floats:
+    """Sum weight * what (n, k) over each device: (devices, k)."""
+    found = np.zeros((int(data.device.max()) + 1, what.shape[1]))
+    np.add.at(found, data.device, weight[:, None] * what)
+    return found
+
+
+def _at(data: _Data, design: Floats, tau_device: float, tau_run: float) -> _Point:
+    # V is a block D + tau^2 1 1' for each device, D = diag(s_i^2 + tau_run^2), so that (Sherman &
+    # Morrison) V^-1 = D^-1 - D^-1 1 1' D^-1 / (1 / tau^2 + 1' D^-1 1), and
+    # ln det V = ln det D + ln (1 + tau^2 1' D^-1 1).
+    both = np.column_stack([design, data.y])
+    apart = data.variance + tau_run**2
+    weight = 1.0 / apart
+    sums = _sums(data, weight, np.column_stack([both, np.ones(data.y.size)]))
+    part, held = sums[:, :-1], sums[:, -1]
+    taken = tau_device**2 / (1.0 + tau_device**2 * held)
+    gram = both.T @ (weight[:, None] * both) - part.T @ (taken[:, None] * part)
+    covariance = np.asarray(np.linalg.inv(gram[:-1, :-1]), dtype=np.float64)
+    b = covariance @ gram[:-1, -1]
+    log_det = float(np.sum(np.log(apart[np.isfinite(apart)])))
+    log_det += float(np.sum(np.log1p(tau_device**2 * held)))
+    left = float(gram[-1, -1] - gram[:-1, -1] @ b)
+    return _Point(
+        tau_device,
+        tau_run,
+        left + log_det - float(np.linalg.slogdet(covariance)[1]),
+        b,
+        covariance,
+    )
+
+
+def _pooled(data: _Data, design: Floats, point: _Point) -> tuple[Floats, Floats]:
+    """Return mean and variance of each recording's own value at given taus."""
+    # Given b: u_d is normal with precision 1 / tau^2 + 1' D^-1 1, and w_i, given u_d, takes the
+    # share tau_run^2 / (s_i^2 + tau_run^2) of what is left of y_i. b adds what it moves them by.
+    weight = 1.0 / (data.variance + point.tau_run**2)
+    own = point.tau_run**2 * weight
+    held = _sums(data, weight, np.ones((data.y.size, 1)))[:, 0]
+    device_variance = point.tau_device**2 / (1.0 + point.tau_device**2 * held)
+    off = data.y - design @ point.b
+    u = device_variance * _sums(data, weight, off[:, None])[:, 0]
+    moved = design - (device_variance[:, None] * _sums(data, weight, design))[data.device]
+    moved *= (1.0 - own)[:, None]
+    mean = design @ point.b + u[data.device] + own * (off - u[data.device])
+    # own * s^2 = tau_run^2 (1 - own), which stays finite where the error is infinite.
+    variance = point.tau_run**2 * (1.0 - own) + (1.0 - own) ** 2 * device_variance[data.device]
+    return mean, variance + np.einsum("ij,jk,ik->i", moved, point.b_covariance, moved)
+
+
+def _answer(data: _Data, kind: _Kind, found: _Weighed, gains: Mapping[str, float]) -> Spread:
+    names, design = _design(data, kind)
+    costs = np.array([point.cost for point in found.points])
+    shares = np.exp(-0.5 * (costs - costs.min()))
+    shares[shares < NEGLIGIBLE * shares.max()] = 0.0
+    shares /= shares.sum()
+    kept = [(float(s), p) for s, p in zip(shares, found.points, strict=True) if s > 0.0]
+    each = [(share, *_pooled(data, design, point)) for share, point in kept]
+    pooled = sum((share * mean for share, mean, _ in each), np.zeros(data.y.size))
+    variance = sum(
+        (share * (var + (mean - pooled) ** 2) for share, mean, var in each), np.zeros(data.y.size)
+    )
+    b = sum((share * p.b for share, p in kept), np.zeros(design.shape[1]))
+    b_variance = sum(
+        (share * (np.diag(p.b_covariance) + (p.b - b) ** 2) for share, p in kept),
+        np.zeros(design.shape[1]),
+    )
+    terms = [Slope(float(v), math.sqrt(e)) for v, e in zip(b, b_variance, strict=True)]
+    return Spread(
+        per_device=DEVICE in kind,
+        per_run=RUN in kind,
+        center=terms[0],
+        tau_device=math.sqrt(sum(share * p.tau_device**2 for share, p in kept)),
+        tau_run=math.sqrt(sum(share * p.tau_run**2 for share, p in kept)),
+        slopes=dict(zip(names, terms[1:], strict=True)),
+        pooled=pooled,
+        pooled_errors=np.sqrt(variance),
+        gains=dict(gains),
+    )

@@ -1,0 +1,246 @@
+"""Which effects a fleet's devices have: one structure for all, each recording with its own numbers.
+
+Recordings of several devices differ in their parameters, so one x for all would have to make up
+for that by physics that none has. A structure S is therefore judged by what it costs with own
+parameters in each of a few recordings,
+
+    cost(S) = sum_i (misfit_i(S) + freedom_i(S)) - 2 ln P(S),
+
+how common such physics is counted once (`diagnosis.selection.evidence`). Candidates are what the
+search of each recording alone costs least with, and what is in them; one with more effects must
+cost less by 2 ln (1 / ALPHA) for each. What a recording says nothing of, it is not asked.
+
+The few are the most informative ones: those whose refit of the linear parameters knows these best
+(ln det J'J), of different devices, and none whose parameters lie far from those of the others,
+which may be misread.
+"""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.diagnosis.mishaps import Say
+from zwidth.diagnosis.model.parameters import Model, effect_labels, linear_parameters
+from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.selection.effort import Effort
+from zwidth.diagnosis.selection.evidence import ALPHA
+from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
+from zwidth.diagnosis.selection.search import search
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import device_from_text, device_to_text
+from zwidth.sim.physics import make_physics
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.uncertainty import Uncertainty
+
+Floats = NDArray[np.float64]
+STEP_COST = 2.0 * math.log(1.0 / ALPHA)
+CANDIDATES = 3  # structures of each search that are asked of all
+FAR = 4.0  # robust deviations, from which a recording is no model for others
+OPEN = Uncertainty(masses=1.0, springs=1.0, dampers=2.0)
+"""How far recordings of a fleet may be from its typical device: far enough to see that they are."""
+SHARE = 0.3  # of a value of the device file, that is one of x where nothing else says it
+
+
+@dataclass(frozen=True)
+class Structure:
+    """The model that every recording of a fleet is fitted with.
+
+    device: the typical one, without the effects; effects: those, at their typical values, with the
+    scales and bounds of their free parameters (`Model`).
+    """
+
+    device: Device
+    effects: tuple[Physics, ...] = ()
+    scales: tuple[Mapping[str, float], ...] = ()
+    bounds: tuple[Mapping[str, tuple[float, float]], ...] = ()
+
+    @property
+    def model(self) -> Model:
+        """The model, which is the typical device at x = 0."""
+        return Model(self.device, self.effects, self.scales, bounds=self.bounds)
+
+    @property
+    def labels(self) -> list[str]:
+        """effect@place of each effect."""
+        return effect_labels(self.effects)
+
+    @property
+    def typical(self) -> Device:
+        """The typical device with its effects."""
+        return self.device.with_physics(*self.effects)
+
+    def to_json(self) -> str:
+        """Return it as text, whose numbers read back exactly."""
+        effects = [
+            {
+                "effect": p.effect.name,
+                "at": p.at,
+                "values": dict(p.values),
+                "scales": dict(s),
+                "bounds": {k: list(v) for k, v in b.items()},
+            }
+            for p, s, b in zip(self.effects, self.scales, self.bounds, strict=True)
+        ]
+        return json.dumps({"device": device_to_text(self.device), "effects": effects}, indent=1)
+
+
+def structure_from(text: str) -> Structure:
+    """Return the structure of `to_json`; raises ValueError where it is none."""
+    try:
+        found = cast("dict[str, Any]", json.loads(text))
+        every = found["effects"]
+        return Structure(
+            device_from_text(found["device"]),
+            tuple(make_physics(e["effect"], e["at"], **e["values"]) for e in every),
+            tuple(e["scales"] for e in every),
+            tuple({k: (v[0], v[1]) for k, v in e["bounds"].items()} for e in every),
+        )
+    except (KeyError, TypeError, IndexError) as error:
+        raise ValueError(f"this is no structure of a fleet: {error}") from None
+
+
+def known_structure(device: Device) -> Structure:
+    """Return the structure of a device file: its own effects are free where a fit can move them."""
+    free = [p for p in device.physics if p.effect.sought != "lattice" and not p.effect.in_recording]
+    scales = [
+        {k: SHARE * abs(v) for k, v in p.values.items() if v != 0.0 and math.isfinite(v)}
+        for p in free
+    ]
+    bare = device.without_physics(*(p.effect.name for p in free))
+    return Structure(
+        replace(bare, uncertainty=_open(device)), tuple(free), tuple(scales), ({},) * len(free)
+    )
+
+
+def _open(device: Device) -> Uncertainty:
+    return replace(OPEN, command_scale=device.uncertainty.command_scale)
+
+
+def informative(
+    device: Device, experiments: Sequence[Experiment], devices: Sequence[str], count: int
+) -> list[int]:
+    """Return the places of so many recordings that say most, of different devices where there are.
+
+    Raises NoObserver where none can be followed with the device.
+    """
+    model = known_structure(device).model
+    told: list[tuple[int, float, Floats]] = []
+    for place, e in enumerate(experiments):
+        with suppress(NoObserver):
+            h = settled(judged([e], model, np.zeros(len(model.parameters))), turns=1)
+            assert h.slopes is not None
+            own = h.slopes[: h.samples]
+            log_det = float(np.linalg.slogdet(own.T @ own + np.eye(own.shape[1]))[1])
+            linear = [p.kind not in ("origin", "jitter") for p in model.parameters]
+            told.append((place, log_det, h.x[np.array(linear)]))
+    if not told:
+        raise NoObserver("no recording of the fleet can be followed with the device")
+    xs = np.stack([x for _, _, x in told])
+    middle = np.median(xs, axis=0)
+    spread = 1.4826 * np.median(np.abs(xs - middle), axis=0) + 0.05
+    near = np.all(np.abs(xs - middle) < FAR * spread, axis=1)
+    sound = [one for one, kept in zip(told, near, strict=True) if kept] or told
+    ranked = [place for place, _, _ in sorted(sound, key=lambda one: -one[1])]
+    chosen: list[int] = []
+    seen = set[str]()
+    for place in ranked:
+        if devices[place] not in seen:
+            chosen.append(place)
+            seen.add(devices[place])
+    chosen += [place for place in ranked if place not in chosen]
+    return chosen[:count]
+
+
+def sought(
+    device: Device, experiments: Sequence[Experiment], effort: Effort, say: Say
+) -> tuple[Structure, dict[str, float]]:
+    """Return the structure that costs least over recordings, and what each candidate costs more.
+
+    Raises NoObserver where none can be followed.
+    """
+    begun = known_structure(device)
+    bare = Model(replace(begun.device, uncertainty=_open(device)))
+    found: dict[frozenset[str], tuple[Model, Floats, float]] = {}
+    if begun.effects:  # what the device file has already is one of the candidates
+        own = begun.model
+        found[frozenset(begun.labels)] = own, np.zeros(len(own.parameters)), 0.0
+    wanting = len(experiments)
+    for e in experiments:
+        say(f"what {e.name} asks for")
+        try:
+            tried = search(bare.nominal, [e], effort)
+        except NoObserver:
+            wanting -= 1
+            continue
+        ranked = sorted(tried.tried.values(), key=lambda h: h.cost.total)
+        for h in [tried.best, *ranked[:CANDIDATES]]:
+            parts = [_single(h, i) for i in range(len(h.model.effects))]
+            for one in [h, *(parts if len(parts) > 1 else [])]:
+                known = found.get(one.labels)
+                if known is None or one.cost.total < known[2]:
+                    found[one.labels] = one.model, one.x, one.cost.total
+    if not wanting:
+        raise NoObserver("no recording of the fleet can be followed with the device")
+    plain = [_fitted(e, bare, np.zeros(len(bare.parameters))) for e in experiments]
+    costs = {frozenset[str](): sum(h.cost.total for h in plain if h is not None)}
+    fits: dict[frozenset[str], list[Hypothesis | None]] = {frozenset(): plain}
+    for labels, (structure, x, _) in found.items():
+        if not labels:
+            continue
+        say(f"asking all of them for {' and '.join(sorted(labels))}")
+        model = replace(structure, nominal=bare.nominal)
+        each = [_fitted(e, model, x) for e in experiments]
+        fits[labels], costs[labels] = each, _cost(each, plain)
+    best = frozenset[str]()
+    for labels in sorted(costs, key=len):
+        if costs[labels] + STEP_COST * (len(labels) - len(best)) < costs[best]:
+            best = labels
+    more = {" + ".join(sorted(s)) or "linear": c - costs[best] for s, c in costs.items()}
+    kept = [h for h in fits[best] if h is not None]
+    return _typical(kept, _open(device)), more
+
+
+def _single(h: Hypothesis, index: int) -> Hypothesis:
+    others = [i for i in range(len(h.model.effects)) if i != index]
+    model, x = h.model.less(h.x, *others)
+    return judged(h.experiments, model, x)
+
+
+def _fitted(e: Experiment, model: Model, x: Floats) -> Hypothesis | None:
+    try:
+        return settled(judged([e], model, model.within(x)))
+    except NoObserver:
+        return None
+
+
+def _cost(each: Sequence[Hypothesis | None], plain: Sequence[Hypothesis | None]) -> float:
+    """What a structure costs over recordings; one that says nothing of it stays without it."""
+    total, rarity = 0.0, 0.0
+    for h, without in zip(each, plain, strict=True):
+        own = math.inf if h is None else h.cost.misfit + h.cost.freedom
+        other = math.inf if without is None else without.cost.total
+        rarity = rarity if h is None else h.cost.rarity
+        if math.isfinite(own):
+            total += own
+        elif math.isfinite(other):
+            total += other
+    return total + rarity
+
+
+def _typical(kept: Sequence[Hypothesis], uncertainty: Uncertainty) -> Structure:
+    """The structure at the median of recordings: that of x = 0."""
+    model = kept[0].model
+    x = model.within(np.median(np.stack([h.x for h in kept]), axis=0))
+    count = len(linear_parameters(model.nominal))
+    only = replace(model, effects=(), scales=(), bounds=())
+    chain = only.build(x[:count]).chain
+    device = replace(model.nominal.with_chain(chain), uncertainty=uncertainty)
+    bounds = model.bounds or ({},) * len(model.effects)
+    return Structure(device, model.effects_at(x), model.scales, bounds)
