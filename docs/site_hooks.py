@@ -1,4 +1,4 @@
-"""Links from pages to files of the repository that are no pages: on the site they are plain text."""
+"""Links out of the documentation, to files that are no pages: on the site they are plain text."""
 
 import re
 from pathlib import PurePosixPath
