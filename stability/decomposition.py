@@ -56,6 +56,11 @@ def curve(device: Device, frequency_hz: ArrayLike) -> Curve:
     interface = device.interface
     f = np.asarray(frequency_hz, dtype=np.float64)
     refuse_force(device, "this closed form")
+    if interface.multirate:
+        raise ValueError(
+            "velocity_ticks or position_ticks is more than 1, and this closed form takes one rate:"
+            " use `stability.periodic`, or set both to 1"
+        )
     nyquist = 0.5 / interface.period
     if not np.all((f > 0.0) & (f < nyquist)):
         raise ValueError(

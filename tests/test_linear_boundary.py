@@ -430,3 +430,10 @@ def test_bad_input_is_named() -> None:
         curve(PHANTOM, [0.0, 10.0])
     with pytest.raises(ValueError, match="two equal poles"):
         curve(one_mass(1.0, 0.0), 10.0)
+
+
+def test_the_closed_form_refuses_several_rates() -> None:
+    """Mutation that breaks it: curves of one rate, said of two."""
+    device = load_device("phantom_1_0").with_interface(position_ticks=10)
+    with pytest.raises(ValueError, match="takes one rate"):
+        curve(device, [50.0])
