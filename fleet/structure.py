@@ -107,13 +107,18 @@ def structure_from(text: str) -> Structure:
 
 
 def known_structure(device: Device) -> Structure:
-    """Return the structure of a device file: its own effects are free where a fit can move them."""
-    free = [p for p in device.physics if p.effect.sought != "lattice" and not p.effect.in_recording]
+    """Return the structure of a device file: its own effects but the drive are free."""
+    free = [
+        p
+        for p in device.physics
+        if not (p.effect.sought == "lattice" or p.effect.in_recording or p.effect.of_drive)
+    ]
     scales = [
         {k: SHARE * abs(v) for k, v in p.values.items() if v != 0.0 and math.isfinite(v)}
         for p in free
     ]
-    bare = device.without_physics(*(p.effect.name for p in free))
+    # Asked for none by name, it takes all.
+    bare = device.without_physics(*(p.effect.name for p in free)) if free else device
     return Structure(
         replace(bare, uncertainty=_open(device)), tuple(free), tuple(scales), ({},) * len(free)
     )

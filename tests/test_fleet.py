@@ -141,6 +141,15 @@ def test_a_structure_is_read_as_it_was_written():
         structure_from("{}")
 
 
+def test_what_is_known_of_a_drive_stays_as_it_is():
+    """Mutations: the drive's numbers free like a friction's; a drive lost with what is free."""
+    servo = make_physics("position_servo", "m1", stiffness=20.0, damping=0.0, back_emf=1.0)
+    for device in (nominal().with_physics(servo), KNOWN.with_physics(servo)):
+        found = known_structure(device)
+        assert [p.effect.name for p in found.device.physics] == ["position_servo"]
+        assert "position_servo@m1" not in found.labels
+
+
 def test_a_folder_without_a_table_has_devices_and_dates_in_its_names(tmp_path: Path):
     truth = make_fleet(tmp_path, 3, 2, 0, 1, 2.0)
     (tmp_path / "fleet.csv").unlink()
