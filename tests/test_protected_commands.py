@@ -145,6 +145,7 @@ CASES: dict[str, Case | str] = {
         "relay_conditions",
     ),
     "effects": Case("coulomb_friction --json o/x.json", ("o/x.json",), (), "described"),
+    "export": Case("dev.toml --to c --seconds 0.1 -o o/x.c", ("o/x.c",), ("dev.toml",), "exported"),
     "devices": Case("dev.toml --save o/x.toml", ("o/x.toml",), ("dev.toml",), "_chain_table"),
 }
 WRITING = [name for name in cli.COMMANDS if CASES.get(name) != NOTHING]

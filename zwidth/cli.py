@@ -39,6 +39,7 @@ COMMANDS = {
         "Simulate a logged run again, from the log alone, and compare every value bit for bit."
     ),
     "devices": "List the devices that come with zwidth, or describe one.",
+    "export": "Write a device for another simulator, and say what that cannot hold.",
     "effects": "List the effects that zwidth knows, or describe one.",
     "conceal": "Make recordings in which physics is concealed, with sealed keys.",
     "exam": "Diagnose concealed recordings, open the seals, and score.",

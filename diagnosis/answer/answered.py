@@ -94,8 +94,9 @@ def answered(
     augment = partial(_augmented, taken, found, findings)
     verdict, sentence = _verdict(found, findings, refit, left, other, mishaps, sound, free)
     law, stopped = None, found.interrupted or halted
-    strays = not findings and wander(free.after, free.noise_floor)
-    if verdict is Verdict.UNKNOWN_PHYSICS or (verdict is Verdict.UNDECIDED and strays):
+    by_chance = not findings and wander(free.after, free.noise_floor)
+    strays = verdict is Verdict.UNDECIDED and by_chance and not mishaps.of(*DECISIVE)
+    if verdict is Verdict.UNKNOWN_PHYSICS or strays:
         findings = tuple(f.without_probability() for f in findings)
         law, stopped = _law_of_no_name(device, by, taken, free, say)
     if law is not None:

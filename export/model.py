@@ -1,0 +1,106 @@
+"""What an export is: a text, and what it does not hold; and how much of a motion that costs."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.controllers.excitation import multisine
+from zwidth.controllers.recorded import recorded
+from zwidth.sim.device import Device, place_label
+from zwidth.sim.equations import enough_substeps
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.run import simulate
+
+Floats = NDArray[np.float64]
+SUBSTEPS = 4  # a tick, where forces or friction act inside it
+SECONDS = 2.0
+
+
+@dataclass(frozen=True)
+class Exported:
+    """A device in another format.
+
+    body: the file without the comment at its head; about: what the comment begins with; lost: a
+    sentence for everything of the device that the format does not hold; held: the device that the
+    file does describe; opening, closing: of a comment.
+    """
+
+    body: str
+    about: tuple[str, ...]
+    lost: tuple[str, ...]
+    held: Device
+    opening: str = "<!--"
+    closing: str = "-->"
+
+    def text(self, cost: str = "") -> str:
+        """Return the file; cost: a sentence on how well it follows the device."""
+        lines = [*self.about, "", "Not held here:"]
+        lines += [f"  - {line}" for line in self.lost or ("nothing",)]
+        if cost:
+            lines += ["", cost]
+        # neither kind of comment may hold its own end
+        said = "\n".join(lines).replace("--", "- -").replace("*/", "* /")
+        return f"{self.opening}\n{said}\n{self.closing}\n{self.body}"
+
+
+def label_of(physics: Physics) -> str:
+    """Return how an effect is named to people: "backlash@link12"."""
+    return place_label(physics)
+
+
+def substeps_for(device: Device) -> int:
+    """Return how many substeps a tick an export of a device takes."""
+    within = any(p.effect.hook in ("force", "friction") for p in device.physics)
+    return enough_substeps(device, SUBSTEPS if within else 1)
+
+
+def free_run(device: Device, commands: Floats, seed: int = 0) -> Floats:
+    """Return what the encoder reads at the ticks of a run under commands (ticks,)."""
+    run = simulate(
+        device, recorded(commands), duration=commands.size * device.interface.period,
+        substeps=substeps_for(device), seed=seed,
+    )  # fmt: skip
+    return run.trace["encoder"]
+
+
+def loss(ours: Floats, theirs: Floats) -> float:
+    """Return the rms difference over the rms motion about its mean; inf where theirs is no number.
+
+    A motion of nothing is followed by none exactly (0), or not at all (inf).
+    """
+    if ours.shape != theirs.shape or not np.all(np.isfinite(theirs)):
+        return float("inf")
+    error = float(np.sqrt(np.mean((theirs - ours) ** 2)))
+    motion = float(np.std(ours))
+    if motion == 0.0:
+        return 0.0 if error == 0.0 else float("inf")
+    return error / motion
+
+
+def amplitude(device: Device) -> float:
+    """Return an rms command that moves a device: past what holds it, and within its limits.
+
+    Raises nothing: three times its dry friction, else what turns it by about a unit in the time.
+    """
+    held = 0.0
+    for p in device.physics:
+        if p.effect.hook == "friction":
+            levels = [v for q, v in zip(p.effect.parameters, p.vector(), strict=True)
+                      if q.unit == "N m" and np.isfinite(v)]  # fmt: skip
+            held += max(levels, default=0.0)
+    mass = float(device.chain.masses.sum())
+    free = mass * (2.0 * np.pi) ** 2 * 0.5
+    wanted = max(3.0 * held, free)
+    limit = device.interface.command_limit
+    return float(min(wanted, 0.5 * limit)) if np.isfinite(limit) else float(wanted)
+
+
+def command_for(device: Device, seconds: float = SECONDS) -> Floats:
+    """Return the command (ticks,) with which an export is compared: a multisine."""
+    period = device.interface.period
+    top = min(20.0, 0.2 / period)
+    return multisine(
+        amplitude(device) / device.interface.command_gain, duration=seconds, period=period,
+        from_hz=0.5, to_hz=top, seed=1,
+    )  # fmt: skip

@@ -1,0 +1,25 @@
+# pyright: reportMissingParameterType=false, reportUnknownParameterType=false
+"""A tick of the kernel for one command that comes from outside: what is translated into C."""
+
+from zwidth.sim.jit import part
+from zwidth.sim.kernel import amplify, arrives, fed_back, read_position, substep
+from zwidth.sim.lane_type import select
+
+
+@part
+def reading(eq, x):
+    """What the encoder reports now."""
+    return read_position(eq, x[0])
+
+
+@part
+def sent(eq, tick, x, command, before):
+    """What the amplifier is told at this tick."""
+    return select(arrives(eq, tick), amplify(eq, fed_back(eq, x, command)), before)
+
+
+@part
+def moved(eq, segment, held, external, memory, scratch):
+    """Move through a segment of the tick under a held command."""
+    for _ in range(eq.substeps[segment]):
+        substep(eq, segment, held, external, memory, scratch)

@@ -1,0 +1,70 @@
+"""`zwidth export`: a device for another simulator, and what that cannot hold of it."""
+
+from pathlib import Path
+
+import click
+
+from zwidth.console import Console
+from zwidth.export.c_source import c_source, identifier
+from zwidth.export.cost import cost_of
+from zwidth.export.model import Exported
+from zwidth.files.whole import write_text
+from zwidth.options import Quantity, device_argument, force_option, json_option
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import load_device, remarks_on
+
+FORMATS = ("c",)
+
+
+@click.command("export")
+@device_argument()
+@click.option("--to", type=click.Choice(FORMATS), required=True, help="The format.")
+@click.option("-o", "--out", metavar="FILE", type=click.Path(dir_okay=False, path_type=Path),
+              required=True, help="The file to write.")  # fmt: skip
+@click.option("--name", help="What names in the file begin with, else that of FILE.")
+@click.option("--seconds", type=Quantity("s", 0.1), default=2.0, show_default=True,
+              help="Length of the run by which the cost is measured.")  # fmt: skip
+@click.option("--seed", type=click.IntRange(0, 2**64 - 1), default=0, show_default=True,
+              help="Of what happens at random (lost samples).")  # fmt: skip
+@force_option
+@json_option
+def command(
+    device: str,
+    to: str,
+    out: Path,
+    name: str | None,
+    seconds: float,
+    seed: int,
+    json_file: str | None,
+) -> None:
+    """Write a device for another simulator, and say what that cannot hold.
+
+    DEVICE is a shipped device or a device file. c is C99 without dependencies: NAME_reset,
+    NAME_read and NAME_step, one tick each. What is not held is said, stands as a comment at the
+    head of FILE, and is measured where FILE can be run: the same command through both.
+    """
+    console = Console(json_file)
+    given = load_device(device)
+    console.will_write(out)
+    for remark in remarks_on(given):
+        console.warn(remark)
+    called = identifier(name or out.stem)
+    made = exported(given, to, called, seed)
+    cost = cost_of(made, given, to, called, seconds, seed)
+    written = write_text(out, made.text(cost.said))
+    for sentence in made.lost:
+        console.say(f"not held: {sentence}")
+    if not made.lost:
+        console.say(f"{to} holds all of {given.name}")
+    console.say(cost.said)
+    console.say(f"wrote {written}")
+    console.result({
+        "device": given.name, "to": to, "file": str(out), "name": called, "lost": list(made.lost),
+        "error_over_motion": cost.share, "cost": cost.said,
+    })  # fmt: skip
+
+
+def exported(device: Device, to: str, name: str, seed: int) -> Exported:
+    """Return a device in a format."""
+    assert to in FORMATS
+    return c_source(device, name, seed)
