@@ -43,7 +43,7 @@ class _Scratch(NamedTuple):
     own: Array
     more: Array
     shares: Array
-    choice: None = None
+    choice: Array | None = None
 
 
 def identifier(name: str) -> str:

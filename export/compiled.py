@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 FLAGS = ("-std=c99", "-O1", "-ffp-contract=off", "-Wall", "-Werror", "-Wno-unused-label")
 DRIVER = """\
+
 #include <stdio.h>
-#include "model.c"
 
 int main(void)
 {
@@ -43,18 +43,17 @@ def run_c(text: str, name: str, commands: Floats, flags: tuple[str, ...] = FLAGS
     found = compiler()
     if found is None:
         raise ValueError("there is no C compiler (cc, gcc or clang); install one, or set CC")
+    whole = f"{text}\n{DRIVER.replace('NAME', name)}"
     with TemporaryDirectory() as folder:
-        here = Path(folder)
-        (here / "model.c").write_text(text)
-        (here / "main.c").write_text(DRIVER.replace("NAME", name))
+        program = Path(folder) / "main"
         made = subprocess.run(
-            [found, *flags, "main.c", "-o", "main", "-lm"], cwd=here, capture_output=True,
-            text=True, check=False,
+            [found, *flags, "-x", "c", "-", "-x", "none", "-o", str(program), "-lm"], input=whole,
+            capture_output=True, text=True, check=False,
         )  # fmt: skip
         if made.returncode != 0:
             raise ValueError(f"{found} refuses the exported file: {made.stderr.strip()[:400]}")
         ran = subprocess.run(
-            [str(here / "main")], input=np.ascontiguousarray(commands, np.float64).tobytes(),
+            [str(program)], input=np.ascontiguousarray(commands, np.float64).tobytes(),
             capture_output=True, check=True,
         )  # fmt: skip
     return np.frombuffer(ran.stdout, dtype=np.float64).copy()

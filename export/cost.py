@@ -3,7 +3,8 @@
 from typing import NamedTuple
 
 from zwidth.export.compiled import compiler, run_c
-from zwidth.export.model import Exported, command_for, free_run, loss
+from zwidth.export.model import Exported, Floats, command_for, free_run, loss
+from zwidth.export.mujoco_run import engine, run_mjcf, run_urdf
 from zwidth.sim.device import Device
 
 
@@ -15,23 +16,36 @@ class Cost(NamedTuple):
 
 
 def cost_of(
-    exported: Exported, device: Device, to: str, name: str, seconds: float, seed: int
+    exported: Exported, device: Device, to: str, name: str, seconds: float, seed: int = 0
 ) -> Cost:
     """Run a device and its export under the same multisine and compare what is measured.
 
     Raises ValueError where the compiler refuses a C file.
     """
     commands = command_for(device, seconds)
-    ours = free_run(device, commands, seed)
     if to == "c" and compiler() is None:
         return Cost(None, "Not measured: there is no C compiler here; install one, or set CC.")
-    theirs = run_c(exported.text(), name, commands)
-    return _said(loss(ours, theirs), "compiled and run", seconds)
-
-
-def _said(share: float, how: str, seconds: float) -> Cost:
+    if to in ("mjcf", "urdf") and engine() is None:
+        return Cost(None, "Not measured: MuJoCo is not installed here; pip install mujoco.")
+    theirs, how = _run(exported, to, name, commands)
+    share = loss(free_run(device, commands, seed), theirs)
     return Cost(
-        share,
-        f"Measured, {how} beside zwidth under the same multisine of {seconds:g} s: rms error"
+        share if share < float("inf") else None,
+        f"Measured, {how}, beside zwidth under the same multisine of {seconds:g} s: rms error"
         f" {100.0 * share:.3g} % of the rms motion.",
     )
+
+
+def _run(exported: Exported, to: str, name: str, commands: Floats) -> tuple[Floats, str]:
+    period = exported.held.interface.period
+    match to:
+        case "c":
+            return run_c(exported.text(), name, commands), "compiled and run"
+        case "mjcf":
+            return run_mjcf(exported.text(), commands, period), "in MuJoCo"
+        case "urdf":
+            limit = exported.held.interface.command_limit
+            return run_urdf(exported.text(), commands, period, limit), "in MuJoCo"
+        case _:
+            how = "as zwidth itself simulates what the file says, since nothing else here reads it"
+            return free_run(exported.held, commands), how

@@ -97,9 +97,9 @@ def whole_runs(
             if o == 0 and e.pushed is not None:
                 quantity, unit = "force", "N m" if device.rotary else "N"
             name = f"{quantity}_{output.at}"
-            simulated = {word: found[:, o] for word, found in each.items()}
+            said = {word: found[:, o] for word, found in each.items()}
             runs.append(
-                WholeRun(e.name, name, unit, e.begins, e.period, measured[:, o], simulated, held)
+                WholeRun(e.name, name, unit, e.begins, e.period, measured[:, o], said, held)
             )
     return tuple(runs)
 

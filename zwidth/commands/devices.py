@@ -41,6 +41,9 @@ TURN = 2.0 * math.pi
     "--template", type=click.IntRange(1, MAX_MASSES), metavar="MASSES",
     help="Print a device file of so many masses to start from, with every key explained.",
 )  # fmt: skip
+@click.option("--from", "model", metavar="FILE", type=click.Path(path_type=Path),
+              help="Describe a joint of an MJCF or URDF model as a device.")  # fmt: skip
+@click.option("--joint", metavar="NAME", help="The joint of that model.")
 @force_option
 @json_option
 def command(
@@ -48,6 +51,8 @@ def command(
     passive: bool,
     save: Path | None,
     template: int | None,
+    model: Path | None,
+    joint: str | None,
     json_file: str | None,
 ) -> None:
     """List the devices that come with zwidth, or describe one.
@@ -55,12 +60,25 @@ def command(
     DEVICE is the name of one of them or a device file.
     """
     console = Console(json_file)
+    if (model is None) != (joint is None):
+        raise click.UsageError("--from and --joint go together; give the model and its joint")
     if template is not None:
-        if device is not None or passive:
-            raise click.UsageError("--template stands for itself; leave DEVICE and --passive out")
+        if device is not None or passive or model is not None:
+            raise click.UsageError(
+                "--template stands for itself; leave DEVICE, --passive and --from out"
+            )
         _template(console, template, save)
+    elif model is not None and joint is not None:
+        if device is not None:
+            raise click.UsageError("--from is the device; leave DEVICE out")
+        from zwidth.export.read_joint import device_of_joint
+
+        found, left_out = device_of_joint(model, joint)
+        for what in left_out:
+            console.note(f"left out: {what}")
+        _describe(console, found, passive, save, {"left_out": left_out})
     elif device is not None:
-        _describe(console, device, passive, save)
+        _describe(console, load_device(device), passive, save, {})
     elif passive or save:
         raise click.UsageError("--passive and --save need a DEVICE, give its name or file")
     else:
@@ -88,10 +106,10 @@ def _list(console: Console) -> None:
     console.result({"devices": [{"device": name, "name": d.name} for name, d in found.items()]})
 
 
-def _describe(console: Console, name: str, passive: bool, save: Path | None) -> None:
-    device = load_device(name)
+def _describe(
+    console: Console, device: Device, passive: bool, save: Path | None, result: dict[str, Any]
+) -> None:
     console.will_write(*([save] if save else []))
-    result: dict[str, Any] = {}
     if passive:
         fit = nearest_passive(device.chain)
         device = replace(

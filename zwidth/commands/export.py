@@ -7,13 +7,15 @@ import click
 from zwidth.console import Console
 from zwidth.export.c_source import c_source, identifier
 from zwidth.export.cost import cost_of
+from zwidth.export.mjcf import mjcf
 from zwidth.export.model import Exported
+from zwidth.export.robots import sdf, urdf
 from zwidth.files.whole import write_text
 from zwidth.options import Quantity, device_argument, force_option, json_option
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device, remarks_on
 
-FORMATS = ("c",)
+FORMATS = ("c", "mjcf", "urdf", "sdf")
 
 
 @click.command("export")
@@ -40,7 +42,8 @@ def command(
     """Write a device for another simulator, and say what that cannot hold.
 
     DEVICE is a shipped device or a device file. c is C99 without dependencies: NAME_reset,
-    NAME_read and NAME_step, one tick each. What is not held is said, stands as a comment at the
+    NAME_read and NAME_step, one tick each; mjcf is MuJoCo's; urdf and sdf have joints with damping
+    and dry friction, sdf with springs too. What is not held is said, stands as a comment at the
     head of FILE, and is measured where FILE can be run: the same command through both.
     """
     console = Console(json_file)
@@ -66,5 +69,12 @@ def command(
 
 def exported(device: Device, to: str, name: str, seed: int) -> Exported:
     """Return a device in a format."""
-    assert to in FORMATS
-    return c_source(device, name, seed)
+    match to:
+        case "c":
+            return c_source(device, name, seed)
+        case "mjcf":
+            return mjcf(device, name)
+        case "urdf":
+            return urdf(device, name)
+        case _:
+            return sdf(device, name)

@@ -1,0 +1,185 @@
+"""Make `docs/export.md`: what survives in which format, measured.
+
+    python docs/make_export_page.py
+
+Needs a C compiler and MuJoCo. Every effect is added to one device, at a tenth of what the device is
+driven by, and exported; device and export then follow the same command.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from zwidth.controllers.recorded import recorded
+from zwidth.exam.odds import sized
+from zwidth.export.c_source import c_source
+from zwidth.export.cost import cost_of
+from zwidth.export.mjcf import mjcf
+from zwidth.export.model import Exported, command_for
+from zwidth.export.robots import sdf, urdf
+from zwidth.files.protection import writing_as
+from zwidth.files.whole import write_text
+from zwidth.scenarios.concealed.shapes import Motion
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.physics import LIBRARY, make_physics
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.physics.free_law import table_values
+from zwidth.sim.run import simulate
+
+PAGE = Path(__file__).parent / "export.md"
+SECONDS, SHARE = 2.0, 0.1
+MAKERS: dict[str, Callable[[Device], Exported]] = {
+    "c": lambda d: c_source(d, "dev"),
+    "mjcf": lambda d: mjcf(d, "dev"),
+    "urdf": lambda d: urdf(d, "dev"),
+    "sdf": lambda d: sdf(d, "dev"),
+}
+TABLES = {  # (state, value) as shares of the motion and of the rms command
+    "free_spring": ((-1.0, 0.2), (0.0, 0.0), (1.0, -0.1)),
+    "free_damper": ((-1.0, 0.2), (0.0, 0.0), (1.0, -0.1)),
+    "free_amplifier": ((-2.0, 0.2), (0.0, 0.0), (2.0, 0.2)),
+    "free_sensor": ((-1.0, 0.1), (0.0, 0.0), (1.0, 0.1)),
+}
+
+
+def base() -> Device:
+    """Return the device of the table: two masses on a belt."""
+    chain = make_chain([3e-3, 1e-3], [2e-2, 5e-3], 0.05, [40.0], [4e-3])
+    return Device("two masses on a belt", "docs/export.md", True, chain)
+
+
+def motion(device: Device) -> Motion:
+    """Return how the command of the comparison moves a device."""
+    u = command_for(device, SECONDS)
+    period = device.interface.period
+    trace = simulate(device, recorded(u), duration=u.size * period).trace
+    q, v = trace["position_m1"], trace["velocity_m1"]
+    return Motion(
+        rms(u), float(np.abs(u).max()), float(np.abs(np.diff(u)).max()) / period, rms(v),
+        float(np.std(q)), float(np.ptp(q)), float(np.abs(q).max()),
+        (rms(q - trace["position_m2"]),),
+    )  # fmt: skip
+
+
+def rms(values: np.ndarray) -> float:
+    """Return the root of the mean square."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def with_effect(name: str, moves: Motion) -> Device:
+    """Return the device with an effect at the first of its places."""
+    place = LIBRARY[name].places[0]
+    device = base()
+    if name in TABLES:
+        by = {"free_spring": moves.position, "free_sensor": moves.position,
+              "free_damper": moves.speed, "free_amplifier": moves.force}[name]  # fmt: skip
+        to = moves.position if name == "free_sensor" else moves.force
+        values = table_values([(s * by, f * to) for s, f in TABLES[name]])
+        return device.with_physics(make_physics(name, place, **values))
+    if name.startswith("servo_"):
+        device = device.with_physics(servo(moves))
+    if name == "position_servo":
+        return device.with_physics(servo(moves))
+    if name == "servo_limit":
+        return device.with_physics(make_physics(name, place, limit=moves.force))
+    if name == "servo_dead_zone":
+        return device.with_physics(make_physics(name, place, half=0.05 * moves.position))
+    if name == "rectified_sensor":
+        return device.with_physics(make_physics(name, place))
+    found = sized(np.random.default_rng(1), name, place, device, moves, SHARE)
+    if found is None:
+        raise ValueError(f"{name} cannot be as large as {SHARE:g} of the motion")
+    return device.with_physics(found)
+
+
+def servo(moves: Motion) -> Physics:
+    """Return a loop that turns the device about as far as the command alone does."""
+    stiffness = moves.force / moves.position
+    return make_physics("position_servo", "m1", stiffness=stiffness, damping=1e-2, back_emf=1e-3)
+
+
+def cell(device: Device, to: str) -> str:
+    """Return how much of the motion a format loses, and whether it says that it does."""
+    made = MAKERS[to](device)
+    share = cost_of(made, device, to, "dev", SECONDS).share
+    if share is None:
+        return "runs away"
+    said = f"{100.0 * share:.2g} %" if share > 0.0 else "to the bit"
+    return said if made.lost else f"**{said}**"
+
+
+def page() -> str:
+    """Return the page."""
+    moves = motion(base())
+    rows = ["| effect | C | MJCF | URDF | SDF |", "|---|---|---|---|---|"]
+    chosen = {"none": base()} | {name: with_effect(name, moves) for name in LIBRARY}
+    for name, device in chosen.items():
+        cells = " | ".join(cell(device, to) for to in MAKERS)
+        rows.append(f"| {name.replace('_', ' ')} | {cells} |")
+        print(rows[-1])
+    return TEXT.replace("[[table]]", "\n".join(rows)).replace("[[seconds]]", f"{SECONDS:g}")
+
+
+TEXT = """\
+# Into other simulators
+
+    zwidth export mine.toml --to c -o mine.c
+    zwidth export mine.toml --to mjcf -o mine.xml
+    zwidth export mine.toml --to urdf -o mine.urdf
+    zwidth export mine.toml --to sdf -o mine.sdf
+
+What a format cannot hold of the device is printed, a sentence each, stands in `--json FILE`, and
+as a comment at the head of the file. Where the file can be run here, so does what that costs:
+device and export follow the same multisine, and the rms of their difference is given over the rms
+of the motion.
+
+- **C** is C99 without dependencies: `mine_reset(&state)`, `mine_read(&state)` and
+  `mine_step(&state, command)`, one tick each, for a controller's feed-forward or an observer. It
+  is the source of the kernel itself, translated with the numbers of the device in it, so that it
+  holds every effect. Compiled with `-O2 -ffp-contract=off` it has the bits of `zwidth simulate`.
+  What cannot be held is a recorded command that is smooth between its samples, since a controller
+  does not know the next one.
+- **MJCF** (MuJoCo 4 or later): slides or hinges, links as tendons, the drive as an actuator with
+  gain, limit, delay and lag. The limit is one of the force, after the gain. Backlash is the slack
+  of a tendon's spring; gravity an excentric mass; two levels of friction are their mean and a
+  constant force. Dry friction is a soft constraint there, under which a held body creeps, and the
+  file chooses its stiffness and the step for it.
+- **URDF**: one body on a joint with damping, dry friction and an effort limit. Joints have no
+  springs, so that a chain is one mass.
+- **SDF**: bodies one behind the other, each link a joint with spring and damper. What acts
+  between a body farther on and the ground is held at the first. Nothing that reads SDF is asked
+  here: the cost is of what the file says, simulated by zwidth.
+
+No format but C holds the steps of encoder and amplifier.
+
+## What survives where
+
+Every effect is added to one device, two masses on a belt, at the first of its places and, where
+it has a size, at about a tenth of what the device is driven by; device and export follow the same
+command for [[seconds]] s, and what is given is the rms of their difference over that of the
+motion. **Bold**: the format claims to hold the device whole. Made by `python
+docs/make_export_page.py`.
+
+[[table]]
+
+The belt is what URDF loses in every row. A device of one mass, a damper, dry friction and a limit
+is held by all four within 1 %.
+
+## A joint of a model as a device
+
+    zwidth devices --from robot.urdf --joint shoulder --save shoulder.toml
+
+reads a hinge or slide of an MJCF or URDF model: the inertia about it of all that it moves, with
+the other joints in the model's zero pose, its armature, damping, dry friction, spring, and gain,
+limit and delay of its motor. What of the joint is left out, such as gravity, is printed. MuJoCo
+reads the model, without the shapes of a URDF, which need not be there. The device file is one to
+diagnose recordings against; the period of its interface, of which a model says nothing, is yours
+to set.
+"""
+
+
+if __name__ == "__main__":
+    with writing_as("make_export_page", True):
+        write_text(PAGE, page())

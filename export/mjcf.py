@@ -1,0 +1,167 @@
+"""A device as MJCF, MuJoCo's format: slides or hinges, links as tendons, the drive an actuator.
+
+The limit of a command is after its gain, and so a range of the force. Without dry friction MuJoCo
+integrates by Runge and Kutta's fourth order; with it (a soft constraint there) implicitly, in
+steps and with an impedance at which a body held creeps by a ten-thousandth.
+"""
+
+import math
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from zwidth.export.mechanics import Joints, interface_lost, joints_of
+from zwidth.export.model import Exported
+from zwidth.sim.device import Device
+
+ALSO = (
+    "constant_force", "cubic_stiffness", "quadratic_drag", "gravity_pendulum", "backlash",
+    "actuator_lag",
+)  # fmt: skip
+GRAVITY = 9.81
+DRY_STEP, STEP, OF_A_RADIAN = 2e-5, 1e-4, 0.1  # [s], [s]; of the fastest mode, a step
+
+
+def mjcf(device: Device, name: str) -> Exported:
+    """Return a device as the text of an MJCF model of this name."""
+    joints = joints_of(device, ALSO)
+    lost = joints.lost
+    held = interface_lost(joints.device, True, True, lost)
+    gaps = {p.place.index: p.values["gap"] for p in joints.others if p.effect.name == "backlash"}
+    for i in gaps:
+        if joints.between[i, i + 1][1] != 0.0:
+            lost.append(
+                f"backlash@link{i + 1}{i + 2}: the spring has the gap, the damper of"
+                f" {joints.between[i, i + 1][1]:g} beside it acts inside the gap too"
+            )
+    period = device.interface.period
+    step = _step(joints, held, period)
+    unit = "N m" if device.rotary else "N"
+    about = (
+        f"{device.name}, exported by zwidth.",
+        "",
+        f"Set ctrl of the actuator 'drive' [{unit}] every {period:.9g} s, which are"
+        f" {round(period / step)} steps, and hold it; the joint 'm1' is what the encoder reads.",
+    )
+    return Exported(_model(joints, held, name, step, gaps), about, tuple(lost), held)
+
+
+def _step(joints: Joints, held: Device, period: float) -> float:
+    """Return a timestep that divides the period and follows the fastest mode."""
+    fastest = float(np.abs(np.linalg.eigvals(held.plant().a)).max())
+    longest = DRY_STEP if joints.friction.any() else STEP
+    if fastest > 0.0:
+        longest = min(longest, OF_A_RADIAN / fastest)
+    return period / math.ceil(period / longest)
+
+
+def _model(joints: Joints, held: Device, name: str, step: float, gaps: dict[int, float]) -> str:
+    dry = bool(joints.friction.any())
+    integrator = "implicitfast" if dry else "RK4"
+    bodies = "\n".join(_body(joints, held, i, step) for i in range(joints.masses.size))
+    links = "\n".join(_link(joints, i, j, gaps) for i, j in joints.between)
+    tendons = f"  <tendon>\n{links}\n  </tendon>\n" if links else ""
+    return f"""\
+<mujoco model={quoteattr(name)}>
+  <compiler angle="radian" autolimits="true"/>
+  <option timestep="{step!r}" integrator="{integrator}" gravity="0 {-GRAVITY} 0" tolerance="1e-14"
+    iterations="200">
+    <flag contact="disable"/>
+  </option>
+  <worldbody>
+{bodies}
+  </worldbody>
+{tendons}  <actuator>
+{_actuators(joints, held, step)}
+  </actuator>
+  <sensor>
+    <jointpos name="encoder" joint="m1"/>
+  </sensor>
+</mujoco>
+"""
+
+
+def _body(joints: Joints, held: Device, i: int, step: float) -> str:
+    kind, axis = ("hinge", "0 0 1") if held.rotary else ("slide", "1 0 0")
+    mass = float(joints.masses[i])
+    cubic = quadratic = 0.0
+    inertial = f'pos="0 0 0" mass="1" diaginertia="{mass!r} {mass!r} {mass!r}"'
+    if not held.rotary:
+        inertial = f'pos="0 0 0" mass="{mass!r}" diaginertia="1 1 1"'
+    for p in joints.others:
+        if p.place.index != i or p.place.kind == "link":
+            continue
+        if p.effect.name == "cubic_stiffness":
+            cubic = p.values["coefficient"]
+        elif p.effect.name == "quadratic_drag":
+            quadratic = p.values["coefficient"]
+        elif p.effect.name == "gravity_pendulum":
+            inertial = _pendulum(mass, p.values["level"], p.values["angle"])
+    friction = ""
+    if joints.friction[i] > 0.0:
+        friction = (
+            f' frictionloss="{float(joints.friction[i])!r}" solreffriction="{2.0 * step!r} 1"'
+            ' solimpfriction="0.9999 0.9999 0.001"'
+        )
+    return (
+        f'    <body name="b{i + 1}">\n'
+        f'      <joint name="m{i + 1}" type="{kind}" axis="{axis}"'
+        f' damping="{float(joints.dampers[i])!r} {quadratic!r} 0"'
+        f' stiffness="{float(joints.springs[i])!r} 0 {cubic!r}"{friction}/>\n'
+        f"      <inertial {inertial}/>\n    </body>"
+    )
+
+
+def _pendulum(inertia: float, level: float, angle: float) -> str:
+    """An excentric mass of the same inertia about the axis: m g l = level, m l^2 a quarter of it.
+
+    It hangs where the law is zero.
+    """
+    if level == 0.0:
+        return f'pos="0 0 0" mass="1" diaginertia="{inertia!r} {inertia!r} {inertia!r}"'
+    arm = 0.25 * inertia * GRAVITY / level
+    mass = level / (GRAVITY * arm)
+    own = 0.75 * inertia
+    x, y = arm * math.sin(angle), -arm * math.cos(angle)
+    return f'pos="{x!r} {y!r} 0" mass="{mass!r}" diaginertia="{own!r} {own!r} {own!r}"'
+
+
+def _link(joints: Joints, i: int, j: int, gaps: dict[int, float]) -> str:
+    spring, damper = joints.between[i, j]
+    cubic = sum(
+        p.values["coefficient"] for p in joints.others
+        if p.effect.name == "cubic_stiffness" and p.place.kind == "link" and j == i + 1
+        and p.place.index == i
+    )  # fmt: skip
+    half = 0.5 * gaps.get(i, 0.0) if j == i + 1 else 0.0
+    length = f"{-half!r} {half!r}" if half > 0.0 else "0"
+    return (
+        f'    <fixed name="link{i + 1}{j + 1}" stiffness="{spring!r} 0 {float(cubic)!r}"'
+        f' damping="{damper!r}" springlength="{length}">\n'
+        f'      <joint joint="m{i + 1}" coef="1"/>\n      <joint joint="m{j + 1}" coef="-1"/>\n'
+        "    </fixed>"
+    )
+
+
+def _actuators(joints: Joints, held: Device, step: float) -> str:
+    face = held.interface
+    gain, limit = face.command_gain, face.command_limit
+    lag = next((p.values["time_constant"] for p in joints.others
+                if p.effect.name == "actuator_lag"), 0.0)  # fmt: skip
+    drive = f'    <general name="drive" joint="m1" gainprm="{gain!r}"'
+    if lag > 0.0:  # the limit comes before the lag, and is then one of the command
+        drive += f' dyntype="filterexact" dynprm="{lag!r}"'
+        drive += f' ctrlrange="{-limit / gain!r} {limit / gain!r}"' if math.isfinite(limit) else ""
+    elif math.isfinite(limit):
+        drive += f' forcerange="{-limit!r} {limit!r}"'
+    if face.delay > 0.0:
+        samples = math.ceil(face.delay / step) + 2
+        drive += f' delay="{face.delay!r}" nsample="{samples}" interp="zoh"'
+    lines = [drive + "/>"]
+    lines += [
+        f'    <general name="constant_m{p.place.index + 1}" joint="m{p.place.index + 1}"'
+        f' gainprm="0" biastype="affine" biasprm="{p.values["level"]!r} 0 0"/>'
+        for p in joints.others
+        if p.effect.name == "constant_force"
+    ]
+    return "\n".join(lines)

@@ -1,0 +1,149 @@
+"""A joint of an MJCF or URDF model as a device: everything that hangs on it, in its zero pose."""
+
+import math
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from zwidth.export.mujoco_run import engine
+from zwidth.files.protection import reading
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.interface import Interface
+from zwidth.sim.nearest import nearest
+from zwidth.sim.physics import make_physics
+from zwidth.sim.physics.effect import Physics
+
+
+def device_of_joint(
+    path: str | os.PathLike[str], joint: str, period: float = 0.001
+) -> tuple[Device, list[str]]:
+    """Return a joint of a model as a device of one mass, and what of it that device leaves out.
+
+    The mass is the inertia about (or along) the joint of all that it moves, armature included, with
+    every other joint held in the model's zero pose. period [s]: of the sampled interface, of which
+    a model says nothing.
+
+    Raises ValueError for a file that is no model, a joint that is not there or is no slide or
+    hinge, and without MuJoCo, which reads both formats.
+    """
+    mujoco = engine()
+    if mujoco is None:
+        raise ValueError("reading a model needs MuJoCo, which is not installed; pip install mujoco")
+    file = Path(path)
+    try:
+        model = _model(mujoco, file)
+    except (ValueError, ElementTree.ParseError) as error:
+        first = str(error).strip().splitlines()[0]
+        raise ValueError(f"{file} is no model that MuJoCo reads: {first}") from None
+    names = [model.joint(i).name for i in range(model.njnt)]
+    if joint not in names:
+        raise ValueError(f"{file} has no joint {joint!r}; {nearest(joint, names)}")
+    index = names.index(joint)
+    kind = int(model.jnt_type[index])
+    if kind not in (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)):
+        raise ValueError(f"joint {joint!r} of {file} is a ball or free; a hinge or slide is needed")
+    rotary = kind == int(mujoco.mjtJoint.mjJNT_HINGE)
+    dof = int(model.jnt_dofadr[index])
+    address = int(model.jnt_qposadr[index])
+    chain = make_chain(
+        [float(model.dof_M0[dof])], [float(model.dof_damping[dof])],
+        float(np.ravel(model.jnt_stiffness[index])[0]),
+    )  # fmt: skip
+    left_out: list[str] = []
+    face = _drive(mujoco, model, index, period, left_out)
+    origin = float(model.qpos_spring[address]) if chain.ground_spring > 0.0 else 0.0
+    device = Device(
+        f"{joint} of {file.name}", str(file), rotary, chain,
+        replace(face, position_origin=origin),
+    ).with_physics(*_effects(model, index, dof, left_out))  # fmt: skip
+    _remarks(mujoco, model, index, dof, left_out)
+    return device, left_out
+
+
+def _model(mujoco: Any, file: Path) -> Any:
+    text = reading(file).read_text(encoding="utf-8")
+    root = ElementTree.fromstring(text)
+    if root.tag != "robot":
+        return mujoco.MjModel.from_xml_path(str(file))
+    for link in root.iter("link"):  # shapes are files of their own, and have no part in a motion
+        for shape in (*link.findall("visual"), *link.findall("collision")):
+            link.remove(shape)
+    return mujoco.MjModel.from_xml_string(ElementTree.tostring(root, encoding="unicode"))
+
+
+def _effects(model: Any, index: int, dof: int, left_out: list[str]) -> list[Physics]:
+    found: list[Physics] = []
+    level = float(model.dof_frictionloss[dof])
+    if level > 0.0:
+        found.append(make_physics("coulomb_friction", "m1", level=level))
+    for field, at, name, place in (
+        ("jnt_stiffnesspoly", index, "cubic_stiffness", "ground"),
+        ("dof_dampingpoly", dof, "quadratic_drag", "m1"),
+    ):
+        first, second = np.ravel(getattr(model, field, np.zeros((model.nv, 2)))[at])[:2].tolist()
+        own, other = (second, first) if name == "cubic_stiffness" else (first, second)
+        if own > 0.0:
+            found.append(make_physics(name, place, coefficient=own))
+        if other != 0.0 or own < 0.0:
+            left_out.append(f"a further term of {field} ({first:g}, {second:g})")
+    return found
+
+
+def _drive(mujoco: Any, model: Any, index: int, period: float, left_out: list[str]) -> Interface:
+    """Return the interface with gain, limit and delay of the joint's actuator, if it has one."""
+    nothing = Interface(period=period)
+    joints = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+    mine = [
+        i for i in range(model.nu)
+        if int(model.actuator_trntype[i]) in joints and int(model.actuator_trnid[i, 0]) == index
+    ]  # fmt: skip
+    if len(mine) != 1:
+        if mine:
+            left_out.append(f"its {len(mine)} actuators: a device has one")
+        return nothing
+    (i,) = mine
+    gear, gain = float(model.actuator_gear[i, 0]), float(model.actuator_gainprm[i, 0])
+    if int(model.actuator_biastype[i]) != int(mujoco.mjtBias.mjBIAS_NONE) or gain * gear <= 0.0:
+        left_out.append(f"its actuator {model.actuator(i).name!r}, which is no motor")
+        return nothing
+    found = {"command_gain": gain * gear}
+    limits: list[float] = []
+    if model.actuator_forcelimited[i]:
+        limits.append(gear * float(np.abs(model.actuator_forcerange[i]).min()))
+    if model.actuator_ctrllimited[i]:
+        limits.append(gain * gear * float(np.abs(model.actuator_ctrlrange[i]).min()))
+    if limits and math.isfinite(min(limits)) and min(limits) > 0.0:
+        found["command_limit"] = min(limits)
+    delay = float(getattr(model, "actuator_delay", np.zeros(model.nu))[i])
+    if delay > 0.0:
+        found["delay"] = delay
+    if int(model.actuator_dyntype[i]) != int(mujoco.mjtDyn.mjDYN_NONE):
+        left_out.append(f"the dynamics of its actuator {model.actuator(i).name!r}")
+    return replace(nothing, **found)  # pyright: ignore[reportArgumentType]
+
+
+def _remarks(mujoco: Any, model: Any, index: int, dof: int, left_out: list[str]) -> None:
+    if model.jnt_limited[index]:
+        low, high = model.jnt_range[index].tolist()
+        if max(-low, high) < 1e6:
+            left_out.append(f"its range, {low:g} to {high:g}")
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    weight = float(data.qfrc_bias[dof])
+    if abs(weight) > 1e-12:
+        left_out.append(f"gravity, which pulls with {-weight:.3g} in the zero pose")
+    coupled = [
+        i for i in range(model.ntendon) if model.tendon_stiffness.size and _pulls(model, i, index)
+    ]
+    if coupled:
+        left_out.append(f"{len(coupled)} tendon(s) that tie it to other joints")
+
+
+def _pulls(model: Any, tendon: int, joint: int) -> bool:
+    first, count = int(model.tendon_adr[tendon]), int(model.tendon_num[tendon])
+    return joint in [int(model.wrap_objid[i]) for i in range(first, first + count)]

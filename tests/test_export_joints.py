@@ -1,0 +1,166 @@
+"""A device as MJCF, URDF and SDF: what is held moves as ours does, what is not is said."""
+
+import json
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from physics_examples import EXAMPLES
+
+from zwidth import cli
+from zwidth.controllers.excitation import multisine
+from zwidth.export.mjcf import mjcf
+from zwidth.export.model import free_run, loss
+from zwidth.export.mujoco_run import engine, run_mjcf, run_urdf
+from zwidth.export.read_joint import device_of_joint
+from zwidth.export.robots import sdf, urdf
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import load_device
+from zwidth.sim.interface import Interface
+from zwidth.sim.physics import EFFECTS, make_physics
+
+needs_mujoco = pytest.mark.skipif(engine() is None, reason="MuJoCo is not installed")
+COMMANDS = multisine(0.1, 1.0, 50.0, 0.25, 0.001)
+WHOLE = (
+    "coulomb_friction", "quadratic_drag", "constant_force", "ground_spring", "gravity_pendulum",
+    "cubic_stiffness", "extra_mode", "position_servo", "saturation", "actuator_lag", "loop_delay",
+)  # fmt: skip
+
+
+def with_effect(name: str) -> Device:
+    place = EFFECTS[name].places[0]
+    return load_device("phantom_1_0").with_physics(make_physics(name, place, **EXAMPLES[name]))
+
+
+@needs_mujoco
+@pytest.mark.parametrize("name", WHOLE)
+def test_what_mjcf_holds_moves_alike_in_mujoco(name: str):
+    """Within 1 % of the motion, and nothing is said to be lost.
+
+    Mutations: the limit as a range of ctrl with a gain; the pendulum's angle of the other sign.
+    """
+    device = with_effect(name).with_interface(command_gain=1.3)
+    made = mjcf(device, "dev")
+    assert made.lost == ()
+    assert loss(free_run(device, COMMANDS), run_mjcf(made.text(), COMMANDS, 0.001)) < 0.01
+
+
+@needs_mujoco
+def test_two_levels_of_friction_are_one_and_a_constant_force():
+    """Exact, at rest too: the mean level about the half of the difference. Mutation: its sign."""
+    friction = make_physics(
+        "directional_friction", "m1", level_plus=1e-3, level_minus=6e-3, viscous_plus=1e-3,
+        viscous_minus=1e-3,
+    )  # fmt: skip
+    device = load_device("phantom_1_0").with_physics(friction)
+    made = mjcf(device, "dev")
+    assert made.lost == ()
+    assert loss(free_run(device, COMMANDS), run_mjcf(made.text(), COMMANDS, 0.001)) < 0.01
+
+
+@pytest.mark.parametrize("make", [mjcf, urdf, sdf])
+@pytest.mark.parametrize(
+    "name", [n for n in EXAMPLES if n not in WHOLE and EFFECTS[n].hook != "structure"]
+)
+def test_what_is_not_held_whole_is_said(make: object, name: str):
+    """Every other effect has its sentence, in the file too. Mutation: an effect forgotten."""
+    made = make(with_effect(name), "dev")  # pyright: ignore[reportCallIssue]
+    words = {"encoder_step": "the encoder's step", "command_step": "the amplifier's step"}
+    sentences = [s for s in made.lost if words.get(name, name) in s]
+    assert len(sentences) == 1
+    assert sentences[0] in made.text().replace("- -", "--")
+    ElementTree.fromstring(made.text())
+
+
+@needs_mujoco
+def test_one_body_is_held_by_urdf():
+    """Mass, damper, dry friction and limit, within 1 %. Mutation: the limit left out."""
+    device = Device("rail", "-", False, make_chain([2.0], [3.0]), Interface(command_limit=2.0))
+    device = device.with_physics(make_physics("coulomb_friction", "m1", level=0.4))
+    made = urdf(device, "dev")
+    assert made.lost == ()
+    commands = multisine(2.0, 1.0, 10.0, 1.0, 0.001)
+    theirs = run_urdf(made.text(), commands, 0.001, 2.0)
+    assert loss(free_run(device, commands), theirs) < 0.01
+
+
+def test_sdf_has_the_chain():
+    """Links are joints with springs and dampers. Mutation: ground dampers left out of the sum."""
+    device = load_device("phantom_1_0")
+    root = ElementTree.fromstring(sdf(device, "dev").text())
+    springs = [float(e.text or "nan") for e in root.iter("spring_stiffness")]
+    np.testing.assert_allclose(springs, [0.0, *device.chain.link_springs], rtol=1e-9)
+    dampers = [float(e.text or "nan") for e in root.iter("damping")]
+    total = device.chain.ground_dampers.sum()
+    np.testing.assert_allclose(dampers, [total, *device.chain.link_dampers], rtol=1e-9)
+    inertias = [float(e.text or "nan") for e in root.iter("izz")]
+    np.testing.assert_allclose(inertias, device.chain.masses, rtol=1e-12)
+
+
+MODEL = """<mujoco><worldbody><body><joint name="a" type="hinge" axis="0 0 1" damping="0.2"
+armature="0.5" frictionloss="0.3" stiffness="4"/><inertial pos="2 0 0" mass="3"
+diaginertia="1 1 1"/></body></worldbody>
+<actuator><motor joint="a" gear="2" ctrlrange="-1.5 1.5"/></actuator></mujoco>"""
+ROBOT = """<robot name="r"><link name="g"/><link name="b"><inertial><origin xyz="2 0 0"/>
+<mass value="3"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+<visual><geometry><mesh filename="package://not_there.stl"/></geometry></visual></link>
+<joint name="a" type="continuous"><parent link="g"/><child link="b"/><axis xyz="0 0 1"/>
+<dynamics damping="0.2" friction="0.3"/></joint></robot>"""
+
+
+@needs_mujoco
+@pytest.mark.parametrize(("text", "mass", "spring"), [(MODEL, 13.5, 4.0), (ROBOT, 13.0, 0.0)])
+def test_a_joint_is_read_as_a_device(text: str, mass: float, spring: float, tmp_path: Path):
+    """Steiner's 1 + 3 x 2^2 about the axis, with the armature. Mutation: the body's own inertia."""
+    (tmp_path / "m.xml").write_text(text)
+    device, _ = device_of_joint(tmp_path / "m.xml", "a")
+    assert device.rotary
+    assert device.chain.masses[0] == pytest.approx(mass)
+    assert device.chain.ground_dampers[0] == pytest.approx(0.2)
+    assert device.chain.ground_spring == pytest.approx(spring)
+    assert dict(device.physics[0].values) == {"level": pytest.approx(0.3)}
+    if spring:
+        assert device.interface.command_gain == pytest.approx(2.0)
+        assert device.interface.command_limit == pytest.approx(3.0)
+
+
+@needs_mujoco
+def test_there_and_back(tmp_path: Path):
+    """What is exported is read again. Mutation: the limit before the gear."""
+    device = Device("r", "-", True, make_chain([2e-3], [1e-3], 0.5),
+                    Interface(delay=0.003, command_limit=0.2, command_gain=1.5))  # fmt: skip
+    device = device.with_physics(make_physics("coulomb_friction", "m1", level=0.01))
+    (tmp_path / "m.xml").write_text(mjcf(device, "dev").text())
+    found, left_out = device_of_joint(tmp_path / "m.xml", "m1")
+    assert left_out == []
+    assert found.interface == device.interface
+    assert found.chain.ground_spring == pytest.approx(0.5)
+    assert found.chain.masses[0] == pytest.approx(2e-3)
+
+
+@needs_mujoco
+def test_devices_from_a_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    (tmp_path / "m.xml").write_text(MODEL)
+    line = ["devices", "--from", str(tmp_path / "m.xml"), "--joint"]
+    assert cli.run([*line, "a", "--save", str(tmp_path / "d.toml")]) == 0
+    assert load_device(tmp_path / "d.toml").chain.masses[0] == pytest.approx(13.5)
+    assert cli.run([*line, "b"]) == 2
+    assert "has no joint 'b'" in capsys.readouterr().err
+    (tmp_path / "m.xml").write_text("no model")
+    assert cli.run([*line, "a"]) == 2
+    assert "is no model" in capsys.readouterr().err
+    assert cli.run(["devices", "--joint", "a"]) == 2
+
+
+@pytest.mark.parametrize("to", ["mjcf", "urdf", "sdf"])
+def test_the_command_says_what_is_lost(to: str, tmp_path: Path):
+    out, said = tmp_path / f"x.{to}", tmp_path / "x.json"
+    line = ["export", "ethz_haptic_paddle", "--to", to, "-o", str(out), "--seconds", "0.5"]
+    assert cli.run([*line, "--json", str(said)]) == 0
+    result = json.loads(said.read_text())
+    assert "encoder's step" in " ".join(result["lost"])
+    assert result["cost"] in out.read_text()
+    if to == "sdf":
+        assert result["error_over_motion"] > 0.01
