@@ -14,7 +14,7 @@ import numpy as np
 from zwidth.controllers.recorded import recorded
 from zwidth.exam.odds import sized
 from zwidth.export.c_source import c_source
-from zwidth.export.cost import cost_of
+from zwidth.export.cost import cost_of, percent
 from zwidth.export.mjcf import mjcf
 from zwidth.export.model import Exported, command_for
 from zwidth.export.robots import sdf, urdf
@@ -106,7 +106,7 @@ def cell(device: Device, to: str) -> str:
     share = cost_of(made, device, to, "dev", SECONDS).share
     if share is None:
         return "runs away"
-    said = f"{100.0 * share:.2g} %" if share > 0.0 else "to the bit"
+    said = percent(share) if share > 0.0 else "to the bit"
     return said if made.lost else f"**{said}**"
 
 

@@ -32,8 +32,15 @@ def cost_of(
     return Cost(
         share if share < float("inf") else None,
         f"Measured, {how}, beside zwidth under the same multisine of {seconds:g} s: rms error"
-        f" {100.0 * share:.3g} % of the rms motion.",
+        f" {percent(share)} of the rms motion.",
     )
+
+
+def percent(share: float) -> str:
+    """Return a share as people read it: two digits, or whole percents where it is large."""
+    if share == float("inf"):
+        return "more than any share"
+    return f"{100.0 * share:.0f} %" if share >= 0.995 else f"{100.0 * share:.2g} %"
 
 
 def _run(exported: Exported, to: str, name: str, commands: Floats) -> tuple[Floats, str]:

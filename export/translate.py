@@ -81,8 +81,12 @@ class _Broken(Exception):
 
 @cache
 def _source(function: Callable[..., Any]) -> ast.FunctionDef:
-    tree = ast.parse(textwrap.dedent(inspect.getsource(function))).body[0]
-    assert isinstance(tree, ast.FunctionDef)
+    try:
+        tree = ast.parse(textwrap.dedent(inspect.getsource(function))).body[0]
+    except (OSError, SyntaxError):
+        raise Untranslatable(f"the source of {function.__name__} is not at hand") from None
+    if not isinstance(tree, ast.FunctionDef):
+        raise Untranslatable(f"{function.__name__} is no function of statements")
     return tree
 
 
