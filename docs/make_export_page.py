@@ -138,7 +138,8 @@ of the motion.
 - **C** is C99 without dependencies: `mine_reset(&state)`, `mine_read(&state)` and
   `mine_step(&state, command)`, one tick each, for a controller's feed-forward or an observer. It
   is the source of the kernel itself, translated with the numbers of the device in it, so that it
-  holds every effect of the library (one of your own is said to be lost). Compiled with `-O2 -ffp-contract=off` it has the bits of `zwidth simulate`.
+  holds every effect of the library; one of your own is said to be lost. Compiled with
+  `-O2 -ffp-contract=off` it has the bits of `zwidth simulate`.
   What cannot be held is a recorded command that is smooth between its samples, since a controller
   does not know the next one.
 - **MJCF** (MuJoCo 4 or later): slides or hinges, links as tendons, the drive as an actuator with
