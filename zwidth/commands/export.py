@@ -22,7 +22,8 @@ FORMATS = ("c", "mjcf", "urdf", "sdf")
 @device_argument()
 @click.option("--to", type=click.Choice(FORMATS), required=True, help="The format.")
 @click.option("out", "-o", "--save", metavar="FILE", required=True,
-              type=click.Path(dir_okay=False, path_type=Path), help="The file to write.")  # fmt: skip
+              type=click.Path(dir_okay=False, path_type=Path),
+              help="The file to write.")  # fmt: skip
 @click.option("--name", help="What names in the file begin with, else that of FILE.")
 @click.option("--seconds", type=Quantity("s", 0.1), default=2.0, show_default=True,
               help="Length of the run by which the cost is measured.")  # fmt: skip
