@@ -33,7 +33,7 @@ is. What lacks and leaves nothing but colour (play that rattles, a stiff cubic s
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -371,13 +371,7 @@ def freer(
     their ratios tell as well.
     """
     told: list[float] = []
-    for ticks in _lengths(experiments):
-        a, b = (
-            _squares(
-                f.model.acting(f.x), [_seen(f.model, f.x, e, o) for e in experiments], o, ticks
-            )
-            for f, o in (new, old)
-        )
+    for a, b in _each_length(new, old, experiments):
         told.append(_clearly(b - a))
         if max(a.mean(), b.mean()) * FAR_LESS**2 > min(a.mean(), b.mean()) > 0.0:
             told.append(_clearly(np.log(np.maximum(b, TINY) / np.maximum(a, TINY))))
@@ -393,19 +387,24 @@ def oftener_freer(
     horizon with odds of `OFTEN`. A law with a steep branch errs little in most runs and much in the
     few in which it takes the wrong side; their squares would tell nothing.
     """
-    lengths = _lengths(experiments)
-    for ticks in lengths:
+    each = list(_each_length(new, old, experiments))
+    ratios = [np.log(np.maximum(b, TINY) / np.maximum(a, TINY)) for a, b in each]
+    odds = [wilcoxon(r, alternative="greater").pvalue for r in ratios if np.any(r)]
+    return bool(min(odds, default=1.0) < OFTEN / max(1, len(each)))
+
+
+def _each_length(
+    new: tuple[Fitted, Observer], old: tuple[Fitted, Observer], experiments: Sequence[Experiment]
+) -> Iterator[tuple[Floats, Floats]]:
+    """Yield mean square errors of the free runs of two answers, for each length that fits."""
+    for ticks in _lengths(experiments):
         a, b = (
             _squares(
                 f.model.acting(f.x), [_seen(f.model, f.x, e, o) for e in experiments], o, ticks
             )
             for f, o in (new, old)
         )
-        ratios = np.log(np.maximum(b, TINY) / np.maximum(a, TINY))
-        odds = float(wilcoxon(ratios, alternative="greater").pvalue) if np.any(ratios) else 1.0
-        if odds < OFTEN / len(lengths):
-            return True
-    return False
+        yield a, b
 
 
 def _clearly(gains: Floats) -> float:

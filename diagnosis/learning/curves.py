@@ -115,7 +115,7 @@ def learn(found: Search, say: Say) -> Learned | None:
     best = _shaped(*best), best[1]
     if not found.ahead(best[0], least):
         return None
-    rival = _in_its_place(*best, _line(best[1]))
+    rival = _in_its_place(*best, _line(*best))
     if rival is not None and not believed(best[0].cost, rival.cost, against(best[0], rival).phi):
         say("a straight line would do as well: that is no law, but a spring, a damper or a scale")
         return None
@@ -171,9 +171,15 @@ def _law(site: Site, count: int, odd: bool, like: Physics | None = None) -> Phys
     return make_physics(site.effect, site.at, **table_values(points, odd))
 
 
-def _line(site: Site) -> Physics:
-    """A line through the origin, which a spring, a damper or a scale is."""
-    points = [(0.0, 0.0), (float(np.abs(site.states).max()), 0.0)]
+def _line(h: Hypothesis, site: Site) -> Physics:
+    """The line through the origin that is nearest to the law that a hypothesis has last.
+
+    A spring, a damper or a scale is that. It begins where the law is: a law over the command may
+    have taken most of its scale away, in a valley that no fit reaches from nothing.
+    """
+    force, most = law_at(h.model.effects_at(h.x)[-1], site.states), np.abs(site.states).max()
+    slope = float(force @ site.states) / float(site.states @ site.states)
+    points = [(0.0, 0.0), (float(most), slope * float(most))]
     return make_physics(site.effect, site.at, **table_values(points, odd=True))
 
 
