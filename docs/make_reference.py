@@ -81,6 +81,9 @@ SHOWN: dict[str, Shown] = {
     "encoder_eccentricity": Shown(
         "sensor", {"amplitude": 0.2, "period": 2.0, "phase": 0.0}, "reading"),
     "rectified_sensor": Shown("sensor", {}, "reading", start=-0.6),
+    "sensor_lag": Shown("sensor", {"time_constant": 0.05}, "reading"),
+    "sensor_filter": Shown("sensor", {"time_constant": 0.05, "damping": 0.707}, "reading"),
+    "moving_average": Shown("sensor", {"window": 0.1}, "reading"),
     "free_spring": Shown("m1", table_values([(-2.0, 0.02), (-1.0, 0.04), (1.0, -0.04),
                                              (2.0, -0.02)])),
     "free_damper": Shown("m1", table_values([(0.0, 0.0), (2.0, -0.03), (10.0, -0.05)], odd=True),
@@ -237,15 +240,16 @@ def draw(effect: Effect, path: Path) -> None:
     with rc_context(STYLE):
         figure = Figure(figsize=(7.2, 2.6), layout="constrained")
         left, right = figure.subplots(1, 2)
+        reads = effect.hook == "sensor" or effect.follows is not None
         left.plot(x, y, color="C3", linewidth=1.2)
         if np.ptp(y) < 0.2 * float(np.abs(y).max()):  # a constant is seen as one
             left.set_ylim(0.0, 1.3 * float(y.max()))
         left.set(xlabel=labels[0], ylabel=labels[1])
         for run, label, color in ((without, "without", "0.6"), (with_it, "with it", "C0")):
-            key = "encoder" if effect.hook == "sensor" else "position_m1"
+            key = "encoder" if reads else "position_m1"
             right.plot(run.trace.t, run.trace[key], color=color, label=label)
-        reads = "reading" if effect.hook == "sensor" else "position of m1"
-        right.set(xlabel="time [s]", ylabel=f"{reads} [rad]")
+        seen = "reading" if reads else "position of m1"
+        right.set(xlabel="time [s]", ylabel=f"{seen} [rad]")
         right.legend(frameon=False, fontsize=8)
         figure.suptitle(effect.name.replace("_", " "), fontsize=10)
         write_with(path, lambda stream: figure.savefig(stream, format="png", dpi=100))

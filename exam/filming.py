@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 
 from zwidth.exam.machines import Machine, log_uniform
 from zwidth.exam.playing import Playing
-from zwidth.scenarios.concealed.integrator import NO_LAWS, Run, integrate
+from zwidth.scenarios.concealed.integrator import NO_LAWS, Run, integrate, width
 from zwidth.scenarios.concealed.rig import Made, RunAway
 from zwidth.scenarios.concealed.truth import lost_rate, truth_of
 from zwidth.sim.device import Device
@@ -96,7 +96,7 @@ def film(scene: Scene) -> Made:
     steps = steps_a_tick(period)
     truth = truth_of(device, steps)._replace(laws=scene.laws)
     n = device.chain.masses.size
-    states = np.zeros((ticks, 2 * truth.masses.size))
+    states = np.zeros((ticks, width(truth)))
     commands, y, done = integrate(
         truth, period, steps, playing.wanted, np.array(playing.feedback), late, drops, force,
         camera.reading * reading.standard_normal(ticks), states,
@@ -108,11 +108,12 @@ def film(scene: Scene) -> Made:
     units = {"command": unit}
     for name, stream in zip(camera.outputs, others, strict=True):
         mass = int(name[-1]) - 1
-        counted = y
-        if mass > 0:
-            noisy = states[:, mass] + camera.reading * stream.standard_normal(ticks)
-            counted = _counted(noisy, device.interface.encoder_step)
         moving = name.startswith("velocity")
+        read = int(truth.reads[int(moving), mass])
+        counted = y
+        if read != truth.reads[0, 0]:
+            noisy = states[:, read] + camera.reading * stream.standard_normal(ticks)
+            counted = _counted(noisy, device.interface.encoder_step)
         channels[name] = _rate(counted, period, camera.cutoff_hz) if moving else counted
         units[name] = f"{length}/s" if moving else length
     t = np.arange(ticks, dtype=np.float64) * period

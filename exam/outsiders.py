@@ -21,7 +21,7 @@ from zwidth.exam.windows import cut, window_of, window_starts
 from zwidth.planning.rehearsal import Noise
 from zwidth.scenarios.concealed.devices import draw_device, mistaken
 from zwidth.scenarios.concealed.excitation import draw_drive
-from zwidth.scenarios.concealed.integrator import undisturbed
+from zwidth.scenarios.concealed.integrator import undisturbed, width
 from zwidth.scenarios.concealed.rig import (
     Floats,
     Made,
@@ -175,10 +175,10 @@ def floor(made: Sequence[Made], fitted: int) -> float:
         start = 0 if judged else cut(ticks)
         window = window_of(ticks - start, one.run.period)
         firsts = [start + f for f in window_starts(ticks - start, window)]
-        moved = np.zeros((ticks, 2 * one.run.truth.masses.size))
+        moved = np.zeros((ticks, width(one.run.truth)))
         undisturbed(one.run, window, firsts, moved)
         quantity, _, at = next(n for n in one.trace.channels if n != "command").partition("_")
-        column = place_at(at).index + (moved.shape[1] // 2 if quantity == "velocity" else 0)
+        column = int(one.run.truth.reads[2 * (quantity == "velocity"), place_at(at).index])
         seen = one.trace[f"{quantity}_{at}"]
         for f in firsts:
             errors.append(seen[f : f + window] - moved[f : f + window, column])

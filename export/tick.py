@@ -9,7 +9,7 @@ from zwidth.sim.lane_type import select
 @part
 def reading(eq, x):
     """What the encoder reports now."""
-    return read_position(eq, x[0])
+    return read_position(eq, x[eq.read])
 
 
 @part

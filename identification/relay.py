@@ -94,7 +94,8 @@ class Waveform:
 
 def reference_start(device: Device) -> Start:
     """Return the start that the reported numbers hold for: m1 at 1e-3, all else 0, at rest."""
-    return Start(position=[1e-3] + [0.0] * (device.plant().dof - 1))
+    others = device.chain.masses.size + len(device.hung()) - 1
+    return Start(position=[1e-3] + [0.0] * others)
 
 
 def relay_run(

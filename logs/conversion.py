@@ -7,6 +7,7 @@ import numpy as np
 from zwidth.logs.recording_file import Entry
 from zwidth.logs.source import Floats, RecordingError, Signal
 from zwidth.logs.units import GOAL, SI, TURN, Unit, find_unit, known_unit
+from zwidth.logs.wrapped import gone_on
 
 LARGEST_EXACT = 2**53  # integers beyond it are rounded in a double
 
@@ -33,6 +34,12 @@ def convert(entry: Entry, signal: Signal) -> Converted:
         warnings.append(f"{signal.name} has integers beyond 2^53, which are rounded")
     scale = 1.0 if entry.scale is None else entry.scale
     values = raw
+    if entry.wraps_at is not None:
+        values, times = gone_on(raw, entry.wraps_at)
+        warnings.append(
+            f"{entry.channel} starts anew after {entry.wraps_at:g} raw numbers, {times} times: it"
+            " is taken as one that goes on"
+        )
     with np.errstate(over="ignore", invalid="ignore"):
         for factor in (unit.factor, scale):
             values = values if factor == 1.0 else values * factor

@@ -19,6 +19,10 @@
     signal = "qm"
     quantity = "position"       # position | velocity | acceleration
     at = "m1"                   # m1 to m5
+    wraps_at = 65536            # optional, raw: a counter of 16 bits, that starts anew
+    [base]                      # optional, where what the device stands on moves: base_QUANTITY
+    signal = "floor"
+    quantity = "acceleration"   # position | velocity | acceleration
     [use]                       # optional
     from_s = 0.0
     to_s = 20.0
@@ -56,13 +60,15 @@ SCHEMA = 1
 CLOCK_KEYS = ("period_s", "time", "time_unit")
 TOP_KEYS = (
     *("schema", "file", "source", "rotary", *CLOCK_KEYS, "resample"),
-    *("input", "output", "use", "csv", "device"),
+    *("input", "output", "base", "use", "csv", "device"),
 )
 INPUT_KEYS = (
-    *("signal", "unit", "scale", "offset", "counts_per_rev", "counts_per_m"),
+    *("signal", "unit", "scale", "offset", "counts_per_rev", "counts_per_m", "wraps_at"),
     *(*CLOCK_KEYS, "shift_s"),
 )
 OUTPUT_KEYS = (*INPUT_KEYS, "quantity", "at")
+BASE_KEYS = (*INPUT_KEYS, "quantity")
+MOTIONS = ("position", "velocity", "acceleration")
 QUANTITIES = tuple(quantity for quantity in SI if quantity != "command")
 PLACES = ("m1", "m2", "m3", "m4", "m5", "link12", "link23", "link34", "link45")
 
@@ -82,7 +88,10 @@ class Clock:
 
 @dataclass(frozen=True)
 class Entry:
-    """One channel. scale is None where the TOML gives none (then it is 1)."""
+    """One channel. scale is None where the TOML gives none (then it is 1).
+
+    wraps_at: raw numbers after which a counter starts anew, None for one that does not.
+    """
 
     quantity: str
     channel: str
@@ -93,6 +102,7 @@ class Entry:
     counts_per_rev: float | None
     counts_per_m: float | None
     clock: Clock
+    wraps_at: float | None = None
 
 
 @dataclass(frozen=True)
@@ -150,7 +160,13 @@ def _description(path: Path, top: Table) -> Description:
         if quantity == "acceleration" and _one_of(table, "at", PLACES).startswith("link"):
             raise TableError(f"{table.path}.at is a link, which has no acceleration; give a mass")
         entries.append(_entry(table, quantity, f"{quantity}_{_one_of(table, 'at', PLACES)}", top))
-    if not entries:
+    if "base" in top:
+        base = top.table("base").only(BASE_KEYS)
+        quantity = _one_of(base, "quantity", MOTIONS)
+        entries.append(_entry(base, quantity, f"base_{quantity}", top))
+    if not any(
+        e.channel == "command" or "_m" in e.channel or "_link" in e.channel for e in entries
+    ):
         raise TableError("the file describes no signal; add [input] or [[output]]")
     channels = [entry.channel for entry in entries]
     for channel in channels:
@@ -186,6 +202,7 @@ def _entry(table: Table, quantity: str, channel: str, top: Table) -> Entry:
         _positive(table, "counts_per_rev") if "counts_per_rev" in table else None,
         _positive(table, "counts_per_m") if "counts_per_m" in table else None,
         _clock(table, top),
+        _wraps_at(table, quantity),
     )
     if entry.scale == 0.0:
         raise TableError(f"{table.path}.scale is 0; allowed is any other number")
@@ -200,6 +217,15 @@ def _entry(table: Table, quantity: str, channel: str, top: Table) -> Entry:
     if known > 1:
         raise TableError(f"{table.path} has counts_per_rev and counts_per_m; keep one of them")
     return entry
+
+
+def _wraps_at(table: Table, quantity: str) -> float | None:
+    """Return after how many raw numbers a position starts anew, None where it goes on."""
+    if "wraps_at" not in table:
+        return None
+    if quantity not in ("position", "command"):
+        raise TableError(f"{table.path}.wraps_at stands at a {quantity}; give it of a position")
+    return _positive(table, "wraps_at")
 
 
 def _clock(table: Table, top: Table) -> Clock:

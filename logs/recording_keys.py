@@ -16,6 +16,8 @@ _SIGNAL = (
     ("counts_per_rev", "edges of an encoder in a turn (lines times four), with unit counts", "",
      "none", "4000"),
     ("counts_per_m", "edges of an encoder in a metre, with unit counts", "", "none", "1e6"),
+    ("wraps_at", "raw numbers after which a position starts anew, as a counter of 16 bits does"
+     " after 65536", "raw", "goes on", "65536"),
     ("shift_s", "added to the stamps of this signal", "s", "0", "0.002"),
 )  # fmt: skip
 
@@ -49,6 +51,9 @@ RECORDING_KEYS: tuple[Key, ...] = (
     Key("output", "quantity", "position, velocity, acceleration, or force (of a drive)",
         example='"position"'),
     Key("output", "at", "the mass that it is of: m1 to m5", example='"m1"'),
+    *_signals("base"),
+    Key("base", "quantity", "position, velocity or acceleration of what the device stands on, from"
+        " which its outputs are counted", example='"acceleration"'),
     Key("use", "from_s", "the first time that is used", "s", default="-inf"),
     Key("use", "to_s", "the last time that is used", "s", default="inf"),
     Key("csv", "delimiter", "between the cells of a text table", default="found out"),

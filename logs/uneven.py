@@ -106,8 +106,10 @@ def evened(trace: Trace, period: float, outputs: Sequence[str], name: str) -> tu
         return trace, f"{said}, and no stretch is long enough to bring it onto even ticks"
     t = np.concatenate([at for at, _ in parts])
     channels = {key: np.concatenate([c[key] for _, c in parts]) for key in parts[0][1]}
+    errs = [f"{name} by {_spline_error(trace.t, trace[name], ends):.2g}" for name in outputs]
     return trace.with_channels(channels, t), (
-        f"{said}, and the motion shows {shows}: it is brought onto even ticks of {period:.6g} s"
+        f"{said}, and the motion shows {shows}: it is brought onto even ticks of {period:.6g} s by"
+        f" a spline, which errs in {' and '.join(errs)} rms at the most"
     )
 
 
@@ -115,6 +117,20 @@ def _left(values: Floats) -> Floats:
     """What a cubic through two neighbours on each side leaves, (n - 4,)."""
     inner, outer = values[1:-3] + values[3:-1], values[:-4] + values[4:]
     return values[2:-2] - (4.0 * inner - outer) / 6.0
+
+
+def _spline_error(t: Floats, values: Floats, ends: Sequence[int]) -> float:
+    """Return what a spline errs by between samples, at most.
+
+    One through every other sample errs 2^4 times as far at those left out, and by their noise
+    besides.
+    """
+    left: list[Floats] = []
+    for a, b in itertools.pairwise(ends):
+        own, y = t[a:b], values[a:b]
+        if own.size > 2 * FEWEST and np.all(np.diff(own) > 0.0):
+            left.append((CubicSpline(own[::2], y[::2])(own[1:-1:2]) - y[1:-1:2])[2:-2])
+    return float(np.sqrt(np.mean(np.concatenate(left) ** 2))) / 16.0 if left else float("nan")
 
 
 def _evened(

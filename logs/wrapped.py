@@ -28,6 +28,18 @@ VISITED = 0.02  # share of the samples in either end of the range, and between
 NEAR = 0.01  # of M, within which a turn or a whole counter is meant
 
 
+def gone_on(raw: Floats, modulus: float) -> tuple[Floats, int]:
+    """Return a counter (samples,) of known modulus as one that goes on, and how often it wraps.
+
+    The least of the steps that two readings may be apart is taken, less than half of the modulus;
+    over a gap it is that between the readings around it.
+    """
+    found, known = raw.copy(), np.isfinite(raw)
+    found[known] = np.unwrap(raw[known], period=modulus)
+    turns = np.diff(np.round((found[known] - raw[known]) / modulus))
+    return found, int(np.count_nonzero(turns))
+
+
 def unwrapped(trace: Trace, positions: Sequence[str], name: str) -> tuple[Trace, str]:
     """Return a trace whose positions go on, and a sentence on those that did not; "" for none."""
     said: list[str] = []

@@ -18,6 +18,7 @@ from zwidth.sim.nearest import nearest
 
 Floats = NDArray[np.float64]
 
+BASE = "base"  # what the device stands on, from which its positions are counted
 COMMON = ("kind", "at", "amplitude", "from_s", "to_s")
 KEYS = {
     "constant": COMMON,
@@ -30,6 +31,9 @@ KEYS = {
 @dataclass(frozen=True)
 class Disturbance:
     """One force: kind, amplitude [N m | N], mass "m1", "m2", ..., time from_s to to_s [s].
+
+    At the "base" it is no force but the acceleration of what all stands on, amplitude
+    [rad/s2 | m/s2].
 
     frequency_hz and phase_rad are a sine's. Raises ValueError (field, value, what is allowed).
     """
@@ -61,11 +65,14 @@ class Disturbance:
                 raise ValueError(f"disturbance.{field} is {value}; allowed is {allowed}")
 
     def mass(self, dof: int) -> int:
-        """Return the index of the mass; raises ValueError where the chain has no such mass."""
-        masses = [f"m{i + 1}" for i in range(dof)]
-        if self.at not in masses:
-            raise ValueError(f"disturbance.at is {self.at!r}; allowed is {' or '.join(masses)}")
-        return masses.index(self.at)
+        """Return the index of the mass, of the base the number of masses.
+
+        Raises ValueError where the chain has no such mass.
+        """
+        places = [*(f"m{i + 1}" for i in range(dof)), BASE]
+        if self.at not in places:
+            raise ValueError(f"disturbance.at is {self.at!r}; allowed is {' or '.join(places)}")
+        return places.index(self.at)
 
     def force(self, ticks: int, period: float, seed: tuple[int, int]) -> Floats:
         """Return the force in every tick [N m | N], shape (ticks,).

@@ -15,6 +15,7 @@ from zwidth.logs.events import Event
 from zwidth.logs.mcap_writer import LogWriter
 from zwidth.logs.schema import SUBSTEP
 from zwidth.scenarios.controller_kinds import takes_array
+from zwidth.scenarios.disturbance import BASE
 from zwidth.scenarios.exact import array_bytes, computed_bytes
 from zwidth.scenarios.run_events import EventFinder, ending
 from zwidth.scenarios.run_verdict import run_verdict
@@ -112,8 +113,8 @@ def run_blocks(scenario: Scenario, setup: Setup) -> Iterator[Block]:
     units, first = channel_units(scenario, setup), 0
     for tick, fine, outcome in setup.blocks(BLOCK_TICKS):
         forces = {
-            name: setup.external[first : first + len(tick), mass]
-            for name, mass in _disturbed(scenario).items()
+            name: setup.external[first : first + len(tick), column if name != BASE else -1]
+            for name, column in _disturbed(scenario).items()
         }
         joined = Trace(tick.t, {**tick.channels, **forces}, units, tick.origin, tick.facts)
         yield Block(joined, fine, outcome)
@@ -123,7 +124,9 @@ def run_blocks(scenario: Scenario, setup: Setup) -> Iterator[Block]:
 def channel_units(scenario: Scenario, setup: Setup) -> dict[str, str]:
     """Return name -> unit of every channel of `/tick`, in order."""
     force = "N m" if scenario.device.rotary else "N"
-    return setup.channel_units | dict.fromkeys(_disturbed(scenario), force)
+    moves = "rad/s2" if scenario.device.rotary else "m/s2"
+    disturbed = {name: moves if name == BASE else force for name in _disturbed(scenario)}
+    return setup.channel_units | disturbed
 
 
 def _state_units(units: Mapping[str, str]) -> dict[str, str]:
@@ -132,9 +135,9 @@ def _state_units(units: Mapping[str, str]) -> dict[str, str]:
 
 
 def _disturbed(scenario: Scenario) -> dict[str, int]:
-    """Channel -> mass, for every mass on which a disturbance acts."""
+    """Channel -> mass, for every mass on which a disturbance acts; of the base its acceleration."""
     places = sorted({d.mass(scenario.masses) for d in scenario.disturbances})
-    return {f"disturbance_m{i + 1}": i for i in places}
+    return {f"disturbance_m{i + 1}" if i < scenario.masses else BASE: i for i in places}
 
 
 def _joined(pieces: list[Trace]) -> Trace:

@@ -42,7 +42,7 @@ def run_verdict(scenario: Scenario, trace: Trace, outcome: Outcome) -> Verdict |
     ticks = min(round(WINDOW_S / period), len(free) // FEWEST_WINDOWS)
     if ticks < FEWEST_TICKS:
         return None
-    masses = np.diag(scenario.device.plant().matrices.mass)
+    masses = np.diag(scenario.device.plant().matrices.mass)[: scenario.masses]
     measures = _measures(free, masses, ticks)
     start = float(np.abs(free["position_m1"][:ticks]).max())
     if start == 0.0:

@@ -83,7 +83,7 @@ class Scenario(Shown):
     @property
     def masses(self) -> int:
         """Number of masses that move: those of the chain, then those of extra modes."""
-        return self.device.plant().dof
+        return self.device.chain.masses.size + len(self.device.hung())
 
     @property
     def ticks(self) -> int:
@@ -91,12 +91,15 @@ class Scenario(Shown):
         return duration_ticks(self.duration, self.device.interface.period)
 
     def forces(self) -> Floats | None:
-        """Return the disturbances' sum, shape (ticks, masses) [N m | N]; None without any."""
+        """Return the disturbances' sum, shape (ticks, masses) [N m | N]; None without any.
+
+        Where the base moves, (ticks, masses + 1), its acceleration after the forces.
+        """
         if not self.disturbances:
             return None
-        total = np.zeros((self.ticks, self.masses))
-        for place, one in enumerate(self.disturbances):
-            column = one.mass(total.shape[1])
+        columns = [one.mass(self.masses) for one in self.disturbances]
+        total = np.zeros((self.ticks, max(self.masses, 1 + max(columns))))
+        for place, (one, column) in enumerate(zip(self.disturbances, columns, strict=True)):
             seed = (self.seed, place)
             total[:, column] += one.force(self.ticks, self.device.interface.period, seed)
         return total

@@ -22,10 +22,12 @@ from zwidth.sim.modal import ModalModel, agree, to_chain
 from zwidth.sim.nearest import nearest
 from zwidth.sim.physics.effect import Effect, Numbers, Physics
 from zwidth.sim.place import Place
-from zwidth.sim.plant import Plant, assemble
+from zwidth.sim.plant import Plant, assemble, follow
+from zwidth.sim.reading import Reading, reading
 from zwidth.sim.uncertainty import Uncertainty
 
-MASSES_IN_ALL = 8  # of the chain and of effects: the room that the kernel has
+MASSES_IN_ALL = 10  # of the chain, of effects and of filtered readings: the kernel's room
+MASSLESS = 1e-15  # of m1, of what stands in the place of a mass and is a filtered reading
 
 
 class DeviceError(ValueError):
@@ -84,7 +86,8 @@ class Device(Shown):
         if self.chain.masses.size + len(self.hosts()) > MASSES_IN_ALL:
             raise DeviceError(
                 f"the device has {self.chain.masses.size} masses and {len(self.hosts())} further"
-                f" ones; allowed are {MASSES_IN_ALL} together, so leave an extra_mode out"
+                f" ones or filtered readings; allowed are {MASSES_IN_ALL} together, so leave an"
+                " extra_mode or a filter out"
             )
 
     def __eq__(self, other: object) -> bool:
@@ -111,7 +114,19 @@ class Device(Shown):
         return plant_of(self.chain, [(p, p.values) for p in self.physics])
 
     def hosts(self) -> tuple[int, ...]:
-        """Return the mass (index) that each mass which an effect adds hangs on, in their order."""
+        """Return the mass (index) that each mass which an effect adds hangs on, in their order.
+
+        After them, which place each filtered reading follows.
+        """
+        hung = self.hung()
+        filters = filters_of([(p, p.values) for p in self.physics])
+        if not filters:
+            return hung
+        n = self.chain.masses.size
+        return (*hung, *reading(n, n + len(hung), filters).followers[:, 1].tolist())
+
+    def hung(self) -> tuple[int, ...]:
+        """Return the mass (index) that each further mass hangs on, filtered readings left out."""
         adding = [p for p in self.physics if p.effect.adds_mass]
         if not adding:
             return ()
@@ -122,6 +137,12 @@ class Device(Shown):
             structure = physics.effect.alters(structure, host, physics.values)
             found += [host] * (structure.mass.shape[0] - before)
         return tuple(found)
+
+    def reading(self) -> Reading:
+        """Return which states its readings are taken from."""
+        n = self.chain.masses.size
+        filters = filters_of([(p, p.values) for p in self.physics])
+        return reading(n, n + len(self.hung()), filters)
 
     def with_interface(self, **changes: Any) -> "Device":
         """Return the device with other interface fields: `with_interface(delay=0.004)`."""
@@ -171,8 +192,11 @@ class Device(Shown):
         return replace(self, physics=tuple(kept) if names else ())
 
     def bare(self) -> "Device":
-        """Return the device without effects, except what makes its drive one that a goal drives."""
-        kept = tuple(p for p in self.physics if p.effect.sought == "given")
+        """Return the device without effects, except what is linear of its drive and its readings.
+
+        That is what makes its drive one that a goal drives, and what filters what is read.
+        """
+        kept = tuple(p for p in self.physics if p.effect.sought == "given" or p.effect.follows)
         return self if len(kept) == len(self.physics) else replace(self, physics=kept)
 
     def with_chain(self, chain: Chain) -> "Device":
@@ -203,11 +227,35 @@ def plant_of(chain: Chain | Chains, effects: Iterable[tuple[Physics, Numbers]]) 
     """
     structure: Matrices = matrices(chain)
     lag: float | Floats = 0.0
-    for physics, values in effects:
+    known = list(effects)
+    for physics, values in known:
         structure = physics.effect.alters(structure, physics.place.index, values)
         if physics.effect.lags:
             (lag,) = values.values()
-    return assemble(structure, lag)
+    if not (filters := filters_of(known)):
+        return assemble(structure, lag)
+    found = reading(chain.masses.shape[-1], structure.mass.shape[-1], filters)
+    plant = assemble(_with_massless(structure, found.followers.shape[0]), lag)
+    laws = [p.effect.follows(v) for p, v in known if p.effect.follows and p.effect.acts(v)]
+    first = 0
+    for count, law in zip(found.filters, laws, strict=True):
+        follow(plant, found.followers[first : first + count].tolist(), law)
+        first += count
+    return plant
+
+
+def filters_of(effects: Iterable[tuple[Physics, Numbers]]) -> list[Place]:
+    """Return where readings are filtered, by effects with values that are not neutral."""
+    return [p.place for p, values in effects if p.effect.follows and p.effect.acts(values)]
+
+
+def _with_massless(structure: Matrices, count: int) -> Matrices:
+    """M, C, K with so many more places, in which filtered readings stand."""
+    room = [(0, 0)] * (structure.mass.ndim - 2) + [(0, count)] * 2
+    grown = Matrices(*(np.pad(matrix, room) for matrix in structure))
+    for place in range(structure.mass.shape[-1], structure.mass.shape[-1] + count):
+        grown.mass[..., place, place] = MASSLESS * structure.mass[..., 0, 0]
+    return grown
 
 
 def place_label(physics: Physics) -> str:
@@ -243,8 +291,11 @@ def known(effect: Effect, place: Place, device: Device) -> bool:
 
 
 def has_room(effect: Effect, masses: int) -> bool:
-    """Whether a device of so many masses, its effects' included, may have another effect."""
-    return masses + effect.adds_mass <= MASSES_IN_ALL
+    """Whether a device of so many masses, its effects' included, may have another effect.
+
+    Of what filters readings that is so where each of them has a reading.
+    """
+    return masses * (2 if effect.follows else 1) + effect.adds_mass <= MASSES_IN_ALL
 
 
 def warnings_of(device: Device) -> list[str]:

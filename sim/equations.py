@@ -20,13 +20,13 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from zwidth.sim.chain import Chain, Chains
-from zwidth.sim.device import Device
+from zwidth.sim.device import MASSLESS, Device
 from zwidth.sim.exponential import SPACES, held_motion_alone
 from zwidth.sim.force_sensor import force_row
 from zwidth.sim.interface import Interface
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.place import GROUND
-from zwidth.sim.plant import Plant, hold, locked
+from zwidth.sim.plant import Plant, behind, hold, locked
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -57,7 +57,9 @@ class Equations(NamedTuple):
     entries, columns, columns), no entries without a ledger; reaction (n, columns): the force on a
     mass as a row on w; springs (m, 2) places and spring_stiffness (m,) for the stored energy.
     rate of velocity estimates; filter (3,): the second-order one's other weights, else (0,);
-    force_row (2 n,): the measured force as a row on the state, (0,) without a sensor.
+    force_row (2 n,): the measured force as a row on the state, (0,) without a sensor. read: place
+    whose position the encoder reads; reads, followers: of all readings (`sim/reading.py`), behind
+    (k,) how late each follower is [s].
     """
 
     dof: int
@@ -94,6 +96,10 @@ class Equations(NamedTuple):
     command_gain: float
     command_limit: float
     position_origin: float
+    read: int
+    reads: Ints
+    followers: Ints
+    behind: Floats
 
 
 def equations(device: Device, substeps: int = 1, ledger: bool = False, seed: int = 0) -> Equations:
@@ -131,6 +137,7 @@ def frame(device: Device, substeps: int, seed: int = 0) -> tuple[Equations, Plan
     plant = device.plant()
     interface = device.interface
     whole, _ = interface.delay_ticks
+    found = device.reading()
     counts, durations = segments(interface.delay_ticks[1], interface.period, substeps)
     values = [p.vector() for p in device.physics]
     table = {hook: effect_table(hook, device.physics, values, device.chain, seed) for hook in HOOKS}
@@ -169,6 +176,10 @@ def frame(device: Device, substeps: int, seed: int = 0) -> tuple[Equations, Plan
         command_gain=interface.command_gain,
         command_limit=interface.command_limit,
         position_origin=interface.position_origin,
+        read=int(found.reads[0, 0]),
+        reads=found.reads,
+        followers=found.followers,
+        behind=behind(plant, found.followers),
     )
     return bare, plant
 
@@ -379,6 +390,8 @@ def _dampers(plant: Plant) -> list[tuple[str, float, Floats]]:
     n, c = plant.dof, plant.matrices.damping
     found: list[tuple[str, float, Floats]] = []
     for i in range(n):
+        if plant.matrices.mass[i, i] <= 2.0 * MASSLESS * plant.matrices.mass[0, 0]:
+            continue
         row = np.zeros(plant.size)
         row[n + i] = 1.0
         found.append((f"b{i + 1}", float(c[i].sum()), row))

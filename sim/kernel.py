@@ -54,7 +54,7 @@ Floats = NDArray[np.float64]
 
 DONE, ESCAPED, NOT_FINITE = 0, 1, 2
 MOTOR, WALL, DISTURBANCE, LAG, DAMPERS = 0, 1, 2, 3, 4
-MAX_COLUMNS, MAX_MASSES = 32, 8
+MAX_COLUMNS, MAX_MASSES = 32, 10
 MAX_SWEEPS = 200
 # Of scalars; the last three only where the interface has several rates or a second-order filter.
 READ, VELOCITY, COMMAND, APPLIED, EARLIER, SLOPE, GIVEN, SCALARS = 0, 1, 2, 3, 4, 5, 6, 7
@@ -85,8 +85,8 @@ class Scratch(NamedTuple):
 
     before (32,): states and inputs at its start; values, ahead (force effects,): smooth forces at
     its start (afterwards those held over it) and at its predicted end; after: internal states
-    there; friction (8,) dry forces held; limits, own (5, 8): rows LOWER to LOCKED, of the masses
-    and of what `turn` may add; more (8,) what it adds; shares (dry forces, 2): what each adds to
+    there; friction (10,) dry forces held; limits, own (5, 10): rows LOWER to LOCKED, of the masses
+    and of what `turn` may add; more (10,) what it adds; shares (dry forces, 2): what each adds to
     lower and upper; choice: the propagators at work (`sim/propagation.py`).
     """
 
@@ -123,10 +123,16 @@ def held_forces(eq, x, held, internal, values):
 
 @part
 def load(eq, values, external, w):
-    """Sum smooth and external forces into the force entries of w."""
+    """Sum smooth and external forces into the force entries of w.
+
+    Where the base moves (an acceleration a after the external forces), positions are counted from
+    it, and every mass feels - m a.
+    """
     start = eq.states + 1
     for i in range(eq.dof):
         w[start + i] = external[i] if external.size > 0 else 0.0
+        if external.size > eq.dof:
+            w[start + i] -= eq.masses[i] * external[eq.dof]
     table = eq.forces
     for e in range(table.codes.size):
         w[start + table.first[e]] += values[e]
@@ -362,8 +368,11 @@ def add_work(eq, segment, members, external, x1, scratch, totals):
         else:
             totals[DAMPERS + e - 2] += total
     slot = DAMPERS + forms.shape[0] - 2
-    for i in range(external.size):
-        totals[DISTURBANCE] += external[i] * (x1[i] - w[i])
+    for i in range(eq.dof if external.size > 0 else 0):
+        force = external[i]
+        if external.size > eq.dof:
+            force -= eq.masses[i] * external[eq.dof]
+        totals[DISTURBANCE] += force * (x1[i] - w[i])
     table = eq.forces
     for e in range(table.codes.size):
         i, j = table.first[e], table.second[e]
@@ -483,7 +492,8 @@ def advance(
 ):
     """Run up to `ticks` ticks from memory; return (ticks done, status).
 
-    external (ticks, n) held forces, or (0, n); bound: stop when |x_1| exceeds it. record
+    external (ticks, n) held forces, (ticks, n + 1) with the acceleration of the base after them, or
+    (0, n); bound: stop when |x_1| exceeds it. record
     (ticks, channels) or (0, ...): states, encoder, velocity estimate, command, applied force,
     contact, masses at rest, stored energy (with `energy`), ledger totals; each row at t = kT, after
     steps (1) to (5). fine: states after every substep, (ticks x substeps, states) or (0, ...).
@@ -505,7 +515,7 @@ def advance(
     status = DONE
     done = 0
     while done < ticks:
-        y = read_position(eq, x[0])
+        y = read_position(eq, x[eq.read])
         v = estimate(eq, tick, y, y_before, v, scalars)
         if memory.totals.size > 0:
             memory.totals[WALL] += u * (y - y_before)

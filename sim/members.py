@@ -29,7 +29,7 @@ from zwidth.sim.equations import (
 )
 from zwidth.sim.group import NUMBERS, TABLES, Stack
 from zwidth.sim.physics.effect import Physics
-from zwidth.sim.plant import Plant
+from zwidth.sim.plant import Plant, behind
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -156,11 +156,11 @@ class Members:
     def kinds(self) -> list[Ints]:
         """Return members with the same states together.
 
-        An effect without strength adds no mass, an amplifier without lag no state.
+        An effect without strength adds no mass and no reading, an amplifier without lag no state.
         """
         present = np.zeros((self.size, len(self.physics)), dtype=bool)
         for j, (p, own) in enumerate(zip(self.physics, self.values, strict=True)):
-            if p.effect.adds_mass:
+            if p.effect.adds_mass or p.effect.follows:
                 names = [q.name for q in p.effect.parameters]
                 strength = p.effect.parameter(p.effect.strength or names[0])
                 present[:, j] = own[:, names.index(strength.name)] != strength.neutral
@@ -298,6 +298,7 @@ def _stack(
         "masses": np.diagonal(plant.matrices.mass, axis1=-2, axis2=-1),
         "smoothing": np.full(members.size, first.smoothing),
         "force_row": np.broadcast_to(first.force_row, (members.size, first.force_row.size)),
+        "behind": behind(plant, first.followers),
         "filter": np.broadcast_to(first.filter, (members.size, first.filter.size)),
     }  # the others are fields of the interface
     numbers = {

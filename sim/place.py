@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-Kind = Literal["mass", "link", "ground", "command", "clock", "sensor"]
+Kind = Literal["mass", "link", "ground", "command", "clock", "sensor", "velocity"]
 GROUND = -1  # index of what does not move
 MOST_MASSES = 5  # of a chain (`sim/chain.py`)
 
@@ -18,7 +18,8 @@ class Place:
     """A place; `str` writes it as files do, `place_at` reads it.
 
     index: of the mass, or of the link's first mass, from 0. ground: between m1 and what stands
-    still, for what ties m1 down.
+    still, for what ties m1 down. velocity: every reading of a velocity, where a sensor is every
+    reading.
     """
 
     kind: Kind
@@ -69,7 +70,7 @@ LINKS = tuple(str(Place("link", i)) for i in range(MOST_MASSES - 1))
 @cache
 def place_at(text: str) -> Place:
     """Return the place that a file writes so; raises ValueError for none."""
-    if text in ("ground", "command", "clock", "sensor"):
+    if text in ("ground", "command", "clock", "sensor", "velocity"):
         return Place(text)
     if mass := re.fullmatch(r"m([1-9])", text):
         return Place("mass", int(mass[1]) - 1)
@@ -77,7 +78,8 @@ def place_at(text: str) -> Place:
     if link and int(link[2]) == int(link[1]) + 1:
         return Place("link", int(link[1]) - 1)
     raise ValueError(
-        f"at is {text!r}; allowed is a mass (m1), a link (link12), ground, command, clock or sensor"
+        f"at is {text!r}; allowed is a mass (m1), a link (link12), ground, command, clock,"
+        " sensor or velocity"
     )
 
 

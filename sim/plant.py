@@ -5,6 +5,7 @@ Inputs u = [held command, f_1..f_n]: the command reaches m1 directly or through 
 tau a' = u - a; the forces act on the masses.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from zwidth.sim.chain import Matrices
+from zwidth.sim.following import Following
 
 Floats = NDArray[np.float64]
 
@@ -60,6 +62,31 @@ def assemble(matrices: Matrices, lag: float | Floats = 0.0) -> Plant:
     else:
         b[..., 0] = b[..., 1]
     return Plant(a, b, matrices, longest)
+
+
+def follow(plant: Plant, followers: Sequence[tuple[int, int]], by: Following) -> None:
+    """Let the states of some places, (place, which one it follows), follow by these equations.
+
+    In place. What stood there was that of masses so small that they are none.
+    """
+    a, b, n = plant.a, plant.b, plant.dof
+    for follower, source in followers:
+        s, g = follower, n + follower
+        a[..., [s, g], :], b[..., g, :] = 0.0, 0.0
+        a[..., s, source], a[..., s, s], a[..., s, g] = by.rate, np.negative(by.rate), by.straight
+        a[..., g, source], a[..., g, s] = by.square, np.negative(by.square)
+        a[..., g, n + source], a[..., g, g] = by.rate, np.negative(by.rate + by.damping)
+
+
+def behind(plant: Plant, followers: NDArray[np.int64]) -> Floats:
+    """Return how late each follower is [s] at a steady speed, (..., k)."""
+    a, n = plant.a, plant.dof
+    found = np.zeros((*a.shape[:-2], followers.shape[0]))
+    for i, (s, source) in enumerate(followers.tolist()):
+        second = a[..., s, source] == 0.0
+        over = np.where(second, a[..., n + s, source], a[..., s, source])
+        found[..., i] = np.where(second, -a[..., n + s, n + s], 1.0) / over
+    return found
 
 
 def locked(plant: Plant, masses: tuple[int, ...]) -> Plant:

@@ -21,7 +21,7 @@ from zwidth.sim.lane_type import WIDTH
 from zwidth.sim.members import Members, Stacked, stacks
 from zwidth.sim.physics.dispatch import first_internal
 from zwidth.sim.predict import Outputs, Reading, judge_of, predict, saved_room
-from zwidth.sim.run import Start
+from zwidth.sim.run import Start, let_follow
 
 Floats = NDArray[np.float64]
 Task = Callable[[], None]
@@ -33,7 +33,8 @@ class Recorded:
     """A recording as it is followed.
 
     command (ticks,); measured (ticks, o), NaN where nothing was; outputs: what the columns are.
-    external (ticks, n): forces on the masses besides, None for none. arriving (ticks,): what is
+    external (ticks, n): forces on the masses besides, the acceleration of the base after them
+    (n + 1) where it moves, None for none. arriving (ticks,): what is
     read times each member's jitter, None for none.
     """
 
@@ -94,7 +95,8 @@ class Population:
     ticks in which friction or play turns. seed: of lost samples. Raises ValueError for no devices,
     devices of several kinds, substeps < 1 or a seed out of range.
 
-    size: how many; dof, states: masses and states of each.
+    size: how many; dof, states: masses and states of each; reads, followers: where each
+    is read (`sim/reading.py`).
     """
 
     def __init__(
@@ -103,15 +105,21 @@ class Population:
         if isinstance(devices, Members):
             self.size = devices.size
             self.dof, self.states = devices.plant.dof, devices.plant.size
+            like = devices.first
             laid_out = stacks(devices, few, many, seed)
         else:
             self.size = len(devices)
             eq, laid_out = _one_by_one(devices, few, many, seed)
             self.dof, self.states = eq.dof, eq.states
+            like = devices[0]
         self.batches = [_Batch(*found) for found in laid_out]
+        self.reads, self.followers, _ = like.reading()
 
     def start(self, positions: Floats, velocities: Floats) -> tuple[Memory, ...]:
         """Return each member's memory at t = 0; positions and velocities (members, masses).
+
+        Masses as many as there are, those of effects included; what follows them as a reading has
+        followed for long.
 
         The encoder's earlier reading, which only a controller asks for, is the true position's.
         Raises ValueError for numbers that are not finite.
@@ -119,18 +127,20 @@ class Population:
         finite = np.isfinite(positions).all(axis=1) & np.isfinite(velocities).all(axis=1)
         if not finite.all():
             wrong = int(np.argmin(finite))
-            Start(positions[wrong].tolist(), velocities[wrong].tolist()).state(self.dof)
+            Start(positions[wrong].tolist(), velocities[wrong].tolist()).state(positions.shape[1])
         x = np.zeros((self.size, MAX_COLUMNS))
-        x[:, : self.dof], x[:, self.dof : 2 * self.dof] = positions, velocities
+        own = positions.shape[1]
+        x[:, :own], x[:, self.dof : self.dof + own] = positions, velocities
         memories: dict[int, Memory] = {}
         for batch in self.batches:
             eq = batch.coarse.eq
             codes, firsts, _, origins, parameters = eq.forces
             rows = np.ascontiguousarray(np.moveaxis(parameters, -1, 0))
             scalars = np.zeros((batch.members.size, 4))
-            scalars[:, 1] = x[batch.members, self.dof]
-            scalars[:, 0] = x[batch.members, 0] - eq.period * scalars[:, 1]
             for m, i in enumerate(batch.members.tolist()):
+                let_follow(x[i], self.dof, eq.followers, eq.behind[:, m])
+                speed = x[i, self.dof + eq.read]
+                scalars[m, :2] = x[i, eq.read] - eq.period * speed, speed
                 internal = [
                     first_internal(code, across(x[i], 0, first, origin), p)
                     for code, first, origin, p in zip(codes, firsts, origins, rows[m], strict=True)
@@ -146,6 +156,13 @@ class Population:
             or Memory(x[i], nothing, nothing, nothing, nothing, np.zeros(2, np.int64), nothing)
             for i in range(self.size)
         )
+
+    def let_follow(self, memories: Sequence[Memory]) -> None:
+        """Put filtered readings where those are that have followed for long, in place."""
+        for batch in self.batches:
+            eq = batch.coarse.eq
+            for m, i in enumerate(batch.members.tolist()):
+                let_follow(memories[i].x, self.dof, eq.followers, eq.behind[:, m])
 
     def follow(
         self,

@@ -196,7 +196,8 @@ def at_work(eq, fine, space, fine_space, look):
         eq.frictions, eq.bounds_vary, eq.sensors, eq.amplifiers, eq.clocks, eq.whole_delay,
         eq.period, eq.rate, eq.smoothing, eq.filter, eq.second_order, eq.velocity_ticks,
         eq.position_ticks, eq.force_row, eq.force_gain, eq.encoder_step, eq.encoder_floor,
-        eq.command_step, eq.command_gain, eq.command_limit, eq.position_origin,
+        eq.command_step, eq.command_gain, eq.command_limit, eq.position_origin, eq.read, eq.reads,
+        eq.followers, eq.behind,
     )  # fmt: skip
     room = Scratch(
         space.before, space.values, space.ahead, space.after, space.friction, space.limits,
@@ -250,7 +251,8 @@ def predict(
     """Follow a recording, commands (ticks,) and measured (ticks, o), by one device or a group.
 
     device, finer_device: `Equations` in few and in many substeps a tick; spaces: the working space
-    of each. external (ticks, n) forces to add, or (0, n). state goes on from where it is, so that
+    of each. external (ticks, n) forces to add, (ticks, n + 1) with the acceleration of the base
+    after them, or (0, n). state goes on from where it is, so that
     a recording may be taken in parts; its scalars[3] is 1 where the state has overflowed, after
     which innovations are infinite. Of a group, arrays of its members' numbers have a last axis of
     lanes; what is of the recording has none.

@@ -52,10 +52,13 @@ class Start:
     position: float | Sequence[float] = 0.0
     velocity: float | Sequence[float] = 0.0
 
-    def state(self, dof: int) -> Floats:
-        """Return (32,) padded [q_1..q_n, v_1..v_n]; raises ValueError (field, length, value)."""
+    def state(self, dof: int, places: int | None = None) -> Floats:
+        """Return (32,) padded [q_1..q_n, v_1..v_n]; raises ValueError (field, length, value).
+
+        places: after how many the velocities begin, where more than masses have states.
+        """
         padded = np.zeros(MAX_COLUMNS)
-        for offset, field in ((0, "position"), (dof, "velocity")):
+        for offset, field in ((0, "position"), (dof if places is None else places, "velocity")):
             values = np.asarray(getattr(self, field), dtype=np.float64)
             if values.ndim > 1 or (values.ndim == 1 and values.size != dof):
                 raise ValueError(
@@ -87,14 +90,26 @@ class Run(Shown):
     fine: Trace | None = None
 
 
+def let_follow(x: Floats, dof: int, followers: NDArray[np.int64], behind: Floats) -> None:
+    """Put filtered readings of a state where those are that have followed its speeds for long.
+
+    In place. dof: places of positions; the others as in `Equations`.
+    """
+    for (place, source), late in zip(followers.tolist(), behind.tolist(), strict=True):
+        x[dof + place] = x[dof + source]
+        x[place] = x[source] - late * x[dof + source]
+
+
 def start_memory(eq: Equations, start: Start, memory: int = 1, entries: int = 0) -> Memory:
     """Return the memory at t = 0: nothing commanded yet, the encoder consistent with the start.
 
     memory: how many values the controller keeps; entries: of the ledger.
     """
-    x = start.state(eq.dof)
-    before = read_position(eq, x[0] - eq.period * x[eq.dof])
-    earlier = read_position(eq, x[0] - x[eq.dof] / eq.rate)
+    x = start.state(eq.dof - eq.followers.shape[0], eq.dof)
+    let_follow(x, eq.dof, eq.followers, eq.behind)
+    q, v = x[eq.read], x[eq.dof + eq.read]
+    before = read_position(eq, q - eq.period * v)
+    earlier = read_position(eq, q - v / eq.rate)
     internal = [
         first_internal(code, across(x, 0, i, origin), p)
         for code, i, _, origin, p in zip(*eq.forces, strict=True)
@@ -165,14 +180,24 @@ class Setup:
 
     def _state_units(self) -> dict[str, str]:
         force, position = ("N m", "rad") if self.device.rotary else ("N", "m")
-        names = {f"position_m{i + 1}": position for i in range(self.eq.dof)}
-        names |= {f"velocity_m{i + 1}": f"{position}/s" for i in range(self.eq.dof)}
+        places = self._places()
+        names = {f"position_{place}": position for place in places}
+        names |= {f"velocity_{place}": f"{position}/s" for place in places}
         return names | ({"actuator_force": force} if self.eq.lagging else {})
+
+    def _places(self) -> list[str]:
+        """Masses, then readings that follow one: filtered_m1, twice_filtered_m1 and so on."""
+        own = self.eq.dof - self.eq.followers.shape[0]
+        names = [f"m{i + 1}" for i in range(own)]
+        for _, source in self.eq.followers.tolist():
+            name = f"filtered_{names[source]}"
+            names.append(name + "_again" * names.count(name))
+        return names
 
     def _trace(self, t: Floats, rows: Floats, units: dict[str, str]) -> Trace:
         columns = dict(zip(units, np.ascontiguousarray(rows.T), strict=True))
         for name in columns if self.eq.position_origin != 0.0 else ():
-            if name.startswith("position_m"):
+            if name.startswith("position_"):
                 columns[name] = columns[name] + self.eq.position_origin
         return Trace(t, columns, units, "simulated", MappingProxyType({"device": self.device.name}))
 
@@ -202,7 +227,7 @@ def prepare(
     ticks = duration_ticks(duration, eq.period)
     if not bound > 0.0:
         raise ValueError(f"bound is {bound}; the position where a run is stopped must be > 0")
-    external = _external(disturbance, ticks, eq.dof)
+    external = _external(disturbance, ticks, eq.dof - eq.followers.shape[0], eq.dof)
     names = ledger_names(device, device.plant()) if ledger else []
     from_rest = Start((np.asarray(start.position) - eq.position_origin).tolist(), start.velocity)
     memory = start_memory(eq, from_rest, controller.memory, len(names))
@@ -230,10 +255,12 @@ def simulate(
     """Run a device under a controller for `duration` seconds.
 
     disturbance: external forces [N m | N], shape (ticks,) on m1 or (ticks, n), each held for one
-    tick. substeps a tick: one is exact without continuous-time nonlinearity; raise it for friction
-    and smooth forces. seed: of what happens at random (lost samples). bound: the run stops when
-    |position of m1| exceeds it. energy: record the stored energy; ledger: record also the work of
-    motor, wall, each damper and effect. fine: keep the states after every substep.
+    tick; (ticks, n + 1) with the acceleration of a base that moves [rad/s2 | m/s2] after them, from
+    which positions are then counted. substeps a tick: one is exact without continuous-time
+    nonlinearity; raise it for friction and smooth forces. seed: of what happens at random (lost
+    samples). bound: the run stops when |position of m1| exceeds it. energy: record the stored
+    energy; ledger: record also the work of motor, wall, each damper and effect. fine: keep the
+    states after every substep.
 
     Raises ValueError with one sentence for a bad argument.
     """
@@ -253,16 +280,18 @@ def duration_ticks(duration: float, period: float) -> int:
     return max(1, round(duration / period))
 
 
-def _external(disturbance: Floats | None, ticks: int, dof: int) -> Floats:
+def _external(disturbance: Floats | None, ticks: int, dof: int, places: int) -> Floats:
     if disturbance is None:
-        return np.zeros((0, dof))
+        return np.zeros((0, places))
     values = np.asarray(disturbance, dtype=np.float64)
     if values.ndim == 1:
         values = np.column_stack([values, np.zeros((values.size, dof - 1))])
-    if values.shape != (ticks, dof):
+    if values.shape not in ((ticks, dof), (ticks, dof + 1)):
         raise ValueError(
-            f"disturbance has shape {values.shape}; the run needs ({ticks},) or ({ticks}, {dof})"
+            f"disturbance has shape {values.shape}; the run needs ({ticks},) or ({ticks}, {dof}),"
+            f" or ({ticks}, {dof + 1}) where the base moves"
         )
     if not np.all(np.isfinite(values)):
         raise ValueError("disturbance contains a value that is not finite")
-    return np.ascontiguousarray(values)
+    followers = np.zeros((ticks, places - dof))
+    return np.hstack([values[:, :dof], followers, values[:, dof:]])

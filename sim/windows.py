@@ -136,7 +136,7 @@ def run_windows(device, space, banks, weights, results):
                 if kept.velocities.shape[0] > 0:
                     row = window * weights.size + k
                     kept.velocities[row, g] = select(alive, speed, np.nan)
-                y = read_position(eq, x[0])
+                y = read_position(eq, x[eq.read])
                 v = estimate(eq, tick, y, y_before, v, scalars)
                 y_before = y
                 at = given(eq, tick, y, scalars)

@@ -99,7 +99,8 @@ def open_loop(device: Device) -> Loop:
         older = late @ hold(plant, remainder)[1][:, 0]
     gain = device.interface.command_gain
     newer, older = gain * newer[:, 0], None if older is None else gain * older
-    loop = wired(transition, newer, older, whole, period, device.interface.velocity_filter)
+    read = int(device.reading().reads[0, 0])
+    loop = wired(transition, newer, older, whole, period, device.interface.velocity_filter, read)
     if device.interface.force_gain > 0.0:
         loop = _fed_back(device, plant.dof, loop)
     shift = loop.shift
@@ -122,9 +123,9 @@ def _fed_back(device: Device, dof: int, loop: Loop) -> Loop:
 
 def wired(
     transition: Floats, newer: Floats, older: Floats | None, whole: int, period: float,
-    weights: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0),
+    weights: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0), read: int = 0,
 ) -> Loop:  # fmt: skip
-    """Return the loop around a device whose position is its first state, shift left zero.
+    """Return the loop around a device whose position is the state `read`, shift left zero.
 
     transition (n, n) over a period; newer, older (n,): what the commands add that are `whole` and
     whole + 1 ticks old, older None without remainder. weights: of the velocity filter
@@ -149,15 +150,15 @@ def wired(
         a[:n, n + whole - 1] = newer
     if older is not None:
         a[:n, n + whole] = older
-    reading[0] = 1.0
+    reading[read] = 1.0
     a[last_reading] = reading
-    velocity[0], velocity[last_reading] = straight / period, -straight / period
+    velocity[read], velocity[last_reading] = straight / period, -straight / period
     if filtered:
         v = last_reading + 1
         velocity[v] = 1.0 - straight
         if second:
             velocity[v + 1] = from_slope
-            a[v + 1, 0], a[v + 1, last_reading] = to_slope / period, -to_slope / period
+            a[v + 1, read], a[v + 1, last_reading] = to_slope / period, -to_slope / period
             a[v + 1, v], a[v + 1, v + 1] = -to_slope, kept
         a[v] = velocity
     return Loop(a, b, reading, velocity, shift, period)

@@ -62,6 +62,11 @@ def passive_boundary(device: Device, dampings: Iterable[float]) -> list[PassiveP
             "velocity_ticks or position_ticks is more than 1, and the passivity criterion takes one"
             " rate: set both to 1"
         )
+    if device.reading().followers.size:
+        raise ValueError(
+            "readings are filtered, which the passivity criterion cannot take: remove sensor_lag,"
+            " sensor_filter and moving_average, or add how late they are to delay_s"
+        )
     refuse_force(device, "the passivity criterion")
     b = float(device.chain.ground_dampers.sum())
     return [_passive(device.interface, b, damping) for damping in dampings]

@@ -1,12 +1,15 @@
 """Positions that wrap, and readings that are late or slow: told from motion, and put right."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.recording.experiment import ExperimentError, stretches
+from zwidth.logs.recording import read_recording
+from zwidth.logs.source import RecordingError
 from zwidth.logs.stale import renewed, repeated
 from zwidth.logs.wrapped import unwrapped
 from zwidth.sim.chain import make_chain
@@ -54,6 +57,35 @@ def test_a_counter_of_sixteen_bits_goes_on() -> None:
     back = whole["position_m1"]
     np.testing.assert_allclose(back - back[0], (q - q[0]) * 1e-6, atol=1e-9)
     assert "every 0.065536 rad" in said
+
+
+def test_a_counter_of_known_modulus_goes_on_where_nothing_else_tells(tmp_path: Path) -> None:
+    """One that wraps once, near its end, with a gap: too little to tell it by, but `wraps_at` does.
+
+    Mutation that breaks it: a step over the gap counted from the NaN, or the modulus after scale.
+    """
+    counts = 200.0 * np.arange(400.0) ** 0.9 + 32000.0
+    counts[90] = np.nan
+    raw = np.mod(counts, 65536.0)
+    rows = np.column_stack([T * np.arange(400), np.sin(np.arange(400.0)), raw])
+    np.savetxt(tmp_path / "c.csv", rows, "%.17g", ",", header="t,u,q", comments="")
+    toml = tmp_path / "c.toml"
+    text = (
+        'file = "c.csv"\ntime = "t"\n[input]\nsignal = "u"\n[[output]]\nsignal = "q"\n'
+        'quantity = "position"\nat = "m1"\nunit = "counts"\ncounts_per_rev = 4096\n'
+    )
+    toml.write_text(text + "wraps_at = 65536\n")
+    found = read_recording(toml)
+    known = np.isfinite(counts)
+    wanted = (counts * COUNTS)[known]
+    np.testing.assert_allclose(found["position_m1"][known], wanted, rtol=1e-12)
+    said = str(found.facts["warnings"])
+    assert "starts anew after 65536 raw numbers, 1 times" in said
+    toml.write_text(text)
+    assert np.ptp(read_recording(toml)["position_m1"][known]) > 1.2 * np.ptp(wanted)
+    toml.write_text(text.replace('"position"', '"velocity"') + "wraps_at = 65536\n")
+    with pytest.raises(RecordingError, match=r"wraps_at stands at a velocity; give it"):
+        read_recording(toml)
 
 
 def test_what_only_moves_or_reads_wrong_once_does_not_wrap() -> None:

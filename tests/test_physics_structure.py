@@ -177,6 +177,8 @@ def test_directional_friction_at_any_mass_is_a_damper_and_a_force_one_way(i: int
 def test_more_masses_than_the_kernel_has_room_for_are_refused() -> None:
     device = Device("five", "", True, FIVE)
     extras = [make_physics("extra_mode", f"m{i}", **EXTRA) for i in range(1, 6)]
-    assert device.with_physics(*extras[:3]).plant().dof == 8
-    with pytest.raises(DeviceError, match="5 masses and 4 further ones; allowed are 8 together"):
-        device.with_physics(*extras[:4])
+    full = device.with_physics(*extras)
+    assert full.plant().dof == 10
+    lag = make_physics("sensor_lag", "sensor", time_constant=1e-3)
+    with pytest.raises(DeviceError, match="5 masses and 10 further ones or filtered readings"):
+        full.with_physics(lag)

@@ -68,9 +68,9 @@ def free_run(model: Model, x: Floats, taken: Experiment, substeps: int) -> Float
     eq = equations(device, substeps)
     none = np.zeros((eq.states, len(seen.outputs)))
     silent = np.zeros(seen.measured.shape)
-    outputs = seen.places(eq.dof)
+    outputs = seen.places(eq)
     errors = alone(
-        eq, eq, outputs, seen.command, silent, none, np.zeros((0, eq.dof)),
+        eq, eq, outputs, seen.command, silent, none, seen.external(eq.dof),
         observer_memory(eq, seen),
     )  # fmt: skip
     positions = np.array([o.tells_position for o in seen.outputs])
@@ -86,8 +86,9 @@ def scenario_of(
     """
     eq = equations(taken.on(model.acting(x)), substeps)
     state = observer_memory(eq, model.seen(taken, x)).x
-    positions = state[: eq.dof] + _origin(model, x, taken.swing)
-    start = Start(positions.tolist(), state[eq.dof : 2 * eq.dof].tolist())
+    own = eq.dof - eq.followers.shape[0]
+    positions = state[:own] + _origin(model, x, taken.swing)
+    start = Start(positions.tolist(), state[eq.dof : eq.dof + own].tolist())
     command = recording.command
     if taken.dropped is not None and model.has("dropped_samples"):
         command = delivered(command, taken.dropped)

@@ -36,6 +36,8 @@ def place_in_words(at: Place, masses: int) -> str:
             return f"between {mass_in_words(0, masses)} and the ground"
         case "clock":
             return "in the timing"
+        case "velocity":
+            return "in the velocities that are read"
         case "command" | "sensor":
             return f"in the {at.kind}"
 
@@ -115,6 +117,12 @@ SAYINGS: dict[str, Callable[[Values], str]] = {
     "encoder_step": lambda p: f"an encoder step of {said(p['step'])}",
     "encoder_eccentricity": _eccentric,
     "rectified_sensor": lambda _: "a sensor that reads the absolute value",
+    "sensor_lag": lambda p: f"a lag of {said(p['time_constant'])}",
+    "sensor_filter": lambda p: (
+        f"a second-order filter of {said(p['time_constant'])}"
+        f" ({1.0 / (2.0 * math.pi * p['time_constant'].value):.3g} Hz)"
+    ),
+    "moving_average": lambda p: f"a mean over {said(p['window'])}",
 }
 OWN_PLACE = ("rectified_sensor", "encoder_step", "encoder_eccentricity", "servo_limit",
              "servo_dead_zone", "dropped_samples", "cubic_stiffness_at_ground")  # fmt: skip

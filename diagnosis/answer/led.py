@@ -96,7 +96,7 @@ def _directions(columns: Floats) -> Floats:
 def _response(linear: Device, experiment: Experiment, row: Floats, length: int) -> Floats:
     """Return the first output (length,) after a force of one tick along a row (n,), from rest."""
     eq, fine = prepared(experiment.on(linear))
-    places = experiment.places(eq.dof)
+    places = experiment.places(eq)
     external = np.zeros((length, eq.dof))
     external[0, : row.size] = row
     still = np.zeros((length, places.state.size))

@@ -116,8 +116,8 @@ def simulated(model: Model, x: Floats, e: Experiment, observer: Observer) -> Flo
     with np.errstate(all="ignore"):  # infinite after an overflow
         memory, full = memory_at(ready, seen, device, observer.gain)
         wrong = alone(
-            eq, fine, seen.places(eq.dof), seen.command, seen.measured, np.zeros_like(full),
-            np.zeros((0, eq.dof)), memory,
+            eq, fine, seen.places(eq), seen.command, seen.measured, np.zeros_like(full),
+            seen.external(eq.dof), memory,
         )  # fmt: skip
         # What a model reads otherwise (an origin) is in both, and goes.
         return recorded(e, e.measured - wrong)

@@ -125,11 +125,9 @@ class Many:
             ])  # fmt: skip
             starts = experiment.start
             own = starts if starts is None or starts.ndim == 1 else starts[which]
-            force = experiment.force
-            if force is not None:
-                force = np.pad(force, ((0, 0), (0, population.dof - force.shape[1])))
+            force = experiment.external(population.dof, experiment.force)
             recorded = Recorded(
-                plain.command, plain.measured, experiment.places(population.dof), force,
+                plain.command, plain.measured, experiment.places(population), force,
                 None if place is None else self.model.arriving_change(plain),
             )  # fmt: skip
             readings = Readings(

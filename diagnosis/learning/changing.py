@@ -330,14 +330,14 @@ def _going_through(e: Experiment, h: Hypothesis, ticks: NDArray[np.int64], stop:
     held = [model.seen(replace(e, shares=(*e.shares, *own)), x)
             for own in (((model.varying[-1].name, 1.0),), ())]  # fmt: skip
     early, late = (prepared(own.on(device), SEARCHING) for own in held)
-    places, begun_there = held[0].places(early.coarse.dof), begun(device, held[0], observer)
+    places, begun_there = held[0].places(early.coarse), begun(device, held[0], observer)
     memory, full = memory_at(early, begun_there, device, observer.gain)
-    forces = np.zeros((0, early.coarse.dof))
+    forces = held[0].external(early.coarse.dof)
 
     def through(side: int, a: int, b: int, memory: Memory) -> Floats:
         own, eq = held[side], (early, late)[side]
-        return alone(eq.coarse, eq.fine, places, own.command[a:b], own.measured[a:b], full, forces,
-                     memory)  # fmt: skip
+        return alone(eq.coarse, eq.fine, places, own.command[a:b], own.measured[a:b], full,
+                     forces[a:b], memory)  # fmt: skip
 
     start, here = int(ticks[0]), 0
     before: list[Floats] = [through(0, 0, start, memory)]

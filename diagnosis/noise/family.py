@@ -164,7 +164,7 @@ class _Observed:
         units = np.tile(np.diag(unit), (count, 1)) * np.repeat(scale[:, 0], 2 * self.dof)[:, None]
         still = replace(
             first, command=np.zeros(first.ticks), measured=np.zeros(first.measured.shape),
-            sensor_error=None, dropped=None, force=None,
+            sensor_error=None, dropped=None, force=None, base=None,
         )  # fmt: skip
         repeated = np.repeat(self.gains, 2 * self.dof, axis=0)
         answers = self._innovations(self.units, still, self.bare, units, repeated)
@@ -188,10 +188,10 @@ class _Observed:
         gains: Floats,
     ) -> Floats:
         dof, period = population.dof, device.interface.period
-        force = experiment.force
-        if force is not None:
-            force = np.pad(force, ((0, 0), (0, dof - force.shape[1])))
-        recorded = Recorded(experiment.command, experiment.measured, experiment.places(dof), force)
+        force = experiment.external(dof, experiment.force)
+        recorded = Recorded(
+            experiment.command, experiment.measured, experiment.places(population), force
+        )
         motion = np.array(first_motion(experiment.outputs, experiment.measured, period))
         motions = np.tile(motion, (population.size, 1))
         memories = observer_memories(population, motions, starts)

@@ -24,7 +24,7 @@ from zwidth.sim.kernel import Memory
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.population import Population
 from zwidth.sim.predict import GROUND, Outputs, alone
-from zwidth.sim.run import Start, start_memory
+from zwidth.sim.run import Start, let_follow, start_memory
 
 Floats = NDArray[np.float64]
 ORDER = 24  # of the filters that whiten, at most
@@ -216,6 +216,7 @@ def observer_memory(eq: Equations, experiment: Experiment) -> Memory:
         n = experiment.start.size // 2
         memory.x[:n] += experiment.start[:n]
         memory.x[eq.dof : eq.dof + n] += experiment.start[n:]
+        let_follow(memory.x, eq.dof, eq.followers, eq.behind)
     return memory
 
 
@@ -232,17 +233,10 @@ def memory_at(
         return observer_memory(eq, experiment), full
     before = experiment.before
     memory, _ = memory_at(ready, before, device, gain)
-    forces = _padded_force(before.force, eq.dof)
-    places = before.places(eq.dof)
+    forces = before.external(eq.dof, before.force)
+    places = before.places(eq)
     alone(eq, fine, places, before.command, before.measured, full, forces, memory)
     return memory, full
-
-
-def _padded_force(force: Floats | None, dof: int) -> Floats:
-    """The same on so many masses, (0, dof) for none."""
-    if force is None:
-        return np.zeros((0, dof))
-    return np.pad(force, ((0, 0), (0, dof - force.shape[1])))
 
 
 def first_motion(outputs: Sequence[Output], measured: Floats, period: float) -> tuple[float, float]:
@@ -265,7 +259,7 @@ def observer_memories(
     motions (members, 2): of `first_motion`; starts: what is added, (2n,) or (members, 2n).
     """
     dof = population.dof
-    whole = np.ones((population.size, dof))
+    whole = np.ones((population.size, dof - population.followers.shape[0]))
     memories = population.start(motions[:, :1] * whole, motions[:, 1:] * whole)
     if starts is not None:
         n = starts.shape[-1] // 2
@@ -274,6 +268,7 @@ def observer_memories(
         ):
             memory.x[:n] += own[:n]
             memory.x[dof : dof + n] += own[n:]
+        population.let_follow(memories)
     return memories
 
 
@@ -292,9 +287,9 @@ def innovations(
     ready = prepared(experiment.on(device)) if ready is None else ready
     eq, fine = ready
     memory, full = memory_at(ready, experiment, device, gain)
-    forces = _padded_force(experiment.force if external is None else external, eq.dof)
+    forces = experiment.external(eq.dof, experiment.force if external is None else external)
     return alone(
-        eq, fine, experiment.places(eq.dof), experiment.command, experiment.measured,
+        eq, fine, experiment.places(eq), experiment.command, experiment.measured,
         full, forces, memory,
     )  # fmt: skip
 
@@ -307,7 +302,7 @@ def followed(device: Device, experiment: Experiment, gain: Floats) -> Floats:
     n = device.chain.masses.size
     sensors = [p.effect.name for p in device.physics if p.effect.hook == "sensor"]
     bare = device.without_physics(*sensors) if sensors else device
-    further = tuple(Output(q, i) for q in ("position", "velocity") for i in range(n))
+    further = tuple(Output(q, i, truly=True) for q in ("position", "velocity") for i in range(n))
     wide = replace(
         experiment,
         outputs=(*experiment.outputs, *further),
@@ -325,7 +320,7 @@ def driven(device: Device, experiment: Experiment, gain: Floats, errors: Floats)
     outputs that correct nothing, measured as zero, are h turned round. Infinite after an overflow.
     """
     eq, fine = ready = prepared(experiment.on(device))
-    places, o = experiment.places(eq.dof), errors.shape[1]
+    places, o = experiment.places(eq), errors.shape[1]
     outputs = Outputs(
         np.concatenate([np.full(o, GROUND), places.state]),
         np.concatenate([np.zeros(o, dtype=np.bool_), places.sensed]),
@@ -334,7 +329,7 @@ def driven(device: Device, experiment: Experiment, gain: Floats, errors: Floats)
     memory, full = memory_at(ready, experiment, device, gain)
     found = alone(
         eq, fine, outputs, experiment.command, np.hstack([errors, np.zeros(errors.shape)]),
-        np.hstack([full, np.zeros(full.shape)]), np.zeros((0, eq.dof)),
+        np.hstack([full, np.zeros(full.shape)]), experiment.external(eq.dof),
         memory,
     )  # fmt: skip
     return errors - found[:, o:]
@@ -359,7 +354,7 @@ def begun(device: Device, experiment: Experiment, observer: "Observer") -> Exper
     dof = device.chain.masses.size
     still = replace(
         first, command=np.zeros(first.ticks), measured=np.zeros(first.measured.shape),
-        sensor_error=None, dropped=None, force=None,
+        sensor_error=None, dropped=None, force=None, base=None,
     )  # fmt: skip
     columns: list[Floats] = []
     scale = np.repeat([1.0, 1.0 / experiment.period], dof) * float(observer.deviation[0])
@@ -409,9 +404,12 @@ def copied(memory: Memory) -> Memory:
 
 
 def window(experiment: Experiment) -> int:
-    """Return the ticks of a free run: half a second, or a third of a recording that is shorter."""
+    """Return the ticks of a free run: half a second, or a third of a recording that is shorter.
+
+    At least `SHORTEST_WINDOW`, and never more than there are.
+    """
     wanted = min(round(FREE_RUN_S / experiment.period), experiment.ticks // 3)
-    return max(SHORTEST_WINDOW, wanted)
+    return min(max(SHORTEST_WINDOW, wanted), experiment.ticks)
 
 
 def settling(experiment: Experiment) -> int:
@@ -431,19 +429,20 @@ def free_run_errors(
     Each window starts from the state that the observer has at its beginning, then runs free.
     """
     eq, fine = ready = prepared(experiment.on(device))
-    places = experiment.places(eq.dof)
+    places = experiment.places(eq)
     memory, full = memory_at(ready, experiment, device, gain)
-    no_force = np.zeros((0, eq.dof))
+    moved = experiment.external(eq.dof)
     errors: list[Floats] = []
     signal: list[Floats] = []
     for first in range(0, experiment.ticks - window + 1, window):
         u = experiment.command[first : first + window]
         y = experiment.measured[first : first + window]
+        shaken = moved[first : first + window]
         if first >= settling(experiment):
             free = copied(memory)
-            errors.append(alone(eq, fine, places, u, y, np.zeros_like(full), no_force, free))
+            errors.append(alone(eq, fine, places, u, y, np.zeros_like(full), shaken, free))
             signal.append(y - y.mean(axis=0))
-        alone(eq, fine, places, u, y, full, no_force, memory)
+        alone(eq, fine, places, u, y, full, shaken, memory)
     empty = np.zeros((0, experiment.measured.shape[1]))
     return np.concatenate(errors or [empty]), np.concatenate(signal or [empty])
 
@@ -463,7 +462,7 @@ def free_runs(
     most: of each length, evenly spread over the recording. The observer goes through it once.
     """
     eq, fine = ready = prepared(experiment.on(device))
-    places, o, n = experiment.places(eq.dof), len(experiment.outputs), device.chain.masses.size
+    places, o, n = experiment.places(eq), len(experiment.outputs), device.chain.masses.size
     states = np.concatenate([np.arange(n), np.arange(eq.dof, eq.dof + n)])
     wide = Outputs(
         np.concatenate([places.state, states]),
@@ -472,7 +471,7 @@ def free_runs(
     )
     measured = np.hstack([experiment.measured, np.zeros((experiment.ticks, 2 * n))])
     memory, full = memory_at(ready, experiment, device, gain)
-    no_force = np.zeros((0, eq.dof))
+    moved = experiment.external(eq.dof)
     nothing = np.zeros((eq.states, o + 2 * n))
     begins: dict[int, list[int]] = {}
     for i, length in enumerate(lengths):
@@ -488,13 +487,13 @@ def free_runs(
         before, here = slice(here, first), first
         alone(
             eq, fine, places, experiment.command[before], experiment.measured[before], full,
-            no_force, memory,
+            moved[before], memory,
         )  # fmt: skip
         for i in begins[first]:
             run = slice(first, first + lengths[i])
             free = copied(memory)
             seen = alone(
-                eq, fine, wide, experiment.command[run], measured[run], nothing, no_force, free
+                eq, fine, wide, experiment.command[run], measured[run], nothing, moved[run], free
             )
             found[i].append(seen[None])
     joined = [np.concatenate(runs) for runs in found]

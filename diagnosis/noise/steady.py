@@ -41,6 +41,7 @@ from zwidth.sim.device import Device
 from zwidth.sim.exponential import SPACES, held_motion_each
 from zwidth.sim.plant import Plant, hold
 from zwidth.sim.predict import GROUND
+from zwidth.sim.reading import Places
 
 Floats = NDArray[np.float64]
 FLOOR = 1e-18  # variance of every state a tick, in units of the measurement's
@@ -72,7 +73,7 @@ def steady(device: Device, experiment: Experiment, ratio: float) -> Steady:
     """
     plant = device.plant()
     a, b = hold(plant, experiment.period)
-    c = _read(experiment, plant.dof, plant.size)
+    c = _read(experiment, Places(plant.dof, device.reading().reads), plant.size)
     scale = float(plant.matrices.mass.trace()) / experiment.period**2
     source = b[:, 1] * scale
     process = ratio * np.outer(source, source) + FLOOR * np.eye(plant.size)
@@ -107,7 +108,7 @@ def steady_gains(
         np.stack([p.a for p in plants]), b, experiment.period, dof, np.zeros(size),
         np.zeros((SPACES, size, size)), motion,
     )  # fmt: skip
-    c = _read(experiment, dof, size)
+    c = _read(experiment, Places(dof, devices[0].reading().reads), size)
     scale = np.array([float(p.matrices.mass.trace()) for p in plants]) / experiment.period**2
     source = motion[:, :, size + 1] * scale[:, None]
     process = ratios[:, None, None] * source[:, :, None] * source[:, None, :] + FLOOR * np.eye(size)
@@ -168,9 +169,9 @@ def noise_scale(experiment: Experiment) -> Floats:
     )
 
 
-def _read(experiment: Experiment, dof: int, size: int) -> Floats:
+def _read(experiment: Experiment, of: Places, size: int) -> Floats:
     """What the outputs are of the state, (o, size)."""
-    places, rows = experiment.places(dof), np.arange(len(experiment.outputs))
+    places, rows = experiment.places(of), np.arange(len(experiment.outputs))
     c = np.zeros((rows.size, size))
     c[rows, places.state] = 1.0
     linked = places.less != GROUND

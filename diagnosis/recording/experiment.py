@@ -5,13 +5,14 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import cast
+from typing import Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.recording.drive_force import FORCE, Pushed, drive_stiffness
 from zwidth.diagnosis.recording.link_force import told_by_links
+from zwidth.diagnosis.recording.moving_base import BASE, base_of
 from zwidth.logs.stale import renewed, repeated
 from zwidth.logs.stretches import jumps, without_gaps
 from zwidth.logs.uneven import evened
@@ -32,6 +33,20 @@ LATE = 0.25  # of the period, that intervals of a late loop are longer by in the
 SIMULATED = 1e-5  # noise over the swing that is added to a log without any
 
 
+class Placed(Protocol):
+    """What has places of positions, and where each mass is read (`sim/reading.py`)."""
+
+    @property
+    def dof(self) -> int:
+        """After how many the velocities begin."""
+        ...
+
+    @property
+    def reads(self) -> NDArray[np.int64]:
+        """Shape (2, n)."""
+        ...
+
+
 class ExperimentError(ValueError):
     """A recording that cannot be diagnosed; the sentence says what to record instead."""
 
@@ -41,11 +56,13 @@ class Output:
     """A measured channel: quantity ("position" or "velocity") of a mass, counted from 0.
 
     less: the mass that it is measured from, as the deflection of a link is; None for the ground.
+    truly: as it is, and not as a sensor reads it.
     """
 
     quantity: str
     mass: int
     less: int | None = None
+    truly: bool = False
 
     @property
     def name(self) -> str:
@@ -78,7 +95,8 @@ class Experiment:
     it first, since what it says of the state (a position of which only the velocity is measured,
     the side of a play) no later sample may. changes: what was known to be different about the
     device. pushed: where the first output is the position that a drive's force tells. shares: how
-    much of each change of a parameter (`Model.varying`) holds here; none of those not named.
+    much of each change of a parameter (`Model.varying`) holds here; none of those not named. base
+    (ticks,): acceleration of what the device stands on, held for a tick, where that was recorded.
     """
 
     period: float
@@ -99,6 +117,7 @@ class Experiment:
     differenced: Mapping["Output", float] = field(default_factory=dict["Output", float])
     folded: bool = False
     shares: tuple[tuple[str, float], ...] = ()
+    base: Floats | None = None
 
     def on(self, device: Device) -> Device:
         """Return a device as it was in this recording."""
@@ -109,18 +128,31 @@ class Experiment:
         """Number of samples."""
         return self.command.size
 
-    def places(self, dof: int) -> Outputs:
-        """Return where the outputs stand in a state of that many masses."""
-        first = [dof if o.quantity == "velocity" else 0 for o in self.outputs]
-        state = [a + o.mass for a, o in zip(first, self.outputs, strict=True)]
-        less = [
-            GROUND if o.less is None else a + o.less
-            for a, o in zip(first, self.outputs, strict=True)
-        ]
-        sensed = [o.tells_position and o.mass == 0 for o in self.outputs]
+    def places(self, of: Placed) -> Outputs:
+        """Return where the outputs stand in a state, as they are read or as they truly are."""
+
+        def place(o: Output, mass: int) -> int:
+            row = int(o.quantity == "velocity")
+            return row * of.dof + (mass if o.truly else int(of.reads[row, mass]))
+
+        state = [place(o, o.mass) for o in self.outputs]
+        less = [GROUND if o.less is None else place(o, o.less) for o in self.outputs]
+        sensed = [o.tells_position and o.mass == 0 and not o.truly for o in self.outputs]
         return Outputs(
             np.array(state, dtype=np.int64), np.array(sensed), np.array(less, dtype=np.int64)
         )
+
+    def external(self, dof: int, force: Floats | None = None) -> Floats:
+        """Return what acts besides the command on so many masses, as the kernel takes it.
+
+        (ticks, dof) of a force (ticks, some of them), (ticks, dof + 1) where the base moves, and
+        (0, dof) for nothing.
+        """
+        if force is None and self.base is None:
+            return np.zeros((0, dof))
+        own = np.zeros((self.ticks, 0)) if force is None else force
+        wide = np.pad(own, ((0, 0), (0, dof - own.shape[1])))
+        return wide if self.base is None else np.column_stack([wide, self.base])
 
     def part(self, start: int, stop: int) -> "Experiment":
         """Return the samples start <= k < stop."""
@@ -133,6 +165,7 @@ class Experiment:
             dropped=None if self.dropped is None else self.dropped[cut],
             start=self.start if start == 0 else None,
             force=None if self.force is None else self.force[cut],
+            base=None if self.base is None else self.base[cut],
             begins=self.begins + start * self.period,
             before=self.before if start == 0 else None,
             pushed=None if self.pushed is None else self.pushed.part(cut),
@@ -187,6 +220,7 @@ def experiment(trace: Trace, device: Device, name: str = "recording") -> Experim
     recording says of its device cannot be so.
     """
     period, masses = device.interface.period, device.chain.masses.size
+    trace = _as_read(trace)
     said = cast("Mapping[str, object]", trace.facts.get("device_changes", {}))
     changes = changes_of(said, device)
     trace, pushed = _told_by_force(trace, device, changes)
@@ -237,11 +271,22 @@ def experiment(trace: Trace, device: Device, name: str = "recording") -> Experim
         )
     elif beyond:
         notes += (f"{name} has {', '.join(beyond)}, which is left out: the device has {one}",)
-    notes += cells
+    base, moves = base_of(trace, own, name)
+    notes += cells + moves
     return Experiment(
         own, command, measured, tuple(found), name, swing, notes=notes, changes=changes,
-        pushed=pushed,
+        pushed=pushed, base=base,
     )  # fmt: skip
+
+
+def _as_read(trace: Trace) -> Trace:
+    """Return a log of a simulation whose readings were filtered with what was read of m1."""
+    read = "position_filtered_m1"
+    if trace.origin != "simulated" or read not in trace.channels:
+        return trace
+    while (again := read.replace("filtered", "filtered_filtered", 1)) in trace.channels:
+        read = again
+    return trace.with_channels({**trace.channels, "position_m1": trace[read]})
 
 
 def _told_by_force(
@@ -310,7 +355,7 @@ def stretches(trace: Trace, device: Device, name: str = "recording") -> list[Exp
     """
     used = [o.name for o in _outputs(trace, device)[0]]
     used += [c for c in trace.channels if c.startswith("force_")]
-    used += ["command"] if "command" in trace.channels else []
+    used += [c for c in ("command", *BASE) if c in trace.channels]
     kept, lacking = without_gaps(trace, sorted(used), name)
     kept, odd = _as_it_moved(kept, device.interface.period, used, name)
     try:
@@ -360,7 +405,7 @@ def _as_it_moved(
     """
     if trace.origin != "recorded":
         return trace, []
-    moves = [c for c in used if c != "command"]
+    moves = [c for c in used if c not in ("command", *BASE)]
     positions = [c for c in moves if c.startswith("position_m")]
     for channel in moves:
         if (times := repeated(trace[channel])) > 1:
@@ -374,7 +419,8 @@ def _as_it_moved(
     trace, stale = renewed(trace, positions, name)
     uneven = ""
     if math.isclose(float(np.ptp(trace.t)), period * (len(trace) - 1), rel_tol=LATE):
-        trace, uneven = evened(trace, period, moves, name)
+        carried = [c for c in used if c in BASE]
+        trace, uneven = evened(trace, period, [*moves, *carried], name)
     return trace, [said for said in (wrapped, stale, uneven) if said]
 
 

@@ -74,7 +74,14 @@ def sizes_of(device: Device, experiments: Sequence[Experiment]) -> Sizes:
         stretches=tuple(stretches.tolist()),
         step=device.interface.encoder_step,
         driven=driven,
+        rates_beside=_rates_beside(experiments),
     )
+
+
+def _rates_beside(experiments: Sequence[Experiment]) -> bool:
+    """Whether velocities of masses are recorded beside positions."""
+    kinds = {o.quantity for e in experiments for o in e.outputs if o.less is None}
+    return len(kinds) > 1
 
 
 def _force(device: Device, experiment: Experiment) -> Floats:

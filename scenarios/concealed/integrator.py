@@ -42,6 +42,7 @@ PLACE, MASS, LINK, AMPLITUDE, FORM, DEPTH, FACTOR, WIDTH = 0, 1, 2, 3, 4, 5, 6, 
 LAW = FACTOR + 2 * WIDTH
 KNOTS = 5  # at -2, -1, 0, 1, 2
 NO_LAWS = np.zeros((0, LAW))
+NO_FILTERS = np.zeros((0, 6))
 
 
 class Truth(NamedTuple):
@@ -58,7 +59,10 @@ class Truth(NamedTuple):
     sharpness; stop: position, stiffness, damping. inertia: share by which m1 swings, period in
     position. warming: share by which dampers change, time constant. amplifier: lag, step, band,
     ratio, limit, slew a tick. sensor: amplitude, period, phase; rectified; step. laws (w, LAW):
-    laws of no name, a row each (`law_value`).
+    laws of no name, a row each (`law_value`). filters (f, 6): of each filtered reading the columns
+    of position and rate that it follows, then rate, straight, square, damping of its equations.
+    reads (3, masses of the chain): columns of a state in which each mass's position is read, and
+    its velocity: the position of which that is the rate, and the rate.
     """
 
     masses: Floats
@@ -82,6 +86,8 @@ class Truth(NamedTuple):
     delay: float
     sensor: Floats
     laws: Floats = NO_LAWS
+    filters: Floats = NO_FILTERS
+    reads: NDArray[np.int64] = np.zeros((3, 1), dtype=np.int64)
 
 
 @jit
@@ -304,7 +310,7 @@ def forceful_laws(laws, n, x, command, t, out):
 
 @jit
 def derivative(truth, t, x, held, dry, pins, process, out):
-    """Rates of x = [positions, velocities, amplifier's force, Bouc-Wen's z of each]."""
+    """Rates of x = [positions, velocities, amplifier's force, Bouc-Wen's z of each, readings]."""
     n = truth.masses.size
     warm = 1.0
     if truth.warming[0] != 0.0:
@@ -340,6 +346,12 @@ def derivative(truth, t, x, held, dry, pins, process, out):
         out[n + i] -= row[3] * z
         if j >= 0:
             out[n + j] += row[3] * z
+    first = 2 * n + 1 + truth.yields.shape[0]
+    for e in range(truth.filters.shape[0]):
+        row, s = truth.filters[e], first + 2 * e
+        apart, rate = x[int(row[0])] - x[s], x[s + 1]
+        out[s] = row[2] * apart + row[3] * rate
+        out[s + 1] = row[2] * (x[int(row[1])] - rate) + row[4] * apart - row[5] * rate
     mass = truth.masses[0]
     if truth.inertia[0] != 0.0:  # Lagrange: m(q) q'' + m'(q) q'^2 / 2 = f
         wave = 2.0 * math.pi / truth.inertia[1]
@@ -418,10 +430,15 @@ class Room(NamedTuple):
         return Room(**{name: array.copy() for name, array in self._asdict().items()})
 
 
+def width(truth: Truth) -> int:
+    """Return how many numbers a state has."""
+    return 2 * truth.masses.size + 1 + truth.yields.shape[0] + 2 * truth.filters.shape[0]
+
+
 def room_of(truth: Truth, ticks: int) -> Room:
     """Return the state at rest, with room for so many ticks."""
     n, links = truth.masses.size, truth.links.shape[0]
-    rates = 2 * n + 1 + truth.yields.shape[0]
+    rates = width(truth)
     return Room(
         np.zeros(rates), np.zeros(truth.bristles.shape[0]), np.zeros(links), np.zeros(n),
         np.zeros(links), np.zeros((4, rates)), np.zeros(rates), np.zeros(ticks), np.zeros(ticks),
@@ -437,7 +454,8 @@ def integrate(truth, period, steps, wanted, feedback, jitter, lost, process, noi
     low-passes that rate: the weight of a new difference in it. jitter (ticks,)
     [s] of each command's arrival. lost (ticks,): commands that never arrive. process (ticks,):
     force on m1 that nobody commanded. noise (ticks,) of the reading. states (ticks, 2n) is filled
-    with positions and velocities at the readings. It stops where a position passes 1e6.
+    with positions and velocities at the readings, (ticks, `width`) with all of the state. It stops
+    where a position passes 1e6.
     """
     ticks = wanted.size
     commands, readings = np.zeros(ticks), np.zeros(ticks)
@@ -500,7 +518,7 @@ def advance(
     following = room.following[0]
     for tick in range(first, last):
         now = tick * period
-        seen = x[0] + sampled_laws(truth.laws, n, ON_SENSOR, x, 0.0, now)
+        seen = x[truth.reads[0, 0]] + sampled_laws(truth.laws, n, ON_SENSOR, x, 0.0, now)
         y = read(truth, seen, noise[tick])
         rate = (y - y_before) / period if tick > 0 else 0.0
         speed = feedback[2] * rate + (1.0 - feedback[2]) * speed

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from zwidth.scenarios.concealed.excitation import Drive
-from zwidth.scenarios.concealed.integrator import NO_LAWS, Run, integrate
+from zwidth.scenarios.concealed.integrator import NO_LAWS, Run, integrate, width
 from zwidth.scenarios.concealed.outside import Outside
 from zwidth.scenarios.concealed.truth import lost_rate, truth_of
 from zwidth.sim.device import Device
@@ -85,7 +85,7 @@ def record(rig: Rig, steps: int = STEPS) -> Made:
     late = nuisance.jitter * jitter.uniform(-1.0, 1.0, ticks)
     drops = lost.random(ticks) < lost_rate(device)
     truth = truth_of(device, steps, rig.outside)._replace(laws=rig.laws)
-    states = np.zeros((ticks, 2 * truth.masses.size))
+    states = np.zeros((ticks, width(truth)))
     force = nuisance.process * _noise(process, ticks, nuisance.process_colour)
     commands, y, done = integrate(
         truth, period, steps, wanted, np.array(rig.drive.feedback), late, drops, force,
@@ -102,13 +102,14 @@ def record(rig: Rig, steps: int = STEPS) -> Made:
         if name == "position_m1":
             channels[name] = y
         elif name.startswith("position"):
-            channels[name] = states[:, mass] + noise
+            channels[name] = states[:, truth.reads[0, mass]] + noise
         else:
-            channels[name] = states[:, truth.masses.size + mass] + 0.3 * noise / period
+            channels[name] = states[:, truth.reads[2, mass]] + 0.3 * noise / period
         units[name] = length if name.startswith("position") else f"{length}/s"
     t = np.arange(ticks, dtype=np.float64) * period
     run = Run(truth, period, steps, commands, late, drops, force)
-    return Made(Trace(t, channels, units, "recorded"), states, drops, run)
+    moved = np.ascontiguousarray(states[:, : 2 * truth.masses.size])
+    return Made(Trace(t, channels, units, "recorded"), moved, drops, run)
 
 
 def _noise(random: np.random.Generator, ticks: int, pole: float) -> Floats:

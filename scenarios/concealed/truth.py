@@ -4,12 +4,14 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from zwidth.scenarios.concealed.integrator import Floats, Truth
 from zwidth.scenarios.concealed.outside import Outside
 from zwidth.sim.device import Device
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.place import Place
+from zwidth.sim.reading import reading
 
 ROW = 5  # numbers of a row of which there is none
 BRISTLE, MICRO = 0.3, 0.7  # omega h of a stiff bristle, its damping ratio
@@ -53,6 +55,8 @@ def truth_of(device: Device, steps: int, outside: Outside | None = None) -> Trut
         math.inf,
     ]
     rectified = float("rectified_sensor" in by_name)
+    yields = _yields(by_name)
+    filters, reads = _filters(device, n, yields.shape[0])
     truth = Truth(
         masses=masses,
         dampers=dampers,
@@ -60,7 +64,7 @@ def truth_of(device: Device, steps: int, outside: Outside | None = None) -> Trut
         drag=drag,
         cubic_drag=np.zeros(n),
         links=links,
-        yields=_yields(by_name),
+        yields=yields,
         bristles=_bristles(by_name, masses, interface.period / steps),
         viscous=viscous,
         constant=constant,
@@ -76,6 +80,8 @@ def truth_of(device: Device, steps: int, outside: Outside | None = None) -> Trut
         sensor=np.array(
             [*row("encoder_eccentricity", (0.0, 1.0, 0.0)), rectified, interface.encoder_step]
         ),
+        filters=filters,
+        reads=reads,
     )
     return truth if outside is None else _with(truth, outside, interface.period)
 
@@ -111,6 +117,26 @@ def _chain(device: Device, by_name: Mapping[str, list[Physics]]) -> tuple[Floats
             masses.append(mass)
             dampers.append(0.0)
     return np.array(masses), np.array(dampers), np.array(links, dtype=np.float64).reshape(-1, 8)
+
+
+def _filters(device: Device, masses: int, yields: int) -> tuple[Floats, NDArray[np.int64]]:
+    """Rows of filtered readings, and the columns in which each mass of the chain is read."""
+    made = [p for p in device.physics if p.effect.follows and p.effect.acts(p.values)]
+    n = device.chain.masses.size
+    reads, followers, counts = reading(n, masses, [p.place for p in made])
+    base = 2 * masses + 1 + yields
+
+    def columns(places: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        own, after = places < masses, base + 2 * (places - masses)
+        return np.where(own, places, after), np.where(own, masses + places, after + 1)
+
+    position, rate = columns(followers[:, 1])
+    laws = [p.effect.follows(p.values) for p in made if p.effect.follows]
+    each = [law for law, count in zip(laws, counts, strict=True) for _ in range(count)]
+    numbers = np.array(each, dtype=np.float64).reshape(-1, 4)
+    seen = np.stack([columns(reads[0])[0], *columns(reads[1])])
+    sources = np.column_stack([position, rate]).astype(np.float64)
+    return np.hstack([sources, numbers]), seen
 
 
 def _yields(by_name: Mapping[str, list[Physics]]) -> Floats:

@@ -33,6 +33,7 @@ from typing import Literal
 import numpy as np
 
 from zwidth.sim.chain import Matrices
+from zwidth.sim.following import Following
 from zwidth.sim.physics.sizes import Sizes
 from zwidth.sim.place import Place, place_at
 
@@ -140,8 +141,9 @@ class Effect:
     bounds do, and are therefore taken at both ends of a substep. over_first: in a link the law is
     taken over the first mass's own position and not over the deflection. alters: what a structural
     effect makes of M, C and K at a mass (index), (..., n, n) with values (...); adds_mass: also a
-    further mass, unless its strength is neutral, which it then is for all. lags: its one parameter
-    is the amplifier's lag. in_chain: the `Chain` field that is its home at m1, if any, to
+    further mass, unless its strength is neutral, which it then is for all. follows: the equations
+    by which readings follow the motion, of what filters them (`sim/reading.py`). lags: its one
+    parameter is the amplifier's lag. in_chain: the `Chain` field that is its home at m1, if any, to
     which it adds. needs: an effect without which it has no part in a device. of_drive:
     its numbers are the drive's, which count by what a command does. mistaken_for: the effects that
     a short or narrow recording does not tell it from.
@@ -184,6 +186,7 @@ class Effect:
     over_first: bool = False
     alters: Callable[[Matrices, int, Numbers], Matrices] = unaltered
     adds_mass: bool = False
+    follows: Callable[[Numbers], Following] | None = None
     lags: bool = False
     in_chain: str | None = None
     needs: str = ""
@@ -240,6 +243,11 @@ class Effect:
         """The parameter that says how strong it is, None where there is none."""
         strong = (p for p in self.parameters if p.role in ("magnitude", "strength"))
         return next((p.name for p in strong if p.neutral is not None), None)
+
+    def acts(self, values: Numbers) -> bool:
+        """Whether its strength is not neutral: of many devices, that of any."""
+        none = self.parameter(self.strength).neutral if self.strength else None
+        return none is None or bool(np.any(np.not_equal(values[self.strength or ""], none)))
 
     def prior_at(self, place: Place) -> float:
         """Return how likely a device has it at a place."""

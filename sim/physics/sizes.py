@@ -23,6 +23,7 @@ class Sizes:
     of m1 as measured; period: of the ticks. By mass: speeds, positions, spans, and fastest, the
     highest speed recorded. By link: springs, and stretches, the rms deflection (far less than the
     force over the spring where the end is light, and more at a resonance). step: of the encoder.
+    rates_beside: whether velocities are recorded beside positions.
     """
 
     rotary: bool
@@ -41,6 +42,7 @@ class Sizes:
     stretches: tuple[float, ...]
     step: float = 0.0
     driven: bool = True
+    rates_beside: bool = False
 
     @property
     def mass(self) -> float:

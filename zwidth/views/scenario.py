@@ -40,11 +40,17 @@ def _forces(scenario: Scenario) -> Trace:
     outside = scenario.forces()
     outside = np.zeros((ticks, scenario.masses)) if outside is None else outside
     channels = {f"disturbance_m{i + 1}": column for i, column in enumerate(outside.T)}
+    moved = channels.pop(f"disturbance_m{scenario.masses + 1}", None)
+    units_of = dict.fromkeys(channels, force)
+    if moved is not None:
+        channels["base"] = moved
+        units_of["base"] = "rad/s2" if scenario.device.rotary else "m/s2"
     if scenario.controller.kind == "recorded":
         channels |= {"command": _fitted(scenario.controller.parameters, ticks)}
+        units_of["command"] = force
     t = np.arange(ticks, dtype=np.float64) * scenario.device.interface.period
     facts = {"device": scenario.device.name}
-    return Trace(t, channels, dict.fromkeys(channels, force), "simulated", facts)
+    return Trace(t, channels, units_of, "simulated", facts)
 
 
 def _fitted(command: Floats, ticks: int) -> Floats:

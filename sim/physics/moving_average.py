@@ -1,0 +1,94 @@
+"""Mean of the motion over a window before the reading, as a second-order filter.
+
+The mean of q over [t - W, t] is (1 - exp(-s W)) / (s W) of it, whose reciprocal is, with x = s W,
+
+    x / (1 - exp(-x)) = 1 + x / 2 + x^2 / 12 - x^4 / 720 + ...:
+
+a filter of second order with w = sqrt(12) / W and zeta = sqrt(3) / 2 (Bessel's) is the same to
+(omega W)^4 / 720 of its size: 0.1 % at omega W = 1, 1 % at 1.7, a window of a quarter wave; what is
+faster it damps less than a mean does at its zeros. A velocity made of the difference of two
+positions a time W apart is the mean of the velocity over W, exactly: half a sample late where
+they are neighbours.
+"""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from zwidth.sim.following import Following, second_order
+from zwidth.sim.physics.effect import Bounds, Effect, Numbers, Parameter, Scaled, Values
+from zwidth.sim.physics.sensor_lag import LONGEST_DRAWN, LONGEST_TICKS
+from zwidth.sim.physics.sizes import Sizes, up_to
+from zwidth.sim.place import Place
+
+BESSEL = math.sqrt(3.0) / 2.0
+
+
+def _follows(values: Numbers) -> Following:
+    return second_order(values["window"] / math.sqrt(12.0), BESSEL)
+
+
+def _starts(z: Sizes, place: Place) -> Iterator[Scaled]:
+    if place.kind == "velocity" and not z.rates_beside:
+        return
+    for ticks in (1.0, 4.0, 16.0, 50.0):
+        yield {"window": ticks * z.period}, {"window": ticks * z.period}
+
+
+def _sweep(z: Sizes, place: Place) -> Iterator[Scaled]:
+    if place.kind == "velocity" and not z.rates_beside:
+        return
+    for window in up_to(2.0 * LONGEST_TICKS * z.period):
+        yield {"window": window}, {"window": window}
+
+
+def _bounds(z: Sizes, _: Place) -> Bounds:
+    return {"window": (0.0, 2.0 * LONGEST_TICKS * z.period)}
+
+
+def _natural(z: Sizes, _: Place) -> float:
+    return z.period
+
+
+def _drawn(_: np.random.Generator, __: Sizes, ___: Place) -> Values:
+    return {"window": 2e-4}
+
+
+def _at_share(_: np.random.Generator, __: Sizes, ___: Place, share: float) -> Values:
+    return {"window": 2.0 * share * LONGEST_DRAWN}
+
+
+moving_average = Effect(
+    name="moving_average",
+    summary="what is read is the mean over a window before",
+    places=("sensor", "velocity"),
+    parameters=(
+        Parameter(
+            "window",
+            "W",
+            "s",
+            0.0,
+            10.0,
+            0.0,
+            role="magnitude",
+            meaning="over which the mean is taken; of differenced positions the time between them",
+        ),
+    ),
+    hook="structure",
+    code=0,
+    mistaken_for=("sensor_lag", "sensor_filter", "actuator_lag", "loop_delay"),
+    reference="mean over a window, to (omega W)^4 / 720; Bessel filter of second order",
+    follows=_follows,
+    prior=0.05,  # a velocity is mostly differenced; where it shows is another matter
+    elsewhere=0.1,
+    family="reading_filter",
+    starts=_starts,
+    sweep=_sweep,
+    bounds=_bounds,
+    natural=_natural,
+    drawn=_drawn,
+    odds=0.4,
+    excludes=("actuator_lag", "loop_delay"),
+    at_share=_at_share,
+)

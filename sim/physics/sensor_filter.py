@@ -1,0 +1,107 @@
+"""Second-order filter of a reading: T^2 s'' + 2 zeta T s' + s = q, exact in the propagator.
+
+T is 1 / (2 pi f) of the filter's frequency f; a damping of 0.707 is Butterworth's. See
+`sensor_lag.py` for what tells a filter of readings from one of the command.
+"""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from zwidth.sim.following import Following, second_order
+from zwidth.sim.physics.effect import Bounds, Effect, Numbers, Parameter, Scaled, Values
+from zwidth.sim.physics.sensor_lag import LONGEST_DRAWN, LONGEST_TICKS
+from zwidth.sim.physics.sizes import Sizes, up_to
+from zwidth.sim.place import Place
+
+BUTTERWORTH = math.sqrt(0.5)
+DAMPINGS = (0.3, 2.0)  # of filters that are built: beyond, one rings, or is two of first order
+
+
+def _follows(values: Numbers) -> Following:
+    return second_order(values["time_constant"], values["damping"])
+
+
+def _start(time: float) -> Scaled:
+    return (
+        {"time_constant": time, "damping": BUTTERWORTH},
+        {"time_constant": time, "damping": 0.3 * BUTTERWORTH},
+    )
+
+
+def _starts(z: Sizes, place: Place) -> Iterator[Scaled]:
+    if place.kind == "velocity" and not z.rates_beside:
+        return
+    for ticks in (0.5, 2.0, 10.0, 30.0):
+        yield _start(ticks * z.period)
+
+
+def _sweep(z: Sizes, place: Place) -> Iterator[Scaled]:
+    if place.kind == "velocity" and not z.rates_beside:
+        return
+    for time in up_to(LONGEST_TICKS * z.period):
+        yield _start(time)
+
+
+def _bounds(z: Sizes, _: Place) -> Bounds:
+    return {"time_constant": (0.0, LONGEST_TICKS * z.period), "damping": DAMPINGS}
+
+
+def _natural(z: Sizes, _: Place) -> float:
+    return z.period
+
+
+def _drawn(_: np.random.Generator, __: Sizes, ___: Place) -> Values:
+    return {"time_constant": 1e-4, "damping": BUTTERWORTH}
+
+
+def _at_share(random: np.random.Generator, _: Sizes, __: Place, share: float) -> Values:
+    return {
+        "time_constant": 0.5 * share * LONGEST_DRAWN,
+        "damping": float(random.uniform(0.5, 1.0)),
+    }
+
+
+sensor_filter = Effect(
+    name="sensor_filter",
+    summary="second-order filter between the motion and what is read",
+    places=("sensor", "velocity"),
+    parameters=(
+        Parameter(
+            "time_constant",
+            "tau_f",
+            "s",
+            0.0,
+            10.0,
+            0.0,
+            role="magnitude",
+            meaning="1 / (2 pi f), f the frequency in Hz at which the filter turns",
+        ),
+        Parameter(
+            "damping",
+            "zeta_f",
+            "",
+            0.0,
+            100.0,
+            None,
+            meaning="damping ratio; 0.707 is a Butterworth filter's",
+        ),
+    ),
+    hook="structure",
+    code=0,
+    mistaken_for=("sensor_lag", "moving_average", "actuator_lag", "loop_delay"),
+    reference="second-order low-pass, 1 / (1 + 2 zeta_f tau_f s + tau_f^2 s^2)",
+    follows=_follows,
+    prior=0.02,  # anti-alias filters and drives' own; mostly said, or above what is recorded
+    contains=("moving_average",),
+    family="reading_filter",
+    starts=_starts,
+    sweep=_sweep,
+    bounds=_bounds,
+    natural=_natural,
+    drawn=_drawn,
+    odds=0.4,
+    excludes=("actuator_lag", "loop_delay"),
+    at_share=_at_share,
+)

@@ -1,0 +1,56 @@
+"""Which state of a plant a reading is taken from, where readings are filtered.
+
+A reading that follows the motion of a mass late is two more states of the plant, its position and
+its rate (`sim/following.py`), and so is exact in the propagator. They stand as those of a
+further mass would, after all that are masses, each fed by the reading before it: filters of one
+device are in a row, in the order of its physics.
+
+    sensor      every reading: positions and velocities alike
+    velocity    readings of velocities alone
+"""
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.sim.place import Place
+
+Ints = NDArray[np.int64]
+
+
+class Places(NamedTuple):
+    """After how many places the velocities of a state begin, and where each mass is read."""
+
+    dof: int
+    reads: Ints
+
+
+class Reading(NamedTuple):
+    """Places in a plant: of n masses of the chain, and of k readings that are filtered.
+
+    reads (2, n): by which place's position, and by which one's velocity, each mass is read.
+    followers (k, 2): each place that follows, and the one that it follows. filters: how many of
+    them each filter has, in order.
+    """
+
+    reads: Ints
+    followers: Ints
+    filters: tuple[int, ...]
+
+
+def reading(masses: int, moving: int, filters: Iterable[Place]) -> Reading:
+    """Return it for a chain of n masses, `moving` masses with those of effects, and filters."""
+    reads = np.tile(np.arange(masses), (2, 1))
+    followers: list[tuple[int, int]] = []
+    counts: list[int] = []
+    for place in filters:
+        rows = (1,) if place.kind == "velocity" else (0, 1)
+        sources = np.unique(reads[list(rows)])
+        made = {source: moving + len(followers) + i for i, source in enumerate(sources.tolist())}
+        followers += [(follower, source) for source, follower in made.items()]
+        counts.append(len(made))
+        for row in rows:
+            reads[row] = [made[source] for source in reads[row].tolist()]
+    return Reading(reads, np.array(followers, dtype=np.int64).reshape(-1, 2), tuple(counts))
