@@ -1,1 +1,1 @@
-"""What was found, for other simulators: C, MJCF, URDF, SDF, and what each of them cannot hold."""
+"""What was found, for other simulators: C, FMU, Modelica, MJCF, URDF, SDF, and what each loses."""

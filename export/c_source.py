@@ -1,6 +1,7 @@
 """A device as a C99 file: the kernel's own tick with the device's numbers in it."""
 
 import re
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -8,6 +9,7 @@ import numpy as np
 
 from zwidth.controllers.none import none
 from zwidth.export.model import Exported, label_of, substeps_for
+from zwidth.export.settable import Number, may_be_set, settable
 from zwidth.export.tick import moved, reading, sent
 from zwidth.export.translate import Array, Translator, Untranslatable, Value, literal
 from zwidth.sim.device import Device
@@ -95,24 +97,60 @@ def _reason(device: Device, effect: str, at: str, seed: int) -> str:
 
 
 def _text(device: Device, name: str, seed: int) -> str:
+    eq, memory = _prepared(device, seed)
+    return _of(eq, memory, name)
+
+
+def settable_source(device: Device, name: str, seed: int = 0) -> tuple[str, list[Number]]:
+    """Return the same as C text whose state holds numbers that a run may set, and those numbers.
+
+    They are `state.p[k]`, in their order, and NAME_reset gives them the device's values. An effect
+    whose law needs them known beforehand keeps them. Raises Untranslatable as `c_source` says.
+    """
+    eq, memory = _prepared(device, seed)
+    labels = may_be_set(device)
+
+    def text(chosen: list[str]) -> tuple[str, list[Number]]:
+        open_eq, numbers = settable(device, eq, chosen)
+        return _of(open_eq, memory, name, numbers), numbers
+
+    try:
+        return text(labels)
+    except Untranslatable:
+        return text([label for label in labels if _translates(text, label)])
+
+
+def _translates(text: Callable[[list[str]], object], label: str) -> bool:
+    try:
+        text([label])
+    except Untranslatable:
+        return False
+    return True
+
+
+def _prepared(device: Device, seed: int) -> tuple[Equations, Memory]:
     setup = prepare(
         device, none(), duration=device.interface.period, substeps=substeps_for(device),
         seed=seed,
     )  # fmt: skip
-    eq, memory = setup.eq, setup.memory
+    return setup.eq, setup.memory
+
+
+def _of(eq: Equations, memory: Memory, name: str, numbers: Sequence[Number] = ()) -> str:
     functions = "\n".join(_functions(eq, name))
     parts = [
         "#include <math.h>\n",
-        _struct(eq, memory, name),
+        _struct(eq, memory, name, len(numbers)),
         *(text for helper, text in HELPERS.items() if helper in functions),
         _matrix(eq, name),
-        _reset(memory, name),
+        _reset(memory, name, numbers),
         functions,
     ]
     return "\n".join(parts)
 
 
-def _struct(eq: Equations, memory: Memory, name: str) -> str:
+def _struct(eq: Equations, memory: Memory, name: str, settings: int) -> str:
+    may_be_set = f"    double p[{settings}];         /* what may be set */\n" if settings else ""
     return f"""\
 typedef struct {{
     double x[{_room(eq)}];         /* positions, velocities, amplifier's force; then what is held */
@@ -121,7 +159,7 @@ typedef struct {{
     double command;      /* the last that arrived at the amplifier */
     int head;
     long long tick;
-}} {name}_state;
+{may_be_set}}} {name}_state;
 """
 
 
@@ -144,11 +182,12 @@ def _matrix(eq: Equations, name: str) -> str:
     return f"{title}\nstatic const double {name}_P{sizes} =\n{nested(p, 0)};\n"
 
 
-def _reset(memory: Memory, name: str) -> str:
+def _reset(memory: Memory, name: str, numbers: Sequence[Number]) -> str:
     lines = [f"    s->x[{i}] = {literal(v)};" for i, v in enumerate(memory.x) if v != 0.0]
     lines += [
         f"    s->internal[{i}] = {literal(v)};" for i, v in enumerate(memory.internal) if v != 0.0
     ]
+    lines += [f"    s->p[{k}] = {literal(one.value)};" for k, one in enumerate(numbers)]
     body = "\n".join(lines)
     return f"""\
 void {name}_reset({name}_state *s)

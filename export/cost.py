@@ -3,7 +3,9 @@
 from typing import NamedTuple
 
 from zwidth.export.compiled import compiler, run_c
+from zwidth.export.fmu import Fmu, run_fmu
 from zwidth.export.model import Exported, Floats, command_for, free_run, loss
+from zwidth.export.modelica_run import run_modelica, translator
 from zwidth.export.mujoco_run import engine, run_mjcf, run_urdf
 from zwidth.sim.device import Device
 
@@ -25,8 +27,18 @@ def cost_of(
     commands = command_for(device, seconds)
     if to == "c" and compiler() is None:
         return Cost(None, "Not measured: there is no C compiler here; install one, or set CC.")
+    if to == "modelica" and not translator():
+        return Cost(
+            None, "Not measured: neither OpenModelica nor rumoca is here; pip install rumoca."
+        )
     if to in ("mjcf", "urdf") and engine() is None:
         return Cost(None, "Not measured: MuJoCo is not installed here; pip install mujoco.")
+    if isinstance(exported, Fmu) and isinstance(exported.binary, str):
+        return Cost(
+            None,
+            f"Not measured: {exported.binary}, so that the FMU has its sources and no binary; where"
+            " there is one, 'fmpy compile FILE' adds it.",
+        )
     theirs, how = _run(exported, to, name, commands)
     share = loss(free_run(device, commands, seed), theirs)
     return Cost(
@@ -50,6 +62,11 @@ def _run(exported: Exported, to: str, name: str, commands: Floats) -> tuple[Floa
             return run_c(exported.text(), name, commands), "compiled and run"
         case "mjcf":
             return run_mjcf(exported.text(), commands, period), "in MuJoCo"
+        case "fmu":
+            return run_fmu(exported.content(), commands), "driven by fmpy"
+        case "modelica":
+            how = f"translated and run by {translator()}"
+            return run_modelica(exported.text(), name, commands, period), how
         case "urdf":
             limit = exported.held.interface.command_limit
             return run_urdf(exported.text(), commands, period, limit), "in MuJoCo"

@@ -43,6 +43,10 @@ class Exported:
         said = "\n".join(lines).replace("--", "- -").replace("*/", "* /")
         return f"{self.opening}\n{said}\n{self.closing}\n{self.body}"
 
+    def content(self, cost: str = "") -> bytes:
+        """Return the bytes of the file."""
+        return self.text(cost).encode()
+
 
 def label_of(physics: Physics) -> str:
     """Return how an effect is named to people: "backlash@link12"."""
