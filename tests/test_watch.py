@@ -154,12 +154,12 @@ def test_it_is_searched_when_there_is_twice_as_much_or_it_no_longer_stands(
     monkeypatch.setattr("zwidth.watch.watching.GATE_EVERY", 0.0)
     monkeypatch.setattr("zwidth.watch.watching.BUSY", 0.0)
     searches, fits, told = Idle(), Idle(), list[Update]()
-    searched_at: list[int] = []
+    searched_at, upto = list[int](), [0]
     pipe = Pipe(HEAD.encode())
 
     def look(samples: int, stands: bool) -> None:
-        pipe.blocks.append("".join(lines[look.upto : samples]).encode())  # type: ignore[attr-defined]
-        look.upto = samples  # type: ignore[attr-defined]
+        pipe.blocks.append("".join(lines[upto[-1] : samples]).encode())
+        upto.append(samples)
         fits.answers = [fit_of(samples, stands)]
         for _ in range(3):
             before = len(searches.given)
@@ -170,8 +170,7 @@ def test_it_is_searched_when_there_is_twice_as_much_or_it_no_longer_stands(
 
     from zwidth.watch.watching import _Watch  # pyright: ignore[reportPrivateUsage]
 
-    watch = _Watch(asked(pipe, tmp_path), told.append, fits, searches)  # type: ignore[arg-type]
-    look.upto = 0  # type: ignore[attr-defined]
+    watch = _Watch(asked(pipe, tmp_path), told.append, fits, searches)
     for samples, stands in ((500, True), (900, True), (1000, True), (1150, False), (1300, False)):
         look(samples, stands)
     assert searched_at == [500, 1000, 1300]
@@ -192,7 +191,7 @@ def test_the_gate_tells_each_fault_once_and_within_a_second(tmp_path: Path, line
         told.append((time.monotonic() - begun, update))
         pipe.blocks, pipe.over = ["".join(cut[1500:]).encode()], True
 
-    found = follow(watch, tell, (Idle(), Idle()))  # type: ignore[arg-type]
+    found = follow(watch, tell, (Idle(), Idle()))
     assert found.samples == len(lines)
     clipped = [(at, u) for at, u in told if "it was clipped" in u.sentence]
     assert len(clipped) == 1

@@ -20,7 +20,7 @@ from zwidth.watch.quick import Order, Quick, quick
 from zwidth.watch.searched import Searched, first_device, searched
 from zwidth.watch.state import Gate, Read, gate, read
 from zwidth.watch.updates import GATE, NOTE, Update, of_quick, of_search
-from zwidth.watch.worker import Worker
+from zwidth.watch.worker import Works
 
 LOOK, GATE_EVERY = 0.05, 0.5  # s between looks at the file, and between two gates
 BUSY = 3.0  # times as long as reading took, that is waited until it is read again
@@ -51,7 +51,7 @@ class Asked:
     idle: float | None
 
 
-def follow(asked: Asked, tell: Tell, workers: tuple[Worker, Worker]) -> Read:
+def follow(asked: Asked, tell: Tell, workers: tuple[Works, Works]) -> Read:
     """Follow a log until its source ends, tell what it says, and return what it held at the end.
 
     workers: that fit and that search. Raises LogError, OSError.
@@ -66,7 +66,7 @@ def follow(asked: Asked, tell: Tell, workers: tuple[Worker, Worker]) -> Read:
 class _Watch:
     """What is known of a log while it is followed."""
 
-    def __init__(self, asked: Asked, tell: Tell, fits: Worker, searches: Worker) -> None:
+    def __init__(self, asked: Asked, tell: Tell, fits: Works, searches: Works) -> None:
         self.asked, self.tell, self.fits, self.searches = asked, tell, fits, searches
         self.log = asked.growing
         self.device = asked.device

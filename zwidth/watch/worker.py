@@ -5,7 +5,21 @@ import signal
 from collections.abc import Callable
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
-from typing import Any
+from typing import Any, Protocol
+
+
+class Works(Protocol):
+    """What does one thing after another, beside."""
+
+    busy: bool
+
+    def give(self, function: Callable[..., Any], *arguments: Any) -> None:
+        """Let it work."""
+        ...
+
+    def take(self) -> Any:
+        """Return what is finished, None where nothing is; raises what the work raised."""
+        ...
 
 
 class Worker:
