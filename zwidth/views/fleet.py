@@ -7,7 +7,8 @@ import numpy as np
 
 from zwidth.fleet.reasons import in_words
 from zwidth.fleet.result import Fleet
-from zwidth.views.table import Table, number
+from zwidth.sim.readable import with_unit
+from zwidth.views.table import Table
 from zwidth.views.units import rows
 
 if TYPE_CHECKING:
@@ -19,18 +20,21 @@ ODD = 3  # recordings that are named in the sentences
 
 def table(found: Fleet) -> Table:
     """Return the answer in sentences, and a row for each parameter."""
-    headings = ("parameter", "value", "unit", "differs", "device rms", "run rms", "goes with")
+    headings = ("parameter", "value", "differs", "goes with")
     grid: list[list[str]] = []
     for name, s in found.spreads.items():
-        levels = [word for has, word in ((s.per_device, "device"), (s.per_run, "run")) if has]
-        slopes = [f"{column}: {number(v.value)} a unit" for column, v in s.slopes.items()]
-        grid.append(
-            [
-                in_words(name).rstrip(","), number(s.center.value), found.names[name] or "-",
-                "by " + " and ".join(levels) if levels else "no", number(s.tau_device),
-                number(s.tau_run), "; ".join(slopes) or "-",
-            ]
-        )  # fmt: skip
+        unit = found.names[name]
+        differs = [
+            f"{with_unit(rms, unit, 2)} by {word}"
+            for has, word, rms in (
+                (s.per_device, "device", s.tau_device),
+                (s.per_run, "run", s.tau_run),
+            )
+            if has
+        ]
+        slopes = [f"{column}, {with_unit(v.value, unit)} a unit" for column, v in s.slopes.items()]
+        words = in_words(name).rstrip(","), with_unit(s.center.value, unit)
+        grid.append([*words, " and ".join(differs) or "no", "; ".join(slopes) or "-"])
     said = [f"{found.headline}."]
     said += [f"{found.said_of(change)}." for change in found.changes[2:]]
     said += [f"{m.listed.name}: {m.reason.sentence}." for m in found.odd[:ODD] if m.reason]
