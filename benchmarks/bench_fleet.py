@@ -123,9 +123,7 @@ def clustered(folder: Path, workers: Sequence[int], sizes: Sequence[int]) -> Non
     the busiest worker is what a cluster takes that has a core for each.
     """
     every, structure = known_fits(folder, max(sizes) // 5, 5)
-    print(
-        "workers recordings  wall [s]  CPU of workers [s]  busiest  scheduler  driver  per worker"
-    )
+    print("workers recordings  wall [s]  CPU of workers [s]  busiest  scheduler  driver  each")
     for count in workers:
         port = PORT + count
         address = f"tcp://127.0.0.1:{port}"

@@ -42,6 +42,7 @@ SECONDS = 6.0
 DRIFTS_FROM = 2  # the recording from which on a friction grows
 PENALTY = 0.02  # on b squared, beside the -ln likelihood
 DEVICE = nominal().with_physics(make_physics("coulomb_friction", "m1", level=0.04))
+Case = tuple[float, bool, bool]  # size, found, named with the right reason
 SAID = {
     "other_unit": "other_unit",
     "slipped_clamp": "slipped",
@@ -131,10 +132,10 @@ def with_faults(
     return fleet, told
 
 
-def cases(kind: str, found: Fleet, told: Mapping[str, tuple[float, list[str]]]) -> list[object]:
+def cases(kind: str, found: Fleet, told: Mapping[str, tuple[float, list[str]]]) -> list[Case]:
     """Return size, whether it was found and whether with the right reason, of each device."""
     reasons = {m.listed.name: m.reason for m in found.members if m.reason is not None}
-    every: list[object] = []
+    every: list[Case] = []
     for device, (size, names) in told.items():
         if kind == "drift":
             mine = [c for c in found.changes if c.device == device]
@@ -164,7 +165,7 @@ def curve(sizes: np.ndarray, found: np.ndarray) -> tuple[float, float]:
 def asked(rig: Rig, kind: str, rounds: int | None, work: Path, runner: Executor) -> object:
     """Ask all rounds of a kind."""
     random = np.random.default_rng([SEED, list(KINDS).index(kind)])
-    every: list[object] = []
+    every: list[Case] = []
     false: set[str] = set()
     for number in range(KINDS[kind].rounds if rounds is None else rounds):
         fleet, told = with_faults(rig, kind, number, random)
