@@ -32,8 +32,12 @@ PER_LOAD = 2e-3  # kg m2 per kg
 DISTURBANCE, SENSOR_NOISE = 2e-3, 2e-4
 OWN_FRICTION = 0.1  # of the dry friction, by which devices differ (standard deviation)
 DRIFTS_TO = 1.8  # times the dry friction at the last date
-SLIPS = 0.35  # rad by which a clamp slips
-SPRUNG = 2.0  # times the return spring of another device
+SIZES = {
+    "other_unit": 180.0 / np.pi,  # degrees for radians
+    "slipped_clamp": 0.35,  # rad
+    "stale_sensor": 4.0,  # times that a reading is passed on
+    "other_spring": 2.0,  # times the return spring
+}
 KINDS = ("inverted_sign", "other_unit", "slipped_clamp", "stale_sensor", "other_spring")
 BEGIN = date(2026, 1, 5)
 WEEK = 7
@@ -88,7 +92,7 @@ def make_fleet(
             grown = max(0, run - begins) / max(1, runs - 1 - begins) if d == drifting else 0.0
             level = float(dry[d]) * (1.0 + (DRIFTS_TO - 1.0) * grown)
             load = float(random.uniform(0.0, 2.0))
-            _record(folder / stem, random, level, load, fault, seconds)
+            record(folder / stem, random, level, load, fault, seconds)
             table.write(f"{stem}.toml,{name},{_day(run)},{load:.4f}\n")
     write_text(folder / "fleet.csv", table.getvalue(), own=True)
     write_text(folder / "device.toml", device_to_text(nominal()), own=True)
@@ -99,13 +103,25 @@ def _day(run: int) -> date:
     return BEGIN + timedelta(days=WEEK * run)
 
 
-def _record(
-    stem: Path, random: np.random.Generator, level: float, load: float, fault: str, seconds: float
+def record(
+    stem: Path,
+    random: np.random.Generator,
+    level: float,
+    load: float,
+    fault: str = "",
+    seconds: float = 6.0,
+    size: float | None = None,
 ) -> None:
+    """Write a recording STEM.csv with its STEM.toml; size: of the fault, None for the usual one.
+
+    level: dry friction [N m]; load [kg]. The size is a factor of the angle (other_unit), of the
+    spring (other_spring), radians (slipped_clamp), or samples (stale_sensor).
+    """
+    size = SIZES.get(fault, 0.0) if size is None else size
     ticks = round(seconds / PERIOD)
     held = random.standard_normal(ticks // HELD + 1)
     command = RMS * np.repeat(held, HELD)[:ticks]
-    spring = SPRING * (SPRUNG if fault == "other_spring" else 1.0)
+    spring = SPRING * (size if fault == "other_spring" else 1.0)
     masses = np.array([INERTIA + PER_LOAD * load])
     chain = make_chain(masses, np.array([DAMPING]), spring, np.zeros(0), np.zeros(0))
     friction = make_physics("coulomb_friction", "m1", level=level)
@@ -113,7 +129,7 @@ def _record(
     pushed = DISTURBANCE * random.standard_normal(ticks)
     ran = simulate(device, recorded(command), duration=seconds, disturbance=pushed, substeps=20)
     position = ran.trace["position_m1"] + SENSOR_NOISE * random.standard_normal(ticks)
-    position = _faulty(position, fault, random)
+    position = _faulty(position, fault, random, size)
     text = io.StringIO()
     text.write("torque,angle\n")
     np.savetxt(text, np.column_stack([command, position]), "%.10g", ",")
@@ -126,14 +142,15 @@ def _record(
     write_text(stem.with_suffix(".toml"), tomli_w.dumps(top), own=True)
 
 
-def _faulty(position: Floats, fault: str, random: np.random.Generator) -> Floats:
+def _faulty(position: Floats, fault: str, random: np.random.Generator, size: float) -> Floats:
     at = int(random.uniform(0.3, 0.7) * position.size)
     if fault == "inverted_sign":
         return -position
     if fault == "other_unit":
-        return np.degrees(position)
+        return size * position
     if fault == "slipped_clamp":
-        return position + SLIPS * (np.arange(position.size) >= at)
-    if fault == "stale_sensor":  # a reading is passed on four times
-        return np.repeat(position[::4], 4)[: position.size]
+        return position + size * (np.arange(position.size) >= at)
+    if fault == "stale_sensor":  # a reading is passed on several times
+        times = round(size)
+        return np.repeat(position[::times], times)[: position.size]
     return position

@@ -11,6 +11,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from zwidth.diagnosis.mishaps import Say, silent
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.effort import EFFORTS
+from zwidth.fleet.grouping import places_by
 from zwidth.fleet.history import ALL, Change, changes
 from zwidth.fleet.kept import Kept
 from zwidth.fleet.listing import Listed, columns_of
@@ -128,11 +130,11 @@ class _Every:
     days: Floats
     columns: dict[str, Floats]
 
-    @property
+    @cached_property
     def values(self) -> Floats:
         return np.stack([q.values for q in self.quicks])
 
-    @property
+    @cached_property
     def errors(self) -> Floats:
         return np.stack([q.errors for q in self.quicks])
 
@@ -260,12 +262,12 @@ def _reasons(
     """Why recordings are odd, by place among those that were fitted."""
     noise = float(np.median([q.noise for q in every.quicks]))
     questions: dict[int, Question] = {}
+    of_device = places_by(every.devices)
     for k, one in odd.items():
         listed = recordings[usable[k]]
         # A device's own values are expected of its recordings, where the others are no odd ones.
-        mates = [
-            j for j, d in enumerate(every.devices) if d == listed.device and j != k and j not in odd
-        ]
+        own = of_device[listed.device].tolist()
+        mates = [j for j in own if j != k and j not in odd]
         expected = np.array([c.expected[k] for c in course])
         scatter = np.array([max(c.tau, c.within) for c in course])
         if len(mates) >= 2:
@@ -296,13 +298,12 @@ def _reasons(
 def _repeats(off: Floats, errors: Floats, devices: Sequence[str]) -> float:
     """How many times farther recordings of one device scatter than their errors say."""
     total, free = 0.0, 0
-    own = np.asarray(devices)
-    for name in dict.fromkeys(devices):
-        mine = (own == name) & np.isfinite(errors) & (errors > 0.0)
-        if np.count_nonzero(mine) < 2:
+    for own in places_by(devices).values():
+        mine = own[np.isfinite(errors[own]) & (errors[own] > 0.0)]
+        if mine.size < 2:
             continue
         weight = 1.0 / errors[mine] ** 2
         mean = float(np.average(off[mine], weights=weight))
         total += float(np.sum(weight * (off[mine] - mean) ** 2))
-        free += int(np.count_nonzero(mine)) - 1
+        free += mine.size - 1
     return float(np.sqrt(total / free)) if free else 0.0

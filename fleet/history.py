@@ -12,7 +12,7 @@ the best (Hansen, Econometrica 68, 2000), the beginning of a drift by those that
 What all devices do together is asked of the same with each device's own mean taken off.
 
 Limits: one change of a parameter and device; a step needs two recordings on either side, of which
-one alone would be an outlier.
+one alone would be an outlier. Of more than 200 dates every second, third ... is asked.
 """
 
 import math
@@ -24,13 +24,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.selection.evidence import ALPHA
+from zwidth.fleet.grouping import places_by
 
 Floats = NDArray[np.float64]
 STEP, DRIFT = "step", "drift"
 FEWEST = 4  # dated recordings
 SIDE = 2  # recordings on either side of a step
 DATED, BEGUN = -2.0 * math.log(1.0 - math.sqrt(0.95)), 3.84
-DATES = 200  # at which a drift may begin
+DATES = 200  # at which a change may begin
 BELIEVED = 2.0 * math.log(1.0 / ALPHA)
 ALL = "all devices"
 
@@ -82,18 +83,19 @@ def changes(
     """
     told = np.isfinite(days) & np.isfinite(errors)
     s = np.sqrt(errors**2 + scatter**2)
-    names = np.asarray(devices)
-    every = list(dict.fromkeys(devices))
+    every = places_by(devices)
     found: list[Change] = []
     off = values.copy()
-    for name in every:
-        mine = told & (names == name)
+    for name, own in every.items():
+        mine = own[told[own]]
         one = _changed(name, parameter, days[mine], values[mine], s[mine], asked)
         found += [] if one is None else [one]
-        if mine.any():
-            off[names == name] -= float(np.average(values[mine], weights=1.0 / s[mine] ** 2))
+        if mine.size:
+            off[own] -= float(np.average(values[mine], weights=1.0 / s[mine] ** 2))
     if len(every) > 1:
-        others = told & ~np.isin(names, [c.device for c in found])
+        others = told.copy()
+        for one in found:
+            others[every[one.device]] = False
         if others.any():
             middle = float(np.median(values[others]))
             one = _changed(ALL, parameter, days[others], off[others] + middle, s[others], asked)
@@ -110,11 +112,14 @@ def _changed(
     day, y, s = day[order], y[order], s[order]
     every = np.unique(day)
     size = max(float(np.ptp(y)), abs(float(np.median(y))))
-    steps = [float(d) for d in every[1:] if SIDE <= np.count_nonzero(day < d) <= y.size - SIDE]
+    before = np.searchsorted(day, every[1:])  # how many recordings a step has before it
+    steps = every[1:][(before >= SIDE) & (before <= y.size - SIDE)]
+    if steps.size > DATES:
+        steps = steps[np.linspace(0, steps.size - 1, DATES).round().astype(int)]
     begins = np.linspace(day[0], day[-1], DATES, endpoint=False)
     begins = begins[begins <= every[-2]] if every.size > 2 else begins[:0]
     best: Change | None = None
-    for shape, times in ((STEP, np.array(steps)), (DRIFT, begins)):
+    for shape, times in ((STEP, steps), (DRIFT, begins)):
         if times.size == 0:
             continue
         flat, costs, a, b, errors = _fits(y, s, _columns(shape, day, times))

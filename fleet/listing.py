@@ -77,7 +77,10 @@ def listed(path: Path) -> list[Listed]:
     if path.is_dir():
         table = next((path / name for name in TABLES if (path / name).is_file()), None)
         return _of_folder(path) if table is None else listed(table)
-    rows = _csv_rows(path) if path.suffix.lower() == ".csv" else _toml_rows(path)
+    return _of_rows(path, _csv_rows(path) if path.suffix.lower() == ".csv" else _toml_rows(path))
+
+
+def _of_rows(path: Path, rows: Sequence[Mapping[str, object]]) -> list[Listed]:
     found = [_listed(path, place, row) for place, row in enumerate(rows, 1)]
     seen = set[Path]()
     for one in found:
@@ -87,6 +90,15 @@ def listed(path: Path) -> list[Listed]:
     if not found:
         raise ValueError(f"{path.name} lists no recording; add a line for each")
     return found
+
+
+def listed_rows(rows: Sequence[Mapping[str, object]], folder: Path) -> list[Listed]:
+    """Return the recordings of rows as a table has them, with paths from a folder on.
+
+    Raises ValueError as `listed`.
+    """
+    table = folder / "recordings"  # by which a sentence calls it
+    return _of_rows(table, rows)
 
 
 def columns_of(every: Sequence[Listed]) -> tuple[dict[str, list[float]], list[str]]:

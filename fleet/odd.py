@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from zwidth.diagnosis.selection.evidence import ALPHA
+from zwidth.fleet.grouping import places_by
 from zwidth.fleet.quick import Quick
 
 Floats = NDArray[np.float64]
@@ -114,10 +115,9 @@ def _within(off: Floats, s: Floats, devices: Sequence[str]) -> float:
     """What recordings of one device scatter by beside their errors."""
     about: list[float] = []
     error: list[float] = []
-    names = np.asarray(devices)
-    for name in dict.fromkeys(devices):
-        mine = (names == name) & np.isfinite(s)
-        if np.count_nonzero(mine) >= 2:
+    for every in places_by(devices).values():
+        mine = every[np.isfinite(s[every])]
+        if mine.size >= 2:
             # One that follows another: a drift of years makes no scatter of it.
             about += (np.diff(off[mine]) / np.sqrt(2.0)).tolist()
             error += s[mine].tolist()
@@ -143,14 +143,14 @@ def odd_ones(
         signs.setdefault(place, []).append((kind, name, float(sigma)))
 
     values, errors = np.stack([o.values for o in quicks]), np.stack([o.errors for o in quicks])
-    own = np.asarray(devices)
+    own = list(places_by(devices).values())
     for k, course in enumerate(found):
         off = values[:, k] - course.expected
         sigma = np.abs(off) / np.sqrt(errors[:, k] ** 2 + course.tau**2)
         for place in np.flatnonzero(sigma > between).tolist():
             say(place, THEM, names[k], sigma[place])
-        for name in dict.fromkeys(devices):
-            mine = np.flatnonzero((own == name) & np.isfinite(errors[:, k]))
+        for every in own:
+            mine = every[np.isfinite(errors[every, k])]
             if mine.size < FEWEST:
                 continue
             about = off[mine] - np.median(off[mine])
@@ -172,4 +172,4 @@ def odd_ones(
     for place, one in enumerate(quicks):
         if one.held > max(HELD, 5.0 * typical):
             say(place, STILL, "", one.held / max(typical, HELD / 5.0))
-    return {place: Odd(tuple(own)) for place, own in signs.items()}
+    return {place: Odd(tuple(each)) for place, each in signs.items()}

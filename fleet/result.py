@@ -3,8 +3,13 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.fleet.grouping import places_by
 from zwidth.fleet.history import DRIFT, Change, date_of
 from zwidth.fleet.listing import Listed
 from zwidth.fleet.odd import Odd
@@ -12,6 +17,7 @@ from zwidth.fleet.quick import Quick
 from zwidth.fleet.reasons import FAULTS, Reason, in_words
 from zwidth.fleet.spread import Spread
 from zwidth.fleet.structure import Structure
+from zwidth.shown import Shown
 from zwidth.sim.readable import with_unit
 
 LISTED = 6  # odd recordings in the sentence
@@ -32,8 +38,8 @@ class Member:
         return self.reason is None and not self.quick.problem
 
 
-@dataclass(frozen=True)
-class Fleet:
+@dataclass(frozen=True, repr=False)
+class Fleet(Shown):
     """One answer for a fleet. names: unit of each reported parameter; spreads: what each does.
 
     candidates: structures that were asked, and what they cost more; repeats: by name, how many
@@ -59,9 +65,18 @@ class Fleet:
         """The recordings that were left out of what is said of the fleet."""
         return [m for m in self.members if m.reason is not None]
 
+    @cached_property
+    def _places(self) -> dict[str, NDArray[np.intp]]:
+        return places_by([m.listed.device for m in self.members])
+
+    @cached_property
+    def pooled_places(self) -> dict[str, int]:
+        """Where in `Spread.pooled` each recording that has a part in it stands, by name."""
+        return {m.listed.name: k for k, m in enumerate(m for m in self.members if m.pooled)}
+
     def of(self, device: str) -> list[Member]:
         """Return the recordings of a device, by date."""
-        own = [m for m in self.members if m.listed.device == device]
+        own = [self.members[k] for k in self._places[device].tolist()]
         return sorted(own, key=lambda m: (m.listed.day or -math.inf, m.listed.name))
 
     @property
@@ -171,7 +186,7 @@ class Fleet:
         places = {name: k for k, name in enumerate(self.names)}
         pooled: dict[str, Any] = {}
         if m.pooled:
-            place = [o.listed.name for o in self.members if o.pooled].index(m.listed.name)
+            place = self.pooled_places[m.listed.name]
             pooled = {
                 name: {"value": float(s.pooled[place]), "error": float(s.pooled_errors[place])}
                 for name, s in self.spreads.items()

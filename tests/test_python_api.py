@@ -17,6 +17,9 @@ import pytest
 import zwidth
 import zwidth.views as views
 from zwidth.api.given import device_of, experiments_of, trace_of
+from zwidth.exam.fleets import make_fleet, nominal
+from zwidth.fleet.kept import Kept
+from zwidth.fleet.structure import known_structure
 from zwidth.shown import Shown
 
 API = "zwidth.api."
@@ -65,6 +68,15 @@ def diagnosis() -> zwidth.Diagnosis:
     return zwidth.diagnose(recording(), cart(), effort="quick")
 
 
+def fleet(folder: Path) -> zwidth.Fleet:
+    """Six recordings of three joints, whose structure is known, so that none is searched for."""
+    known = nominal().with_physics(zwidth.make_physics("coulomb_friction", "m1", level=0.04))
+    if not (folder / "rig").exists():
+        make_fleet(folder / "rig", 3, 2, 0, 1, 3.0)
+        Kept(folder / "work", known, "quick").keep_structure(known_structure(known), 6)
+    return zwidth.diagnose_fleet(folder / "rig", known, effort="quick", work=folder / "work")
+
+
 @cache
 def identified() -> zwidth.Identified:
     command = zwidth.excitation(cart(), "white_noise", seconds=20.0, level=4.0, travel=0.05)
@@ -99,6 +111,7 @@ RESULTS: dict[str, Any] = {
     "ReplayResult": lambda folder: zwidth.replay(folder / "run.mcap"),
     "Scenario": lambda _: scenario(),
     "Diagnosis": lambda _: diagnosis(),
+    "Fleet": lambda folder: fleet(folder),
     "Identified": lambda _: identified(),
     "Sweep": lambda _: zwidth.sweep(cart(), values=[20.0], dampings=3, rounds=0),
     "RelayReadings": lambda _: zwidth.relay(cart(), [0.0, 2.0], starts=2),
@@ -258,6 +271,41 @@ def test_diagnose_takes_paths_and_finds_the_friction(folder: Path):
     assert found.as_json()["findings"] == diagnosis().as_json()["findings"]
     with pytest.raises(ValueError, match="effort is 'quik'"):
         zwidth.diagnose(recording(), cart(), effort="quik")  # pyright: ignore[reportArgumentType]
+
+
+def test_a_fleet_is_taken_as_folder_table_rows_and_list(folder: Path):
+    """Mutation: rows without their dates or known values."""
+    import pandas
+
+    first = fleet(folder)
+    frame = pandas.read_csv(folder / "rig" / "fleet.csv")
+    frame["recording"] = [str(folder / "rig" / name) for name in frame["recording"]]
+    listed = [m.listed for m in first.members]
+    for given in (folder / "rig" / "fleet.csv", frame.to_dict("records"), listed):
+        every = zwidth.api.diagnose_fleet._listed(given)  # type: ignore[attr-defined]
+        assert [(m.path, m.device, m.date, m.known) for m in every] == [
+            (m.path, m.device, m.date, m.known) for m in listed
+        ]
+    table = first.to_pandas()
+    assert table["m1"].tolist() == [m.quick.values[0] for m in first.members]
+    assert table.attrs["units"]["m1"] == "kg m2"
+    assert np.all(table["m1 pooled"].to_numpy() > 0.0)
+    assert len(first.plot("parameters").axes) == len(first.spreads)
+    assert "6 recordings of 3 devices" in repr(first)
+
+
+@pytest.mark.parametrize(
+    ("given", "error", "said"),
+    [
+        ("nowhere", ValueError, "does not exist"),
+        ([], ValueError, "no recording is given"),
+        ([3], TypeError, "a folder, a table, or a list"),
+        ([{"device": "a"}], ValueError, "names no file"),
+    ],
+)
+def test_what_is_no_fleet_is_said(given: Any, error: type[Exception], said: str):
+    with pytest.raises(error, match=said):
+        zwidth.diagnose_fleet(given, cart())
 
 
 def test_identify_gives_a_device_that_has_the_mass():

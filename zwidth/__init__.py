@@ -10,6 +10,7 @@
 
 Why does a recording differ?
     diagnose          what physics is missing, where, how much, with 95 % intervals
+    diagnose_fleet    many recordings of like devices: what is shared, what changed, which are odd
     identify          a device from a recording of its command and position
     plan, excitation  what a recording would show before it is made; the command to record
 How stiff a wall?
@@ -32,7 +33,7 @@ Which device?
 Where does long work run?
     executor          on threads, in processes, on a cluster
 
-Every result (Boundary, Run, Trace, Log, Diagnosis, Identified, RelayReadings, Plan, FateMap,
+Every result (Boundary, Run, Trace, Log, Diagnosis, Fleet, Identified, RelayReadings, Plan, FateMap,
 Sweep, ReplayResult, Scenario, Device) has to_xarray(), to_pandas() and plot(), and shows as a table
 in a notebook. Quantities are SI; a rotary device counts in N m and rad, any other in N and m.
 help(zwidth.diagnose) and so on say what each takes, returns and raises; docs/python.md shows more.
@@ -51,6 +52,7 @@ from zwidth.shown import shown_by as _shown_by
 if _TYPE_CHECKING:
     from zwidth.api.boundary import boundary as boundary
     from zwidth.api.diagnose import diagnose as diagnose
+    from zwidth.api.diagnose_fleet import diagnose_fleet as diagnose_fleet
     from zwidth.api.identify import identify as identify
     from zwidth.api.make_map import make_map as make_map
     from zwidth.api.plan import excitation as excitation
@@ -70,6 +72,8 @@ if _TYPE_CHECKING:
     from zwidth.diagnosis.answer.result import NotDiagnosed as NotDiagnosed
     from zwidth.diagnosis.answer.result import Rival as Rival
     from zwidth.diagnosis.answer.result import Verdict as Verdict
+    from zwidth.fleet.listing import Listed as Listed
+    from zwidth.fleet.result import Fleet as Fleet
     from zwidth.identification.cycles import RelayCondition as RelayCondition
     from zwidth.identification.cycles import RelayReadings as RelayReadings
     from zwidth.identification.identified import Identified as Identified
@@ -150,10 +154,12 @@ HOMES = {
     "FateMap": "zwidth.stability.fate_map",
     "Fates": "zwidth.stability.fates",
     "Finding": "zwidth.diagnosis.answer.result",
+    "Fleet": "zwidth.fleet.result",
     "Identified": "zwidth.identification.identified",
     "Interface": "zwidth.sim.interface",
     "Law": "zwidth.sim.law",
     "LinearPoint": "zwidth.stability.types",
+    "Listed": "zwidth.fleet.listing",
     "Log": "zwidth.logs.mcap_reader",
     "LoggedRun": "zwidth.scenarios.logged_run",
     "ModalModel": "zwidth.sim.modal",
@@ -183,6 +189,7 @@ HOMES = {
     "corner": "zwidth.stability.linear",
     "critical_stiffness": "zwidth.stability.linear",
     "diagnose": "zwidth.api.diagnose",
+    "diagnose_fleet": "zwidth.api.diagnose_fleet",
     "excitation": "zwidth.api.plan",
     "executor": "zwidth.jobs.choose",
     "find_boundaries": "zwidth.stability.boundary",

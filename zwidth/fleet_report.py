@@ -3,7 +3,7 @@
 import html
 import math
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -25,6 +25,7 @@ from zwidth.sim.readable import percent, with_unit
 Floats = NDArray[np.float64]
 WIDE, HIGH = 110, 22  # pixels of a spark line
 RUN_WIDE, RUN_HIGH = 420, 90  # of the picture of a recording
+MANY = 2000  # recordings, from which only devices are shown of which there is something to say
 BEYOND = 6.0  # deviations at which a spark line is cut off
 
 
@@ -56,6 +57,9 @@ class Recording:
 def save_fleet_report(fleet: Fleet, line: str, device: Path, path: Path) -> Path:
     """Write the report; line: what asks again; device: the file of the fleet's typical device."""
     names = list(fleet.spreads)
+    wide = {n: _width(fleet, n) for n in names}
+    told = {c.device for c in fleet.changes} | {m.listed.device for m in fleet.odd}
+    shown = [d for d in fleet.devices if len(fleet.members) <= MANY or d in told]
     heads = [f"{in_words(n).rstrip(',')}" for n in names]
     text = page(
         "fleet_report.html",
@@ -65,7 +69,8 @@ def save_fleet_report(fleet: Fleet, line: str, device: Path, path: Path) -> Path
         parameters=[fleet.said_of_parameter(n) for n in names],
         changes=[fleet.said_of(c) for c in fleet.changes],
         odd=[m for m in fleet.odd if m.reason],
-        rows=[_row(fleet, d, names, device) for d in fleet.devices],
+        rows=[_row(fleet, d, names, device, wide) for d in shown],
+        left=len(fleet.devices) - len(shown),
         picture=_picture(fleet_figure(fleet)),
         candidates=sorted(fleet.candidates.items(), key=lambda pair: pair[1])[:6],
         line=line,
@@ -80,7 +85,16 @@ def _picture(figure: Figure) -> str:
     return embedded(found.getvalue())
 
 
-def _row(fleet: Fleet, device: str, names: Sequence[str], file: Path) -> Row:
+def _width(fleet: Fleet, name: str) -> float:
+    """What a parameter of the fleet's recordings scatters by."""
+    place = list(fleet.names).index(name)
+    every = np.array([m.quick.values[place] for m in fleet.members if m.pooled])
+    return max(float(every.std()), 0.02 * abs(fleet.spreads[name].center.value), 1e-300)
+
+
+def _row(
+    fleet: Fleet, device: str, names: Sequence[str], file: Path, wide: Mapping[str, float]
+) -> Row:
     members = fleet.of(device)
     changes = [c for c in fleet.changes if c.device == device]
     remarks = [fleet.said_of(c) for c in changes]
@@ -89,16 +103,14 @@ def _row(fleet: Fleet, device: str, names: Sequence[str], file: Path) -> Row:
         if m.reason is not None:
             kinds[m.reason.kind] = kinds.get(m.reason.kind, 0) + 1
     remarks += [f"{kind.replace('_', ' ')} in {n} of {len(members)}" for kind, n in kinds.items()]
-    sparks = [_spark(fleet, members, name) for name in names]
+    sparks = [_spark(fleet, members, name, wide[name]) for name in names]
     each = [_recording(fleet, m, names, file) for m in members]
     return Row(device, "; ".join(remarks), bool(changes), sparks, each)
 
 
-def _spark(fleet: Fleet, members: Sequence[Member], name: str) -> Markup:
+def _spark(fleet: Fleet, members: Sequence[Member], name: str, wide: float) -> Markup:
     """A line of a parameter over a device's recordings, in the fleet's range."""
     place, s = list(fleet.names).index(name), fleet.spreads[name]
-    every = np.array([m.quick.values[place] for m in fleet.members if m.pooled])
-    wide = max(float(every.std()), 0.02 * abs(s.center.value), 1e-300)
     own = [m for m in members if not m.quick.problem]
     if not own:
         return Markup("-")

@@ -140,10 +140,28 @@ def command(
             "--processes and --cluster are for a fleet, a folder or a table of recordings; leave"
             " them out, or give one"
         )
+    line = typed_line(click.get_current_context())
+    diagnose_files(console, recordings, name, validate, effort, wall, out, line)
+
+
+def diagnose_files(
+    console: Console,
+    recordings: tuple[Path, ...],
+    name: str | None,
+    validate: tuple[Path, ...],
+    effort: str,
+    wall: bool | None,
+    out: Path,
+    line: str,
+) -> None:
+    """Diagnose recordings, say what was found and write it; arguments as of the command.
+
+    line: what asks the same again. Raises ValueError and ClickException as the command does, and
+    KeyboardInterrupt at its end where it was interrupted.
+    """
     _refuse_fitted(recordings, validate)
     known = None if name is None else load_device(name)  # what is wrong with it is said at once
     read = {path: described(console, path, out) for path in (*recordings, *validate)}
-    line = typed_line(click.get_current_context())
     with collecting(console.warn) as mishaps:
         with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # numpy's, on 1e300
             fitted_to = _traces(console, recordings, read)

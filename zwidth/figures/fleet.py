@@ -11,12 +11,14 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from zwidth.figures.style import STYLE
 from zwidth.fleet.reasons import in_words
 from zwidth.fleet.result import Fleet, Member
 from zwidth.sim.readable import scaled
 
+Floats = NDArray[np.float64]
 SOUND, ODD, CHANGED, BAND = "#004488", "#bb5566", "#ddaa33", "0.85"
 NEAR = 8.0  # deviations beyond which an odd value is drawn at the edge
 HIGH = 2.1  # inches of a parameter
@@ -55,7 +57,7 @@ def _parameter(ax: Axes, fleet: Fleet, name: str) -> None:
     members = [m for m in fleet.members if not m.quick.problem]
     dated = _dated(fleet)
     x: list[Any] = _beside(members) if dated else list(range(len(members)))
-    y = np.array([_at_the_mean(fleet, m, name) for m in members])
+    y = _at_the_mean(fleet, members, name)
     error = np.array([m.quick.errors[place] for m in members])
     odd = np.array([not m.pooled for m in members])
     size = max(abs(s.center.value), 1e-300)
@@ -86,9 +88,9 @@ def _parameter(ax: Axes, fleet: Fleet, name: str) -> None:
             linewidth=0.8, linestyle="none", label=label, alpha=0.8,
         )  # fmt: skip
     for device in sorted(changed):
-        own = [m for m in fleet.of(device) if m.pooled]
-        days = [at for at, m in zip(x, members, strict=True) if m in own]
-        course = [factor * v for v, m in zip(y, members, strict=True) if m in own]
+        own = [m.pooled and m.listed.device == device for m in members]
+        days = [at for at, mine in zip(x, own, strict=True) if mine]
+        course = [factor * v for v, mine in zip(y, own, strict=True) if mine]
         ax.plot(days, course, color=CHANGED, linewidth=1.0)
     if deviation > 0.0 and not s.slopes:
         centre = s.center.value
@@ -114,13 +116,14 @@ def _beside(members: Sequence[Member]) -> list[Any]:
     ]
 
 
-def _at_the_mean(fleet: Fleet, m: Member, name: str) -> float:
-    """A recording's value of a parameter, brought to the mean of what it goes with."""
-    value = float(m.quick.values[list(fleet.names).index(name)])
+def _at_the_mean(fleet: Fleet, members: Sequence[Member], name: str) -> Floats:
+    """Each recording's value of a parameter, brought to the mean of what it goes with."""
+    place = list(fleet.names).index(name)
+    values = np.array([float(m.quick.values[place]) for m in members])
     for column, slope in fleet.spreads[name].slopes.items():
         mean = float(np.mean([o.listed.known[column] for o in fleet.members if o.pooled]))
-        value -= slope.value * (m.listed.known[column] - mean)
-    return value
+        values -= slope.value * (np.array([m.listed.known[column] for m in members]) - mean)
+    return values
 
 
 def _title(fleet: Fleet, name: str) -> str:

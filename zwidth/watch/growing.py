@@ -1,0 +1,149 @@
+"""A log that grows, in a file or out of a pipe, as far as it is whole: `Growing`.
+
+Readers read files, and whole ones. So what has come is copied to a file of the same name in a
+folder of its own, of a text table only as far as its last line is complete, of an MCAP file as it
+is, for its reader leaves out a record that is not complete.
+"""
+
+import os
+import queue
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import BinaryIO
+
+from mcap.writer import MCAP0_MAGIC
+
+from zwidth.files.protection import reading
+from zwidth.logs.errors import LogIsDirectory, LogNotFound, LogNotReadable
+from zwidth.logs.open_source import STARTS
+from zwidth.logs.source import RecordingError
+
+BLOCK = 1 << 20  # bytes of a copy
+ENDS = ((b"\xff\xfe", b"\n\0"), (b"\xfe\xff", b"\0\n"))  # mark of a text, and how its lines end
+WIDEST = 8  # bytes that tell which format it is
+
+Take = Callable[[], tuple[bytes, bool]]
+"""Returns what has come since it was last asked, and whether nothing more will come."""
+
+
+class Growing:
+    """A copy, `spool`, of what has come of a log.
+
+    take: gives what is new; name: of the file, by which its reader calls it. bytes: copied so far;
+    ended: nothing more will come.
+    """
+
+    def __init__(self, take: Take, name: str, folder: Path) -> None:
+        self.spool = folder / name
+        self.ended = False
+        self.bytes = 0
+        self._take, self._begun, self._held = take, b"", b""
+
+    @property
+    def is_mcap(self) -> bool:
+        """Whether it is an MCAP file."""
+        return self._begun.startswith(MCAP0_MAGIC)
+
+    def poll(self) -> int:
+        """Copy what is new and whole, and return how many bytes; raises RecordingError, OSError."""
+        new, self.ended = self._take()
+        if len(self._begun) < WIDEST:
+            self._begun = (self._begun + new)[:WIDEST]
+            _refuse_whole_formats(self.spool.name, self._begun)
+        whole, self._held = self._whole(self._held + new)
+        if whole:
+            with self.spool.open("ab") as copy:
+                copy.write(whole)
+            self.bytes += len(whole)
+        if self.is_mcap and not self.ended:
+            self.ended = self._closed()
+        return len(whole)
+
+    def rest(self) -> bytes:
+        """Return what is held back of a line that is not complete."""
+        return self._held
+
+    def _whole(self, data: bytes) -> tuple[bytes, bytes]:
+        """Return the whole lines of new data, or records, and the rest."""
+        if MCAP0_MAGIC.startswith(self._begun) and not self.is_mcap:
+            return b"", data  # too little to tell
+        if self.is_mcap:
+            return data, b""
+        end = next((e for mark, e in ENDS if self._begun.startswith(mark)), b"\n")
+        at = data.rfind(end)
+        while at >= 0 and len(end) == 2 and (self.bytes + at) % 2:
+            at = data.rfind(end, 0, at + 1)  # two halves of neighbours are no line's end
+        cut = at + len(end) if at >= 0 else 0
+        return data[:cut], data[cut:]
+
+    def _closed(self) -> bool:
+        """Whether an MCAP file has its end: the magic after a footer."""
+        if self.bytes <= 2 * len(MCAP0_MAGIC):
+            return False
+        with self.spool.open("rb") as copy:
+            copy.seek(-len(MCAP0_MAGIC), os.SEEK_END)
+            return copy.read() == MCAP0_MAGIC
+
+
+def of_file(path: Path) -> Take:
+    """Return what takes from a file as it grows.
+
+    Raises LogNotFound and others of `logs.errors` where there is none, and RecordingError, when it
+    takes, where the file was begun anew.
+    """
+    if path.is_dir():
+        raise LogIsDirectory(f"{path} is a folder; name the log that grows in it")
+    if not path.exists():
+        raise LogNotFound(f"{path} does not exist yet; start what writes it first")
+    if not path.is_file():
+        raise LogNotReadable(f"{path} is no regular file; give '-' and send it to standard input")
+    reading(path)
+    taken = 0
+
+    def take() -> tuple[bytes, bool]:
+        nonlocal taken
+        with path.open("rb") as file:
+            size = os.fstat(file.fileno()).st_size
+            if size < taken:
+                raise RecordingError(
+                    f"{path} is shorter than it was: it was begun anew; give the same line again"
+                )
+            file.seek(taken)
+            new = file.read(size - taken)
+        taken += len(new)
+        return new, False
+
+    return take
+
+
+def of_stream(stream: BinaryIO) -> Take:
+    """Return what takes from a pipe without waiting for it: a thread waits."""
+    blocks: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+
+    def wait() -> None:
+        while block := os.read(stream.fileno(), BLOCK):
+            blocks.put(block)
+        blocks.put(b"")
+
+    threading.Thread(target=wait, daemon=True, name="standard input").start()
+
+    def take() -> tuple[bytes, bool]:
+        found: list[bytes] = []
+        while not blocks.empty():
+            if not (block := blocks.get()):
+                blocks.put(b"")
+                return b"".join(found), True
+            found.append(block)
+        return b"".join(found), False
+
+    return take
+
+
+def _refuse_whole_formats(name: str, begun: bytes) -> None:
+    for start, _ in STARTS:
+        if begun.startswith(start[:WIDEST]):
+            raise RecordingError(
+                f"{name} is of a format that is written as a whole; an MCAP file or a text table"
+                " can be followed, this one 'zwidth diagnose' reads when it is finished"
+            )

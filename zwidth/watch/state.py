@@ -1,0 +1,102 @@
+"""What a growing log says so far: read, examined, and cut to what there is time for."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import cast
+
+from zwidth.diagnosis.intake.gate import examine
+from zwidth.diagnosis.recording.experiment import SHORTEST, Experiment, ExperimentError, stretches
+from zwidth.door import taken
+from zwidth.logs.errors import LogEmpty, LogError
+from zwidth.logs.recording import read_described
+from zwidth.logs.recording_file import Description
+from zwidth.sim.device import Device
+from zwidth.sim.trace import Trace
+
+MUCH = 1 << 16  # bytes of which a log that cannot be read never will be
+EXAMINED = 6000  # samples, the last ones, that the gate looks at
+OPEN_END = "the log was not closed"  # of a log that is being written that is no fault
+
+
+@dataclass(frozen=True)
+class Read:
+    """What a log holds so far. said: what it was taken for; warnings: what is odd about its file.
+
+    wanting: why nothing can be read yet, "" where something can; trace: None there.
+    """
+
+    trace: Trace | None = None
+    said: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    wanting: str = ""
+
+    @property
+    def samples(self) -> int:
+        """How many samples there are."""
+        return 0 if self.trace is None else len(self.trace)
+
+    @property
+    def seconds(self) -> float:
+        """The time from the first sample to the last."""
+        if self.trace is None or len(self.trace) < 2:
+            return 0.0
+        return float(self.trace.t[-1] - self.trace.t[0])
+
+
+def read(spool: Path, description: Description | None) -> Read:
+    """Return what the copy of a log holds; description: of a recording TOML, where one is given.
+
+    Raises LogError for what more samples do not mend.
+    """
+    if not spool.exists():
+        return Read(wanting="nothing has come yet")
+    try:
+        if description is None:
+            trace, said = taken(spool)
+        else:
+            own = replace(description, file=spool.name)
+            trace, said = read_described(own, spool.parent), []
+    except LogEmpty:
+        return Read(wanting="no sample has come yet")
+    except LogError as error:
+        if spool.stat().st_size > MUCH:
+            raise
+        return Read(wanting=str(error))
+    warnings = cast("list[str]", trace.facts.get("warnings", []))
+    odd = tuple(w for w in warnings if not w.startswith(OPEN_END))
+    return Read(trace, tuple(said), odd)
+
+
+@dataclass(frozen=True)
+class Gate:
+    """What is odd about a log: kind -> sentence; problem: why it cannot be diagnosed, or ""."""
+
+    faults: dict[str, str]
+    problem: str = ""
+
+
+def gate(found: Read, device: Device | None, name: str) -> Gate:
+    """Look at the last samples as the intake of a diagnosis does."""
+    faults = {f"file: {w}": w for w in found.warnings}
+    if found.trace is None:
+        return Gate(faults, found.wanting)
+    if found.samples < SHORTEST:
+        return Gate(faults, f"{found.samples} samples so far, of {SHORTEST} that are needed")
+    if device is None:
+        return Gate(faults)
+    try:
+        last = latest(found.trace, device, name, EXAMINED)
+    except ExperimentError as error:
+        return Gate(faults, str(error))
+    for fault in examine(device, last):
+        key = " ".join((fault.kind, *fault.channels))
+        faults[key] = fault.sentence
+    return Gate(faults)
+
+
+def latest(trace: Trace, device: Device, name: str, samples: int) -> list[Experiment]:
+    """Return the last samples that follow each other without a gap; raises ExperimentError."""
+    last = stretches(trace, device, name)[-1]
+    if last.ticks <= samples:
+        return [last]
+    return [replace(last.part(last.ticks - samples, last.ticks), notes=last.notes)]

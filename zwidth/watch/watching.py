@@ -1,0 +1,169 @@
+"""The loop that follows a log: gate at once, quick fits beside, a search when there is much more.
+
+Three things go on side by side. Here, every second at most, the log is read and the gate looks at
+its last samples. In a process of its own a quick fit (`quick`) goes after the other. In a third a
+search (`searched`) is made of all that has come, when that has doubled since the last one, when a
+quick fit says that its structure no longer stands, or when nothing more comes. So whatever the
+length of a log, searches take as long together as about two of its whole.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from zwidth.diagnosis.recording.experiment import SHORTEST
+from zwidth.logs.recording_file import Description
+from zwidth.sim.device import Device
+from zwidth.watch.growing import Growing
+from zwidth.watch.quick import Order, Quick, quick
+from zwidth.watch.searched import Searched, first_device, searched
+from zwidth.watch.state import Gate, Read, gate, read
+from zwidth.watch.updates import GATE, NOTE, Update, of_quick, of_search
+from zwidth.watch.worker import Works
+
+LOOK, GATE_EVERY = 0.05, 0.5  # s between looks at the file, and between two gates
+BUSY = 3.0  # times as long as reading took, that is waited until it is read again
+ENOUGH = 2 * SHORTEST  # samples, from which a device is fitted and a search is made
+GROWN, DOUBTED = 2.0, 1.2  # times the samples of the last search, for the next one
+RESTS = 2.0  # s without anything new, from which all that there is is searched
+QUICKLY, MOST, LEAST = 4.0, 12_000, 2_000  # s that a quick fit may work; samples of it
+EFFORT = "quick"  # of searches beside; the last one, of all, has the effort that is asked for
+
+Tell = Callable[[Update], None]
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is followed, against what, and what else is to be said.
+
+    description: of a recording TOML, None for a log that says itself what it holds; device: None
+    for one to be fitted. damping: of the wall; walls: whether to say one, None for where the device
+    may render it. idle: seconds without anything new after which it ends, None for never.
+    """
+
+    growing: Growing
+    description: Description | None
+    name: str
+    device: Device | None
+    damping: float
+    walls: bool | None
+    idle: float | None
+
+
+def follow(asked: Asked, tell: Tell, workers: tuple[Works, Works]) -> Read:
+    """Follow a log until its source ends, tell what it says, and return what it held at the end.
+
+    workers: that fit and that search. Raises LogError, OSError.
+    """
+    watch = _Watch(asked, tell, *workers)
+    while not watch.over():
+        watch.look()
+        time.sleep(LOOK)
+    return watch.found
+
+
+class _Watch:
+    """What is known of a log while it is followed."""
+
+    def __init__(self, asked: Asked, tell: Tell, fits: Works, searches: Works) -> None:
+        self.asked, self.tell, self.fits, self.searches = asked, tell, fits, searches
+        self.log = asked.growing
+        self.device = asked.device
+        self.found = Read(wanting="nothing has come yet")
+        self.seen, self.greeted, self.fitted = Gate({}), False, 0
+        self.last: Searched | None = None
+        self.quick: Quick | None = None
+        self.window = MOST
+        self.begun_at = 0  # samples of the search that was begun last
+        self.new_at = self.read_at = time.monotonic()
+        self.took = 0.0
+        self.unread = True
+
+    def over(self) -> bool:
+        """Whether the source has ended, or nothing came for as long as was said."""
+        still = time.monotonic() - self.new_at
+        idle = self.asked.idle is not None and still >= self.asked.idle
+        return (self.log.ended or idle) and not self.unread
+
+    def look(self) -> None:
+        """Take what is new, and what is finished, and begin what is due."""
+        if self.log.poll():
+            self.new_at, self.unread = time.monotonic(), True
+        due = max(GATE_EVERY, BUSY * self.took)
+        if self.unread and (self.log.ended or time.monotonic() - self.read_at >= due):
+            self._read()
+        self._take()
+        if self.found.samples >= ENOUGH:
+            self._begin()
+
+    def _read(self) -> None:
+        self.read_at, self.unread = time.monotonic(), False
+        self.found = read(self.log.spool, self.asked.description)
+        seen = gate(self.found, self.device, self.asked.name)
+        self.took = time.monotonic() - self.read_at
+        fresh = [said for kind, said in seen.faults.items() if kind not in self.seen.faults]
+        problem = seen.problem if seen.problem != self.seen.problem else ""
+        self.seen = Gate({**self.seen.faults, **seen.faults}, seen.problem)
+        for said in [*fresh, *([problem] if problem else [])]:
+            self._say(GATE, said, {"faults": list(self.seen.faults.values()), "problem": problem})
+        if not self.seen.problem and not self.seen.faults and self.device and not self.greeted:
+            self.greeted = True
+            self._say(GATE, "nothing is odd about the recording", {"faults": [], "problem": ""})
+
+    def _say(self, kind: str, sentence: str, values: dict[str, Any] | None = None) -> None:
+        self.tell(Update(kind, self.found.seconds, self.found.samples, sentence, values or {}))
+
+    def _take(self) -> None:
+        """Take what fits and searches have found."""
+        now = self.found.seconds, self.found.samples
+        try:
+            if (answer := self.searches.take()) is not None:
+                if isinstance(answer, Searched):
+                    self.last, self.device = answer, answer.device
+                    self.begun_at = max(self.begun_at, answer.samples)
+                    self.quick, self.fitted = None, 0  # what it found is to be fitted to the last
+                    self.tell(of_search(answer, EFFORT, *now))
+                else:
+                    self.device, said = answer
+                    for sentence in said:
+                        self._say(NOTE, sentence)
+        except (ValueError, RuntimeError) as error:
+            self._say(NOTE, f"not searched: {error}")
+        try:
+            fit = self.fits.take()
+        except (ValueError, RuntimeError) as error:
+            self._say(NOTE, f"not fitted: {error}")
+            return
+        if isinstance(fit, Quick):
+            self.quick = fit
+            pace = fit.samples * QUICKLY / max(fit.took, 1e-3)
+            self.window = int(min(MOST, max(LEAST, pace)))
+            self.tell(of_quick(fit, self.last, *now))
+
+    def _begin(self) -> None:
+        """Begin a fit and a search where they are due."""
+        log, asked, samples = self.log, self.asked, self.found.samples
+        source = log.spool, asked.description, asked.name
+        if not self.searches.busy and self.device is None and self.begun_at == 0:
+            self.begun_at = 1
+            self.searches.give(first_device, *source)
+        elif not self.searches.busy and self._due(samples):
+            self.begun_at = samples
+            self.searches.give(searched, *source, asked.device, EFFORT)
+        if self.fits.busy or self.device is None or samples == self.fitted or self.seen.problem:
+            return
+        self.fitted = samples
+        x = None if self.quick is None or self.last is None else self.quick.x
+        order = Order(
+            *source, self.device, self.last, x, self.window, asked.damping, asked.walls
+        )  # fmt: skip
+        self.fits.give(quick, order)
+
+    def _due(self, samples: int) -> bool:
+        if samples == self.begun_at or self.seen.problem:
+            return False
+        doubted = self.quick is not None and not self.quick.stands
+        rests = time.monotonic() - self.new_at >= RESTS
+        grown = samples >= GROWN * self.begun_at
+        return grown or rests or (doubted and samples >= DOUBTED * self.begun_at)

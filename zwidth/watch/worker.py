@@ -1,0 +1,86 @@
+"""Work beside the loop that follows a log: a process that does one thing after another."""
+
+import os
+import signal
+from collections.abc import Callable
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
+from typing import Any, Protocol
+
+
+class Works(Protocol):
+    """What does one thing after another, beside."""
+
+    busy: bool
+
+    def give(self, function: Callable[..., Any], *arguments: Any) -> None:
+        """Let it work."""
+        ...
+
+    def take(self) -> Any:
+        """Return what is finished, None where nothing is; raises what the work raised."""
+        ...
+
+
+class Worker:
+    """A process of its own, so that a fit does not keep the gate waiting.
+
+    `give` it something to do while it is not `busy`, and `take` what it gave back.
+    """
+
+    def __init__(self) -> None:
+        spawn = get_context("spawn")  # a fork would take along locks that its threads do not free
+        self._here, there = spawn.Pipe()
+        self._process = spawn.Process(target=_work, args=(there,), daemon=True)
+        self._process.start()
+        there.close()
+        self.busy = False
+
+    def give(self, function: Callable[..., Any], *arguments: Any) -> None:
+        """Let it work; function, arguments and result can be pickled."""
+        self._here.send((function, arguments))
+        self.busy = True
+
+    def take(self) -> Any:
+        """Return what is finished, None where nothing is; raises what the work raised.
+
+        Raises OSError where the process died.
+        """
+        if not self.busy or not self._here.poll():
+            return None
+        self.busy = False
+        try:
+            result = self._here.recv()
+        except EOFError:
+            raise ChildProcessError(
+                "the process that fits died; look at the memory that it needs"
+            ) from None
+        if isinstance(result, BaseException):
+            raise result
+        return result
+
+    def close(self) -> None:
+        """End the process, whatever it does."""
+        self._process.kill()
+        self._process.join()
+        self._here.close()
+
+
+def _work(orders: Connection) -> None:
+    os.environ["ZWIDTH_THREADS"] = "1"
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all: who follows the log ends it
+    while True:
+        try:
+            function, arguments = orders.recv()
+        except (EOFError, OSError):  # whoever gave the orders is gone
+            return
+        try:
+            result = function(*arguments)
+        except ValueError as error:
+            result = ValueError(str(error))
+        except Exception as error:  # one that holds what cannot be sent would end the process
+            result = RuntimeError(f"{type(error).__name__}: {error}")
+        try:
+            orders.send(result)
+        except (BrokenPipeError, ConnectionResetError):
+            return
