@@ -26,6 +26,7 @@ from make_machine_pages import (  # pyright: ignore[reportMissingImports]
     experiments,
 )
 
+from zwidth.diagnosis.intake.late import EARLY
 from zwidth.diagnosis.intake.take_in import take_in
 from zwidth.diagnosis.mishaps import collecting, silent
 from zwidth.diagnosis.recording.experiment import Experiment, ExperimentError
@@ -74,9 +75,9 @@ def as_it_is(e: Experiment) -> Experiment:
 
 FAULTS: dict[str, Callable[[Experiment], Experiment]] = {
     "as it is": as_it_is,
-    "degrees for radians": scaled(180.0 / np.pi),
-    "thousandths": scaled(1000.0),
-    "a thousand times": scaled(1e-3),
+    "in degrees, or inches": scaled(180.0 / np.pi),
+    "in thousandths": scaled(1000.0),
+    "in thousands": scaled(1e-3),
     "sign of the output": scaled(-1.0),
     "command and output exchanged": exchanged,
     f"command {LATE} samples late": late(LATE),
@@ -90,14 +91,17 @@ def main() -> None:
     names = sys.argv[2:] or [name for name in MACHINES if name not in LEFT_OUT]
     for name in names:
         device = load_device(PAGES / name / "device.toml")
+        unit = 180.0 / np.pi if device.rotary else 1.0 / 25.4e-3
+        sow = FAULTS | {"in degrees, or inches": scaled(unit)}
         stem = MACHINES[name].fit[0]
         made = experiments(name, (stem,), device, data)
-        for fault, sown in FAULTS.items():
+        for fault, sown in sow.items():
             since = time.perf_counter()
             try:
                 with collecting(silent):  # as a diagnosis does: an error costs what it concerns
                     taken = take_in(device, [sown(e) for e in made], None)
-                said = [f"[{f.kind} {f.value:.4g}] {f.sentence}" for f in taken.faults if f.wrong]
+                named = [f for f in taken.faults if f.wrong or f.kind == EARLY]
+                said = [f"[{f.kind} {f.value:.4g}] {f.sentence}" for f in named]
             except ExperimentError as error:
                 said = [f"refused: {error}"]
             spent = time.perf_counter() - since

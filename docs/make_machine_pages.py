@@ -108,6 +108,18 @@ def answer(name: str, found: Diagnosis, seconds: float) -> str:
         each = [f"{number(run.errors[w])} {run.unit} ({100.0 * run.shares[w]:.3g} %)" for w in WHEN]
         held = "held out" if run.held_out else "fitted"
         lines.append(f"| {run.output} of {run.recording} | {' | '.join(each)} | {held} |")
+    if found.force_errors:
+        lines += [
+            "", "The inverse model: rms of the force that the recorded motion needs less the force commanded, and over the", # noqa: E501
+            "rms of that.", "",
+            "| force at the drive | device file | refitted | with what was found | |",
+            "|---|---|---|---|---|",
+        ]  # fmt: skip
+    for run in found.force_errors:
+        each = [f"{number(run.errors[w])} {run.unit} ({100.0 * run.shares[w]:.3g} %)" for w in WHEN]
+        held = "held out" if run.held_out else "fitted"
+        where = f"{run.recording}, up to {number(run.band)} Hz"
+        lines.append(f"| {where} | {' | '.join(each)} | {held} |")
     lines += ["", f"![Measured beside simulated]({name}.png)", ""]
     lines += [f"Took {seconds:.0f} s of processor time."]
     return "\n".join(lines) + "\n"

@@ -223,7 +223,7 @@ def test_the_least_cost_is_kept_and_what_costs_as_much_is_said():
 
 
 def test_a_search_of_each_reading_decides():
-    """A command in degrees, and one that is sound but suspected.
+    """A command that counts too little by no unit, and one that is sound but suspected.
 
     Mutation that breaks it: the first reading that is suspected kept.
     """
@@ -233,29 +233,39 @@ def test_a_search_of_each_reading_decides():
         return found.best.cost.total, found
 
     sound = position_alone(driven_motor(1000))
-    e = replace(sound, command=sound.command / DEGREES)
+    e = replace(sound, command=sound.command / 5.0)
     every = readings(motor(), [e], None)
     assert [len(one.misread) for one in every] == [0, 1, 1]
     kept, _ = likeliest(every, asked)
     assert [(f.kind, f.channels) for f in kept.faults if f.wrong] == [("command_scale", COMMAND)]
-    assert kept.faults[0].value == pytest.approx(DEGREES)
-    assert "57.3 times too little" in kept.faults[0].sentence
-    assert "is the motion in degrees or turns?" in kept.faults[0].sentence  # no torque is
+    assert kept.faults[0].value == pytest.approx(5.0, rel=0.15)
+    assert "times too little" in kept.faults[0].sentence
     assert len(readings(motor(), [sound], None)) == 1
     (whole,) = readings(motor(), [sound], None)
     wrong = taken_of(whole.fit_on[0], COMMAND, -1.0)
     assert likeliest([whole, wrong], asked)[0] is whole
 
 
+@pytest.mark.parametrize(("factor", "kind"), [(DEGREES, "command_scale"), (-1.0, "command_sign")])
+def test_a_unit_or_a_sign_that_no_physics_stands_for_needs_no_search(factor: float, kind: str):
+    """Mutation that breaks it: what may be wrong as well left out with its reading."""
+    sound = position_alone(driven_motor(1000))
+    (taken,) = readings(motor(), [replace(sound, command=sound.command / factor)], None)
+    (fault,) = (f for f in taken.faults if f.wrong)
+    assert (fault.kind, fault.channels) == (kind, COMMAND)
+    assert fault.value == pytest.approx(factor)
+    assert "as well it may be position_m1 that is wrong" in fault.sentence
+    assert ("is the motion in degrees or turns?" in fault.sentence) == (factor > 0.0)
+
+
 def test_a_fault_belongs_to_its_recording():
     """Mutation that breaks it: the fault of one corrected in all."""
     first, second = (record(phantom(), 2.0, seed=s) for s in (5, 6))
     turned = replace(second, command=-second.command, name="turned")
-    every = readings(phantom(), [first, turned], None)
-    assert [f.recording for f in every[1].faults if f.wrong] == ["turned"]
-    assert np.array_equal(every[1].whole[0].command, first.command)
-    assert np.array_equal(every[1].whole[1].command, second.command)
-    assert np.array_equal(every[0].whole[1].command, turned.command)
+    (taken,) = readings(phantom(), [first, turned], None)
+    assert [f.recording for f in taken.faults if f.wrong] == ["turned"]
+    assert np.array_equal(taken.whole[0].command, first.command)
+    assert np.array_equal(taken.whole[1].command, second.command)
 
 
 def test_recordings_to_judge_by_are_corrected_by_what_was_found():
@@ -271,9 +281,8 @@ def test_recordings_to_judge_by_are_corrected_by_what_was_found():
     anew = judged_anew(whole, phantom())
     assert np.array_equal(anew.judge_by[0].command, judge.command)
     assert [f.recording for f in anew.faults if f.wrong] == ["turned"]
-    both = readings(phantom(), [replace(fit, command=-fit.command)], [turned])
-    assert np.array_equal(both[1].judge_by[0].command, judge.command)
-    assert np.array_equal(both[0].judge_by[0].command, turned.command)
+    (both,) = readings(phantom(), [replace(fit, command=-fit.command)], [turned])
+    assert np.array_equal(both.judge_by[0].command, judge.command)
 
 
 def test_units_are_named():

@@ -28,7 +28,12 @@ from zwidth.diagnosis.intake.units import unit_of
 from zwidth.diagnosis.mishaps import collecting, isolated, silent
 from zwidth.figures.augmented_boundary import augmented_boundary_figure
 from zwidth.figures.changes import changes_figure
-from zwidth.figures.diagnosis import force_map_figure, residual_figure, whole_run_figure
+from zwidth.figures.diagnosis import (
+    force_error_figure,
+    force_map_figure,
+    residual_figure,
+    whole_run_figure,
+)
 from zwidth.figures.learned import learned_figure
 from zwidth.figures.style import STYLE
 from zwidth.files.whole import write_text
@@ -109,6 +114,7 @@ def save_report(
         fits=(("one step ahead", diagnosis.one_step), ("free run", diagnosis.free_run)),
         improvement=improvement(diagnosis.free_run, bool(diagnosis.findings)),
         whole_runs=diagnosis.whole_runs,
+        force_errors=diagnosis.force_errors,
     )
     return write_text(path, text)
 
@@ -129,7 +135,7 @@ def save_unanswered(
     return write_text(path, text)
 
 
-PICTURES = ("motion", "missing force", "residual", "law", "boundary")
+PICTURES = ("motion", "missing force", "residual", "law", "force", "boundary")
 
 
 def _pictures(
@@ -143,6 +149,9 @@ def _pictures(
     if diagnosis.whole_runs:
         draw["motion"] = lambda: whole_run_figure(diagnosis.whole_runs[0], bool(diagnosis.findings))
     draw["residual"] = lambda: residual_figure(diagnosis.residuals)
+    if diagnosis.force_errors:
+        first = diagnosis.force_errors[0]
+        draw["force"] = lambda: force_error_figure(first, bool(diagnosis.findings))
     if (law := diagnosis.learned) is not None:
         draw["law"] = lambda: learned_figure(law, rotary)
     for i, change in enumerate(diagnosis.changes):

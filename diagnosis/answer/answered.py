@@ -12,6 +12,7 @@ from zwidth.diagnosis.answer.changes import Change, changing
 from zwidth.diagnosis.answer.findings import all_findings, linear, upper_bounds
 from zwidth.diagnosis.answer.headline import Answer, headline
 from zwidth.diagnosis.answer.held_out import held_out
+from zwidth.diagnosis.answer.inverse import force_errors
 from zwidth.diagnosis.answer.learned import LearnedLaw, learned
 from zwidth.diagnosis.answer.lost import knowing_losses
 from zwidth.diagnosis.answer.result import (
@@ -60,7 +61,7 @@ def answered(
     asked, taken = taken, _knowing_losses(taken, found)
     found, sound = _standing(device, taken, found, say)
     left, other = _what_is_left(found, taken)
-    asked_far = found.far or found.interrupted or not effort.again
+    asked_far = found.far or found.interrupted
     if not asked_far and unexplained(found, left, other, sound):
         again = farther(device, found, say)
         pair = (again.final, again.judge), (found.final, found.judge)
@@ -87,6 +88,8 @@ def answered(
     one, free = attempt("held out", "", judge) or (UNKNOWN_FIT, UNKNOWN_FIT)
     free_runs = partial(whole_runs, device, by, taken.fit_on, taken.judge_by)
     runs = attempt("whole runs", "", free_runs) or ()
+    inverse = partial(force_errors, device, by, taken.fit_on, taken.judge_by)
+    forces = attempt("force errors", "", inverse) or ()
     findings = all_findings(device, taken, found)
     intervals = partial(linear, device, found.final, taken.whole)
     refit = attempt("intervals", "linear parameters", intervals) or {}
@@ -128,7 +131,7 @@ def answered(
         attempt("augmented device", "", augment) or device,
         residuals, found, taken.whole, stopped, _facts(found, left),
         errors=tuple(mishaps.found), left_out=taken.left_out, adequacy=sound,
-        whole_runs=runs, learned=law, headline=first,
+        whole_runs=runs, force_errors=forces, learned=law, headline=first,
         cautions=cautions(findings, free, sound, runs), changes=changes,
     )  # fmt: skip
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.answer.adequacy import Adequacy
+from zwidth.diagnosis.answer.inverse import ForceError
 from zwidth.diagnosis.answer.whole_run import WholeRun
 from zwidth.diagnosis.forces.locate import NOWHERE, Located
 from zwidth.diagnosis.intake.gate import Fault
@@ -192,6 +193,7 @@ class Diagnosis(Shown):
     left_out: tuple[int, ...] = ()
     adequacy: Adequacy | None = None
     whole_runs: tuple[WholeRun, ...] = ()
+    force_errors: tuple[ForceError, ...] = ()
     learned: "LearnedLaw | None" = None
     headline: str = ""
     cautions: tuple[str, ...] = ()
@@ -232,6 +234,7 @@ class Diagnosis(Shown):
             "fit": {
                 "held_out": one, "one_step": one, "free_run": free,
                 "whole_run": [run.as_json() for run in self.whole_runs],
+                "force": [force.as_json() for force in self.force_errors],
             },
             "adequacy": self.adequacy and self.adequacy.as_json(),
             "learned": self.learned and self.learned.as_json(),
@@ -273,7 +276,7 @@ class Unanswered:
                 "time": nothing, "frequency_hz": nothing, "state": nothing, "entry": nothing,
             },
             "fit": {name: UNKNOWN_FIT.as_json() for name in ("held_out", "one_step", "free_run")}
-            | {"whole_run": nothing},
+            | {"whole_run": nothing, "force": nothing},
             "adequacy": None,
             "learned": None,
             "changes": nothing,

@@ -19,8 +19,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.intake.driven import OFF, Driven, driven
-from zwidth.diagnosis.intake.units import nearest_unit, sentence
+from zwidth.diagnosis.intake.driven import FORETOLD, OFF, Driven, driven
+from zwidth.diagnosis.intake.units import far_off, nearest_unit, sentence, unit_of
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.sim.device import Device
 from zwidth.sim.readable import with_unit
@@ -32,6 +32,7 @@ OFF_TOO = 3.0  # the same of a sign that is wrong: a wrong unit beside it is rar
 LEFT_OPEN = 3.0  # standard deviations of the command's scale that a device file leaves open
 SURE = 40.0  # -2 ln likelihood, from which another scale is suspected
 SHARE = 0.25  # of what the command explains in all, that another scale must explain beyond it
+CERTAIN = 3.0  # factor of the rms error, by which a wrong sign or unit is no matter of physics
 PASSES = 4
 TINY = 1e-9
 VOUCHED = 1.1  # factor between steps that are seen and those of the device file
@@ -65,9 +66,14 @@ def examine(device: Device, experiments: Sequence[Experiment]) -> list[Fault]:
     """
     faults: list[Fault] = []
     for e in experiments:
-        wrong = list(next(iter(suspected(device, e)), ()))
-        faults += [*wrong, *oddities(device, corrected(e, wrong))]
+        faults += looked_through(device, e, suspicion(device, e))
     return sorted(faults, key=lambda f: not f.wrong)
+
+
+def looked_through(device: Device, e: Experiment, suspect: "Suspicion") -> list[Fault]:
+    """Return the likeliest of what is suspected of a recording, and what is odd once corrected."""
+    wrong = list(next(iter(suspect.ways), ()))
+    return [*wrong, *oddities(device, corrected(e, wrong))]
 
 
 def oddities(device: Device, e: Experiment) -> list[Fault]:
@@ -116,12 +122,30 @@ class _Seen:
     """How many times over an output seems driven; off: not as the device file has it.
 
     clear: whether the command shows in it at all; step: of the file over that seen in it, or None.
+    better: by which factor the rms error is smaller at that scale than as it is, or 1.
     """
 
     scale: float
     off: bool
     clear: bool
     step: float | None
+    better: float = 1.0
+
+    @property
+    def counts(self) -> float:
+        """The factor that corrects it: by its steps where it has them, which know no sign."""
+        return 1.0 / self.scale if self.step is None else math.copysign(self.step, self.scale)
+
+    def certain(self, rotary: bool) -> bool:
+        """Whether it is off whatever physics is: by a sign, or by a unit that is far off.
+
+        Under which the device file errs less by `CERTAIN` times, drag, friction and a file that is
+        off by half beside it; or which its steps say as well.
+        """
+        if abs(self.scale) != 1.0 and not far_off(self.scale, rotary):
+            return False
+        said = self.step is not None and unit_of(self.step) is not None
+        return self.better > CERTAIN or (said and 1.0 / OFF < self.counts * self.scale < OFF)
 
     @property
     def vouched(self) -> bool:
@@ -129,21 +153,41 @@ class _Seen:
         return self.step is not None and 1.0 / VOUCHED < self.step < VOUCHED
 
 
-def suspected(device: Device, e: Experiment) -> list[tuple[Fault, ...]]:
-    """Return corrections that may be due, the likeliest first, at most two; [] for a sound one.
+@dataclass(frozen=True)
+class Suspicion:
+    """Corrections that may be due, the likeliest first, at most two; none for a sound recording.
 
-    Any one of them is a whole correction of the recording.
+    Any one of them is a whole correction of the recording. certain: whether one is due whatever
+    physics is. No search of physics need decide that.
     """
+
+    ways: tuple[tuple[Fault, ...], ...] = ()
+    certain: bool = False
+
+
+def suspected(device: Device, e: Experiment) -> list[tuple[Fault, ...]]:
+    """Return the ways of `suspicion`."""
+    return list(suspicion(device, e).ways)
+
+
+def suspicion(device: Device, e: Experiment) -> Suspicion:
+    """Return what is suspected of a recording."""
     seen = [_seen(device, e, o) for o in range(len(e.outputs))]
-    names = [o.name for o in e.outputs]
     off = [s for s in seen if s.off]
     if not off:
-        return []
+        return Suspicion()
+    certain = all(s.certain(device.rotary) for s in off)
+    return Suspicion(tuple(_ways(device, e, seen)), certain)
+
+
+def _ways(device: Device, e: Experiment, seen: Sequence[_Seen]) -> list[tuple[Fault, ...]]:
+    off = [s for s in seen if s.off]
+    names = [o.name for o in e.outputs]
     sound = [s for s in seen if s.clear and not s.off]
     factor = _common([s.scale for s in off], device.rotary)
     command = (misread(e, COMMAND, factor),)
     each = tuple(
-        misread(e, (name,), nearest_unit(s.step or 1.0 / s.scale, device.rotary))
+        misread(e, (name,), nearest_unit(s.counts, device.rotary))
         for name, s in zip(names, seen, strict=True)
         if s.off
     )
@@ -184,7 +228,7 @@ def _seen(device: Device, e: Experiment, o: int) -> _Seen:
             break
         scale *= told.scale
         told = tell()
-    if told is not None and told.told > SURE and scale != 1.0 and 0.0 < told.scale < 1.0:
+    if told is not None and told.told > SURE and abs(scale) != 1.0 and 0.0 < told.scale < 1.0:
         scale *= told.scale  # drag and springs have taken a part of it before
     unclear = scale != 1.0 and told is not None and told.told < SURE
     if unclear or 1.0 / OFF < scale < OFF:  # no command explains it either: no other scale does
@@ -194,7 +238,10 @@ def _seen(device: Device, e: Experiment, o: int) -> _Seen:
     open_by = math.exp(LEFT_OPEN * device.uncertainty.command_scale)
     if 1.0 / open_by <= abs(scale) <= open_by:  # the device file does not claim to know it
         scale = math.copysign(1.0, scale)
-    return _Seen(scale, scale != 1.0, clear, _step_off(device, alone))
+    better = 1.0
+    if scale != 1.0 and (as_is := driven(device, alone)) is not None:
+        better = as_is.better
+    return _Seen(scale, scale != 1.0, clear, _step_off(device, alone), better)
 
 
 def _doubtful(told: Driven) -> bool:
@@ -202,6 +249,7 @@ def _doubtful(told: Driven) -> bool:
         not 1.0 / OFF < told.scale < OFF
         and told.scale != 0.0
         and told.gained > max(SURE, SHARE * told.told)
+        and (told.scale > OFF or told.scale < 0.0 or told.better > FORETOLD)
     )
 
 

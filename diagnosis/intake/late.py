@@ -1,53 +1,57 @@
-"""Tell a command that is written down later than it acts: the motion comes before it.
+"""Tell a command that is written down at another time than it acts.
 
 A logger that stamps a command when it is told of it, and a motion when it was measured, shifts the
-command by some samples. Later by a delay is physics (`loop_delay`); earlier is none, for no
-device moves before it is driven. One step ahead a prediction is linear in its command, so for the
-command n samples earlier, u_(k+n), and any scale a > 0,
+command by some samples. That is asked of a regression (`intake.answering`): the motion answers the
+command n samples earlier, beside any scale of it, drag, friction and a device file that is off by
+half. Where the motion comes before its command (n > 0) the recording is wrong, for no device moves
+before it is driven. Where it comes later than the device file says (n < 0) that may be physics
+(`loop_delay`, `actuator_lag`) and is a fact to be said.
 
-    e_n = e - (a b_n - b),    b_n: what the command alone adds to the prediction,
+What a device file gets wrong draws n by a sample or some, and over a long horizon by more. So it is
+asked under observers that look differently far ahead, and the least of their answers counts; they
+have to agree about the sign. An answer counts where the errors are 1.5 times smaller by it, or
+where it is more than a sample and five sigma of blocks clear of none (`evidence.compared`): a hold
+that is none (`intake.hold`) is half a sample. The scale is free since a device file knows it badly,
+and its sign is not: a feedback tells of what is measured later, but by the other sign, u = -K y.
 
-and a is a regression, beside what resists and holds each mass (drag, dry friction, a spring): of a
-slow sine these lead as well as an earlier command does. The scale is free since a device file knows
-it badly, and its sign is not: a feedback tells of what is measured later, but by the other sign,
-u = -K y. It is asked under
-observers that look differently far ahead, as how many times over a device is driven
-(`intake.driven`); those that look farther are led by feedback on slow motion.
-
-Seen on sealed recordings of the exam: docs/diagnosis.md.
+Seen on sealed recordings of the exam, and sown in recordings of machines: docs/diagnosis.md.
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.intake.driven import FOLLOWING, resisting
+from zwidth.diagnosis.intake.answering import Answering, Left, resisting
+from zwidth.diagnosis.intake.driven import FOLLOWING
 from zwidth.diagnosis.intake.gate import Fault
-from zwidth.diagnosis.noise.predictor import (
-    SEARCHING,
-    SETTLING,
-    followed,
-    innovations,
-    observer_near,
-    prepared,
-)
+from zwidth.diagnosis.noise.predictor import followed, observer_near
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.selection.evidence import compared
 from zwidth.sim.device import Device
 
 Floats = NDArray[np.float64]
-MOST_S, MOST = 0.2, 100  # s and samples that a command may come late
+EARLY = "command_early"
+MOST_S, MOST = 0.2, 100  # s and samples that a command may be shifted by
 LOOKED_AT = 20_000  # ticks
 RATIOS = (1e-4, 1e-2)
 BETTER = 1.5  # rms error over that of the command as it was written down
 SURELY = 100.0  # -2 ln likelihood over it
+SIGMA = 5.0  # the same, by the scatter of blocks
+BLOCKS = 40
 
 
 def late_by(device: Device, e: Experiment) -> int:
     """Return by how many samples the command of a recording comes late, 0 for none that shows."""
+    return max(0, shifted_by(device, e))
+
+
+def shifted_by(device: Device, e: Experiment) -> int:
+    """Return by how many samples a command comes late, below 0 for early, 0 for none that shows."""
     part = e.part(0, min(LOOKED_AT, e.ticks))
     most = min(MOST, round(MOST_S / e.period), part.ticks // 10)
     if np.ptp(part.command) == 0.0 or most < 1:
@@ -61,61 +65,101 @@ def late_by(device: Device, e: Experiment) -> int:
             return 0
     if not np.all(np.isfinite(moved)):
         return 0
-    forces = resisting(moved)
-    if device.rotary:  # a pendulum far from where it hangs
-        turned = [np.sin(moved[:, 0]), np.cos(moved[:, 0])]
-        forces += [np.outer(f, np.eye(moved.shape[1] // 2)[0]) for f in turned]
-    found = [_under(bare, part, forces, most, ratio) for ratio in RATIOS]
-    gained, samples = max(found)
-    return samples if gained > SURELY else 0
+    turned = [np.sin(moved[:, 0]), np.cos(moved[:, 0])] if device.rotary else []
+    hangs = [np.outer(f, np.eye(moved.shape[1] // 2)[0]) for f in turned]  # far from where it hangs
+    told: list[int] = []
+    for ratio in RATIOS:
+        try:
+            asked = Answering(bare, part, ratio, resisting(moved), hangs, most)
+            shift = _under(asked, most) if asked.usable else None
+        except (NoObserver, np.linalg.LinAlgError, ValueError):  # sizes that no number holds
+            continue
+        told += [shift.samples] if shift is not None and shift.sure(most) else []
+    if not told or min(told) * max(told) < 0:
+        return 0
+    return min(told, key=abs)
 
 
-def _under(
-    device: Device, e: Experiment, forces: Sequence[Floats], most: int, ratio: float
-) -> tuple[float, int]:
-    """By how much another time explains more, in -2 ln, and by how many samples it is earlier."""
-    try:
-        gain, ready = observer_near(device, e, ratio), prepared(e.on(device), SEARCHING)
-    except NoObserver:
-        return 0.0, 0
-    kept = slice(SETTLING, e.ticks - most)
-    still = replace(e, command=np.zeros(e.ticks))
-    silent = replace(e, measured=np.zeros(e.measured.shape), start=None, base=None)
-    unmoved = replace(silent, command=still.command)
-    with np.errstate(all="ignore"):  # not finite after an overflow
-        own = innovations(device, still, gain, ready=ready)[kept]
-        size = np.sqrt(np.mean(own**2, axis=0))
-        whole = innovations(device, silent, gain, ready=ready) / size
-        held = [innovations(device, unmoved, gain, f, ready)[kept] / size for f in forces]
-        columns = np.stack([h.ravel() for h in held], axis=1)
-        if not (np.all(np.isfinite(whole)) and np.all(np.isfinite(columns)) and np.all(size > 0.0)):
-            return 0.0, 0
-        beside = np.linalg.qr(columns)[0]
-        left_over = _off(beside, (own / size).ravel())
-        left: list[float] = []
-        for n in range(most + 1):
-            # The device is linear and does not know when: its answer comes as much earlier.
-            b = _off(beside, whole[SETTLING + n : e.ticks - most + n].ravel())
-            a = -float(b @ left_over) / max(float(b @ b), 1e-300)
-            left.append(float(np.mean((left_over + max(a, 0.0) * b) ** 2)))
-    best = int(np.argmin(left))
-    if not (math.isfinite(left[best]) and left[0] > BETTER**2 * left[best]):
-        return 0.0, 0
-    return own.size * math.log(left[0] / left[best]), best
+@dataclass(frozen=True)
+class Shift:
+    """By how many samples a command comes late, and what says so.
+
+    gained: -2 ln likelihood by it; better: as a factor of the rms error; sigma: by blocks.
+    """
+
+    samples: int
+    gained: float
+    better: float
+    sigma: float
+
+    def sure(self, most: int) -> bool:
+        """Whether it counts. At the end of what was asked nothing is told: it may lie beyond."""
+        clear = self.better > BETTER or (abs(self.samples) > 1 and self.sigma > SIGMA)
+        return 0 < abs(self.samples) < most and self.gained > SURELY and clear
 
 
-def _off(directions: Floats, values: Floats) -> Floats:
-    return values - directions @ (directions.T @ values)
+def _under(asked: Answering, most: int) -> Shift | None:
+    """What one observer says; None where no command is better than any."""
+
+    @cache
+    def left(earlier: int) -> Left:
+        return asked.left(None, earlier, lowest=0.0)
+
+    squares = _screened(asked, most)
+    late, early = squares[most + 1 :], squares[:most]
+    begins = (int(np.argmin(late)) + 1, int(np.argmin(early)) - most)
+    best = min((_downhill(left, n, most) for n in begins), key=lambda n: left(n).square)
+    as_is, other = left(0), left(best)
+    if not other.square > 0.0 or not math.isfinite(as_is.square) or not other.scale > 0.0:
+        return None
+    blocks = np.array_split(np.arange(asked.samples), BLOCKS)
+    gains = np.array([np.sum(as_is.errors[b] ** 2 - other.errors[b] ** 2) for b in blocks])
+    apart = np.array([np.sum((as_is.errors[b] - other.errors[b]) ** 2) for b in blocks])
+    sigma = compared(gains / other.square, apart / other.square).sigma
+    ratio = as_is.square / other.square
+    return Shift(best, asked.samples * math.log(ratio), math.sqrt(ratio), sigma)
+
+
+def _downhill(left: Callable[[int], Left], begin: int, most: int) -> int:
+    """The shift from which neither neighbour leaves less."""
+    here = begin
+    while True:
+        near = [n for n in (here - 1, here + 1) if -most <= n <= most]
+        best = min(near, key=lambda n: left(n).square)
+        if left(best).square >= left(here).square:
+            return here
+        here = best
+
+
+def _screened(asked: Answering, most: int) -> Floats:
+    """Mean squares left (2 most + 1,) by each shift, of a device that is not off."""
+    beside = np.linalg.qr(asked.forces)[0]
+    own = asked.own_alone()
+    own = own - beside @ (beside.T @ own)
+    found: list[float] = []
+    for n in range(-most, most + 1):
+        b = asked.command_alone(n)
+        b = b - beside @ (beside.T @ b)
+        a = -float(b @ own) / max(float(b @ b), 1e-300)
+        found.append(float(np.mean((own + max(a, 0.0) * b) ** 2)))
+    return np.nan_to_num(np.array(found), nan=np.inf)
 
 
 def in_time(device: Device, e: Experiment) -> tuple[Experiment, list[Fault]]:
-    """Return a recording with its command when it acts, and what was wrong about it."""
-    n = late_by(device, e)
+    """Return a recording with its command when it acts, and what was odd or wrong about it."""
+    n = shifted_by(device, e)
     if n == 0:
         return e, []
-    late = f"{n} sample{'s' if n > 1 else ''} ({1e3 * n * e.period:.3g} ms)"
+    by = f"{abs(n)} sample{'s' if abs(n) > 1 else ''} ({1e3 * abs(n) * e.period:.3g} ms)"
+    if n < 0:
+        sentence = (
+            f"the motion of {e.name} follows its command {by} later than the device file says: a"
+            " delay or a lag of the drive, or the command is written down so much earlier than it"
+            " acts"
+        )
+        return e, [Fault(EARLY, sentence, False, float(-n), e.name)]
     sentence = (
-        f"the motion of {e.name} comes before its command: the command is written down {late} later"
+        f"the motion of {e.name} comes before its command: the command is written down {by} later"
         " than it acts, and is taken as so much earlier; put"
         f" shift_s = {-n * e.period:.6g} into [input] and resample"
     )

@@ -15,7 +15,15 @@ from typing import TypeVar
 from zwidth.diagnosis.answer.result import NotDiagnosed, Unanswered
 from zwidth.diagnosis.intake.counted import as_counted
 from zwidth.diagnosis.intake.derived import measured_alone
-from zwidth.diagnosis.intake.gate import COMMAND, Fault, corrected, examine, suspected
+from zwidth.diagnosis.intake.gate import (
+    COMMAND,
+    Fault,
+    Suspicion,
+    corrected,
+    looked_through,
+    suspected,
+    suspicion,
+)
 from zwidth.diagnosis.intake.hold import smooth, was_smooth
 from zwidth.diagnosis.intake.late import in_time
 from zwidth.diagnosis.intake.rectified import as_known, unfolded
@@ -102,9 +110,10 @@ def readings(
         with isolated("gate", f"whether the command of {e.name} comes late"):
             one, late = in_time(device, one) if not lost else (one, [])
             found += late
-        faults = examine(device, [one])
-        ways = suspected(device, one) if any(f.wrong for f in faults) and not lost else []
-        return _Looked(one, factor, tuple(found + [f for f in faults if not f.wrong]), tuple(ways))
+        suspect = suspicion(device, one)
+        odd = [f for f in looked_through(device, one, suspect) if not f.wrong]
+        suspect = suspect if not lost else Suspicion()
+        return _Looked(one, factor, tuple(found + odd), suspect.ways, suspect.certain)
 
     measured = [*experiments, *(validate or ())]
     with isolated("gate", "velocities that were worked out from positions"):
@@ -115,7 +124,10 @@ def readings(
     passed = _each(experiments, looked_at)
     others = _each(judging, looked_at) if judging else []
     looked = [one for _, one in passed]
-    ways: list[list[tuple[Fault, ...]]] = [[() for _ in looked]]
+    certain = any(one.ways for one in looked) and all(one.certain for one in looked if one.ways)
+    if certain:  # there is one way to read them, and what it may be as well is said with it
+        looked = [one.decided() for one in looked]
+    ways: list[list[tuple[Fault, ...]]] = [] if certain else [[() for _ in looked]]
     for turn in range(max(len(one.ways) for one in looked)):
         ways.append([one.ways[min(turn, len(one.ways) - 1)] if one.ways else () for one in looked])
     whole = validate is None
@@ -130,12 +142,23 @@ def readings(
 
 @dataclass(frozen=True)
 class _Looked:
-    """A recording folded out, by which factor that is better, what is odd, what is suspected."""
+    """A recording folded out, by which factor that is better, what is odd, what is suspected.
+
+    certain: whether that is due whatever physics is.
+    """
 
     experiment: Experiment
     factor: float
     odd: tuple[Fault, ...]
     ways: tuple[tuple[Fault, ...], ...]
+    certain: bool = False
+
+    def decided(self) -> "_Looked":
+        """Return it with the likeliest way alone, which says what other channel it may be."""
+        if not self.ways:
+            return self
+        others = [f for way in self.ways[1:] for f in way]
+        return replace(self, ways=(tuple(_doubted(f, others) for f in self.ways[0]),))
 
 
 def _taken(
@@ -237,24 +260,20 @@ def likeliest(
 
 def _with_doubt(kept: Taken, as_good: Sequence[Taken]) -> Taken:
     """Say of each fault what other channel it may be as well."""
-
-    def said(fault: Fault) -> Fault:
-        other = [
-            f
-            for taken in as_good
-            for _, f in taken.misread
-            if f.recording == fault.recording and f.channels != fault.channels
-        ]
-        if not other:
-            return fault
-        names = " and ".join(dict.fromkeys(name for f in other for name in f.channels))
-        more = f"; as well it may be {names} that is wrong, by {other[0].value:.3g}: nothing tells"
-        return replace(fault, sentence=fault.sentence + more)
-
-    misread = tuple((place, said(fault)) for place, fault in kept.misread)
+    others = [f for taken in as_good for _, f in taken.misread]
+    misread = tuple((place, _doubted(fault, others)) for place, fault in kept.misread)
     known = {id(old): new for (_, old), (_, new) in zip(kept.misread, misread, strict=True)}
     faults = tuple(known.get(id(fault), fault) for fault in kept.faults)
     return replace(kept, misread=misread, faults=faults)
+
+
+def _doubted(fault: Fault, others: Sequence[Fault]) -> Fault:
+    other = [f for f in others if f.recording == fault.recording and f.channels != fault.channels]
+    if not other:
+        return fault
+    names = " and ".join(dict.fromkeys(name for f in other for name in f.channels))
+    more = f"; as well it may be {names} that is wrong, by {other[0].value:.3g}: nothing tells"
+    return replace(fault, sentence=fault.sentence + more)
 
 
 def judged_anew(taken: Taken, found: Device) -> Taken:

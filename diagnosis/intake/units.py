@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 NEAR = 1.5  # factor within which what a rough device file tells is taken for a unit
 NAMED = 1.03
+FAR = 20.0  # factor by which saturation, stiction or another machine's masses do not stand for one
 # Of what a channel is multiplied by to be in the SI.
 UNITS = {
     math.pi / 180.0: "degrees",
@@ -54,6 +55,14 @@ def nearest_unit(factor: float, rotary: bool) -> float:
     near = min(every, key=lambda u: abs(math.log(abs(factor) / u)))
     close = abs(math.log(abs(factor) / near)) < math.log(NEAR)
     return math.copysign(near if close else abs(factor), factor)
+
+
+def far_off(factor: float, rotary: bool) -> bool:
+    """Whether a factor is near a common unit, and farther off than anything but units is."""
+    size = abs(nearest_unit(factor, rotary))
+    common = TURNING if rotary else ALONG
+    near = any(math.isclose(size, u) or math.isclose(size, 1.0 / u) for u in common)
+    return near and abs(math.log(size)) > math.log(FAR)
 
 
 def sentence(recording: str, channels: Sequence[str], factor: float) -> str:

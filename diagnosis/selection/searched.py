@@ -78,11 +78,12 @@ def searched(
     if not near.interrupted and _strays(first) and two_at_once(near):
         first = as_found(device, near)
         sound = attempt("search", "how far ahead it holds", partial(holds, device, first))
-    if near.interrupted or sound is None:
+    if near.interrupted:
         return first
-    first = replace(first, held=sound.sound)
-    if sound.sound and sound.runs >= TELLING:
-        return first
+    if sound is not None and sound.sound:
+        first = replace(first, held=True)
+        if sound.runs >= TELLING:
+            return first
     return farther(device, first, say)
 
 

@@ -488,6 +488,18 @@ def _say(console: Console, found: Diagnosis) -> None:
         console.table(
             "\nWhole runs without a correction: rms error, and over the motion", columns, rows
         )
+    rows = [
+        [f"{run.recording}, up to {number(run.band)} Hz"]
+        + [f"{error(run.errors[w], run.unit)} ({percent(run.shares[w])})" for w in WHEN]
+        + ["held out" if run.held_out else "fitted"]
+        for run in found.force_errors
+    ]
+    if rows:
+        heads = ("", "device file", "refitted", "with what was found", "")
+        columns = [Column(head, place in (1, 2, 3)) for place, head in enumerate(heads)]
+        console.table(
+            "\nForce that the recorded motion needs less that commanded, and over it", columns, rows
+        )
 
 
 def _plain(value: Any) -> Any:

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.signal import welch
 
+from zwidth.diagnosis.answer.inverse import ForceError
 from zwidth.diagnosis.answer.result import Residuals
 from zwidth.diagnosis.answer.whole_run import WholeRun
 from zwidth.diagnosis.forces.locate import Located
@@ -117,6 +118,50 @@ def whole_run_figure(run: WholeRun, named: bool = True) -> Figure:
             f"{run.recording}, simulated freely from its first state; {held}", fontsize=9
         )
         handles, labels = motion.get_legend_handles_labels()
+        figure.legend(
+            handles, labels, loc="outside lower center", ncols=2, fontsize=8, frameon=False
+        )
+    return figure
+
+
+def force_error_figure(forces: ForceError, named: bool = True) -> Figure:
+    """Return the force commanded beside those that the recorded motion needs, differences below.
+
+    named: whether anything was found; else before is the device file, and after the refit. Models
+    that need far more than was commanded are cut where they leave the picture.
+    """
+    t = forces.begins + forces.period * np.arange(forces.commanded.size, dtype=np.float64)
+    reach = ROOM * float(np.abs(forces.commanded).max())
+    factor, unit = scaled(reach, forces.unit)
+    shown = max(1, t.size // MOST_POINTS)
+    with rc_context(STYLE):
+        figure = Figure(figsize=(7.2, 4.6), layout="constrained")
+        force, lacks = figure.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": (3, 2)})
+        commanded = factor * forces.commanded[::shown]
+        force.plot(t[::shown], commanded, color="0.15", linewidth=1.8, label="commanded")
+        for name, (label, colour, dashes) in (WITH_NAMES if named else WITHOUT).items():
+            lacking = factor * forces.lacking[name][::shown]
+            size = forces.errors[name]
+            rms = "runs away" if math.isinf(size) else f"lacks {with_unit(size, forces.unit, 3)}"
+            said = f"{label}: {rms} ({percent(forces.shares[name])})"
+            style: dict[str, Any] = {"color": colour, "linewidth": 1.1, "linestyle": dashes}
+            force.plot(t[::shown], commanded + lacking, label=said, **style)
+            lacks.plot(t[::shown], lacking, **style)
+        lacks.axhline(0.0, color="0.6", linewidth=0.8)
+        force.set_ylim(-factor * reach, factor * reach)
+        most = 4.0 * min(min(forces.errors.values()), 0.25 * reach)
+        if 0.0 < most < math.inf:
+            lacks.set_ylim(-factor * most, factor * most)
+        force.set_ylabel(f"force at m1 [{unit}]")
+        lacks.set_ylabel(f"lacking [{unit}]")
+        lacks.set_xlabel("time [s]")
+        lacks.margins(x=0.01)
+        held = "nothing was fitted to it" if forces.held_out else "it was fitted"
+        figure.suptitle(
+            f"{forces.recording}, the force that its motion needs; {held}; below"
+            f" {forces.band:.3g} Hz", fontsize=9,
+        )  # fmt: skip
+        handles, labels = force.get_legend_handles_labels()
         figure.legend(
             handles, labels, loc="outside lower center", ncols=2, fontsize=8, frameon=False
         )

@@ -78,6 +78,17 @@ def _motion(found: Diagnosis) -> "Figure":
     return whole_run_figure(found.whole_runs[0], bool(found.findings))
 
 
+def _inverse(found: Diagnosis) -> "Figure":
+    from zwidth.figures.diagnosis import force_error_figure
+
+    if not found.force_errors:
+        raise ValueError(
+            "no force error was found: it needs a command that is a force and the motion of every"
+            " mass; draw 'motion' instead"
+        )
+    return force_error_figure(found.force_errors[0], bool(found.findings))
+
+
 def _force(found: Diagnosis) -> "Figure":
     from zwidth.figures.diagnosis import force_map_figure
 
@@ -92,4 +103,4 @@ def _residual(found: Diagnosis) -> "Figure":
     return residual_figure(found.residuals)
 
 
-PICTURES = {"motion": _motion, "missing force": _force, "residual": _residual}
+PICTURES = {"motion": _motion, "missing force": _force, "residual": _residual, "force": _inverse}

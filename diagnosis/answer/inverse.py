@@ -1,0 +1,257 @@
+"""The inverse model: the force that a recorded motion needs, beside the force that was commanded.
+
+Where the motion of every mass was recorded, nothing need be simulated to ask what a model lacks.
+Positions are freed of noise by a zero-phase low-pass (Butterworth, forwards and backwards), and
+velocities are the derivatives of a quintic spline through them. At each sample every mass is put
+where it was, as fast as it was; internal states (bristles, a lag, a further mode) go on.
+The device then moves for one tick T under the command, and with v what it has then and v^ what was
+recorded, to first order in what is missing,
+
+    f = G^-1 (v^ - v),    G = d v(T) / d (forces held over T),
+
+is the mean force over the tick that it lacks. That on m1 beside the command that acts is the force
+that the motion needs. Both are compared below half of the low-pass, where that passes all:
+
+    error = rms(f_1) / rms(command).
+
+This is the figure of the field: the inverse model of Gautier (Dynamic identification of robots with
+power model, ICRA 1997), with the kernel in the place of a regressor, so that any effect has its
+part. A mass that sticks holds any force within its friction, and lacks none.
+
+The band ends where the noise of readings sigma would be a force of `NOISE` of the command,
+
+    2 sigma^2 / f_s  sum over f < band of (m1^2 (2 pi f)^4 + k^2)  =  (NOISE rms(command))^2,
+
+with (2 pi f)^2 for a velocity, and at a fifth of the sampling frequency at the latest.
+
+Limits: a force at the drive alone; what other masses lack stands in their own f. A sensor is taken
+at its word. Of a velocity the position is counted from zero.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+from scipy.signal import butter, sosfiltfilt
+
+from zwidth.diagnosis.intake.gate import encoder_step_seen
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.predictor import observer_memory, prepared
+from zwidth.diagnosis.recording.experiment import Experiment, Output
+from zwidth.diagnosis.selection.searched import Searched
+from zwidth.sim.device import Device
+from zwidth.sim.plant import hold_matrices
+from zwidth.sim.predict import GROUND, Outputs, alone
+
+Floats = NDArray[np.float64]
+NOISE = 0.01  # of the command, that the noise of readings may make of a force
+WIDEST = 0.2  # of the sampling frequency
+ORDER = 4  # of the low-pass, each way
+EDGES = 2.0  # periods of the band that a low-pass knows too little of at either end
+SPLINE = 5  # degree: its derivative errs by the fifth power of the period
+FEWEST = 20  # periods of the band in a recording, of which a figure is given
+
+
+@dataclass(frozen=True)
+class ForceError:
+    """What a recorded motion needs for a force at m1, and what was commanded.
+
+    band [Hz]: up to which they are compared. commanded (ticks,), from begins [s] on, every period
+    [s]; lacking (ticks,) of "before", the device file, "refit", and "after", with what was found:
+    needed less commanded. held_out: whether nothing was fitted to it.
+    """
+
+    recording: str
+    unit: str
+    band: float
+    begins: float
+    period: float
+    commanded: Floats
+    lacking: Mapping[str, Floats]
+    held_out: bool
+
+    @property
+    def size(self) -> float:
+        """Rms of the force commanded."""
+        return float(np.sqrt(np.mean(self.commanded**2)))
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """Rms of what lacks, infinite after an overflow."""
+        with np.errstate(all="ignore"):
+            rms = {name: float(np.sqrt(np.mean(f**2))) for name, f in self.lacking.items()}
+        return {name: r if math.isfinite(r) else math.inf for name, r in rms.items()}
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """Rms of what lacks over that of the force commanded."""
+        return {name: e / self.size if self.size else math.nan for name, e in self.errors.items()}
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        return {
+            "recording": self.recording, "unit": self.unit, "band_hz": self.band,
+            "rms": self.errors, "commanded_rms": self.size, "share": self.shares,
+            "held_out": self.held_out,
+        }  # fmt: skip
+
+
+def force_errors(
+    device: Device, found: Searched, fitted: Sequence[Experiment], judge_by: Sequence[Experiment]
+) -> tuple[ForceError, ...]:
+    """Return the force errors of recordings that judge and of those that were fitted.
+
+    Those of which the motion of a mass was not recorded, or no force was commanded, have none. The
+    rest of a recording is filtered with its first part, and judged alone.
+    """
+    nominal = Model(device)
+    models = {
+        "before": (nominal, np.zeros(len(nominal.parameters))),
+        "refit": (found.refit.model, found.refit.x),
+        "after": (found.final.model, found.final.x),
+    }
+    split = [e.before for e in judge_by if e.before is not None]
+    firsts = {(e.name, e.begins, e.ticks) for e in split}
+    whole = [e for e in fitted if (e.name, e.begins, e.ticks) not in firsts]
+    each = [(e, True) for e in judge_by] + [(e, False) for e in whole]
+    known = [(e, held, band) for e, held in each if (band := band_of(device, e)) is not None]
+    return tuple(_of(models, device, e, held, band) for e, held, band in known)
+
+
+def _of(
+    models: Mapping[str, tuple[Model, Floats]], device: Device, e: Experiment, held: bool,
+    band: float,
+) -> ForceError:  # fmt: skip
+    joined = _joined(e)
+    edge = math.ceil(EDGES / (band * e.period))
+    kept = slice(max(joined.ticks - e.ticks, edge), joined.ticks - edge)
+    commanded = device.interface.command_gain * joined.command
+    lacking = {name: lacks(m, x, joined, band)[kept, 0] for name, (m, x) in models.items()}
+    begins = joined.begins + kept.start * e.period
+    return ForceError(
+        e.name, "N m" if device.rotary else "N", band, begins, e.period,
+        low_passed(commanded, band, e.period)[kept], lacking, held,
+    )  # fmt: skip
+
+
+def lacks(model: Model, x: Floats, e: Experiment, band: float) -> Floats:
+    """Return the force (ticks, n) on each mass that a model lacks for a recorded motion, in a band.
+
+    Infinite after an overflow. The last tick has none, since where it leads was not recorded.
+    """
+    device = model.acting(x)
+    seen = model.seen(e, x)
+    n, period = device.chain.masses.size, e.period
+    sensors = [p.effect.name for p in device.physics if p.effect.hook == "sensor"]
+    bare = device.without_physics(*sensors) if sensors else device
+    ready = eq, fine = prepared(seen.on(bare))
+    position, velocity = motion(seen, n, 2.0 * band)
+    places = np.concatenate([np.arange(n), eq.dof + np.arange(n)])
+    outputs = Outputs(places, np.zeros(2 * n, dtype=np.bool_), np.full(2 * n, GROUND))
+    put = np.zeros((eq.states, 2 * n))
+    put[places, np.arange(2 * n)] = 1.0
+    first = replace(seen, outputs=tuple(Output("position", i) for i in range(n)), start=None)
+    memory = observer_memory(ready.coarse, replace(first, measured=position))
+    with np.errstate(all="ignore"):  # infinite after an overflow
+        errors = alone(
+            eq, fine, outputs, seen.command, np.hstack([position, velocity]), put,
+            np.zeros((0, eq.dof)), memory,
+        )  # fmt: skip
+        plant = seen.on(bare).plant()
+        push = np.zeros((plant.size, n))
+        push[plant.dof : plant.dof + n] = np.linalg.inv(plant.matrices.mass)[:n, :n]
+        held = hold_matrices(plant.a, push, period)[1][plant.dof : plant.dof + n]
+        force = np.zeros((e.ticks, n))
+        force[:-1] = np.linalg.solve(held, errors[1:, n:].T).T
+        if not np.all(np.isfinite(force)):
+            return np.full(force.shape, np.inf)
+        return low_passed(force, band, period)
+
+
+def motion(e: Experiment, masses: int, to_hz: float) -> tuple[Floats, Floats]:
+    """Return positions and velocities (ticks, masses) of what was recorded, below a frequency."""
+    t = e.period * np.arange(e.ticks)
+    position, velocity = np.zeros((e.ticks, masses)), np.zeros((e.ticks, masses))
+    for mass in range(masses):
+        output = _of_mass(e, mass)
+        assert output is not None
+        smooth = low_passed(e.measured[:, e.outputs.index(output)], to_hz, e.period)
+        spline = make_interp_spline(t, smooth, k=SPLINE)
+        if output.quantity == "position":
+            position[:, mass], velocity[:, mass] = smooth, spline.derivative()(t)
+        else:
+            position[:, mass], velocity[:, mass] = spline.antiderivative()(t), smooth
+    return position, velocity
+
+
+def low_passed(values: Floats, to_hz: float, period: float) -> Floats:
+    """Return what is below a frequency, without a shift in time."""
+    return sosfiltfilt(butter(ORDER, to_hz, fs=1.0 / period, output="sos"), values, axis=0)
+
+
+def band_of(device: Device, e: Experiment) -> float | None:
+    """Return up to which frequency [Hz] a recording tells the force at m1, None where it does not.
+
+    Not where the motion of a mass is missing or its sign is, no force is commanded (free motion, a
+    goal, a motion that is prescribed), or noise hides the force.
+    """
+    outputs = [_of_mass(e, mass) for mass in range(device.chain.masses.size)]
+    drives = any(p.effect.of_drive for p in device.physics)
+    unknown = e.folded or e.pushed is not None or drives
+    if unknown or np.ptp(e.command) == 0.0 or any(o is None for o in outputs):
+        return None
+    joined, chain = _joined(e), device.chain
+    size = float(np.sqrt(np.mean((device.interface.command_gain * joined.command) ** 2)))
+    frequency = np.linspace(0.0, WIDEST / e.period, joined.ticks)[1:]
+    turned = 2.0 * np.pi * frequency
+    power = np.zeros(frequency.size)
+    stiff = chain.link_springs[0] if chain.link_springs.size else 0.0
+    for mass, output in enumerate(outputs[:2]):
+        assert output is not None
+        sigma = _noise(joined.measured[:, joined.outputs.index(output)])
+        at_once = turned**2 if output.quantity == "position" else turned
+        acts = chain.masses[0] * at_once if mass == 0 else 0.0
+        held = stiff + (chain.ground_spring if mass == 0 else 0.0)
+        held = held if output.quantity == "position" else held / turned
+        power += 2.0 * sigma**2 * e.period * (acts**2 + held**2)
+    noise = np.sqrt(np.cumsum(power) * frequency[0])
+    told = int(np.searchsorted(noise, NOISE * size))
+    if told == 0 or frequency[told - 1] * joined.ticks * e.period < FEWEST:
+        return None
+    return float(frequency[told - 1])
+
+
+def _noise(y: Floats) -> float:
+    """Rms of what is white in a reading: fourth differences of it have 70 times its variance.
+
+    Of an encoder that moves slowly at least a step over the root of twelve.
+    """
+    rough = float(np.sqrt(np.mean(np.diff(y, 4) ** 2) / 70.0))
+    return max(rough, (encoder_step_seen(y) or 0.0) / math.sqrt(12.0))
+
+
+def _of_mass(e: Experiment, mass: int) -> Output | None:
+    """The output that tells how a mass moves, its position rather than its velocity."""
+    every = (Output("position", mass), Output("velocity", mass))
+    return next((o for o in every if o in e.outputs), None)
+
+
+def _joined(e: Experiment) -> Experiment:
+    """A recording with what was recorded before it."""
+    if e.before is None:
+        return e
+    first = e.before
+
+    def both(a: NDArray[Any] | None, b: NDArray[Any] | None) -> Any:
+        return None if a is None or b is None else np.concatenate([a, b])
+
+    return replace(
+        e, command=both(first.command, e.command), measured=both(first.measured, e.measured),
+        sensor_error=both(first.sensor_error, e.sensor_error),
+        dropped=both(first.dropped, e.dropped), begins=first.begins, before=first.before,
+        start=first.start,
+    )  # fmt: skip

@@ -1,0 +1,198 @@
+"""How the motion of a device that is known roughly answers its command, as a regression.
+
+One step ahead the prediction of a linear device is linear in its command. With a scale s of the
+command, n samples by which it acts earlier than it is written down, and d the shares by which
+masses, springs and dampers are off,
+
+    e(s, n, d) = y + s u_n + sum_i d_i (y_i' + s u_in'),
+
+y the innovations of what was measured without any command, u_n those of the command alone, as much
+earlier (the device does not know when it is), y' and u' their slopes. Beside that stands what
+commonly acts and no device file knows, with the sign that it has in nature: on each mass viscous,
+dry and quadratic drag that resist, a spring that holds, a constant force. What drives a device is
+told by what is left of e: with an s or an n, and without.
+
+The product s d makes it a regression in turns: s without d first, then with d at the s before. At
+s = 0 a device that is off has no command to answer to either, which a regression about s = 1 does
+not know: there a wrong mass makes up for a command that is a thousand times too large. Of a rigid
+body s and 1 - d are one factor, so d has a narrow prior, which leaves to s what either explains.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from zwidth.diagnosis.noise.predictor import (
+    SEARCHING,
+    SETTLING,
+    innovations,
+    observer_near,
+    prepared,
+)
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.sim.device import Device
+
+Floats = NDArray[np.float64]
+LINEAR = ("masses", "link_springs", "ground_dampers", "link_dampers")
+STEP = 0.2  # share of a linear parameter by which its slope is told
+LEAST, MORE = -0.5, 1.0  # share by which a linear parameter may be off
+WIDTH = 0.02  # of it: its deviation, narrow, so that what either explains goes to the scale
+TURNS = 0.1  # of the rms velocity, over which dry friction changes its sign
+ROUNDS = 3  # of the scale beside the shares
+TINY = 1e-10
+
+
+def resisting(moved: Floats) -> list[Floats]:
+    """Forces (ticks, n) that resist or hold, of unit size, by how the masses move (ticks, 2n)."""
+    n = moved.shape[1] // 2
+    found: list[Floats] = []
+    for mass in range(n):
+        x, v = moved[:, mass] - moved[:, mass].mean(), moved[:, n + mass]
+        size = float(np.sqrt(np.mean(v**2)))
+        if not size > 0.0:
+            continue
+        kinds = [-v, -np.tanh(v / (TURNS * size)), -v * np.abs(v)]
+        kinds += [-x] if mass == 0 else []
+        for kind in kinds:
+            force = np.zeros((x.size, n))
+            force[:, mass] = kind / max(float(np.sqrt(np.mean(kind**2))), 1e-300)
+            found.append(force)
+    return found
+
+
+@dataclass(frozen=True)
+class Left:
+    """What is left of the innovations: its mean square, itself (samples,), and the scale s."""
+
+    square: float
+    errors: Floats
+    scale: float
+
+
+class Answering:
+    """A recording under one observer.
+
+    resists: forces (ticks, n) that act with their sign; free: those of either. margin: samples by
+    which a command may act earlier or later. Raises NoObserver where none follows. What is asked of
+    one that is not `usable`, since its numbers are not finite, is without meaning.
+    """
+
+    def __init__(
+        self, device: Device, e: Experiment, ratio: float, resists: Sequence[Floats],
+        free: Sequence[Floats] = (), margin: int = 0,
+    ) -> None:  # fmt: skip
+        gain, ready = observer_near(device, e, ratio), prepared(e.on(device), SEARCHING)
+        quiet = replace(e, command=np.zeros(e.ticks))
+        silent = replace(e, measured=np.zeros(e.measured.shape), start=None, base=None)
+        unmoved = replace(silent, command=quiet.command)
+        constant = np.zeros((e.ticks, device.chain.masses.size))
+        constant[:, 0] = 1.0
+        with np.errstate(all="ignore"):  # not finite after an overflow
+            own = innovations(device, quiet, gain, ready=ready)
+            command = innovations(device, silent, gain, ready=ready)
+            forces = [
+                innovations(device, unmoved, gain, f, ready) for f in (constant, *free, *resists)
+            ]
+            slopes = [
+                ((innovations(other, quiet, gain) - own) / STEP,
+                 (innovations(other, silent, gain) - command) / STEP)
+                for other in _off(device)
+            ]  # fmt: skip
+            skip = min(SETTLING, e.ticks // 5)
+            self.kept = slice(skip + margin, e.ticks - margin)
+            self.size = np.sqrt(np.mean(own[self.kept] ** 2, axis=0))
+            every = [own, command, *forces, *(s for pair in slopes for s in pair)]
+            self.usable = bool(
+                all(np.all(np.isfinite(one)) for one in every) and np.all(self.size > 0.0)
+            )
+        self.own, self.command = own, command
+        self.forces = np.stack([self._flat(f) for f in forces], axis=1)
+        self.slopes = slopes
+        count = len(slopes)
+        self.least = np.concatenate(
+            [np.full(1 + len(free), -np.inf), np.zeros(len(resists)), np.full(count, LEAST)]
+        )
+        self.most = np.concatenate([np.full(self.forces.shape[1], np.inf), np.full(count, MORE)])
+
+    @property
+    def samples(self) -> int:
+        """How many numbers the innovations have."""
+        return self.forces.shape[0]
+
+    def own_alone(self) -> Floats:
+        """Return y (samples,)."""
+        return self._flat(self.own)
+
+    def command_alone(self, earlier: int) -> Floats:
+        """Return u_n (samples,)."""
+        return self._flat(self.command, earlier)
+
+    def left(self, scale: float | None, earlier: int = 0, lowest: float = -np.inf) -> Left:
+        """Return what is left with the command so many times and samples earlier.
+
+        scale: None for the one that leaves least, from `lowest` on.
+        """
+        own, drives = self._flat(self.own), self._flat(self.command, earlier)
+        if scale is not None:
+            columns = self._columns(scale, earlier)
+            _, errors = self._solved(columns, own + scale * drives, self.least, self.most)
+            return Left(float(np.mean(errors**2)), errors, scale)
+        least, most = np.concatenate([[lowest], self.least]), np.concatenate([[np.inf], self.most])
+        plain = np.column_stack([drives, self.forces])
+        known = plain.shape[1]
+        z, errors = _bounded(plain, own, least[:known], most[:known], np.zeros(known))
+        for _ in range(ROUNDS if self.slopes else 0):
+            columns = np.column_stack([drives, self._columns(float(z[0]), earlier)])
+            z, errors = self._solved(columns, own, least, most)
+        return Left(float(np.mean(errors**2)), errors, float(z[0]))
+
+    def _solved(
+        self, columns: Floats, own: Floats, least: Floats, most: Floats
+    ) -> tuple[Floats, Floats]:
+        """As `_bounded`, the shares beside their prior: in units of what is left."""
+        count = len(self.slopes)
+        known = columns.shape[1] - count
+        first = _bounded(columns, own, least, most, np.zeros(known + count))
+        left = float(np.mean(first[1] ** 2))
+        prior = np.concatenate([np.zeros(known), np.full(count, left / own.size / WIDTH**2)])
+        return _bounded(columns, own, least, most, prior)
+
+    def _columns(self, scale: float, earlier: int) -> Floats:
+        """Forces beside, and what masses, springs and dampers do that are off."""
+        off = [self._flat(y) + scale * self._flat(u, earlier) for y, u in self.slopes]
+        return np.column_stack([self.forces, *off])
+
+    def _flat(self, values: Floats, earlier: int = 0) -> Floats:
+        kept = slice(self.kept.start + earlier, self.kept.stop + earlier)
+        with np.errstate(all="ignore"):
+            return (values[kept] / self.size).ravel()
+
+
+def _off(device: Device) -> list[Device]:
+    """The device with each linear parameter a fifth more."""
+    found: list[Device] = []
+    for name in LINEAR:
+        for i in np.flatnonzero(getattr(device.chain, name)):
+            values = getattr(device.chain, name).copy()
+            values[i] *= 1.0 + STEP
+            found.append(device.with_chain(device.chain._replace(**{name: values})))
+    return found
+
+
+def _bounded(
+    columns: Floats, own: Floats, least: Floats, most: Floats, prior: Floats
+) -> tuple[Floats, Floats]:
+    """Return z within bounds that leaves least of own + columns z, and what it leaves.
+
+    In the mean square, prior times z squared beside it.
+    """
+    size = np.sqrt(np.maximum(np.mean(columns**2, axis=0), 1e-300))
+    unit = columns / size
+    square = unit.T @ unit / own.size + np.diag(TINY + prior / size**2)
+    lower = np.linalg.cholesky(square)
+    right = np.linalg.solve(lower, -(unit.T @ own) / own.size)
+    z = lsq_linear(lower.T, right, (least * size, most * size)).x / size
+    return z, own + columns @ z

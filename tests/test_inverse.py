@@ -1,0 +1,107 @@
+"""The inverse model: the force that a recorded motion needs, against closed forms."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from zwidth.controllers.recorded import recorded
+from zwidth.diagnosis.answer.inverse import band_of, lacks, motion
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.recording.experiment import Experiment, Output
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.interface import Interface
+from zwidth.sim.physics import make_physics
+from zwidth.sim.run import simulate
+
+PERIOD, SECONDS, BAND = 0.001, 4.0, 40.0
+EDGE = 100  # ticks
+TWO = Device(
+    "carts", "", False, make_chain([0.8, 0.4], [3.0, 2.0], 0.0, [500.0], [0.5]),
+    Interface(period=PERIOD, delay=0.0),
+)  # fmt: skip
+ONE = Device("cart", "", False, make_chain([0.8], [3.0], 0.0, [], []), TWO.interface)
+
+
+def ran(device: Device, quantity: str = "position") -> Experiment:
+    """Two sines of force on a device, read without noise."""
+    t = PERIOD * np.arange(round(SECONDS / PERIOD))
+    command = 5.0 * np.sin(2.0 * np.pi * 1.3 * t) + 3.0 * np.sin(2.0 * np.pi * 4.1 * t + 1.0)
+    run = simulate(device, recorded(command), duration=SECONDS, substeps=20)
+    outputs = tuple(Output(quantity, i) for i in range(device.chain.masses.size))
+    measured = np.column_stack([run.trace[o.name] for o in outputs])
+    return Experiment(PERIOD, command, measured, outputs, "r", float(measured[:, 0].std()))
+
+
+def missing(known: Device, e: Experiment) -> np.ndarray:
+    model = Model(known)
+    x = np.zeros(len(model.parameters))
+    return lacks(model, x, e, BAND)[EDGE:-EDGE]
+
+
+def rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+@pytest.mark.parametrize("device", [ONE, TWO])
+@pytest.mark.parametrize("quantity", ["position", "velocity"])
+def test_a_device_lacks_nothing_for_its_own_motion(device: Device, quantity: str) -> None:
+    """5.8 N commanded. Mutations: a reading's tick compared with the one before; m1 / T for G."""
+    assert rms(missing(device, ran(device, quantity))) < 2e-3
+
+
+def test_what_a_mass_lacks_is_the_force_on_it() -> None:
+    """Half again of m1 and twice the damper of m2: -0.4 a_1 and -2 v_2.
+
+    Mutation: the recorded velocity taken from the simulated one.
+    """
+    truth = TWO.with_chain(make_chain([1.2, 0.4], [3.0, 4.0], 0.0, [500.0], [0.5]))
+    e = ran(truth)
+    x, v = motion(e, 2, 2.0 * BAND)
+    middle = 0.5 * (v[1:] + v[:-1])
+    expected = -np.column_stack([0.4 * np.diff(v[:, 0]) / PERIOD, 2.0 * middle[:, 1]])
+    expected = expected[EDGE : 1 - EDGE]
+    off = missing(TWO, e) - expected
+    assert rms(off[:, 0]) < 2e-3 * rms(expected[:, 0])
+    assert rms(off[:, 1]) < 5e-3 * rms(expected[:, 1])
+    assert x.shape == v.shape
+
+
+def test_friction_is_lacking_as_it_was_and_not_where_it_is_known() -> None:
+    """Coulomb friction of 1 N against the velocity; its jumps lie beyond the band.
+
+    Mutation: internal states and sign begun anew each tick (friction known leaves its own size).
+    """
+    rubs = make_physics("coulomb_friction", "m1", level=1.0)
+    truth = ONE.with_physics(rubs)
+    e = ran(truth)
+    found = missing(ONE, e)[:, 0]
+    turning = np.abs(motion(e, 1, 2.0 * BAND)[1][EDGE:-EDGE, 0]) < 0.1
+    assert np.abs(np.abs(found[~turning]) - 1.0).max() < 0.15
+    assert rms(missing(truth, e)) < 0.1
+
+
+def test_the_band_ends_where_noise_would_be_a_force() -> None:
+    """Noise of one percent at the end of the band. Mutation: fourth differences over 20 for 70."""
+    e = ran(ONE)
+    noise = 1e-6 * np.random.default_rng(0).standard_normal(e.measured.shape)
+    band = band_of(ONE, replace(e, measured=e.measured + noise))
+    assert band is not None
+    loud = 1e-6 * np.random.default_rng(1).standard_normal(e.measured.shape)
+    heard = replace(e, measured=e.measured + loud)
+    model = Model(ONE)
+    x = np.zeros(len(model.parameters))
+    force = lacks(model, x, heard, band)[EDGE:-EDGE]
+    assert rms(force) == pytest.approx(0.01 * rms(e.command), rel=0.3)
+
+
+def test_no_force_is_told_where_motion_or_command_is_missing() -> None:
+    """Mutation: any output taken for that of its mass."""
+    e = ran(TWO)
+    assert band_of(TWO, e) is not None
+    assert band_of(TWO, replace(e, measured=e.measured[:, :1], outputs=e.outputs[:1])) is None
+    assert band_of(TWO, replace(e, command=np.zeros(e.ticks))) is None
+    assert band_of(TWO, replace(e, folded=True)) is None
+    noisy = e.measured + 0.1 * np.random.default_rng(0).standard_normal(e.measured.shape)
+    assert band_of(TWO, replace(e, measured=noisy)) is None
