@@ -95,11 +95,16 @@ def interval(value: float, lower: float, upper: float, unit: str) -> str:
     size = factor * max(abs(value), half)
     if (decimals > 5 and size < 1e-3) or size >= 1e6:  # exponents, to the same digits
         digits = max(2, decimals + 1 + math.floor(math.log10(size)))
-        texts = [plain(factor * v, digits) for v in (value, lower, upper)]
+        texts = [_exponent(factor * v, digits) for v in (value, lower, upper)]
     else:
         texts = [_rounded(factor * v, decimals) for v in (value, lower, upper)]
     said = f"{texts[0]} {shown}".rstrip()
     return f"{said} ({texts[1]} to {texts[2]})"
+
+
+def _exponent(value: float, digits: int) -> str:
+    mantissa, _, exponent = f"{value:.{digits - 1}e}".partition("e")
+    return "0" if value == 0.0 else f"{mantissa}e{int(exponent)}"
 
 
 def _rounded(value: float, decimals: int) -> str:

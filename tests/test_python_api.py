@@ -261,8 +261,12 @@ def test_diagnose_takes_paths_and_finds_the_friction(folder: Path):
 
 def test_diagnose_takes_a_csv_and_fits_a_device(tmp_path: Path):
     """Mutation: what was assumed of a file kept back; the device asked for."""
-    trace = recording().trace
-    table = np.column_stack([trace.t, trace["command"], 1e3 * trace["position_m1"]])
+    friction = zwidth.make_physics("coulomb_friction", "m1", level=0.3)
+    bench = cart().with_interface(delay=0.0, encoder_step=0.0).with_physics(friction)
+    command = zwidth.excitation(cart(), seconds=4.0, level=4.0, travel=0.05)
+    trace = zwidth.simulate(bench, zwidth.recorded(command)).trace
+    noise = 1e-6 * np.random.default_rng(0).standard_normal(trace.t.size)
+    table = np.column_stack([trace.t, command, 1e3 * (trace["position_m1"] + noise)])
     file = tmp_path / "bench.csv"
     np.savetxt(file, table, "%.9g", ",", header="t,force,x_mm", comments="")
     with pytest.warns(UserWarning, match=r"bench\.csv: assumed: force has no unit: N is assumed"):
