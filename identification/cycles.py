@@ -28,12 +28,16 @@ POSITION, VELOCITY = 5e-3, 0.5  # half ranges of the random starts
 
 @dataclass(frozen=True)
 class Cycle:
-    """One limit cycle and the share of the starts that ended on it."""
+    """One limit cycle and the share of the starts that ended on it.
+
+    start: position and velocity of a start that led to it, None where that is not kept.
+    """
 
     stiffness: float
     frequency_hz: float
     amplitude: float
     share: float
+    start: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -65,6 +69,19 @@ class RelayCondition:
         if not self.cycles and not self.diverging and not self.undecided:
             return self.reference.verdict
         return "diverges" if self.diverging >= self.undecided else "undecided"
+
+    @property
+    def read(self) -> Cycle | None:
+        """The cycle that a reading reports: the likeliest, None where most starts end on none.
+
+        That of the reference start, with a share of 0, where no others were run.
+        """
+        if self.verdict != "oscillates" or self.likeliest is not None:
+            return self.likeliest
+        r = self.reference
+        if r.stiffness is None or r.frequency_hz is None or r.amplitude is None:
+            return None
+        return Cycle(r.stiffness, r.frequency_hz, r.amplitude, 0.0)
 
 
 @dataclass(frozen=True, repr=False)
@@ -135,36 +152,40 @@ def _condition(
         device.interface.delay,
         damping,
         reference,
-        gathered(results),
+        gathered(results, drawn.tolist()),
         verdicts.count("diverges") / count,
         verdicts.count("undecided") / count,
     )
 
 
-def gathered(results: Sequence[RelayResult]) -> tuple[Cycle, ...]:
-    """Return the cycles among results, the most frequent first.
+def gathered(
+    results: Sequence[RelayResult], starts: Sequence[tuple[float, float]] = ()
+) -> tuple[Cycle, ...]:
+    """Return the cycles among results, the most frequent first; starts: of each result.
 
     Sorted by stiffness, results belong to one cycle while stiffness and frequency stay within half
     a percent of its first one's.
     """
     found = [
-        (r.stiffness, r.frequency_hz, r.amplitude)
-        for r in results
+        (r.stiffness, r.frequency_hz, r.amplitude, i)
+        for i, r in enumerate(results)
         if r.stiffness is not None and r.frequency_hz is not None and r.amplitude is not None
     ]
-    groups: list[list[tuple[float, float, float]]] = []
+    groups: list[list[tuple[float, float, float, int]]] = []
     for one in sorted(found):
         if groups and _alike(groups[-1][0], one):
             groups[-1].append(one)
         else:
             groups.append([one])
     groups.sort(key=len, reverse=True)
-    means = [np.mean(g, axis=0) for g in groups]
-    return tuple(
-        Cycle(float(mean[0]), float(mean[1]), float(mean[2]), len(g) / len(results))
-        for g, mean in zip(groups, means, strict=True)
-    )
+    cycles: list[Cycle] = []
+    for group in groups:
+        stiffness, frequency, amplitude, _ = np.mean(group, axis=0).tolist()
+        position, velocity = starts[group[0][-1]] if starts else (0.0, 0.0)
+        start = (position, velocity) if starts else None
+        cycles.append(Cycle(stiffness, frequency, amplitude, len(group) / len(results), start))
+    return tuple(cycles)
 
 
-def _alike(a: tuple[float, float, float], b: tuple[float, float, float]) -> bool:
+def _alike(a: Sequence[float], b: Sequence[float]) -> bool:
     return all(abs(a[i] / b[i] - 1.0) < SAME_CYCLE for i in range(2))

@@ -107,15 +107,20 @@ def relay_run(
 
 
 def waveform(
-    device: Device, damping: float, seconds: float, test: RelayTest = STANDARD
+    device: Device,
+    damping: float,
+    seconds: float,
+    test: RelayTest = STANDARD,
+    start: Start | None = None,
 ) -> Waveform:
-    """Return the last seconds of a run from the reference start, as in Fig. 8.
+    """Return the last seconds of a run from a start, else from the reference start, as in Fig. 8.
 
     Raises ValueError where the loop has no steady oscillation there.
     """
     eq = equations(device, test.substeps)
     law = relay(test.force, damping)
-    memory = start_memory(eq, reference_start(device), law.memory)
+    begun = reference_start(device) if start is None else start
+    memory = start_memory(eq, begun, law.memory)
     result = _until_steady(eq, law, memory, test)
     if result.verdict != "oscillates":
         raise ValueError(

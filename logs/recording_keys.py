@@ -41,7 +41,7 @@ RECORDING_KEYS: tuple[Key, ...] = (
     Key("", "source", "where the recording comes from", default='""'),
     Key("", "rotary", "true: N m and rad; false: N and m", default="as a unit shows",
         example="true"),
-    *(Key("", name, meaning, unit, default=default or "period_s or time must stand",
+    *(Key("", name, meaning, unit, default=default or "period_s or time is required",
           example='"t"' if name == "time" else "")
       for name, meaning, unit, default in _CLOCK),
     Key("", "resample", "true: all streams onto one axis of the longest period; a number: of that"

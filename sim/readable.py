@@ -8,6 +8,7 @@ import math
 PREFIXES = {-9: "n", -6: "\u00b5", -3: "m", 0: "", 3: "k", 6: "M"}
 NO_KILO = ("rad", "s", "m", "m/s", "rad/s")  # nobody says kilosecond or kiloradian
 BARE = ("kg m2", "rms motions", "", "%")  # units that take no prefix
+TIGHT = 5e-5  # of a value: an interval below is told in percent, and not by its ends
 LARGE = 9.995  # of the motion, from which an error is told in times and not in percent
 
 
@@ -74,25 +75,36 @@ def number(value: float) -> str:
 def interval(value: float, lower: float, upper: float, unit: str) -> str:
     """Return a value with its interval, to the digits that the interval knows.
 
-    0.0201, 0.0197, 0.0205, "N m" -> "20.1 mN m (19.7 to 20.5)"; without an interval where its ends
-    are not known.
+    0.0201, 0.0197, 0.0205, "N m" -> "20.1 mN m (19.7 to 20.5)"; five digits and "(within 0.01 %)"
+    where more than four are known; without an interval where its ends are not known.
     """
     half = 0.5 * (upper - lower)
     if not math.isfinite(value):
         return "-"
     if not (math.isfinite(half) and half > 0.0):
         return with_unit(value, unit)
+    if half < TIGHT * abs(value):
+        factor, shown = scaled(value, unit)
+        text = f"{factor * value:#.5g}".rstrip(".").replace("e-0", "e-")
+        within = "0.01 %" if half > 1e-5 * abs(value) else "0.001 %"
+        return f"{text} {shown}".rstrip() + f" (within {within})"
     factor, shown = scaled(max(abs(value), half), unit)
     first = math.floor(math.log10(factor * half))
     leading = factor * half / 10.0**first
     decimals = (1 if leading < 2.0 else 0) - first  # two digits of 0.014, one of 0.044
-    if decimals > 5 or factor * max(abs(value), half) >= 1e6:  # exponents, to the same digits
-        digits = max(2, decimals + 1 + math.floor(math.log10(factor * max(abs(value), half))))
-        texts = [plain(factor * v, digits) for v in (value, lower, upper)]
+    size = factor * max(abs(value), half)
+    if (decimals > 5 and size < 1e-3) or size >= 1e6:  # exponents, to the same digits
+        digits = max(2, decimals + 1 + math.floor(math.log10(size)))
+        texts = [_exponent(factor * v, digits) for v in (value, lower, upper)]
     else:
         texts = [_rounded(factor * v, decimals) for v in (value, lower, upper)]
     said = f"{texts[0]} {shown}".rstrip()
     return f"{said} ({texts[1]} to {texts[2]})"
+
+
+def _exponent(value: float, digits: int) -> str:
+    mantissa, _, exponent = f"{value:.{digits - 1}e}".partition("e")
+    return "0" if value == 0.0 else f"{mantissa}e{int(exponent)}"
 
 
 def _rounded(value: float, decimals: int) -> str:
@@ -117,3 +129,8 @@ def of_the_motion(share: float) -> str:
     if text.endswith("%"):
         return f"{text} of the motion"
     return f"{text} the motion" if text.endswith("times") else text
+
+
+def most(share: float) -> str:
+    """Return a share or a probability up to one, without a hundred percent that is none."""
+    return "over 99.9 %" if share > 0.9995 else f"{100.0 * share:.3g} %"

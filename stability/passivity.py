@@ -38,6 +38,7 @@ from zwidth.stability.velocity import filter_response, refuse_force
 
 Floats = NDArray[np.float64]
 POINTS_PER_TICK = 64
+HILL = 17  # dampings at which a hill of passive K is looked for first
 
 
 class Band(NamedTuple):
@@ -75,6 +76,29 @@ def passive_boundary(device: Device, dampings: Iterable[float]) -> list[PassiveP
 def passive_stiffness(device: Device, damping: float) -> PassivePoint:
     """Return the passive stiffness at one virtual damping; see `passive_boundary`."""
     return passive_boundary(device, [damping])[0]
+
+
+def stiffest_passive(device: Device) -> PassivePoint | None:
+    """Return the stiffest passive wall over all dampings >= 0; None where no wall is passive.
+
+    At each frequency the condition above is a concave quadratic in (K, B), so the passive walls are
+    a convex set, and the largest K over B has one hill; it ends at B = sum b_i at the latest.
+
+    Raises as `passive_boundary`.
+    """
+    grid = np.linspace(0.0, max(float(device.chain.ground_dampers.sum()), 0.0), HILL)
+    coarse = [p.stiffness or 0.0 for p in passive_boundary(device, grid.tolist())]
+    best = int(np.argmax(coarse))
+    if coarse[best] == 0.0:
+        return None
+    top = minimize_scalar(
+        lambda damping: -(passive_stiffness(device, damping).stiffness or 0.0),
+        bounds=(grid[max(best - 1, 0)], grid[min(best + 1, HILL - 1)]),
+        method="bounded",
+        options={"xatol": 1e-5 * grid[1]},
+    )
+    found = [passive_stiffness(device, b) for b in (float(grid[best]), float(top.x))]
+    return max(found, key=lambda p: p.stiffness or 0.0)
 
 
 def _passive(interface: Interface, b: float, damping: float) -> PassivePoint:

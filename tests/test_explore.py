@@ -281,7 +281,7 @@ def test_no_amplitude_is_told_of_what_grows_without_bound():
     free = make_map(small_plane(), 5, 0)
     grows = free.fates.fate == Fate.GROWS
     assert grows.any()
-    assert np.isnan(bounded(free)[grows]).all()
+    assert np.isinf(bounded(free)[grows]).all()
     rest = free.fates.amplitude[~grows]
     assert np.array_equal(bounded(free)[~grows], rest, equal_nan=True)
     limited = replace(free, plane=replace(

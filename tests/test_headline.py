@@ -80,7 +80,7 @@ def test_no_physics_but_a_parameter_says_which_and_by_how_much():
     }
     found = replace(answer(Verdict.LINEAR_PARAMETERS), refit=refit)
     assert headline(found) == (
-        "No physics is missing, but the inertia m1 is 0.00156 kg m2 (0.00155 to 0.00157), 30 %"
+        "No physics is missing, but the inertia m1 is 0.001560 kg m2 (0.001550 to 0.001570), 30 %"
         " above the device file's"
     )
     scale = {"gain": (1.0, Estimate(57.4, 57.0, 57.8, ""))}
@@ -159,7 +159,7 @@ def test_where_agrees_with_the_finding_or_says_why_not():
     """
     agrees = where(held(force_map("m1", "velocity"), 0.9), (FRICTION,), 1)
     assert agrees.startswith("90 % of what the refitted device cannot predict lies within 12 ms")
-    assert agrees.endswith("would explain most of it, as Coulomb friction there does")
+    assert agrees.endswith("would explain most of it, as the Coulomb friction there does")
     even = where(held(force_map("m1", "velocity"), 0.55), (FRICTION,), 1)
     assert even.startswith("a force at the motor that follows the velocity, against the motion,")
     elsewhere = where(held(force_map("m2", "velocity"), 0.5), (FRICTION,), 3)
@@ -191,7 +191,7 @@ def whole(before: float, after: float) -> WholeRun:
 def test_a_whole_run_that_is_worse_is_said():
     """Breaks where only windows of half a second are judged."""
     (said,) = cautions((FRICTION,), GOOD, SOUND, (whole(1e-4, 3e-4),))
-    assert said.startswith("from beginning to end position_m1 of swing errs 300 \u00b5rad")
+    assert said.startswith("from beginning to end the position of m1 in swing errs 300 \u00b5rad")
     assert cautions((FRICTION,), GOOD, SOUND, (whole(3e-4, 1e-4),)) == ()
 
 

@@ -12,7 +12,7 @@ from zwidth.sim.interface import Interface
 from zwidth.sim.physics.actuator_lag import actuator_lag
 from zwidth.sim.physics.effect import Physics
 from zwidth.stability.linear import critical_stiffness
-from zwidth.stability.passivity import passive_boundary, passive_stiffness
+from zwidth.stability.passivity import passive_boundary, passive_stiffness, stiffest_passive
 
 T = 0.001
 
@@ -153,3 +153,18 @@ def test_devices_outside_the_criterion() -> None:
     lag = Physics(actuator_lag, "command", {"time_constant": 1e-3})
     with pytest.raises(ValueError, match="actuator_lag is set"):
         passive_stiffness(one_mass(0.0).with_physics(lag), 0.0)
+
+
+def test_the_stiffest_passive_wall_is_the_top_of_the_hill() -> None:
+    """Mutations: the best of the coarse grid taken; the hill looked for at B = 0 alone."""
+    device = load_device("phantom_1_0")
+    top = stiffest_passive(device)
+    assert top is not None
+    assert top.stiffness is not None
+    grid = np.linspace(0.0, 0.006, 601).tolist()
+    dense = max(passive_boundary(device, grid), key=lambda p: p.stiffness or 0.0)
+    assert dense.stiffness is not None
+    assert top.stiffness >= dense.stiffness
+    assert top.stiffness == pytest.approx(dense.stiffness, rel=1e-4)
+    assert top.damping == pytest.approx(dense.damping, abs=2e-5)
+    assert stiffest_passive(one_mass(1.0, b=0.0)) is None

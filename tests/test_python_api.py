@@ -16,7 +16,7 @@ import pytest
 
 import zwidth
 import zwidth.views as views
-from zwidth.api.given import device_of, experiments_of, trace_of
+from zwidth.api.given import device_of, experiments_of, named_traces, trace_of
 from zwidth.exam.fleets import make_fleet, nominal
 from zwidth.fleet.kept import Kept
 from zwidth.fleet.structure import known_structure
@@ -243,10 +243,9 @@ def test_a_recording_is_taken_as_path_trace_run_and_log(folder: Path):
     with pytest.raises(TypeError, match="recording is of type int"):
         trace_of(3)  # pyright: ignore[reportArgumentType]
     with pytest.raises(ValueError, match="no recording is given"):
-        experiments_of([], cart())
-    assert [e.name for e in experiments_of([recording(), recording()], cart())] == [
-        "recording", "recording 2",
-    ]  # fmt: skip
+        named_traces([])
+    named = named_traces([recording(), recording()])
+    assert [e.name for e in experiments_of(named, cart())] == ["recording", "recording 2"]
 
 
 def test_what_is_odd_about_a_recording_is_warned_of(folder: Path):
@@ -306,6 +305,23 @@ def test_a_fleet_is_taken_as_folder_table_rows_and_list(folder: Path):
 def test_what_is_no_fleet_is_said(given: Any, error: type[Exception], said: str):
     with pytest.raises(error, match=said):
         zwidth.diagnose_fleet(given, cart())
+
+
+def test_diagnose_takes_a_csv_and_fits_a_device(tmp_path: Path):
+    """Mutation: what was assumed of a file kept back; the device asked for."""
+    friction = zwidth.make_physics("coulomb_friction", "m1", level=0.3)
+    bench = cart().with_interface(delay=0.0, encoder_step=0.0).with_physics(friction)
+    command = zwidth.excitation(cart(), seconds=4.0, level=4.0, travel=0.05)
+    trace = zwidth.simulate(bench, zwidth.recorded(command)).trace
+    noise = 1e-6 * np.random.default_rng(0).standard_normal(trace.t.size)
+    table = np.column_stack([trace.t, command, 1e3 * (trace["position_m1"] + noise)])
+    file = tmp_path / "bench.csv"
+    np.savetxt(file, table, "%.9g", ",", header="t,force,x_mm", comments="")
+    with pytest.warns(UserWarning, match=r"bench\.csv: assumed: force has no unit: N is assumed"):
+        found = zwidth.diagnose(file, effort="quick")
+    assert [(f.effect, f.at) for f in found.findings] == [("coulomb_friction", "m1")]
+    assert found.findings[0].parameters["level"].value == pytest.approx(0.3, rel=0.02)
+    assert found.device.chain.masses == pytest.approx([0.5], rel=0.02)
 
 
 def test_identify_gives_a_device_that_has_the_mass():

@@ -28,6 +28,14 @@ def test_a_unit_has_the_size_of_its_number(value: float, unit: str, text: str):
         ((0.2841, -1.288, 1.856), "N m", "0.3 N m (-1.3 to 1.9)"),
         ((2.0, math.nan, math.nan), "rad", "2 rad"),
         ((2.048e-4, 2.017e-4, 2.078e-4), "kg m2", "2.05e-4 kg m2 (2.02e-4 to 2.08e-4)"),
+        (
+            (0.00150001, 0.0014999, 0.00150012),
+            "kg m2",
+            "0.00150001 kg m2 (0.00149990 to 0.00150012)",
+        ),
+        ((0.0800003, 0.0799996, 0.080001), "N m", "80.000 mN m (within 0.001 %)"),
+        ((2.618e-5, 2.6171e-5, 2.6189e-5), "kg m2", "2.6180e-5 kg m2 (2.6171e-5 to 2.6189e-5)"),
+        ((2.8e-5, 2.7999e-5, 2.8001e-5), "kg m2", "2.8000e-5 kg m2 (within 0.01 %)"),
     ],
 )
 def test_an_interval_says_which_digits_are_known(

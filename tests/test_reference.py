@@ -17,6 +17,7 @@ from zwidth.sim.device_file import commented_text, device_from_text, load_device
 from zwidth.sim.device_keys import DEVICE_KEYS
 from zwidth.sim.drive import NEEDED, POSSIBLE
 from zwidth.sim.physics import EFFECTS, make_physics
+from zwidth.sim.physics.free_law import is_table
 from zwidth.sim.uncertainty import UNCERTAINTY_FIELDS
 
 ROOT = Path(__file__).parents[1]
@@ -74,6 +75,14 @@ def test_every_parameter_says_what_it_is():
         assert set(effect.mistaken_for) <= set(EFFECTS)
 
 
+def test_every_law_is_a_formula_in_the_names_of_its_parameters():
+    """Mutation: `static_level` left out of Stribeck's. A table has no numbers to name."""
+    for effect in EFFECTS.values():
+        assert effect.formula, effect.name
+        names = set() if is_table(effect.parameters) else {p.name for p in effect.parameters}
+        assert {n for n in names if n not in effect.formula} == set(), effect.name
+
+
 def test_comments_change_nothing_of_a_device():
     """Mutation: a comment put into a line of numbers."""
     device = load_device("phantom_1_0").with_physics(
@@ -98,7 +107,9 @@ def test_effects_are_listed_and_described(tmp_path: Path, capsys: pytest.Capture
     said = capsys.readouterr().out
     assert all(name in said for name in EFFECTS)
     assert run(["effects", "backlash", "--json", str(tmp_path / "e.json")]) == Status.DONE
-    assert "all of the play" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "all of the play" in said
+    assert "0 within gap" in said
     found = json.loads((tmp_path / "e.json").read_text())
     assert found["parameters"][0]["unit"] == {"rotary": "rad", "linear": "m"}
     assert run(["effects", "backlach"]) == Status.BAD_INPUT

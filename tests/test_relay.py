@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from zwidth import cli
-from zwidth.figures.relay import relay_figure
+from zwidth.figures.relay import relay_figure, relay_title
 from zwidth.identification.cycles import Cycle, RelayCondition, gathered, limit_cycles
 from zwidth.identification.relay import (
     RelayResult,
@@ -20,6 +20,7 @@ from zwidth.identification.relay import (
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device
 from zwidth.sim.physics import make_physics
+from zwidth.sim.run import Start
 
 PHANTOM = load_device("phantom_1_0")
 
@@ -126,15 +127,27 @@ def test_the_likeliest_cycle_is_told_first_and_not_the_reference_start_s(
     line = "relay phantom_1_0 --delay-ms 2 --damping 0.08 --starts 15 --json r.json"
     assert cli.run(line.split()) == 0
     (found,) = json.loads(Path("r.json").read_text())["conditions"]
-    assert found["likeliest"]["stiffness"] == pytest.approx(29.4, abs=0.1)
-    assert found["likeliest"]["share"] > 0.8
-    assert found["stiffness"] == pytest.approx(60.22, abs=0.1)  # of the reference start
+    assert found["stiffness"] == pytest.approx(29.4, abs=0.1)
+    assert found["share"] > 0.8
+    assert found["reference"]["stiffness"] == pytest.approx(60.22, abs=0.1)
     rows = (row.split() for row in capsys.readouterr().out.splitlines())
     (row,) = (row for row in rows if row[:2] == ["2", "0.08"])
     assert row[2] == "oscillates"
     assert float(row[5]) == pytest.approx(29.4, abs=0.1)
     assert float(row[-1]) == pytest.approx(60.22, abs=0.1)
     assert Path("runs/relay/relay_boundary.png").stat().st_size > 0
+
+
+def test_the_picture_of_a_run_is_of_the_cycle_that_is_read():
+    """Breaks where it starts from the reference start, of 167 Hz, or the title says its K."""
+    condition = limit_cycles(at(2), 0.08, starts=15)
+    cycle = condition.read
+    assert cycle is not None
+    assert cycle.start is not None
+    wave = waveform(at(2), 0.08, 0.4, start=Start(*cycle.start))
+    switches = np.count_nonzero(np.diff(wave.force))
+    assert switches / 0.4 / 2 == pytest.approx(cycle.frequency_hz, rel=0.1)
+    assert "K = 29.4" in relay_title(at(2), condition, cycle, RelayTest())
 
 
 def test_where_more_starts_diverge_that_is_the_verdict():

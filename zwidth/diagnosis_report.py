@@ -23,6 +23,7 @@ from zwidth.diagnosis.answer.result import (
     Unanswered,
     Verdict,
 )
+from zwidth.diagnosis.answer.whole_run import WholeRun
 from zwidth.diagnosis.forces.locate import densest
 from zwidth.diagnosis.intake.units import unit_of
 from zwidth.diagnosis.mishaps import collecting, isolated, silent
@@ -40,7 +41,7 @@ from zwidth.files.whole import write_text
 from zwidth.report_page import embedded, page
 from zwidth.sim.physics import EFFECTS
 from zwidth.sim.place import place_at
-from zwidth.sim.readable import interval, number, of_the_motion, percent, plain, with_unit
+from zwidth.sim.readable import interval, most, number, of_the_motion, percent, plain, with_unit
 
 WORDS = {
     "nothing_missing": "Nothing missing",
@@ -91,8 +92,9 @@ def save_report(
             "sigma": _sigma,
             "percent": percent,
             "words": in_words,
-            "odds": odds,
+            "odds": most,
             "error": error,
+            "output": output_in_words,
         },
         d=diagnosis,
         verdict=WORDS[diagnosis.verdict.value],
@@ -170,6 +172,20 @@ def told(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict is Verdict.IDENTIFIED:
         return improvement(diagnosis.free_run, True)
     return in_words(diagnosis.sentence)
+
+
+def verdict_line(diagnosis: Diagnosis) -> str:
+    """The verdict by its name, the effects as device files write them, and what is not yet said."""
+    names = ", ".join(f"{f.effect} at {f.at}" for f in diagnosis.findings)
+    line = f"Verdict: {diagnosis.verdict.value}" + (f" ({names})" if names else "")
+    if diagnosis.verdict in (Verdict.IDENTIFIED, Verdict.NOTHING_MISSING):
+        return line
+    return f"{line}: {in_words(diagnosis.sentence)}"
+
+
+def output_in_words(run: WholeRun) -> str:
+    """An output of a recording: "position of m1, cart.csv"."""
+    return f"{run.output.replace('_', ' of ')}, {run.recording}"
 
 
 def in_words(text: str) -> str:
@@ -285,11 +301,6 @@ def next_sentence(planned: NextExperiment | None) -> str:
 def error(size: float, unit: str) -> str:
     """An rms error with its unit."""
     return "without bound" if math.isinf(size) else with_unit(size, unit)
-
-
-def odds(probability: float) -> str:
-    """A probability, without a hundred that is none."""
-    return "over 99.9 %" if probability > 0.9995 else f"{100.0 * probability:.3g} %"
 
 
 def _sigma(value: float) -> str:

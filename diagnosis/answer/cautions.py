@@ -50,7 +50,8 @@ def cautions(
         if after > WORSE * before and not free.after > WORSE * free.before:
             size = "without bound" if math.isinf(after) else with_unit(after, run.unit, 3)
             said.append(
-                f"from beginning to end {run.output} of {run.recording} errs {size} with {by},"
-                f" more than with the device file as it is ({with_unit(before, run.unit, 3)})"
+                f"from beginning to end the {run.output.replace('_', ' of ')} in {run.recording}"
+                f" errs {size} with {by}, more than with the device file as it is"
+                f" ({with_unit(before, run.unit, 3)})"
             )
     return tuple(said)

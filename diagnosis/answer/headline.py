@@ -17,7 +17,7 @@ from zwidth.diagnosis.intake.gate import COMMAND, Fault
 from zwidth.diagnosis.intake.units import asked_unit, unit_of
 from zwidth.sim.physics import EFFECTS
 from zwidth.sim.place import Place, place_at
-from zwidth.sim.readable import interval, of_the_motion, plain, with_unit
+from zwidth.sim.readable import interval, most, of_the_motion, plain, with_unit
 
 NAMED = 3  # effects in a headline; of more it says how many
 HALF = 0.5  # of the error, that names must explain to come first
@@ -99,7 +99,7 @@ SAYINGS: dict[str, Callable[[Values], str]] = {
     "quadratic_drag": lambda p: f"quadratic drag of {said(p['coefficient'])}",
     "constant_force": lambda p: f"a constant {_force(p['level'])} of {said(p['level'])}",
     "ground_spring": lambda p: f"a spring to the ground of {said(p['stiffness'])}",
-    "gravity_pendulum": lambda p: f"gravity of {said(p['level'])} (a pendulum)",
+    "gravity_pendulum": lambda p: f"the gravity of a pendulum, {said(p['level'])},",
     "force_ripple": _ripple,
     "backlash": lambda p: f"play of {said(p['gap'])}",
     "cubic_stiffness": lambda p: f"a spring's cubic part of {said(p['coefficient'])}",
@@ -267,7 +267,7 @@ def _explained(sound: Adequacy | None) -> str:
     """How much of the error over half a second the names take away, where that is something."""
     if sound is None or not 0.0 < sound.explained < 1.0:
         return ""
-    return f"; the names explain {_share_of(sound.explained)} of the error"
+    return f"; the names explain {most(sound.explained)} of the error"
 
 
 def _linear(a: Answer) -> str:
@@ -334,11 +334,6 @@ def _fault(fault: Fault) -> str:
     less = f"{plain(max(size, 1.0 / size), 3)} times too {'little' if size > 1.0 else 'much'}"
     many = "" if len(fault.channels) > 1 else "s"
     return f"{what}{of} count{many} {less}{asked}"
-
-
-def _share_of(share: float) -> str:
-    """Return a share, without a hundred that is none."""
-    return "over 99.9 %" if share > 0.9995 else f"{100.0 * share:.3g} %"
 
 
 SENTENCES: dict[Verdict, Callable[[Answer], str]] = {

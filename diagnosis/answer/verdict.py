@@ -14,7 +14,7 @@ from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.searched import Searched
 from zwidth.sim.predict import OVERFLOW
-from zwidth.sim.readable import of_the_motion, percent
+from zwidth.sim.readable import most, of_the_motion, percent
 
 SHIFTED = 5.0  # sigma by which a linear parameter must differ to be a finding
 MAPPED = 60.0  # chi-square that a map of the missing force over one state must gain
@@ -204,7 +204,7 @@ def not_adequate(findings: tuple[Finding, ...], sound: Adequacy) -> str:
     """Say of names that do not hold on held-out data how far they go."""
     names = " and ".join(f"{f.effect} at {f.at}" for f in findings)
     beyond = f" beyond {names}" if findings else " that no effect of the library explains"
-    share = f"; the names explain {100.0 * sound.explained:.0f} % of the square error"
+    share = f"; the names explain {most(sound.explained)} of the square error"
     share = share if findings else ""
     if sound.sound:
         return f"{names} predict held-out data no better than device file and refit do without"

@@ -57,7 +57,7 @@ def _beside(against: str, at: Place, findings: Sequence[Finding], masses: int) -
     like = [f for f in findings if f.effect in FOLLOWS.get(against, ())]
     here = next((f for f in like if _mass(place_at(f.at)) == _mass(at)), None)
     if here is not None:
-        return f", as {effect_in_words(here.effect)} there does"
+        return f", as the {effect_in_words(here.effect)} there does"
     f = next(iter(like or findings))
     name, found_at = effect_in_words(f.effect), place_in_words(place_at(f.at), masses)
     if like:

@@ -198,7 +198,8 @@ def _rounds(found: Search) -> None:
 def _ended(found: Search) -> None:
     """Fit what is near the best for as long as that gains: the best has had many turns, rivals two.
 
-    What then costs less than it, with no more effects, was the better one.
+    What then costs less than it, with no more effects, was the better one; so was what lacks an
+    effect that is no longer believed over its absence.
     """
     best = found.best
     near = [
@@ -215,8 +216,9 @@ def _ended(found: Search) -> None:
             found.tried.pop(h.labels, None)
     kept = [found.keep(h) for h in again if not h.against_physics]
     simple = [h for h in kept if len(h.model.effects) <= len(best.model.effects)]
-    least = min(simple, key=lambda h: h.cost.total, default=best)
-    if found.ahead(least, best):
+    idle = [h for h in kept if h.labels < best.labels and not _worth(best, h)]  # as in _exchanged
+    least = min(idle or simple, key=lambda h: h.cost.total, default=best)
+    if idle or found.ahead(least, best):
         found.best = least
         _exchanged(found)  # its own rivals
 

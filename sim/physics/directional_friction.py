@@ -62,6 +62,11 @@ def _drawn(random: np.random.Generator, z: Sizes, _: Place) -> Values:
 directional_friction = Effect(
     name="directional_friction",
     summary="dry and viscous friction that differ between the two directions",
+    formula=(
+        "f = -(level_plus + viscous_plus v) for v > 0,  "
+        "f = level_minus + viscous_minus |v| for v < 0,  "
+        "-level_plus <= f <= level_minus at rest"
+    ),
     places=MASSES,
     parameters=(
         Parameter(

@@ -133,7 +133,8 @@ def allowed(_: Values) -> str:
 class Effect:
     """A piece of physics that a device may have.
 
-    In the simulation. places: where it may enter. code: its number in the kernel's dispatch of that
+    In the simulation. places: where it may enter. formula: its law in the names of its parameters,
+    with q and v where it enters, u the command. code: its number in the kernel's dispatch of that
     hook (unused for effects whose hook needs none). in_interface: the `Interface` field that is its
     home, if any; adds: to what stands there, where else it replaces it. reference: where the law
     comes from. borrows: values of the device or the run that the law reads after its own parameters
@@ -178,6 +179,7 @@ class Effect:
     hook: Hook
     code: int
     reference: str
+    formula: str = ""
     in_interface: str | None = None
     adds: bool = False
     borrows: tuple[Borrowed, ...] = ()

@@ -70,6 +70,7 @@ def _at_share(random: np.random.Generator, z: Sizes, place: Place, share: float)
 encoder_eccentricity = Effect(
     name="encoder_eccentricity",
     summary="the reading errs periodically in position",
+    formula="reading = q + amplitude sin(2 pi q / period + phase)",
     places=("sensor",),
     parameters=(
         Parameter(

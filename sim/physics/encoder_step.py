@@ -37,6 +37,7 @@ def _drawn(_: np.random.Generator, z: Sizes, __: Place) -> Values:
 encoder_step = Effect(
     name="encoder_step",
     summary="the encoder counts in steps",
+    formula="reading = step round(q / step)",
     places=("sensor",),
     parameters=(
         Parameter(

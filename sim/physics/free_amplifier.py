@@ -10,6 +10,7 @@ from zwidth.sim.physics.free_law import table_law, table_parameters
 free_amplifier = Effect(
     name="free_amplifier",
     summary="what is added to the command, over the command, as a table",
+    formula="force = u + f(u), a smooth curve through the points of the table",
     places=("command",),
     parameters=table_parameters("N m", "N m"),
     hook="command",

@@ -13,6 +13,7 @@ from zwidth.sim.place import LINKS, MASSES
 free_spring = Effect(
     name="free_spring",
     summary="a force over position, or over what a link gives way, as a table",
+    formula="f = f(q), a smooth curve through the points of the table",
     places=(*MASSES, *LINKS),
     parameters=table_parameters("rad", "N m"),
     hook="force",

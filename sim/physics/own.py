@@ -251,6 +251,7 @@ def read_own(file: Path, text: bytes, code: int) -> tuple[OwnEffect, str]:
         parameters=parameters,
         hook=HOOKS[enters],
         code=code,
+        formula=formula,
         reference=table.text("reference") if "reference" in table else str(file),
         rotary_only=table.boolean("rotary_only") if "rotary_only" in table else False,
         mistaken_for=tuple(table.texts("mistaken_for")) if "mistaken_for" in table else (),

@@ -24,6 +24,7 @@ def _closed(matrices: Matrices, mass: int, values: Numbers) -> Matrices:
 position_servo = Effect(
     name="position_servo",
     summary="a loop that drives m1 to a goal, which is the command",
+    formula="f = stiffness (goal - q) - damping v - back_emf v",
     places=("m1",),
     parameters=(
         Parameter(

@@ -6,6 +6,7 @@ from zwidth.sim.physics.effect import Effect
 rectified_sensor = Effect(
     name="rectified_sensor",
     summary="the reading is the absolute value of the position",
+    formula="reading = |q|",
     places=("sensor",),
     parameters=(),
     hook="sensor",

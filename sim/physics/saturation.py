@@ -47,6 +47,7 @@ def _at_share(_: np.random.Generator, z: Sizes, __: Place, share: float) -> Valu
 saturation = Effect(
     name="saturation",
     summary="the amplifier's limit",
+    formula="force = u within -limit and limit,  limit sign(u) beyond",
     places=("command",),
     parameters=(
         # A sine cut flat is another mechanism: a fit goes no further down at once.

@@ -43,6 +43,11 @@ def _drawn(_: np.random.Generator, z: Sizes, __: Place) -> Values:
 servo_dead_zone = Effect(
     name="servo_dead_zone",
     summary="a zone about a servo's goal, or play at a moved end, in which it does nothing",
+    formula=(
+        "force of the servo: 0 for |goal - q| <= half,  "
+        "k (goal - q -+ half) beyond it,  "
+        "k: its stiffness"
+    ),
     places=("m1",),
     parameters=(
         Parameter(

@@ -48,6 +48,9 @@ def _drawn(_: np.random.Generator, z: Sizes, __: Place) -> Values:
 servo_limit = Effect(
     name="servo_limit",
     summary="the limit of a servo's force, or of its voltage",
+    formula=(
+        "force of the servo: a within -limit and limit, else the limit,  a: what its loop asks for"
+    ),
     places=("m1",),
     parameters=(
         Parameter(

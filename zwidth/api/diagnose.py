@@ -2,19 +2,28 @@
 
 import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Literal
 
-from zwidth.api.given import AnyDevice, AnyRecording, device_of, experiments_of
+from zwidth.api.given import (
+    AnyDevice,
+    AnyRecording,
+    device_of,
+    experiments_of,
+    named_traces,
+)
 from zwidth.diagnosis import diagnose as pipeline
-from zwidth.diagnosis.answer.result import Diagnosis
+from zwidth.diagnosis.answer.result import Diagnosis, Verdict
 from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.selection.effort import EFFORTS
+from zwidth.door import FITTED, fitted
+from zwidth.sim.device import Device
 from zwidth.sim.nearest import nearest
 
 
 def diagnose(
     recordings: AnyRecording | Sequence[AnyRecording],
-    device: AnyDevice,
+    device: AnyDevice | None = None,
     *,
     validate: AnyRecording | Sequence[AnyRecording] | None = None,
     effort: Literal["quick", "normal", "thorough"] = "normal",
@@ -22,8 +31,10 @@ def diagnose(
 ) -> Diagnosis:
     """Say why recordings differ from the simulation of a device, and what physics is missing.
 
-    recordings: one or several, each a path (a recording TOML, a log), a Trace, a Run or a Log.
-    device: a Device, the name of a shipped one, or a device file. validate: recordings to judge by;
+    recordings: one or several, each a path (a recording TOML, a log, or a CSV, MAT or other file of
+    another tool, of which it warns what it assumed), a Trace, a Run or a Log. device: a Device, the
+    name of a shipped one, or a device file; without it one is fitted, of as many masses as the data
+    ask for. validate: recordings to judge by;
     by default the last 30 % of each are kept for it. effort: how much is tried. say: told what is
     being done, `print` for instance, for it may take minutes.
 
@@ -33,8 +44,18 @@ def diagnose(
     """
     if effort not in EFFORTS:
         raise ValueError(f"effort is {effort!r}; {nearest(effort, EFFORTS)}")
-    known = device_of(device)
-    fitted = experiments_of(recordings, known)
-    judged = None if validate is None else experiments_of(validate, known)
-    with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # numpy's, on 1e300
-        return pipeline.diagnose(known, fitted, judged, say or silent, EFFORTS[effort])
+    traces = named_traces(recordings)
+    judged_by = [] if validate is None else named_traces(validate)
+
+    def answer(known: Device) -> Diagnosis:
+        fit_on = experiments_of(traces, known)
+        judge_by = experiments_of(judged_by, known) if judged_by else None
+        with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # numpy's, on 1e300
+            return pipeline.diagnose(known, fit_on, judge_by, say or silent, EFFORTS[effort])
+
+    if device is not None:
+        return answer(device_of(device))
+    found = answer(fitted(traces)[0])
+    if found.verdict is Verdict.LINEAR_PARAMETERS and not found.interrupted:
+        found = answer(replace(found.device, uncertainty=FITTED))  # as the command does
+    return found

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import cast
 
 from zwidth.diagnosis.recording.experiment import Experiment, stretches
+from zwidth.door import taken
 from zwidth.logs.mcap_reader import Log
-from zwidth.logs.recording import read_recording
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device
 from zwidth.sim.run import Run
@@ -36,8 +36,9 @@ def device_of(given: AnyDevice) -> Device:
 def trace_of(given: AnyRecording) -> Trace:
     """Return a recording's trace: as given, of a run or a log, or read from a path.
 
-    The one place where a recording that is given becomes one. What is odd about a file is warned
-    of. Raises RecordingError or another LogError, TypeError for anything else.
+    The one place where a recording that is given becomes one. A file of another tool (a CSV) is
+    taken for what its columns seem to be. What was assumed of a file, and what is odd about it, is
+    warned of. Raises RecordingError or another LogError, TypeError for anything else.
     """
     match given:
         case Trace():
@@ -47,8 +48,9 @@ def trace_of(given: AnyRecording) -> Trace:
         case Log():
             return given.tick
         case str() | PathLike():
-            trace = read_recording(given)
-            for said in cast("Sequence[str]", trace.facts.get("warnings", ())):
+            trace, assumed = taken(Path(given))
+            odd = cast("Sequence[str]", trace.facts.get("warnings", ()))
+            for said in (*(line for line in assumed if line.startswith("assumed")), *odd):
                 warnings.warn(f"{Path(given).name}: {said}", stacklevel=4)
             return trace
         case _:  # pyright: ignore[reportUnnecessaryComparison]
@@ -69,18 +71,20 @@ def name_of(given: AnyRecording, place: int = 0) -> str:
             return f"recording {place + 1}" if place else "recording"
 
 
-def experiments_of(
-    given: AnyRecording | Sequence[AnyRecording], device: Device
-) -> list[Experiment]:
-    """Return one recording or several as the stretches that a diagnosis reads.
+def named_traces(given: AnyRecording | Sequence[AnyRecording]) -> list[tuple[str, Trace]]:
+    """Return one recording or several, each with what to call it.
 
-    Raises as `trace_of`, and ExperimentError for what is no use with this device.
+    Raises as `trace_of`, and ValueError where none is given.
     """
     several = [given] if isinstance(given, Trace | Run | Log | str | PathLike) else list(given)
     if not several:
         raise ValueError("no recording is given; give at least one")
-    return [
-        stretch
-        for place, one in enumerate(several)
-        for stretch in stretches(trace_of(one), device, name_of(one, place))
-    ]
+    return [(name_of(one, place), trace_of(one)) for place, one in enumerate(several)]
+
+
+def experiments_of(traces: Sequence[tuple[str, Trace]], device: Device) -> list[Experiment]:
+    """Return recordings, each with its name, as the stretches that a diagnosis reads.
+
+    Raises ExperimentError for what is no use with this device.
+    """
+    return [stretch for name, trace in traces for stretch in stretches(trace, device, name)]

@@ -43,7 +43,7 @@ from zwidth.sim.run import Start
 from zwidth.stability.bisection import Bracket, Search, Trial
 from zwidth.stability.boundary import Boundary, BoundaryPoint, default_dampings, find_boundaries
 from zwidth.stability.linear import boundary as linear_boundary
-from zwidth.stability.passivity import passive_boundary
+from zwidth.stability.passivity import passive_boundary, stiffest_passive
 
 if TYPE_CHECKING:
     from zwidth.figures.boundary import Corner
@@ -122,7 +122,8 @@ def command(name: str, out: Path, json_file: str | None, **options: Any) -> None
     )
     search = Search(tolerance=options["tolerance"])
     measured = device.name == load_device(DEVICE).name
-    plans = [_plan(device.with_interface(delay=d), options["damping"], measured) for d in delays]
+    variants = [device.with_interface(delay=d) for d in delays]
+    plans = [_plan(v, options["damping"], measured, asked.passive) for v in variants]
     with_extras(plans[0][0], [Point(0.0, None, None)], asked)  # refuses before the long work
     found: list[Boundary] = []
     try:
@@ -172,10 +173,14 @@ class _Counted:
             self.done = now
 
 
-def _plan(device: Device, given: Sequence[float], measured: bool) -> tuple[Device, Any]:
+def _plan(
+    device: Device, given: Sequence[float], measured: bool, passive: bool
+) -> tuple[Device, Any]:
     if given:
         return device, np.array(given, dtype=np.float64)
     places = [p.place for p in measured_at(device.interface.delay)] if measured else []
+    if passive and (top := stiffest_passive(device)) is not None:
+        places.append(top.damping)
     return device, np.unique(np.concatenate([default_dampings(device), places]))
 
 

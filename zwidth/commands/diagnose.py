@@ -35,9 +35,11 @@ from zwidth.diagnosis_report import (
     improvement,
     linear_words,
     next_sentence,
+    output_in_words,
     save_report,
     save_unanswered,
     scale_sentence,
+    verdict_line,
 )
 from zwidth.door import described, device_of, kept
 from zwidth.files.whole import write_text
@@ -93,7 +95,7 @@ RESULTS = ("diagnosis.html", "augmented.toml", "next.toml", "next.npy")
 @click.option(
     "--wall/--no-wall",
     default=None,
-    help="Say what becomes of the stiffest wall, or not; else where the device may render one.",
+    help="Say what becomes of the stiffest wall, or not; else where a --device may render one.",
 )
 @click.option("--processes", type=click.IntRange(1), help="Of a fleet: processes side by side.")
 @cluster_option
@@ -170,6 +172,8 @@ def diagnose_files(
                 named = [(path.stem, trace) for path, trace in fitted_to]
                 file, known, fresh = device_of(console, named, out)
             device, name = known, name or str(file)
+            if fresh and wall is None:
+                wall = False  # who has no device file yet has not asked about walls
             asked = Asked(console, recordings, read, device, name, out, line, wall)
             fit_on = _stretches(fitted_to, device)
             judged_by = _traces(console, validate, read)
@@ -447,7 +451,7 @@ def _say(console: Console, found: Diagnosis) -> None:
     console.say(f"\n{before}{found.headline}\n")
     for caution in found.cautions:
         console.warn(caution)
-    console.say(f"{found.verdict.value}: {found.sentence}\n")
+    console.say(f"{verdict_line(found)}\n")
     for fault in found.faults:
         if fault.sentence not in found.sentence:
             console.say(fault.sentence)
@@ -476,30 +480,27 @@ def _say(console: Console, found: Diagnosis) -> None:
     if scale := scale_sentence(found):
         console.say(scale)
     console.say(f"\n{improvement(found.free_run, bool(found.findings))}")
+    whens = WHEN if found.findings else WHEN[:2]
+    heads = ("device file", "refitted", "with what was found")[: len(whens)]
+    columns = [Column("", False), *map(Column, heads), Column("", False)]
     rows = [
-        [f"{run.output} of {run.recording}"]
-        + [f"{error(run.errors[w], run.unit)} ({percent(run.shares[w])})" for w in WHEN]
+        [output_in_words(run)]
+        + [f"{error(run.errors[w], run.unit)} ({percent(run.shares[w])})" for w in whens]
         + ["held out" if run.held_out else "fitted"]
         for run in found.whole_runs
     ]
     if rows:
-        heads = ("", "device file", "refitted", "with what was found", "")
-        columns = [Column(head, place in (1, 2, 3)) for place, head in enumerate(heads)]
-        console.table(
-            "\nWhole runs without a correction: rms error, and over the motion", columns, rows
-        )
+        title = "Whole recordings, simulated freely from the first state: rms error, and its share"
+        console.table(f"\n{title}", columns, rows)
     rows = [
         [f"{run.recording}, up to {number(run.band)} Hz"]
-        + [f"{error(run.errors[w], run.unit)} ({percent(run.shares[w])})" for w in WHEN]
+        + [f"{error(run.errors[w], run.unit)} ({percent(run.shares[w])})" for w in whens]
         + ["held out" if run.held_out else "fitted"]
         for run in found.force_errors
     ]
     if rows:
-        heads = ("", "device file", "refitted", "with what was found", "")
-        columns = [Column(head, place in (1, 2, 3)) for place, head in enumerate(heads)]
-        console.table(
-            "\nForce that the recorded motion needs less that commanded, and over it", columns, rows
-        )
+        title = "Force that the recorded motion needs, less the force commanded: rms, and its share"
+        console.table(f"\n{title}", columns, rows)
 
 
 def _plain(value: Any) -> Any:

@@ -4,12 +4,15 @@ import inspect
 import json
 from importlib import import_module
 from pathlib import Path
+from textwrap import indent
 from typing import Any
 
 import click
 
+from zwidth.compiling import announce
 from zwidth.console import Column, Console
 from zwidth.diagnosis.learning.own_effect import effect_text
+from zwidth.figures.names import picture_files
 from zwidth.files.protection import reading
 from zwidth.files.whole import write_text
 from zwidth.json_number import json_number
@@ -19,6 +22,11 @@ from zwidth.sim.physics import EFFECTS, LIBRARY, unknown_effect
 from zwidth.sim.physics.effect import Effect
 from zwidth.sim.physics.own import IDENTIFIER, OWN
 
+LETTERS = (
+    "in it, q is the position (of a link: what it gives way), v the velocity, u the command and f"
+    " the force on the mass or link"
+)
+
 
 @click.command("effects")
 @click.argument("name", metavar="[NAME]", required=False)
@@ -27,9 +35,15 @@ from zwidth.sim.physics.own import IDENTIFIER, OWN
     help="Keep what a diagnosis has learned (its --json FILE) as an effect NAME of your own, in"
     " effects/NAME.toml.",
 )  # fmt: skip
+@click.option(
+    "--picture", metavar="FILE", type=click.Path(path_type=Path),
+    help="Draw its law, and a motion with and without it, as FILE.png and FILE.svg.",
+)  # fmt: skip
 @force_option
 @json_option
-def command(name: str | None, learned: Path | None, json_file: str | None) -> None:
+def command(
+    name: str | None, learned: Path | None, picture: Path | None, json_file: str | None
+) -> None:
     """List the effects that zwidth knows, or describe one.
 
     An effect is physics that a device may have besides its masses, springs and dampers: friction,
@@ -39,7 +53,11 @@ def command(name: str | None, learned: Path | None, json_file: str | None) -> No
     if learned is not None:
         _keep(console, name, learned)
         return
-    console.will_write()
+    if picture is not None and name is None:
+        raise click.UsageError("--picture needs the NAME of the effect to draw")
+    named = picture is not None and picture.suffix in (".png", ".svg")
+    stem = picture.with_suffix("") if picture is not None and named else picture
+    console.will_write(*(picture_files(stem) if stem else ()))
     if name is None:
         columns = [Column("effect", False), Column("at", False), Column("what it is", False)]
         rows = [[e.name, places(e), e.summary] for e in EFFECTS.values()]
@@ -49,7 +67,10 @@ def command(name: str | None, learned: Path | None, json_file: str | None) -> No
     if name not in EFFECTS:
         raise ValueError(f"there is no effect {name!r}; {unknown_effect(name)}")
     effect = EFFECTS[name]
-    console.say(f"{effect.name}: {effect.summary}\n\n{law(effect)}\n")
+    console.say(f"{effect.name}: {effect.summary}\n")
+    if effect.formula:
+        console.say(f"{indent(formula(effect), '    ')}\n\n{LETTERS}\n")
+    console.say(f"{law(effect)}\n")
     if effect.parameters:
         columns = [Column("parameter", False), Column("unit", False), Column("from")]
         columns += [Column("to"), Column("what it is", False)]
@@ -62,7 +83,18 @@ def command(name: str | None, learned: Path | None, json_file: str | None) -> No
     if effect.mistaken_for:
         console.say(f"mistaken for: {', '.join(effect.mistaken_for)}")
     console.say(f"source: {effect.reference}")
+    if stem is not None:
+        _draw(console, effect, stem)
     console.result(described(effect))
+
+
+def _draw(console: Console, effect: Effect, stem: Path) -> None:
+    from zwidth.figures.effect import effect_figure
+    from zwidth.figures.style import save_figure
+
+    announce(console)
+    for path in save_figure(effect_figure(effect), stem):
+        console.say(f"wrote {path}")
 
 
 def _keep(console: Console, name: str | None, file: Path) -> None:
@@ -99,6 +131,11 @@ def _keep(console: Console, name: str | None, file: Path) -> None:
     console.result({"file": str(path), "effect": name, "formula": found["formula"]})
 
 
+def formula(effect: Effect) -> str:
+    """Return the law of an effect, a line for each part; "" where its file states none."""
+    return effect.formula.replace(",  ", ",\n")
+
+
 def law(effect: Effect) -> str:
     """Return what the file of an effect says of it: its law, and where it holds."""
     if effect.name in OWN:
@@ -130,6 +167,7 @@ def described(effect: Effect) -> dict[str, Any]:
         "effect": effect.name,
         "summary": effect.summary,
         "at": list(effect.places),
+        "formula": effect.formula,
         "law": law(effect),
         "parameters": [
             {

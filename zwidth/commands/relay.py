@@ -1,7 +1,6 @@
 """`zwidth relay`: the relay experiment, its limit cycles, and how far off the boundary it reads."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import click
@@ -24,7 +23,7 @@ from zwidth.scenarios.scenario import usual_substeps
 from zwidth.scenarios.table_2 import table_2
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device, remarks_on
-from zwidth.sim.readable import with_unit
+from zwidth.sim.run import Start
 from zwidth.stability.linear import critical_stiffness
 
 SHOWN_S = 0.4
@@ -103,30 +102,6 @@ def _asked(
     return kept
 
 
-@dataclass(frozen=True)
-class Told:
-    """What a condition is told by: what most starts do, and of them how many; K and frequency.
-
-    share is None where only the reference start was run.
-    """
-
-    verdict: str
-    share: float | None
-    stiffness: float | None
-    frequency_hz: float | None
-
-
-def _told(condition: RelayCondition) -> Told:
-    cycle, verdict = condition.likeliest, condition.verdict
-    if cycle is not None:
-        return Told(verdict, cycle.share, cycle.stiffness, cycle.frequency_hz)
-    shares = {"diverges": condition.diverging, "undecided": condition.undecided}
-    if shares.get(verdict):
-        return Told(verdict, shares[verdict], None, None)
-    result = condition.reference
-    return Told(verdict, None, result.stiffness, result.frequency_hz)
-
-
 def _tell(console: Console, devices: Sequence[Device], found: Sequence[RelayCondition]) -> None:
     force, length = ("N m", "rad") if devices[0].rotary else ("N", "m")
     columns = [
@@ -140,21 +115,21 @@ def _tell(console: Console, devices: Sequence[Device], found: Sequence[RelayCond
 
 
 def _row(device: Device, condition: RelayCondition) -> list[str]:
-    told, reference = _told(condition), condition.reference
+    cycle, reference = condition.read, condition.reference
     linear = critical_stiffness(device, condition.damping).stiffness
     off = NONE
-    if told.stiffness is not None and linear is not None:
-        off = f"{100.0 * (told.stiffness / linear - 1.0):+.1f} %"
+    if cycle is not None and linear is not None:
+        off = f"{100.0 * (cycle.stiffness / linear - 1.0):+.1f} %"
     others = [c for c in condition.cycles if c is not condition.likeliest]
     cycles = ", ".join(f"{c.stiffness:.4g} ({_percent(c.share)})" for c in others[:LISTED])
     more = len(others) - LISTED
     return [
         f"{1e3 * condition.delay:g}",
         f"{condition.damping:g}",
-        told.verdict,
-        NONE if told.share is None else _percent(told.share),
-        NONE if told.stiffness is None else f"{told.stiffness:.4g}",
-        NONE if told.frequency_hz is None else f"{told.frequency_hz:.2f}",
+        condition.verdict,
+        _share(condition),
+        NONE if cycle is None else f"{cycle.stiffness:.4g}",
+        NONE if cycle is None else f"{cycle.frequency_hz:.2f}",
         NONE if linear is None else f"{linear:.4g}",
         off,
         cycles + (f", {more} more" if more > 0 else ""),
@@ -163,19 +138,32 @@ def _row(device: Device, condition: RelayCondition) -> list[str]:
     ]
 
 
+def _share(condition: RelayCondition) -> str:
+    """Of the starts those that end as the condition is told; a dash where none were drawn."""
+    cycle = condition.likeliest
+    shares = {"diverges": condition.diverging, "undecided": condition.undecided}
+    share = shares.get(condition.verdict, 0.0) if cycle is None else cycle.share
+    return _percent(share) if share else NONE
+
+
 def _percent(share: float) -> str:
     return f"{100.0 * share:.0f} %"
 
 
 def _entry(condition: RelayCondition) -> dict[str, object]:
-    result, likeliest = condition.reference, condition.likeliest
+    cycle, reference = condition.read, condition.reference
     return {
         "delay_s": condition.delay,
         "damping": condition.damping,
-        "verdict": result.verdict,
-        "stiffness": result.stiffness,
-        "frequency_hz": result.frequency_hz,
-        "likeliest": None if likeliest is None else vars(likeliest),
+        "verdict": condition.verdict,
+        "stiffness": None if cycle is None else cycle.stiffness,
+        "frequency_hz": None if cycle is None else cycle.frequency_hz,
+        "share": None if cycle is None or not cycle.share else cycle.share,
+        "reference": {
+            "verdict": reference.verdict,
+            "stiffness": reference.stiffness,
+            "frequency_hz": reference.frequency_hz,
+        },
         "cycles": [vars(cycle) for cycle in condition.cycles],
         "diverging_share": condition.diverging,
         "undecided_share": condition.undecided,
@@ -185,31 +173,23 @@ def _entry(condition: RelayCondition) -> dict[str, object]:
 def _drawn(
     devices: Sequence[Device], found: Sequence[RelayCondition], test: RelayTest, out: Path
 ) -> list[Path]:
-    """Draw K over B of all conditions, and Fig. 8 of the one nearest to 8 ms and B = 0.08."""
-    from zwidth.figures.relay import relay_boundary_figure, relay_figure
+    """Draw K over B of all conditions, and the cycle of the one nearest to Fig. 8's.
+
+    Fig. 8 has 8 ms and B = 0.08.
+    """
+    from zwidth.figures.relay import relay_boundary_figure, relay_figure, relay_title
     from zwidth.figures.style import save_figure
 
     written = save_figure(relay_boundary_figure(devices, found), out / "relay_boundary")
     steady = [
-        (abs(c.delay - 0.008) + abs(c.damping - 0.08), device, c)
+        (abs(c.delay - 0.008) + abs(c.damping - 0.08), device, c, c.read)
         for device, c in zip(devices, found, strict=True)
-        if c.reference.verdict == "oscillates"
     ]
+    steady = [(far, device, c, cycle) for far, device, c, cycle in steady if cycle is not None]
     if steady:
-        _, device, c = min(steady, key=lambda entry: entry[0])
-        wave = waveform(device, c.damping, SHOWN_S, test)
-        title = _condition_in_words(device, c, test)
+        _, device, c, cycle = min(steady, key=lambda entry: entry[0])
+        start = None if cycle.start is None else Start(*cycle.start)
+        wave = waveform(device, c.damping, SHOWN_S, test, start)
+        title = relay_title(device, c, cycle, test)
         written += save_figure(relay_figure(wave, title, device.rotary), out / "relay")
     return written
-
-
-def _condition_in_words(device: Device, c: RelayCondition, test: RelayTest) -> str:
-    """What the picture of a run is of."""
-    force, length = ("N m", "rad") if device.rotary else ("N", "m")
-    assert c.reference.stiffness is not None
-    assert c.reference.frequency_hz is not None
-    return (
-        f"{device.name}: relay of \u00b1{with_unit(test.force, force)},"
-        f" delay {1e3 * c.delay:g} ms, B = {c.damping:g} {force} s/{length},\nreference start:"
-        f" K = {c.reference.stiffness:.4g} {force}/{length} at {c.reference.frequency_hz:.3g} Hz"
-    )

@@ -145,7 +145,7 @@ def _number_taker(user: User, name: str, title: str, above: bool) -> Callable[[A
             user.change(**{name: float(value)})
         else:
             said = "no number" if value is None else f"{value:g}"
-            user.refuse(f"{title} is {said}, which is not taken; give a number {least}")
+            user.refuse(f"{title} is {said}; give a number {least}")
 
     return take
 

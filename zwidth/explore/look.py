@@ -15,6 +15,7 @@ from zwidth.stability.fates import Fates, evaluate
 
 Floats = NDArray[np.float64]
 HIGHEST = 1e100  # values drawn
+FAINT = 1e-15  # in SI, below which what is drawn is the rounding of a device at rest
 FEWEST_SAMPLES = 16  # of which a spectrum says something
 NOT_SPENT = ("work_motor", "work_disturbance", "work_wall", "work_actuator_lag")
 
@@ -90,7 +91,7 @@ def spectrum(drawn: dict[str, Floats]) -> dict[str, Floats]:
         np.interp(even, t, position), rate, window="hann", scaling="spectrum"
     )
     height = np.sqrt(2.0 * power[1:])
-    return {"frequency": frequency[1:], "amplitude": np.where(height > 0.0, height, np.nan)}
+    return {"frequency": frequency[1:], "amplitude": np.where(height > FAINT, height, np.nan)}
 
 
 def fitting(run: Floats, others: Sequence[Floats]) -> tuple[float, float]:
@@ -101,5 +102,7 @@ def fitting(run: Floats, others: Sequence[Floats]) -> tuple[float, float]:
     if known.size == 0:
         return 0.0, 1.0
     low, high = float(known.min()), float(known.max())
+    if max(-low, high) < FAINT:
+        return -1.0, 1.0
     margin = 0.05 * (high - low) or 0.1 * abs(high) or 1.0
     return low - margin, high + margin

@@ -71,15 +71,15 @@ class Page:
 
     def _layout(self, legend: Div) -> Column:
         children = [
-            *self.controls.column(), self.besides, _pane(self.saves, 1),
+            *self.controls.column(), self.besides, _pane(self.saves, 2),
             self.controls.files, self.controls.recording_from,
         ]  # fmt: skip
         controls = Column(
-            children=children, width=236, sizing_mode="stretch_height", spacing=1,
+            children=children, width=246, sizing_mode="stretch_height", spacing=1,
             stylesheets=[INSET],
         )  # fmt: skip
         plane = _column(
-            1.45, 430, self.controls.layers, self.plane.figure, legend, _pane(self.progress, 1)
+            1.45, 430, self.controls.layers, self.plane.figure, legend, _pane(self.progress, 3)
         )
         run = _column(1.1, 310, _pane(self.wall, 3, live=True), *self.runs.over_time.values())
         more = _column(0.8, 250, self.whose, self.runs.phase_plane, self.runs.spectrum)

@@ -32,6 +32,8 @@ from zwidth.stability.plane import Floats, Plane
 SAME_DELAY = 1e-9
 FATE_WORDS = f"return {[{**NAMES, Fate.GROWS: 'grows'}[f] for f in Fate]}[value]"
 
+HERTZ = 'return Number.isFinite(value) && value > 0 ? value.toPrecision(3) + " Hz" : "-"'
+
 
 class PlaneFigure:
     """The figure and what it shows; calls `chosen(B, K)` on a click, `zoomed(B, K)` on a zoom."""
@@ -72,9 +74,13 @@ class PlaneFigure:
         unit = self.units["amplitude"]
         words = [
             ("B, K", "$x{0.0000}, $y{0.00}"), ("", "@fate{custom}"),
-            ("amplitude", "@amplitude{custom}"), ("frequency", "@frequency{0.0} Hz"),
+            ("amplitude", "@amplitude{custom}"), ("frequency", "@frequency{custom}"),
         ]  # fmt: skip
-        said: dict[str, Any] = {"@fate": CustomJSHover(code=FATE_WORDS), "@amplitude": sized(unit)}
+        said: dict[str, Any] = {
+            "@fate": CustomJSHover(code=FATE_WORDS),
+            "@amplitude": sized(unit),
+            "@frequency": CustomJSHover(code=HERTZ),
+        }
         self.figure.add_tools(HoverTool(renderers=[drawn], tooltips=words, formatters=said))
 
     def _lines(self) -> None:
@@ -157,11 +163,14 @@ class PlaneFigure:
 
 
 def bounded(result: FateMap) -> Floats:
-    """Return the amplitudes (y, x); none of what grows where no limit holds it."""
+    """Return the amplitudes (y, x); infinite for what grows where no limit holds it.
+
+    Infinite and not NaN, which Bokeh writes itself, whatever the formatter.
+    """
     held = "command_limit" in (result.plane.x.quantity, result.plane.y.quantity)
     if held or np.isfinite(result.plane.device.interface.command_limit):
         return result.fates.amplitude
-    return np.where(result.fates.fate == Fate.GROWS, np.nan, result.fates.amplitude)
+    return np.where(result.fates.fate == Fate.GROWS, np.inf, result.fates.amplitude)
 
 
 def _inside(event: Any, chosen: Callable[[float, float], None]) -> None:

@@ -161,8 +161,8 @@ class Session:
             return
         self.drawn = drawn
         self.page.plane.show_map(drawn.result, self.view.layer)
-        said = words.of_the_plane(drawn.result, drawn.middle, drawn.finished)
-        self.page.say_progress(f"{said}, {drawn.seconds:.2g} s")
+        said = words.of_the_plane(drawn.result, drawn.middle, drawn.finished, drawn.seconds)
+        self.page.say_progress(said)
         if self.run_waits:  # until the first picture is seen, which is what one waits for
             self._ask_for_run()
 

@@ -74,7 +74,9 @@ def _seen(found: Look, plane: Plane, fate: Fate, limited: bool) -> str:
         return "comes to rest"
     if fate == Fate.GROWS and not limited:
         lost = f"; lost after {with_unit(ends, 's', 3)}" if (ends := _ends(found)) else ""
-        return f"grows without bound, at {float(fates.frequency[0]):.3g} Hz{lost}"
+        hertz = float(fates.frequency[0])
+        at = f", at {hertz:.3g} Hz" if math.isfinite(hertz) else ""
+        return f"grows without bound{at}{lost}"
     return {
         Fate.IMPERCEPTIBLE_CYCLE: f"oscillates on, too weakly to feel: {size}",
         Fate.CYCLE: f"oscillates on for ever: {size}",
@@ -89,13 +91,16 @@ def _ends(found: Look) -> float:
     return float(t[-1]) if t.size and float(t[-1]) < EARLY * SECONDS else 0.0
 
 
-def of_the_plane(result: FateMap, middle: bool, finished: bool) -> str:
-    """Return the shares of the fates and how far the picture is, as plain text."""
+def of_the_plane(
+    result: FateMap, middle: bool, finished: bool, seconds: float | None = None
+) -> str:
+    """Return the shares of the fates and how far the picture is, after how long, as plain text."""
     shares = [(f, float(np.mean(result.fates.fate == f))) for f in Fate]
     said = " \u00b7 ".join(f"{_percent(share)} {SHORT[f]}" for f, share in shares if share > 0.0)
     grid = "161 \u00d7 161" if finished else "41 \u00d7 41" if middle else "11 \u00d7 11"
     state = f"{grid}, {result.runs} runs" + ("" if finished else ", refining \u2026")
-    return f"{said}; {state}{_held_still(result)}"
+    after = "" if seconds is None else f", {seconds:.2g} s"
+    return f"{said}; {state}{after}{_held_still(result)}"
 
 
 def _held_still(result: FateMap) -> str:

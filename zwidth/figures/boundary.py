@@ -90,7 +90,7 @@ def _draw(stiffness: Axes, frequency: Axes, boundary: DelayBoundary, look: Look)
     _line(frequency, points, lambda p: p.linear and p.linear.frequency_hz, look, joined=False)
     stiffness.plot(
         [p.damping for p in points], [_number(_passive(p)) for p in points],
-        color=look.colour, linestyle=":", marker="_", markersize=9,
+        color=look.colour, linestyle=":",
     )  # fmt: skip
     _band(stiffness, points, lambda p: p.hand, look, 0.12)
     _hands(stiffness, points, look)
@@ -232,7 +232,7 @@ def _legend(figure: Figure, result: BoundaryResult, measured_source: str) -> Non
         kinds.append(_kind("its $B$ misprinted", "x"))
     points = [point for boundary in result.boundaries for point in boundary.points]
     if any(point.passive is not UNSET for point in points):
-        kinds.append(Line2D([], [], color="0.35", linestyle=":", marker="_", label="passive walls"))
+        kinds.append(Line2D([], [], color="0.35", linestyle=":", label="passive walls"))
     if any(point.hand is not UNSET for point in points):
         kinds.append(_patch("held by a hand", 0.12))
     if any(point.hands is not UNSET for point in points):

@@ -15,7 +15,7 @@ from zwidth.diagnosis.answer.result import Residuals
 from zwidth.diagnosis.answer.whole_run import WholeRun
 from zwidth.diagnosis.forces.locate import Located
 from zwidth.figures.style import STYLE
-from zwidth.sim.readable import percent, scaled, with_unit
+from zwidth.sim.readable import percent, plain, scaled, with_unit
 
 Floats = NDArray[np.float64]
 BEFORE, AFTER = "#bb5566", "#004488"
@@ -61,7 +61,7 @@ def force_map_figure(located: Located, rotary: bool) -> Figure:
                 fmt="o", color=AFTER, markersize=3.5, linewidth=1.2,
             )  # fmt: skip
             axes.set_xlabel(f"{m.against} [{unit}]")
-            axes.set_title(f"explains a chi-square of {m.gained:.0f}", fontsize=9)
+            axes.set_title(f"explains a chi-square of {plain(m.gained, 3)}", fontsize=9)
             axes.locator_params(axis="x", nbins=4)
         for axes in panels[: len(maps) : 2]:
             axes.set_ylabel(f"missing {'torque' if rotary else 'force'} at {top.place} [{pushed}]")

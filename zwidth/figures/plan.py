@@ -5,11 +5,12 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
 
 from zwidth.figures.style import STYLE
 from zwidth.planning.limits import SHOWN
 from zwidth.planning.plan import ALIKE, Plan, Visible
-from zwidth.sim.readable import with_unit
+from zwidth.sim.readable import plain, with_unit
 
 DOT = "#004488"
 # Distance in sigma, from alike (dark) to apart (white): grey levels tell it in print too.
@@ -44,11 +45,12 @@ def _limits(axes: Axes, shown: list[Visible]) -> None:
         text = f"  {limit_in_words(visible)}"
         axes.annotate(text, (share, place), va="center", fontsize=7.5)
     axes.set_xscale("log")
+    axes.xaxis.set_major_locator(LogLocator(numticks=6))
     axes.set_xlim(min(shares) / 3.0, max(shares) * 60.0)
     axes.set_yticks(places, [named(v.label) for v in shown], fontsize=8)
     axes.set_ylim(len(shown) - 0.4, -0.6)
     axes.grid(axis="y", visible=False)
-    axes.xaxis.set_major_formatter("{x:g} %")
+    axes.xaxis.set_major_formatter(lambda x, _: f"{plain(x)} %")
     axes.set_xlabel(
         "smallest magnitude that shows, as a share of what the experiment moves by;\n"
         "beside the dot its value",

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from zwidth.figures.boundary import COLOURS, DASHES
 from zwidth.figures.style import STYLE
-from zwidth.identification.cycles import RelayCondition
-from zwidth.identification.relay import Waveform
+from zwidth.identification.cycles import Cycle, RelayCondition
+from zwidth.identification.relay import RelayTest, Waveform
 from zwidth.sim.device import Device
-from zwidth.sim.readable import scaled
+from zwidth.sim.readable import scaled, with_unit
 from zwidth.stability.linear import boundary, last_stable_damping
 
 Floats = NDArray[np.float64]
@@ -50,6 +50,18 @@ def relay_figure(wave: Waveform, title: str = "", rotary: bool = True) -> Figure
         if title:
             figure.suptitle(title, fontsize=10)
     return figure
+
+
+def relay_title(device: Device, c: RelayCondition, cycle: Cycle, test: RelayTest) -> str:
+    """Return what the picture of a run is of: the condition, and the cycle that it shows."""
+    force, length = ("N m", "rad") if device.rotary else ("N", "m")
+    whose = f"the cycle of {100.0 * cycle.share:.0f} % of the starts"
+    whose = whose if cycle.share else "from the reference start"
+    return (
+        f"{device.name}: relay of \u00b1{with_unit(test.force, force)},"
+        f" delay {1e3 * c.delay:g} ms, B = {c.damping:g} {force} s/{length},\n{whose}:"
+        f" K = {cycle.stiffness:.4g} {force}/{length} at {cycle.frequency_hz:.3g} Hz"
+    )
 
 
 def relay_boundary_figure(

@@ -1,0 +1,180 @@
+"""What an effect does, and the motion with it and without it.
+
+On one mass of 1.5e-3 kg m2 (in a link: with a second of 0.8e-3 kg m2 on 12 N m/rad), simulated by
+the kernel, at a size at which it is seen.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from zwidth.controllers.recorded import recorded
+from zwidth.figures.style import STYLE
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.interface import Interface
+from zwidth.sim.physics import make_physics
+from zwidth.sim.physics.effect import Effect
+from zwidth.sim.physics.free_law import table_values
+from zwidth.sim.run import Run, Start, simulate
+from zwidth.sim.trace import Trace
+
+Floats = NDArray[np.float64]
+PERIOD, SECONDS, SUBSTEPS = 0.001, 2.0, 10
+MASSES, DAMPERS, LINK = (1.5e-3, 0.8e-3), (4e-3, 2e-3), (12.0, 0.01)
+
+
+@dataclass(frozen=True)
+class Shown:
+    """An effect as its picture has it: where, of which size, and over what its law is drawn."""
+
+    at: str
+    values: Mapping[str, float]
+    over: str = "position"
+    top: float = 0.1  # of the command [N m]
+    start: float = 0.0  # of m1 [rad]
+
+
+SHOWN: dict[str, Shown] = {
+    "coulomb_friction": Shown("m1", {"level": 0.03}, "velocity"),
+    "stribeck_friction": Shown(
+        "m1", {"level": 0.02, "static_level": 0.05, "velocity": 1.0}, "velocity"),
+    "presliding_friction": Shown("m1", {"level": 0.03, "stiffness": 0.3}, "position", 0.06),
+    "directional_friction": Shown("m1", {"level_plus": 0.04, "level_minus": 0.01,
+                                  "viscous_plus": 0.004, "viscous_minus": 0.001}, "velocity"),
+    "load_friction": Shown("m1", {"ratio": 0.5}, "command"),
+    "quadratic_drag": Shown("m1", {"coefficient": 1e-3}, "velocity"),
+    "constant_force": Shown("m1", {"level": 0.02}, "velocity"),
+    "ground_spring": Shown("m1", {"stiffness": 0.3}),
+    "gravity_pendulum": Shown("m1", {"level": 0.08, "angle": 0.0}, start=2.5),
+    "force_ripple": Shown("m1", {"amplitude": 0.03, "period": 1.0, "phase": 0.0}),
+    "backlash": Shown("link12", {"gap": 0.1}, "deflection"),
+    "cubic_stiffness": Shown("ground", {"coefficient": 0.3}),
+    "hysteresis": Shown("ground", {"stiffness": 0.5, "level": 0.05, "shape": 2.0}),
+    "extra_mode": Shown("m1", {"mass": 5e-4, "stiffness": 1.0, "damping": 5e-4}),
+    "position_servo": Shown("m1", {"stiffness": 1.0, "damping": 0.01, "back_emf": 0.0}, "goal",
+                            0.3),
+    "servo_limit": Shown("m1", {"limit": 0.04}, "goal", 0.3),
+    "servo_dead_zone": Shown("m1", {"half": 0.1}, "goal", 0.3),
+    "saturation": Shown("command", {"limit": 0.06}, "command"),
+    "dead_band": Shown("command", {"width": 0.06}, "command"),
+    "command_step": Shown("command", {"step": 0.02}, "command"),
+    "actuator_lag": Shown("command", {"time_constant": 0.03}, "command"),
+    "gain_asymmetry": Shown("command", {"ratio": 2.0}, "command"),
+    "loop_delay": Shown("clock", {"delay": 0.03}, "command"),
+    "dropped_samples": Shown("clock", {"rate": 0.5}, "command"),
+    "encoder_step": Shown("sensor", {"step": 0.3}, "reading"),
+    "encoder_eccentricity": Shown(
+        "sensor", {"amplitude": 0.2, "period": 2.0, "phase": 0.0}, "reading"),
+    "rectified_sensor": Shown("sensor", {}, "reading", start=-0.6),
+    "sensor_lag": Shown("sensor", {"time_constant": 0.05}, "reading"),
+    "sensor_filter": Shown("sensor", {"time_constant": 0.05, "damping": 0.707}, "reading"),
+    "moving_average": Shown("sensor", {"window": 0.1}, "reading"),
+    "free_spring": Shown("m1", table_values([(-2.0, 0.02), (-1.0, 0.04), (1.0, -0.04),
+                                             (2.0, -0.02)])),
+    "free_damper": Shown("m1", table_values([(0.0, 0.0), (2.0, -0.03), (10.0, -0.05)], odd=True),
+                         "velocity"),
+    "free_amplifier": Shown("command", table_values([(-0.1, 0.02), (0.0, 0.0), (0.05, 0.0),
+                                                     (0.1, -0.05)]), "command"),
+    "free_sensor": Shown("sensor", table_values([(-1.0, 0.1), (0.0, -0.1), (1.0, 0.2)]),
+                         "reading"),
+}  # fmt: skip
+
+
+def effect_figure(effect: Effect) -> Figure:
+    """Return a picture of what an effect does, and of the motion with it and without it.
+
+    Raises ValueError for an effect of the user's own, for which no size is known to draw.
+    """
+    if effect.name not in SHOWN:
+        raise ValueError(
+            f"there is no picture of {effect.name}, an effect of your own; leave --picture out"
+        )
+    shown = SHOWN[effect.name]
+    with_it, without = _runs(effect, shown)
+    x, y, labels = _law(effect, shown, with_it)
+    with rc_context(STYLE):
+        figure = Figure(figsize=(7.2, 2.8), layout="constrained")
+        left, right = figure.subplots(1, 2)
+        reads = effect.hook == "sensor" or effect.follows is not None
+        left.plot(x, y, color="C3", linewidth=1.2)
+        left.xaxis.set_major_locator(MaxNLocator(5))
+        if np.ptp(y) < 0.2 * float(np.abs(y).max()):  # a constant is seen as one
+            left.set_ylim(0.0, 1.3 * float(y.max()))
+        left.set(xlabel=labels[0], ylabel=labels[1])
+        for run, label, color in ((without, "without", "0.6"), (with_it, "with it", "C0")):
+            key = "encoder" if reads else "position_m1"
+            right.plot(run.trace.t, run.trace[key], color=color, label=label)
+        seen = "reading" if reads else "position of m1"
+        right.set(xlabel="time [s]", ylabel=f"{seen} [rad]")
+        figure.legend(loc="outside lower right", ncols=2, frameon=False, fontsize=8)
+        figure.suptitle(f"{effect.name.replace('_', ' ')} at {shown.at}", fontsize=10)
+    return figure
+
+
+def _device(shown: Shown) -> Device:
+    two = shown.at == "link12"
+    n = 2 if two else 1
+    links = ([LINK[0]], [LINK[1]]) if two else ([], [])
+    chain = make_chain(list(MASSES[:n]), list(DAMPERS[:n]), 0.0, *links)
+    return Device("shown", "", True, chain, Interface(period=PERIOD))
+
+
+def _runs(effect: Effect, shown: Shown) -> tuple[Run, Run]:
+    command, device = _asked(shown), _device(shown)
+    if effect.name.startswith("servo_"):
+        device = device.with_physics(
+            make_physics("position_servo", "m1", stiffness=1.0, damping=0.01, back_emf=0.0)
+        )
+    changed = device.with_physics(make_physics(effect.name, shown.at, **shown.values))
+    with_it, without = (
+        simulate(
+            d,
+            recorded(command),
+            duration=SECONDS,
+            substeps=SUBSTEPS,
+            seed=1,
+            start=Start(shown.start),
+        )
+        for d in (changed, device)
+    )
+    return with_it, without
+
+
+def _asked(shown: Shown) -> Floats:
+    """Return the command: a sine of 2 Hz that grows."""
+    t = np.arange(round(SECONDS / PERIOD)) * PERIOD
+    return shown.top * np.sin(2 * np.pi * 2.0 * t) * (0.4 + 0.6 * t / SECONDS)
+
+
+def _law(effect: Effect, shown: Shown, run: Run) -> tuple[Floats, Floats, tuple[str, str]]:
+    trace = run.trace
+    if shown.over == "reading":
+        return trace["position_m1"], trace["encoder"], ("position [rad]", "reading [rad]")
+    if shown.over == "command" and effect.hook in ("command", "clock", "structure"):
+        names = ("command [N m]", "force of the amplifier [N m]")
+        part = slice(-500, None)  # the last wave
+        return _asked(shown)[part], trace["applied"][part], names
+    if shown.over == "deflection":
+        force = _inertia(trace, 1)
+        q = trace["position_m1"] - trace["position_m2"]
+        return q, force, ("deflection of the link [rad]", "force of the link [N m]")
+    if shown.over == "goal":
+        force = _inertia(trace, 0)[50:]  # once the jerk of the beginning is over
+        goal = _asked(shown) / 1.0 - trace["position_m1"]
+        return goal[50:], force, ("goal - position [rad]", "force of the servo [N m]")
+    force = _inertia(trace, 0) - trace["applied"]
+    x = trace["command"] if shown.over == "command" else trace[f"{shown.over}_m1"]
+    unit = {"position": "rad", "velocity": "rad/s", "command": "N m"}[shown.over]
+    return x, force, (f"{shown.over} [{unit}]", "its force [N m]")
+
+
+def _inertia(trace: Trace, mass: int) -> Floats:
+    """Return the force that moves a mass, of its speed alone."""
+    v = trace[f"velocity_m{mass + 1}"]
+    return MASSES[mass] * np.gradient(v, PERIOD) + DAMPERS[mass] * v
