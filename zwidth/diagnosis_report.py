@@ -28,6 +28,7 @@ from zwidth.diagnosis.intake.units import unit_of
 from zwidth.diagnosis.mishaps import collecting, isolated, silent
 from zwidth.figures.augmented_boundary import augmented_boundary_figure
 from zwidth.figures.changes import changes_figure
+from zwidth.figures.events import events_figure
 from zwidth.figures.diagnosis import force_map_figure, residual_figure, whole_run_figure
 from zwidth.figures.learned import learned_figure
 from zwidth.figures.style import STYLE
@@ -147,6 +148,8 @@ def _pictures(
         draw["law"] = lambda: learned_figure(law, rotary)
     for i, change in enumerate(diagnosis.changes):
         draw[f"change {i + 1}"] = partial(changes_figure, change)
+    for i, event in enumerate(diagnosis.events):
+        draw[f"event {i + 1}"] = partial(events_figure, event)
     if boundary is not None:
         draw["boundary"] = lambda: augmented_boundary_figure(boundary)
     for name, figure in draw.items():

@@ -40,6 +40,7 @@ from zwidth.diagnosis.noise.predictor import (
     begun,
     copied,
     memory_at,
+    padded_force,
     prepared,
 )
 from zwidth.diagnosis.recording.experiment import Experiment
@@ -332,12 +333,12 @@ def _going_through(e: Experiment, h: Hypothesis, ticks: NDArray[np.int64], stop:
     early, late = (prepared(own.on(device), SEARCHING) for own in held)
     places, begun_there = held[0].places(early.coarse.dof), begun(device, held[0], observer)
     memory, full = memory_at(early, begun_there, device, observer.gain)
-    forces = np.zeros((0, early.coarse.dof))
+    forces = padded_force(e.force, early.coarse.dof)
 
     def through(side: int, a: int, b: int, memory: Memory) -> Floats:
         own, eq = held[side], (early, late)[side]
-        return alone(eq.coarse, eq.fine, places, own.command[a:b], own.measured[a:b], full, forces,
-                     memory)  # fmt: skip
+        return alone(eq.coarse, eq.fine, places, own.command[a:b], own.measured[a:b], full,
+                     forces[a:b], memory)  # fmt: skip
 
     start, here = int(ticks[0]), 0
     before: list[Floats] = [through(0, 0, start, memory)]
