@@ -51,7 +51,7 @@ def recording(kind: int, seed: int = 5) -> tuple[Experiment, Floats]:
     command = np.sum([0.06 * np.sin(2.0 * np.pi * f * t + p) for f, p in waves], axis=0)
     if kind == STOP:  # where the motion is farthest
         far = moved(command, NUMBERS, NOTHING, np.zeros(5))[0]
-        place = far[np.argmax(np.abs(far))] - 0.3 * np.sign(far[np.argmax(np.abs(far))])
+        place = far[np.argmax(np.abs(far))] - 0.05 * np.sign(far[np.argmax(np.abs(far))])
         event = np.array([0.0, 0.0, place, 1e-3 * 300.0**2, 1e-3 * 100.0])
     else:
         event = EVENTS[kind]

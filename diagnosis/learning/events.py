@@ -60,9 +60,9 @@ FEWEST = 12  # stretches by which chance is told
 THRESHOLDS = (0.5, 0.75, 0.9)  # quantiles over which excesses are averaged
 GAUSSIAN = 2.0  # mean excess of a chi-square of one
 RARITY = math.log(0.95 / 0.05)  # of a recording in which something happens
-NEAR_S = 0.12  # between two pulses of one event
+NEAR_S = 0.12  # between two pulses of one event, at least
 MEDIAN = 0.6745  # of |z| of a normal
-ONSET = 2 * SETTLING  # ticks from the start, in which the observer finds the state
+ONSET = SETTLING + 20  # ticks from the start, in which the observer finds the state
 
 
 class Peak(NamedTuple):
@@ -145,8 +145,8 @@ def with_events(
 
 
 def _near(one: Happened, peak: Peak, period: float) -> bool:
-    """Whether a pulse is part of an event."""
-    far = round(NEAR_S / period)
+    """Whether a pulse is part of an event: no farther from it than either is long."""
+    far = max(round(NEAR_S / period), one.last - one.first, peak.ticks)
     ends = peak.first + peak.ticks
     apart = peak.first - one.last > far or one.first - ends > far
     return one.recording == peak.recording and not apart
