@@ -74,7 +74,11 @@ def moved(
             w = w - stops if w > stops else (w + stops if w < -stops else 0.0)
             if kind == JAM and on:  # what its friction does beyond the device's own
                 plain = h * friction / m
-                own = before - plain if before > plain else (before + plain if before < -plain else 0.0)
+                own = (
+                    before - plain
+                    if before > plain
+                    else (before + plain if before < -plain else 0.0)
+                )
                 f = m * (w - own) / h
             if f != 0.0:
                 told[0] += f * h
@@ -117,9 +121,7 @@ def drawn(seed: int, index: int, seconds: float) -> Drawn:
         peak *= mass
         command *= peak / float(np.abs(command).max())
         spring = mass * (2.0 * np.pi * between(0.4, 2.0)) ** 2 if random.random() < 0.5 else 0.0
-        numbers = np.array(
-            [mass, mass * between(1.0, 5.0), peak * between(0.1, 0.3), spring]
-        )
+        numbers = np.array([mass, mass * between(1.0, 5.0), peak * between(0.1, 0.3), spring])
         clean, _ = moved(command, numbers, NOTHING, np.zeros(5))
         at = float(random.uniform(0.1, 0.9)) * seconds
         if kind != STOP or 0.1 < np.argmax(np.abs(clean)) / ticks < 0.9:

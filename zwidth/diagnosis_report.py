@@ -28,8 +28,8 @@ from zwidth.diagnosis.intake.units import unit_of
 from zwidth.diagnosis.mishaps import collecting, isolated, silent
 from zwidth.figures.augmented_boundary import augmented_boundary_figure
 from zwidth.figures.changes import changes_figure
-from zwidth.figures.events import events_figure
 from zwidth.figures.diagnosis import force_map_figure, residual_figure, whole_run_figure
+from zwidth.figures.events import events_figure
 from zwidth.figures.learned import learned_figure
 from zwidth.figures.style import STYLE
 from zwidth.files.whole import write_text

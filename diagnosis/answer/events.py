@@ -21,8 +21,8 @@ from zwidth.diagnosis.answer.headline import place_in_words, said
 from zwidth.diagnosis.answer.result import Estimate
 from zwidth.diagnosis.fitting.uncertainty import Z95
 from zwidth.diagnosis.intake.take_in import Taken
-from zwidth.diagnosis.learning.events import happenings, with_events
 from zwidth.diagnosis.learning.event_force import Happened
+from zwidth.diagnosis.learning.events import happenings, with_events
 from zwidth.diagnosis.mishaps import Say, attempt
 from zwidth.diagnosis.noise.predictor import followed
 from zwidth.diagnosis.noise.steady import NoObserver
@@ -267,9 +267,7 @@ def _said(one: Happened, e: Experiment, h: Hypothesis) -> Event:
     steps = np.diff(np.concatenate([[0.0], f, [0.0]]))
     largest = int(np.argmax(np.abs(f)))
     impulse = _estimate(period * f.sum(), period * np.sqrt(c.sum()), f"{force} s")
-    energy = _estimate(
-        f @ way, np.sqrt(way @ c @ way + (noise * np.linalg.norm(steps)) ** 2), "J"
-    )
+    energy = _estimate(f @ way, np.sqrt(way @ c @ way + (noise * np.linalg.norm(steps)) ** 2), "J")
     most = _estimate(f[largest], np.sqrt(c[largest, largest]), force)
     begins, ends = _edges(f, c)
     kind = _kind(one, q, period, begins[1], ends[1], impulse.value)
@@ -322,7 +320,7 @@ def _slipped(one: Happened, e: Experiment, h: Hypothesis) -> Event:
     )  # fmt: skip
 
 
-def _estimate(value: float, error: float, unit: str) -> Estimate:
+def _estimate(value: float | Floats, error: float | Floats, unit: str) -> Estimate:
     return Estimate(float(value), float(value - Z95 * error), float(value + Z95 * error), unit)
 
 
@@ -420,7 +418,7 @@ def _kind(
 def _course(one: Happened, e: Experiment, q: Floats, force: str, length: str) -> Course:
     beside = round(PICTURE_S / e.period)
     a, b = max(0, one.first - beside), min(e.ticks, one.last + beside)
-    ticks = np.arange(a, b)
+    ticks = np.arange(a, b, dtype=np.float64)
     f, error = np.zeros(ticks.size), np.zeros(ticks.size)
     end = e.ticks if one.source.lasting else one.last
     on = (ticks >= one.first) & (ticks < end)

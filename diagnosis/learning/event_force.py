@@ -85,7 +85,9 @@ class Happened:
         place = place_at(self.source.place)
         masses = 1 + max(place.ends[0], place.ends[1])
         masses = max(masses, 0 if e.force is None else e.force.shape[1])
-        force = padded_force(e.force, masses) if e.force is not None else np.zeros((e.ticks, masses))
+        force = (
+            padded_force(e.force, masses) if e.force is not None else np.zeros((e.ticks, masses))
+        )
         force = force.copy()
         end = e.ticks if self.source.lasting else self.last
         force[self.first : end] += self.force[:, None] * place.row(masses)
@@ -206,7 +208,9 @@ def _bases(ticks: int) -> Iterator[Floats]:
     for count in HATS:
         if count <= ticks // 2:
             at = np.linspace(0, ticks - 1, count + 2)
-            yield np.array([np.interp(np.arange(ticks), at, row) for row in np.eye(count + 2)[1:-1]]).T
+            yield np.array(
+                [np.interp(np.arange(ticks), at, row) for row in np.eye(count + 2)[1:-1]]
+            ).T
 
 
 def _forced(
@@ -260,7 +264,9 @@ def _slips(
         for at in range(max(begins + LEAD // 2, first - ABOUT), min(window.ends - 2, last + ABOUT)):
             on = (np.arange(ticks) >= at - begins).astype(np.float64)
 
-            def white(f: Floats, on: Floats = on, row: Floats = row, source: Source = source) -> Floats:
+            def white(
+                f: Floats, on: Floats = on, row: Floats = row, source: Source = source
+            ) -> Floats:
                 if source.sensor is None:
                     return window.white(f[0] * on, row)
                 return window.white(None, row, f[0] * np.outer(on, row))
@@ -279,9 +285,7 @@ def _slips(
         yield _Tried(happened, chi2 + 2.0 * math.log(chi2_rows(window)))
 
 
-def _solved(
-    white: Callable[[Floats], Floats], count: int
-) -> tuple[Floats, Floats, float, float]:
+def _solved(white: Callable[[Floats], Floats], count: int) -> tuple[Floats, Floats, float, float]:
     """Return f (k,) of the least squares, its covariance, the chi-square there and what it gained.
 
     Steps are as large as noise hides: what sticks under less moves under them.
@@ -313,7 +317,7 @@ def _solved(
         f, r, least, damping = f + step, there, float(there @ there), 0.1 * damping
         if gained < WORTH:
             break
-    covariance = np.linalg.inv(slopes.T @ slopes + np.diag(1.0 / size**2))
+    covariance: Floats = np.linalg.inv(slopes.T @ slopes + np.diag(1.0 / size**2))
     return f, covariance, least, start - least
 
 

@@ -107,7 +107,9 @@ def happenings(recordings: Sequence[Experiment], h: Hypothesis) -> tuple[Happene
         rest = [one for one in found if one not in near]
         beside = _judged(recordings, rest, seen)
         found = [*rest, fitted_event(beside, *_together(near, peak))]
-    return tuple(sorted(_believed(recordings, found, h), key=lambda one: (one.recording, one.first)))
+    return tuple(
+        sorted(_believed(recordings, found, h), key=lambda one: (one.recording, one.first))
+    )
 
 
 def _believed(
@@ -134,9 +136,7 @@ def _judged(
     return judged(with_events(recordings, found), h.model, h.x)
 
 
-def with_events(
-    recordings: Sequence[Experiment], found: Sequence[Happened]
-) -> list[Experiment]:
+def with_events(recordings: Sequence[Experiment], found: Sequence[Happened]) -> list[Experiment]:
     """Return recordings that know of events: their forces act, their slips are taken off."""
     known = list(recordings)
     for one in found:
@@ -168,9 +168,7 @@ class _Answer(NamedTuple):
     squares: Floats
 
 
-def _searched(
-    h: Hypothesis, known: Sequence[Happened]
-) -> tuple[Peak | None, Floats, Chance]:
+def _searched(h: Hypothesis, known: Sequence[Happened]) -> tuple[Peak | None, Floats, Chance]:
     """The highest of all peaks, the highest of each stretch beside known events, and chance."""
     best: Peak | None = None
     stretches: list[Floats] = []
@@ -204,7 +202,9 @@ def _answers(h: Hypothesis) -> list[_Answer]:
         springy = place.kind == "link" or (place.index == 0 and device.chain.ground_spring > 0.0)
         found.append(_Answer(Source(str(place)), answer, np.zeros(0)))
         if springy:
-            found.append(_Answer(Source(str(place), lasting=True), answer, _lasting(answer, longest)))
+            found.append(
+                _Answer(Source(str(place), lasting=True), answer, _lasting(answer, longest))
+            )
     for o, output in enumerate(h.experiments[0].outputs):
         if output.quantity == "position":
             answer = response(problem, fitted, "sensor", o)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.recording.drive_force import FORCE, Pushed, drive_stiffness
 from zwidth.diagnosis.recording.link_force import told_by_links
+from zwidth.logs.recording_file import COVARIATE
 from zwidth.logs.stale import renewed, repeated
 from zwidth.logs.stretches import jumps, without_gaps
 from zwidth.logs.uneven import evened
@@ -65,6 +66,15 @@ class Output:
 
 
 @dataclass(frozen=True)
+class Covariate:
+    """What was recorded beside the motion that parameters may follow: values (ticks,), unit."""
+
+    name: str
+    unit: str
+    values: Floats
+
+
+@dataclass(frozen=True)
 class Experiment:
     """command (ticks,) and measured (ticks, o) at one period [s], SI; outputs say what o are.
 
@@ -79,6 +89,7 @@ class Experiment:
     the side of a play) no later sample may. changes: what was known to be different about the
     device. pushed: where the first output is the position that a drive's force tells. shares: how
     much of each change of a parameter (`Model.varying`) holds here; none of those not named.
+    covariates: what else was recorded at each sample (a temperature), that parameters may follow.
     """
 
     period: float
@@ -99,6 +110,7 @@ class Experiment:
     differenced: Mapping["Output", float] = field(default_factory=dict["Output", float])
     folded: bool = False
     shares: tuple[tuple[str, float], ...] = ()
+    covariates: tuple[Covariate, ...] = ()
 
     def on(self, device: Device) -> Device:
         """Return a device as it was in this recording."""
@@ -136,6 +148,7 @@ class Experiment:
             begins=self.begins + start * self.period,
             before=self.before if start == 0 else None,
             pushed=None if self.pushed is None else self.pushed.part(cut),
+            covariates=tuple(replace(c, values=c.values[cut]) for c in self.covariates),
         )
 
     def pauses(self) -> NDArray[np.bool_]:
@@ -240,8 +253,25 @@ def experiment(trace: Trace, device: Device, name: str = "recording") -> Experim
     notes += cells
     return Experiment(
         own, command, measured, tuple(found), name, swing, notes=notes, changes=changes,
-        pushed=pushed,
+        pushed=pushed, covariates=_covariates(trace),
     )  # fmt: skip
+
+
+def _covariates(trace: Trace) -> tuple[Covariate, ...]:
+    """What parameters may follow; over samples that lack it goes straight."""
+    found: list[Covariate] = []
+    for channel in (c for c in trace.channels if c.startswith(f"{COVARIATE}_")):
+        values = trace[channel]
+        known = np.isfinite(values)
+        if not known.any():
+            raise ExperimentError(
+                f"channel {channel!r} has no finite value; take its [[covariate]] out of the"
+                " recording's TOML"
+            )
+        whole = np.interp(np.arange(values.size), np.flatnonzero(known), values[known])
+        name = channel.removeprefix(f"{COVARIATE}_")
+        found.append(Covariate(name, trace.units[channel], whole))
+    return tuple(found)
 
 
 def _told_by_force(
@@ -374,7 +404,11 @@ def _as_it_moved(
     trace, stale = renewed(trace, positions, name)
     uneven = ""
     if math.isclose(float(np.ptp(trace.t)), period * (len(trace) - 1), rel_tol=LATE):
+        before = trace
         trace, uneven = evened(trace, period, moves, name)
+        lost = [c for c in before.channels if c not in trace.channels and c.startswith(COVARIATE)]
+        slow = {c: np.interp(trace.t, before.t, before[c]) for c in lost}
+        trace = trace.with_channels({**trace.channels, **slow}, trace.t)
     return trace, [said for said in (wrapped, stale, uneven) if said]
 
 
