@@ -317,7 +317,7 @@ def _solved(white: Callable[[Floats], Floats], count: int) -> tuple[Floats, Floa
         f, r, least, damping = f + step, there, float(there @ there), 0.1 * damping
         if gained < WORTH:
             break
-    covariance: Floats = np.linalg.inv(slopes.T @ slopes + np.diag(1.0 / size**2))
+    covariance = np.asarray(np.linalg.inv(slopes.T @ slopes + np.diag(1.0 / size**2)), np.float64)
     return f, covariance, least, start - least
 
 
