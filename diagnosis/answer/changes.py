@@ -94,8 +94,8 @@ class Change:
     the recordings. before, after: its values; by: what lies between, which may be known far better
     than either, where another parameter does nearly the same. as_well: other courses that explain
     it as well. gained: in -2 ln, all paid. free_run: errors over the motion of free runs on
-    held-out data without the change and with it, None where the change itself is held out. windows: what
-    each part of the recordings says by itself.
+    held-out data without the change and with it, None where the change itself is held out.
+    windows: what each part of the recordings says by itself.
     """
 
     parameter: str
@@ -421,7 +421,7 @@ def change_of(
         estimate(first), estimate(last), difference(), new.gained, free_run,
         model.nominal.chain.masses.size,
         _windows(new, experiments, own.index, at is not None),
-        (period * suspect.rates[0], period * suspect.rates[1]) if suspect.shape == SETTLES else None,
+        _seconds(suspect, period),
         None if followed is None else followed.name,
         "" if followed is None else followed.unit,
         None if followed is None else (
@@ -429,6 +429,12 @@ def change_of(
         ),
         each, suspect.as_well,
     )  # fmt: skip
+
+
+def _seconds(suspect: Suspect, period: float) -> tuple[float, float] | None:
+    """The interval of a time constant."""
+    low, high = suspect.rates
+    return (period * low, period * high) if suspect.shape == SETTLES else None
 
 
 def _windows(new: Varied, experiments: Sequence[Experiment], index: int, dated: bool) -> Windows:

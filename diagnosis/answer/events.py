@@ -32,7 +32,7 @@ from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged
 from zwidth.diagnosis.selection.searched import Searched, searched
 from zwidth.sim.device import Device
 from zwidth.sim.place import place_at
-from zwidth.sim.readable import scaled, with_unit
+from zwidth.sim.readable import with_unit
 
 Floats = NDArray[np.float64]
 TURNS = 2  # searches that know of what happened
@@ -429,8 +429,3 @@ def _course(one: Happened, e: Experiment, q: Floats, force: str, length: str) ->
     return Course(
         e.begins + e.period * ticks, f, f - Z95 * error, f + Z95 * error, q[a:b], unit, length
     )
-
-
-def size_of(course: Course) -> tuple[float, str]:
-    """Return factor and unit by which the force of a course is written."""
-    return scaled(float(np.abs(course.force).max()), course.unit)
