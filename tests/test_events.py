@@ -106,14 +106,48 @@ def test_what_often_happens_is_no_event():
 
     Mutation that breaks it: m always that of Gaussian noise.
     """
-    e, _ = recording(NOTHING)
-    force = np.zeros((e.ticks, 1))
+    force = np.zeros((3000, 1))
     force[300:2900:300] = 0.1
+    friction = make_physics("coulomb_friction", "m1", level=0.02)
     h = fitted(NOTHING)
-    after = innovations(h.model.acting(h.x), replace(e, force=force), h.noise.observer.gain)
-    clean = innovations(h.model.acting(h.x), e, h.noise.observer.gain)
-    hit = replace(e, measured=e.measured + (clean - after))
+    device = h.model.build(h.x)
+    assert device.physics[0].effect is friction.effect
+    hit = simulated(device, (Output("position", 0),), force)
     assert happenings([hit], h) == ()
+    force[600:] = 0.0
+    (one,) = happenings([simulated(device, (Output("position", 0),), force)], h)
+    assert one.first <= 300 < one.last
+
+
+def simulated(device: Device, outputs: tuple[Output, ...], force: Floats) -> Experiment:
+    """What a device gives under a force, by a predictor that corrects nothing."""
+    e, _ = recording(NOTHING)
+    still = replace(e, outputs=outputs, measured=np.zeros((e.ticks, len(outputs))), force=force)
+    y = -innovations(device, still, np.zeros((2 * device.chain.masses.size, len(outputs))))
+    y += 2e-4 * np.random.default_rng(3).standard_normal(y.shape)
+    return replace(still, measured=y, force=None, swing=float(y[:, 0].std()))
+
+
+@pytest.mark.parametrize("place", ["m1", "m2", "link12", "slip"])
+def test_where_it_acts_is_told(place: str):
+    """Of two masses, both measured. Mutation that breaks it: the row of a link of one sign."""
+    device = Device("two", "", True, make_chain([1e-3, 8e-4], [2e-3, 1e-3], 0.0, [1.5], [1e-3]),
+                    Interface(period=T))  # fmt: skip
+    force = np.zeros((3000, 2))
+    at = slice(1500, 3000 if place == "slip" else 1506)
+    row = {"m1": (1.0, 0.0), "m2": (0.0, 1.0)}.get(place, (1.0, -1.0))
+    force[at] = 0.15 * np.array(row)
+    e = simulated(device, (Output("position", 0), Output("position", 1)), force)
+    model = Model(device)
+    h = settled(judged([e], model, np.zeros(len(model.parameters))))
+    (one,) = happenings([e], h)
+    assert one.source == Source("link12" if place == "slip" else place, lasting=place == "slip")
+    assert one.first <= 1500 < one.last or one.between[0] <= 1500 <= one.between[1]
+    if place == "slip":
+        assert one.force[0] == pytest.approx(0.15, rel=0.1)
+    else:
+        assert one.force.sum() == pytest.approx(0.9, rel=0.1)
+    assert one.elsewhere == ()
 
 
 def test_a_recording_that_knows_of_an_event_is_as_if_it_had_not_been():

@@ -34,7 +34,7 @@ from zwidth.sim.predict import alone
 
 Floats = NDArray[np.float64]
 LEAD, TAIL = 60, 150  # ticks before and after an event, in which it is fitted
-POINT = 32  # ticks, beyond which nothing slipped
+POINT = 32  # ticks from the first, in which it may be that something slipped
 SHORT = 24  # ticks, of which each has its own force
 HATS = (3, 6, 12, 24, 48)
 STEPS, WORTH = 8, 0.05  # of Gauss and Newton; of chi-square, that one must gain
@@ -111,7 +111,7 @@ class Window:
         device = model.acting(x)
         self.seen = model.seen(e, x)
         self.ready = prepared(self.seen.on(device), SEARCHING)
-        self.observer = h.noise.observer
+        self.observer, self.masses = h.noise.observer, model.nominal.chain.masses.size
         self.begins, self.ends = max(0, first - LEAD), min(e.ticks, last + TAIL)
         self.places = self.seen.places(self.ready.coarse.dof)
         self.forces = padded_force(e.force, self.ready.coarse.dof)
@@ -165,7 +165,7 @@ def fitted_event(h: Hypothesis, recording: int, source: Source, first: int, last
     wide = inflation(h.residual[: h.samples])
     tried = [
         *_forces(window, recording, first, last, e, wide),
-        *(_slips(window, recording, first, last, h, wide) if last - first <= POINT else ()),
+        *_slips(window, recording, first, min(last, first + POINT), h, wide),
     ]
     best = min(tried, key=lambda one: one.cost)
     as_good = [
@@ -182,7 +182,7 @@ def _forces(
     window: Window, recording: int, first: int, last: int, e: Experiment, wide: float
 ) -> Iterator[_Tried]:
     """Forces for a while at every mass and link."""
-    for place in masses_and_links(_masses(window)):
+    for place in masses_and_links(window.masses):
         row = place.row(window.dof)
         best: _Tried | None = None
         for basis in _bases(last - first):
@@ -194,10 +194,6 @@ def _forces(
             best = one
         assert best is not None
         yield best
-
-
-def _masses(window: Window) -> int:
-    return min(window.dof, 1 + max(o.mass for o in window.seen.outputs) if window.dof > 1 else 1)
 
 
 def _bases(ticks: int) -> Iterator[Floats]:
@@ -255,9 +251,9 @@ def _slips(
         for i, o in enumerate(outputs)
         if o.quantity == "position"
     ]
-    device = h.model.build(h.x)
-    for place in masses_and_links(device.chain.masses.size):
-        if place.kind == "link" or (place.index == 0 and device.chain.ground_spring > 0.0):
+    tied = h.model.build(h.x).chain.ground_spring > 0.0
+    for place in masses_and_links(window.masses):
+        if place.kind == "link" or (place.index == 0 and tied):
             sources.append((Source(str(place), lasting=True), place.row(window.dof)))
     for source, row in sources:
         costs: dict[int, tuple[float, Floats, Floats, float]] = {}

@@ -55,6 +55,7 @@ MOST = 4  # events in all that was recorded
 TURNS = 16  # of looking again, that all events together may take
 PER_OCTAVE = 2  # durations
 LONGEST_S, LONGEST_SHARE = 3.0, 0.2  # of an event; the share is of the recording
+SEEN = 100  # ticks after its onset, by which what lasts is seen
 STRETCH = 64  # ticks, of which the highest gain is taken
 FEWEST = 12  # stretches by which chance is told
 THRESHOLDS = (0.5, 0.75, 0.9)  # quantiles over which excesses are averaged
@@ -161,11 +162,10 @@ def _together(near: Sequence[Happened], peak: Peak) -> tuple[int, Source, int, i
 
 
 class _Answer(NamedTuple):
-    """Response h (length, o) of a source, what of it is squared over durations (ticks,)."""
+    """Response h (length, o) of the innovations to one tick of a source."""
 
     source: Source
     h: Floats
-    squares: Floats
 
 
 def _searched(h: Hypothesis, known: Sequence[Happened]) -> tuple[Peak | None, Floats, Chance]:
@@ -195,29 +195,18 @@ def _answers(h: Hypothesis) -> list[_Answer]:
     problem, model = h.problem, h.model
     fitted = Fitted(model, h.x, 0.0, h.residual, np.zeros((0, 0)), h.samples)
     device = model.build(h.x)
-    n, longest = device.chain.masses.size, max(e.ticks for e in h.experiments)
+    n = device.chain.masses.size
     found: list[_Answer] = []
     for place in masses_and_links(n):
         answer = -response(problem, fitted, str(place))
-        springy = place.kind == "link" or (place.index == 0 and device.chain.ground_spring > 0.0)
-        found.append(_Answer(Source(str(place)), answer, np.zeros(0)))
-        if springy:
-            found.append(
-                _Answer(Source(str(place), lasting=True), answer, _lasting(answer, longest))
-            )
+        found.append(_Answer(Source(str(place)), answer))
+        if place.kind == "link" or (place.index == 0 and device.chain.ground_spring > 0.0):
+            found.append(_Answer(Source(str(place), lasting=True), answer))
     for o, output in enumerate(h.experiments[0].outputs):
         if output.quantity == "position":
             answer = response(problem, fitted, "sensor", o)
-            source = Source(output.name, sensor=o, lasting=True)
-            found.append(_Answer(source, answer, _lasting(answer, longest)))
+            found.append(_Answer(Source(output.name, sensor=o, lasting=True), answer))
     return found
-
-
-def _lasting(answer: Floats, longest: int) -> Floats:
-    """|s|^2 (ticks + 1,) of what sets in so many ticks before a recording ends."""
-    step = np.cumsum(answer, axis=0)[:longest]
-    rest = np.repeat(step[-1:], max(0, longest - step.shape[0]), axis=0)
-    return np.concatenate([[0.0], np.cumsum(np.sum(np.vstack([step, rest]) ** 2, axis=1))])
 
 
 def _gains(
@@ -230,14 +219,11 @@ def _gains(
     lengths = np.unique(np.round(2.0 ** np.linspace(0.0, octaves, 1 + int(PER_OCTAVE * octaves))))
     best, labels = np.zeros(ticks), np.zeros(ticks, dtype=np.int64)
     each: list[tuple[Source, int]] = []
-    for source, h, squares in answers:
+    for source, h in answers:
         pull = sum(fftconvolve(white[::-1, o], h[:, o])[:ticks][::-1] for o in range(h.shape[1]))
         total = np.append(0.0, np.cumsum(pull))
         if source.lasting:
-            size = squares[ticks - np.arange(ticks)]
-            score = (total[-1] - total[:-1]) / np.sqrt(np.maximum(size, 1e-300))
-            score[size < 1e-9 * size.max()] = 0.0
-            durations = [(score, 1)]
+            durations = [(_onset(white, h), 1)]
         else:
             durations = [_of_length(total, h, int(d)) for d in lengths]
         for score, d in durations:
@@ -247,6 +233,13 @@ def _gains(
             best[better], labels[better] = gained[better], len(each)
             each.append((source, d))
     return best, [each[i] for i in labels]
+
+
+def _onset(white: Floats, h: Floats) -> Floats:
+    """The score (ticks,) of what sets in for good, by what it does in the first ticks."""
+    s, ticks = np.cumsum(h[:SEEN], axis=0), white.shape[0]
+    pull = [fftconvolve(white[::-1, o], s[:, o])[:ticks][::-1] for o in range(s.shape[1])]
+    return np.sum(pull, axis=0) / math.sqrt(max(float(np.sum(s**2)), 1e-300))
 
 
 def _of_length(total: Floats, h: Floats, d: int) -> tuple[Floats, int]:
