@@ -70,9 +70,13 @@ def fitted(kind: int, seed: int = 5) -> Hypothesis:
     return settled(judged([recording(kind, seed)[0]], model, np.zeros(len(model.parameters))))
 
 
+def happenings_in(e: Experiment, h: Hypothesis) -> tuple[Happened, ...]:
+    return happenings([e], h, lambda known: with_events([e], known))
+
+
 @cache
 def happened(kind: int, seed: int = 5) -> tuple[Happened, ...]:
-    return happenings([recording(kind, seed)[0]], fitted(kind, seed))
+    return happenings_in(recording(kind, seed)[0], fitted(kind, seed))
 
 
 @pytest.mark.parametrize("kind", [HIT, STOP, JAM, TOUCH, SLIP], ids=lambda k: KINDS[k])
@@ -113,9 +117,9 @@ def test_what_often_happens_is_no_event():
     device = h.model.build(h.x)
     assert device.physics[0].effect is friction.effect
     hit = simulated(device, (Output("position", 0),), force)
-    assert happenings([hit], h) == ()
+    assert happenings_in(hit, h) == ()
     force[600:] = 0.0
-    (one,) = happenings([simulated(device, (Output("position", 0),), force)], h)
+    (one,) = happenings_in(simulated(device, (Output("position", 0),), force), h)
     assert one.first <= 300 < one.last
 
 
@@ -140,7 +144,7 @@ def test_where_it_acts_is_told(place: str):
     e = simulated(device, (Output("position", 0), Output("position", 1)), force)
     model = Model(device)
     h = settled(judged([e], model, np.zeros(len(model.parameters))))
-    (one,) = happenings([e], h)
+    (one,) = happenings_in(e, h)
     assert one.source == Source("link12" if place == "slip" else place, lasting=place == "slip")
     assert one.first <= 1500 < one.last or one.between[0] <= 1500 <= one.between[1]
     if place == "slip":

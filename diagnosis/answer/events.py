@@ -11,6 +11,7 @@ Over a tick, force times way is energy: W = sum f_k (q_(k+1) - q_k), exact for a
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -178,7 +179,7 @@ def knowing_events(
     known: tuple[Happened, ...] = ()
     there = taken
     for _ in range(TURNS):
-        new = attempt("events", "", lambda found=found: _happened(every, found))
+        new = attempt("events", "", partial(_happened, taken, every, found))
         if new is None or not _others(taken, found, known, new):
             known = known if new is None else new
             break
@@ -198,8 +199,8 @@ def knowing_events(
     return there, found, events
 
 
-def _happened(every: Sequence[Experiment], found: Searched) -> tuple[Happened, ...]:
-    return happenings(every, found.tried.best)
+def _happened(taken: Taken, every: Sequence[Experiment], found: Searched) -> tuple[Happened, ...]:
+    return happenings(every, found.tried.best, lambda known: _with(taken, every, known).fit_on)
 
 
 def _seconds(one: Happened, every: Sequence[Experiment]) -> float:

@@ -35,11 +35,11 @@ from zwidth.sim.predict import alone
 Floats = NDArray[np.float64]
 LEAD, TAIL = 60, 150  # ticks before and after an event, in which it is fitted
 POINT = 32  # ticks from the first, in which it may be that something slipped
-SHORT = 24  # ticks, of which each has its own force
+SHORT = 40  # ticks, of which each has its own force
 HATS = (3, 6, 12, 24, 48)
 STEPS, WORTH = 8, 0.05  # of Gauss and Newton; of chi-square, that one must gain
 FAR = 30.0  # times what was seen, that a force may be
-MARGIN = 2  # ticks to both sides of what was seen
+MARGIN = 2  # ticks to both sides of what was seen by its linear response
 ABOUT = 3  # ticks about its peak, in which a slip is dated
 DATED = 3.84  # chi-square within which a time is as good
 SAME = 10.0  # in cost, below which a place is not told from another
@@ -154,13 +154,15 @@ class Window:
         return self.ready.coarse.dof
 
 
-def fitted_event(h: Hypothesis, recording: int, source: Source, first: int, last: int) -> Happened:
+def fitted_event(
+    h: Hypothesis, recording: int, first: int, last: int, margin: int = MARGIN
+) -> Happened:
     """Return an event about some ticks of a recording, as the cheapest description of it has it.
 
     h: judged on recordings that know of all others.
     """
     e = h.experiments[recording]
-    first, last = max(LEAD, first - MARGIN), min(e.ticks - 1, last + MARGIN)
+    first, last = max(LEAD, first - margin), min(e.ticks - 1, last + margin)
     window = Window(h, recording, first, last)
     wide = inflation(h.residual[: h.samples])
     tried = [

@@ -33,7 +33,7 @@ finds, and the kernel then fits (`learning.event_force`).
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -47,12 +47,14 @@ from zwidth.diagnosis.learning.event_force import Happened, Source, fitted_event
 from zwidth.diagnosis.noise.predictor import SETTLING
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.evidence import ALPHA
-from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged
+from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
 from zwidth.sim.place import masses_and_links
 
 Floats = NDArray[np.float64]
 MOST = 4  # events in all that was recorded
 TURNS = 16  # of looking again, that all events together may take
+REFITS = 2  # turns of parameters and noise with each event
+AGREED = 0.01  # of its gain, by which an event that is fitted again is as it was
 PER_OCTAVE = 2  # durations
 LONGEST_S, LONGEST_SHARE = 3.0, 0.2  # of an event; the share is of the recording
 SEEN = 100  # ticks after its onset, by which what lasts is seen
@@ -91,26 +93,52 @@ class Chance:
         return self.median + self.excess * odds
 
 
-def happenings(recordings: Sequence[Experiment], h: Hypothesis) -> tuple[Happened, ...]:
+def happenings(
+    recordings: Sequence[Experiment],
+    h: Hypothesis,
+    fit_on: Callable[[Sequence[Happened]], Sequence[Experiment]],
+) -> tuple[Happened, ...]:
     """Return what happens once in recordings, as a fitted hypothesis sees them; the first first.
 
-    recordings: whole, without forces of events. Raises NoObserver where none follows.
+    recordings: whole, without forces of events; fit_on: gives what parameters are fitted to where
+    some events are known. They are fitted anew with each, since what happened has bent them. Raises
+    NoObserver where none follows.
     """
     found: list[Happened] = []
     for _ in range(TURNS):
         seen = _judged(recordings, found, h)
-        peak, _, chance = _searched(seen, found)
+        peak, chance = _searched(seen, found)
         if peak is None or peak.gain < replace(chance, excess=GAUSSIAN).most:
             break
         near = [one for one in found if _near(one, peak, seen.experiments[0].period)]
         if not near and len(found) >= MOST:
             break
         rest = [one for one in found if one not in near]
-        beside = _judged(recordings, rest, seen)
-        found = [*rest, fitted_event(beside, *_together(near, peak))]
-    return tuple(
-        sorted(_believed(recordings, found, h), key=lambda one: (one.recording, one.first))
-    )
+        new = fitted_event(_judged(recordings, rest, seen), *_together(near, peak))
+        if any(_same(one, new) for one in near):
+            break
+        found = [*rest, new]
+        h = settled(judged(fit_on(found), h.model, h.x, h.family), turns=REFITS)
+        found = _fitted_again(recordings, found, h)
+    kept = _believed(recordings, found, h)
+    return tuple(sorted(kept, key=lambda one: (one.recording, one.first)))
+
+
+def _fitted_again(
+    recordings: Sequence[Experiment], found: Sequence[Happened], h: Hypothesis
+) -> list[Happened]:
+    """Each event beside the others as other parameters have it."""
+    new = list(found)
+    for i, one in enumerate(found):
+        beside = _judged(recordings, [*new[:i], *new[i + 1 :]], h)
+        new[i] = fitted_event(beside, one.recording, one.first, one.last, margin=0)
+    return new
+
+
+def _same(one: Happened, new: Happened) -> bool:
+    """Whether an event that was fitted again is as it was."""
+    where = one.source == new.source and (one.first, one.last) == (new.first, new.last)
+    return where and math.isclose(one.gain, new.gain, rel_tol=AGREED)
 
 
 def _believed(
@@ -122,7 +150,7 @@ def _believed(
     """
     while found:
         seen = _judged(recordings, found, h)
-        _, _, chance = _searched(seen, found)
+        _, chance = _searched(seen, found)
         weakest = min(found, key=lambda one: one.gain)
         if weakest.gain > chance.most:
             break
@@ -153,12 +181,11 @@ def _near(one: Happened, peak: Peak, period: float) -> bool:
     return one.recording == peak.recording and not apart
 
 
-def _together(near: Sequence[Happened], peak: Peak) -> tuple[int, Source, int, int]:
-    """Recording, source, first tick and end of a pulse with what it is part of."""
-    source = max(near, key=lambda one: one.gain).source if near else peak.source
+def _together(near: Sequence[Happened], peak: Peak) -> tuple[int, int, int]:
+    """Recording, first tick and end of a pulse with what it is part of."""
     first = min([peak.first, *(one.first for one in near)])
     last = max([peak.first + peak.ticks, *(one.last for one in near)])
-    return peak.recording, source, first, last
+    return peak.recording, first, last
 
 
 class _Answer(NamedTuple):
@@ -168,8 +195,8 @@ class _Answer(NamedTuple):
     h: Floats
 
 
-def _searched(h: Hypothesis, known: Sequence[Happened]) -> tuple[Peak | None, Floats, Chance]:
-    """The highest of all peaks, the highest of each stretch beside known events, and chance."""
+def _searched(h: Hypothesis, known: Sequence[Happened]) -> tuple[Peak | None, Chance]:
+    """The highest of all peaks, and what chance reaches in stretches beside known events."""
     best: Peak | None = None
     stretches: list[Floats] = []
     answers = _answers(h)
@@ -186,8 +213,7 @@ def _searched(h: Hypothesis, known: Sequence[Happened]) -> tuple[Peak | None, Fl
             source, ticks = which[first]
             best = Peak(i, source, first, ticks, float(gains[first]))
         stretches.append(_highest(gains, [one for one in known if one.recording == i]))
-    highest = np.concatenate(stretches)
-    return best, highest, _chance(highest)
+    return best, _chance(np.concatenate(stretches))
 
 
 def _answers(h: Hypothesis) -> list[_Answer]:
