@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from zwidth.diagnosis.answer.answered import answered
+from zwidth.diagnosis.answer.events import knowing_events
 from zwidth.diagnosis.answer.result import Diagnosis
 from zwidth.diagnosis.intake.take_in import Taken, not_diagnosed, take_in
 from zwidth.diagnosis.mishaps import Say, collecting, debugging, silent
@@ -34,7 +35,9 @@ def diagnose(
             say(fault.sentence)
         say("refitting the linear parameters, then trying every effect")
         found = _sought(device, taken, say, effort)
-        return answered(device, taken, found, mishaps, say, effort)
+        say("asking whether something happened once")
+        taken, found, events = knowing_events(device, taken, found, say, effort)
+        return answered(device, taken, found, mishaps, say, effort, events)
 
 
 def _sought(device: Device, taken: Taken, say: Say, effort: Effort) -> Searched:

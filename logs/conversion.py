@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from zwidth.logs.recording_file import Entry
+from zwidth.logs.recording_file import COVARIATE, Entry
 from zwidth.logs.source import Floats, RecordingError, Signal
 from zwidth.logs.units import GOAL, SI, TURN, Unit, find_unit, known_unit
 from zwidth.logs.wrapped import gone_on
@@ -28,7 +28,7 @@ class Converted:
 
 def convert(entry: Entry, signal: Signal) -> Converted:
     """Return the channel of a signal; raises RecordingError where its unit does not suit."""
-    unit, warnings = _unit(entry, signal)
+    unit, warnings = (Unit("", 1.0), []) if entry.quantity == COVARIATE else _unit(entry, signal)
     raw = signal.floats()
     if signal.values.dtype.kind in "iu" and np.abs(raw).max() > LARGEST_EXACT:
         warnings.append(f"{signal.name} has integers beyond 2^53, which are rounded")
@@ -45,7 +45,7 @@ def convert(entry: Entry, signal: Signal) -> Converted:
             values = values if factor == 1.0 else values * factor
         values = values if entry.offset == 0.0 else values + entry.offset
     goal = entry.quantity == "command" and unit.si in GOAL and entry.scale is None
-    own = GOAL if goal else SI[entry.quantity]
+    own = GOAL if goal else SI.get(entry.quantity, ("", ""))
     rotary = unit.si == own[0] if unit.si and entry.scale is None else None
     formula = _formula(entry, signal, unit, scale)
     notes = [signal.note] if signal.note else []

@@ -17,7 +17,13 @@ from zwidth.logs.one_axis import Stream, group, one_axis
 from zwidth.logs.open_source import open_source
 from zwidth.logs.opening import opened
 from zwidth.logs.own import read_own
-from zwidth.logs.recording_file import Clock, Description, Entry, load_description
+from zwidth.logs.recording_file import (
+    COVARIATE,
+    Clock,
+    Description,
+    Entry,
+    load_description,
+)
 from zwidth.logs.source import RecordingError, Signal, Source
 from zwidth.logs.timing import Stamps, common_origin
 from zwidth.logs.units import GOAL, SI, find_unit
@@ -118,14 +124,18 @@ def _read(description: Description, source: Source) -> Trace:
         facts["counted_from_s"] = _decimal_seconds(origin)
     if resampling:
         facts["resampling"] = resampling
-    units = {
-        e.channel: (GOAL if converted[e.channel].goal else SI[e.quantity])[0 if rotary else 1]
-        if rotary is not None
-        else ""
-        for e in entries
-    }
+    units = {e.channel: _si(e, converted[e.channel], signals[e.channel], rotary) for e in entries}
     trace = Trace(t, values, units, "recorded", facts)
     return _used(description, trace)
+
+
+def _si(entry: Entry, converted: Converted, signal: Signal, rotary: bool | None) -> str:
+    """The unit of a channel: of a covariate that in which it is written, "" where nobody says."""
+    if entry.quantity == COVARIATE:
+        return entry.unit or signal.unit or ""
+    if rotary is None:
+        return ""
+    return (GOAL if converted.goal else SI[entry.quantity])[0 if rotary else 1]
 
 
 def _times(source: Source, clock: Clock, signal: Signal) -> Signal | None:

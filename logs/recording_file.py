@@ -23,6 +23,9 @@
     [base]                      # optional, where what the device stands on moves: base_QUANTITY
     signal = "floor"
     quantity = "acceleration"   # position | velocity | acceleration
+    [[covariate]]               # optional: a temperature, that parameters may follow
+    signal = "temp"             # channel `covariate_temp`, in the unit that it is written in
+    unit = "degC"               # optional, free text
     [use]                       # optional
     from_s = 0.0
     to_s = 20.0
@@ -42,6 +45,7 @@ of their own, and shift_s, which is added to their stamps (with period_s: the ti
 """
 
 import math
+import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -60,7 +64,7 @@ SCHEMA = 1
 CLOCK_KEYS = ("period_s", "time", "time_unit")
 TOP_KEYS = (
     *("schema", "file", "source", "rotary", *CLOCK_KEYS, "resample"),
-    *("input", "output", "base", "use", "csv", "device"),
+    *("input", "output", "base", "covariate", "use", "csv", "device"),
 )
 INPUT_KEYS = (
     *("signal", "unit", "scale", "offset", "counts_per_rev", "counts_per_m", "wraps_at"),
@@ -69,6 +73,8 @@ INPUT_KEYS = (
 OUTPUT_KEYS = (*INPUT_KEYS, "quantity", "at")
 BASE_KEYS = (*INPUT_KEYS, "quantity")
 MOTIONS = ("position", "velocity", "acceleration")
+COVARIATE_KEYS = ("signal", "unit", "scale", "offset", *CLOCK_KEYS, "shift_s")
+COVARIATE = "covariate"  # quantity of what a parameter may follow, and how its channel begins
 QUANTITIES = tuple(quantity for quantity in SI if quantity != "command")
 PLACES = ("m1", "m2", "m3", "m4", "m5", "link12", "link23", "link34", "link45")
 
@@ -168,10 +174,12 @@ def _description(path: Path, top: Table) -> Description:
         e.channel == "command" or "_m" in e.channel or "_link" in e.channel for e in entries
     ):
         raise TableError("the file describes no signal; add [input] or [[output]]")
+    entries += [_covariate(table, top) for table in top.tables("covariate")]
     channels = [entry.channel for entry in entries]
     for channel in channels:
         if channels.count(channel) > 1:
-            raise TableError(f"{channel} is described twice; keep one [[output]] of it")
+            table = COVARIATE if channel.startswith(COVARIATE) else "output"
+            raise TableError(f"{channel} is described twice; keep one [[{table}]] of it")
     use = top.table("use").only(("from_s", "to_s"))
     from_s, to_s = use.number("from_s", -math.inf), use.number("to_s", math.inf)
     if not from_s < to_s:
@@ -226,6 +234,23 @@ def _wraps_at(table: Table, quantity: str) -> float | None:
     if quantity not in ("position", "command"):
         raise TableError(f"{table.path}.wraps_at stands at a {quantity}; give it of a position")
     return _positive(table, "wraps_at")
+
+
+def _covariate(table: Table, top: Table) -> Entry:
+    """What a parameter may follow: its unit is a name, and nothing is converted by it."""
+    signal = table.only(COVARIATE_KEYS).text("signal")
+    name = re.sub(r"\W+", "_", signal).strip("_")
+    return Entry(
+        COVARIATE,
+        f"{COVARIATE}_{name}",
+        signal,
+        table.text("unit") if "unit" in table else None,
+        _finite(table, "scale") if "scale" in table else None,
+        _finite(table, "offset", 0.0),
+        None,
+        None,
+        _clock(table, top),
+    )
 
 
 def _clock(table: Table, top: Table) -> Clock:

@@ -22,10 +22,22 @@ _SIGNAL = (
 )  # fmt: skip
 
 
+_COVARIATE = (
+    ("signal", "a column, a variable, or topic.field: a temperature, a supply, a load that"
+     " parameters may follow linearly", "", "", '"temp"'),
+    ("unit", "as it is written; nothing is converted by it", "", "none", '"degC"'),
+    ("scale", "times the raw numbers", "", "1", ""),
+    ("offset", "added after the scale", "", "0", ""),
+    _SIGNAL[-1],
+)  # fmt: skip
+
+
 def _signals(table: str) -> tuple[Key, ...]:
     own = tuple(
         Key(table, name, meaning, unit, default=default, example=example)
-        for name, meaning, unit, default, example in _SIGNAL
+        for name, meaning, unit, default, example in (
+            _COVARIATE if table == "covariate" else _SIGNAL
+        )
     )
     clocks = tuple(
         Key(table, name, f"as at the top, where this stream has a clock of its own: {meaning}",
@@ -54,6 +66,7 @@ RECORDING_KEYS: tuple[Key, ...] = (
     *_signals("base"),
     Key("base", "quantity", "position, velocity or acceleration of what the device stands on, from"
         " which its outputs are counted", example='"acceleration"'),
+    *_signals("covariate"),
     Key("use", "from_s", "the first time that is used", "s", default="-inf"),
     Key("use", "to_s", "the last time that is used", "s", default="inf"),
     Key("csv", "delimiter", "between the cells of a text table", default="found out"),

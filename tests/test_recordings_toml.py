@@ -11,10 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from recording_examples import csv_bytes, json_mcap_bytes, npz_bytes, recorded, ros2_bytes, wave
 
+from zwidth.diagnosis.recording.experiment import experiment
 from zwidth.logs.csv_form import CsvOptions
 from zwidth.logs.recording import load_log, read_recording
 from zwidth.logs.recording_file import load_description
 from zwidth.logs.source import RecordingError
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.interface import Interface
 
 PLAIN = """
     file = "a.csv"
@@ -303,3 +307,41 @@ def test_the_documented_toml_is_one(tmp_path: Path) -> None:
     channels = ["command", "position_m1", "base_acceleration"]
     assert [entry.channel for entry in description.entries] == channels
     assert description.csv == CsvOptions(";", ",", 3)
+
+
+def test_what_parameters_may_follow_keeps_its_unit(tmp_path: Path) -> None:
+    """Mutations that break it: a unit that is converted; a covariate taken for an output."""
+    t = 0.001 * np.arange(300)
+    rows = zip(t, np.sin(40.0 * t), np.cumsum(np.sin(40.0 * t)), 20.0 + t, strict=True)
+    text = "t,u,q,oil temp\n" + "\n".join(
+        ",".join(f"{v!r}" for v in map(float, row)) for row in rows
+    )
+    (tmp_path / "a.csv").write_text(text, encoding="utf-8")
+    toml = """
+        file = "a.csv"
+        time = "t"
+        rotary = true
+        [input]
+        signal = "u"
+        [[output]]
+        signal = "q"
+        quantity = "position"
+        at = "m1"
+        [[covariate]]
+        signal = "oil temp"
+        unit = "degC"
+        scale = 2.0
+        """
+    (tmp_path / "a.toml").write_text(toml, encoding="utf-8")
+    trace = read_recording(tmp_path / "a.toml")
+    assert trace.units["covariate_oil_temp"] == "degC"
+    assert trace["covariate_oil_temp"][:2] == pytest.approx([40.0, 40.002])
+    device = Device("m", "", True, make_chain([1e-3], [0.0], 0.0), Interface(period=1e-3))
+    (covariate,) = experiment(trace, device).part(1, 250).covariates
+    assert (covariate.name, covariate.unit, covariate.values.size) == ("oil_temp", "degC", 249)
+    (tmp_path / "a.toml").write_text(toml + toml[toml.index("[[cov") :], encoding="utf-8")
+    with pytest.raises(RecordingError, match="described twice; keep one \\[\\[covariate\\]\\]"):
+        read_recording(tmp_path / "a.toml")
+    (tmp_path / "a.toml").write_text(toml + '        quantity = "x"\n', encoding="utf-8")
+    with pytest.raises(RecordingError, match="quantity"):
+        read_recording(tmp_path / "a.toml")

@@ -35,6 +35,7 @@ from zwidth.figures.diagnosis import (
     residual_figure,
     whole_run_figure,
 )
+from zwidth.figures.events import events_figure
 from zwidth.figures.learned import learned_figure
 from zwidth.figures.style import STYLE
 from zwidth.files.whole import write_text
@@ -158,6 +159,8 @@ def _pictures(
         draw["law"] = lambda: learned_figure(law, rotary)
     for i, change in enumerate(diagnosis.changes):
         draw[f"change {i + 1}"] = partial(changes_figure, change)
+    for i, event in enumerate(diagnosis.events):
+        draw[f"event {i + 1}"] = partial(events_figure, event)
     if boundary is not None:
         draw["boundary"] = lambda: augmented_boundary_figure(boundary)
     for name, figure in draw.items():

@@ -9,6 +9,7 @@ from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy, freer, wander
 from zwidth.diagnosis.answer.augmented import all_smooth, augmented
 from zwidth.diagnosis.answer.cautions import cautions
 from zwidth.diagnosis.answer.changes import Change, changing
+from zwidth.diagnosis.answer.events import Event
 from zwidth.diagnosis.answer.findings import all_findings, linear, upper_bounds
 from zwidth.diagnosis.answer.headline import Answer, headline
 from zwidth.diagnosis.answer.held_out import held_out
@@ -51,9 +52,15 @@ DECISIVE = tuple(WHAT_IS_LOST)
 
 
 def answered(
-    device: Device, taken: Taken, found: Searched, mishaps: Mishaps, say: Say, effort: Effort
+    device: Device,
+    taken: Taken,
+    found: Searched,
+    mishaps: Mishaps,
+    say: Say,
+    effort: Effort,
+    events: tuple[Event, ...] = (),
 ) -> Diagnosis:
-    """Return the answer; opens the held-out data.
+    """Return the answer; opens the held-out data. events: what happened in the recordings.
 
     An error in one part costs that part, and the verdict where it rests on it.
     """
@@ -120,6 +127,9 @@ def answered(
         if verdict is Verdict.UNKNOWN_PHYSICS:  # what lacks a law may look as if it changed
             also = f"as far as these laws hold, {also}"
         first, sentence = f"{first}; {also}", f"{sentence}; {also}"
+    if events:
+        happened = "; ".join(event.sentence for event in events)
+        first, sentence = f"{first}; {happened}", f"{sentence}; {happened}"
     verdict, sentence = _with_faults(verdict, sentence, faults)
     located = replace(located, sentence=where(located, findings, masses))
     shape = (-1, len(taken.whole[0].outputs))
@@ -133,6 +143,7 @@ def answered(
         errors=tuple(mishaps.found), left_out=taken.left_out, adequacy=sound,
         whole_runs=runs, force_errors=forces, learned=law, headline=first,
         cautions=cautions(findings, free, sound, runs), changes=changes,
+        events=events,
     )  # fmt: skip
 
 

@@ -29,6 +29,8 @@ from zwidth.diagnosis.fitting.uncertainty import Z95, covariance
 from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.learning.changing import (
     DRIFT,
+    EACH,
+    FOLLOWS,
     MOST,
     RUN,
     SETTLES,
@@ -36,7 +38,9 @@ from zwidth.diagnosis.learning.changing import (
     Suspect,
     Varied,
     course,
+    groups,
     share_at,
+    share_of,
     suspected,
     varied,
     with_varying,
@@ -56,6 +60,7 @@ Floats = NDArray[np.float64]
 RIVALS = 8  # of those tried, that are fitted anew with a change
 FINE = 400  # points of a line
 PARTS, LEAST = 8, 3 * SETTLING  # that held-out data are cut into where a drift goes on, in samples
+NAMED = 4  # recordings whose values are said
 RUNS = 2  # free runs that fit into held-out data before a change, so that they still judge
 
 
@@ -83,11 +88,14 @@ class Change:
 
     parameter: as `linear_refit` names it, or that of an effect at a place. shape: "step", at `at`
     [s] of a recording with the 95 % interval `between`; "drift", from the first sample to the last;
-    "settling", with the time constant `rate` [s]; "run", in one recording only. before, after: its
-    values; by: what lies between, which may be known far better than either, where another
-    parameter does nearly the same. gained: in -2 ln, all paid. free_run: errors over the motion of
-    free runs on held-out data without the change and with it, None where the change itself is held
-    out. windows: what each part of the recordings says by itself.
+    "settling", with the time constant `rate` [s] and its interval `rate_between`; "run", in one
+    recording only; "follows", linearly what was recorded as `covariate` in `covariate_unit`, from
+    one of `covariate_ends` to the other; "each recording", with the values `each` by the names of
+    the recordings. before, after: its values; by: what lies between, which may be known far better
+    than either, where another parameter does nearly the same. as_well: other courses that explain
+    it as well. gained: in -2 ln, all paid. free_run: errors over the motion of free runs on
+    held-out data without the change and with it, None where the change itself is held out.
+    windows: what each part of the recordings says by itself.
     """
 
     parameter: str
@@ -105,6 +113,12 @@ class Change:
     free_run: tuple[float, float] | None
     masses: int
     windows: Windows
+    rate_between: tuple[float, float] | None = None
+    covariate: str | None = None
+    covariate_unit: str = ""
+    covariate_ends: tuple[float, float] | None = None
+    each: tuple[tuple[str, Estimate], ...] = ()
+    as_well: tuple[str, ...] = ()
 
     @property
     def what(self) -> str:
@@ -120,6 +134,12 @@ class Change:
     @property
     def sentence(self) -> str:
         """Say what changed, by how much, and when."""
+        if not self.as_well:
+            return self._alone
+        return f"{self._alone} ({' and '.join(self.as_well)} would explain it as well)"
+
+    @property
+    def _alone(self) -> str:
         how = "rose" if self.by.value > 0.0 else "fell"
         if self.shape == RUN:
             if self._apart:
@@ -130,8 +150,20 @@ class Change:
                 f"{self.what} was {said(_size(self.by))} {more} in {self.recording} than in all"
                 f" others, where it was {said(self.after)}"
             )
+        if self.each:
+            values = [f"{said(value)} in {name}" for name, value in self.each]
+            more = f" and so on in {len(values) - NAMED} more" if len(values) > NAMED else ""
+            listed = ", ".join(values[:NAMED])
+            return f"{self.what} differs from recording to recording: {listed}{more}"
+        if self.covariate is not None and self.covariate_ends is not None:
+            low, high = (f"{plain(v, 3)} {self.covariate_unit}" for v in self.covariate_ends)
+            over = f"from {low.rstrip()} to {high.rstrip()}"
+            return f"{self.what} follows {self.covariate}: it {how} {self._course} {over}"
         if self.shape == SETTLES:
             how, when = "settled", f"with a time constant of {plain(self.rate or 0.0, 2)} s"
+            if self.rate_between is not None:
+                low, high = (plain(v, 2) for v in self.rate_between)
+                when += f" ({low} to {high} s)"
         elif self.shape == DRIFT:
             how, when = "drifted", "from the first sample to the last"
         elif self.at is None or self.between is None:
@@ -166,6 +198,12 @@ class Change:
             "at_s": self.at,
             "at_s_ci95": None if self.between is None else list(self.between),
             "time_constant_s": self.rate,
+            "time_constant_s_ci95": None if self.rate_between is None else list(self.rate_between),
+            "follows": self.covariate,
+            "follows_unit": self.covariate_unit or None,
+            "follows_from_to": None if self.covariate_ends is None else list(self.covariate_ends),
+            "recordings": {name: value.as_json() for name, value in self.each},
+            "as_well": list(self.as_well),
             "before": self.before.as_json(),
             "after": self.after.as_json(),
             "by": self.by.as_json(),
@@ -226,7 +264,7 @@ def _one_more(
     if not with_it.after <= without.after:
         say("it seems to change, but free runs on held-out data err more so: not said")
         return None
-    change = _said(new, best.experiments, (without.after, with_it.after))
+    change = change_of(new, best.experiments, (without.after, with_it.after))
     with_rivals = as_found(device, _rivals_anew(found.tried, new))
     again = replace(with_rivals, held=found.held, far=found.far)
     return again, replace(taken, judge_by=judge_by), change
@@ -234,15 +272,23 @@ def _one_more(
 
 def _as_it_goes_on(e: Experiment, fitted: Sequence[Experiment], new: Varied) -> list[Experiment]:
     """A recording to judge by: in parts, where what drifts goes on as it did."""
-    if e.before is None or len(fitted) > 1 or new.suspect.shape not in (DRIFT, SETTLES):
+    follows = new.suspect.shape == FOLLOWS
+    followed = new.suspect.covariate
+    if followed is not None and not any(c.name == followed.name for c in e.covariates):
+        return [e]
+    goes_on = e.before is not None and len(fitted) == 1 and new.suspect.shape in (DRIFT, SETTLES)
+    if not (follows or goes_on):
         return [e]
     end, before = fitted[0].ticks, e.before
     count = max(1, min(PARTS, e.ticks // LEAST))
     edges = np.linspace(0, e.ticks, count + 1).round().astype(np.int64).tolist()
     found: list[Experiment] = []
     for a, b in itertools.pairwise(edges):
+        part = replace(e.part(a, b), before=before)
         share = share_at(new.suspect, end + 0.5 * (a + b), end)
-        part = replace(e.part(a, b), before=before, shares=(*e.shares, (new.name, share)))
+        if follows:
+            share = share_of(new.suspect, part, end + a, end)
+        part = replace(part, shares=(*e.shares, (new.names[0], share)))
         found.append(part)
         before = part
     return found
@@ -301,7 +347,7 @@ def _held_out(device: Device, found: Searched, taken: Taken) -> tuple[Taken, Cha
     new = varied(h, suspect)
     if new is None:
         return None
-    change = _said(new, taken.whole, None)
+    change = change_of(new, taken.whole, None)
     until = round(new.suspect.at) - first
     if until >= RUNS * window(held):
         kept = replace(held.part(0, until), before=held.before)
@@ -309,18 +355,23 @@ def _held_out(device: Device, found: Searched, taken: Taken) -> tuple[Taken, Cha
     return taken, change
 
 
-def _said(
-    new: Varied, experiments: Sequence[Experiment], free_run: tuple[float, float] | None
+def change_of(
+    new: Varied, experiments: Sequence[Experiment], free_run: tuple[float, float] | None = None
 ) -> Change:
+    """Return a change that was fitted to recordings, as it is said; free_run: as there."""
     h, suspect = new.hypothesis, new.suspect
     model, x = h.model, h.x
-    own = next(p for p in model.parameters if p.name == new.name)
+    own = next(p for p in model.parameters if p.name == new.names[0])
     index = model.parameters.index(own)
     spread = covariance(h.fitted)
+    begins, ends_at = 1.0, 0.0  # how much of the change holds
+    if suspect.covariate is not None:
+        every = np.concatenate([suspect.covariate.share(e) for e in experiments])
+        begins, ends_at = float(every.min()), float(every.max())
     last = np.zeros(x.size)
     last[own.index] = 1.0
     first = last.copy()
-    first[index] = 1.0
+    first[index], last[index] = begins, ends_at
 
     unit = _unit(model, own.index)
 
@@ -337,12 +388,26 @@ def _said(
     def difference() -> Estimate:
         """From before to after, the other parameters as they are."""
         before, last_x = value(float(first @ x)), float(last @ x)
-        half = Z95 * float(np.sqrt(max(spread[index, index], 0.0)))
-        least, most = (value(last_x + x[index] + k * half) for k in (-1.0, 1.0))
+        half, way = Z95 * float(np.sqrt(max(spread[index, index], 0.0))), begins - ends_at
+        least, most = (value(last_x + way * (x[index] + k * half)) for k in (-1.0, 1.0))
         now = value(last_x)
         ends = now - least, now - most
         return Estimate(now - before, min(ends), max(ends), unit)
 
+    def one(name: str | None) -> Floats:
+        """The parameter in the recording that has a change of that name."""
+        there = np.zeros(x.size)
+        there[own.index] = 1.0
+        if name is not None:
+            there[[p.name for p in model.parameters].index(name)] = 1.0
+        return there
+
+    each: tuple[tuple[str, Estimate], ...] = ()
+    if suspect.shape == EACH:
+        called = [experiments[which[0]].name for which in groups(experiments)]
+        each = tuple((name, estimate(one(change)))
+                     for name, change in zip(called, (*new.names, None), strict=True))  # fmt: skip
+    followed = suspect.covariate
     target = model.parameters[own.index]
     physics = model.effects[target.index] if target.kind == "effect" else None
     period = experiments[0].period
@@ -355,13 +420,24 @@ def _said(
         suspect.rate * period if suspect.shape == SETTLES else None,
         estimate(first), estimate(last), difference(), new.gained, free_run,
         model.nominal.chain.masses.size,
-        _windows(new, experiments, own.index, index, at is not None),
+        _windows(new, experiments, own.index, at is not None),
+        _seconds(suspect, period),
+        None if followed is None else followed.name,
+        "" if followed is None else followed.unit,
+        None if followed is None else (
+            followed.origin + begins * followed.span, followed.origin + ends_at * followed.span,
+        ),
+        each, suspect.as_well,
     )  # fmt: skip
 
 
-def _windows(
-    new: Varied, experiments: Sequence[Experiment], index: int, change: int, dated: bool
-) -> Windows:
+def _seconds(suspect: Suspect, period: float) -> tuple[float, float] | None:
+    """The interval of a time constant."""
+    low, high = suspect.rates
+    return (period * low, period * high) if suspect.shape == SETTLES else None
+
+
+def _windows(new: Varied, experiments: Sequence[Experiment], index: int, dated: bool) -> Windows:
     told, (model, x) = course(new.without, index), (new.hypothesis.model, new.hypothesis.x)
 
     def value(own: float) -> float:
@@ -373,13 +449,28 @@ def _windows(
     each = [[value(own) for own in told.x + k * half] for k in (0.0, -1.0, 1.0)]
     end = sum(e.ticks for e in experiments)
     ticks = np.linspace(0.0, end, FINE)
-    held = [x[index] + share_at(new.suspect, tick, end) * x[change] for tick in ticks.tolist()]
+    held = x[index] + _moved(new, experiments, ticks, end)
     period, (low, high) = experiments[0].period, new.suspect.between
     return Windows(
         told.times, np.array(each[0]), np.minimum(each[1], each[2]), np.maximum(each[1], each[2]),
         period * ticks, np.array([value(own) for own in held]),
         (period * low, period * high) if dated else None,
     )  # fmt: skip
+
+
+def _moved(new: Varied, experiments: Sequence[Experiment], ticks: Floats, end: float) -> Floats:
+    """What a change adds to its parameter at ticks of all recordings, in x."""
+    h, suspect = new.hypothesis, new.suspect
+    places = [[p.name for p in h.model.parameters].index(name) for name in new.names]
+    here = np.minimum(ticks.astype(np.int64), int(end) - 1)
+    if suspect.covariate is not None:
+        return np.concatenate([suspect.covariate.share(e) for e in experiments])[here] * h.x[places]
+    if suspect.shape == EACH:
+        ends = np.cumsum([e.ticks for e in experiments])
+        of = np.searchsorted(ends, here, side="right")
+        parts = zip(groups(experiments), places, strict=False)  # the last has no change
+        return np.sum([np.isin(of, which) * h.x[place] for which, place in parts], axis=0)
+    return np.array([share_at(suspect, tick, end) for tick in ticks.tolist()]) * h.x[places]
 
 
 def _when(

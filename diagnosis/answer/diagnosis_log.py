@@ -20,7 +20,13 @@ from scipy.fft import next_fast_len
 
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.forces.spatial import response
-from zwidth.diagnosis.noise.predictor import free_run_errors, innovations, settling, window
+from zwidth.diagnosis.noise.predictor import (
+    free_run_errors,
+    free_run_starts,
+    innovations,
+    settling,
+    window,
+)
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.sim.place import place_at
 from zwidth.sim.trace import Trace
@@ -92,8 +98,7 @@ def _explained(problem: Problem, fitted: Fitted, experiment: Experiment) -> Expl
     ahead[: settling(seen)] = np.nan
     free = np.full(ahead.shape, np.nan)
     length = window(seen)
-    firsts = [f for f in range(0, seen.ticks - length + 1, length) if f >= settling(seen)]
-    for place, first in enumerate(firsts):
+    for place, first in enumerate(free_run_starts(seen, length)):
         free[first : first + length] = runs[place * length : (place + 1) * length]
     return Explained(ahead, free)
 

@@ -23,6 +23,7 @@ from zwidth.sim.place import place_at
 
 if TYPE_CHECKING:
     from zwidth.diagnosis.answer.changes import Change
+    from zwidth.diagnosis.answer.events import Event
     from zwidth.diagnosis.answer.learned import LearnedLaw
 
 Floats = NDArray[np.float64]
@@ -198,6 +199,7 @@ class Diagnosis(Shown):
     headline: str = ""
     cautions: tuple[str, ...] = ()
     changes: "tuple[Change, ...]" = ()
+    events: "tuple[Event, ...]" = ()
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON of `zwidth diagnose`."""
@@ -239,6 +241,7 @@ class Diagnosis(Shown):
             "adequacy": self.adequacy and self.adequacy.as_json(),
             "learned": self.learned and self.learned.as_json(),
             "changes": [change.as_json() for change in self.changes],
+            "events": [event.as_json() for event in self.events],
             "upper_bounds": self.upper_bounds,
             "faults": [vars(f) for f in self.faults],
             "next_experiment": self.next_experiment and self.next_experiment.as_json(),
@@ -280,6 +283,7 @@ class Unanswered:
             "adequacy": None,
             "learned": None,
             "changes": nothing,
+            "events": nothing,
             "upper_bounds": {},
             "faults": [vars(f) for f in self.faults],
             "next_experiment": None,

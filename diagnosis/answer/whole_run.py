@@ -15,7 +15,12 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.noise.predictor import Observer, begun, memory_at, prepared
+from zwidth.diagnosis.noise.predictor import (
+    Observer,
+    begun,
+    memory_at,
+    prepared,
+)
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.searched import Searched
 from zwidth.sim.device import Device

@@ -47,11 +47,11 @@ class Peak:
     gained: float
 
 
-def response(problem: Problem, fitted: Fitted, place: str) -> Floats:
+def response(problem: Problem, fitted: Fitted, place: str, output: int = 0) -> Floats:
     """Return the weighted innovations (ticks, o) after a unit at a place.
 
-    In a link it pushes the first mass, and the second the other way. The response is that of the
-    device without its nonlinear physics.
+    In a link it pushes the first mass, and the second the other way; in "sensor" it is in the
+    reading of an output. The response is that of the device without its nonlinear physics.
     """
     device = fitted.model.acting(fitted.x)
     device = device.bare()
@@ -64,7 +64,7 @@ def response(problem: Problem, fitted: Fitted, place: str) -> Floats:
     if place == "command":
         command[LEAD] = 1.0
     elif place == "sensor":
-        measured[LEAD, 0] = 1.0
+        measured[LEAD, output] = 1.0
     else:
         force[LEAD] = place_at(place).row(ready.coarse.dof)
     still = replace(

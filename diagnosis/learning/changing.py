@@ -1,4 +1,4 @@
-"""What does not stay the same: a parameter that steps, drifts or settles, and when.
+"""What does not stay the same: a parameter that steps, drifts, settles or follows, and when.
 
 To first order the residual is r_0 + J d, J its slopes by the parameters. Of a parameter j that is
 delta g(t) more than at the end, the slopes are those of j itself times g, since an observer has
@@ -7,10 +7,12 @@ forgotten after some ticks what was before: c = g J_j. Fitted together with all 
     S = c'r_0 - c'J A^-1 J'r_0,    V = c'c - c'J A^-1 J'c,    delta = -S / V,    gain = S^2 / V
 
 in chi-square, so that one pass over slopes that are there already asks every parameter for a step
-at every time, for a drift and for settling at several rates (a score test: Andrews, Econometrica
-61, 1993). What gains most is fitted: the recording is cut where it changes, its parts share all
-parameters, and the change is one more (`Model.varying`). It pays what every number pays, how rare
-changes are, and how many were asked for.
+at every time, for a drift, for settling at several rates, for what follows a quantity that was
+recorded beside (a temperature: g that quantity), and for one recording unlike the others (a score
+test: Andrews, Econometrica 61, 1993). That it is another in every recording is the same test of as
+many numbers, gain = S' V^-1 S. What gains most is fitted: the recording is cut where it changes,
+its parts share all parameters, and the change is one more (`Model.varying`). It pays what every
+number pays, how rare changes are, and how many were asked for.
 
 An observer that has not yet forgotten foretells less than c just after a step, so slopes date it
 late, by tens of ticks. So it is dated anew by going through it at every tick about there, with what
@@ -18,7 +20,9 @@ was fitted before it and after, in one run. It is uncertain by the times that co
 the best, of which 95 % hold the true one: for a step that is small against its noise 2 ln of the
 likelihood falls off by xi, P(xi <= z) = (1 - exp(-z / 2))^2 (Hansen, Econometrica 68, 2000).
 
-Limits: one parameter changes at a time, `MOST` times in all; a change within `NEAREST` ticks of
+Limits: what moves slowly is fitted in `PIECES` parts of a recording, each at its mean, so that a
+quantity that swings within a part is followed by its mean alone. One parameter changes at a time,
+`MOST` times in all; a change within `NEAREST` ticks of
 either end is not seen, nor are two that undo each other within as many. A law that lacks a state
 that differs between parts of a recording (its level, say) looks like a change: held-out data are
 asked (`answer.changes`).
@@ -54,7 +58,9 @@ TICKS = 4  # of a block, at least
 NEAREST = 3 * SETTLING  # to an end, of a change that is asked for
 PIECES = 16  # that a drift is cut into, at most; 8 left a gain of 213 of a drift by 7 %
 SHORTEST = 3 * SETTLING  # of them
-RATES = (0.05, 0.1, 0.2, 0.4)  # of all that was recorded, over which something settles
+RATES = np.geomspace(0.05, 1.0, 16)  # of all that was recorded, over which something settles
+TOLD = 3.84  # of chi-square, within which a rate is as good
+SAME = 10.0  # in -2 ln, within which another course of a parameter explains it as well
 MOST = 3  # changes
 RARITY = 2.0 * math.log(0.95 / 0.05)  # of a recording over which something changes
 COMPARED = 40  # blocks over which what a change gains is held against its scatter
@@ -63,8 +69,13 @@ ABOUT = 2 * SETTLING  # ticks to both sides, in which a step is dated
 WINDOWS = 24  # of which each tells a parameter by itself, for people to see
 DATES, LOOKS = 150, 3  # that are tried there, and how often it may turn out to be at the edge
 STEP, DRIFT, SETTLES, RUN = "step", "drift", "settling", "run"
-SHAPES = (STEP, DRIFT, SETTLES, RUN)
-CUT = (STEP, RUN)  # which hold in parts of the recordings wholly, and not at all in the others
+FOLLOWS, EACH = "follows", "each recording"
+SHAPES = (STEP, DRIFT, SETTLES, RUN, FOLLOWS, EACH)
+CUT = (
+    STEP,
+    RUN,
+    EACH,
+)  # which hold in parts of the recordings wholly, and not at all in the others
 FEWEST_RUNS = 3  # of which one may be unlike the others; of two it is a step
 
 
@@ -75,7 +86,10 @@ class Suspect:
     at: of a step, ticks of all recordings one after the other; between: the same of its 95 %
     interval. rate: of what settles, in ticks; of a run that is unlike the others, where it ends
     and `at` where it begins. amount: in x of the parameter. gained: in -2 ln, of
-    it phi (`evidence.compared`). price: of having asked for so many.
+    it phi (`evidence.compared`). price: of having asked for so many. rates: of what settles, the
+    95 % interval. covariate: what it follows, by its name, its unit, its value at the end and its
+    span. amounts: where every recording has its own, of all but the last, which the fit pays for by
+    about `freedom`. as_well: other courses of the same parameter that gain as much.
     """
 
     of: str
@@ -86,6 +100,30 @@ class Suspect:
     amount: float
     told: Compared
     price: float
+    rates: tuple[float, float] = (0.0, 0.0)
+    covariate: "Followed | None" = None
+    amounts: tuple[float, ...] = ()
+    freedom: float = 0.0
+    as_well: tuple[str, ...] = ()
+
+    @property
+    def worth(self) -> float:
+        """What it would gain, all paid."""
+        return self.told.gain - self.price - self.freedom
+
+
+class Followed(NamedTuple):
+    """A quantity that a parameter follows: at `origin`, its value at the end, it is as at last."""
+
+    name: str
+    unit: str
+    origin: float
+    span: float
+
+    def share(self, e: Experiment) -> Floats:
+        """Return how much of the change holds at each sample (ticks,)."""
+        (own,) = (c for c in e.covariates if c.name == self.name)
+        return (own.values - self.origin) / self.span
 
 
 class _Sums(NamedTuple):
@@ -103,12 +141,20 @@ def suspected(h: Hypothesis) -> Suspect | None:
     sums = _sums(h)
     every = [s for shape in SHAPES for s in _best_of(h, sums, shape)]
     found = [s for s in every if s.shape in CUT or s.of not in smooth]
-    best = max(found, key=lambda s: s.told.gain - s.price, default=None)
+    best = max(found, key=lambda s: s.worth, default=None)
     if best is None:
         return None
+    alike = [s for s in found if s.of == best.of and s is not best and s.worth > best.worth - SAME]
+    best = replace(best, as_well=tuple(dict.fromkeys(_course_in_words(s) for s in alike)))
     # The slopes foretell what it would gain; half of that must pay, or a fit is not worth its time.
     paid = best.price + 2.0 * best.told.phi * math.log(1e3)
     return best if best.told.gain > 0.5 * paid else None
+
+
+def _course_in_words(s: Suspect) -> str:
+    if s.covariate is not None:
+        return f"following {s.covariate.name}"
+    return {STEP: "a step", DRIFT: "a drift over time", SETTLES: "settling"}.get(s.shape, s.shape)
 
 
 def _sums(h: Hypothesis) -> _Sums:
@@ -138,6 +184,9 @@ def _best_of(h: Hypothesis, sums: _Sums, shape: str) -> list[Suspect]:
     assert h.slopes is not None
     at, end = sums.begins, sums.end
     middle = 0.5 * (at + np.append(at[1:], end))
+    followed = _covariates(h.experiments)
+    if shape == EACH:
+        return _best_each(h, sums)
     if shape == STEP:
         asked = np.flatnonzero((at > NEAREST) & (at < end - NEAREST))
         shares = (np.arange(at.size)[None, :] < asked[:, None]).astype(np.float64)
@@ -150,8 +199,13 @@ def _best_of(h: Hypothesis, sums: _Sums, shape: str) -> list[Suspect]:
         shares = ((at >= times[:, None]) & (at < ends[:, None])).astype(np.float64)
     elif shape == DRIFT:
         shares, times, rates = (1.0 - middle / end)[None, :], np.zeros(1), np.zeros(1)
+    elif shape == FOLLOWS:
+        here = np.minimum(middle.astype(np.int64), int(end) - 1)
+        own = [np.concatenate([f.share(e) for e in h.experiments])[here] for f in followed]
+        shares = np.array(own).reshape(len(followed), at.size)
+        times, rates = np.zeros(len(followed)), np.zeros(len(followed))
     else:
-        rates = end * np.array(RATES)
+        rates = end * RATES
         shares, times = np.exp(-middle[None, :] / rates[:, None]), np.zeros(rates.size)
     if not shares.size:
         return []
@@ -176,13 +230,67 @@ def _best_of(h: Hypothesis, sums: _Sums, shape: str) -> list[Suspect]:
             continue
         amount = float(-score[i, j] / spread[i, j])
         told = _told(h, sums, shares[i], j)
-        near = np.flatnonzero(gained[:, j] > gained[i, j] - DATED * told.phi)
+        within = DATED if shape == STEP else TOLD
+        near = np.flatnonzero(gained[:, j] > gained[i, j] - within * told.phi)
         # Others between them may gain less: an interval holds them, too.
         between = (float(times[near[0]]), float(times[near[-1]])) if shape == STEP else (0.0, 0.0)
-        choices = times.size / (near[-1] - near[0] + 1.0) if shape == STEP else times.size
+        alike = near[-1] - near[0] + 1.0 if shape in (STEP, SETTLES) else 1.0
+        choices = times.size / alike
         price = 2.0 * math.log(kinds * len(SHAPES) * max(1.0, choices)) + RARITY
-        found.append(Suspect(p.name, shape, float(times[i]), between, float(rates[i]), amount,
-                             told, price))  # fmt: skip
+        found.append(Suspect(
+            p.name, shape, float(times[i]), between, float(rates[i]), amount, told, price,
+            (float(rates[near[0]]), float(rates[near[-1]])),
+            followed[i] if shape == FOLLOWS else None,
+        ))  # fmt: skip
+    return found
+
+
+def _covariates(experiments: Sequence[Experiment]) -> list[Followed]:
+    """What all recordings have beside the motion, that does not stay the same."""
+    found: list[Followed] = []
+    for c in experiments[-1].covariates:
+        own = [d for e in experiments for d in e.covariates if d.name == c.name]
+        values = np.concatenate([d.values for d in own])
+        span, last = float(np.ptp(values)), max(1, c.values.size // PIECES)
+        if len(own) == len(experiments) and span > 0.0:
+            found.append(Followed(c.name, c.unit, float(c.values[-last:].mean()), span))
+    return found
+
+
+def groups(experiments: Sequence[Experiment]) -> list[list[int]]:
+    """Return places of the parts of each recording, by its name."""
+    names = list(dict.fromkeys(e.name for e in experiments))
+    return [[i for i, e in enumerate(experiments) if e.name == name] for name in names]
+
+
+def _best_each(h: Hypothesis, sums: _Sums) -> list[Suspect]:
+    """Each parameter as another in every recording: numbers for all but the last."""
+    assert h.slopes is not None
+    own = groups(h.experiments)
+    if len(own) < FEWEST_RUNS or any(e.shares for e in h.experiments):
+        return []
+    ends = np.cumsum([e.ticks for e in h.experiments])
+    of = np.searchsorted(ends, sums.begins, side="right")  # the part that a block is of
+    shares = np.array([np.isin(of, which) for which in own[:-1]], dtype=np.float64)
+    inverse = np.linalg.pinv(h.slopes.T @ h.slopes, hermitian=True)
+    left = inverse @ (h.slopes.T @ h.residual)
+    parameters, found = h.model.parameters, list[Suspect]()
+    kinds = sum(p.kind != "change" for p in parameters)
+    for j, p in enumerate(parameters):
+        if p.kind == "change":
+            continue
+        mixed = np.einsum("sb,bi->si", shares, sums.squares[:, j])
+        score = shares @ sums.scores[:, j] - mixed @ left
+        size = np.diag(shares**2 @ sums.squares[:, j, j])
+        spread = size - mixed @ inverse @ mixed.T
+        if np.linalg.eigvalsh(spread)[0] <= 1e-6 * size.max():
+            continue
+        amounts = -np.linalg.solve(spread, score)
+        told = _told(h, sums, amounts @ shares, j)
+        price = 2.0 * math.log(kinds * len(SHAPES)) + RARITY
+        freedom = (len(own) - 2) * math.log(h.samples)
+        found.append(Suspect(p.name, EACH, 0.0, (0.0, 0.0), 0.0, 0.0, told, price,
+                             amounts=tuple(amounts.tolist()), freedom=freedom))  # fmt: skip
     return found
 
 
@@ -213,7 +321,7 @@ def _told(h: Hypothesis, sums: _Sums, share: Floats, j: int) -> Compared:
 
 
 def share_at(suspect: Suspect, tick: float, end: float) -> float:
-    """Return how much of a change holds at a tick of all recordings, which end at a tick."""
+    """Return how much of a change over time holds at a tick of all recordings."""
     if suspect.shape == STEP:
         return float(tick < suspect.at)
     if suspect.shape == RUN:
@@ -221,19 +329,44 @@ def share_at(suspect: Suspect, tick: float, end: float) -> float:
     return math.exp(-tick / suspect.rate) if suspect.shape == SETTLES else 1.0 - tick / end
 
 
-def cut(experiments: Sequence[Experiment], suspect: Suspect, name: str) -> list[Experiment]:
-    """Return recordings in parts in each of which a change holds as much as in all of it."""
+def share_of(suspect: Suspect, part: Experiment, before: float, end: float) -> float:
+    """Return how much of a change holds in a part that begins at a tick of all recordings.
+
+    In the middle of what counts, once an observer has settled; of what follows the mean.
+    """
+    if suspect.covariate is not None:
+        return float(suspect.covariate.share(part)[min(SETTLING, part.ticks // 2) :].mean())
+    return share_at(suspect, before + 0.5 * (SETTLING + part.ticks), end)
+
+
+def cut(
+    experiments: Sequence[Experiment], suspect: Suspect, names: Sequence[str]
+) -> list[Experiment]:
+    """Return recordings in parts in each of which a change holds as much as in all of it.
+
+    names: of the change, or of all changes where every recording has its own.
+    """
+    if suspect.shape == EACH:
+        return _each_its_own(experiments, names)
+    (name,) = names
     end, before = sum(e.ticks for e in experiments), 0
     found: list[Experiment] = []
     for e in experiments:
         step = None if suspect.shape not in CUT else suspect.at - before
         for a, b in [(0, e.ticks)] if suspect.shape == RUN else _parts(e.ticks, step, end):
-            # In the middle of what counts, once an observer has settled.
-            share = share_at(suspect, before + 0.5 * (a + SETTLING + b), end)
             part = e.part(a, b) if (a, b) != (0, e.ticks) else e
+            share = share_of(suspect, part, before + a, end)
             own = ((name, share),) if share else ()
             found.append(replace(part, shares=(*e.shares, *own)))
         before += e.ticks
+    return found
+
+
+def _each_its_own(experiments: Sequence[Experiment], names: Sequence[str]) -> list[Experiment]:
+    found = list(experiments)
+    for name, which in zip(names, groups(experiments)[:-1], strict=True):
+        for i in which:
+            found[i] = replace(found[i], shares=(*found[i].shares, (name, 1.0)))
     return found
 
 
@@ -253,12 +386,12 @@ def _parts(ticks: int, step: float | None, end: int) -> list[tuple[int, int]]:
 class Varied:
     """A change that was fitted, and how it was asked for.
 
-    hypothesis: with it, on recordings in parts; without: the same parts without. name: of the
-    change; gained: over doing without, all paid.
+    hypothesis: with it, on recordings in parts; without: the same parts without. names: of the
+    change, of several where every recording has its own; gained: over doing without, all paid.
     """
 
     suspect: Suspect
-    name: str
+    names: tuple[str, ...]
     hypothesis: Hypothesis
     without: Hypothesis
 
@@ -270,15 +403,20 @@ class Varied:
 
 def varied(h: Hypothesis, suspect: Suspect) -> Varied | None:
     """Fit a change that is suspected; None where it is not believed. Raises NoObserver."""
-    name = f"change {len(h.model.varying) + 1}"
-    parts = cut(h.experiments, suspect, name)
+    first, amounts = len(h.model.varying) + 1, suspect.amounts or (suspect.amount,)
+    names = tuple(f"change {first + i}" for i in range(len(amounts)))
+    parts = cut(h.experiments, suspect, names)
     if len({e.shares for e in parts}) < 2:
         return None
     without = settled(judged(parts, h.model, h.x, h.family))
     model = replace(
-        h.model, varying=(*h.model.varying, Varying(name, suspect.of, suspect.shape not in CUT))
+        h.model,
+        varying=(
+            *h.model.varying,
+            *(Varying(name, suspect.of, suspect.shape not in CUT) for name in names),
+        ),
     )
-    begun = judged(parts, model, model.within(np.append(without.x, suspect.amount)), h.family)
+    begun = judged(parts, model, model.within(np.append(without.x, amounts)), h.family)
     best = settled(begun)
     new = replace(best.cost, searched=best.cost.searched + suspect.price)
     if best.against_physics or not believed(new, without.cost, against(best, without).phi):
@@ -286,10 +424,10 @@ def varied(h: Hypothesis, suspect: Suspect) -> Varied | None:
     if suspect.shape == STEP:
         at, between = _dated(h.experiments, best, suspect)
         suspect = replace(suspect, at=at, between=between)
-        parts = cut(h.experiments, suspect, name)
+        parts = cut(h.experiments, suspect, names)
         best = settled(judged(parts, model, best.x, h.family))
         without = settled(judged(parts, h.model, without.x, h.family))
-    return Varied(suspect, name, best, without)
+    return Varied(suspect, names, best, without)
 
 
 def _dated(

@@ -421,6 +421,21 @@ def settling(experiment: Experiment) -> int:
     return SETTLING if before is None else max(0, SETTLING - before.ticks)
 
 
+def free_run_starts(experiment: Experiment, length: int) -> list[int]:
+    """Return where free runs of so many ticks begin: one after the other, once settled.
+
+    Those in which the force of an event sets in or ends are left out, where others are left: it is
+    known as far as its own samples tell, and a free run adds its error up.
+    """
+    possible = range(0, experiment.ticks - length + 1, length)
+    settled = [first for first in possible if first >= settling(experiment)]
+    if experiment.force is None:
+        return settled
+    changes = np.any(np.diff(experiment.force, axis=0, prepend=0.0), axis=1)
+    quiet = [first for first in settled if not np.any(changes[first : first + length])]
+    return quiet or settled
+
+
 def free_run_errors(
     device: Device, experiment: Experiment, gain: Floats, window: int
 ) -> tuple[Floats, Floats]:
@@ -434,15 +449,16 @@ def free_run_errors(
     moved = experiment.external(eq.dof)
     errors: list[Floats] = []
     signal: list[Floats] = []
+    judged = set(free_run_starts(experiment, window))
     for first in range(0, experiment.ticks - window + 1, window):
         u = experiment.command[first : first + window]
         y = experiment.measured[first : first + window]
-        shaken = moved[first : first + window]
-        if first >= settling(experiment):
+        f = moved[first : first + window]
+        if first in judged:
             free = copied(memory)
-            errors.append(alone(eq, fine, places, u, y, np.zeros_like(full), shaken, free))
+            errors.append(alone(eq, fine, places, u, y, np.zeros_like(full), f, free))
             signal.append(y - y.mean(axis=0))
-        alone(eq, fine, places, u, y, full, shaken, memory)
+        alone(eq, fine, places, u, y, full, f, memory)
     empty = np.zeros((0, experiment.measured.shape[1]))
     return np.concatenate(errors or [empty]), np.concatenate(signal or [empty])
 
@@ -475,8 +491,7 @@ def free_runs(
     nothing = np.zeros((eq.states, o + 2 * n))
     begins: dict[int, list[int]] = {}
     for i, length in enumerate(lengths):
-        possible = np.arange(0, experiment.ticks - length + 1, length)
-        possible = possible[possible >= settling(experiment)]
+        possible = np.array(free_run_starts(experiment, length), dtype=np.int64)
         if possible.size > most:
             possible = possible[np.linspace(0, possible.size - 1, most).round().astype(np.int64)]
         for first in possible.tolist():

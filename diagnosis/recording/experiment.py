@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.recording.drive_force import FORCE, Pushed, drive_stiffness
 from zwidth.diagnosis.recording.link_force import told_by_links
 from zwidth.diagnosis.recording.moving_base import BASE, base_of
+from zwidth.logs.recording_file import COVARIATE
 from zwidth.logs.stale import renewed, repeated
 from zwidth.logs.stretches import jumps, without_gaps
 from zwidth.logs.uneven import evened
@@ -82,6 +83,15 @@ class Output:
 
 
 @dataclass(frozen=True)
+class Covariate:
+    """What was recorded beside the motion that parameters may follow: values (ticks,), unit."""
+
+    name: str
+    unit: str
+    values: Floats
+
+
+@dataclass(frozen=True)
 class Experiment:
     """command (ticks,) and measured (ticks, o) at one period [s], SI; outputs say what o are.
 
@@ -97,6 +107,7 @@ class Experiment:
     device. pushed: where the first output is the position that a drive's force tells. shares: how
     much of each change of a parameter (`Model.varying`) holds here; none of those not named. base
     (ticks,): acceleration of what the device stands on, held for a tick, where that was recorded.
+    covariates: what else was recorded at each sample (a temperature), that parameters may follow.
     """
 
     period: float
@@ -118,6 +129,7 @@ class Experiment:
     folded: bool = False
     shares: tuple[tuple[str, float], ...] = ()
     base: Floats | None = None
+    covariates: tuple[Covariate, ...] = ()
 
     def on(self, device: Device) -> Device:
         """Return a device as it was in this recording."""
@@ -169,6 +181,7 @@ class Experiment:
             begins=self.begins + start * self.period,
             before=self.before if start == 0 else None,
             pushed=None if self.pushed is None else self.pushed.part(cut),
+            covariates=tuple(replace(c, values=c.values[cut]) for c in self.covariates),
         )
 
     def pauses(self) -> NDArray[np.bool_]:
@@ -275,7 +288,7 @@ def experiment(trace: Trace, device: Device, name: str = "recording") -> Experim
     notes += cells + moves
     return Experiment(
         own, command, measured, tuple(found), name, swing, notes=notes, changes=changes,
-        pushed=pushed, base=base,
+        pushed=pushed, base=base, covariates=_covariates(trace),
     )  # fmt: skip
 
 
@@ -287,6 +300,23 @@ def _as_read(trace: Trace) -> Trace:
     while (again := read.replace("filtered", "filtered_filtered", 1)) in trace.channels:
         read = again
     return trace.with_channels({**trace.channels, "position_m1": trace[read]})
+
+
+def _covariates(trace: Trace) -> tuple[Covariate, ...]:
+    """What parameters may follow; over samples that lack it goes straight."""
+    found: list[Covariate] = []
+    for channel in (c for c in trace.channels if c.startswith(f"{COVARIATE}_")):
+        values = trace[channel]
+        known = np.isfinite(values)
+        if not known.any():
+            raise ExperimentError(
+                f"channel {channel!r} has no finite value; take its [[covariate]] out of the"
+                " recording's TOML"
+            )
+        whole = np.interp(np.arange(values.size), np.flatnonzero(known), values[known])
+        name = channel.removeprefix(f"{COVARIATE}_")
+        found.append(Covariate(name, trace.units[channel], whole))
+    return tuple(found)
 
 
 def _told_by_force(
@@ -419,8 +449,11 @@ def _as_it_moved(
     trace, stale = renewed(trace, positions, name)
     uneven = ""
     if math.isclose(float(np.ptp(trace.t)), period * (len(trace) - 1), rel_tol=LATE):
-        carried = [c for c in used if c in BASE]
+        before, carried = trace, [c for c in used if c in BASE]
         trace, uneven = evened(trace, period, [*moves, *carried], name)
+        lost = [c for c in before.channels if c not in trace.channels and c.startswith(COVARIATE)]
+        slow = {c: np.interp(trace.t, before.t, before[c]) for c in lost}
+        trace = trace.with_channels({**trace.channels, **slow}, trace.t)
     return trace, [said for said in (wrapped, stale, uneven) if said]
 
 

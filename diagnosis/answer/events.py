@@ -1,0 +1,432 @@
+"""What happened once while a device was recorded, as an answer says it.
+
+Asked of every search (`learning.events`), in all that was recorded: an event in the held-out data
+would spoil what they judge, and no parameter is fitted to what is asked there. Where something
+happened its force is known from then on in every prediction and free run, a slip is taken off the
+reading, and the search is made again with that, so that an event is not taken for physics and bends
+no parameter. What was found then sees the recordings once more; the events it finds are said.
+
+Over a tick, force times way is energy: W = sum f_k (q_(k+1) - q_k), exact for a force that is held.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from zwidth.diagnosis.answer.headline import place_in_words, said
+from zwidth.diagnosis.answer.result import Estimate
+from zwidth.diagnosis.fitting.uncertainty import Z95
+from zwidth.diagnosis.intake.take_in import Taken
+from zwidth.diagnosis.learning.event_force import Happened
+from zwidth.diagnosis.learning.events import happenings, with_events
+from zwidth.diagnosis.mishaps import Say, attempt
+from zwidth.diagnosis.noise.predictor import followed
+from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.selection.effort import Effort
+from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged
+from zwidth.diagnosis.selection.searched import Searched, searched
+from zwidth.sim.device import Device
+from zwidth.sim.place import place_at
+from zwidth.sim.readable import with_unit
+
+Floats = NDArray[np.float64]
+TURNS = 2  # searches that know of what happened
+MATTERS = 10.0  # in -2 ln, from which other forces of events make another search
+SHORT_S, LONG_S = 0.05, 0.1  # a hit lasts less, a hand longer
+HELD = 0.1  # of the usual speed, below which what should move is held
+STOPPED = 0.1  # of the speed before, that is left after a stop
+AT_AN_END = 0.03  # of the travel, within which a stop is
+BESIDE_S = 0.02  # over which speed is told, before and after
+PICTURE_S = 0.3  # about an event, in a picture
+EDGES = 40  # times at which it is asked whether a force has begun
+HIT, STOP, JAM, TOUCH, PUSH, SLIP = "hit", "stop", "jam", "touch", "push", "slip"
+
+
+@dataclass(frozen=True)
+class Course:
+    """An event over time [s] of its recording: force (ticks,) with its 95 % band, and the motion.
+
+    Of a slip `force` is what the reading is off by. motion: of the place, as measured or followed.
+    """
+
+    times: Floats
+    force: Floats
+    lower: Floats
+    upper: Floats
+    motion: Floats
+    unit: str
+    length: str
+
+
+@dataclass(frozen=True)
+class Event:
+    """One thing that happened.
+
+    kind: "hit", "stop" (a hit on a stop), "jam", "touch" (a hand or another contact), "push" (a
+    force between a hit and a touch), "slip" (of a sensor, a coupling or a clamp). place: mass, link
+    or output. at [s] of the recording with the 95 % interval between: of what is short its middle,
+    of what lasts its beginning; until, until_between: the same of its end, None of what is short or
+    slips. force: the largest; impulse, energy: brought to the device, negative where it took
+    energy. slip: how far. elsewhere: places that explain it as well. gained: chi-square.
+    """
+
+    kind: str
+    place: str
+    recording: str
+    at: float
+    between: tuple[float, float]
+    until: float | None
+    until_between: tuple[float, float] | None
+    force: Estimate | None
+    impulse: Estimate | None
+    energy: Estimate | None
+    slip: Estimate | None
+    stop: float | None
+    elsewhere: tuple[str, ...]
+    gained: float
+    masses: int
+    course: Course
+
+    @property
+    def where(self) -> str:
+        """The place in words."""
+        if self.kind == SLIP and "_" in self.place:
+            return f"of the sensor {self.place}"
+        if self.kind == SLIP:
+            link = place_at(self.place).kind == "link"
+            return f"of the {'coupling ' if link else 'clamp '}{self._at}"
+        return self._at
+
+    @property
+    def _at(self) -> str:
+        every = [place_in_words(place_at(p), self.masses) for p in (self.place, *self.elsewhere)]
+        return " or ".join(every)
+
+    @property
+    def sentence(self) -> str:
+        """Say what happened, when, and what it brought."""
+        when = f"at {_time(self.at, self.between)}"
+        if self.until is not None and self.until_between is not None:
+            first = _time(self.at, self.between).removesuffix(" s")
+            when = f"from {first} to {_time(self.until, self.until_between)}"
+        if self.kind == SLIP:
+            assert self.slip is not None
+            return f"a slip {self.where} by {said(self.slip)} {when}"
+        assert self.force is not None
+        assert self.impulse is not None
+        assert self.energy is not None
+        size = with_unit(self.impulse.value, self.impulse.unit, 2).removeprefix("-")
+        most = with_unit(abs(self.force.value), self.force.unit, 2)
+        brought = "brought" if self.energy.value > 0.0 else "took"
+        work = with_unit(abs(self.energy.value), "J", 2)
+        if self.energy.lower < 0.0 < self.energy.upper:
+            most_work = max(-self.energy.lower, self.energy.upper)
+            brought, work = "brought or took", f"less than {with_unit(most_work, 'J', 2)}"
+        what = {
+            HIT: f"a hit of {size} {self.where}",
+            STOP: f"a hit on a stop, of {size}, {self.where}",
+            JAM: f"a jam {self.where}, held by up to {most},",
+            TOUCH: f"a hand or another contact {self.where}, of up to {most},",
+            PUSH: f"a push of {size} {self.where}",
+        }[self.kind]
+        return f"{what} {when} {brought} {work}"
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the JSON of `zwidth diagnose`."""
+        c = self.course
+        return {
+            "kind": self.kind,
+            "at": self.place,
+            "elsewhere": list(self.elsewhere),
+            "recording": self.recording,
+            "at_s": self.at,
+            "at_s_ci95": list(self.between),
+            "until_s": self.until,
+            "until_s_ci95": None if self.until_between is None else list(self.until_between),
+            "force": self.force and self.force.as_json(),
+            "impulse": self.impulse and self.impulse.as_json(),
+            "energy": self.energy and self.energy.as_json(),
+            "slip": self.slip and self.slip.as_json(),
+            "gained": self.gained,
+            "course": {name: getattr(c, name).tolist()
+                       for name in ("times", "force", "lower", "upper", "motion")},
+        }  # fmt: skip
+
+
+def _time(at: float, between: tuple[float, float]) -> str:
+    """A time to the digits that its interval knows."""
+    half = max(0.5 * (between[1] - between[0]), 1e-4)
+    digits = max(0, min(4, -int(np.floor(np.log10(half)))))
+    return f"{at:.{digits}f} s"
+
+
+def knowing_events(
+    device: Device, taken: Taken, found: Searched, say: Say, effort: Effort
+) -> tuple[Taken, Searched, tuple[Event, ...]]:
+    """Return recordings that know what happened in them, what a search of them finds, the events.
+
+    The same recordings and search where nothing did.
+    """
+    if found.interrupted:
+        return taken, found, ()
+    every = (*taken.whole, *(() if taken.whole_unopened else taken.judge_by))
+    known: tuple[Happened, ...] = ()
+    there = taken
+    for _ in range(TURNS):
+        new = attempt("events", "", partial(_happened, taken, every, found))
+        if new is None or not _others(taken, found, known, new):
+            known = known if new is None else new
+            break
+        try:
+            again = _with(taken, every, new)
+            for one in new:
+                say(f"something happened at {_seconds(one, every):.3g} s: searching with it known")
+            searching = searched(device, again.fit_on, say, effort)
+        except NoObserver:
+            break
+        known, there, found = new, again, searching
+        if found.interrupted:
+            break
+    events = attempt("events", "what they brought", lambda: _all_said(every, found, known)) or ()
+    for event in events:
+        say(event.sentence)
+    return there, found, events
+
+
+def _happened(taken: Taken, every: Sequence[Experiment], found: Searched) -> tuple[Happened, ...]:
+    return happenings(every, found.tried.best, lambda known: _with(taken, every, known).fit_on)
+
+
+def _seconds(one: Happened, every: Sequence[Experiment]) -> float:
+    e = every[one.recording]
+    return e.begins + one.first * e.period
+
+
+def _others(
+    taken: Taken, found: Searched, known: Sequence[Happened], new: Sequence[Happened]
+) -> bool:
+    """Whether what was found anew makes what was fitted clearly likelier than what was known."""
+    if not known or not new:
+        return len(known) != len(new)
+    every = (*taken.whole, *(() if taken.whole_unopened else taken.judge_by))
+    best = found.tried.best
+    costs = [
+        judged(_with(taken, every, which).fit_on, best.model, best.x).cost.misfit
+        for which in (known, new)
+    ]
+    return costs[0] - costs[1] > MATTERS or len(known) != len(new)
+
+
+def _with(taken: Taken, every: Sequence[Experiment], known: Sequence[Happened]) -> Taken:
+    """Recordings, whole and in their parts, that know of events."""
+    there = with_events(every, known)
+    whole, others = there[: len(taken.whole)], there[len(taken.whole) :]
+    if not taken.whole_unopened:
+        return replace(taken, whole=tuple(whole), fit_on=tuple(whole), judge_by=tuple(others))
+    fit_on: list[Experiment] = []
+    judge_by: list[Experiment] = []
+    for e, first, rest in zip(whole, taken.fit_on, taken.judge_by, strict=True):
+        cut = first.ticks
+        first = _knowing(first, e, slice(0, cut))
+        fit_on.append(first)
+        judge_by.append(replace(_knowing(rest, e, slice(cut, e.ticks)), before=first))
+    return replace(taken, whole=tuple(whole), fit_on=tuple(fit_on), judge_by=tuple(judge_by))
+
+
+def _knowing(part: Experiment, whole: Experiment, cut: slice) -> Experiment:
+    force = None if whole.force is None else whole.force[cut]
+    return replace(part, measured=whole.measured[cut], force=force)
+
+
+def _all_said(
+    every: Sequence[Experiment], found: Searched, known: Sequence[Happened]
+) -> tuple[Event, ...]:
+    if not known:
+        return ()
+    best = found.tried.best
+    h = judged(with_events(every, known), best.model, best.x)
+    events = [_said(one, every[one.recording], h) for one in known]
+    return tuple(sorted(events, key=lambda event: (event.recording, event.at)))
+
+
+def _said(one: Happened, e: Experiment, h: Hypothesis) -> Event:
+    rotary = h.model.nominal.rotary
+    force, length = ("N m", "rad") if rotary else ("N", "m")
+    masses = h.model.nominal.chain.masses.size
+    if one.source.lasting:
+        return _slipped(one, e, h)
+    q, noise = _motion(one, h)
+    f, c, period = one.force, one.covariance, e.period
+    first, last = one.first, one.last
+    way = np.diff(q[first : last + 1])
+    steps = np.diff(np.concatenate([[0.0], f, [0.0]]))
+    largest = int(np.argmax(np.abs(f)))
+    impulse = _estimate(period * f.sum(), period * np.sqrt(c.sum()), f"{force} s")
+    energy = _estimate(f @ way, np.sqrt(way @ c @ way + (noise * np.linalg.norm(steps)) ** 2), "J")
+    most = _estimate(f[largest], np.sqrt(c[largest, largest]), force)
+    begins, ends = _edges(f, c)
+    kind = _kind(one, q, period, begins[1], ends[1], impulse.value)
+    short = kind in (HIT, STOP, PUSH)
+    start = e.begins + period * first
+    middle, spread = _middle(f, c)
+    wide = Z95 * spread + 0.5
+    if short:
+        at, between = middle, (middle - wide, middle + wide)
+        until, until_between = None, None
+    else:
+        at, between = begins[1], (begins[0], begins[2])
+        until, until_between = ends[1], (ends[0], ends[2])
+
+    def seconds(pair: tuple[float, float]) -> tuple[float, float]:
+        return start + period * pair[0], start + period * pair[1]
+
+    return Event(
+        kind, one.source.place, e.name, start + period * at, seconds(between),
+        None if until is None else start + period * until,
+        None if until_between is None else seconds(until_between),
+        most, impulse, energy, None,
+        float(q[first + int(middle)]) if kind == STOP and 0 <= middle < last - first else None,
+        one.elsewhere, one.gain, masses, _course(one, e, q, force, length),
+    )  # fmt: skip
+
+
+def _slipped(one: Happened, e: Experiment, h: Hypothesis) -> Event:
+    rotary = h.model.nominal.rotary
+    force, length = ("N m", "rad") if rotary else ("N", "m")
+    device = h.model.build(h.x)
+    spread = float(np.sqrt(one.covariance[0, 0]))
+    pushed: Estimate | None = None
+    scale = 1.0
+    if one.source.sensor is None:
+        place = place_at(one.source.place)
+        springs = device.chain.link_springs
+        spring = springs[place.index] if place.kind == "link" else device.chain.ground_spring
+        pushed = _estimate(float(one.force[0]), spread, force)
+        scale = 1.0 / float(spring)
+    slip = _estimate(scale * float(one.force[0]), scale * spread, length)
+    q, _ = _motion(one, h)
+    low, high = one.between
+    at = one.first if one.source.sensor is None else 0.5 * (low + high)
+    return Event(
+        SLIP, one.source.place, e.name, e.begins + e.period * at,
+        (e.begins + e.period * low, e.begins + e.period * high), None, None, pushed, None, None,
+        slip, None, one.elsewhere, one.gain, device.chain.masses.size,
+        _course(one, e, q, force, length),
+    )  # fmt: skip
+
+
+def _estimate(value: float | Floats, error: float | Floats, unit: str) -> Estimate:
+    return Estimate(float(value), float(value - Z95 * error), float(value + Z95 * error), unit)
+
+
+def _motion(one: Happened, h: Hypothesis) -> tuple[Floats, float]:
+    """Way (ticks + 1,) of the place of an event, as measured or else as followed, and its noise."""
+    e, model = h.problem.experiments[one.recording], h.model
+    if (o := one.source.sensor) is not None:
+        return np.append(e.measured[:, o], e.measured[-1, o]), float(h.noise.observer.deviation[o])
+    ends = place_at(one.source.place).ends
+    total, noise = np.zeros(e.ticks), 0.0
+    states: Floats | None = None
+    for sign, mass in zip((1.0, -1.0), ends, strict=True):
+        if mass < 0:
+            continue
+        own = [o for o, out in enumerate(e.outputs) if out.tells_position and out.mass == mass]
+        if own:
+            total = total + sign * e.measured[:, own[0]]
+            noise += float(h.noise.observer.deviation[own[0]])
+            continue
+        if states is None:
+            device = model.acting(h.x)
+            states = followed(device, model.seen(e, h.x), h.noise.observer.gain)
+        total = total + sign * states[:, mass]
+    return np.append(total, 2.0 * total[-1] - total[-2]), noise
+
+
+Edge = tuple[float, float, float]  # first, likeliest, last
+
+
+def _edges(f: Floats, c: Floats) -> tuple[Edge, Edge]:
+    """Return when a force begins and ends, in ticks from the first of it, with 95 % intervals.
+
+    It has begun where doing without it up to there costs more than chance allows (Wald's test). A
+    hat that is needed reaches from the knot before its own: it begins anywhere between them.
+    """
+    ticks = f.size
+    values = np.linalg.eigvalsh(c)
+    knots = ticks / max(1, int(np.count_nonzero(values > 1e-9 * values[-1])))
+
+    def begun(f: Floats, c: Floats) -> Edge:
+        counts = np.unique(np.linspace(1, ticks, min(ticks, EDGES)).round().astype(np.int64))
+        before = 0
+        for count in counts.tolist():
+            values, vectors = np.linalg.eigh(c[:count, :count])
+            kept = values > 1e-9 * values.max()
+            told = vectors[:, kept].T @ f[:count]
+            if np.sum(told**2 / values[kept]) > chi2.ppf(0.975, int(kept.sum())):
+                last = min(float(ticks), before + knots + 1.0)
+                return max(0.0, before - knots), min(before + 0.5 * knots, last), last
+            before = count
+        return 0.0, 0.0, float(ticks)
+
+    first, at, last = begun(f, c)
+    end, until, sooner = begun(f[::-1], c[::-1, ::-1])
+    return (first, at, last), (ticks - sooner, ticks - until, ticks - end)
+
+
+def _middle(f: Floats, c: Floats) -> tuple[float, float]:
+    """Return the middle of a force in ticks from its first, and its standard error."""
+    ticks = np.arange(f.size) + 0.5
+    total = float(f.sum())
+    middle = float(f @ ticks) / total if total else 0.0
+    if not 0.0 <= middle <= f.size:  # it pushes both ways
+        size = np.abs(f)
+        return float(size @ ticks / size.sum()), 0.5 * f.size / Z95
+    slopes = (ticks - middle) / total
+    return middle, float(np.sqrt(max(slopes @ c @ slopes, 0.0)))
+
+
+def _kind(
+    one: Happened, q: Floats, period: float, begins: float, ends: float, impulse: float
+) -> str:
+    """What a force was, as far as the motion tells."""
+    a, b = one.first + round(begins), min(one.first + round(ends), q.size - 1)
+    usual = float(np.std(np.diff(q))) / period
+    lasts = (b - a) * period
+    if lasts > 2.0 * SHORT_S / 2.0 and b - a >= 8:
+        margin = max(2, (b - a) // 8)
+        inner = q[a + margin : b - margin + 1]
+        if np.ptp(inner) < HELD * usual * inner.size * period:
+            return JAM
+    if lasts <= SHORT_S:
+        beside = max(2, round(BESIDE_S / period))
+        before = (q[a] - q[max(0, a - beside)]) / (period * min(a, beside))
+        after = (q[min(q.size - 1, b + beside)] - q[b]) / (period * beside)
+        way = np.sign(before)
+        far = float(np.max(way * q)) - float(np.max(way * q[a : b + 1]))
+        at_end = far < AT_AN_END * float(np.ptp(q))
+        if impulse * before < 0.0 and way * after < STOPPED * abs(before) and at_end:
+            return STOP
+        return HIT
+    return TOUCH if lasts >= LONG_S else PUSH
+
+
+def _course(one: Happened, e: Experiment, q: Floats, force: str, length: str) -> Course:
+    beside = round(PICTURE_S / e.period)
+    a, b = max(0, one.first - beside), min(e.ticks, one.last + beside)
+    ticks = np.arange(a, b, dtype=np.float64)
+    f, error = np.zeros(ticks.size), np.zeros(ticks.size)
+    end = e.ticks if one.source.lasting else one.last
+    on = (ticks >= one.first) & (ticks < end)
+    f[on] = one.force if not one.source.lasting else one.force[0]
+    own = np.sqrt(np.diag(one.covariance))
+    error[on] = own if not one.source.lasting else own[0]
+    unit = length if one.source.sensor is not None else force
+    return Course(
+        e.begins + e.period * ticks, f, f - Z95 * error, f + Z95 * error, q[a:b], unit, length
+    )

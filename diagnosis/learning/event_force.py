@@ -1,0 +1,332 @@
+"""The force of an event, fitted through the kernel: what acted, tick by tick, and how sure that is.
+
+An event from tick a to b is a force f(t) = sum_j f_j phi_j(t), phi_j hats over time. The window
+about it is run through the kernel from the state that the observer has there, so that friction,
+play and limits do what they do under that force; Gauss and Newton's steps, damped, minimise
+
+    |r(f)|^2 + |f / size|^2,
+
+r the whitened innovations of the window and `size` far more than was seen, so that what sticks (no
+force shows there) has an answer. As many hats as the cost k ln(rows) pays for. A slip is one number
+instead, of a reading or of the force in a spring, from its tick on; of several places and kinds the
+cheapest is taken.
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.diagnosis.fitting.uncertainty import inflation
+from zwidth.diagnosis.noise.predictor import (
+    SEARCHING,
+    copied,
+    memory_at,
+    prepared,
+)
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.selection.hypothesis import Hypothesis
+from zwidth.sim.place import masses_and_links, place_at
+from zwidth.sim.predict import alone
+
+Floats = NDArray[np.float64]
+LEAD, TAIL = 60, 150  # ticks before and after an event, in which it is fitted
+POINT = 32  # ticks from the first, in which it may be that something slipped
+SHORT = 40  # ticks, of which each has its own force
+HATS = (3, 6, 12, 24, 48)
+STEPS, WORTH = 8, 0.05  # of Gauss and Newton; of chi-square, that one must gain
+FAR = 30.0  # times what was seen, that a force may be
+MARGIN = 2  # ticks to both sides of what was seen by its linear response
+ABOUT = 3  # ticks about its peak, in which a slip is dated
+DATED = 3.84  # chi-square within which a time is as good
+SAME = 10.0  # in cost, below which a place is not told from another
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where something enters: a mass, a link, or an output's reading (its name, and which).
+
+    lasting: from its time on for good, as what slips is.
+    """
+
+    place: str
+    sensor: int | None = None
+    lasting: bool = False
+
+
+@dataclass(frozen=True)
+class Happened:
+    """One event, in ticks of one of the recordings.
+
+    first, last: where it is looked at. force (last - first,) at each tick, [N m | N], or the one
+    amount of what lasts (of a reading [rad | m]); covariance of it. gain: chi-square. between: of
+    what lasts, ticks that date it as well. elsewhere: places that explain it as well.
+    """
+
+    recording: int
+    source: Source
+    first: int
+    last: int
+    force: Floats
+    covariance: Floats
+    gain: float
+    between: tuple[float, float]
+    elsewhere: tuple[str, ...] = ()
+
+    def on(self, e: Experiment) -> Experiment:
+        """Return a recording in which the event is known."""
+        if (o := self.source.sensor) is not None:
+            measured = e.measured.copy()
+            measured[self.first :, o] -= self.force[0]
+            return replace(e, measured=measured)
+        place = place_at(self.source.place)
+        masses = 1 + max(place.ends[0], place.ends[1])
+        masses = max(masses, 0 if e.force is None else e.force.shape[1])
+        own = np.zeros((e.ticks, 0)) if e.force is None else e.force
+        force = np.pad(own, ((0, 0), (0, masses - own.shape[1])))
+        end = e.ticks if self.source.lasting else self.last
+        force[self.first : end] += self.force[:, None] * place.row(masses)
+        return replace(e, force=force)
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """A description of an event that was fitted, and what it costs."""
+
+    happened: Happened
+    cost: float
+
+
+class Window:
+    """A recording about an event, from the state that the observer has before it."""
+
+    def __init__(self, h: Hypothesis, recording: int, first: int, last: int) -> None:
+        e = h.problem.experiments[recording]
+        model, x = h.model, h.x
+        device = model.acting(x)
+        self.seen = model.seen(e, x)
+        self.ready = prepared(self.seen.on(device), SEARCHING)
+        self.observer, self.masses = h.noise.observer, model.nominal.chain.masses.size
+        self.begins, self.ends = max(0, first - LEAD), min(e.ticks, last + TAIL)
+        self.places = self.seen.places(self.ready.coarse)
+        own = np.zeros((e.ticks, 0)) if e.force is None else e.force
+        self.forces = self.seen.external(self.ready.coarse.dof, own)
+        self.memory, self.full = memory_at(self.ready, self.seen, device, self.observer.gain)
+        self._through(slice(0, self.begins), self.forces, self.seen.measured, self.memory)
+
+    def white(self, force: Floats | None, row: Floats, shift: Floats | None = None) -> Floats:
+        """Return the whitened innovations of the window under a force (window,) along a row.
+
+        shift (window, o): what is taken off what was measured.
+        """
+        there = slice(self.begins, self.ends)
+        forces = self.forces[there]
+        if force is not None:
+            forces = forces.copy()  # beyond the masses: what the base does
+            forces[:, : row.size] += force[:, None] * row
+        measured = self.seen.measured[there]
+        if shift is not None:
+            measured = measured - shift
+        e = self._run(self.seen.command[there], np.ascontiguousarray(measured), forces)
+        return np.nan_to_num(self.observer.weigh(e)[LEAD // 2 :], nan=1e6, posinf=1e6).ravel()
+
+    def _run(self, command: Floats, measured: Floats, forces: Floats) -> Floats:
+        with np.errstate(all="ignore"):
+            return alone(
+                self.ready.coarse, self.ready.fine, self.places, command, measured, self.full,
+                np.ascontiguousarray(forces), copied(self.memory),
+            )  # fmt: skip
+
+    def _through(self, part: slice, forces: Floats, measured: Floats, memory: object) -> None:
+        alone(
+            self.ready.coarse, self.ready.fine, self.places, self.seen.command[part],
+            measured[part], self.full, forces[part], memory,  # pyright: ignore[reportArgumentType]
+        )  # fmt: skip
+
+    @property
+    def dof(self) -> int:
+        """Masses of the model."""
+        return self.ready.coarse.dof
+
+
+def fitted_event(
+    h: Hypothesis, recording: int, first: int, last: int, margin: int = MARGIN
+) -> Happened:
+    """Return an event about some ticks of a recording, as the cheapest description of it has it.
+
+    h: judged on recordings that know of all others.
+    """
+    e = h.experiments[recording]
+    first, last = max(LEAD, first - margin), min(e.ticks - 1, last + margin)
+    window = Window(h, recording, first, last)
+    wide = inflation(h.residual[: h.samples])
+    tried = [
+        *_forces(window, recording, first, last, e, wide),
+        *_slips(window, recording, first, min(last, first + POINT), h, wide),
+    ]
+    best = min(tried, key=lambda one: one.cost)
+    as_good = [
+        t.happened.source.place
+        for t in tried
+        if t.cost < best.cost + SAME
+        and t.happened.source.place != best.happened.source.place
+        and t.happened.source.lasting == best.happened.source.lasting
+    ]
+    return replace(best.happened, elsewhere=tuple(dict.fromkeys(as_good)))
+
+
+def _forces(
+    window: Window, recording: int, first: int, last: int, e: Experiment, wide: float
+) -> Iterator[_Tried]:
+    """Forces for a while at every mass and link."""
+    for place in masses_and_links(window.masses):
+        row = place.row(window.dof)
+        best: _Tried | None = None
+        for basis in _bases(last - first):
+            one = _forced(window, recording, Source(str(place)), first, last, row, basis, wide)
+            if best is not None and one.cost >= best.cost:
+                if basis.shape[1] > 2 * HATS[0]:
+                    break
+                continue
+            best = one
+        assert best is not None
+        yield best
+
+
+def _bases(ticks: int) -> Iterator[Floats]:
+    """Shapes (ticks, k): each tick by itself, or so many hats."""
+    if ticks <= SHORT:
+        yield np.eye(ticks)
+        return
+    for count in HATS:
+        if count <= ticks // 2:
+            at = np.linspace(0, ticks - 1, count + 2)
+            yield np.array(
+                [np.interp(np.arange(ticks), at, row) for row in np.eye(count + 2)[1:-1]]
+            ).T
+
+
+def _forced(
+    window: Window,
+    recording: int,
+    source: Source,
+    first: int,
+    last: int,
+    row: Floats,
+    basis: Floats,
+    wide: float,
+) -> _Tried:
+    """A force of a shape, fitted."""
+    whole = np.zeros((window.ends - window.begins, basis.shape[1]))
+    whole[first - window.begins : last - window.begins] = basis
+
+    def white(f: Floats) -> Floats:
+        return window.white(whole @ f, row)
+
+    found, covariance, chi2, gained = _solved(white, basis.shape[1])
+    happened = Happened(
+        recording, source, first, last, basis @ found, wide * basis @ covariance @ basis.T,
+        gained / wide, (first, last),
+    )  # fmt: skip
+    # A tick by itself is no number that was looked for: what pays is the energy of a few.
+    return _Tried(happened, chi2 / wide + basis.shape[1] * math.log(chi2_rows(window)))
+
+
+def chi2_rows(window: Window) -> int:
+    """Samples of a window."""
+    return max(2, (window.ends - window.begins) * len(window.seen.outputs))
+
+
+def _slips(
+    window: Window, recording: int, first: int, last: int, h: Hypothesis, wide: float
+) -> Iterator[_Tried]:
+    """What sets in at one tick for good: of each reading, and of each spring."""
+    ticks, begins = window.ends - window.begins, window.begins
+    outputs = window.seen.outputs
+    sources: list[tuple[Source, Floats]] = [
+        (Source(o.name, sensor=i, lasting=True), np.eye(len(outputs))[i])
+        for i, o in enumerate(outputs)
+        if o.quantity == "position"
+    ]
+    tied = h.model.build(h.x).chain.ground_spring > 0.0
+    for place in masses_and_links(window.masses):
+        if place.kind == "link" or (place.index == 0 and tied):
+            sources.append((Source(str(place), lasting=True), place.row(window.dof)))
+    for source, row in sources:
+        costs: dict[int, tuple[float, Floats, Floats, float]] = {}
+        for at in range(max(begins + LEAD // 2, first - ABOUT), min(window.ends - 2, last + ABOUT)):
+            on = (np.arange(ticks) >= at - begins).astype(np.float64)
+
+            def white(
+                f: Floats, on: Floats = on, row: Floats = row, source: Source = source
+            ) -> Floats:
+                if source.sensor is None:
+                    return window.white(f[0] * on, row)
+                return window.white(None, row, f[0] * np.outer(on, row))
+
+            found, covariance, chi2, gained = _solved(white, 1)
+            costs[at] = chi2 / wide, found, covariance, gained
+        if not costs:
+            continue
+        at = min(costs, key=lambda t: costs[t][0])
+        chi2, found, covariance, gained = costs[at]
+        near = [t for t, cost in costs.items() if cost[0] < chi2 + DATED]
+        happened = Happened(
+            recording, source, at, at + 1, found, wide * covariance, gained / wide,
+            (min(near) - 1.0, float(max(near))),
+        )  # fmt: skip
+        yield _Tried(happened, chi2 + 2.0 * math.log(chi2_rows(window)))
+
+
+def _solved(white: Callable[[Floats], Floats], count: int) -> tuple[Floats, Floats, float, float]:
+    """Return f (k,) of the least squares, its covariance, the chi-square there and what it gained.
+
+    Steps are as large as noise hides: what sticks under less moves under them.
+    """
+    f = np.zeros(count)
+    r = white(f)
+    start = float(r @ r)
+    unit = _units(white, f, r)
+    least, damping = start, 0.0
+    size = np.full(count, np.inf)
+    slopes = np.zeros((r.size, count))
+    for _ in range(STEPS):
+        slopes = np.column_stack([(white(f + unit[j] * row) - r) / unit[j]
+                                  for j, row in enumerate(np.eye(count))])  # fmt: skip
+        if not np.all(np.isfinite(size)):
+            first = np.linalg.lstsq(slopes, -r, rcond=1e-6)[0]
+            size = np.full(count, FAR * max(float(np.abs(first).max()), float(unit.max())))
+        normal = slopes.T @ slopes + np.diag(1.0 / size**2)
+        pull = slopes.T @ r + f / size**2
+        while damping < 1e6:
+            step = -np.linalg.solve(normal + damping * np.diag(np.diag(normal)), pull)
+            there = white(f + step)
+            if float(there @ there) < least:
+                break
+            damping = max(1e-2, 10.0 * damping)
+        else:
+            break
+        gained = least - float(there @ there)
+        f, r, least, damping = f + step, there, float(there @ there), 0.1 * damping
+        if gained < WORTH:
+            break
+    covariance = np.asarray(np.linalg.inv(slopes.T @ slopes + np.diag(1.0 / size**2)), np.float64)
+    return f, covariance, least, start - least
+
+
+def _units(white: Callable[[Floats], Floats], f: Floats, r: Floats) -> Floats:
+    """By how much each number moves the residual by about one."""
+    unit = np.full(f.size, 1e-6)
+    for j, row in enumerate(np.eye(f.size)):
+        for _ in range(3):
+            moved = float(np.linalg.norm(white(f + unit[j] * row) - r))
+            if moved > 0.0:
+                factor = min(1e6, max(1e-6, 1.0 / moved))
+                unit[j] *= factor
+                if 0.1 < factor < 10.0:
+                    break
+            else:
+                unit[j] *= 1e3
+    return unit

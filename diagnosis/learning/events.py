@@ -1,0 +1,297 @@
+"""What happens once in a recording: a force for a while, a sensor that slips. Found, and when.
+
+A force a at a place from tick t on, for d ticks, that a model does not know leaves in its whitened
+innovations
+
+    r = a s(. - t) + e,    s_k = sum over i < d of h_(k-i),    e white,
+
+h the response of observer, device and whitening filter to one tick. With the matched filter g_t =
+sum_k h_k r_(t+k) and its running sum G, least squares over a gives for all t and d at once
+
+    a = (G_(t+d) - G_t) / |s|^2,    gain(t, d) = (G_(t+d) - G_t)^2 / |s|^2
+
+in chi-square, the generalised likelihood ratio (Willsky & Jones, IEEE Trans. Autom. Control 21(1),
+1976). A sensor that slips is the same with h the response to its reading. Residuals that are
+orthogonal to what parameters do gain more than this where the parameters move with it: it is a
+lower bound.
+
+Chance. z = sqrt(gain) of every place and duration is measured in its own median over the
+recording, so that colour and missing physics, which raise it everywhere, raise no alarm. Of what
+is left the highest of each of n stretches is taken, and those over their median u lie beyond it
+by an exponential of mean m (peaks over threshold: Davison & Smith, J. R. Stat. Soc. B 52(3), 1990;
+m = 2 for Gaussian noise). Of a gain c that chance exceeds somewhere in all that was recorded,
+
+    P = n / 2 exp(-(c - u) / m),
+
+an event is believed where P is less than `ALPHA` at the odds that something happens at all. m is
+the largest mean excess over three thresholds, so that a recording in which such peaks are common
+has no events but a model that lacks something.
+
+Limits: at most `MOST` events; of those that last longer than `LONGEST_S` or a fifth of the
+recording nothing is said. The answer h is that of the device without its nonlinear physics: it
+finds, and the kernel then fits (`learning.event_force`).
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import fftconvolve
+
+from zwidth.diagnosis.fitting.fit import Fitted
+from zwidth.diagnosis.forces.spatial import response
+from zwidth.diagnosis.learning.event_force import Happened, Source, fitted_event
+from zwidth.diagnosis.noise.predictor import SETTLING
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.selection.evidence import ALPHA
+from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
+from zwidth.sim.place import masses_and_links
+
+Floats = NDArray[np.float64]
+MOST = 4  # events in all that was recorded
+TURNS = 16  # of looking again, that all events together may take
+REFITS = 2  # turns of parameters and noise with each event
+AGREED = 0.01  # of its gain, by which an event that is fitted again is as it was
+PER_OCTAVE = 2  # durations
+LONGEST_S, LONGEST_SHARE = 3.0, 0.2  # of an event; the share is of the recording
+SEEN = 100  # ticks after its onset, by which what lasts is seen
+STRETCH = 64  # ticks, of which the highest gain is taken
+FEWEST = 12  # stretches by which chance is told
+THRESHOLDS = (0.5, 0.75, 0.9)  # quantiles over which excesses are averaged
+GAUSSIAN = 2.0  # mean excess of a chi-square of one
+RARITY = math.log(0.95 / 0.05)  # of a recording in which something happens
+NEAR_S = 0.12  # between two pulses of one event, at least
+MEDIAN = 0.6745  # of |z| of a normal
+ONSET = SETTLING + 20  # ticks from the start, in which the observer finds the state
+
+
+class Peak(NamedTuple):
+    """The best of the bank: in which recording, of which source, first tick, duration; gain."""
+
+    recording: int
+    source: Source
+    first: int
+    ticks: int
+    gain: float
+
+
+@dataclass(frozen=True)
+class Chance:
+    """What noise reaches: n / 2 exp(-(c - u) / m) of all recordings is beyond c."""
+
+    count: int
+    median: float
+    excess: float
+
+    @property
+    def most(self) -> float:
+        """The gain that an event must have."""
+        odds = math.log(max(self.count, 2) / 2.0) + math.log(1.0 / ALPHA) + RARITY
+        return self.median + self.excess * odds
+
+
+def happenings(
+    recordings: Sequence[Experiment],
+    h: Hypothesis,
+    fit_on: Callable[[Sequence[Happened]], Sequence[Experiment]],
+) -> tuple[Happened, ...]:
+    """Return what happens once in recordings, as a fitted hypothesis sees them; the first first.
+
+    recordings: whole, without forces of events; fit_on: gives what parameters are fitted to where
+    some events are known. They are fitted anew with each, since what happened has bent them. Raises
+    NoObserver where none follows.
+    """
+    found: list[Happened] = []
+    for _ in range(TURNS):
+        seen = _judged(recordings, found, h)
+        peak, chance = _searched(seen, found)
+        if peak is None or peak.gain < replace(chance, excess=GAUSSIAN).most:
+            break
+        near = [one for one in found if _near(one, peak, seen.experiments[0].period)]
+        if not near and len(found) >= MOST:
+            break
+        rest = [one for one in found if one not in near]
+        new = fitted_event(_judged(recordings, rest, seen), *_together(near, peak))
+        if any(_same(one, new) for one in near):
+            break
+        found = [*rest, new]
+        h = settled(judged(fit_on(found), h.model, h.x, h.family), turns=REFITS)
+        found = _fitted_again(recordings, found, h)
+    kept = _believed(recordings, found, h)
+    return tuple(sorted(kept, key=lambda one: (one.recording, one.first)))
+
+
+def _fitted_again(
+    recordings: Sequence[Experiment], found: Sequence[Happened], h: Hypothesis
+) -> list[Happened]:
+    """Each event beside the others as other parameters have it."""
+    new = list(found)
+    for i, one in enumerate(found):
+        beside = _judged(recordings, [*new[:i], *new[i + 1 :]], h)
+        new[i] = fitted_event(beside, one.recording, one.first, one.last, margin=0)
+    return new
+
+
+def _same(one: Happened, new: Happened) -> bool:
+    """Whether an event that was fitted again is as it was."""
+    where = one.source == new.source and (one.first, one.last) == (new.first, new.last)
+    return where and math.isclose(one.gain, new.gain, rel_tol=AGREED)
+
+
+def _believed(
+    recordings: Sequence[Experiment], found: list[Happened], h: Hypothesis
+) -> list[Happened]:
+    """Those that stand out of what chance does where none of them is; the weakest is asked first.
+
+    One that goes is part of what chance does for the others.
+    """
+    while found:
+        seen = _judged(recordings, found, h)
+        _, chance = _searched(seen, found)
+        weakest = min(found, key=lambda one: one.gain)
+        if weakest.gain > chance.most:
+            break
+        found = [one for one in found if one is not weakest]
+    return found
+
+
+def _judged(
+    recordings: Sequence[Experiment], found: Sequence[Happened], h: Hypothesis
+) -> Hypothesis:
+    """The hypothesis where events are known, under the noise that is likeliest then."""
+    return judged(with_events(recordings, found), h.model, h.x)
+
+
+def with_events(recordings: Sequence[Experiment], found: Sequence[Happened]) -> list[Experiment]:
+    """Return recordings that know of events: their forces act, their slips are taken off."""
+    known = list(recordings)
+    for one in found:
+        known[one.recording] = one.on(known[one.recording])
+    return known
+
+
+def _near(one: Happened, peak: Peak, period: float) -> bool:
+    """Whether a pulse is part of an event: no farther from it than either is long."""
+    far = max(round(NEAR_S / period), one.last - one.first, peak.ticks)
+    ends = peak.first + peak.ticks
+    apart = peak.first - one.last > far or one.first - ends > far
+    return one.recording == peak.recording and not apart
+
+
+def _together(near: Sequence[Happened], peak: Peak) -> tuple[int, int, int]:
+    """Recording, first tick and end of a pulse with what it is part of."""
+    first = min([peak.first, *(one.first for one in near)])
+    last = max([peak.first + peak.ticks, *(one.last for one in near)])
+    return peak.recording, first, last
+
+
+class _Answer(NamedTuple):
+    """Response h (length, o) of the innovations to one tick of a source."""
+
+    source: Source
+    h: Floats
+
+
+def _searched(h: Hypothesis, known: Sequence[Happened]) -> tuple[Peak | None, Chance]:
+    """The highest of all peaks, and what chance reaches in stretches beside known events."""
+    best: Peak | None = None
+    stretches: list[Floats] = []
+    answers = _answers(h)
+    outputs, row = h.noise.observer.deviation.size, 0
+    for i, e in enumerate(h.experiments):
+        white = np.zeros((e.ticks, outputs))
+        rows = (e.ticks - SETTLING) * outputs
+        white[SETTLING:] = h.residual[row : row + rows].reshape(-1, outputs)
+        row += rows
+        gains, which = _gains(white, answers, e)
+        gains[:ONSET] = 0.0
+        first = int(np.argmax(gains))
+        if best is None or gains[first] > best.gain:
+            source, ticks = which[first]
+            best = Peak(i, source, first, ticks, float(gains[first]))
+        stretches.append(_highest(gains, [one for one in known if one.recording == i]))
+    return best, _chance(np.concatenate(stretches))
+
+
+def _answers(h: Hypothesis) -> list[_Answer]:
+    """Of every source, the response to one tick of it."""
+    problem, model = h.problem, h.model
+    fitted = Fitted(model, h.x, 0.0, h.residual, np.zeros((0, 0)), h.samples)
+    device = model.build(h.x)
+    n = device.chain.masses.size
+    found: list[_Answer] = []
+    for place in masses_and_links(n):
+        answer = -response(problem, fitted, str(place))
+        found.append(_Answer(Source(str(place)), answer))
+        if place.kind == "link" or (place.index == 0 and device.chain.ground_spring > 0.0):
+            found.append(_Answer(Source(str(place), lasting=True), answer))
+    for o, output in enumerate(h.experiments[0].outputs):
+        if output.quantity == "position":
+            answer = response(problem, fitted, "sensor", o)
+            found.append(_Answer(Source(output.name, sensor=o, lasting=True), answer))
+    return found
+
+
+def _gains(
+    white: Floats, answers: Sequence[_Answer], e: Experiment
+) -> tuple[Floats, list[tuple[Source, int]]]:
+    """The best gain of what begins at each tick (ticks,), in its own median; and what it is."""
+    ticks = white.shape[0]
+    longest = max(1, round(min(LONGEST_S / e.period, LONGEST_SHARE * ticks)))
+    octaves = math.log2(longest)
+    lengths = np.unique(np.round(2.0 ** np.linspace(0.0, octaves, 1 + int(PER_OCTAVE * octaves))))
+    best, labels = np.zeros(ticks), np.zeros(ticks, dtype=np.int64)
+    each: list[tuple[Source, int]] = []
+    for source, h in answers:
+        pull = sum(fftconvolve(white[::-1, o], h[:, o])[:ticks][::-1] for o in range(h.shape[1]))
+        total = np.append(0.0, np.cumsum(pull))
+        if source.lasting:
+            durations = [(_onset(white, h), 1)]
+        else:
+            durations = [_of_length(total, h, int(d)) for d in lengths]
+        for score, d in durations:
+            usual = float(np.median(np.abs(score[ONSET:]))) / MEDIAN
+            gained = (score / max(1.0, usual)) ** 2
+            better = gained > best
+            best[better], labels[better] = gained[better], len(each)
+            each.append((source, d))
+    return best, [each[i] for i in labels]
+
+
+def _onset(white: Floats, h: Floats) -> Floats:
+    """The score (ticks,) of what sets in for good, by what it does in the first ticks."""
+    s, ticks = np.cumsum(h[:SEEN], axis=0), white.shape[0]
+    pull = [fftconvolve(white[::-1, o], s[:, o])[:ticks][::-1] for o in range(s.shape[1])]
+    return np.sum(pull, axis=0) / math.sqrt(max(float(np.sum(s**2)), 1e-300))
+
+
+def _of_length(total: Floats, h: Floats, d: int) -> tuple[Floats, int]:
+    """The score (ticks,) of d ticks."""
+    step = np.cumsum(h, axis=0)
+    s = np.vstack([step, np.repeat(step[-1:], d, axis=0)])
+    s[d:] -= np.vstack([step, np.repeat(step[-1:], d, axis=0)])[: s.shape[0] - d]
+    score = np.zeros(total.size - 1)
+    score[: total.size - d] = (total[d:] - total[:-d]) / math.sqrt(max(float(np.sum(s**2)), 1e-300))
+    return score, d
+
+
+def _highest(gains: Floats, known: Sequence[Happened]) -> Floats:
+    """The highest gain of each stretch that no known event touches."""
+    kept = np.ones(gains.size, dtype=np.bool_)
+    kept[:ONSET] = False
+    for one in known:
+        kept[max(0, one.first - STRETCH) : one.last + 2 * STRETCH] = False
+    starts = range(ONSET, gains.size - STRETCH + 1, STRETCH)
+    return np.array([gains[a : a + STRETCH].max() for a in starts if kept[a : a + STRETCH].all()])
+
+
+def _chance(highest: Floats) -> Chance:
+    if highest.size < FEWEST:
+        return Chance(max(1, highest.size), math.inf, GAUSSIAN)
+    levels = np.quantile(highest, THRESHOLDS)
+    over = [float(np.mean(highest[highest > level] - level)) for level in levels
+            if np.any(highest > level)]  # fmt: skip
+    return Chance(highest.size, float(levels[0]), max([GAUSSIAN, *over]))

@@ -1,0 +1,217 @@
+"""What happens once is found, dated, named and weighed; where nothing happens nothing is said.
+
+The recordings are of an integrator of its own: a mass under Coulomb friction, fifty times a sample.
+"""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from benchmarks.events import HIT, JAM, KINDS, NOTHING, SLIP, STOP, TOUCH, T, moved
+from zwidth.diagnosis.answer.events import SLIP as SLIPPED
+from zwidth.diagnosis.answer.events import Event
+from zwidth.diagnosis.answer.result import Verdict
+from zwidth.diagnosis.diagnose import diagnose
+from zwidth.diagnosis.learning.event_force import Happened, Source
+from zwidth.diagnosis.learning.events import happenings, with_events
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.predictor import free_run_errors, innovations
+from zwidth.diagnosis.recording.experiment import Experiment, Output
+from zwidth.diagnosis.selection.effort import QUICK
+from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
+from zwidth.figures.events import events_figure
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.interface import Interface
+from zwidth.sim.physics import make_physics
+
+Floats = NDArray[np.float64]
+NUMBERS = np.array([1e-3, 2e-3, 0.02, 0.0])  # mass, damper, friction, spring
+DEVICE = Device("mass", "", True, make_chain([1.1e-3], [2e-3], 0.0), Interface(period=T))
+SECONDS = 12.0
+# Begins [s], lasts [s], and its numbers, as `benchmarks.events.moved` takes them.
+EVENTS = {
+    NOTHING: np.zeros(5),
+    HIT: np.array([5.002, 0.006, 0.4, 0.0, 0.0]),
+    JAM: np.array([7.3, 0.3, 1.0, 0.0, 0.0]),
+    TOUCH: np.array([4.0, 0.8, 0.05, 0.01, 0.5]),
+    SLIP: np.zeros(5),
+}
+
+
+@cache
+def recording(kind: int, seed: int = 5) -> tuple[Experiment, Floats]:
+    random = np.random.default_rng(seed)
+    ticks = round(SECONDS / T)
+    t = T * np.arange(ticks)
+    waves = zip(random.uniform(0.4, 4.0, 3), random.uniform(0.0, 6.0, 3), strict=True)
+    command = np.sum([0.06 * np.sin(2.0 * np.pi * f * t + p) for f, p in waves], axis=0)
+    if kind == STOP:  # where the motion is farthest
+        far = moved(command, NUMBERS, NOTHING, np.zeros(5))[0]
+        place = far[np.argmax(np.abs(far))] - 0.05 * np.sign(far[np.argmax(np.abs(far))])
+        event = np.array([0.0, 0.0, place, 1e-3 * 300.0**2, 1e-3 * 100.0])
+    else:
+        event = EVENTS[kind]
+    motion, told = moved(command, NUMBERS, kind, event)
+    y = motion + 0.1 * (t >= 6.002) * (kind == SLIP)
+    y = y + 5e-4 * random.standard_normal(ticks)
+    e = Experiment(T, command, y[:, None], (Output("position", 0),), "swing", float(y.std()))
+    return e, told
+
+
+@cache
+def fitted(kind: int, seed: int = 5) -> Hypothesis:
+    """Friction, fitted as if nothing happened."""
+    friction = make_physics("coulomb_friction", "m1", level=0.02)
+    model = Model(DEVICE).with_effect(friction, {"level": 0.02})
+    return settled(judged([recording(kind, seed)[0]], model, np.zeros(len(model.parameters))))
+
+
+def happenings_in(e: Experiment, h: Hypothesis) -> tuple[Happened, ...]:
+    return happenings([e], h, lambda known: with_events([e], known))
+
+
+@cache
+def happened(kind: int, seed: int = 5) -> tuple[Happened, ...]:
+    return happenings_in(recording(kind, seed)[0], fitted(kind, seed))
+
+
+@pytest.mark.parametrize("kind", [HIT, STOP, JAM, TOUCH, SLIP], ids=lambda k: KINDS[k])
+def test_what_happens_is_found_where_it_is(kind: int):
+    """Mutations that break it: the sign of the response turned round; durations that end a tick
+    late; the force fitted to the device without its friction (the jam).
+    """
+    (one,) = happened(kind)
+    _, (impulse, _, begins, ends) = recording(kind)
+    if kind == SLIP:
+        assert one.source == Source("position_m1", sensor=0, lasting=True)
+        assert one.between[0] * T <= 6.002 <= one.between[1] * T
+        assert one.force[0] == pytest.approx(0.1, rel=0.05)
+        return
+    assert one.source == Source("m1")
+    assert one.first * T - 0.1 < begins < one.last * T
+    assert begins < one.last * T < ends + 0.15
+    if kind != JAM:  # what holds at rest beside friction is not known
+        error = T * float(np.sqrt(one.covariance.sum()))
+        assert abs(T * one.force.sum() - impulse) < 4.0 * error + 0.05 * abs(impulse)
+
+
+@pytest.mark.parametrize("seed", range(20, 28))
+def test_nothing_is_said_where_nothing_happens(seed: int):
+    """Mutations that break it: chance by one stretch alone; z not in its own median."""
+    assert happened(NOTHING, seed) == ()
+
+
+def test_what_often_happens_is_no_event():
+    """Nine hits are physics that is missing, and raise what chance does for each of them.
+
+    Mutation that breaks it: m always that of Gaussian noise.
+    """
+    force = np.zeros((3000, 1))
+    force[300:2900:300] = 0.1
+    friction = make_physics("coulomb_friction", "m1", level=0.02)
+    h = fitted(NOTHING)
+    device = h.model.build(h.x)
+    assert device.physics[0].effect is friction.effect
+    hit = simulated(device, (Output("position", 0),), force)
+    assert happenings_in(hit, h) == ()
+    force[600:] = 0.0
+    (one,) = happenings_in(simulated(device, (Output("position", 0),), force), h)
+    assert one.first <= 300 < one.last
+
+
+def simulated(device: Device, outputs: tuple[Output, ...], force: Floats) -> Experiment:
+    """What a device gives under a force, by a predictor that corrects nothing."""
+    e, _ = recording(NOTHING)
+    still = replace(e, outputs=outputs, measured=np.zeros((e.ticks, len(outputs))), force=force)
+    y = -innovations(device, still, np.zeros((2 * device.chain.masses.size, len(outputs))))
+    y += 2e-4 * np.random.default_rng(3).standard_normal(y.shape)
+    return replace(still, measured=y, force=None, swing=float(y[:, 0].std()))
+
+
+@pytest.mark.parametrize("place", ["m1", "m2", "link12", "slip"])
+def test_where_it_acts_is_told(place: str):
+    """Of two masses, both measured. Mutation that breaks it: the row of a link of one sign."""
+    device = Device("two", "", True, make_chain([1e-3, 8e-4], [2e-3, 1e-3], 0.0, [1.5], [1e-3]),
+                    Interface(period=T))  # fmt: skip
+    force = np.zeros((3000, 2))
+    at = slice(1500, 3000 if place == "slip" else 1506)
+    row = {"m1": (1.0, 0.0), "m2": (0.0, 1.0)}.get(place, (1.0, -1.0))
+    force[at] = 0.15 * np.array(row)
+    e = simulated(device, (Output("position", 0), Output("position", 1)), force)
+    model = Model(device)
+    h = settled(judged([e], model, np.zeros(len(model.parameters))))
+    (one,) = happenings_in(e, h)
+    assert one.source == Source("link12" if place == "slip" else place, lasting=place == "slip")
+    assert one.first <= 1500 < one.last or one.between[0] <= 1500 <= one.between[1]
+    if place == "slip":
+        assert one.force[0] == pytest.approx(0.15, rel=0.1)
+    else:
+        assert one.force.sum() == pytest.approx(0.9, rel=0.1)
+    assert one.elsewhere == ()
+
+
+def test_a_recording_that_knows_of_an_event_is_as_if_it_had_not_been():
+    """Mutation that breaks it: the force left out of free runs."""
+    e, _ = recording(HIT)
+    h = fitted(NOTHING)
+    (knowing,) = with_events([e], happened(HIT))
+    device, gain = h.model.acting(h.x), h.noise.observer.gain
+    errors = {}
+    for name, one in (("as it is", e), ("knowing", knowing), ("clean", recording(NOTHING)[0])):
+        errors[name] = float(np.sqrt(np.mean(free_run_errors(device, one, gain, 125)[0] ** 2)))
+    assert errors["knowing"] < 1.3 * errors["clean"]
+    assert errors["as it is"] > 2.0 * errors["knowing"]
+
+
+def test_forces_of_two_events_add_up():
+    one = Happened(0, Source("m1"), 10, 12, np.array([1.0, 2.0]), np.eye(2), 50.0, (10, 12))
+    lasting = replace(one, source=Source("m1", lasting=True), first=11, last=12,
+                      force=np.array([4.0]), covariance=np.eye(1))  # fmt: skip
+    e, _ = recording(NOTHING)
+    (both,) = with_events([e], (one, lasting))
+    assert both.force is not None
+    assert both.force[9:14, 0].tolist() == [0.0, 1.0, 6.0, 4.0, 4.0]
+    assert both.part(11, 13).force is not None
+
+
+@cache
+def answer(kind: int) -> tuple[Verdict, tuple[Event, ...], str, dict[str, float]]:
+    e, _ = recording(kind)
+    found = diagnose(DEVICE, [e], effort=QUICK)
+    numbers = {name: v.value for f in found.findings for name, v in f.parameters.items()}
+    return found.verdict, found.events, found.headline, numbers
+
+
+@pytest.mark.parametrize("kind", [HIT, STOP, JAM, TOUCH, SLIP], ids=lambda k: KINDS[k])
+def test_a_diagnosis_says_what_happened_and_bends_no_parameter(kind: int):
+    """Mutations that break it: no search after an event is known; kinds told by duration alone."""
+    verdict, events, headline, numbers = answer(kind)
+    _, (impulse, energy, begins, ends) = recording(kind)
+    (event,) = events
+    assert event.kind == KINDS[kind]
+    assert verdict is Verdict.IDENTIFIED
+    assert numbers["level"] == pytest.approx(0.02, rel=0.03)
+    assert event.sentence in headline
+    told = event.as_json()
+    assert told["kind"] == KINDS[kind]
+    figure = events_figure(event)
+    assert figure.axes[1].get_xlabel() == "time in swing [s]"
+    if kind == SLIP:
+        assert event.kind == SLIPPED
+        assert event.slip is not None
+        assert event.slip.lower < 0.1 < event.slip.upper
+        return
+    assert event.energy is not None
+    assert event.impulse is not None
+    if event.until is None:
+        assert event.at == pytest.approx(0.5 * (begins + ends), abs=T)
+        assert event.impulse.value == pytest.approx(impulse, rel=0.1)
+    else:
+        assert event.at == pytest.approx(begins, abs=0.05)
+        assert event.until == pytest.approx(ends, abs=0.05)
+    if kind != JAM:
+        assert event.energy.value == pytest.approx(energy, rel=0.1)

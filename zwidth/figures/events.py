@@ -1,0 +1,40 @@
+"""What happened once, over time: the force that acted with its 95 % band, and the motion there."""
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+
+from zwidth.diagnosis.answer.events import SLIP, Event
+from zwidth.figures.style import STYLE
+from zwidth.sim.readable import scaled
+
+FORCE, MOTION, WHEN = "#bb5566", "#004488", "0.85"
+
+
+def events_figure(event: Event) -> Figure:
+    """Return force (or slip) and motion about an event, over the time of its recording."""
+    own = event.course
+    factor, unit = scaled(float(np.abs(own.force).max()), own.unit)
+    far, length = scaled(float(np.abs(own.motion).max()), own.length)
+    what = "off by" if event.kind == SLIP and own.unit == own.length else "force"
+    with rc_context(STYLE):
+        figure = Figure(figsize=(6.4, 4.2), layout="constrained")
+        top, bottom = figure.subplots(2, 1, sharex=True)
+        top.fill_between(own.times, factor * own.lower, factor * own.upper, step="post",
+                         color=FORCE, alpha=0.25, linewidth=0.0, label="95 %")  # fmt: skip
+        top.step(own.times, factor * own.force, where="post", color=FORCE, label="as fitted")
+        bottom.plot(own.times, far * own.motion, color=MOTION, label="motion there")
+        for ax in (top, bottom):
+            ends = event.between if event.until_between is None else (
+                event.between[0], event.until_between[1],
+            )  # fmt: skip
+            ax.axvspan(*ends, color=WHEN, zorder=0, label="when, 95 %" if ax is top else None)
+        top.set_ylabel(f"{what} [{unit or '1'}]")
+        bottom.set_ylabel(f"{event.place.replace('_', ' ')} [{length}]")
+        bottom.set_xlabel(f"time in {event.recording} [s]")
+        words = {"stop": "hit on a stop", "touch": "hand or another contact"}
+        name = words.get(event.kind, event.kind)
+        top.set_title(f"A {name}: force and motion over time" if what == "force"
+                      else f"A {name}: what the reading is off by, and the reading")  # fmt: skip
+        figure.legend(loc="outside lower center", ncols=4)
+    return figure
