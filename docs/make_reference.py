@@ -135,7 +135,9 @@ def _keys_page(title: str, about: str, keys: Iterable[Key]) -> str:
 def _header(table: str) -> str:
     if not table:
         return "At the top"
-    return f"[[{table}]]" if table in ("modal.mode", "physics", "output") else f"[{table}]"
+    return (
+        f"[[{table}]]" if table in ("modal.mode", "physics", "output", "external") else f"[{table}]"
+    )
 
 
 def _row(key: Key) -> str:

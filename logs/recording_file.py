@@ -23,6 +23,9 @@
     [base]                      # optional, where what the device stands on moves: base_QUANTITY
     signal = "floor"
     quantity = "acceleration"   # position | velocity | acceleration
+    [[external]]                # optional, a measured force that pushes: external_AT
+    signal = "hand"
+    at = "m1"                   # m1 to m5
     [use]                       # optional
     from_s = 0.0
     to_s = 20.0
@@ -60,7 +63,7 @@ SCHEMA = 1
 CLOCK_KEYS = ("period_s", "time", "time_unit")
 TOP_KEYS = (
     *("schema", "file", "source", "rotary", *CLOCK_KEYS, "resample"),
-    *("input", "output", "base", "use", "csv", "device"),
+    *("input", "output", "base", "external", "use", "csv", "device"),
 )
 INPUT_KEYS = (
     *("signal", "unit", "scale", "offset", "counts_per_rev", "counts_per_m", "wraps_at"),
@@ -68,9 +71,11 @@ INPUT_KEYS = (
 )
 OUTPUT_KEYS = (*INPUT_KEYS, "quantity", "at")
 BASE_KEYS = (*INPUT_KEYS, "quantity")
+EXTERNAL_KEYS = (*INPUT_KEYS, "at")
 MOTIONS = ("position", "velocity", "acceleration")
 QUANTITIES = tuple(quantity for quantity in SI if quantity != "command")
-PLACES = ("m1", "m2", "m3", "m4", "m5", "link12", "link23", "link34", "link45")
+MASSES = ("m1", "m2", "m3", "m4", "m5")
+PLACES = (*MASSES, "link12", "link23", "link34", "link45")
 
 
 @dataclass(frozen=True)
@@ -164,14 +169,15 @@ def _description(path: Path, top: Table) -> Description:
         base = top.table("base").only(BASE_KEYS)
         quantity = _one_of(base, "quantity", MOTIONS)
         entries.append(_entry(base, quantity, f"base_{quantity}", top))
-    if not any(
-        e.channel == "command" or "_m" in e.channel or "_link" in e.channel for e in entries
-    ):
+    for table in top.tables("external") if "external" in top else []:
+        at = _one_of(table.only(EXTERNAL_KEYS), "at", MASSES)
+        entries.append(_entry(table, "force", f"external_{at}", top))
+    if all(e.channel.startswith(("base_", "external_")) for e in entries):
         raise TableError("the file describes no signal; add [input] or [[output]]")
     channels = [entry.channel for entry in entries]
     for channel in channels:
         if channels.count(channel) > 1:
-            raise TableError(f"{channel} is described twice; keep one [[output]] of it")
+            raise TableError(f"{channel} is described twice; keep one of it")
     use = top.table("use").only(("from_s", "to_s"))
     from_s, to_s = use.number("from_s", -math.inf), use.number("to_s", math.inf)
     if not from_s < to_s:

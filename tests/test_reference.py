@@ -57,13 +57,15 @@ def test_every_key_that_is_read_is_declared_and_no_other():
     numbers = {key for keys in (*NEEDED.values(), *POSSIBLE.values()) for key in keys}
     assert of["drive"] == {"kind", *numbers}
     said = {
-        t: {k.name for k in RECORDING_KEYS if k.table == t} for t in ("", "input", "output", "base")
+        t: {k.name for k in RECORDING_KEYS if k.table == t}
+        for t in ("", "input", "output", "base", "external")
     }
-    tables = {"input", "output", "base", "use", "csv", "device"}
+    tables = {"input", "output", "base", "external", "use", "csv", "device"}
     assert said[""] == set(recording_file.TOP_KEYS) - tables
     assert said["input"] == set(recording_file.INPUT_KEYS)
     assert said["output"] == set(recording_file.OUTPUT_KEYS)
     assert said["base"] == set(recording_file.BASE_KEYS)
+    assert said["external"] == set(recording_file.EXTERNAL_KEYS)
     (changes,) = (k.meaning for k in RECORDING_KEYS if k.table == "device")
     assert all(key in changes for key in KEYS if key != "masses")
 

@@ -353,8 +353,8 @@ def begun(device: Device, experiment: Experiment, observer: "Observer") -> Exper
     ready = prepared(experiment.on(linear))
     dof = device.chain.masses.size
     still = replace(
-        first, command=np.zeros(first.ticks), measured=np.zeros(first.measured.shape),
-        sensor_error=None, dropped=None, force=None, base=None,
+        first.unmoved(), command=np.zeros(first.ticks), measured=np.zeros(first.measured.shape),
+        sensor_error=None, dropped=None, force=None,
     )  # fmt: skip
     columns: list[Floats] = []
     scale = np.repeat([1.0, 1.0 / experiment.period], dof) * float(observer.deviation[0])
