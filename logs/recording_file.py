@@ -23,6 +23,9 @@
     [base]                      # optional, where what the device stands on moves: base_QUANTITY
     signal = "floor"
     quantity = "acceleration"   # position | velocity | acceleration
+    [[known_force]]                # optional, a measured force that pushes: known_force_AT
+    signal = "hand"
+    at = "m1"                   # m1 to m5
     [[covariate]]               # optional: a temperature, that parameters may follow
     signal = "temp"             # channel `covariate_temp`, in the unit that it is written in
     unit = "degC"               # optional, free text
@@ -64,7 +67,7 @@ SCHEMA = 1
 CLOCK_KEYS = ("period_s", "time", "time_unit")
 TOP_KEYS = (
     *("schema", "file", "source", "rotary", *CLOCK_KEYS, "resample"),
-    *("input", "output", "base", "covariate", "use", "csv", "device"),
+    *("input", "output", "base", "known_force", "covariate", "use", "csv", "device"),
 )
 INPUT_KEYS = (
     *("signal", "unit", "scale", "offset", "counts_per_rev", "counts_per_m", "wraps_at"),
@@ -72,11 +75,13 @@ INPUT_KEYS = (
 )
 OUTPUT_KEYS = (*INPUT_KEYS, "quantity", "at")
 BASE_KEYS = (*INPUT_KEYS, "quantity")
+KNOWN_FORCE_KEYS = (*INPUT_KEYS, "at")
 MOTIONS = ("position", "velocity", "acceleration")
 COVARIATE_KEYS = ("signal", "unit", "scale", "offset", *CLOCK_KEYS, "shift_s")
 COVARIATE = "covariate"  # quantity of what a parameter may follow, and how its channel begins
 QUANTITIES = tuple(quantity for quantity in SI if quantity != "command")
-PLACES = ("m1", "m2", "m3", "m4", "m5", "link12", "link23", "link34", "link45")
+MASSES = ("m1", "m2", "m3", "m4", "m5")
+PLACES = (*MASSES, "link12", "link23", "link34", "link45")
 
 
 @dataclass(frozen=True)
@@ -170,16 +175,16 @@ def _description(path: Path, top: Table) -> Description:
         base = top.table("base").only(BASE_KEYS)
         quantity = _one_of(base, "quantity", MOTIONS)
         entries.append(_entry(base, quantity, f"base_{quantity}", top))
-    if not any(
-        e.channel == "command" or "_m" in e.channel or "_link" in e.channel for e in entries
-    ):
+    for table in top.tables("known_force") if "known_force" in top else []:
+        at = _one_of(table.only(KNOWN_FORCE_KEYS), "at", MASSES)
+        entries.append(_entry(table, "force", f"known_force_{at}", top))
+    if all(e.channel.startswith(("base_", "known_force_")) for e in entries):
         raise TableError("the file describes no signal; add [input] or [[output]]")
     entries += [_covariate(table, top) for table in top.tables("covariate")]
     channels = [entry.channel for entry in entries]
     for channel in channels:
         if channels.count(channel) > 1:
-            table = COVARIATE if channel.startswith(COVARIATE) else "output"
-            raise TableError(f"{channel} is described twice; keep one [[{table}]] of it")
+            raise TableError(f"{channel} is described twice; keep one of it")
     use = top.table("use").only(("from_s", "to_s"))
     from_s, to_s = use.number("from_s", -math.inf), use.number("to_s", math.inf)
     if not from_s < to_s:

@@ -66,6 +66,9 @@ RECORDING_KEYS: tuple[Key, ...] = (
     *_signals("base"),
     Key("base", "quantity", "position, velocity or acceleration of what the device stands on, from"
         " which its outputs are counted", example='"acceleration"'),
+    *_signals("known_force"),
+    Key("known_force", "at", "the mass that a measured force pushes, m1 to m5: a hand's on its handle",
+        example='"m1"'),
     *_signals("covariate"),
     Key("use", "from_s", "the first time that is used", "s", default="-inf"),
     Key("use", "to_s", "the last time that is used", "s", default="inf"),

@@ -10,7 +10,7 @@ from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.noise.predictor import innovations
 from zwidth.diagnosis.noise.steady import steady
 from zwidth.diagnosis.recording.experiment import Experiment, Output, experiment
-from zwidth.diagnosis.recording.moving_base import held
+from zwidth.diagnosis.recording.from_outside import held
 from zwidth.logs.recording import read_recording
 from zwidth.scenarios.disturbance import Disturbance
 from zwidth.scenarios.scenario import Scenario
@@ -130,3 +130,35 @@ def test_a_recorded_base_is_a_known_input(tmp_path: Path) -> None:
     still = Experiment(T, e.command, e.measured, (Output("position", 0),))
     lost = np.abs(innovations(TWO, still, gain)[500:]).max()
     assert np.abs(found[400:]).max() < 1e-3 * lost
+
+
+def test_a_measured_force_of_a_hand_is_a_known_input(tmp_path: Path) -> None:
+    """On m2, beside a command: nothing is left, and without [[known_force]] much is.
+
+    Mutation: the force on m1, or not halved with the sample after.
+    """
+    t = T * np.arange(2000)
+    hand = np.sin(2.0 * np.pi * 3.0 * t) + 0.5 * np.sin(2.0 * np.pi * 7.0 * t)
+    hand[:20] = 0.0
+    u = np.random.default_rng(2).standard_normal(2000)
+    u[:20] = 0.0
+    mean = np.append(0.5 * (hand[1:] + hand[:-1]), hand[-1])
+    run = simulate(TWO, recorded(u), duration=2.0, disturbance=np.outer(mean, [0.0, 1.0]))
+    columns = np.column_stack([t, u, run.trace["position_m1"], hand])
+    np.savetxt(tmp_path / "h.csv", columns, "%.17g", ",", header="t,u,q,hand", comments="")
+    text = (
+        'file = "h.csv"\ntime = "t"\nrotary = false\n[input]\nsignal = "u"\n[[output]]\n'
+        'signal = "q"\nquantity = "position"\nat = "m1"\n'
+    )
+    toml = tmp_path / "h.toml"
+    toml.write_text(text + '[[known_force]]\nsignal = "hand"\nat = "m2"\n')
+    e = experiment(read_recording(toml), TWO)
+    assert any("known_force_m2" in note and "act" in note for note in e.notes)
+    gain = steady(TWO, e, 1.0).gain
+    left = np.abs(innovations(TWO, e, gain)[500:]).max()
+    toml.write_text(text)
+    alone = experiment(read_recording(toml), TWO)
+    assert left < 1e-3 * np.abs(innovations(TWO, alone, gain)[500:]).max()
+    one = Device("one", "", False, make_chain([1.0], [1.0]), Interface(T))
+    toml.write_text(text + '[[known_force]]\nsignal = "hand"\nat = "m2"\n')
+    assert any("has not" in note for note in experiment(read_recording(toml), one).notes)

@@ -184,7 +184,7 @@ def test_a_recording_says_of_every_place_from_when_it_would_show() -> None:
         found = limit(known, of[len(of) // 2].physics)
         assert found is not None
         assert sigma(known, found) == pytest.approx(SHOWN, rel=0.05)
-    extras = [make_physics("extra_mode", f"m{i}", **EXAMPLES["extra_mode"]) for i in (1, 2, 3)]
+    extras = [make_physics("extra_mode", f"m{i}", **EXAMPLES["extra_mode"]) for i in range(1, 6)]
     full = five().with_physics(*extras)
     assert full.plant().dof == MASSES_IN_ALL
     assert not has_room(EFFECTS["extra_mode"], MASSES_IN_ALL)

@@ -59,14 +59,15 @@ def test_every_key_that_is_read_is_declared_and_no_other():
     assert of["drive"] == {"kind", *numbers}
     said = {
         t: {k.name for k in RECORDING_KEYS if k.table == t}
-        for t in ("", "input", "output", "base", "covariate")
+        for t in ("", "input", "output", "base", "known_force", "covariate")
     }
-    tables = {"input", "output", "base", "covariate", "use", "csv", "device"}
+    tables = {"input", "output", "base", "known_force", "covariate", "use", "csv", "device"}
     assert said[""] == set(recording_file.TOP_KEYS) - tables
     assert said["covariate"] == set(recording_file.COVARIATE_KEYS)
     assert said["input"] == set(recording_file.INPUT_KEYS)
     assert said["output"] == set(recording_file.OUTPUT_KEYS)
     assert said["base"] == set(recording_file.BASE_KEYS)
+    assert said["known_force"] == set(recording_file.KNOWN_FORCE_KEYS)
     (changes,) = (k.meaning for k in RECORDING_KEYS if k.table == "device")
     assert all(key in changes for key in KEYS if key != "masses")
 

@@ -11,6 +11,8 @@ from zwidth.diagnosis.noise.predictor import FINAL, innovations, prepared
 from zwidth.diagnosis.noise.steady import steady, steady_gains
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.diagnosis.selection.hypothesis import judged, settled
+from zwidth.scenarios.concealed.integrator import integrate, width
+from zwidth.scenarios.concealed.truth import truth_of
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.interface import Interface
@@ -256,3 +258,29 @@ def test_friction_tells_a_lag_of_the_reading_from_one_of_the_amplifier() -> None
                 assert values[1].values["time_constant"] == pytest.approx(0.008, rel=0.03)
         other = next(name for name in lags if name != true)
         assert costs[true] < costs[other] - 20.0
+
+
+def test_the_truth_of_a_concealed_recording_reads_alike() -> None:
+    """Another integrator (Runge-Kutta, 20 steps a tick): a row of two filters, 1e-5 of the lag.
+
+    Mutation: the rate fed by the reading's position, or `reads` of the first filter.
+    """
+    device = TWO.with_physics(FILTER, RATE_LAG)
+    u = still_first(200)
+    truth = truth_of(device, 20)
+    states = np.zeros((200, width(truth)))
+    still = np.zeros(200)
+    _, y, done = integrate(
+        truth, T, 20, u, np.zeros(2), still, still.astype(np.bool_), still, still, states
+    )
+    assert done == 200
+    run = simulate(device, recorded(u), duration=0.2)
+    for ours, theirs, raw in (
+        (run.trace["encoder"], y, run.trace["position_m1"]),
+        (run.trace["position_filtered_m2"], states[:, truth.reads[0, 1]], run.trace["position_m2"]),
+        (
+            run.trace["velocity_filtered_filtered_m2"], states[:, truth.reads[2, 1]],
+            run.trace["velocity_m2"],
+        ),
+    ):  # fmt: skip
+        assert np.abs(ours - theirs).max() < 1e-5 * np.abs(ours - raw).max()

@@ -125,7 +125,7 @@ class Many:
             ])  # fmt: skip
             starts = experiment.start
             own = starts if starts is None or starts.ndim == 1 else starts[which]
-            force = experiment.external(population.dof, experiment.force)
+            force = experiment.external(population.dof)
             recorded = Recorded(
                 plain.command, plain.measured, experiment.places(population), force,
                 None if place is None else self.model.arriving_change(plain),

@@ -68,8 +68,8 @@ def response(problem: Problem, fitted: Fitted, place: str, output: int = 0) -> F
     else:
         force[LEAD] = place_at(place).row(ready.coarse.dof)
     still = replace(
-        first, command=command, measured=measured, sensor_error=None, dropped=None, start=None,
-        force=None, base=None, before=None,
+        first.unmoved(), command=command, measured=measured, sensor_error=None, dropped=None,
+        start=None, force=None, before=None,
     )  # fmt: skip
     answer = innovations(device, still, problem.observer.gain, force, ready)
     return problem.observer.weigh(answer)[LEAD:]

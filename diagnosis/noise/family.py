@@ -163,8 +163,8 @@ class _Observed:
         unit = np.repeat([1.0, 1.0 / experiment.period], self.dof)
         units = np.tile(np.diag(unit), (count, 1)) * np.repeat(scale[:, 0], 2 * self.dof)[:, None]
         still = replace(
-            first, command=np.zeros(first.ticks), measured=np.zeros(first.measured.shape),
-            sensor_error=None, dropped=None, force=None, base=None,
+            first.unmoved(), command=np.zeros(first.ticks), measured=np.zeros(first.measured.shape),
+            sensor_error=None, dropped=None, force=None,
         )  # fmt: skip
         repeated = np.repeat(self.gains, 2 * self.dof, axis=0)
         answers = self._innovations(self.units, still, self.bare, units, repeated)
@@ -188,7 +188,7 @@ class _Observed:
         gains: Floats,
     ) -> Floats:
         dof, period = population.dof, device.interface.period
-        force = experiment.external(dof, experiment.force)
+        force = experiment.external(dof)
         recorded = Recorded(
             experiment.command, experiment.measured, experiment.places(population), force
         )

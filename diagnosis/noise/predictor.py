@@ -233,7 +233,7 @@ def memory_at(
         return observer_memory(eq, experiment), full
     before = experiment.before
     memory, _ = memory_at(ready, before, device, gain)
-    forces = before.external(eq.dof, before.force)
+    forces = before.external(eq.dof)
     places = before.places(eq)
     alone(eq, fine, places, before.command, before.measured, full, forces, memory)
     return memory, full
@@ -287,7 +287,7 @@ def innovations(
     ready = prepared(experiment.on(device)) if ready is None else ready
     eq, fine = ready
     memory, full = memory_at(ready, experiment, device, gain)
-    forces = experiment.external(eq.dof, experiment.force if external is None else external)
+    forces = experiment.external(eq.dof, external)
     return alone(
         eq, fine, experiment.places(eq), experiment.command, experiment.measured,
         full, forces, memory,
@@ -353,8 +353,8 @@ def begun(device: Device, experiment: Experiment, observer: "Observer") -> Exper
     ready = prepared(experiment.on(linear))
     dof = device.chain.masses.size
     still = replace(
-        first, command=np.zeros(first.ticks), measured=np.zeros(first.measured.shape),
-        sensor_error=None, dropped=None, force=None, base=None,
+        first.unmoved(), command=np.zeros(first.ticks), measured=np.zeros(first.measured.shape),
+        sensor_error=None, dropped=None, force=None,
     )  # fmt: skip
     columns: list[Floats] = []
     scale = np.repeat([1.0, 1.0 / experiment.period], dof) * float(observer.deviation[0])

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.recording.drive_force import FORCE, Pushed, drive_stiffness
+from zwidth.diagnosis.recording.from_outside import OUTSIDE, base_of, pushes_of
 from zwidth.diagnosis.recording.link_force import told_by_links
-from zwidth.diagnosis.recording.moving_base import BASE, base_of
 from zwidth.logs.recording_file import COVARIATE
 from zwidth.logs.stale import renewed, repeated
 from zwidth.logs.stretches import jumps, without_gaps
@@ -106,7 +106,8 @@ class Experiment:
     the side of a play) no later sample may. changes: what was known to be different about the
     device. pushed: where the first output is the position that a drive's force tells. shares: how
     much of each change of a parameter (`Model.varying`) holds here; none of those not named. base
-    (ticks,): acceleration of what the device stands on, held for a tick, where that was recorded.
+    (ticks,): acceleration of what the device stands on, held for a tick, where that was recorded;
+    pushes (ticks, n): forces on the masses, likewise.
     covariates: what else was recorded at each sample (a temperature), that parameters may follow.
     """
 
@@ -130,6 +131,7 @@ class Experiment:
     shares: tuple[tuple[str, float], ...] = ()
     base: Floats | None = None
     covariates: tuple[Covariate, ...] = ()
+    pushes: Floats | None = None
 
     def on(self, device: Device) -> Device:
         """Return a device as it was in this recording."""
@@ -157,14 +159,22 @@ class Experiment:
     def external(self, dof: int, force: Floats | None = None) -> Floats:
         """Return what acts besides the command on so many masses, as the kernel takes it.
 
+        force: in place of the recording's own `force`; what was recorded acts besides.
         (ticks, dof) of a force (ticks, some of them), (ticks, dof + 1) where the base moves, and
         (0, dof) for nothing.
         """
-        if force is None and self.base is None:
+        own_force = self.force if force is None else force
+        acting = [f for f in (own_force, self.pushes) if f is not None]
+        if not acting and self.base is None:
             return np.zeros((0, dof))
-        own = np.zeros((self.ticks, 0)) if force is None else force
-        wide = np.pad(own, ((0, 0), (0, dof - own.shape[1])))
+        wide = np.zeros((self.ticks, dof))
+        for own in acting:
+            wide[:, : own.shape[1]] += own
         return wide if self.base is None else np.column_stack([wide, self.base])
+
+    def unmoved(self) -> "Experiment":
+        """Return it without what was recorded to move the device besides its command."""
+        return replace(self, force=None, base=None, pushes=None)
 
     def part(self, start: int, stop: int) -> "Experiment":
         """Return the samples start <= k < stop."""
@@ -178,6 +188,7 @@ class Experiment:
             start=self.start if start == 0 else None,
             force=None if self.force is None else self.force[cut],
             base=None if self.base is None else self.base[cut],
+            pushes=None if self.pushes is None else self.pushes[cut],
             begins=self.begins + start * self.period,
             before=self.before if start == 0 else None,
             pushed=None if self.pushed is None else self.pushed.part(cut),
@@ -285,10 +296,11 @@ def experiment(trace: Trace, device: Device, name: str = "recording") -> Experim
     elif beyond:
         notes += (f"{name} has {', '.join(beyond)}, which is left out: the device has {one}",)
     base, moves = base_of(trace, own, name)
-    notes += cells + moves
+    pushes, hands = pushes_of(trace, masses, name)
+    notes += cells + moves + hands
     return Experiment(
         own, command, measured, tuple(found), name, swing, notes=notes, changes=changes,
-        pushed=pushed, base=base, covariates=_covariates(trace),
+        pushed=pushed, base=base, pushes=pushes, covariates=_covariates(trace),
     )  # fmt: skip
 
 
@@ -346,7 +358,9 @@ def _told_by_force(
 def _driving(trace: Trace, name: str) -> tuple[Floats, tuple[str, ...]]:
     """Return the command (ticks,), zero where none was recorded, and what to say of it."""
     if "command" not in trace.channels:
-        said = f"{name} has no command: it is taken as a motion that nothing drives"
+        free = not any(c in trace.channels for c in OUTSIDE)
+        drives = "nothing drives" if free else "no command drives"
+        said = f"{name} has no command: it is taken as a motion that {drives}"
         return np.zeros(len(trace)), (f"{said}; name the input in its TOML if something did",)
     _refuse_unknown("command", trace["command"])
     command = np.ascontiguousarray(trace["command"])
@@ -385,7 +399,7 @@ def stretches(trace: Trace, device: Device, name: str = "recording") -> list[Exp
     """
     used = [o.name for o in _outputs(trace, device)[0]]
     used += [c for c in trace.channels if c.startswith("force_")]
-    used += [c for c in ("command", *BASE) if c in trace.channels]
+    used += [c for c in ("command", *OUTSIDE) if c in trace.channels]
     kept, lacking = without_gaps(trace, sorted(used), name)
     kept, odd = _as_it_moved(kept, device.interface.period, used, name)
     try:
@@ -435,7 +449,7 @@ def _as_it_moved(
     """
     if trace.origin != "recorded":
         return trace, []
-    moves = [c for c in used if c not in ("command", *BASE)]
+    moves = [c for c in used if c not in ("command", *OUTSIDE)]
     positions = [c for c in moves if c.startswith("position_m")]
     for channel in moves:
         if (times := repeated(trace[channel])) > 1:
@@ -449,7 +463,7 @@ def _as_it_moved(
     trace, stale = renewed(trace, positions, name)
     uneven = ""
     if math.isclose(float(np.ptp(trace.t)), period * (len(trace) - 1), rel_tol=LATE):
-        before, carried = trace, [c for c in used if c in BASE]
+        before, carried = trace, [c for c in used if c in OUTSIDE]
         trace, uneven = evened(trace, period, [*moves, *carried], name)
         lost = [c for c in before.channels if c not in trace.channels and c.startswith(COVARIATE)]
         slow = {c: np.interp(trace.t, before.t, before[c]) for c in lost}

@@ -66,14 +66,15 @@ def places(device: Device) -> list[tuple[str, str]]:
 
     A spring to ground makes a constant force a shift of the recording's origin and a further spring
     to ground a mistaken one: neither is missing physics there. A known step or limit leaves none to
-    find.
+    find. Velocities alone are not filtered: few recordings have positions beside them.
     """
     return [
         (effect.name, str(place))
         for effect in EFFECTS.values()
         if device.rotary or not effect.rotary_only
         for place in map(place_at, effect.places)
-        if place.masses_needed <= device.chain.masses.size and not known(effect, place, device)
+        if place.kind != "velocity" and place.masses_needed <= device.chain.masses.size
+        if not known(effect, place, device)
     ]
 
 

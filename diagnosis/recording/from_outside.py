@@ -1,0 +1,73 @@
+"""What was recorded to move a device from outside: what it stands on, and measured forces.
+
+Positions are counted from the base, as the encoders of a device on it count them. In them every
+mass feels - m a besides all other forces, a the acceleration of the base, exactly. The kernel holds
+a over a tick, at its mean there,
+
+    acceleration    (a_k + a_(k+1)) / 2, to second order in the tick
+    velocity        (v_(k+1) - v_k) / T, exactly
+    position        the same of the slopes of the cubic spline through it: what noise it has
+                    comes out 1 / T^2 as large, and is smoothed by the device's own inertia alone
+
+and so a force that was measured where it acts, a hand's on its handle. No such force is predicted;
+what its sensor errs by is a disturbance.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from zwidth.sim.place import MASSES
+from zwidth.sim.trace import Trace
+
+Floats = NDArray[np.float64]
+BASE = ("base_acceleration", "base_velocity", "base_position")
+KNOWN_FORCES = tuple(f"known_force_{mass}" for mass in MASSES)
+OUTSIDE = (*BASE, *KNOWN_FORCES)
+
+
+def base_of(trace: Trace, period: float, name: str) -> tuple[Floats | None, tuple[str, ...]]:
+    """Return the acceleration (ticks,) of the base, None where none was recorded, and a note."""
+    channel = next((c for c in BASE if c in trace.channels), None)
+    if channel is None:
+        return None, ()
+    quantity = channel.removeprefix("base_")
+    moved = held(trace[channel], quantity, period)
+    unit = trace.units[channel].split("/")[0]
+    said = (
+        f"the base of {name} moves, by {float(np.std(moved)):.3g} {unit}/s2 rms of its recorded"
+        f" {quantity}: positions are taken as counted from it"
+    )
+    return moved, (said,)
+
+
+def pushes_of(trace: Trace, masses: int, name: str) -> tuple[Floats | None, tuple[str, ...]]:
+    """Return measured forces (ticks, masses), None where there is none, and a note.
+
+    One on a mass that the device does not have is left out, and said.
+    """
+    there = [c for c in KNOWN_FORCES if c in trace.channels]
+    known = [c for c in there if KNOWN_FORCES.index(c) < masses]
+    beyond = [c for c in there if c not in known]
+    notes = (f"{name} has {', '.join(beyond)} on masses that the device has not",) * bool(beyond)
+    if not known:
+        return None, notes
+    found = np.zeros((len(trace), masses))
+    for channel in known:
+        found[:, KNOWN_FORCES.index(channel)] = held(trace[channel], "force", 1.0)
+    sizes = [f"{c} {float(np.std(trace[c])):.3g} {trace.units[c]} rms" for c in known]
+    said = f"forces from outside are known in {name} and act: {', '.join(sizes)}"
+    return found, (said, *notes)
+
+
+def held(values: Floats, quantity: str, period: float) -> Floats:
+    """Return the mean acceleration, or force, over each tick (ticks,), the last as before it."""
+    if quantity in ("acceleration", "force"):
+        means = 0.5 * (values[1:] + values[:-1])
+    else:
+        speeds = values
+        if quantity == "position":
+            t = period * np.arange(values.size)
+            speeds = np.asarray(CubicSpline(t, values).derivative()(t), dtype=np.float64)
+        means = np.diff(speeds) / period
+    return np.append(means, means[-1])
