@@ -17,7 +17,7 @@ from zwidth.logs.one_axis import Stream, group, one_axis
 from zwidth.logs.open_source import open_source
 from zwidth.logs.opening import opened
 from zwidth.logs.own import read_own
-from zwidth.logs.recording_file import Clock, Description, Entry, load_description
+from zwidth.logs.recording_file import JOINT, Clock, Description, Entry, load_description
 from zwidth.logs.source import RecordingError, Signal, Source
 from zwidth.logs.timing import Stamps, common_origin
 from zwidth.logs.units import GOAL, SI, find_unit
@@ -118,14 +118,17 @@ def _read(description: Description, source: Source) -> Trace:
         facts["counted_from_s"] = _decimal_seconds(origin)
     if resampling:
         facts["resampling"] = resampling
-    units = {
-        e.channel: (GOAL if converted[e.channel].goal else SI[e.quantity])[0 if rotary else 1]
-        if rotary is not None
-        else ""
-        for e in entries
-    }
+    units = {e.channel: _si(e, converted[e.channel], rotary) for e in entries}
     trace = Trace(t, values, units, "recorded", facts)
     return _used(description, trace)
+
+
+def _si(entry: Entry, converted: Converted, rotary: bool | None) -> str:
+    """Return the SI unit of a channel, "" where nothing shows it; a joint has its own kind."""
+    turns = converted.rotary if entry.channel.startswith(JOINT) else rotary
+    if turns is None:
+        return ""
+    return (GOAL if converted.goal else SI[entry.quantity])[0 if turns else 1]
 
 
 def _times(source: Source, clock: Clock, signal: Signal) -> Signal | None:
@@ -205,7 +208,7 @@ def _rotary(
 ) -> bool | None:
     """Return whether the device is rotary, from the TOML or from units that show it."""
     rotary = stated
-    for entry in entries:
+    for entry in (e for e in entries if not e.channel.startswith(JOINT)):
         shown = converted[entry.channel].rotary
         if shown is not None and rotary is not None and shown != rotary:
             kind = "rotary" if rotary else "linear"

@@ -19,6 +19,12 @@
     signal = "qm"
     quantity = "position"       # position | velocity | acceleration
     at = "m1"                   # m1 to m5
+    [[known_force]]             # optional: a force that was recorded and acts besides the command
+    signal = "gravity"          # channel `known_force_m1`
+    at = "m1"                   # m1 to m5
+    [[joint]]                   # optional: the position of another joint of the same robot
+    signal = "q2"               # channel `joint_elbow`
+    name = "elbow"              # as the robot's model calls it
     [use]                       # optional
     from_s = 0.0
     to_s = 20.0
@@ -33,11 +39,12 @@ value = scale * raw + offset, in SI. Where `unit` is given, raw is first taken t
 kind (degrees to rad, mV to V), so scale is in SI per SI, "N per V". `unit = "counts"` needs
 counts_per_rev (edges, that is lines times four in quadrature) or counts_per_m.
 
-[input] and [[output]] may have period_s, time and time_unit of their own, where streams have clocks
+Each of these tables may have period_s, time and time_unit of their own, where streams have clocks
 of their own, and shift_s, which is added to their stamps (with period_s: the time of the first).
 """
 
 import math
+import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -56,15 +63,17 @@ SCHEMA = 1
 CLOCK_KEYS = ("period_s", "time", "time_unit")
 TOP_KEYS = (
     *("schema", "file", "source", "rotary", *CLOCK_KEYS, "resample"),
-    *("input", "output", "use", "csv", "device"),
+    *("input", "output", "known_force", "joint", "use", "csv", "device"),
 )
 INPUT_KEYS = (
     *("signal", "unit", "scale", "offset", "counts_per_rev", "counts_per_m"),
     *(*CLOCK_KEYS, "shift_s"),
 )
 OUTPUT_KEYS = (*INPUT_KEYS, "quantity", "at")
+KNOWN_FORCE, JOINT = "known_force_", "joint_"  # what those channels begin with
 QUANTITIES = tuple(quantity for quantity in SI if quantity != "command")
-PLACES = ("m1", "m2", "m3", "m4", "m5", "link12", "link23", "link34", "link45")
+MASSES = ("m1", "m2", "m3", "m4", "m5")
+PLACES = (*MASSES, "link12", "link23", "link34", "link45")
 
 
 @dataclass(frozen=True)
@@ -150,12 +159,18 @@ def _description(path: Path, top: Table) -> Description:
         if quantity == "acceleration" and _one_of(table, "at", PLACES).startswith("link"):
             raise TableError(f"{table.path}.at is a link, which has no acceleration; give a mass")
         entries.append(_entry(table, quantity, f"{quantity}_{_one_of(table, 'at', PLACES)}", top))
+    for table in top.tables("known_force"):
+        at = _one_of(table.only((*INPUT_KEYS, "at")), "at", MASSES)
+        entries.append(_entry(table, "force", f"{KNOWN_FORCE}{at}", top))
+    for table in top.tables("joint"):
+        table.only((*INPUT_KEYS, "name"))
+        entries.append(_entry(table, "position", joint_channel(table.text("name")), top))
     if not entries:
         raise TableError("the file describes no signal; add [input] or [[output]]")
     channels = [entry.channel for entry in entries]
     for channel in channels:
         if channels.count(channel) > 1:
-            raise TableError(f"{channel} is described twice; keep one [[output]] of it")
+            raise TableError(f"{channel} is described twice; keep one table of it")
     use = top.table("use").only(("from_s", "to_s"))
     from_s, to_s = use.number("from_s", -math.inf), use.number("to_s", math.inf)
     if not from_s < to_s:
@@ -172,6 +187,11 @@ def _description(path: Path, top: Table) -> Description:
         _csv(top.table("csv")),
         known_changes(top.table("device")).values,
     )
+
+
+def joint_channel(name: str) -> str:
+    """Return the channel of a joint of that name: "arm/elbow" is joint_arm_elbow."""
+    return JOINT + re.sub(r"\W", "_", name)
 
 
 def _entry(table: Table, quantity: str, channel: str, top: Table) -> Entry:

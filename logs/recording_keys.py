@@ -49,6 +49,12 @@ RECORDING_KEYS: tuple[Key, ...] = (
     Key("output", "quantity", "position, velocity, acceleration, or force (of a drive)",
         example='"position"'),
     Key("output", "at", "the mass that it is of: m1 to m5", example='"m1"'),
+    *_signals("known_force"),
+    Key("known_force", "at", "the mass that it acts on, besides the command: m1 to m5",
+        example='"m1"'),
+    *_signals("joint"),
+    Key("joint", "name", "of another joint of the robot, as its model calls it, whose position this"
+        " is (--known-torque)", example='"elbow"'),
     Key("use", "from_s", "the first time that is used", "s", default="-inf"),
     Key("use", "to_s", "the last time that is used", "s", default="inf"),
     Key("csv", "delimiter", "between the cells of a text table", default="found out"),

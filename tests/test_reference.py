@@ -56,8 +56,11 @@ def test_every_key_that_is_read_is_declared_and_no_other():
     assert of["uncertainty"] == set(UNCERTAINTY_FIELDS)
     numbers = {key for keys in (*NEEDED.values(), *POSSIBLE.values()) for key in keys}
     assert of["drive"] == {"kind", *numbers}
-    said = {t: {k.name for k in RECORDING_KEYS if k.table == t} for t in ("", "input", "output")}
-    assert said[""] == set(recording_file.TOP_KEYS) - {"input", "output", "use", "csv", "device"}
+    signals = {"input", "output", "known_force", "joint"}
+    said = {t: {k.name for k in RECORDING_KEYS if k.table == t} for t in ("", *signals)}
+    assert said[""] == set(recording_file.TOP_KEYS) - signals - {"use", "csv", "device"}
+    assert said["known_force"] == {*recording_file.INPUT_KEYS, "at"}
+    assert said["joint"] == {*recording_file.INPUT_KEYS, "name"}
     assert said["input"] == set(recording_file.INPUT_KEYS)
     assert said["output"] == set(recording_file.OUTPUT_KEYS)
     (changes,) = (k.meaning for k in RECORDING_KEYS if k.table == "device")

@@ -15,7 +15,13 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.noise.predictor import Observer, begun, memory_at, prepared
+from zwidth.diagnosis.noise.predictor import (
+    Observer,
+    begun,
+    memory_at,
+    padded_force,
+    prepared,
+)
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.searched import Searched
 from zwidth.sim.device import Device
@@ -117,7 +123,7 @@ def simulated(model: Model, x: Floats, e: Experiment, observer: Observer) -> Flo
         memory, full = memory_at(ready, seen, device, observer.gain)
         wrong = alone(
             eq, fine, seen.places(eq.dof), seen.command, seen.measured, np.zeros_like(full),
-            np.zeros((0, eq.dof)), memory,
+            padded_force(seen.force, eq.dof), memory,
         )  # fmt: skip
         # What a model reads otherwise (an origin) is in both, and goes.
         return recorded(e, e.measured - wrong)

@@ -337,7 +337,7 @@ def _with_force(view: Problem, fitted: Fitted, one: Gained, base: float) -> Forc
     x, forced = fitted.x + _moved(view, fitted, one), list(view.experiments)
     for turn in range(TURNS):
         forced = [
-            replace(e, force=f)
+            replace(e, force=f if e.force is None else e.force + f)
             for e, f in zip(view.experiments, shape.forces(strength), strict=True)
         ]
         problem = prepared_for(forced, fitted.model, x, near=ratio)

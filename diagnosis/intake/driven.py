@@ -127,7 +127,7 @@ def _under(
     try:
         gain, ready = observer_near(plain, e, ratio), prepared(plain, SEARCHING)
         own = innovations(device, e, gain)
-        still = replace(e, measured=np.zeros_like(e.measured), start=None)
+        still = replace(e, measured=np.zeros_like(e.measured), start=None, force=None)
         unmoved = replace(still, command=np.zeros_like(e.command))
         # What adds to a prediction is taken from the innovation: e(s) = own + (s - 1) columns[0].
         columns = [innovations(plain, still, gain, ready=ready)]

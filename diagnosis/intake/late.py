@@ -80,7 +80,7 @@ def _under(
         return 0.0, 0
     kept = slice(SETTLING, e.ticks - most)
     still = replace(e, command=np.zeros(e.ticks))
-    silent = replace(e, measured=np.zeros(e.measured.shape), start=None)
+    silent = replace(e, measured=np.zeros(e.measured.shape), start=None, force=None)
     unmoved = replace(silent, command=still.command)
     with np.errstate(all="ignore"):  # not finite after an overflow
         own = innovations(device, still, gain, ready=ready)[kept]

@@ -114,7 +114,7 @@ def _explained(device: Device, e: Experiment) -> float:
     """The largest share of what is not predicted that the command explains, of any scale."""
     found = [0.0]
     still = replace(e, command=np.zeros(e.ticks))
-    silent = replace(e, measured=np.zeros(e.measured.shape))
+    silent = replace(e, measured=np.zeros(e.measured.shape), force=None)
     for ratio in RATIOS:
         try:
             gain, ready = observer_near(device, e, ratio), prepared(e.on(device), SEARCHING)

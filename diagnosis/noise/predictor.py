@@ -232,14 +232,14 @@ def memory_at(
         return observer_memory(eq, experiment), full
     before = experiment.before
     memory, _ = memory_at(ready, before, device, gain)
-    forces = _padded_force(before.force, eq.dof)
+    forces = padded_force(before.force, eq.dof)
     places = before.places(eq.dof)
     alone(eq, fine, places, before.command, before.measured, full, forces, memory)
     return memory, full
 
 
-def _padded_force(force: Floats | None, dof: int) -> Floats:
-    """The same on so many masses, (0, dof) for none."""
+def padded_force(force: Floats | None, dof: int) -> Floats:
+    """Return forces (ticks, n) on so many masses, (0, dof) for none."""
     if force is None:
         return np.zeros((0, dof))
     return np.pad(force, ((0, 0), (0, dof - force.shape[1])))
@@ -292,7 +292,7 @@ def innovations(
     ready = prepared(experiment.on(device)) if ready is None else ready
     eq, fine = ready
     memory, full = memory_at(ready, experiment, device, gain)
-    forces = _padded_force(experiment.force if external is None else external, eq.dof)
+    forces = padded_force(experiment.force if external is None else external, eq.dof)
     return alone(
         eq, fine, experiment.places(eq.dof), experiment.command, experiment.measured,
         full, forces, memory,
@@ -334,7 +334,7 @@ def driven(device: Device, experiment: Experiment, gain: Floats, errors: Floats)
     memory, full = memory_at(ready, experiment, device, gain)
     found = alone(
         eq, fine, outputs, experiment.command, np.hstack([errors, np.zeros(errors.shape)]),
-        np.hstack([full, np.zeros(full.shape)]), np.zeros((0, eq.dof)),
+        np.hstack([full, np.zeros(full.shape)]), padded_force(experiment.force, eq.dof),
         memory,
     )  # fmt: skip
     return errors - found[:, o:]
@@ -423,6 +423,21 @@ def settling(experiment: Experiment) -> int:
     return SETTLING if before is None else max(0, SETTLING - before.ticks)
 
 
+def free_run_starts(experiment: Experiment, length: int) -> list[int]:
+    """Return where free runs of so many ticks begin: one after the other, once settled.
+
+    Those in which the force of an event sets in or ends are left out, where others are left: it is
+    known as far as its own samples tell, and a free run adds its error up.
+    """
+    possible = range(0, experiment.ticks - length + 1, length)
+    settled = [first for first in possible if first >= settling(experiment)]
+    if experiment.force is None:
+        return settled
+    changes = np.any(np.diff(experiment.force, axis=0, prepend=0.0), axis=1)
+    quiet = [first for first in settled if not np.any(changes[first : first + length])]
+    return quiet or settled
+
+
 def free_run_errors(
     device: Device, experiment: Experiment, gain: Floats, window: int
 ) -> tuple[Floats, Floats]:
@@ -433,17 +448,19 @@ def free_run_errors(
     eq, fine = ready = prepared(experiment.on(device))
     places = experiment.places(eq.dof)
     memory, full = memory_at(ready, experiment, device, gain)
-    no_force = np.zeros((0, eq.dof))
+    forces = padded_force(experiment.force, eq.dof)
     errors: list[Floats] = []
     signal: list[Floats] = []
+    judged = set(free_run_starts(experiment, window))
     for first in range(0, experiment.ticks - window + 1, window):
         u = experiment.command[first : first + window]
         y = experiment.measured[first : first + window]
-        if first >= settling(experiment):
+        f = forces[first : first + window]
+        if first in judged:
             free = copied(memory)
-            errors.append(alone(eq, fine, places, u, y, np.zeros_like(full), no_force, free))
+            errors.append(alone(eq, fine, places, u, y, np.zeros_like(full), f, free))
             signal.append(y - y.mean(axis=0))
-        alone(eq, fine, places, u, y, full, no_force, memory)
+        alone(eq, fine, places, u, y, full, f, memory)
     empty = np.zeros((0, experiment.measured.shape[1]))
     return np.concatenate(errors or [empty]), np.concatenate(signal or [empty])
 
@@ -472,12 +489,11 @@ def free_runs(
     )
     measured = np.hstack([experiment.measured, np.zeros((experiment.ticks, 2 * n))])
     memory, full = memory_at(ready, experiment, device, gain)
-    no_force = np.zeros((0, eq.dof))
+    forces = padded_force(experiment.force, eq.dof)
     nothing = np.zeros((eq.states, o + 2 * n))
     begins: dict[int, list[int]] = {}
     for i, length in enumerate(lengths):
-        possible = np.arange(0, experiment.ticks - length + 1, length)
-        possible = possible[possible >= settling(experiment)]
+        possible = np.array(free_run_starts(experiment, length), dtype=np.int64)
         if possible.size > most:
             possible = possible[np.linspace(0, possible.size - 1, most).round().astype(np.int64)]
         for first in possible.tolist():
@@ -488,13 +504,13 @@ def free_runs(
         before, here = slice(here, first), first
         alone(
             eq, fine, places, experiment.command[before], experiment.measured[before], full,
-            no_force, memory,
+            forces[before], memory,
         )  # fmt: skip
         for i in begins[first]:
             run = slice(first, first + lengths[i])
             free = copied(memory)
             seen = alone(
-                eq, fine, wide, experiment.command[run], measured[run], nothing, no_force, free
+                eq, fine, wide, experiment.command[run], measured[run], nothing, forces[run], free
             )
             found[i].append(seen[None])
     joined = [np.concatenate(runs) for runs in found]

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.recording.drive_force import FORCE, Pushed, drive_stiffness
 from zwidth.diagnosis.recording.link_force import told_by_links
+from zwidth.logs.recording_file import KNOWN_FORCE
 from zwidth.logs.stale import renewed, repeated
 from zwidth.logs.stretches import jumps, without_gaps
 from zwidth.logs.uneven import evened
@@ -237,11 +238,45 @@ def experiment(trace: Trace, device: Device, name: str = "recording") -> Experim
         )
     elif beyond:
         notes += (f"{name} has {', '.join(beyond)}, which is left out: the device has {one}",)
-    notes += cells
+    known, said = known_forces(trace, device, name)
+    notes += (*cells, *said)
     return Experiment(
-        own, command, measured, tuple(found), name, swing, notes=notes, changes=changes,
-        pushed=pushed,
+        own, command, measured, tuple(found), name, swing, force=known, notes=notes,
+        changes=changes, pushed=pushed,
     )  # fmt: skip
+
+
+def known_forces(trace: Trace, device: Device, name: str) -> tuple[Floats | None, tuple[str, ...]]:
+    """Return the forces (ticks, n) that a recording knows besides its command, and what to say.
+
+    They act on the masses beside the command, without its gain, limit and delay. A tick has the
+    mean of the readings at its beginning and its end, as a force has that is smooth between them.
+    Raises ExperimentError for a mass that the device does not have, a unit that is not its own, and
+    a number that is not finite.
+    """
+    masses, unit = device.chain.masses.size, "N m" if device.rotary else "N"
+    channels = [c for c in trace.channels if c.startswith(KNOWN_FORCE)]
+    if not channels:
+        return None, ()
+    force = np.zeros((len(trace), masses))
+    for channel in channels:
+        index = int(channel.removeprefix(f"{KNOWN_FORCE}m")) - 1
+        if index >= masses:
+            raise ExperimentError(
+                f"{name} has {channel}, and the device {masses} mass{'' if masses == 1 else 'es'};"
+                " let it act on one of those"
+            )
+        if trace.units[channel] not in (unit, ""):
+            raise ExperimentError(
+                f"channel {channel!r} is in {trace.units[channel]!r}, but the device is driven in"
+                f" {unit!r}; correct the unit in the recording's TOML"
+            )
+        _refuse_unknown(channel, trace[channel])
+        force[:, index] += trace[channel]
+    each = [f"{np.std(trace[c]):.3g} {unit} at {c.removeprefix(KNOWN_FORCE)}" for c in channels]
+    said = f"{name} knows a force besides its command, which acts in all runs"
+    force[:-1] = 0.5 * (force[:-1] + force[1:])
+    return force, (f"{said} (rms about its mean: {', '.join(each)})",)
 
 
 def _told_by_force(
@@ -309,7 +344,7 @@ def stretches(trace: Trace, device: Device, name: str = "recording") -> list[Exp
     ExperimentError as `experiment`, and where no stretch is long enough.
     """
     used = [o.name for o in _outputs(trace, device)[0]]
-    used += [c for c in trace.channels if c.startswith("force_")]
+    used += [c for c in trace.channels if c.startswith(("force_", KNOWN_FORCE))]
     used += ["command"] if "command" in trace.channels else []
     kept, lacking = without_gaps(trace, sorted(used), name)
     kept, odd = _as_it_moved(kept, device.interface.period, used, name)
@@ -360,7 +395,7 @@ def _as_it_moved(
     """
     if trace.origin != "recorded":
         return trace, []
-    moves = [c for c in used if c != "command"]
+    moves = [c for c in used if c != "command" and not c.startswith(KNOWN_FORCE)]
     positions = [c for c in moves if c.startswith("position_m")]
     for channel in moves:
         if (times := repeated(trace[channel])) > 1:
