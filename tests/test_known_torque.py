@@ -6,7 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import zwidth
 from zwidth import cli
+from zwidth.api.given import experiments_of
 from zwidth.controllers.excitation import multisine
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.recording.experiment import ExperimentError, experiment
@@ -228,3 +230,47 @@ def test_a_diagnosis_with_the_arm_finds_nothing_missing(tmp_path: Path):
     assert cli.run([*line, "--json", str(said)]) == 0
     result = json.loads(said.read_text())
     assert result["verdict"] in ("linear_parameters", "nothing_missing")
+
+
+@needs_mujoco
+def test_python_asks_the_same(tmp_path: Path):
+    """Mutation: the arms left out of what judges."""
+    (tmp_path / "m.xml").write_text(ARM)
+    device, _ = device_of_joint(tmp_path / "m.xml", "base")
+    device = device.with_interface(period=0.005)
+    path = written(tmp_path, 5.0)
+    (found,) = experiments_of(path, device, (tmp_path / "m.xml", "base"))
+    more, _ = with_known_torque(read_recording(path), device, tmp_path / "m.xml", "base")
+    assert found.force is not None
+    np.testing.assert_array_equal(found.force, experiment(more, device).force)
+    with pytest.raises(ValueError, match="has no joint 'tip'"):
+        zwidth.diagnose(path, device, known_torque=(tmp_path / "m.xml", "tip"))
+
+
+def test_identification_says_that_it_does_not_know_the_force(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    device = Device("rail", "-", False, make_chain([2.0, 1.0], [3.0, 0.5], 0.0, [4e4], [5.0]))
+    u = multisine(2.0, duration=10.0, period=1e-3, from_hz=0.5, to_hz=100.0, seed=1)
+    run = simulate(device, recorded(u), duration=10.0)
+    rows = np.column_stack([u, run.trace["position_m1"]])
+    np.savetxt(tmp_path / "r.csv", rows, delimiter=",", header="u,q", comments="")
+    (tmp_path / "r.toml").write_text("""\
+file = "r.csv"
+period_s = 0.001
+[input]
+signal = "u"
+unit = "N"
+[[output]]
+signal = "q"
+unit = "m"
+quantity = "position"
+at = "m1"
+[[known_force]]
+signal = "u"
+unit = "N"
+at = "m1"
+""")
+    line = ["identify", str(tmp_path / "r.toml"), "--out", str(tmp_path), "--modes", "1"]
+    assert cli.run(line) == 0
+    assert "which is not used here" in capsys.readouterr().err

@@ -4,7 +4,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from typing import Literal
 
-from zwidth.api.given import AnyDevice, AnyRecording, device_of, experiments_of
+from zwidth.api.given import AnyDevice, AnyRecording, Arms, device_of, experiments_of
 from zwidth.diagnosis import diagnose as pipeline
 from zwidth.diagnosis.answer.result import Diagnosis
 from zwidth.diagnosis.mishaps import silent
@@ -18,14 +18,17 @@ def diagnose(
     *,
     validate: AnyRecording | Sequence[AnyRecording] | None = None,
     effort: Literal["quick", "normal", "thorough"] = "normal",
+    known_torque: Arms | None = None,
     say: Callable[[str], None] | None = None,
 ) -> Diagnosis:
     """Say why recordings differ from the simulation of a device, and what physics is missing.
 
     recordings: one or several, each a path (a recording TOML, a log), a Trace, a Run or a Log.
     device: a Device, the name of a shipped one, or a device file. validate: recordings to judge by;
-    by default the last 30 % of each are kept for it. effort: how much is tried. say: told what is
-    being done, `print` for instance, for it may take minutes.
+    by default the last 30 % of each are kept for it. effort: how much is tried. known_torque: the
+    model of a robot (MJCF or URDF) and the joint in it that the device is; what its arms do to that
+    joint in the recorded posture is known then, by MuJoCo. say: told what is being done, `print`
+    for instance, for it may take minutes.
 
     The answer holds the improved device: `save_device(answer.device, "improved.toml")`. Raises
     ValueError with one sentence where a recording is no use with this device, and NotDiagnosed
@@ -34,7 +37,7 @@ def diagnose(
     if effort not in EFFORTS:
         raise ValueError(f"effort is {effort!r}; {nearest(effort, EFFORTS)}")
     known = device_of(device)
-    fitted = experiments_of(recordings, known)
-    judged = None if validate is None else experiments_of(validate, known)
+    fitted = experiments_of(recordings, known, known_torque)
+    judged = None if validate is None else experiments_of(validate, known, known_torque)
     with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # numpy's, on 1e300
         return pipeline.diagnose(known, fitted, judged, say or silent, EFFORTS[effort])

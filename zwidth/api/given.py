@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import cast
 
 from zwidth.diagnosis.recording.experiment import Experiment, stretches
+from zwidth.export.known_torque import with_known_torque
 from zwidth.logs.mcap_reader import Log
 from zwidth.logs.recording import read_recording
 from zwidth.sim.device import Device
@@ -16,6 +17,8 @@ from zwidth.sim.trace import Trace
 
 AnyDevice = Device | str | PathLike[str]
 AnyRecording = Trace | Run | Log | str | PathLike[str]
+Arms = tuple[str | PathLike[str], str]
+"""The model of a robot, MJCF or URDF, and the joint in it that a device is."""
 
 
 def device_of(given: AnyDevice) -> Device:
@@ -70,11 +73,12 @@ def name_of(given: AnyRecording, place: int = 0) -> str:
 
 
 def experiments_of(
-    given: AnyRecording | Sequence[AnyRecording], device: Device
+    given: AnyRecording | Sequence[AnyRecording], device: Device, arms: Arms | None = None
 ) -> list[Experiment]:
     """Return one recording or several as the stretches that a diagnosis reads.
 
-    Raises as `trace_of`, and ExperimentError for what is no use with this device.
+    arms: what they do to the device is known. Raises as `trace_of`, ExperimentError for what is no
+    use with this device, and as `with_known_torque`.
     """
     several = [given] if isinstance(given, Trace | Run | Log | str | PathLike) else list(given)
     if not several:
@@ -82,5 +86,10 @@ def experiments_of(
     return [
         stretch
         for place, one in enumerate(several)
-        for stretch in stretches(trace_of(one), device, name_of(one, place))
+        for stretch in stretches(_beside(arms, trace_of(one), device), device, name_of(one, place))
     ]
+
+
+def _beside(arms: Arms | None, trace: Trace, device: Device) -> Trace:
+    """Return a recording with what arms do to the device, where there are any."""
+    return trace if arms is None else with_known_torque(trace, device, *arms)[0]
