@@ -2,8 +2,8 @@
 
     python docs/make_export_page.py
 
-Needs a C compiler, fmpy, rumoca or OpenModelica, and MuJoCo. Every effect is added to one device, at a tenth of what the device is
-driven by, and exported; device and export then follow the same command.
+Needs a C compiler, fmpy, rumoca or OpenModelica, and MuJoCo. Every effect is added to one device,
+at a tenth of what the device is driven by, and exported; both then follow the same command.
 """
 
 from collections.abc import Callable
@@ -137,9 +137,9 @@ TEXT = """\
     zwidth export mine.toml --to sdf -o mine.sdf
 
 What a format cannot hold of the device is printed, a sentence each, stands in `--json FILE`, and
-as a comment at the head of the file (of an FMU in its documentation). Where the file can be run here, so does what that costs:
-device and export follow the same multisine, and the rms of their difference is given over the rms
-of the motion.
+as a comment at the head of the file (of an FMU in its documentation). Where the file can be run
+here, so does what that costs: device and export follow the same multisine, and the rms of their
+difference is given over the rms of the motion.
 
 - **C** is C99 without dependencies: `mine_reset(&state)`, `mine_read(&state)` and
   `mine_step(&state, command)`, one tick each, for a controller's feed-forward or an observer. It
@@ -199,6 +199,11 @@ limit and delay of its motor. What of the joint is left out, such as gravity, is
 reads the model, without the shapes of a URDF, which need not be there. The device file is one to
 diagnose recordings against; the period of its interface, of which a model says nothing, is yours
 to set.
+
+    zwidth diagnose run.toml --device shoulder.toml --known-torque robot.urdf --joint shoulder
+
+takes what the rest of the robot does to that joint, in the postures that were recorded, as a known
+torque ([recordings](recordings.md#a-force-that-is-known-and-the-rest-of-a-robot)).
 """
 
 

@@ -67,7 +67,7 @@ def _header(table: str) -> str:
         return "At the top"
     return (
         f"[[{table}]]"
-        if table in ("modal.mode", "physics", "output", "known_force", "covariate")
+        if table in ("modal.mode", "physics", "output", "known_force", "joint", "covariate")
         else f"[{table}]"
     )
 

@@ -31,22 +31,9 @@ def device_of_joint(
     Raises ValueError for a file that is no model, a joint that is not there or is no slide or
     hinge, and without MuJoCo, which reads both formats.
     """
-    mujoco = engine()
-    if mujoco is None:
-        raise ValueError("reading a model needs MuJoCo, which is not installed; pip install mujoco")
+    mujoco, model, index = joint_of(path, joint)
     file = Path(path)
-    try:
-        model = _model(mujoco, file)
-    except (ValueError, ElementTree.ParseError) as error:
-        first = str(error).strip().splitlines()[0]
-        raise ValueError(f"{file} is no model that MuJoCo reads: {first}") from None
-    names = [model.joint(i).name for i in range(model.njnt)]
-    if joint not in names:
-        raise ValueError(f"{file} has no joint {joint!r}; {nearest(joint, names)}")
-    index = names.index(joint)
     kind = int(model.jnt_type[index])
-    if kind not in (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)):
-        raise ValueError(f"joint {joint!r} of {file} is a ball or free; a hinge or slide is needed")
     rotary = kind == int(mujoco.mjtJoint.mjJNT_HINGE)
     dof = int(model.jnt_dofadr[index])
     address = int(model.jnt_qposadr[index])
@@ -63,6 +50,30 @@ def device_of_joint(
     ).with_physics(*_effects(model, index, dof, left_out))  # fmt: skip
     _remarks(mujoco, model, index, dof, left_out)
     return device, left_out
+
+
+def joint_of(path: str | os.PathLike[str], joint: str) -> tuple[Any, Any, int]:
+    """Return MuJoCo, the model of a file, and the number of a hinge or slide in it.
+
+    Raises ValueError as `device_of_joint`.
+    """
+    mujoco = engine()
+    if mujoco is None:
+        raise ValueError("reading a model needs MuJoCo, which is not installed; pip install mujoco")
+    file = Path(path)
+    try:
+        model = _model(mujoco, file)
+    except (ValueError, ElementTree.ParseError) as error:
+        first = str(error).strip().splitlines()[0]
+        raise ValueError(f"{file} is no model that MuJoCo reads: {first}") from None
+    names = [model.joint(i).name for i in range(model.njnt)]
+    if joint not in names:
+        raise ValueError(f"{file} has no joint {joint!r}; {nearest(joint, names)}")
+    index = names.index(joint)
+    kind = int(model.jnt_type[index])
+    if kind not in (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)):
+        raise ValueError(f"joint {joint!r} of {file} is a ball or free; a hinge or slide is needed")
+    return mujoco, model, index
 
 
 def _model(mujoco: Any, file: Path) -> Any:

@@ -19,6 +19,7 @@ from zwidth.logs.opening import opened
 from zwidth.logs.own import read_own
 from zwidth.logs.recording_file import (
     COVARIATE,
+    JOINT,
     Clock,
     Description,
     Entry,
@@ -130,12 +131,16 @@ def _read(description: Description, source: Source) -> Trace:
 
 
 def _si(entry: Entry, converted: Converted, signal: Signal, rotary: bool | None) -> str:
-    """The unit of a channel: of a covariate that in which it is written, "" where nobody says."""
+    """The unit of a channel, "" where nobody says: of a covariate that in which it is written.
+
+    A joint is rotary or linear by itself.
+    """
     if entry.quantity == COVARIATE:
         return entry.unit or signal.unit or ""
-    if rotary is None:
+    turns = converted.rotary if entry.channel.startswith(JOINT) else rotary
+    if turns is None:
         return ""
-    return (GOAL if converted.goal else SI[entry.quantity])[0 if rotary else 1]
+    return (GOAL if converted.goal else SI[entry.quantity])[0 if turns else 1]
 
 
 def _times(source: Source, clock: Clock, signal: Signal) -> Signal | None:
@@ -215,7 +220,7 @@ def _rotary(
 ) -> bool | None:
     """Return whether the device is rotary, from the TOML or from units that show it."""
     rotary = stated
-    for entry in entries:
+    for entry in (e for e in entries if not e.channel.startswith(JOINT)):
         shown = converted[entry.channel].rotary
         if shown is not None and rotary is not None and shown != rotary:
             kind = "rotary" if rotary else "linear"

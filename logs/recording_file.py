@@ -23,9 +23,12 @@
     [base]                      # optional, where what the device stands on moves: base_QUANTITY
     signal = "floor"
     quantity = "acceleration"   # position | velocity | acceleration
-    [[known_force]]                # optional, a measured force that pushes: known_force_AT
-    signal = "hand"
+    [[known_force]]             # optional: a force that was recorded and acts besides the command
+    signal = "gravity"          # channel `known_force_m1`
     at = "m1"                   # m1 to m5
+    [[joint]]                   # optional: the position of another joint of the same robot
+    signal = "q2"               # channel `joint_elbow`
+    name = "elbow"              # as the robot's model calls it
     [[covariate]]               # optional: a temperature, that parameters may follow
     signal = "temp"             # channel `covariate_temp`, in the unit that it is written in
     unit = "degC"               # optional, free text
@@ -43,7 +46,7 @@ value = scale * raw + offset, in SI. Where `unit` is given, raw is first taken t
 kind (degrees to rad, mV to V), so scale is in SI per SI, "N per V". `unit = "counts"` needs
 counts_per_rev (edges, that is lines times four in quadrature) or counts_per_m.
 
-[input] and [[output]] may have period_s, time and time_unit of their own, where streams have clocks
+Each of these tables may have period_s, time and time_unit of their own, where streams have clocks
 of their own, and shift_s, which is added to their stamps (with period_s: the time of the first).
 """
 
@@ -67,7 +70,7 @@ SCHEMA = 1
 CLOCK_KEYS = ("period_s", "time", "time_unit")
 TOP_KEYS = (
     *("schema", "file", "source", "rotary", *CLOCK_KEYS, "resample"),
-    *("input", "output", "base", "known_force", "covariate", "use", "csv", "device"),
+    *("input", "output", "base", "known_force", "joint", "covariate", "use", "csv", "device"),
 )
 INPUT_KEYS = (
     *("signal", "unit", "scale", "offset", "counts_per_rev", "counts_per_m", "wraps_at"),
@@ -76,9 +79,11 @@ INPUT_KEYS = (
 OUTPUT_KEYS = (*INPUT_KEYS, "quantity", "at")
 BASE_KEYS = (*INPUT_KEYS, "quantity")
 KNOWN_FORCE_KEYS = (*INPUT_KEYS, "at")
+JOINT_KEYS = (*INPUT_KEYS, "name")
 MOTIONS = ("position", "velocity", "acceleration")
 COVARIATE_KEYS = ("signal", "unit", "scale", "offset", *CLOCK_KEYS, "shift_s")
 COVARIATE = "covariate"  # quantity of what a parameter may follow, and how its channel begins
+KNOWN_FORCE, JOINT = "known_force_", "joint_"  # what those channels begin with
 QUANTITIES = tuple(quantity for quantity in SI if quantity != "command")
 MASSES = ("m1", "m2", "m3", "m4", "m5")
 PLACES = (*MASSES, "link12", "link23", "link34", "link45")
@@ -175,16 +180,19 @@ def _description(path: Path, top: Table) -> Description:
         base = top.table("base").only(BASE_KEYS)
         quantity = _one_of(base, "quantity", MOTIONS)
         entries.append(_entry(base, quantity, f"base_{quantity}", top))
-    for table in top.tables("known_force") if "known_force" in top else []:
+    for table in top.tables("known_force"):
         at = _one_of(table.only(KNOWN_FORCE_KEYS), "at", MASSES)
-        entries.append(_entry(table, "force", f"known_force_{at}", top))
-    if all(e.channel.startswith(("base_", "known_force_")) for e in entries):
+        entries.append(_entry(table, "force", f"{KNOWN_FORCE}{at}", top))
+    for table in top.tables("joint"):
+        table.only(JOINT_KEYS)
+        entries.append(_entry(table, "position", joint_channel(table.text("name")), top))
+    if all(e.channel.startswith(("base_", KNOWN_FORCE, JOINT)) for e in entries):
         raise TableError("the file describes no signal; add [input] or [[output]]")
     entries += [_covariate(table, top) for table in top.tables("covariate")]
     channels = [entry.channel for entry in entries]
     for channel in channels:
         if channels.count(channel) > 1:
-            raise TableError(f"{channel} is described twice; keep one of it")
+            raise TableError(f"{channel} is described twice; keep one table of it")
     use = top.table("use").only(("from_s", "to_s"))
     from_s, to_s = use.number("from_s", -math.inf), use.number("to_s", math.inf)
     if not from_s < to_s:
@@ -201,6 +209,11 @@ def _description(path: Path, top: Table) -> Description:
         _csv(top.table("csv")),
         known_changes(top.table("device")).values,
     )
+
+
+def joint_channel(name: str) -> str:
+    """Return the channel of a joint of that name: "arm/elbow" is joint_arm_elbow."""
+    return JOINT + re.sub(r"\W", "_", name)
 
 
 def _entry(table: Table, quantity: str, channel: str, top: Table) -> Entry:

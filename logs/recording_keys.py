@@ -67,8 +67,11 @@ RECORDING_KEYS: tuple[Key, ...] = (
     Key("base", "quantity", "position, velocity or acceleration of what the device stands on, from"
         " which its outputs are counted", example='"acceleration"'),
     *_signals("known_force"),
-    Key("known_force", "at", "the mass that a measured force pushes, m1 to m5: a hand's on its handle",
+    Key("known_force", "at", "the mass that it acts on, besides the command: m1 to m5",
         example='"m1"'),
+    *_signals("joint"),
+    Key("joint", "name", "of another joint of the robot, as its model calls it, whose position this"
+        " is (--known-torque)", example='"elbow"'),
     *_signals("covariate"),
     Key("use", "from_s", "the first time that is used", "s", default="-inf"),
     Key("use", "to_s", "the last time that is used", "s", default="inf"),

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from zwidth.logs.recording_file import KNOWN_FORCE
 from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
@@ -81,7 +82,8 @@ def scatter(trace: Trace, outputs: Sequence[str]) -> Scatter | None:
 def evened(trace: Trace, period: float, outputs: Sequence[str], name: str) -> tuple[Trace, str]:
     """Return a trace on even ticks of that period [s], and a sentence; as it is where it is even.
 
-    outputs: the channels that are interpolated, each finite; `command` is averaged, if it is there.
+    outputs: the channels that are interpolated, each finite, as known forces are; `command` is
+    averaged, if it is there.
     A loop that comes late holds its command meanwhile, and nothing is lost; stretches between gaps
     of more than `LONGEST` periods are each brought onto ticks of their own.
     """
@@ -142,7 +144,8 @@ def _evened(
     if t.size < 4:
         return None
     at = t[0] + period * np.arange(int((t[-1] - t[0]) / period * (1.0 + 1e-9)) + 1)
-    channels = {n: CubicSpline(t, trace[n][cut][forward])(at) for n in outputs}
+    known = [c for c in trace.channels if c.startswith(KNOWN_FORCE)]
+    channels = {n: CubicSpline(t, trace[n][cut][forward])(at) for n in (*outputs, *known)}
     if "command" in trace.channels:
         command = trace["command"][cut][forward]
         impulse = np.concatenate(([0.0], np.cumsum(command[:-1] * np.diff(t))))

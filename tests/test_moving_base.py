@@ -9,7 +9,7 @@ from zwidth.controllers.none import none
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.noise.predictor import innovations
 from zwidth.diagnosis.noise.steady import steady
-from zwidth.diagnosis.recording.experiment import Experiment, Output, experiment
+from zwidth.diagnosis.recording.experiment import Experiment, ExperimentError, Output, experiment
 from zwidth.diagnosis.recording.from_outside import held
 from zwidth.logs.recording import read_recording
 from zwidth.scenarios.disturbance import Disturbance
@@ -153,7 +153,7 @@ def test_a_measured_force_of_a_hand_is_a_known_input(tmp_path: Path) -> None:
     toml = tmp_path / "h.toml"
     toml.write_text(text + '[[known_force]]\nsignal = "hand"\nat = "m2"\n')
     e = experiment(read_recording(toml), TWO)
-    assert any("known_force_m2" in note and "act" in note for note in e.notes)
+    assert any("knows a force" in note and "at m2" in note for note in e.notes)
     gain = steady(TWO, e, 1.0).gain
     left = np.abs(innovations(TWO, e, gain)[500:]).max()
     toml.write_text(text)
@@ -161,4 +161,5 @@ def test_a_measured_force_of_a_hand_is_a_known_input(tmp_path: Path) -> None:
     assert left < 1e-3 * np.abs(innovations(TWO, alone, gain)[500:]).max()
     one = Device("one", "", False, make_chain([1.0], [1.0]), Interface(T))
     toml.write_text(text + '[[known_force]]\nsignal = "hand"\nat = "m2"\n')
-    assert any("has not" in note for note in experiment(read_recording(toml), one).notes)
+    with pytest.raises(ExperimentError, match="has known_force_m2, and the device 1 mass;"):
+        experiment(read_recording(toml), one)

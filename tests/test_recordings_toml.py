@@ -304,7 +304,7 @@ def test_the_documented_toml_is_one(tmp_path: Path) -> None:
     text = (Path(__file__).parents[1] / "docs" / "recordings.md").read_text(encoding="utf-8")
     (tmp_path / "a.toml").write_text(text.split("```toml\n")[1].split("```")[0], encoding="utf-8")
     description = load_description(tmp_path / "a.toml")
-    channels = ["command", "position_m1", "base_acceleration", "known_force_m1"]
+    channels = ["command", "position_m1", "base_acceleration", "known_force_m1", "joint_elbow"]
     assert [entry.channel for entry in description.entries] == channels
     assert description.csv == CsvOptions(";", ",", 3)
 

@@ -57,13 +57,11 @@ def test_every_key_that_is_read_is_declared_and_no_other():
     assert of["uncertainty"] == set(UNCERTAINTY_FIELDS)
     numbers = {key for keys in (*NEEDED.values(), *POSSIBLE.values()) for key in keys}
     assert of["drive"] == {"kind", *numbers}
-    said = {
-        t: {k.name for k in RECORDING_KEYS if k.table == t}
-        for t in ("", "input", "output", "base", "known_force", "covariate")
-    }
-    tables = {"input", "output", "base", "known_force", "covariate", "use", "csv", "device"}
-    assert said[""] == set(recording_file.TOP_KEYS) - tables
+    signals = {"input", "output", "base", "known_force", "joint", "covariate"}
+    said = {t: {k.name for k in RECORDING_KEYS if k.table == t} for t in ("", *signals)}
+    assert said[""] == set(recording_file.TOP_KEYS) - signals - {"use", "csv", "device"}
     assert said["covariate"] == set(recording_file.COVARIATE_KEYS)
+    assert said["joint"] == set(recording_file.JOINT_KEYS)
     assert said["input"] == set(recording_file.INPUT_KEYS)
     assert said["output"] == set(recording_file.OUTPUT_KEYS)
     assert said["base"] == set(recording_file.BASE_KEYS)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.recording.drive_force import FORCE, Pushed, drive_stiffness
-from zwidth.diagnosis.recording.from_outside import OUTSIDE, base_of, pushes_of
+from zwidth.diagnosis.recording.from_outside import KNOWN_FORCES, OUTSIDE, base_of, pushes_of
 from zwidth.diagnosis.recording.link_force import told_by_links
 from zwidth.logs.recording_file import COVARIATE
 from zwidth.logs.stale import renewed, repeated
@@ -296,6 +296,7 @@ def experiment(trace: Trace, device: Device, name: str = "recording") -> Experim
     elif beyond:
         notes += (f"{name} has {', '.join(beyond)}, which is left out: the device has {one}",)
     base, moves = base_of(trace, own, name)
+    _refuse_forces(trace, device, name)
     pushes, hands = pushes_of(trace, masses, name)
     notes += cells + moves + hands
     return Experiment(
@@ -477,6 +478,25 @@ def _refuse_unknown(name: str, values: Floats) -> None:
         raise ExperimentError(
             f"channel {name!r} has {bad} values that are not finite; cut them out with [use]"
         )
+
+
+def _refuse_forces(trace: Trace, device: Device, name: str) -> None:
+    """Refuse known forces on masses that a device does not have, and in another unit."""
+    masses, unit = device.chain.masses.size, "N m" if device.rotary else "N"
+    for place, channel in enumerate(KNOWN_FORCES):
+        if channel not in trace.channels:
+            continue
+        if place >= masses:
+            raise ExperimentError(
+                f"{name} has {channel}, and the device {masses} mass{'' if masses == 1 else 'es'};"
+                " let it act on one of those"
+            )
+        if trace.units[channel] not in (unit, ""):
+            raise ExperimentError(
+                f"channel {channel!r} is in {trace.units[channel]!r}, but the device is driven in"
+                f" {unit!r}; correct the unit in the recording's TOML"
+            )
+        _refuse_unknown(channel, trace[channel])
 
 
 def _refuse(channels: Sequence[tuple[str, Floats]]) -> None:

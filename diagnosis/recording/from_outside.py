@@ -17,12 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from zwidth.logs.recording_file import KNOWN_FORCE
 from zwidth.sim.place import MASSES
 from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
 BASE = ("base_acceleration", "base_velocity", "base_position")
-KNOWN_FORCES = tuple(f"known_force_{mass}" for mass in MASSES)
+KNOWN_FORCES = tuple(f"{KNOWN_FORCE}{mass}" for mass in MASSES)
 OUTSIDE = (*BASE, *KNOWN_FORCES)
 
 
@@ -42,22 +43,22 @@ def base_of(trace: Trace, period: float, name: str) -> tuple[Floats | None, tupl
 
 
 def pushes_of(trace: Trace, masses: int, name: str) -> tuple[Floats | None, tuple[str, ...]]:
-    """Return measured forces (ticks, masses), None where there is none, and a note.
+    """Return known forces (ticks, masses), None where there is none, and a note.
 
-    One on a mass that the device does not have is left out, and said.
+    They act on the masses beside the command, without its gain, limit and delay.
     """
     there = [c for c in KNOWN_FORCES if c in trace.channels]
-    known = [c for c in there if KNOWN_FORCES.index(c) < masses]
-    beyond = [c for c in there if c not in known]
-    notes = (f"{name} has {', '.join(beyond)} on masses that the device has not",) * bool(beyond)
-    if not known:
-        return None, notes
+    if not there:
+        return None, ()
     found = np.zeros((len(trace), masses))
-    for channel in known:
+    for channel in there:
         found[:, KNOWN_FORCES.index(channel)] = held(trace[channel], "force", 1.0)
-    sizes = [f"{c} {float(np.std(trace[c])):.3g} {trace.units[c]} rms" for c in known]
-    said = f"forces from outside are known in {name} and act: {', '.join(sizes)}"
-    return found, (said, *notes)
+    sizes = [
+        f"{float(np.std(trace[c])):.3g} {trace.units[c]} at {c.removeprefix(KNOWN_FORCE)}"
+        for c in there
+    ]
+    said = f"{name} knows a force besides its command, which acts in all runs"
+    return found, (f"{said} (rms about its mean: {', '.join(sizes)})",)
 
 
 def held(values: Floats, quantity: str, period: float) -> Floats:

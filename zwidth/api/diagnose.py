@@ -8,6 +8,7 @@ from typing import Literal
 from zwidth.api.given import (
     AnyDevice,
     AnyRecording,
+    Arms,
     device_of,
     experiments_of,
     named_traces,
@@ -27,6 +28,7 @@ def diagnose(
     *,
     validate: AnyRecording | Sequence[AnyRecording] | None = None,
     effort: Literal["quick", "normal", "thorough"] = "normal",
+    known_torque: Arms | None = None,
     say: Callable[[str], None] | None = None,
 ) -> Diagnosis:
     """Say why recordings differ from the simulation of a device, and what physics is missing.
@@ -35,7 +37,9 @@ def diagnose(
     another tool, of which it warns what it assumed), a Trace, a Run or a Log. device: a Device, the
     name of a shipped one, or a device file; without it one is fitted, of as many masses as the data
     ask for. validate: recordings to judge by;
-    by default the last 30 % of each are kept for it. effort: how much is tried. say: told what is
+    by default the last 30 % of each are kept for it. effort: how much is tried. known_torque: the
+    model of a robot (MJCF or URDF) and the joint in it that the device is; what its arms do to that
+    joint in the recorded posture is known then, by MuJoCo. say: told what is
     being done, `print` for instance, for it may take minutes.
 
     The answer holds the improved device: `save_device(answer.device, "improved.toml")`. Raises
@@ -48,8 +52,8 @@ def diagnose(
     judged_by = [] if validate is None else named_traces(validate)
 
     def answer(known: Device) -> Diagnosis:
-        fit_on = experiments_of(traces, known)
-        judge_by = experiments_of(judged_by, known) if judged_by else None
+        fit_on = experiments_of(traces, known, known_torque)
+        judge_by = experiments_of(judged_by, known, known_torque) if judged_by else None
         with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # numpy's, on 1e300
             return pipeline.diagnose(known, fit_on, judge_by, say or silent, EFFORTS[effort])
 

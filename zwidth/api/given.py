@@ -8,6 +8,7 @@ from typing import cast
 
 from zwidth.diagnosis.recording.experiment import Experiment, stretches
 from zwidth.door import taken
+from zwidth.export.known_torque import with_known_torque
 from zwidth.logs.mcap_reader import Log
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device
@@ -16,6 +17,8 @@ from zwidth.sim.trace import Trace
 
 AnyDevice = Device | str | PathLike[str]
 AnyRecording = Trace | Run | Log | str | PathLike[str]
+Arms = tuple[str | PathLike[str], str]
+"""The model of a robot, MJCF or URDF, and the joint in it that a device is."""
 
 
 def device_of(given: AnyDevice) -> Device:
@@ -82,9 +85,21 @@ def named_traces(given: AnyRecording | Sequence[AnyRecording]) -> list[tuple[str
     return [(name_of(one, place), trace_of(one)) for place, one in enumerate(several)]
 
 
-def experiments_of(traces: Sequence[tuple[str, Trace]], device: Device) -> list[Experiment]:
+def experiments_of(
+    traces: Sequence[tuple[str, Trace]], device: Device, arms: Arms | None = None
+) -> list[Experiment]:
     """Return recordings, each with its name, as the stretches that a diagnosis reads.
 
-    Raises ExperimentError for what is no use with this device.
+    arms: what they do to the device is known. Raises ExperimentError for what is no use with this
+    device, and as `with_known_torque`.
     """
-    return [stretch for name, trace in traces for stretch in stretches(trace, device, name)]
+    return [
+        stretch
+        for name, trace in traces
+        for stretch in stretches(_beside(arms, trace, device), device, name)
+    ]
+
+
+def _beside(arms: Arms | None, trace: Trace, device: Device) -> Trace:
+    """Return a recording with what arms do to the device, where there are any."""
+    return trace if arms is None else with_known_torque(trace, device, *arms)[0]

@@ -42,6 +42,8 @@ from zwidth.diagnosis_report import (
     verdict_line,
 )
 from zwidth.door import described, device_of, kept
+from zwidth.export.known_torque import with_known_torque
+from zwidth.export.read_joint import joint_of
 from zwidth.files.whole import write_text
 from zwidth.fleet.listing import is_fleet
 from zwidth.fleet_door import diagnose_recordings
@@ -97,6 +99,11 @@ RESULTS = ("diagnosis.html", "augmented.toml", "next.toml", "next.npy")
     default=None,
     help="Say what becomes of the stiffest wall, or not; else where a --device may render one.",
 )
+@click.option(
+    "--known-torque", "model", metavar="MODEL", type=click.Path(path_type=Path),
+    help="MJCF or URDF of the robot: what its arms do to --joint in the recorded posture is known.",
+)  # fmt: skip
+@click.option("--joint", metavar="NAME", help="The joint of MODEL that the device is.")
 @click.option("--processes", type=click.IntRange(1), help="Of a fleet: processes side by side.")
 @cluster_option
 @out_option("runs")
@@ -108,6 +115,8 @@ def command(
     validate: tuple[Path, ...],
     effort: str,
     wall: bool | None,
+    model: Path | None,
+    joint: str | None,
     processes: int | None,
     cluster: str | None,
     out: Path,
@@ -131,7 +140,7 @@ def command(
     """
     console = Console(json_file)
     if any(is_fleet(path) for path in recordings):
-        _refuse_beside_a_fleet(recordings, validate, wall)
+        _refuse_beside_a_fleet(recordings, validate, wall, model)
         device = None if name is None else load_device(name)
         line = typed_line(click.get_current_context())
         (path,) = recordings
@@ -143,7 +152,8 @@ def command(
             " them out, or give one"
         )
     line = typed_line(click.get_current_context())
-    diagnose_files(console, recordings, name, validate, effort, wall, out, line)
+    robot = (model, joint)
+    diagnose_files(console, recordings, name, validate, effort, wall, out, line, robot)
 
 
 def diagnose_files(
@@ -155,18 +165,20 @@ def diagnose_files(
     wall: bool | None,
     out: Path,
     line: str,
+    robot: tuple[Path | None, str | None] = (None, None),
 ) -> None:
     """Diagnose recordings, say what was found and write it; arguments as of the command.
 
-    line: what asks the same again. Raises ValueError and ClickException as the command does, and
+    line: what asks the same again. robot: its model and the joint in it. Raises ValueError and ClickException as the command does, and
     KeyboardInterrupt at its end where it was interrupted.
     """
     _refuse_fitted(recordings, validate)
     known = None if name is None else load_device(name)  # what is wrong with it is said at once
+    arms = _arms(*robot, known)
     read = {path: described(console, path, out) for path in (*recordings, *validate)}
     with collecting(console.warn) as mishaps:
         with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # numpy's, on 1e300
-            fitted_to = _traces(console, recordings, read)
+            fitted_to = arms(console, _traces(console, recordings, read))
             fresh, file = False, Path(name or "")
             if known is None:
                 named = [(path.stem, trace) for path, trace in fitted_to]
@@ -176,7 +188,7 @@ def diagnose_files(
                 wall = False  # who has no device file yet has not asked about walls
             asked = Asked(console, recordings, read, device, name, out, line, wall)
             fit_on = _stretches(fitted_to, device)
-            judged_by = _traces(console, validate, read)
+            judged_by = arms(console, _traces(console, validate, read))
             judge_by = [e for _, e in _stretches(judged_by, device)] or None
             logs = _log_files(out, [path for path, _ in fit_on])
             console.will_write(*map(asked.file, RESULTS), *(log for _, log in logs))
@@ -198,7 +210,7 @@ def diagnose_files(
 
 
 def _refuse_beside_a_fleet(
-    recordings: Sequence[Path], validate: Sequence[Path], wall: bool | None
+    recordings: Sequence[Path], validate: Sequence[Path], wall: bool | None, model: Path | None
 ) -> None:
     """Raise ValueError for what has no use where a fleet is diagnosed."""
     if len(recordings) > 1:
@@ -206,8 +218,8 @@ def _refuse_beside_a_fleet(
             f"{len(recordings)} are given and one of them is a fleet; give the folder or the table"
             " of recordings alone, or recordings only"
         )
-    if validate or wall is not None:
-        option = "--validate" if validate else "--wall"
+    if validate or wall is not None or model is not None:
+        option = "--validate" if validate else "--known-torque" if wall is None else "--wall"
         raise ValueError(f"{option} has no use with a fleet; leave it out")
 
 
@@ -431,6 +443,38 @@ def _traces(
     if paths and not found:
         raise ValueError("none of the recordings can be read, as said above")
     return found
+
+
+Traces = list[tuple[Path, Trace]]
+
+
+def _arms(
+    model: Path | None, joint: str | None, device: Device | None
+) -> Callable[[Console, Traces], Traces]:
+    """What adds to recordings the force of the rest of a robot, nothing where none is given.
+
+    Raises ValueError for one of the two options without the other, and without a device.
+    """
+    if (model is None) != (joint is None):
+        raise ValueError("--known-torque MODEL and --joint NAME go together; give both")
+    if model is None or joint is None:
+        return lambda _, traces: traces
+    if device is None:
+        raise ValueError(
+            "--known-torque needs --device, the device of the joint; 'zwidth devices --from"
+            f" {model} --joint {joint} --save FILE' writes one"
+        )
+    joint_of(model, joint)  # what is wrong with it is said at once
+
+    def add(console: Console, traces: Traces) -> Traces:
+        found: Traces = []
+        for path, trace in traces:
+            more, said = with_known_torque(trace, device, model, joint)
+            console.note(f"{path.name}: {said}")
+            found.append((path, more))
+        return found
+
+    return add
 
 
 def _stretches(

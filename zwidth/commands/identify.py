@@ -16,6 +16,7 @@ from zwidth.identification.fit import Fit, fit_response
 from zwidth.identification.identified import identified
 from zwidth.identification.search import REJECTED
 from zwidth.logs.recording import read_recording
+from zwidth.logs.recording_file import KNOWN_FORCE
 from zwidth.options import Quantity, force_option, json_option, out_option
 from zwidth.sim.device import Device, warnings_of
 from zwidth.sim.device_file import commented_text
@@ -72,6 +73,8 @@ def command(
     for warning in (*(warned if isinstance(warned, list | tuple) else ()), fit.note):
         if warning:
             console.warn(f"{recording.name}: {warning}")
+    if any(c.startswith(KNOWN_FORCE) for c in trace.channels):
+        console.warn(f"{recording.name} knows a force besides its command, which is not used here")
     source = f"identified from {recording.name}"
     found = identified(fit, name or recording.stem, trace.units[position], source, position)
     device = found.device
