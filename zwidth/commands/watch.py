@@ -29,6 +29,7 @@ from zwidth.watch.watching import Asked, Tell, follow
 from zwidth.watch.worker import Worker
 
 STREAM, UNFINISHED = "-", ".partial"
+GIVES_WAY = 5  # niceness of searches, which may wait for the gate and for what writes the log
 
 
 @click.command("watch")
@@ -87,7 +88,8 @@ def command(
     line = typed_line(click.get_current_context())
     with TemporaryDirectory(prefix="zwidth-watch-") as folder:
         is_stream = str(log) == STREAM
-        source = of_stream(sys.stdin.buffer) if is_stream else of_file(data)
+        why = protection.INPUT if data == log else f"is what {log.name} describes"
+        source = of_stream(sys.stdin.buffer) if is_stream else of_file(data, why)
         growing = Growing(source, "stdin" if is_stream else data.name, Path(folder))
         if not is_stream:
             with _as_diagnose():
@@ -129,7 +131,7 @@ def _followed(asked: Asked, tell: Tell) -> Read | None:
     """Follow the log to its end, and return what it held; None where Ctrl-C stopped it."""
     workers: list[Worker] = []
     try:
-        workers += [Worker(), Worker()]
+        workers += [Worker(), Worker(nice=GIVES_WAY)]
         return follow(asked, tell, (workers[0], workers[1]))
     except KeyboardInterrupt:
         return None

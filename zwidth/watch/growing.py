@@ -14,7 +14,7 @@ from typing import BinaryIO
 
 from mcap.writer import MCAP0_MAGIC
 
-from zwidth.files.protection import reading
+from zwidth.files.protection import INPUT, reading
 from zwidth.logs.errors import LogIsDirectory, LogNotFound, LogNotReadable
 from zwidth.logs.open_source import STARTS
 from zwidth.logs.source import RecordingError
@@ -86,8 +86,8 @@ class Growing:
             return copy.read() == MCAP0_MAGIC
 
 
-def of_file(path: Path) -> Take:
-    """Return what takes from a file as it grows.
+def of_file(path: Path, why: str = INPUT) -> Take:
+    """Return what takes from a file as it grows; why: what it is, as `protection.reading` has it.
 
     Raises LogNotFound and others of `logs.errors` where there is none, and RecordingError, when it
     takes, where the file was begun anew.
@@ -98,7 +98,7 @@ def of_file(path: Path) -> Take:
         raise LogNotFound(f"{path} does not exist yet; start what writes it first")
     if not path.is_file():
         raise LogNotReadable(f"{path} is no regular file; give '-' and send it to standard input")
-    reading(path)
+    reading(path, why)
     taken = 0
 
     def take() -> tuple[bytes, bool]:
