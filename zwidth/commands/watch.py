@@ -71,7 +71,7 @@ def command(
     out: Path,
     json_file: str | None,
 ) -> None:
-    """Say what a log shows while it grows: what is wrong with it, what physics, how stiff a wall.
+    """Say what a log shows while it grows: its faults, its physics, how stiff a wall.
 
     FILE is a text table or an MCAP log that somebody is writing, or a recording TOML that describes
     one; - is standard input, which is kept as OUT/stdin.csv or .mcap. A line says each thing that
