@@ -2,6 +2,7 @@
 
 import json
 import math
+import shlex
 import sys
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
@@ -108,8 +109,9 @@ def command(
             found = _followed(asked, tell)
         final = _finished(console, log, growing, out)
     if found is None:
-        again = f"'zwidth diagnose {final}'" + (f" with --device {name}" if name else "")
-        console.say("ended" + ("" if final is None else f"; {again} has the whole answer"))
+        words = ["zwidth", "diagnose", str(final), *(["--device", name] if name else [])]
+        more = f"; '{shlex.join(words)}' has the whole answer"
+        console.say("ended" if final is None else f"ended{more}")
         return
     if final is None:
         raise ValueError("nothing came, so there is nothing to say")
