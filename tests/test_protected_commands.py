@@ -102,6 +102,12 @@ CASES: dict[str, Case | str] = {
         ("rec.toml", "rec.csv", "dev.toml"),
         "diagnose",
     ),
+    "watch": Case(
+        "rec.toml --device dev.toml --json o/x.json --out o",
+        ("o/x.json",),
+        ("rec.toml", "rec.csv", "dev.toml"),
+        "_followed",
+    ),
     "plan": Case(
         "--device dev.toml --noise 1e-5 --seconds 2 --excitation wall.toml --out o",
         ("o/wall_plan.png", "o/wall_plan.svg", "o/wall.toml", "o/wall.npy"),
@@ -160,7 +166,7 @@ INPUTS = [
 ]
 # Quick enough to be run to their end; `paper` knows the names of its pictures late.
 KEPT = {"parts", "recordings", "keys"}  # folders that are taken up again
-RUN = [name for name in WRITING if name not in ("paper", "diagnose", "exam")]
+RUN = [name for name in WRITING if name not in ("paper", "diagnose", "watch", "exam")]
 
 
 def case_of(name: str) -> Case:

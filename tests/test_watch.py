@@ -87,8 +87,20 @@ def test_a_file_that_is_begun_anew_is_said(tmp_path: Path):
     assert log.poll() == 8
     assert log.poll() == 0
     path.write_text("u\n")
-    with pytest.raises(RecordingError, match="shorter than it was"):
+    with pytest.raises(RecordingError, match="was begun anew"):
         log.poll()
+
+
+def test_a_file_that_gets_its_last_name_has_ended(tmp_path: Path):
+    """As a run's NAME.partial.mcap does. Mutation: an error of the operating system."""
+    path = tmp_path / "a.csv"
+    path.write_text("u,q\n1,2\n")
+    log = Growing(of_file(path), "copy.csv", tmp_path)
+    log.poll()
+    assert not log.ended
+    path.rename(tmp_path / "b.csv")
+    assert log.poll() == 0
+    assert log.ended
 
 
 def test_what_is_written_as_a_whole_cannot_be_followed(tmp_path: Path):
@@ -359,7 +371,7 @@ def test_ctrl_c_ends_it_quietly(folder: Path, lines: list[str]):
     status, out, err = followed.end()
     assert status == Status.DONE
     assert "Traceback" not in err
-    assert out.splitlines()[-1].startswith("ended; 'zwidth diagnose log.csv'")
+    assert out.splitlines()[-1].startswith("ended; 'zwidth diagnose log.csv --device known")
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,7 @@ COMMANDS = {
     "diagnose": (
         "Say why recordings differ from the simulation of a device, and what physics is missing."
     ),
-    "watch": "Say what a log shows while it grows: recording, physics, the stiffest wall.",
+    "watch": "Say what a log shows while it grows: its faults, its physics, how stiff a wall.",
     "convert": "Show what a recorded file holds, draft its description, or convert it.",
     "identify": "Fit a device to a recording of its command and position.",
     "plan": "Say what a recording would show, before it is made.",

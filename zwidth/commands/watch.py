@@ -2,6 +2,7 @@
 
 import json
 import math
+import shlex
 import sys
 from collections.abc import Generator
 from contextlib import contextmanager, suppress
@@ -29,6 +30,7 @@ from zwidth.watch.watching import Asked, Tell, follow
 from zwidth.watch.worker import Worker
 
 STREAM, UNFINISHED = "-", ".partial"
+GIVES_WAY = 5  # niceness of searches, which may wait for the gate and for what writes the log
 
 
 @click.command("watch")
@@ -70,7 +72,7 @@ def command(
     out: Path,
     json_file: str | None,
 ) -> None:
-    """Say what a log shows while it grows: what is wrong with it, what physics, how stiff a wall.
+    """Say what a log shows while it grows: its faults, its physics, how stiff a wall.
 
     FILE is a text table or an MCAP log that somebody is writing, or a recording TOML that describes
     one; - is standard input, which is kept as OUT/stdin.csv or .mcap. A line says each thing that
@@ -87,7 +89,8 @@ def command(
     line = typed_line(click.get_current_context())
     with TemporaryDirectory(prefix="zwidth-watch-") as folder:
         is_stream = str(log) == STREAM
-        source = of_stream(sys.stdin.buffer) if is_stream else of_file(data)
+        why = protection.INPUT if data == log else f"is what {log.name} describes"
+        source = of_stream(sys.stdin.buffer) if is_stream else of_file(data, why)
         growing = Growing(source, "stdin" if is_stream else data.name, Path(folder))
         if not is_stream:
             with _as_diagnose():
@@ -106,8 +109,9 @@ def command(
             found = _followed(asked, tell)
         final = _finished(console, log, growing, out)
     if found is None:
-        again = f"'zwidth diagnose {final}'" + (f" with --device {name}" if name else "")
-        console.say("ended" + ("" if final is None else f"; {again} has the whole answer"))
+        words = ["zwidth", "diagnose", str(final), *(["--device", name] if name else [])]
+        more = f"; '{shlex.join(words)}' has the whole answer"
+        console.say("ended" if final is None else f"ended{more}")
         return
     if final is None:
         raise ValueError("nothing came, so there is nothing to say")
@@ -129,7 +133,7 @@ def _followed(asked: Asked, tell: Tell) -> Read | None:
     """Follow the log to its end, and return what it held; None where Ctrl-C stopped it."""
     workers: list[Worker] = []
     try:
-        workers += [Worker(), Worker()]
+        workers += [Worker(), Worker(nice=GIVES_WAY)]
         return follow(asked, tell, (workers[0], workers[1]))
     except KeyboardInterrupt:
         return None

@@ -14,7 +14,7 @@ from typing import BinaryIO
 
 from mcap.writer import MCAP0_MAGIC
 
-from zwidth.files.protection import reading
+from zwidth.files.protection import INPUT, reading
 from zwidth.logs.errors import LogIsDirectory, LogNotFound, LogNotReadable
 from zwidth.logs.open_source import STARTS
 from zwidth.logs.source import RecordingError
@@ -86,11 +86,11 @@ class Growing:
             return copy.read() == MCAP0_MAGIC
 
 
-def of_file(path: Path) -> Take:
-    """Return what takes from a file as it grows.
+def of_file(path: Path, why: str = INPUT) -> Take:
+    """Return what takes from a file as it grows; why: what it is, as `protection.reading` has it.
 
-    Raises LogNotFound and others of `logs.errors` where there is none, and RecordingError, when it
-    takes, where the file was begun anew.
+    It ends where the file is renamed or taken away. Raises LogNotFound and others of `logs.errors`
+    where there is none, and RecordingError, when it takes, where the file was begun anew.
     """
     if path.is_dir():
         raise LogIsDirectory(f"{path} is a folder; name the log that grows in it")
@@ -98,19 +98,23 @@ def of_file(path: Path) -> Take:
         raise LogNotFound(f"{path} does not exist yet; start what writes it first")
     if not path.is_file():
         raise LogNotReadable(f"{path} is no regular file; give '-' and send it to standard input")
-    reading(path)
-    taken = 0
+    reading(path, why)
+    taken, first = 0, path.stat().st_ino
 
     def take() -> tuple[bytes, bool]:
         nonlocal taken
-        with path.open("rb") as file:
-            size = os.fstat(file.fileno()).st_size
-            if size < taken:
+        try:
+            file = path.open("rb")
+        except FileNotFoundError:  # as NAME.partial.mcap is, which becomes NAME.mcap at its end
+            return b"", True
+        with file:
+            known = os.fstat(file.fileno())
+            if known.st_size < taken or known.st_ino != first:
                 raise RecordingError(
-                    f"{path} is shorter than it was: it was begun anew; give the same line again"
+                    f"{path} was begun anew; give the same line again to follow it"
                 )
             file.seek(taken)
-            new = file.read(size - taken)
+            new = file.read(known.st_size - taken)
         taken += len(new)
         return new, False
 

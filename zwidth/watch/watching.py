@@ -23,7 +23,7 @@ from zwidth.watch.updates import GATE, NOTE, Update, of_quick, of_search
 from zwidth.watch.worker import Works
 
 LOOK, GATE_EVERY = 0.05, 0.5  # s between looks at the file, and between two gates
-BUSY = 3.0  # times as long as reading took, that is waited until it is read again
+BUSY = 1.0  # times as long as reading took, that is waited until it is read again
 ENOUGH = 2 * SHORTEST  # samples, from which a device is fitted and a search is made
 GROWN, DOUBTED = 2.0, 1.2  # times the samples of the last search, for the next one
 RESTS = 2.0  # s without anything new, from which all that there is is searched

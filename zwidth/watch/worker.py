@@ -28,10 +28,11 @@ class Worker:
     `give` it something to do while it is not `busy`, and `take` what it gave back.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, nice: int = 0) -> None:
+        """Start it; nice: by how much it gives way to others, where there is such a thing."""
         spawn = get_context("spawn")  # a fork would take along locks that its threads do not free
         self._here, there = spawn.Pipe()
-        self._process = spawn.Process(target=_work, args=(there,), daemon=True)
+        self._process = spawn.Process(target=_work, args=(there, nice), daemon=True)
         self._process.start()
         there.close()
         self.busy = False
@@ -66,7 +67,9 @@ class Worker:
         self._here.close()
 
 
-def _work(orders: Connection) -> None:
+def _work(orders: Connection, nice: int) -> None:
+    if nice and hasattr(os, "nice"):
+        os.nice(nice)
     os.environ["ZWIDTH_THREADS"] = "1"
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all: who follows the log ends it
     while True:
