@@ -46,7 +46,7 @@ class Machine:
 MACHINES = {
     "two_mass_cart": Machine(("tm_2", "tm_sine_1"), ("tm_1_5", "tm_sine_4")),
     "rack_and_pinion": Machine(("rp1",)),
-    "hsm150": Machine(("hsm_pos_0.06_1", "hsm_neg_0.04_1")),
+    "hsm150": Machine(("hsm_pos_0.06_1_measured", "hsm_neg_0.04_1_measured")),
     "lugre_motor": Machine(("LuGre_J_1",)),
     "coupled_drives": Machine(("drive_1", "drive_2", "drive_3")),
     "ecp_carts": Machine(("Kmed_hand_Nomass",)),

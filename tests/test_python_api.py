@@ -450,13 +450,13 @@ def test_a_plot_has_axes_with_units(results: dict[str, Any], name: str):
     figure.canvas.draw()
 
 
-@pytest.mark.parametrize("picture", ["motion", "missing force", "residual"])
+@pytest.mark.parametrize("picture", ["motion", "missing force", "residual", "force"])
 def test_a_diagnosis_has_the_pictures_of_its_report(picture: str):
     diagnosis().plot(picture).canvas.draw()
 
 
 def test_a_picture_that_there_is_not_is_refused_with_those_that_there_are():
-    with pytest.raises(ValueError, match="'motion' or 'missing force' or 'residual'"):
+    with pytest.raises(ValueError, match="'motion' or 'missing force' or 'residual' or 'force'"):
         diagnosis().plot("phase")
 
 

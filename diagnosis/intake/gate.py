@@ -142,10 +142,10 @@ class _Seen:
         Under which the device file errs less by `CERTAIN` times, drag, friction and a file that is
         off by half beside it; or which its steps say as well.
         """
-        if abs(self.scale) != 1.0 and not far_off(self.scale, rotary):
-            return False
-        said = self.step is not None and unit_of(self.step) is not None
-        return self.better > CERTAIN or (said and 1.0 / OFF < self.counts * self.scale < OFF)
+        if self.step is not None and unit_of(self.step) is not None:
+            return far_off(self.step, rotary) and 1.0 / OFF < self.counts * self.scale < OFF
+        unit = abs(self.scale) == 1.0 or far_off(self.scale, rotary)
+        return unit and self.better > CERTAIN
 
     @property
     def vouched(self) -> bool:

@@ -8,7 +8,9 @@ show best in the next one, and what they leave of friction is noise of a slow co
 search is made once more under noise that counts errors as far ahead as free runs go
 (`noise.family.as_far_as`), and the two answers are held against each other by what their free runs
 err over every horizon, stretch by stretch: the horizon that tells most clearly decides. A recording
-of half a second has too few free runs to refuse anything, so there both are always asked for.
+of half a second has too few free runs to refuse anything, and of an answer whose rehearsals run
+away nothing is foretold; so there both are always asked for. Where an answer holds on what it was
+fitted to and is `unknown_physics` for another reason, `answer.answered` asks.
 """
 
 from collections.abc import Iterator, Sequence
