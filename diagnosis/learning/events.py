@@ -43,7 +43,7 @@ from scipy.signal import fftconvolve
 
 from zwidth.diagnosis.fitting.fit import Fitted
 from zwidth.diagnosis.forces.spatial import response
-from zwidth.diagnosis.learning.event_force import Happened, Source, fitted_event
+from zwidth.diagnosis.learning.event_force import Happened, Pulse, Source, fitted_event
 from zwidth.diagnosis.noise.predictor import SETTLING
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.evidence import ALPHA
@@ -52,9 +52,8 @@ from zwidth.sim.place import masses_and_links
 
 Floats = NDArray[np.float64]
 MOST = 4  # events in all that was recorded
-TURNS = 16  # of looking again, that all events together may take
+TURNS = 24  # of looking again, that all events together may take
 REFITS = 2  # turns of parameters and noise with each event
-AGREED = 0.01  # of its gain, by which an event that is fitted again is as it was
 PER_OCTAVE = 2  # durations
 LONGEST_S, LONGEST_SHARE = 3.0, 0.2  # of an event; the share is of the recording
 SEEN = 100  # ticks after its onset, by which what lasts is seen
@@ -114,9 +113,12 @@ def happenings(
         if not near and len(found) >= MOST:
             break
         rest = [one for one in found if one not in near]
-        new = fitted_event(_judged(recordings, rest, seen), *_together(near, peak))
-        if any(_same(one, new) for one in near):
+        pulses = [pulse for one in near for pulse in one.pulses]
+        again = Pulse(peak.first, peak.ticks)
+        if again in pulses:  # all that a force there explains is explained
             break
+        beside = replace(seen, experiments=with_events(recordings, rest))
+        new = fitted_event(beside, peak.recording, [*pulses, again])
         found = [*rest, new]
         h = settled(judged(fit_on(found), h.model, h.x, h.family), turns=REFITS)
         found = _fitted_again(recordings, found, h)
@@ -127,18 +129,17 @@ def happenings(
 def _fitted_again(
     recordings: Sequence[Experiment], found: Sequence[Happened], h: Hypothesis
 ) -> list[Happened]:
-    """Each event beside the others as other parameters have it."""
+    """Each event beside the others, under the noise that is left where all are known.
+
+    Noise that knows nothing of an event takes its colour for its own, and fits little of it.
+    """
     new = list(found)
-    for i, one in enumerate(found):
-        beside = _judged(recordings, [*new[:i], *new[i + 1 :]], h)
-        new[i] = fitted_event(beside, one.recording, one.first, one.last, margin=0)
+    for _ in range(REFITS):
+        seen = _judged(recordings, new, h)
+        for i, one in enumerate(found):
+            others = with_events(recordings, [*new[:i], *new[i + 1 :]])
+            new[i] = fitted_event(replace(seen, experiments=others), one.recording, one.pulses)
     return new
-
-
-def _same(one: Happened, new: Happened) -> bool:
-    """Whether an event that was fitted again is as it was."""
-    where = one.source == new.source and (one.first, one.last) == (new.first, new.last)
-    return where and math.isclose(one.gain, new.gain, rel_tol=AGREED)
 
 
 def _believed(
@@ -179,13 +180,6 @@ def _near(one: Happened, peak: Peak, period: float) -> bool:
     ends = peak.first + peak.ticks
     apart = peak.first - one.last > far or one.first - ends > far
     return one.recording == peak.recording and not apart
-
-
-def _together(near: Sequence[Happened], peak: Peak) -> tuple[int, int, int]:
-    """Recording, first tick and end of a pulse with what it is part of."""
-    first = min([peak.first, *(one.first for one in near)])
-    last = max([peak.first + peak.ticks, *(one.last for one in near)])
-    return peak.recording, first, last
 
 
 class _Answer(NamedTuple):
