@@ -53,7 +53,8 @@ from zwidth.sim.place import masses_and_links
 Floats = NDArray[np.float64]
 MOST = 4  # events in all that was recorded
 TURNS = 24  # of looking again, that all events together may take
-REFITS = 2  # turns of parameters and noise with each event
+REFITS = 2  # turns of parameters and noise with each event, and of an event under its noise
+TOGETHER, GAINED = 6, 2.0  # of all in turn, at most; in -2 ln, that one must gain for another
 PER_OCTAVE = 2  # durations
 LONGEST_S, LONGEST_SHARE = 3.0, 0.2  # of an event; the share is of the recording
 SEEN = 100  # ticks after its onset, by which what lasts is seen
@@ -65,6 +66,9 @@ RARITY = math.log(0.95 / 0.05)  # of a recording in which something happens
 NEAR_S = 0.12  # between two pulses of one event, at least
 MEDIAN = 0.6745  # of |z| of a normal
 ONSET = SETTLING + 20  # ticks from the start, in which the observer finds the state
+
+
+FitOn = Callable[[Sequence[Happened]], Sequence[Experiment]]
 
 
 class Peak(NamedTuple):
@@ -95,7 +99,7 @@ class Chance:
 def happenings(
     recordings: Sequence[Experiment],
     h: Hypothesis,
-    fit_on: Callable[[Sequence[Happened]], Sequence[Experiment]],
+    fit_on: FitOn,
 ) -> tuple[Happened, ...]:
     """Return what happens once in recordings, as a fitted hypothesis sees them; the first first.
 
@@ -119,11 +123,26 @@ def happenings(
             break
         beside = replace(seen, experiments=with_events(recordings, rest))
         new = fitted_event(beside, peak.recording, [*pulses, again])
-        found = [*rest, new]
-        h = settled(judged(fit_on(found), h.model, h.x, h.family), turns=REFITS)
-        found = _fitted_again(recordings, found, h)
-    kept = _believed(recordings, found, h)
+        found, h = _agreed(recordings, [*rest, new], h, fit_on)
+    kept = _believed(recordings, found, h, fit_on)
     return tuple(sorted(kept, key=lambda one: (one.recording, one.first)))
+
+
+def _agreed(
+    recordings: Sequence[Experiment], found: list[Happened], h: Hypothesis, fit_on: FitOn
+) -> tuple[list[Happened], Hypothesis]:
+    """Events, parameters and noise fitted in turn, until neither gains.
+
+    What is left of an event at parameters that it has bent looks like another.
+    """
+    before = math.inf
+    for _ in range(TOGETHER):
+        h = settled(judged(fit_on(found), h.model, h.x, h.family), turns=REFITS)
+        if before - h.cost.misfit < GAINED:
+            break
+        before = h.cost.misfit
+        found = _fitted_again(recordings, found, h)
+    return found, h
 
 
 def _fitted_again(
@@ -143,19 +162,27 @@ def _fitted_again(
 
 
 def _believed(
-    recordings: Sequence[Experiment], found: list[Happened], h: Hypothesis
+    recordings: Sequence[Experiment], found: list[Happened], h: Hypothesis, fit_on: FitOn
 ) -> list[Happened]:
     """Those that stand out of what chance does where none of them is; the weakest is asked first.
 
-    One that goes is part of what chance does for the others.
+    One that goes is part of what chance does for the others. Beside others an event must stand out
+    where these alone are known and all is fitted to that, or it is what they have left.
     """
     while found:
-        seen = _judged(recordings, found, h)
-        _, chance = _searched(seen, found)
+        _, chance = _searched(_judged(recordings, found, h), found)
         weakest = min(found, key=lambda one: one.gain)
-        if weakest.gain > chance.most:
+        rest = [one for one in found if one is not weakest]
+        if weakest.gain > chance.most and not rest:
             break
-        found = [one for one in found if one is not weakest]
+        others, own = _agreed(recordings, rest, h, fit_on)
+        if weakest.gain > chance.most:
+            seen = _judged(recordings, others, own)
+            peak, chance = _searched(seen, found)
+            period = seen.experiments[0].period
+            if peak is not None and _near(weakest, peak, period) and peak.gain > chance.most:
+                break
+        found, h = others, own
     return found
 
 
