@@ -25,7 +25,8 @@ m = 2 for Gaussian noise). Of a gain c that chance exceeds somewhere in all that
 
 an event is believed where P is less than `ALPHA` at the odds that something happens at all. m is
 the largest mean excess over three thresholds, so that a recording in which such peaks are common
-has no events but a model that lacks something.
+has no events but a model that lacks something. That is asked before anything is fitted, too, with
+the `MOST` highest peaks set aside, which may be events and then are no chance.
 
 Limits: at most `MOST` events; of those that last longer than `LONGEST_S` or a fifth of the
 recording nothing is said. The answer h is that of the device without its nonlinear physics: it
@@ -110,8 +111,8 @@ def happenings(
     found: list[Happened] = []
     for _ in range(TURNS):
         seen = _judged(recordings, found, h)
-        peak, chance = _searched(seen, found)
-        if peak is None or peak.gain < replace(chance, excess=GAUSSIAN).most:
+        peak, chance = _searched(seen, found, MOST - len(found))
+        if peak is None or peak.gain <= chance.most:
             break
         near = [one for one in found if _near(one, peak, seen.experiments[0].period)]
         if not near and len(found) >= MOST:
@@ -216,25 +217,55 @@ class _Answer(NamedTuple):
     h: Floats
 
 
-def _searched(h: Hypothesis, known: Sequence[Happened]) -> tuple[Peak | None, Chance]:
-    """The highest of all peaks, and what chance reaches in stretches beside known events."""
-    best: Peak | None = None
-    stretches: list[Floats] = []
-    answers = _answers(h)
-    outputs, row = h.noise.observer.deviation.size, 0
-    for i, e in enumerate(h.experiments):
+def _searched(
+    h: Hypothesis, known: Sequence[Happened], aside: int = 0
+) -> tuple[Peak | None, Chance]:
+    """The highest of all peaks, and what chance reaches in stretches beside known events.
+
+    aside: so many of the highest peaks are no chance either, but may be events yet unknown.
+    """
+    answers, row, outputs = _answers(h), 0, h.noise.observer.deviation.size
+    gains: list[Floats] = []
+    kinds: list[list[tuple[Source, int]]] = []
+    for e in h.experiments:
         white = np.zeros((e.ticks, outputs))
         rows = (e.ticks - SETTLING) * outputs
         white[SETTLING:] = h.residual[row : row + rows].reshape(-1, outputs)
         row += rows
-        gains, which = _gains(white, answers, e)
-        gains[:ONSET] = 0.0
-        first = int(np.argmax(gains))
-        if best is None or gains[first] > best.gain:
-            source, ticks = which[first]
-            best = Peak(i, source, first, ticks, float(gains[first]))
-        stretches.append(_highest(gains, [one for one in known if one.recording == i]))
-    return best, _chance(np.concatenate(stretches))
+        own, which = _gains(white, answers, e)
+        own[:ONSET] = 0.0
+        gains.append(own)
+        kinds.append(which)
+    best = _highest(gains, kinds)
+    kept = [g.copy() for g in gains]
+    for one in known:
+        _mask(kept[one.recording], one.first, one.last)
+    for _ in range(aside):
+        if (top := _highest(kept, kinds)) is not None:
+            _mask(kept[top.recording], top.first, top.first + top.ticks)
+    return best, _chance(np.concatenate([_stretches(own) for own in kept]))
+
+
+def _highest(gains: Sequence[Floats], kinds: Sequence[list[tuple[Source, int]]]) -> Peak | None:
+    tops = [float(np.nan_to_num(own, nan=0.0).max(initial=0.0)) for own in gains]
+    i = int(np.argmax(tops))
+    if not tops[i] > 0.0:
+        return None
+    first = int(np.nanargmax(gains[i]))
+    source, ticks = kinds[i][first]
+    return Peak(i, source, first, ticks, tops[i])
+
+
+def _mask(gains: Floats, first: int, last: int) -> None:
+    """Take out what an event touches: its own ticks, and those that hold its pulses."""
+    gains[max(0, first - STRETCH) : last + 2 * STRETCH] = np.nan
+
+
+def _stretches(gains: Floats) -> Floats:
+    """The highest gain of each stretch of which nothing was taken out."""
+    starts = range(ONSET, gains.size - STRETCH + 1, STRETCH)
+    every = np.array([gains[a : a + STRETCH].max() for a in starts])
+    return every[np.isfinite(every)]
 
 
 def _answers(h: Hypothesis) -> list[_Answer]:
@@ -297,16 +328,6 @@ def _of_length(total: Floats, h: Floats, d: int) -> tuple[Floats, int]:
     score = np.zeros(total.size - 1)
     score[: total.size - d] = (total[d:] - total[:-d]) / math.sqrt(max(float(np.sum(s**2)), 1e-300))
     return score, d
-
-
-def _highest(gains: Floats, known: Sequence[Happened]) -> Floats:
-    """The highest gain of each stretch that no known event touches."""
-    kept = np.ones(gains.size, dtype=np.bool_)
-    kept[:ONSET] = False
-    for one in known:
-        kept[max(0, one.first - STRETCH) : one.last + 2 * STRETCH] = False
-    starts = range(ONSET, gains.size - STRETCH + 1, STRETCH)
-    return np.array([gains[a : a + STRETCH].max() for a in starts if kept[a : a + STRETCH].all()])
 
 
 def _chance(highest: Floats) -> Chance:
