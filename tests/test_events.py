@@ -207,6 +207,9 @@ def test_a_diagnosis_says_what_happened_and_bends_no_parameter(kind: int):
         return
     assert event.energy is not None
     assert event.impulse is not None
+    if kind == STOP:
+        assert event.stop is not None
+        assert "on a stop at" in event.sentence
     if event.until is None:
         assert event.at == pytest.approx(0.5 * (begins + ends), abs=T)
         assert event.impulse.value == pytest.approx(impulse, rel=0.1)

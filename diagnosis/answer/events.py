@@ -42,6 +42,7 @@ SHORT_S, LONG_S = 0.05, 0.1  # a hit lasts less, a hand longer
 HELD = 0.1  # of the usual speed, below which what should move is held
 STOPPED = 0.1  # of the speed before, that is left after a stop
 AT_AN_END = 0.03  # of the travel, within which a stop is
+MEAN_S = 0.02  # over which the largest force is a mean: of single ticks little is known
 BESIDE_S = 0.02  # over which speed is told, before and after
 PICTURE_S = 0.3  # about an event, in a picture
 EDGES = 40  # times at which it is asked whether a force has begun
@@ -72,8 +73,9 @@ class Event:
     force between a hit and a touch), "slip" (of a sensor, a coupling or a clamp). place: mass, link
     or output. at [s] of the recording with the 95 % interval between: of what is short its middle,
     of what lasts its beginning; until, until_between: the same of its end, None of what is short or
-    slips. force: the largest; impulse, energy: brought to the device, negative where it took
-    energy. slip: how far. elsewhere: places that explain it as well. gained: chi-square.
+    slips. force: the largest mean over 20 ms; impulse, energy: brought to the device, negative
+    where it took energy. slip: how far; stop: where one is [rad | m]. elsewhere: places that
+    explain it as well. gained: chi-square.
     """
 
     kind: str
@@ -109,6 +111,10 @@ class Event:
         return " or ".join(every)
 
     @property
+    def _end(self) -> str:
+        return "" if self.stop is None else f" at {with_unit(self.stop, self.course.length, 3)},"
+
+    @property
     def sentence(self) -> str:
         """Say what happened, when, and what it brought."""
         when = f"at {_time(self.at, self.between)}"
@@ -130,7 +136,7 @@ class Event:
             brought, work = "brought or took", f"less than {with_unit(most_work, 'J', 2)}"
         what = {
             HIT: f"a hit of {size} {self.where}",
-            STOP: f"a hit on a stop, of {size}, {self.where}",
+            STOP: f"a hit of {size} on a stop{self._end} {self.where}",
             JAM: f"a jam {self.where}, held by up to {most},",
             TOUCH: f"a hand or another contact {self.where}, of up to {most},",
             PUSH: f"a push of {size} {self.where}",
@@ -153,6 +159,7 @@ class Event:
             "impulse": self.impulse and self.impulse.as_json(),
             "energy": self.energy and self.energy.as_json(),
             "slip": self.slip and self.slip.as_json(),
+            "stop": self.stop,
             "gained": self.gained,
             "course": {name: getattr(c, name).tolist()
                        for name in ("times", "force", "lower", "upper", "motion")},
@@ -266,10 +273,12 @@ def _said(one: Happened, e: Experiment, h: Hypothesis) -> Event:
     first, last = one.first, one.last
     way = np.diff(q[first : last + 1])
     steps = np.diff(np.concatenate([[0.0], f, [0.0]]))
-    largest = int(np.argmax(np.abs(f)))
+    means = _means(f.size, max(1, round(MEAN_S / period)))
+    largest = int(np.argmax(np.abs(means @ f)))
     impulse = _estimate(period * f.sum(), period * np.sqrt(c.sum()), f"{force} s")
     energy = _estimate(f @ way, np.sqrt(way @ c @ way + (noise * np.linalg.norm(steps)) ** 2), "J")
-    most = _estimate(f[largest], np.sqrt(c[largest, largest]), force)
+    row = means[largest]
+    most = _estimate(row @ f, np.sqrt(row @ c @ row), force)
     begins, ends = _edges(f, c)
     kind = _kind(one, q, period, begins[1], ends[1], impulse.value)
     short = kind in (HIT, STOP, PUSH)
@@ -377,6 +386,12 @@ def _edges(f: Floats, c: Floats) -> tuple[Edge, Edge]:
     first, at, last = begun(f, c)
     end, until, sooner = begun(f[::-1], c[::-1, ::-1])
     return (first, at, last), (ticks - sooner, ticks - until, ticks - end)
+
+
+def _means(ticks: int, over: int) -> Floats:
+    """Rows (means, ticks) that take the mean of a force over so many ticks, at each of them."""
+    over = min(over, ticks)
+    return np.array([np.roll(np.arange(ticks) < over, k) for k in range(ticks - over + 1)]) / over
 
 
 def _middle(f: Floats, c: Floats) -> tuple[float, float]:

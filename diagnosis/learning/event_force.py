@@ -1,20 +1,22 @@
 """The force of an event, fitted through the kernel: what acted, tick by tick, and how sure that is.
 
-An event from tick a to b is a force f(t) = sum_j f_j phi_j(t), phi_j hats over time. The window
-about it is run through the kernel from the state that the observer has there, so that friction,
-play and limits do what they do under that force; Gauss and Newton's steps, damped, minimise
+An event is a force f(t) = sum_j f_j phi_j(t), phi_j each tick by itself about what is short, and
+hats over what lasts. The window about it is run through the kernel from the state that the observer
+has there, so that friction, play and limits do what they do under that force; Gauss and Newton's
+steps, damped, minimise
 
     |r(f)|^2 + |f / size|^2,
 
 r the whitened innovations of the window and `size` far more than was seen, so that what sticks (no
-force shows there) has an answer. As many hats as the cost k ln(rows) pays for. A slip is one number
-instead, of a reading or of the force in a spring, from its tick on; of several places and kinds the
-cheapest is taken.
+force shows there) has an answer. A slip is one number instead, of a reading or of the force in a
+spring, from its tick on; of several places and kinds the one is taken of which |r|^2, its numbers
+and twice ln(rows) for the time and size of each of its pulses are least.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,14 +36,31 @@ from zwidth.sim.predict import alone
 Floats = NDArray[np.float64]
 LEAD, TAIL = 60, 150  # ticks before and after an event, in which it is fitted
 POINT = 32  # ticks from the first, in which it may be that something slipped
-SHORT = 40  # ticks, of which each has its own force
-HATS = (3, 6, 12, 24, 48)
 STEPS, WORTH = 8, 0.05  # of Gauss and Newton; of chi-square, that one must gain
 FAR = 30.0  # times what was seen, that a force may be
-MARGIN = 2  # ticks to both sides of what was seen by its linear response
+SHORT, MARGIN = 6, 2  # ticks of a pulse of which each has its own force, and those beside it
+HATS = 6  # over a longer one
 ABOUT = 3  # ticks about its peak, in which a slip is dated
 DATED = 3.84  # chi-square within which a time is as good
 SAME = 10.0  # in cost, below which a place is not told from another
+
+
+class Pulse(NamedTuple):
+    """From which tick of a recording on, and for how many, a force is asked for."""
+
+    first: int
+    ticks: int
+
+    @property
+    def shapes(self) -> list[tuple[int, tuple[float, ...]]]:
+        """First tick and values of each phi."""
+        if self.ticks <= SHORT:
+            ends = self.first - MARGIN, self.first + self.ticks + MARGIN
+            return [(t, (1.0,)) for t in range(*ends)]
+        wide = max(1, self.ticks // HATS)
+        hat = tuple((1.0 - np.abs(np.arange(1 - wide, wide)) / wide).tolist())
+        middles = range(self.first - wide, self.first + self.ticks + wide + 1, wide)
+        return [(m + 1 - wide, hat) for m in middles]
 
 
 @dataclass(frozen=True)
@@ -62,7 +81,8 @@ class Happened:
 
     first, last: where it is looked at. force (last - first,) at each tick, [N m | N], or the one
     amount of what lasts (of a reading [rad | m]); covariance of it. gain: chi-square. between: of
-    what lasts, ticks that date it as well. elsewhere: places that explain it as well.
+    what lasts, ticks that date it as well. elsewhere: places that explain it as well. pulses: that
+    it was asked for.
     """
 
     recording: int
@@ -74,6 +94,7 @@ class Happened:
     gain: float
     between: tuple[float, float]
     elsewhere: tuple[str, ...] = ()
+    pulses: tuple["Pulse", ...] = ()
 
     def on(self, e: Experiment) -> Experiment:
         """Return a recording in which the event is known."""
@@ -146,24 +167,32 @@ class Window:
         )  # fmt: skip
 
     @property
+    def rows(self) -> int:
+        """Samples of the window."""
+        return (self.ends - self.begins) * len(self.seen.outputs)
+
+    @property
     def dof(self) -> int:
         """Masses of the model."""
         return self.ready.coarse.dof
 
 
-def fitted_event(
-    h: Hypothesis, recording: int, first: int, last: int, margin: int = MARGIN
-) -> Happened:
-    """Return an event about some ticks of a recording, as the cheapest description of it has it.
+def fitted_event(h: Hypothesis, recording: int, pulses: Sequence[Pulse]) -> Happened:
+    """Return an event of some pulses in a recording, as the cheapest description of it has it.
 
     h: judged on recordings that know of all others.
     """
-    e = h.experiments[recording]
-    first, last = max(LEAD, first - margin), min(e.ticks - 1, last + margin)
+    ticks = h.experiments[recording].ticks
+    shapes = sorted({shape for pulse in pulses for shape in pulse.shapes})
+    shapes = [(t, v) for t, v in shapes if t >= LEAD and t + len(v) < ticks]
+    first, last = min(t for t, _ in shapes), max(t + len(v) for t, v in shapes)
+    basis = np.zeros((last - first, len(shapes)))
+    for column, (t, values) in enumerate(shapes):
+        basis[t - first : t - first + len(values), column] = values
     window = Window(h, recording, first, last)
     wide = inflation(h.residual[: h.samples])
     tried = [
-        *_forces(window, recording, first, last, e, wide),
+        *_forces(window, recording, first, last, basis, len(pulses), wide),
         *_slips(window, recording, first, min(last, first + POINT), h, wide),
     ]
     best = min(tried, key=lambda one: one.cost)
@@ -174,69 +203,30 @@ def fitted_event(
         and t.happened.source.place != best.happened.source.place
         and t.happened.source.lasting == best.happened.source.lasting
     ]
-    return replace(best.happened, elsewhere=tuple(dict.fromkeys(as_good)))
+    elsewhere = tuple(dict.fromkeys(as_good))
+    return replace(best.happened, elsewhere=elsewhere, pulses=tuple(pulses))
 
 
 def _forces(
-    window: Window, recording: int, first: int, last: int, e: Experiment, wide: float
+    window: Window, recording: int, first: int, last: int, basis: Floats, pulses: int, wide: float
 ) -> Iterator[_Tried]:
-    """Forces for a while at every mass and link."""
-    for place in masses_and_links(window.masses):
-        row = place.row(window.dof)
-        best: _Tried | None = None
-        for basis in _bases(last - first):
-            one = _forced(window, recording, Source(str(place)), first, last, row, basis, wide)
-            if best is not None and one.cost >= best.cost:
-                if basis.shape[1] > 2 * HATS[0]:
-                    break
-                continue
-            best = one
-        assert best is not None
-        yield best
-
-
-def _bases(ticks: int) -> Iterator[Floats]:
-    """Shapes (ticks, k): each tick by itself, or so many hats."""
-    if ticks <= SHORT:
-        yield np.eye(ticks)
-        return
-    for count in HATS:
-        if count <= ticks // 2:
-            at = np.linspace(0, ticks - 1, count + 2)
-            yield np.array(
-                [np.interp(np.arange(ticks), at, row) for row in np.eye(count + 2)[1:-1]]
-            ).T
-
-
-def _forced(
-    window: Window,
-    recording: int,
-    source: Source,
-    first: int,
-    last: int,
-    row: Floats,
-    basis: Floats,
-    wide: float,
-) -> _Tried:
-    """A force of a shape, fitted."""
+    """A force of a shape (last - first, k) at every mass and link."""
     whole = np.zeros((window.ends - window.begins, basis.shape[1]))
     whole[first - window.begins : last - window.begins] = basis
+    count = basis.shape[1]
+    for place in masses_and_links(window.masses):
+        row = place.row(window.dof)
 
-    def white(f: Floats) -> Floats:
-        return window.white(whole @ f, row)
+        def white(f: Floats, row: Floats = row) -> Floats:
+            return window.white(whole @ f, row)
 
-    found, covariance, chi2, gained = _solved(white, basis.shape[1])
-    happened = Happened(
-        recording, source, first, last, basis @ found, wide * basis @ covariance @ basis.T,
-        gained / wide, (first, last),
-    )  # fmt: skip
-    # A tick by itself is no number that was looked for: what pays is the energy of a few.
-    return _Tried(happened, chi2 / wide + basis.shape[1] * math.log(chi2_rows(window)))
-
-
-def chi2_rows(window: Window) -> int:
-    """Samples of a window."""
-    return max(2, (window.ends - window.begins) * len(window.seen.outputs))
+        found, covariance, chi2, gained = _solved(white, count)
+        happened = Happened(
+            recording, Source(str(place)), first, last, basis @ found,
+            wide * basis @ covariance @ basis.T, gained / wide - count, (first, last),
+        )  # fmt: skip
+        # What a pulse is by itself is its time and size; the rest of its ticks fit noise as well.
+        yield _Tried(happened, chi2 / wide + count + 2.0 * pulses * math.log(window.rows))
 
 
 def _slips(
@@ -277,7 +267,7 @@ def _slips(
             recording, source, at, at + 1, found, wide * covariance, gained / wide,
             (min(near) - 1.0, float(max(near))),
         )  # fmt: skip
-        yield _Tried(happened, chi2 + 2.0 * math.log(chi2_rows(window)))
+        yield _Tried(happened, chi2 + 1.0 + 2.0 * math.log(window.rows))
 
 
 def _solved(white: Callable[[Floats], Floats], count: int) -> tuple[Floats, Floats, float, float]:

@@ -25,7 +25,8 @@ m = 2 for Gaussian noise). Of a gain c that chance exceeds somewhere in all that
 
 an event is believed where P is less than `ALPHA` at the odds that something happens at all. m is
 the largest mean excess over three thresholds, so that a recording in which such peaks are common
-has no events but a model that lacks something.
+has no events but a model that lacks something. That is asked before anything is fitted, too, with
+the `MOST` highest peaks set aside, which may be events and then are no chance.
 
 Limits: at most `MOST` events; of those that last longer than `LONGEST_S` or a fifth of the
 recording nothing is said. The answer h is that of the device without its nonlinear physics: it
@@ -43,7 +44,7 @@ from scipy.signal import fftconvolve
 
 from zwidth.diagnosis.fitting.fit import Fitted
 from zwidth.diagnosis.forces.spatial import response
-from zwidth.diagnosis.learning.event_force import Happened, Source, fitted_event
+from zwidth.diagnosis.learning.event_force import Happened, Pulse, Source, fitted_event
 from zwidth.diagnosis.noise.predictor import SETTLING
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.evidence import ALPHA
@@ -52,9 +53,9 @@ from zwidth.sim.place import masses_and_links
 
 Floats = NDArray[np.float64]
 MOST = 4  # events in all that was recorded
-TURNS = 16  # of looking again, that all events together may take
-REFITS = 2  # turns of parameters and noise with each event
-AGREED = 0.01  # of its gain, by which an event that is fitted again is as it was
+TURNS = 24  # of looking again, that all events together may take
+REFITS = 2  # turns of parameters and noise with each event, and of an event under its noise
+TOGETHER, GAINED = 6, 2.0  # of all in turn, at most; in -2 ln, that one must gain for another
 PER_OCTAVE = 2  # durations
 LONGEST_S, LONGEST_SHARE = 3.0, 0.2  # of an event; the share is of the recording
 SEEN = 100  # ticks after its onset, by which what lasts is seen
@@ -66,6 +67,9 @@ RARITY = math.log(0.95 / 0.05)  # of a recording in which something happens
 NEAR_S = 0.12  # between two pulses of one event, at least
 MEDIAN = 0.6745  # of |z| of a normal
 ONSET = SETTLING + 20  # ticks from the start, in which the observer finds the state
+
+
+FitOn = Callable[[Sequence[Happened]], Sequence[Experiment]]
 
 
 class Peak(NamedTuple):
@@ -96,7 +100,7 @@ class Chance:
 def happenings(
     recordings: Sequence[Experiment],
     h: Hypothesis,
-    fit_on: Callable[[Sequence[Happened]], Sequence[Experiment]],
+    fit_on: FitOn,
 ) -> tuple[Happened, ...]:
     """Return what happens once in recordings, as a fitted hypothesis sees them; the first first.
 
@@ -107,54 +111,79 @@ def happenings(
     found: list[Happened] = []
     for _ in range(TURNS):
         seen = _judged(recordings, found, h)
-        peak, chance = _searched(seen, found)
-        if peak is None or peak.gain < replace(chance, excess=GAUSSIAN).most:
+        peak, chance = _searched(seen, found, MOST - len(found))
+        if peak is None or peak.gain <= chance.most:
             break
         near = [one for one in found if _near(one, peak, seen.experiments[0].period)]
         if not near and len(found) >= MOST:
             break
         rest = [one for one in found if one not in near]
-        new = fitted_event(_judged(recordings, rest, seen), *_together(near, peak))
-        if any(_same(one, new) for one in near):
+        pulses = [pulse for one in near for pulse in one.pulses]
+        again = Pulse(peak.first, peak.ticks)
+        if again in pulses:  # all that a force there explains is explained
             break
-        found = [*rest, new]
-        h = settled(judged(fit_on(found), h.model, h.x, h.family), turns=REFITS)
-        found = _fitted_again(recordings, found, h)
-    kept = _believed(recordings, found, h)
+        beside = replace(seen, experiments=with_events(recordings, rest))
+        new = fitted_event(beside, peak.recording, [*pulses, again])
+        found, h = _agreed(recordings, [*rest, new], h, fit_on)
+    kept = _believed(recordings, found, h, fit_on)
     return tuple(sorted(kept, key=lambda one: (one.recording, one.first)))
+
+
+def _agreed(
+    recordings: Sequence[Experiment], found: list[Happened], h: Hypothesis, fit_on: FitOn
+) -> tuple[list[Happened], Hypothesis]:
+    """Events, parameters and noise fitted in turn, until neither gains.
+
+    What is left of an event at parameters that it has bent looks like another.
+    """
+    before = math.inf
+    for _ in range(TOGETHER):
+        h = settled(judged(fit_on(found), h.model, h.x, h.family), turns=REFITS)
+        if before - h.cost.misfit < GAINED:
+            break
+        before = h.cost.misfit
+        found = _fitted_again(recordings, found, h)
+    return found, h
 
 
 def _fitted_again(
     recordings: Sequence[Experiment], found: Sequence[Happened], h: Hypothesis
 ) -> list[Happened]:
-    """Each event beside the others as other parameters have it."""
+    """Each event beside the others, under the noise that is left where all are known.
+
+    Noise that knows nothing of an event takes its colour for its own, and fits little of it.
+    """
     new = list(found)
-    for i, one in enumerate(found):
-        beside = _judged(recordings, [*new[:i], *new[i + 1 :]], h)
-        new[i] = fitted_event(beside, one.recording, one.first, one.last, margin=0)
+    for _ in range(REFITS):
+        seen = _judged(recordings, new, h)
+        for i, one in enumerate(found):
+            others = with_events(recordings, [*new[:i], *new[i + 1 :]])
+            new[i] = fitted_event(replace(seen, experiments=others), one.recording, one.pulses)
     return new
 
 
-def _same(one: Happened, new: Happened) -> bool:
-    """Whether an event that was fitted again is as it was."""
-    where = one.source == new.source and (one.first, one.last) == (new.first, new.last)
-    return where and math.isclose(one.gain, new.gain, rel_tol=AGREED)
-
-
 def _believed(
-    recordings: Sequence[Experiment], found: list[Happened], h: Hypothesis
+    recordings: Sequence[Experiment], found: list[Happened], h: Hypothesis, fit_on: FitOn
 ) -> list[Happened]:
     """Those that stand out of what chance does where none of them is; the weakest is asked first.
 
-    One that goes is part of what chance does for the others.
+    One that goes is part of what chance does for the others. Beside others an event must stand out
+    where these alone are known and all is fitted to that, or it is what they have left.
     """
     while found:
-        seen = _judged(recordings, found, h)
-        _, chance = _searched(seen, found)
+        _, chance = _searched(_judged(recordings, found, h), found)
         weakest = min(found, key=lambda one: one.gain)
-        if weakest.gain > chance.most:
+        rest = [one for one in found if one is not weakest]
+        if weakest.gain > chance.most and not rest:
             break
-        found = [one for one in found if one is not weakest]
+        others, own = _agreed(recordings, rest, h, fit_on)
+        if weakest.gain > chance.most:
+            seen = _judged(recordings, others, own)
+            peak, chance = _searched(seen, found)
+            period = seen.experiments[0].period
+            if peak is not None and _near(weakest, peak, period) and peak.gain > chance.most:
+                break
+        found, h = others, own
     return found
 
 
@@ -181,13 +210,6 @@ def _near(one: Happened, peak: Peak, period: float) -> bool:
     return one.recording == peak.recording and not apart
 
 
-def _together(near: Sequence[Happened], peak: Peak) -> tuple[int, int, int]:
-    """Recording, first tick and end of a pulse with what it is part of."""
-    first = min([peak.first, *(one.first for one in near)])
-    last = max([peak.first + peak.ticks, *(one.last for one in near)])
-    return peak.recording, first, last
-
-
 class _Answer(NamedTuple):
     """Response h (length, o) of the innovations to one tick of a source."""
 
@@ -195,25 +217,55 @@ class _Answer(NamedTuple):
     h: Floats
 
 
-def _searched(h: Hypothesis, known: Sequence[Happened]) -> tuple[Peak | None, Chance]:
-    """The highest of all peaks, and what chance reaches in stretches beside known events."""
-    best: Peak | None = None
-    stretches: list[Floats] = []
-    answers = _answers(h)
-    outputs, row = h.noise.observer.deviation.size, 0
-    for i, e in enumerate(h.experiments):
+def _searched(
+    h: Hypothesis, known: Sequence[Happened], aside: int = 0
+) -> tuple[Peak | None, Chance]:
+    """The highest of all peaks, and what chance reaches in stretches beside known events.
+
+    aside: so many of the highest peaks are no chance either, but may be events yet unknown.
+    """
+    answers, row, outputs = _answers(h), 0, h.noise.observer.deviation.size
+    gains: list[Floats] = []
+    kinds: list[list[tuple[Source, int]]] = []
+    for e in h.experiments:
         white = np.zeros((e.ticks, outputs))
         rows = (e.ticks - SETTLING) * outputs
         white[SETTLING:] = h.residual[row : row + rows].reshape(-1, outputs)
         row += rows
-        gains, which = _gains(white, answers, e)
-        gains[:ONSET] = 0.0
-        first = int(np.argmax(gains))
-        if best is None or gains[first] > best.gain:
-            source, ticks = which[first]
-            best = Peak(i, source, first, ticks, float(gains[first]))
-        stretches.append(_highest(gains, [one for one in known if one.recording == i]))
-    return best, _chance(np.concatenate(stretches))
+        own, which = _gains(white, answers, e)
+        own[:ONSET] = 0.0
+        gains.append(own)
+        kinds.append(which)
+    best = _highest(gains, kinds)
+    kept = [g.copy() for g in gains]
+    for one in known:
+        _mask(kept[one.recording], one.first, one.last)
+    for _ in range(aside):
+        if (top := _highest(kept, kinds)) is not None:
+            _mask(kept[top.recording], top.first, top.first + top.ticks)
+    return best, _chance(np.concatenate([_stretches(own) for own in kept]))
+
+
+def _highest(gains: Sequence[Floats], kinds: Sequence[list[tuple[Source, int]]]) -> Peak | None:
+    tops = [float(np.nan_to_num(own, nan=0.0).max(initial=0.0)) for own in gains]
+    i = int(np.argmax(tops))
+    if not tops[i] > 0.0:
+        return None
+    first = int(np.nanargmax(gains[i]))
+    source, ticks = kinds[i][first]
+    return Peak(i, source, first, ticks, tops[i])
+
+
+def _mask(gains: Floats, first: int, last: int) -> None:
+    """Take out what an event touches: its own ticks, and those that hold its pulses."""
+    gains[max(0, first - STRETCH) : last + 2 * STRETCH] = np.nan
+
+
+def _stretches(gains: Floats) -> Floats:
+    """The highest gain of each stretch of which nothing was taken out."""
+    starts = range(ONSET, gains.size - STRETCH + 1, STRETCH)
+    every = np.array([gains[a : a + STRETCH].max() for a in starts])
+    return every[np.isfinite(every)]
 
 
 def _answers(h: Hypothesis) -> list[_Answer]:
@@ -276,16 +328,6 @@ def _of_length(total: Floats, h: Floats, d: int) -> tuple[Floats, int]:
     score = np.zeros(total.size - 1)
     score[: total.size - d] = (total[d:] - total[:-d]) / math.sqrt(max(float(np.sum(s**2)), 1e-300))
     return score, d
-
-
-def _highest(gains: Floats, known: Sequence[Happened]) -> Floats:
-    """The highest gain of each stretch that no known event touches."""
-    kept = np.ones(gains.size, dtype=np.bool_)
-    kept[:ONSET] = False
-    for one in known:
-        kept[max(0, one.first - STRETCH) : one.last + 2 * STRETCH] = False
-    starts = range(ONSET, gains.size - STRETCH + 1, STRETCH)
-    return np.array([gains[a : a + STRETCH].max() for a in starts if kept[a : a + STRETCH].all()])
 
 
 def _chance(highest: Floats) -> Chance:
