@@ -458,15 +458,18 @@ def _say(console: Console, found: Diagnosis) -> None:
     if scale := scale_sentence(found):
         console.say(scale)
     console.say(f"\n{improvement(found.free_run, bool(found.findings))}")
+    runs = found.whole_runs
+    when = (*WHEN, "law") if runs and "law" in runs[0].errors else WHEN
     rows = [
         [f"{run.output} of {run.recording}"]
-        + [f"{error(run.errors[w], run.unit)} ({percent(run.shares[w])})" for w in WHEN]
+        + [f"{error(run.errors[w], run.unit)} ({percent(run.shares[w])})" for w in when]
         + ["held out" if run.held_out else "fitted"]
         for run in found.whole_runs
     ]
     if rows:
-        heads = ("", "device file", "refitted", "with what was found", "")
-        columns = [Column(head, place in (1, 2, 3)) for place, head in enumerate(heads)]
+        law = ("with the law",) * (len(when) - len(WHEN))
+        heads = ("", "device file", "refitted", "with what was found", *law, "")
+        columns = [Column(head, 0 < place <= len(when)) for place, head in enumerate(heads)]
         console.table(
             "\nWhole runs without a correction: rms error, and over the motion", columns, rows
         )
