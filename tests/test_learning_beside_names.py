@@ -30,7 +30,7 @@ from zwidth.sim.run import simulate
 Floats = NDArray[np.float64]
 T = 0.004
 DEVICE = Device("mass", "", False, make_chain([0.5], [0.8], 30.0), Interface(period=T))
-V = np.linspace(0.0, 3.0, 13, dtype=np.float64)
+V: Floats = 0.25 * np.arange(13.0)
 SATURATES = table("free_damper", "m1", V, -1.5 * np.tanh(V / 0.6), odd=True)
 CUBES = table("free_damper", "m1", V, -0.25 * V**3, odd=True)
 TURN = 0.04
