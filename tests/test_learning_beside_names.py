@@ -30,12 +30,12 @@ from zwidth.sim.run import simulate
 Floats = NDArray[np.float64]
 T = 0.004
 DEVICE = Device("mass", "", False, make_chain([0.5], [0.8], 30.0), Interface(period=T))
-V: Floats = 0.25 * np.arange(13.0)
+V = np.linspace(0.0, 3.0, 13)
 SATURATES = table("free_damper", "m1", V, -1.5 * np.tanh(V / 0.6), odd=True)
 CUBES = table("free_damper", "m1", V, -0.25 * V**3, odd=True)
 TURN = 0.04
 DETENT = table(
-    "free_spring", "m1", TURN * np.arange(8) / 8.0,
+    "free_spring", "m1", np.asarray(TURN * np.arange(8) / 8.0, dtype=np.float64),
     1.2 * np.array([0.0, 0.2, 1.0, 0.2, 0.0, -0.4, -0.6, -0.4]), False, TURN,
 )  # fmt: skip
 RUBS = make_physics("coulomb_friction", "m1", level=0.8)
