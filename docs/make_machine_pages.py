@@ -18,6 +18,7 @@ from zwidth.diagnosis.recording.experiment import Experiment, stretches
 from zwidth.diagnosis.selection.effort import EFFORTS
 from zwidth.diagnosis_report import estimate
 from zwidth.figures.diagnosis import whole_run_figure
+from zwidth.figures.learned import learned_figure
 from zwidth.files.protection import writing_as
 from zwidth.files.whole import write_text, write_with
 from zwidth.logs.recording import read_recording
@@ -99,13 +100,17 @@ def answer(name: str, found: Diagnosis, seconds: float) -> str:
     lines += ["", "| linear parameter | device file | refitted |", "|---|---|---|"]
     for key, (nominal, value) in found.linear_refit.items():
         lines.append(f"| {key} | {number(nominal)} | {estimate(value)} |")
+    runs = found.whole_runs
+    when = (*WHEN, "law") if runs and "law" in runs[0].errors else WHEN
+    more = " with the law |" * (len(when) - len(WHEN))
     lines += [
         "", "Free runs from the first sample to the last, never corrected: rms error, and over the rms of the", # noqa: E501
         "motion about its mean.", "",
-        "| output | device file | refitted | with what was found | |", "|---|---|---|---|---|",
+        f"| output | device file | refitted | with what was found |{more} |",
+        "|---|---|---|---|---|" + "---|" * (len(when) - len(WHEN)),
     ]  # fmt: skip
-    for run in found.whole_runs:
-        each = [f"{number(run.errors[w])} {run.unit} ({100.0 * run.shares[w]:.3g} %)" for w in WHEN]
+    for run in runs:
+        each = [f"{number(run.errors[w])} {run.unit} ({100.0 * run.shares[w]:.3g} %)" for w in when]
         held = "held out" if run.held_out else "fitted"
         lines.append(f"| {run.output} of {run.recording} | {' | '.join(each)} | {held} |")
     if found.force_errors:
@@ -121,6 +126,10 @@ def answer(name: str, found: Diagnosis, seconds: float) -> str:
         where = f"{run.recording}, up to {number(run.band)} Hz"
         lines.append(f"| {where} | {' | '.join(each)} | {held} |")
     lines += ["", f"![Measured beside simulated]({name}.png)", ""]
+    if (law := found.learned) is not None:
+        also = [s for s in (law.absorbed, law.energy) if s]
+        lines += [f"**What was learned**: {'; '.join([law.sentence, *also])}.", ""]
+        lines += [f"![The law that was learned]({name}_law.png)", ""]
     lines += [f"Took {seconds:.0f} s of processor time."]
     return "\n".join(lines) + "\n"
 
@@ -142,6 +151,12 @@ def main() -> None:
             write_with(
                 PAGES / f"{name}.png", lambda file, f=figure: f.savefig(file, format="png", dpi=120)
             )
+            if found.learned is not None:
+                law = learned_figure(found.learned, found.device.rotary)
+                write_with(
+                    PAGES / f"{name}_law.png",
+                    lambda file, f=law: f.savefig(file, format="png", dpi=120),
+                )
 
 
 if __name__ == "__main__":

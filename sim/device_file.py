@@ -352,11 +352,12 @@ def _physics(table: Table) -> Physics:
 
 def _free_law(table: Table) -> Physics:
     """A law that is given as a table of points."""
-    table.only(("effect", "at", "odd", "table"))
+    table.only(("effect", "at", "odd", "period", "table"))
     odd = table.boolean("odd") if "odd" in table else False
+    period = table.number("period") if "period" in table else 0.0
     rows = table.rows("table", 2)
     with _as_in_the_file({}, f"{table.path}: "):
-        values = table_values([(s, f) for s, f in rows], odd)
+        values = table_values([(s, f) for s, f in rows], odd, period)
         return Physics(EFFECTS[table.text("effect")], table.text("at"), values)
 
 
@@ -365,7 +366,8 @@ def _numbers(physics: Physics) -> dict[str, object]:
     if not is_table(physics.effect.parameters):
         return dict(physics.values)
     rows = [list(point) for point in points_of(physics.values)]
-    return {"odd": physics.values["odd"] > 0.5, "table": rows}
+    repeats = {"period": physics.values["period"]} if physics.values["period"] > 0.0 else {}
+    return {"odd": physics.values["odd"] > 0.5, **repeats, "table": rows}
 
 
 @contextmanager

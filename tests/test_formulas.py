@@ -69,8 +69,30 @@ def test_a_formula_is_written_with_its_numbers(form: object) -> None:
     curve = next(f for f in FORMS if f is form)
     shape = np.array([0.5] * len(curve.shape))
     values = curve.columns(STATES, shape) @ np.ones(len(curve.factors))
-    found = formulas(STATES, values, 1e-8 * np.eye(12), odd=False)
+    turn = np.pi if curve.turns else 0.0
+    found = formulas(STATES, values, 1e-8 * np.eye(12), False, turn, curve.rubs)
     assert found
     text = found[0].text("q")
     assert "{" not in text
     assert "+ -" not in text
+
+
+def test_what_repeats_has_as_many_harmonics_as_it_takes() -> None:
+    """Mutation that breaks it: harmonics at no cost."""
+    at = np.linspace(0.0, 2.0, 12, endpoint=False)
+    one = 0.4 * np.sin(np.pi * at + 0.3)
+    known = 1e-4 * np.eye(12)
+    assert formulas(at, one, known, False, period=2.0)[0].form.name == "sine"
+    two = one + 0.2 * np.cos(2.0 * np.pi * at)
+    (like, *_) = formulas(at, two, known, False, period=2.0)
+    assert like.form.name == "sum of two harmonics"
+    assert like.numbers["e"] == pytest.approx(0.2, abs=1e-6)
+
+
+def test_friction_with_a_saturation_is_told_where_friction_is_part_of_it() -> None:
+    law = -1.0 * np.sign(STATES) - 0.6 * np.tanh(STATES / 0.5)
+    known = 1e-4 * np.eye(STATES.size)
+    assert formulas(STATES, law, known, False, rubs=True)[0].form.name == (
+        "friction and a saturation"
+    )
+    assert not any(f.form.rubs for f in formulas(STATES, law, known, False))

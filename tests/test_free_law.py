@@ -29,8 +29,10 @@ def _law(states: Any, p: Any, found: Any) -> None:
         found[i] = table_law(states[i], p)
 
 
-def law(states: Floats, points: list[tuple[float, float]], odd: bool = False) -> Floats:
-    values = table_values(points, odd)
+def law(
+    states: Floats, points: list[tuple[float, float]], odd: bool = False, period: float = 0.0
+) -> Floats:
+    values = table_values(points, odd, period)
     found = np.zeros(states.size)
     _law(states, np.array(list(values.values())), found)
     return found
@@ -61,6 +63,23 @@ def test_an_odd_law_is_turned_over() -> None:
     at = np.linspace(-3.0, 3.0, 61)
     s, f = np.array(points).T
     np.testing.assert_allclose(law(at, points, odd=True), _odd(s, f)(at), atol=1e-12)
+
+
+@pytest.mark.parametrize("count", [2, 3, KNOTS])
+def test_a_law_that_repeats_is_the_same_a_turn_on(count: int) -> None:
+    """Beside a cubic of scipy over three turns, of which the middle one has no end near it.
+
+    Mutations that break it: no interval that closes the turn; its tangents those of an end.
+    """
+    s = np.sort(RANDOM.uniform(0.2, 2.0, count))
+    f = RANDOM.normal(size=count)
+    period, points = 2.1, list(zip(s.tolist(), f.tolist(), strict=True))
+    three = np.concatenate([s - period, s, s + period])
+    smooth = CubicHermiteSpline(three, np.tile(f, 3), np.gradient(np.tile(f, 3), three))
+    at = s[0] + np.linspace(0.0, period, 101)[:-1]
+    for turns in (0.0, -7.0, 40.0):
+        own = law(at + turns * period, points, period=period)
+        np.testing.assert_allclose(own, smooth(at), rtol=1e-9, atol=1e-9)
 
 
 def test_a_mass_under_a_table_of_its_speed_moves_as_an_integrator_says() -> None:
@@ -110,6 +129,8 @@ def test_a_table_of_a_spring_is_that_spring() -> None:
         ("table = [[0.0, 0.0]]", "table has 1 points; allowed is 2 to 16"),
         ("table = [[0.0, 0.0], [0.0, 1.0]]", "states must rise"),
         ("table = [[0.1, 0.0], [1.0, 1.0]]\nodd = true", r"must begin at \[0, 0\]"),
+        ("table = [[0.0, 0.0], [1.0, 1.0]]\nperiod = 1.0", "less than one period"),
+        ("table = [[0.0, 0.0], [1.0, 1.0]]\nperiod = 2.0\nodd = true", "gives its turn"),
         ("table = [[0.0, 0.0], [1.0]]", "allowed is a list of rows of 2 numbers"),
         ("", "table is missing"),
     ],

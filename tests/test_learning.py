@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.answer.learned import learned
 from zwidth.diagnosis.answer.result import HeldOut
-from zwidth.diagnosis.learning.curves import Learned, law_at, learn
+from zwidth.diagnosis.learning.curves import Learned, learn
 from zwidth.diagnosis.learning.formulas import formulas
+from zwidth.diagnosis.learning.tables import law_at
 from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.recording.experiment import Experiment, Output

@@ -21,7 +21,7 @@ from zwidth.sim.run import Run, Start, simulate
 
 MASSES = ("m1", "m2", "m3", "m4", "m5")
 LINKS = ("link12", "link23", "link34", "link45")
-POINTS = " ".join(["odd", *AT, *FORCE])
+POINTS = " ".join(["odd", *AT, *FORCE, "period"])
 TABLE = {
     "coulomb_friction": (MASSES, "level"),
     "stribeck_friction": (MASSES, "level static_level velocity"),
@@ -82,8 +82,8 @@ def _row(effect: Effect) -> str:
         places = places.replace(" ".join(every), words)
     parameters = [f"{p.name} [{p.unit}]" if p.unit else p.name for p in effect.parameters]
     if effect.name.startswith("free_"):
-        (_, state, *_), makes = effect.parameters, effect.parameters[-1]
-        parameters = ["odd", f"table of points ([{state.unit}], [{makes.unit}])"]
+        state, makes = effect.parameter(AT[0]), effect.parameter(FORCE[0])
+        parameters = ["odd", "period", f"table of points ([{state.unit}], [{makes.unit}])"]
     prior = f"{effect.prior:g}"
     if effect.elsewhere is not None:
         prior += f", elsewhere {effect.elsewhere:g}"

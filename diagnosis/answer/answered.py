@@ -49,6 +49,7 @@ WHAT_IS_LOST = {
     "regimes": "where it holds",
 }
 DECISIVE = tuple(WHAT_IS_LOST)
+NAMED = (Verdict.IDENTIFIED, Verdict.CONFUSABLE)
 
 
 def answered(
@@ -109,7 +110,10 @@ def answered(
     if verdict is Verdict.UNKNOWN_PHYSICS or strays:
         findings = tuple(f.without_probability() for f in findings)
         law, stopped = _law_of_no_name(device, by, taken, free, say)
+    elif verdict in NAMED and any(f.effect == "force_ripple" for f in findings):
+        law, stopped = _law_of_no_name(device, by, taken, free, say, turns=True)
     if law is not None:
+        runs = attempt("whole runs", "", partial(free_runs, law=law.found)) or runs
         if verdict is Verdict.UNDECIDED:  # what was said of chance no longer stands
             verdict = Verdict.UNKNOWN_PHYSICS
             sentence = "something is missing that no effect of the library explains"
@@ -201,13 +205,16 @@ def _what_is_left(found: Searched, taken: Taken) -> tuple[Left, Instead | None]:
 
 
 def _law_of_no_name(
-    device: Device, found: Searched, taken: Taken, free: HeldOut, say: Say
+    device: Device, found: Searched, taken: Taken, free: HeldOut, say: Say, turns: bool = False
 ) -> tuple[LearnedLaw | None, bool]:
-    """A law that is learned where no name is adequate, and whether it was interrupted."""
+    """A law that is learned where no name is adequate, and whether it was interrupted.
+
+    turns: where names are, but one of them is a ripple, which is one sine of whatever repeats.
+    """
     if found.interrupted:
         return None, True
     try:
-        learning = partial(learned, device, found, taken.judge_by, free, say)
+        learning = partial(learned, device, found, taken.judge_by, free, say, turns)
         return attempt("learn", "a law of no name", learning), False
     except KeyboardInterrupt:
         return None, True

@@ -6,17 +6,21 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from zwidth.diagnosis.answer.adequacy import oftener_freer
+from zwidth.diagnosis.answer.diagnosis_log import missing_force
 from zwidth.diagnosis.answer.headline import place_in_words
 from zwidth.diagnosis.answer.held_out import held_out
 from zwidth.diagnosis.answer.result import HeldOut
 from zwidth.diagnosis.fitting.fit import Fitted
-from zwidth.diagnosis.learning.curves import Learned, learn
+from zwidth.diagnosis.learning.curves import Learned, laws
+from zwidth.diagnosis.learning.energy import makes_energy
 from zwidth.diagnosis.learning.formulas import Formula, formulas
+from zwidth.diagnosis.learning.tables import law_at
 from zwidth.diagnosis.mishaps import Say
 from zwidth.diagnosis.noise.family import as_far_as
-from zwidth.diagnosis.noise.predictor import Observer
+from zwidth.diagnosis.noise.predictor import SETTLING, Observer
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.hypothesis import judged, settled
@@ -25,11 +29,13 @@ from zwidth.diagnosis.selection.searched import FAR_S, Searched, as_found
 from zwidth.sim.device import Device
 from zwidth.sim.readable import with_unit
 
+Floats = NDArray[np.float64]
 BETTER = 0.95  # of the error of the names' free runs, below which a law is worth having
 LETTERS = {"free_spring": "q", "free_damper": "v", "free_amplifier": "u", "free_sensor": "q"}
 # A law that only free runs show, where slow chance forces are believed in as well, must take away
 # more: of 13 recordings without one (`benchmarks.learned_laws`), one got a law that left 0.94.
 BETTER_FAR = 0.8
+LAWS = 3  # of each horizon, that are held against held-out data
 QUANTILES = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 
 
@@ -37,12 +43,14 @@ QUANTILES = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 class LearnedLaw:
     """A law, the formulas it looks like (cheapest first, none: of no form), and held-out fits.
 
-    names, law: errors over the motion of free runs on held-out data, with the names that are
-    believed alone, and with the law. found: the fit with it.
+    formulas: of the law with the names that follow the same state at its place, where such are
+    (`whole`), else of the law. names, law: errors over the motion of free runs on held-out data,
+    with the names that are believed alone, and with the law. found: the fit with it.
     """
 
     curve: Learned
     formulas: tuple[Formula, ...]
+    whole: bool
     names: HeldOut
     law: HeldOut
     found: Searched
@@ -57,6 +65,14 @@ class LearnedLaw:
         """What it looks like, "" for no form."""
         return self.formulas[0].text(self.letter) if self.formulas else ""
 
+    @property
+    def over(self) -> str:
+        """What it follows, and what it repeats by."""
+        curve, rotary = self.curve, self.found.final.model.nominal.rotary
+        if curve.period == 0.0:
+            return curve.over
+        return f"{curve.over}, repeating every {with_unit(curve.period, _length(rotary), 4)},"
+
     def headline(self, masses: int, rotary: bool) -> str:
         """Say it as the first line of an answer: where, over what, of which form, its worth."""
         curve = self.curve
@@ -65,15 +81,23 @@ class LearnedLaw:
             "free_amplifier": "something is added to the command",
             "free_sensor": "the reading errs",
         }.get(curve.physics.effect.name, f"a force acts {place_in_words(at, masses)}")
-        unit = ("rad" if rotary else "m") if sensor else ("N m" if rotary else "N")
+        unit = _length(rotary) if sensor else ("N m" if rotary else "N")
         most = with_unit(float(np.abs(curve.forces).max()), unit, 2)
-        looks = f", which looks like a {self.formulas[0].form.name}" if self.formulas else ""
+        looks = f", {self._looks(self.formulas[0].form.name)}" if self.formulas else ""
         own, other = 100.0 * self.law.after, 100.0 * self.names.after
         return (
-            f"{what} that has no name in the library: up to {most} over {curve.over}{looks};"
+            f"{what} that has no name in the library: up to {most} over {self.over}{looks};"
             f" with it free runs on held-out data err {own:.2g} % of the motion, and {other:.2g} %"
             " without"
         )
+
+    def _looks(self, like: str) -> str:
+        article = "" if like.split(" ")[0] in ("friction", "sum") else "a "
+        article = "the " if like.startswith("sum") else article
+        together = self.curve.together
+        if not self.whole or together is None:
+            return f"which looks like {article}{like}"
+        return f"which together with {' and '.join(together.names)} looks like {article}{like}"
 
     @property
     def sentence(self) -> str:
@@ -83,76 +107,147 @@ class LearnedLaw:
             "free_amplifier": "what is added to the command",
             "free_sensor": "what the reading errs by",
         }.get(curve.physics.effect.name, f"a force at {curve.physics.at}")
-        looks = f", which looks like {self.formula}," if self.formula else ""
+        looks = f", {self._looks(self.formula).replace(' a ', ' ', 1)}," if self.formula else ""
         own, other = 100.0 * self.law.after, 100.0 * self.names.after
         return (
-            f"learned from it: {what} over {curve.over}{looks} with which free runs on held-out"
+            f"learned from it: {what} over {self.over}{looks} with which free runs on held-out"
             f" data err {own:.2g} % of the motion ({other:.2g} % without)"
         )
 
+    @property
+    def absorbed(self) -> str:
+        """Say which names were part of the curve, "" for none."""
+        gone = self.curve.absorbed
+        if not gone:
+            return ""
+        was = "was" if len(gone) == 1 else "were"
+        return f"{' and '.join(gone)} {was} part of this curve, and not needed beside it"
+
+    @property
+    def energy(self) -> str:
+        """Say whether it ever makes energy."""
+        return makes_energy(self.curve, self.found.final.model.nominal.rotary)
+
+    def samples(self) -> tuple[Floats, Floats]:
+        """Return states and forces (samples,): what the recording says of the law at each sample.
+
+        The law at the state that is predicted, and what its innovations ask for beyond it
+        (`diagnosis_log.missing_force`), of the recordings that it was fitted to.
+        """
+        curve, final, problem = self.curve, self.found.final, self.found.problem
+        at = curve.physics.at if curve.physics.place.kind in ("mass", "link") else "m1"
+        beyond = [missing_force(problem, final, e, at)[SETTLING:] for e in problem.experiments]
+        states = curve.seen
+        return states, law_at(curve.physics, states) + np.concatenate(beyond)
+
     def as_json(self) -> dict[str, Any]:
         """Return the JSON of `zwidth diagnose`."""
-        curve = self.curve
+        curve, together = self.curve, self.curve.together
         return {
             "effect": curve.physics.effect.name,
             "at": curve.physics.at,
             "over": curve.over,
             "odd": curve.odd,
-            "points": [
-                {"state": s, "force": f, "lower": low, "upper": high}
-                for s, f, low, high in np.column_stack(
-                    [curve.states, curve.forces, curve.lower, curve.upper]
-                ).tolist()
-            ],
+            "period": curve.period or None,
+            "one_way": curve.one_way,
+            "points": _points(curve.states, curve.forces, curve.lower, curve.upper),
             "seen": dict(
                 zip(map(str, QUANTILES), np.quantile(curve.seen, QUANTILES).tolist(), strict=True)
             ),
             "formula": self.formula or None,
+            "formula_of": "together" if self.whole else "curve",
             "formulas": [
                 {"form": f.form.name, "text": f.text(self.letter), "numbers": f.numbers,
                  "chance": f.chance, "cost": f.cost}
                 for f in self.formulas
             ],
             "beside": list(curve.names),
+            "absorbed": list(curve.absorbed),
+            "together": together
+            and {
+                "names": list(together.names),
+                "points": _points(
+                    together.states, together.forces, together.lower, together.upper
+                ),
+            },
+            "energy": self.energy,
             "gained": curve.gained,
             "free_run": {"names": self.names.after, "law": self.law.after},
         }  # fmt: skip
 
 
+def _points(*columns: Floats) -> list[dict[str, float]]:
+    rows = np.column_stack(columns).tolist()
+    return [dict(zip(("state", "force", "lower", "upper"), row, strict=True)) for row in rows]
+
+
+def _length(rotary: bool) -> str:
+    return "rad" if rotary else "m"
+
+
+def like_what(curve: Learned) -> tuple[tuple[Formula, ...], bool]:
+    """Return what a law looks like, and whether it is with the names that follow its state."""
+    whole = curve.together
+    if whole is not None:
+        rubs = any("friction" in name for name in whole.names)
+        found = formulas(whole.states, whole.forces, whole.covariance, False, rubs=rubs)
+        if found:
+            return tuple(found), True
+    own = formulas(curve.states, curve.forces, curve.covariance, curve.odd, curve.period)
+    return tuple(own), False
+
+
 def learned(
-    device: Device, found: Searched, judge_by: Sequence[Experiment], names: HeldOut, say: Say
+    device: Device,
+    found: Searched,
+    judge_by: Sequence[Experiment],
+    names: HeldOut,
+    say: Say,
+    turns: bool = False,
 ) -> LearnedLaw | None:
     """Learn a law where names do not explain a recording; None where none holds on other data.
 
     By what the next sample shows, and where that shows none by what shows over a longer horizon:
     where noise of slow forces is what a hypothesis believes in, the next sample tells little of a
-    law, and a motion of half a second tells much. names: free runs on held-out data of what is
-    named.
+    law, and a motion of half a second tells much. The likeliest first; where held-out data speak
+    against it the next, as of names. names: free runs on held-out data of what is named. turns:
+    only what repeats, in the place of a ripple that is named.
     """
-    say("no name explains it: learning a law")
-    best: tuple[Learned, Searched] | None = None
-    for search in _horizons(found):
-        curve = learn(search, say)
-        if curve is None:
-            continue
-        with_law = as_found(device, replace(search, best=curve.hypothesis))
+    say("learning what repeats" if turns else "no name explains it: learning a law")
+    horizons = [(search, laws(search, say, turns)) for search in _horizons(found)]
+    for _ in range(LAWS):
+        asked = [
+            (curve, as_found(device, replace(search, best=curve.hypothesis)))
+            for search, each in horizons
+            if (curve := next(each, None)) is not None
+        ]
         # Which of two horizons taught more, those recordings say that both were taught by.
-        if best is None or oftener_freer(
-            _pair(with_law), _pair(best[1]), found.problem.experiments
+        if len(asked) > 1 and oftener_freer(
+            _pair(asked[1][1]), _pair(asked[0][1]), found.problem.experiments
         ):
-            best = curve, with_law
-    if best is None:
-        return None
-    curve, with_law = best
-    _, free = held_out(device, with_law, judge_by)
+            asked.reverse()
+        for curve, with_law in asked:
+            free = held_out(device, with_law, judge_by)[1]
+            if _holds(curve, with_law, found, judge_by, names, free):
+                return LearnedLaw(curve, *like_what(curve), names, free, with_law)
+            say("the law that was learned does not hold on held-out data")
+    return None
+
+
+def _holds(
+    curve: Learned,
+    with_law: Searched,
+    found: Searched,
+    judge_by: Sequence[Experiment],
+    names: HeldOut,
+    free: HeldOut,
+) -> bool:
+    """Whether free runs on held-out data are better with a law than without."""
     near = curve.hypothesis.family.whitening
     ratio = free.after / names.after if names.after > 0.0 else 1.0
-    holds = ratio < BETTER if near else ratio < BETTER_FAR
-    if not holds or not (near or oftener_freer(_pair(with_law), _pair(found), judge_by)):
-        say("the law that was learned does not hold on held-out data")
-        return None
-    like = formulas(curve.states, curve.forces, curve.covariance, curve.odd)
-    return LearnedLaw(curve, tuple(like), names, free, with_law)
+    if ratio >= (BETTER if near else BETTER_FAR):
+        return False
+    return near or oftener_freer(_pair(with_law), _pair(found), judge_by)
 
 
 def _pair(found: Searched) -> tuple[Fitted, Observer]:

@@ -34,8 +34,8 @@ class WholeRun:
     """How far free runs are off over a recording, rms in the unit of an output.
 
     measured (ticks,), from begins [s] on, every period [s]; simulated (ticks,) "before", of the
-    device file, "refit", and "after", with what was found. held_out: whether nothing was fitted to
-    it.
+    device file, "refit", "after", with what was found, and "law", with a law of no name that was
+    learned, where one was. held_out: whether nothing was fitted to it.
     """
 
     recording: str
@@ -77,11 +77,16 @@ class WholeRun:
 
 
 def whole_runs(
-    device: Device, found: Searched, fitted: Sequence[Experiment], judge_by: Sequence[Experiment]
+    device: Device,
+    found: Searched,
+    fitted: Sequence[Experiment],
+    judge_by: Sequence[Experiment],
+    law: Searched | None = None,
 ) -> tuple[WholeRun, ...]:
     """Return the whole runs of recordings that were fitted, and of what was held out.
 
-    Of the rest of a recording from where its first part ends, of which no whole run is given.
+    Of the rest of a recording from where its first part ends, of which no whole run is given. law:
+    what was found with a law of no name, None where none was learned.
     """
     nominal = Model(device)
     models = {
@@ -89,6 +94,8 @@ def whole_runs(
         "refit": (found.refit.model, found.refit.x),
         "after": (found.final.model, found.final.x),
     }
+    if law is not None:
+        models["law"] = law.final.model, law.final.x
     rest = [e.before for e in judge_by if e.before is not None]
     whole = [e for e in fitted if not any(_same(e, first) for first in rest)]
     length = "rad" if device.rotary else "m"

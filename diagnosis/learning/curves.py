@@ -1,33 +1,39 @@
 """A law of no name, learned: a table over one state at one place, fitted like any effect.
 
 Where no name is adequate, what is missing is let in as a table of points (`sim/physics/free_law`):
-over position or velocity at each mass, over what each link gives way, over the command. Which of
-these explains most is told by least squares off the refit's span (`forces.unknown`), under the
-likeliest observer and under a slower one that takes less for disturbance. The best are fitted to
-their end, observer and linear parameters with them, and cost what every hypothesis costs: so many
-points as they pay for, one half of them where the law may be odd.
+over position or velocity at each mass, over what each link gives way, over the command, and over
+one turn of what a ripple repeats by. Which of these explains most is told by least squares off the
+refit's span (`forces.unknown`), under the likeliest observer and under a slower one that takes less
+for disturbance. The best are fitted to their end, observer and linear parameters with them, and
+cost what every hypothesis costs.
 
-It is fitted beside the names that are believed and in the place of all of them, since a name that
-came near a law of none stands in its way. What a table absorbs of names (a table of velocity holds
-friction) is said by that: names come first, and stay where both together cost less.
+Names come first, and under a law that none of them is they take what they can of it: friction the
+step of a piecewise line. So the table is fitted beside the names and in the place of all of them,
+each with as many points as a table has; and of the names beside it each is asked, by the one
+criterion of `selection.evidence`, whether it is believed over its absence now that the table may
+take its part. What is not goes: it was part of the curve. Then the table keeps the points that pay
+(`knots`). What follows the same state at the same place still, is one law with it for whoever reads
+it (`Together`): the curve of both is known better than either.
 
-Limits: one state at one place; a law of two, or of time, is found as far as one shows it. A law
-that is steep near rest (friction) is one of the names. The straight part of a table of velocity is
-a damper, that of a table of position a spring: what of it is which, only the device file says.
+Limits: one state at one place; a law of two, or of time, is found as far as one shows it. What is
+steep near rest no table holds, and friction stays a name. The straight part of a table of velocity
+is a damper, that of a table of position a spring: what of it is which, only the device file says.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline
 
 from zwidth.diagnosis.fitting.uncertainty import Z95, covariance
 from zwidth.diagnosis.forces.leftover import predicted_states
 from zwidth.diagnosis.forces.unknown import views_of, weigh
+from zwidth.diagnosis.learning.knots import one_way, shapes, tempered
+from zwidth.diagnosis.learning.steady import along
+from zwidth.diagnosis.learning.tables import is_odd, law_at, points_over, table
 from zwidth.diagnosis.mishaps import Say, attempt
 from zwidth.diagnosis.noise.predictor import SETTLING
 from zwidth.diagnosis.noise.steady import NoObserver
@@ -35,29 +41,50 @@ from zwidth.diagnosis.seeking.sizes import sizes_of
 from zwidth.diagnosis.selection.evidence import believed
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, against, judged, settled
 from zwidth.diagnosis.selection.search import Search
-from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
-from zwidth.sim.physics.free_law import AT, FORCE, KNOTS, points_of, table_values
+from zwidth.sim.physics.free_law import AT, FORCE, KNOTS, points_of
 from zwidth.sim.place import place_at
 
 Floats = NDArray[np.float64]
 LAWS = {"position": "free_spring", "velocity": "free_damper", "command": "free_amplifier"}
-FIRST = 7  # points of a first fit
-COUNTS = (4, 5, 10, KNOTS)  # points of those after it
-ODD_COUNTS = (3, 5, 8, 12)
+FIRST, FIRST_ODD = 7, 5  # points of a first fit
+OF_A_TURN = 12  # points of what repeats: a ripple of six periods a turn
 ASKED = 3  # places and states that are fitted, beside each set of names
 SHARE = 0.1  # of the force that moves a recording: scale of a point
-BOTH_WAYS = 0.3  # of the largest state on one side, that the other must reach for an odd law
-AKIN = 10.0  # -2 ln, within which the shape with fewer points is preferred
+HOPE = 20.0  # -2 ln, that few points may cost more than names where many are tried
+BEHIND = 200.0  # the same, that a law without names may cost more than beside them, of few points
+TELLING = KNOTS  # states at which what acts together is worked out: more tell no more
+STEP = 1e-3  # of a parameter's x, over which what acts together is differenced
 
 
 @dataclass(frozen=True)
 class Site:
-    """Where a law may stand: effect and place, and the states seen there, (samples,)."""
+    """Where a law may stand: effect and place, the states seen there (samples,), its period.
+
+    scale: of the period as a parameter, 0 for one that is known.
+    """
 
     effect: str
     at: str
     states: Floats
+    period: float = 0.0
+    scale: float = 0.0
+
+
+@dataclass(frozen=True)
+class Together:
+    """All that acts at a place over one state, learned and named.
+
+    names: with the table. states, forces, lower, upper (points,): the sum with its 95 % band;
+    covariance (points, points) of the forces.
+    """
+
+    names: tuple[str, ...]
+    states: Floats
+    forces: Floats
+    lower: Floats
+    upper: Floats
+    covariance: Floats
 
 
 @dataclass(frozen=True)
@@ -65,7 +92,9 @@ class Learned:
     """A law that was learned, with what it is beside the names.
 
     states, forces, lower, upper (points,): the curve and its 95 % band; covariance (points, points)
-    of the forces. seen (samples,): the states that were visited. names: that stay beside it.
+    of the forces. seen (samples,): the states that were visited. names: that stay beside it;
+    absorbed: that were part of the curve, as it turned out. together: the curve with the names that
+    follow the same state there, None where none does. one_way: whether it is held to rise or fall.
     gained: over the names alone, in -2 ln, all paid.
     """
 
@@ -77,13 +106,36 @@ class Learned:
     covariance: Floats
     seen: Floats
     names: tuple[str, ...]
+    absorbed: tuple[str, ...]
+    together: Together | None
     gained: float
     hypothesis: Hypothesis
 
     @property
     def odd(self) -> bool:
         """Whether f(-s) = -f(s): then the table is of |s|."""
-        return self.physics.values["odd"] > 0.5
+        return is_odd(self.physics)
+
+    @property
+    def period(self) -> float:
+        """Of a law that repeats; 0 for none."""
+        return self.physics.values["period"]
+
+    @property
+    def one_way(self) -> bool:
+        """Whether it only rises, or only falls."""
+        steps = np.diff(self.forces)
+        return self.period == 0.0 and bool(np.all(steps >= 0.0) or np.all(steps <= 0.0))
+
+    def named_at(self, states: Floats) -> Floats:
+        """Return what the names that follow its state at its place give at states (points,)."""
+        h = self.hypothesis
+        given = [
+            along(p, self.physics.effect.name, states)
+            for p in h.model.effects_at(h.x)[:-1]
+            if p.place.acts_on == self.physics.place.acts_on
+        ]
+        return np.sum([np.zeros(states.size), *(g for g in given if g is not None)], axis=0)
 
     @property
     def over(self) -> str:
@@ -95,31 +147,80 @@ class Learned:
         return {"free_damper": "rate of the link" if link else "velocity"}.get(name, "command")
 
 
+Begun = tuple[Hypothesis, Site]
+
+
 def learn(found: Search, say: Say) -> Learned | None:
-    """Return the law of no name that is believed over the names, None where none is."""
+    """Return the law of no name that costs least of those believed over the names, or None."""
+    return next(laws(found, say), None)
+
+
+def laws(found: Search, say: Say, turns: bool = False) -> Iterator[Learned]:
+    """Yield laws of no name that are believed over the names, each of another place or state.
+
+    The order is that of what few points promise. turns: only what repeats, in a ripple's place.
+    """
     bases = [found.best] + [found.plain] * bool(found.best.model.effects)
     least = min(bases, key=lambda h: h.cost.total)
-    best: tuple[Hypothesis, Site] | None = None
+    begun: dict[tuple[str, str, float], list[Begun]] = {}
     for base in bases:
-        if base.slopes is None:
+        for h, site in [] if turns else _over_states(base, say):
+            begun.setdefault((site.effect, site.at, 0.0), []).append((h, site))
+        for h, site in _over_turns(base, say):
+            begun.setdefault((site.effect, site.at, site.period), []).append((h, site))
+    for each in sorted(begun.values(), key=lambda each: min(h.cost.total for h, _ in each)):
+        first = min(h.cost.total for h, _ in each)
+        if first > least.cost.total + HOPE:  # more points cost more, and gain as much seldom
+            break
+        likely = [(h, site) for h, site in each if h.cost.total < first + BEHIND]
+        full = [(_without_names(found, _full(h, site)), site) for h, site in likely]
+        phi = against(min((h for h, _ in full), key=lambda h: h.cost.total), least).phi
+        shaped = [(_shaped(h, site, phi), site) for h, site in full]
+        best = min(shaped, key=lambda one: tempered(one[0], phi))
+        if not found.ahead(best[0], least) or _is_line(*best, say):
             continue
-        for site in attempt("learn", "where", partial(_sites, base)) or ():
-            say(f"learning a law over {site.effect.removeprefix('free_')} at {site.at}")
-            for odd in (False, True):
-                law = _law(site, FIRST if not odd else ODD_COUNTS[1], odd)
-                h = None if law is None else _fitted(base, site, law)
-                if h is not None and (best is None or h.cost.total < best[0].cost.total):
-                    best = h, site
-    if best is None:
-        return None
-    best = _shaped(*best), best[1]
-    if not found.ahead(best[0], least):
-        return None
-    rival = _in_its_place(*best, _line(*best))
-    if rival is not None and not believed(best[0].cost, rival.cost, against(best[0], rival).phi):
-        say("a straight line would do as well: that is no law, but a spring, a damper or a scale")
-        return None
-    return _learned(*best, least)
+        yield _learned(one_way(best[0], phi), best[1], least, found)
+
+
+def _is_line(h: Hypothesis, site: Site, say: Say) -> bool:
+    """Whether a straight line does as well in a law's place, which is then none."""
+    rival = None if site.period > 0.0 else _in_its_place(h, site, _line(h, site))
+    if rival is None or believed(h.cost, rival.cost, against(h, rival).phi):
+        return False
+    say("a straight line would do as well: that is no law, but a spring, a damper or a scale")
+    return True
+
+
+def _over_states(base: Hypothesis, say: Say) -> Iterator[Begun]:
+    """Yield laws of few points beside what a hypothesis has, where they would gain most."""
+    sites = None if base.slopes is None else attempt("learn", "where", partial(_sites, base))
+    for site in sites or ():
+        say(f"learning a law over {site.effect.removeprefix('free_')} at {site.at}")
+        shaped = [_law(site, FIRST, False), _law(site, FIRST_ODD, True)]
+        fitted = [_fitted(base, site, law) for law in shaped if law is not None]
+        told = [h for h in fitted if h is not None]
+        if told:
+            yield min(told, key=lambda h: h.cost.total), site
+
+
+def _over_turns(base: Hypothesis, say: Say) -> Iterator[Begun]:
+    """Yield laws of one turn in the place of each ripple of a hypothesis.
+
+    A ripple is one sine of what repeats; what repeats may have any shape.
+    """
+    for i, p in enumerate(base.model.effects_at(base.x)):
+        if base.slopes is None or p.effect.name != "force_ripple" or p.place.kind != "mass":
+            continue
+        moved = predicted_states(base.problem, base.fitted)
+        scale = base.model.scales[i].get("period", 0.0)
+        states = _states(base, moved, "free_spring", p.at)
+        site = Site("free_spring", p.at, states, p.values["period"], scale)
+        say(f"learning what repeats every {site.period:.3g} at {site.at}")
+        model, x = base.model.less(base.x, i)
+        law = _law(site, OF_A_TURN, False)
+        h = None if law is None else _fitted(replace(base, model=model, x=x), site, law)
+        if h is not None:
+            yield h, site
 
 
 def _sites(base: Hypothesis) -> list[Site]:
@@ -152,23 +253,13 @@ def _states(base: Hypothesis, moved: Sequence[Floats], effect: str, at: str) -> 
 
 def _law(site: Site, count: int, odd: bool, like: Physics | None = None) -> Physics | None:
     """A law of so many points, of nothing or as another is; None where an odd one has no sense."""
-    s = site.states
-    low, high = float(s.min()), float(s.max())
-    if odd and min(-low, high) < BOTH_WAYS * max(-low, high):
+    at = points_over(site.states, count, odd, site.period)
+    if at is None:
         return None
-    seen = np.abs(s) if odd else s
-    share = np.linspace(0.0, 1.0, count)
-    # Half by where it was, half evenly: the ends are where a law shows, and are seldom visited.
-    even = (0.0 if odd else low) + share * (max(-low, high) if odd else high - low)
-    at = 0.5 * (np.quantile(seen, share) + even)
-    at[0], at[-1] = even[0], even[-1]
     force = np.zeros(count) if like is None else law_at(like, at)
     if odd:
         force[0] = 0.0
-    if np.any(np.diff(at) <= 0.0):
-        return None
-    points = list(zip(at.tolist(), force.tolist(), strict=True))
-    return make_physics(site.effect, site.at, **table_values(points, odd))
+    return table(site.effect, site.at, at, force, odd, site.period)
 
 
 def _line(h: Hypothesis, site: Site) -> Physics:
@@ -179,17 +270,8 @@ def _line(h: Hypothesis, site: Site) -> Physics:
     """
     force, most = law_at(h.model.effects_at(h.x)[-1], site.states), np.abs(site.states).max()
     slope = float(force @ site.states) / float(site.states @ site.states)
-    points = [(0.0, 0.0), (float(most), slope * float(most))]
-    return make_physics(site.effect, site.at, **table_values(points, odd=True))
-
-
-def law_at(law: Physics, states: Floats) -> Floats:
-    """Return a law of no name at some states (...,)."""
-    s, f = np.array(points_of(law.values)).T
-    if law.values["odd"] > 0.5:
-        s, f = np.concatenate([-s[:0:-1], s]), np.concatenate([-f[:0:-1], f])
-    smooth = CubicHermiteSpline(s, f, np.gradient(f, s, edge_order=1 if s.size == 2 else 2))
-    return np.asarray(smooth(np.clip(states, s[0], s[-1])))
+    ends = np.array([0.0, float(most)])
+    return table(site.effect, site.at, ends, slope * ends, True)
 
 
 def _fitted(
@@ -202,9 +284,10 @@ def _fitted(
     sizes = sizes_of(base.model.build(base.x), base.experiments)
     scale = SHARE * sizes.force
     count = len(points_of(law.values))
-    free = FORCE[1:count] if law.values["odd"] > 0.5 else FORCE[:count]
-    model = base.model.with_effect(law, dict.fromkeys(free, scale))
-    start = np.concatenate([base.x if x is None else x, np.zeros(len(free))])
+    scales = dict.fromkeys(FORCE[int(is_odd(law)) : count], scale)
+    scales |= {"period": site.scale} if site.scale > 0.0 and law.values["period"] > 0.0 else {}
+    model = base.model.with_effect(law, scales)
+    start = np.concatenate([base.x if x is None else x, np.zeros(len(scales))])
     try:
         begun = judged(base.experiments, model, model.within(start), base.family)
         return settled(begun)
@@ -218,22 +301,18 @@ def _in_its_place(h: Hypothesis, site: Site, law: Physics) -> Hypothesis | None:
     return _fitted(replace(h, model=model, x=own), site, law, own)
 
 
-def _shaped(h: Hypothesis, site: Site) -> Hypothesis:
-    """The same law with as many points as pay, odd where that is likelier."""
+def _full(h: Hypothesis, site: Site) -> Hypothesis:
+    """The same law with as many points as a table has."""
     law = h.model.effects_at(h.x)[-1]
-    best = h
-    for count, odd in [*((c, False) for c in COUNTS), *((c, True) for c in ODD_COUNTS)]:
-        shape = _law(site, count, odd, law)
-        if shape is None or (len(points_of(law.values)), law.values["odd"] > 0.5) == (count, odd):
-            continue
-        other = _in_its_place(h, site, shape)
-        if other is not None and other.cost.total < best.cost.total:
-            best = other
-    return _without_names(best)
+    count = OF_A_TURN if site.period > 0.0 else KNOTS
+    more = _law(site, count, False, law) if count > len(points_of(law.values)) else None
+    other = None if more is None else _in_its_place(h, site, more)
+    told = other is not None and np.isfinite(other.cost.total)
+    return other if other is not None and told else h
 
 
-def _without_names(h: Hypothesis) -> Hypothesis:
-    """The same without names that the law makes too dear, one after the other."""
+def _without_names(found: Search, h: Hypothesis) -> Hypothesis:
+    """The same without names that are not believed over their absence, one after the other."""
     while len(h.model.effects) > 1:
         fewer: list[Hypothesis] = []
         for i in range(len(h.model.effects) - 1):
@@ -241,20 +320,31 @@ def _without_names(h: Hypothesis) -> Hypothesis:
             with suppress(NoObserver):
                 fewer.append(settled(judged(h.experiments, model, x, h.family)))
         cheapest = min(fewer, key=lambda other: other.cost.total, default=h)
-        if cheapest.cost.total >= h.cost.total:
+        if cheapest is h or found.ahead(h, cheapest):
             break
         h = cheapest
     return h
 
 
-def _learned(h: Hypothesis, site: Site, without: Hypothesis) -> Learned:
+def _shaped(h: Hypothesis, site: Site, phi: float) -> Hypothesis:
+    """The same law with the points that pay, odd where that is likelier."""
+    best = h
+    for shape in shapes(h, site.states, phi):
+        other = _in_its_place(h, site, shape.law)
+        if other is not None and tempered(other, phi) < tempered(best, phi):
+            best = other
+    return best
+
+
+def _learned(h: Hypothesis, site: Site, without: Hypothesis, found: Search) -> Learned:
     law = h.model.effects_at(h.x)[-1]
+    seen = _states(h, predicted_states(h.problem, h.fitted), site.effect, site.at)
     count = len(points_of(law.values))
     index = len(h.model.effects) - 1
     own = [
         (j, FORCE.index(p.key), p.scale)
         for j, p in enumerate(h.model.parameters)
-        if p.kind == "effect" and p.index == index
+        if p.kind == "effect" and p.index == index and p.key in FORCE
     ]
     which, points, scales = (np.array(column) for column in zip(*own, strict=True))
     spread = covariance(h.fitted)[np.ix_(which, which)] * np.outer(scales, scales)
@@ -263,8 +353,54 @@ def _learned(h: Hypothesis, site: Site, without: Hypothesis) -> Learned:
     half = Z95 * np.sqrt(np.diag(known))
     states = np.array([law.values[key] for key in AT[:count]])
     forces = np.array([law.values[key] for key in FORCE[:count]])
-    names = tuple(f"{p.effect.name} at {p.at}" for p in h.model.effects[:-1])
+    beside = {f"{p.effect.name} at {p.at}" for p in h.model.effects[:-1]}
+    names = tuple(sorted(beside))
+    gone = [p for p in found.best.model.effects if f"{p.effect.name} at {p.at}" not in beside]
+    absorbed = tuple(f"{p.effect.name} at {p.at}" for p in gone if _same(p, law))
     return Learned(
-        law, states, forces, forces - half, forces + half, known, site.states, names,
-        without.cost.total - h.cost.total, h,
+        law, states, forces, forces - half, forces + half, known, seen, names, absorbed,
+        _together(h, site), without.cost.total - h.cost.total, h,
     )  # fmt: skip
+
+
+def _same(name: Physics, law: Physics) -> bool:
+    """Whether a name follows what a law follows, at its place."""
+    there = name.place.acts_on == law.place.acts_on
+    return there and along(name, law.effect.name, np.array([-1.0, 0.5])) is not None
+
+
+def _together(h: Hypothesis, site: Site) -> Together | None:
+    """What a table and the names that follow its state at its place give together."""
+    effects = h.model.effects_at(h.x)
+    law = effects[-1]
+    names = [i for i, p in enumerate(effects[:-1]) if _same(p, law)]
+    if not names or site.period > 0.0:
+        return None
+    at = points_over(site.states, TELLING, False)
+    if at is None:
+        return None
+    at = at[at != 0.0]  # at rest friction is anything up to its level
+
+    def whole(x: Floats) -> Floats:
+        own = h.model.effects_at(x)
+        return law_at(own[-1], at) + sum(_given(own[i], law, at) for i in names)
+
+    forces = whole(h.x)
+    slopes = np.zeros((at.size, h.x.size))
+    for j, p in enumerate(h.model.parameters):
+        if p.kind == "effect" and p.index in (*names, len(effects) - 1):
+            moved = h.x.copy()
+            moved[j] += STEP
+            slopes[:, j] = (whole(moved) - forces) / STEP
+    spread = covariance(h.fitted)
+    spread[~np.isfinite(spread)] = 0.0
+    known = slopes @ spread @ slopes.T
+    half = Z95 * np.sqrt(np.maximum(np.diag(known), 0.0))
+    said = tuple(f"{effects[i].effect.name} at {effects[i].at}" for i in names)
+    return Together(said, at, forces, forces - half, forces + half, known)
+
+
+def _given(name: Physics, law: Physics, at: Floats) -> Floats:
+    found = along(name, law.effect.name, at)
+    assert found is not None
+    return found

@@ -12,7 +12,9 @@ numbers, m points; it is within the band where chance makes d^2 as large in one 
 The cheapest is said, with those it cannot be told from (`CLOSE`).
 
 The forms are those of the field: straight lines, powers, a drag of two powers, saturations (tanh,
-arctangent, a clipped line), dead zones and stops, exponentials, bumps, sines, magnets. Limits: a
+arctangent, a clipped line), dead zones and stops, exponentials, bumps, sines, magnets; of what acts
+over a velocity together with a friction, frictions with a damper, a power, a saturation or a fall
+beside them; of what repeats, as many harmonics as it takes. Limits: a
 curve of some ten points tells few numbers; a form is a description over the range that was seen,
 and no law beyond it.
 """
@@ -41,7 +43,8 @@ class Form:
     """A form: its law at states given the linear factors' columns, and how it is written.
 
     columns(s, shape): what linear factors multiply, (points, factors); shape: numbers that are no
-    factors, over the range R of the states, from `starts`.
+    factors, over the range R of the states, from `starts`. rubs: with a step at rest, as only
+    friction has; turns: of what repeats, its `w` the period over 2 pi.
     """
 
     name: str
@@ -51,6 +54,8 @@ class Form:
     columns: Callable[[Floats, Floats], Floats]
     starts: tuple[tuple[float, ...], ...] = ((),)
     odd: bool = True
+    rubs: bool = False
+    turns: bool = False
 
 
 @dataclass(frozen=True)
@@ -86,6 +91,11 @@ def _columns(*parts: Floats) -> Floats:
 
 def _odd_power(s: Floats, p: Floats | float) -> Floats:
     return np.sign(s) * np.abs(s) ** p
+
+
+def _harmonics(s: Floats, w: float, count: int) -> Floats:
+    turns = [f(k * s / w) for k in range(1, count + 1) for f in (np.sin, np.cos)]
+    return _columns(np.ones_like(s), *turns)
 
 
 FORMS = (
@@ -131,7 +141,38 @@ FORMS = (
          lambda s, t: _columns(s / (t[0] ** 2 + s**2)), tuple((w,) for w in STARTS)),
     Form("sine", "{c} + {a} sin({s} / {w}) + {b} cos({s} / {w})", ("c", "a", "b"), ("w",),
          lambda s, t: _columns(np.ones_like(s), np.sin(s / t[0]), np.cos(s / t[0])),
-         tuple((w,) for w in (0.07, 0.1, 0.15, 0.25, 0.4, 0.7)), odd=False),
+         tuple((w,) for w in (0.07, 0.1, 0.15, 0.25, 0.4, 0.7)), odd=False, turns=True),
+    Form("sum of two harmonics", "{c} + {a} sin({s} / {w}) + {b} cos({s} / {w})"
+         " + {d} sin(2 {s} / {w}) + {e} cos(2 {s} / {w})", ("c", "a", "b", "d", "e"), ("w",),
+         lambda s, t: _harmonics(s, t[0], 2), odd=False, turns=True),
+    Form("sum of three harmonics", "{c} + {a} sin({s} / {w}) + {b} cos({s} / {w})"
+         " + {d} sin(2 {s} / {w}) + {e} cos(2 {s} / {w}) + {g} sin(3 {s} / {w})"
+         " + {h} cos(3 {s} / {w})", ("c", "a", "b", "d", "e", "g", "h"), ("w",),
+         lambda s, t: _harmonics(s, t[0], 3), odd=False, turns=True),
+    Form("friction", "{a} sign({s})", ("a",), (), lambda s, _: _columns(np.sign(s)), rubs=True),
+    Form("friction and a line", "{a} sign({s}) + {b} {s}", ("a", "b"), (),
+         lambda s, _: _columns(np.sign(s), s), rubs=True),
+    Form("friction and a square", "{a} sign({s}) + {b} {s} |{s}|", ("a", "b"), (),
+         lambda s, _: _columns(np.sign(s), s * np.abs(s)), rubs=True),
+    Form("friction and a power", "{a} sign({s}) + {b} sign({s}) |{s}|^{p}", ("a", "b"), ("p",),
+         lambda s, t: _columns(np.sign(s), _odd_power(s, t[0])), ((0.5,), (1.5,), (3.0,)),
+         rubs=True),
+    Form("friction and a saturation", "{a} sign({s}) + {b} tanh({s} / {w})", ("a", "b"), ("w",),
+         lambda s, t: _columns(np.sign(s), np.tanh(s / t[0])), tuple((w,) for w in STARTS),
+         rubs=True),
+    Form("friction that falls, and a line", "{a} sign({s}) + {b} sign({s}) exp(-|{s}| / {w})"
+         " + {d} {s}", ("a", "b", "d"), ("w",),
+         lambda s, t: _columns(np.sign(s), np.sign(s) * np.exp(-np.abs(s / t[0])), s),
+         tuple((w,) for w in STARTS), rubs=True),
+    Form("friction and a line, each by direction", "{c} + {a} sign({s}) + {b} {s} + {d} |{s}|",
+         ("c", "a", "b", "d"), (),
+         lambda s, _: _columns(np.ones_like(s), np.sign(s), s, np.abs(s)), odd=False, rubs=True),
+    Form("friction and a saturation, each by direction",
+         "{c} + {a} sign({s}) + {b} tanh({s} / {w}) + {d} |tanh({s} / {w})|",
+         ("c", "a", "b", "d"), ("w",),
+         lambda s, t: _columns(np.ones_like(s), np.sign(s), np.tanh(s / t[0]),
+                               np.abs(np.tanh(s / t[0]))),
+         tuple((w,) for w in STARTS), odd=False, rubs=True),
 )  # fmt: skip
 
 
@@ -158,14 +199,48 @@ LAWS: dict[str, tuple[str, tuple[int, ...]]] = {
     "bump": ("c + a * exp(-0.5 * ((s - m) / w)**2)", (0, 0)),
     "magnet": ("a * s / (w**2 + s**2)", (-1,)),
     "sine": ("c + a * sin(s / w) + b * cos(s / w)", (0, 0, 0)),
+    "sum of two harmonics": (
+        "c + a * sin(s / w) + b * cos(s / w) + d * sin(2 * s / w) + e * cos(2 * s / w)",
+        (0, 0, 0, 0, 0),
+    ),
+    "sum of three harmonics": (
+        "c + a * sin(s / w) + b * cos(s / w) + d * sin(2 * s / w) + e * cos(2 * s / w)"
+        " + g * sin(3 * s / w) + h * cos(3 * s / w)",
+        (0, 0, 0, 0, 0, 0, 0),
+    ),
+    "friction": ("a * sign(s)", (0,)),
+    "friction and a line": ("a * sign(s) + b * s", (0, 1)),
+    "friction and a square": ("a * sign(s) + b * s * abs(s)", (0, 2)),
+    "friction and a power": ("a * sign(s) + b * sign(s) * abs(s)**p", (0, 0)),
+    "friction and a saturation": ("a * sign(s) + b * tanh(s / w)", (0, 0)),
+    "friction that falls, and a line": (
+        "a * sign(s) + b * sign(s) * exp(-abs(s / w)) + d * s",
+        (0, 0, 1),
+    ),
+    "friction and a line, each by direction": (
+        "c + a * sign(s) + b * s + d * abs(s)",
+        (0, 0, 1, 1),
+    ),
+    "friction and a saturation, each by direction": (
+        "c + a * sign(s) + b * tanh(s / w) + d * abs(tanh(s / w))",
+        (0, 0, 0, 0),
+    ),
 }
 
 
-def formulas(states: Floats, forces: Floats, covariance: Floats, odd: bool) -> list[Formula]:
+def formulas(
+    states: Floats,
+    forces: Floats,
+    covariance: Floats,
+    odd: bool,
+    period: float = 0.0,
+    rubs: bool = False,
+) -> list[Formula]:
     """Return what a law looks like, the cheapest first: that, and what it is not told from.
 
-    states, forces (points,): of the law, covariance (points, points) of the forces. Empty where no
-    form is within the band.
+    states, forces (points,): of the law, covariance (points, points) of the forces. odd: of |s|.
+    period: of one that repeats, which looks like harmonics; rubs: whether friction is part of it.
+    Empty where no form is within the band.
     """
     if odd:  # nothing at nothing is known for certain, and says nothing
         states, forces, covariance = states[1:], forces[1:], covariance[1:, 1:]
@@ -178,14 +253,18 @@ def formulas(states: Floats, forces: Floats, covariance: Floats, odd: bool) -> l
         fitted
         for form in FORMS
         if (form.odd or not odd)
-        and (fitted := _fitted(form, states, forces, weigh)) is not None
+        and (rubs or not form.rubs)
+        and (form.turns if period > 0.0 else form.starts != ((),) or not form.shape)
+        and (fitted := _fitted(form, states, forces, weigh, period)) is not None
         and fitted.within
     ]
     found.sort(key=lambda f: f.cost)
     return [f for f in found if f.cost < found[0].cost + CLOSE]
 
 
-def _fitted(form: Form, states: Floats, forces: Floats, weigh: Floats) -> Formula | None:
+def _fitted(
+    form: Form, states: Floats, forces: Floats, weigh: Floats, period: float
+) -> Formula | None:
     """A form at its nearest to a law; None where the law has no more points than it has numbers."""
     count = len(form.factors) + len(form.shape)
     if states.size <= count:
@@ -199,7 +278,10 @@ def _fitted(form: Form, states: Floats, forces: Floats, weigh: Floats) -> Formul
         return factors, target - columns @ factors
 
     best: tuple[float, Floats] | None = None
-    for start in form.starts:
+    if period > 0.0:
+        shape = np.array([period / (2.0 * math.pi)])
+        best = float(np.sum(linear(shape)[1] ** 2)), shape
+    for start in () if period > 0.0 else form.starts:
         shape = np.array([v * _unit(n, reach) for n, v in zip(form.shape, start, strict=True)])
         if form.shape:
             limits = [_limits(n, v, reach) for n, v in zip(form.shape, start, strict=True)]

@@ -8,7 +8,9 @@ cubic, with a tangent m at each point that is the parabola's through it and its 
 term is nothing before its own interval and d h after it, so the sum is the curve, without a search
 for the interval, and of lanes each has its own. s is a position, a velocity, a deflection, a
 command; beyond the table the law stays at its ends. odd: the table is of |s|, and f(-s) = -f(s); it
-then begins at (0, 0), where its tangent is its first slope.
+then begins at (0, 0), where its tangent is its first slope. periodic, of period P: s is taken less
+whole periods, the table is of one of them (its last point before its first a period on), and one
+interval more closes the turn, with tangents that are the same at both of its ends.
 
 It is what the diagnosis learns where no name explains a recording (`diagnosis/learning`), and what
 a user writes who has measured a curve:
@@ -18,6 +20,13 @@ a user writes who has measured a curve:
     at = "m1"
     odd = true
     table = [[0.0, 0.0], [0.5, -0.012], [2.0, -0.019]]
+
+or, of what repeats (a detent of a motor, a ball screw, a tooth),
+
+    effect = "free_spring"
+    at = "m1"
+    period = 0.0628
+    table = [[0.0, 1e-3], [0.02, -2e-3], [0.05, 5e-4]]
 
 Limits: `KNOTS` points; the curve may swing between points that are far apart. A law that is steep
 against the substep is a stiff spring or damper, of second order in the substep only as long as
@@ -29,12 +38,13 @@ import itertools
 from collections.abc import Mapping, Sequence
 
 from zwidth.sim.jit import part
-from zwidth.sim.lane_type import greatest, least, select
+from zwidth.sim.lane_type import any_lane, floor, greatest, least, select
 from zwidth.sim.physics.effect import Parameter
 
 KNOTS = 16
 AT = tuple(f"at_{j + 1}" for j in range(KNOTS))
 FORCE = tuple(f"force_{j + 1}" for j in range(KNOTS))
+LAST_AT, FIRST_FORCE, LAST_FORCE, PERIOD = KNOTS, KNOTS + 1, 2 * KNOTS, 2 * KNOTS + 1
 
 
 def table_parameters(state: str, makes: str) -> tuple[Parameter, ...]:
@@ -60,14 +70,18 @@ def table_parameters(state: str, makes: str) -> tuple[Parameter, ...]:
             )
             for j, name in enumerate(FORCE)
         ),
+        Parameter("period", "P", state, 0.0, 1e9, None, meaning="of a law that repeats; 0: none"),
     )
 
 
-def table_values(points: Sequence[tuple[float, float]], odd: bool = False) -> dict[str, float]:
+def table_values(
+    points: Sequence[tuple[float, float]], odd: bool = False, period: float = 0.0
+) -> dict[str, float]:
     """Return the parameters of a law through points (state, force), whose states rise.
 
-    Raises ValueError for fewer than two points, more than `KNOTS`, states that do not rise, and of
-    an odd law a table that does not begin at (0, 0).
+    period: of a law that repeats, of which the points are one turn; 0 for none. Raises ValueError
+    for fewer than two points, more than `KNOTS`, states that do not rise, of an odd law a table
+    that does not begin at (0, 0), and of one that repeats points a period or more apart.
     """
     if not 2 <= len(points) <= KNOTS:
         raise ValueError(f"table has {len(points)} points; allowed is 2 to {KNOTS}")
@@ -82,11 +96,19 @@ def table_values(points: Sequence[tuple[float, float]], odd: bool = False) -> di
             f"table of an odd law begins at {list(points[0])}; it must begin at [0, 0], where an"
             " odd law is nothing"
         )
+    if period < 0.0 or (period > 0.0 and not states[-1] - states[0] < period):
+        raise ValueError(
+            f"period is {period:g} and table goes from {states[0]:g} to {states[-1]:g}; a law that"
+            " repeats has points of less than one period, and the first follows the last"
+        )
+    if period > 0.0 and odd:
+        raise ValueError(f"period is {period:g} and odd is true; a law that repeats gives its turn")
     padded = [*points, *[points[-1]] * (KNOTS - len(points))]
     return (
         {"odd": float(odd)}
         | dict(zip(AT, (float(s) for s, _ in padded), strict=True))
         | dict(zip(FORCE, (float(f) for _, f in padded), strict=True))
+        | {"period": float(period)}
     )
 
 
@@ -107,24 +129,43 @@ def is_table(parameters: Sequence[Parameter]) -> bool:
 @part
 def table_law(s, p):
     """The law at state s."""
-    odd = p[0] > 0.5
+    odd, period = p[0] > 0.5, p[PERIOD]
+    cyclic = period > 0.0
+    turn = select(cyclic, period, 1.0)
     x = select(odd, abs(s), s)
-    total = p[KNOTS + 1] + 0.0 * x
-    before, slope_before = 0.0 * p[1], 0.0 * p[1]
+    x = select(cyclic, x - turn * floor((x - p[1]) / turn), x)
+    # From the last point to the first one of the next turn; of nothing where none follows.
+    close = select(cyclic, p[1] + period - p[LAST_AT], 0.0)
+    slope_close = (p[FIRST_FORCE] - p[LAST_FORCE]) / select(cyclic, close, 1.0)
+    total = p[FIRST_FORCE] + 0.0 * x
+    before, slope_before = close, slope_close
     width, slope = _interval(p, 1)
+    first_width, first_slope, last_width, last_slope = width, slope, width, slope
     for j in range(1, KNOTS):
         after, slope_after = _interval(p, j + 1)
+        ends = cyclic & (width > 0.0) & (after <= 0.0)
+        next_width, next_slope = select(ends, close, after), select(ends, slope_close, slope_after)
         first = select(odd, slope, _end(width, slope, after, slope_after))
         left = select(before > 0.0, _tangent(before, slope_before, width, slope), first)
         last = _end(width, slope, before, slope_before)
-        right = select(after > 0.0, _tangent(width, slope, after, slope_after), last)
-        t = least(greatest((x - p[j]) / select(width > 0.0, width, 1.0), 0.0), 1.0)
-        rest = 1.0 - t
-        total += width * (
-            slope * t * t * (3.0 - 2.0 * t) + left * t * rest * rest - right * t * t * rest
-        )
+        right = select(next_width > 0.0, _tangent(width, slope, next_width, next_slope), last)
+        total += _bend(x - p[j], width, slope, left, right)
+        last_width = select(width > 0.0, width, last_width)
+        last_slope = select(width > 0.0, slope, last_slope)
         before, slope_before, width, slope = width, slope, after, slope_after
+    if any_lane(cyclic):
+        left = _tangent(last_width, last_slope, close, slope_close)
+        right = _tangent(close, slope_close, first_width, first_slope)
+        total += _bend(x - p[LAST_AT], close, slope_close, left, right)
     return select(odd & (s < 0.0), -total, total)
+
+
+@part
+def _bend(x, width, slope, left, right):
+    """An interval's part of the curve at x from its beginning: nothing before, all of it after."""
+    t = least(greatest(x / select(width > 0.0, width, 1.0), 0.0), 1.0)
+    rest = 1.0 - t
+    return width * (slope * t * t * (3.0 - 2.0 * t) + left * t * rest * rest - right * t * t * rest)
 
 
 @part

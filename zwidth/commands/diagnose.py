@@ -526,14 +526,16 @@ def _say(console: Console, found: Diagnosis) -> None:
     console.say(f"\n{improvement(found.free_run, bool(found.findings))}")
     whens = WHEN if found.findings else WHEN[:2]
     heads = ("device file", "refitted", "with what was found")[: len(whens)]
-    columns = [Column("", False), *map(Column, heads), Column("", False)]
+    runs = found.whole_runs
+    law = ("law",) if runs and "law" in runs[0].errors else ()
     rows = [
         [output_in_words(run)]
-        + [f"{error(run.errors[w], run.unit)} ({percent(run.shares[w])})" for w in whens]
+        + [f"{error(run.errors[w], run.unit)} ({percent(run.shares[w])})" for w in (*whens, *law)]
         + ["held out" if run.held_out else "fitted"]
         for run in found.whole_runs
     ]
     if rows:
+        columns = _columns(*heads, *("with the law" for _ in law))
         title = "Whole recordings, simulated freely from the first state: rms error, and its share"
         console.table(f"\n{title}", columns, rows)
     rows = [
@@ -544,7 +546,12 @@ def _say(console: Console, found: Diagnosis) -> None:
     ]
     if rows:
         title = "Force that the recorded motion needs, less the force commanded: rms, and its share"
-        console.table(f"\n{title}", columns, rows)
+        console.table(f"\n{title}", _columns(*heads), rows)
+
+
+def _columns(*heads: str) -> list[Column]:
+    """Columns of numbers between what they are of and whether that was held out."""
+    return [Column("", False), *map(Column, heads), Column("", False)]
 
 
 def _plain(value: Any) -> Any:

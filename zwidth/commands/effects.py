@@ -128,6 +128,9 @@ def _keep(console: Console, name: str | None, file: Path) -> None:
         f"{found['formula']}: from now on sought as {name} by commands in this folder; the first"
         " compiles it"
     )
+    if found.get("formula_of") == "together":
+        names = " and ".join(found["together"]["names"])
+        console.say(f"it holds {names} too, which the curve was read together with")
     console.result({"file": str(path), "effect": name, "formula": found["formula"]})
 
 

@@ -30,6 +30,7 @@ WITH_NAMES = {
     "refit": ("refitted, without what was found", BEFORE, "--"),
     "after": ("with what was found", AFTER, "-"),
 }
+LEARNED = {"law": ("with the law that was learned", "#117733", "-")}
 WITHOUT = {
     "before": ("device file", BEFORE, "--"),
     "after": ("refitted", AFTER, "-"),
@@ -90,6 +91,7 @@ def whole_run_figure(run: WholeRun, named: bool = True) -> Figure:
     swing = float(np.abs(run.measured - middle).max())
     factor, unit = scaled(float(np.abs(run.measured).max()), run.unit)
     words = WITH_NAMES if named else WITHOUT
+    words = words | LEARNED if "law" in run.simulated else words
     close = _close_look(run)
     with rc_context(STYLE):
         figure = Figure(figsize=(7.2, 4.6), layout="constrained")

@@ -2,50 +2,98 @@
 
 import numpy as np
 from matplotlib import rc_context
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from zwidth.diagnosis.answer.learned import LearnedLaw
-from zwidth.diagnosis.learning.curves import law_at
+from zwidth.diagnosis.learning.curves import Together
+from zwidth.diagnosis.learning.tables import law_at
 from zwidth.figures.style import STYLE
+from zwidth.sim.physics.free_law import AT, FORCE
 from zwidth.sim.readable import scaled
 
-CURVE, FORMULA = "#004488", "#bb5566"
+Floats = NDArray[np.float64]
+CURVE, TOGETHER, FORMULA, SAMPLES = "#004488", "#117733", "#bb5566", "0.72"
 FINE = 400  # states that a curve is drawn at
 BINS = 60
+SHOWN = 4000  # samples, at most
+SPREAD = 3.0  # times the curve's height, within which samples are shown
 
 
 def learned_figure(law: LearnedLaw, rotary: bool) -> Figure:
     """Return what was learned over the state that it follows, and how often that was visited."""
     curve = law.curve
     state_unit, made_unit = (
-        p.unit_for(rotary)
-        for p in (curve.physics.effect.parameters[1], curve.physics.effect.parameters[-1])
+        curve.physics.effect.parameter(name).unit_for(rotary) for name in (AT[0], FORCE[0])
     )
-    s = np.linspace(curve.seen.min(), curve.seen.max(), FINE)
+    seen = _turned(law, curve.seen)
+    s = np.linspace(float(seen.min()), float(seen.max()), FINE)
     f = law_at(curve.physics, s)
+    tallest = f if curve.together is None else curve.together.forces
     x, state_unit = scaled(float(np.abs(s).max()), state_unit)
-    y, made_unit = scaled(float(np.abs(f).max()), made_unit)
+    y, made_unit = scaled(float(max(np.abs(f).max(), np.abs(tallest).max())), made_unit)
     with rc_context(STYLE):
-        figure = Figure(figsize=(6.4, 4.6), layout="constrained")
+        figure = Figure(figsize=(6.4, 5.0), layout="constrained")
         above, below = figure.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": (4, 1)})
         above.axhline(0.0, color="0.6", linewidth=0.8)
+        _samples(above, law, x, y)
         above.plot(x * s, y * f, color=CURVE, linewidth=1.4, label="learned")
-        for sign in (1.0, -1.0)[: 2 if curve.odd else 1]:
-            there = (sign * curve.states >= s[0]) & (sign * curve.states <= s[-1])
-            half = 0.5 * (curve.upper - curve.lower)
-            above.errorbar(
-                x * sign * curve.states[there], y * sign * curve.forces[there], y * half[there],
-                fmt="o", color=CURVE, markersize=3.5, linewidth=1.0, capsize=2.0,
-                label="its points, 95 %" if sign > 0.0 else None,
-            )  # fmt: skip
+        _points(above, law, s, x, y)
+        if curve.together is not None:
+            _beside(above, curve.together, x, y)
         if law.formulas:
             like = law.formulas[0]
-            above.plot(x * s, y * like.at(s), color=FORMULA, linestyle="--", linewidth=1.2,
+            at = np.where(s == 0.0, np.nan, s)
+            above.plot(x * at, y * like.at(at), color=FORMULA, linestyle="--", linewidth=1.2,
                        label=f"{like.form.name}: {law.formula}")  # fmt: skip
         above.set_ylabel(f"law at {curve.physics.at} [{made_unit}]")
         above.set_title(f"What follows {curve.over} at {curve.physics.at} and has no name")
         figure.legend(loc="outside lower center", ncols=1)
-        below.hist(x * curve.seen, bins=BINS, color="0.6")
+        below.hist(x * seen, bins=BINS, color="0.6")
         below.set_ylabel("samples")
-        below.set_xlabel(f"{curve.over} [{state_unit}]")
+        within = " within a turn" if curve.period > 0.0 else ""
+        below.set_xlabel(f"{curve.over}{within} [{state_unit}]")
     return figure
+
+
+def _turned(law: LearnedLaw, states: Floats) -> Floats:
+    """States within one turn of a law that repeats, as they are of another."""
+    period, first = law.curve.period, float(law.curve.states[0])
+    return states if period == 0.0 else first + np.mod(states - first, period)
+
+
+def _samples(axes: Axes, law: LearnedLaw, x: float, y: float) -> None:
+    """What the recording says of the law, sample by sample."""
+    states, forces = law.samples()
+    every = max(1, states.size // SHOWN)
+    tall = SPREAD * float(np.abs(law.curve.forces).max())
+    states, forces = _turned(law, states)[::every], np.clip(forces[::every], -tall, tall)
+    axes.plot(x * states, y * forces, ".", color=SAMPLES, markersize=1.6, rasterized=True,
+              label="with what each sample asks for beyond it")  # fmt: skip
+
+
+def _points(axes: Axes, law: LearnedLaw, s: Floats, x: float, y: float) -> None:
+    """The points of the table with their band."""
+    curve = law.curve
+    for sign in (1.0, -1.0)[: 2 if curve.odd else 1]:
+        there = (sign * curve.states >= s[0]) & (sign * curve.states <= s[-1])
+        half = 0.5 * (curve.upper - curve.lower)
+        axes.errorbar(
+            x * sign * curve.states[there], y * sign * curve.forces[there], y * half[there],
+            fmt="o", color=CURVE, markersize=3.5, linewidth=1.0, capsize=2.0,
+            label="its points, 95 %" if sign > 0.0 else None,
+        )  # fmt: skip
+
+
+def _beside(axes: Axes, whole: Together, x: float, y: float) -> None:
+    """The curve with the names that follow the same state there."""
+    for side in (whole.states < 0.0, whole.states > 0.0):
+        if not side.any():
+            continue
+        at = x * whole.states[side]
+        axes.fill_between(at, y * whole.lower[side], y * whole.upper[side], color=TOGETHER,
+                          alpha=0.25, linewidth=0.0)  # fmt: skip
+        axes.plot(at, y * whole.forces[side], color=TOGETHER, linewidth=1.4)
+    axes.plot([], [], color=TOGETHER, linewidth=1.4,
+              label=f"with {' and '.join(whole.names)}, 95 %")  # fmt: skip

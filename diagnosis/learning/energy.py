@@ -1,0 +1,58 @@
+"""Does a law of no name ever make energy? What it gives, times the velocity at which it gives it.
+
+A force over a velocity feeds the motion where f(v) v > 0. What of it is straight is its place's
+damper b as well as its own, so that what is asked is of both, f(v) - b v, with what has a name
+beside it. A force over a position, or over what a link gives way, is the slope of an energy: round
+any closed path it makes none. What enters by the command or the reading is the drive's doing, which
+is no part that could be passive.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.diagnosis.learning.curves import Learned
+from zwidth.diagnosis.learning.tables import law_at
+from zwidth.sim.readable import with_unit
+
+Floats = NDArray[np.float64]
+FINE = 401  # velocities that are asked
+SEEN = (0.005, 0.995)  # of the samples, between which is asked
+LITTLE = 1e-3  # of the largest power, below which none is made
+
+
+def makes_energy(curve: Learned, rotary: bool) -> str:
+    """Say whether a law ever makes energy over the states that were seen."""
+    match curve.physics.effect.name:
+        case "free_spring":
+            return "it follows a position alone, so that round any closed path it makes no energy"
+        case "free_damper":
+            return _fed(curve, rotary)
+        case _:
+            return "it enters by the drive, which brings energy of its own"
+
+
+def _fed(curve: Learned, rotary: bool) -> str:
+    """The same of a force over a velocity."""
+    low, high = (float(q) for q in np.quantile(curve.seen, SEEN))
+    v = np.linspace(low, high, FINE)
+    own, all_of = law_at(curve.physics, v) * v, powers(curve, v)
+    with_it = "its damper" + (
+        f" and {' and '.join(curve.together.names)}" if curve.together is not None else ""
+    )
+    if float(own.max()) <= LITTLE * float(np.abs(own).max()):
+        return "it takes energy at every velocity that was seen, and makes none"
+    if float(all_of.max()) <= LITTLE * float(np.abs(all_of).max()):
+        return f"by itself it makes energy at some velocities, together with {with_it} at none"
+    most = int(np.argmax(all_of))
+    at = with_unit(float(v[most]), "rad/s" if rotary else "m/s", 2)
+    power = with_unit(float(all_of[most]), "W", 2)
+    return f"it makes energy, even with {with_it}: up to {power} at {at}"
+
+
+def powers(curve: Learned, v: Floats) -> Floats:
+    """Return what a law, its place's damper and the names beside it feed in at velocities (n,)."""
+    h, place = curve.hypothesis, curve.physics.place
+    chain = h.model.build(h.x).chain
+    dampers = chain.link_dampers if place.kind == "link" else chain.ground_dampers
+    damped = float(dampers[place.index]) * v
+    return (law_at(curve.physics, v) + curve.named_at(v) - damped) * v

@@ -1,0 +1,195 @@
+"""As many points as a table pays for, odd or of one direction where that is likelier.
+
+A fit of a table of many points knows their forces f with the precision P, all else free: with A
+the information, P = A_ff - A_fo A_oo^-1 A_of. Any table of fewer numbers g at which f = B g (fewer
+points, an odd law, which is one of |s|) costs to second order
+
+    (f - B g)' P (f - B g) + ln det B'PB + 2 sum_k ln range_k - k ln 2 pi,    range_k ~ |g_k|,
+
+least over g, as `selection.evidence` prices every hypothesis. So the points that pay are told from
+one fit: they go one at a time, that which costs least by going, and what was cheapest is fitted.
+
+Where no hypothesis is true a likelihood is too sure of itself, by the phi of `evidence.compared`:
+P is then divided by it, and so is what a fit gains (`tempered`). A table of sixteen points
+otherwise follows what has nothing to do with its state.
+
+A law that only rises, or only falls, has steps of one sign: its numbers are its first and its
+steps, as likely in every octave as all magnitudes are. Steps are smaller than levels, so such a law
+costs less where it holds, 2 sum ln |g_k| / |g_k - g_(k-1)|. What holds it to that is solved for in
+the same second order.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+
+from zwidth.diagnosis.learning.tables import basis, is_odd, points_over, table
+from zwidth.diagnosis.selection.evidence import freedom
+from zwidth.diagnosis.selection.hypothesis import SWEEP, Hypothesis, judged, priced
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.physics.free_law import FORCE, points_of
+
+Floats = NDArray[np.float64]
+FEWEST = {False: 3, True: 2}  # points, of laws that are not odd and of those that are
+ODD = 12  # points of an odd law, of which those that pay stay
+JUDGED = 1e-9  # of the largest of P, that is added to its diagonal: a sum of forces may be unknown
+
+
+@dataclass(frozen=True)
+class Known:
+    """What a fit knows of the table that it has last: places in x, scales, forces, precision P."""
+
+    which: NDArray[np.int64]
+    scales: Floats
+    forces: Floats
+    precision: Floats
+    others: NDArray[np.int64]
+    follows: Floats
+
+
+def tempered(h: Hypothesis, phi: float) -> float:
+    """Return what a hypothesis costs where likelihoods are too sure by phi, in -2 ln.
+
+    Misfit and information, and so ln det A of all its parameters, are phi times less.
+    """
+    return h.cost.total - (1.0 - 1.0 / phi) * h.cost.misfit - h.x.size * math.log(phi)
+
+
+def known(h: Hypothesis, phi: float = 1.0) -> Known:
+    """Return what a fitted hypothesis knows of the forces of its last effect.
+
+    follows (others, forces): by how much the other parameters' x move with a force. phi: by how
+    much its likelihood is too sure.
+    """
+    assert h.slopes is not None
+    last = len(h.model.effects) - 1
+    own = [
+        (j, p.scale, p.key)
+        for j, p in enumerate(h.model.parameters)
+        if p.kind == "effect" and p.index == last and p.key in FORCE
+    ]
+    which = np.array([j for j, _, _ in own])
+    scales = np.array([scale for _, scale, _ in own])
+    law = h.model.effects_at(h.x)[-1]
+    forces = np.array([law.values[key] for _, _, key in own])
+    others = np.setdiff1d(np.arange(h.x.size), which)
+    a = h.slopes.T @ h.slopes
+    inverse = np.linalg.pinv(a[np.ix_(others, others)], hermitian=True)
+    follows = -inverse @ a[np.ix_(others, which)]
+    p = a[np.ix_(which, which)] + a[np.ix_(which, others)] @ follows
+    p = 0.5 * (p + p.T) / np.outer(scales, scales) / phi
+    p = p + JUDGED * float(np.diag(p).max()) * np.eye(which.size)
+    return Known(which, scales, forces, p, others, follows / scales)
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A table of fewer numbers: its law, and what it costs beside others of the same fit."""
+
+    law: Physics
+    cost: float
+
+
+def shapes(h: Hypothesis, seen: Floats, phi: float = 1.0) -> list[Shape]:
+    """Return the cheapest table that is not odd and the cheapest that is, where there are such.
+
+    h: a fit whose last effect is a table of many points; seen (samples,): the states; phi: by how
+    much its likelihood is too sure.
+    """
+    law = h.model.effects_at(h.x)[-1]
+    there, states = known(h, phi), np.array(points_of(law.values))[:, 0]
+    if is_odd(law):
+        return [_fewer(law, there, states, states, True)]
+    found = [_fewer(law, there, states, states, False)]
+    period = law.values["period"]
+    odd = None if period > 0.0 else points_over(seen, ODD, True)
+    return found if odd is None else [*found, _fewer(law, there, states, odd, True)]
+
+
+def _fewer(law: Physics, there: Known, states: Floats, begin: Floats, odd: bool) -> Shape:
+    """The points of a table that pay, of those that it begins with; its ends stay."""
+    at, best = begin, _priced(law, there, states, begin, odd)
+    cheapest = best
+    while at.size > FEWEST[odd]:
+        fewer = [_priced(law, there, states, np.delete(at, k), odd) for k in range(1, at.size - 1)]
+        best = min(fewer, key=lambda shape: shape.cost)
+        at = np.array(points_of(best.law.values))[:, 0]
+        cheapest = best if best.cost < cheapest.cost else cheapest
+    return cheapest
+
+
+def _priced(law: Physics, there: Known, states: Floats, at: Floats, odd: bool) -> Shape:
+    """A table with points at some states, as near to what is known as it can be."""
+    columns = basis(law, at, odd, states[int(is_odd(law)) :])
+    a = columns.T @ there.precision @ columns
+    pull = columns.T @ there.precision @ there.forces
+    g = np.asarray(np.linalg.lstsq(a, pull, rcond=1e-12)[0], dtype=np.float64)
+    off = there.forces - columns @ g
+    deviation = np.sqrt(np.maximum(np.diag(np.linalg.pinv(a, hermitian=True)), 0.0))
+    ranges = SWEEP * np.maximum(np.abs(g), deviation)
+    cost = float(off @ there.precision @ off)
+    cost += freedom(a, ranges.tolist()) if np.all(ranges > 0.0) else math.inf
+    forces = np.concatenate([[0.0], g]) if odd else g
+    period = law.values["period"]
+    return Shape(table(law.effect.name, law.at, at, forces, odd, period), cost)
+
+
+def one_way(h: Hypothesis, phi: float = 1.0) -> Hypothesis:
+    """Return a hypothesis with its last table made to rise or fall only, where that costs less."""
+    law, there = h.model.effects_at(h.x)[-1], known(h, phi)
+    if law.values["period"] > 0.0:
+        return h
+    first = 0.0 if is_odd(law) else None
+    free = _ranges(there, there.forces, np.eye(there.forces.size))
+    best = h
+    for way in (1.0, -1.0):
+        g = _nearest_one_way(there, way, first)
+        steps = _steps(g.size)
+        less = sum(np.log(_ranges(there, g, steps))) - sum(np.log(free))
+        x = h.x.copy()
+        x[there.which] += (g - there.forces) / there.scales
+        x[there.others] += there.follows @ (g - there.forces)
+        if not np.array_equal(h.model.within(x), x) and np.any(g != there.forces):
+            x = h.model.within(x)
+        other = h if np.array_equal(x, h.x) else priced(_at(h, x))
+        cost = replace(other.cost, freedom=other.cost.freedom + 2.0 * float(less))
+        other = replace(other, cost=cost)
+        if tempered(other, phi) < tempered(best, phi):
+            best = other
+    return best
+
+
+def _at(h: Hypothesis, x: Floats) -> Hypothesis:
+    return judged(h.experiments, h.model, x, h.family, h.family.near(h.ratio), h.prices)
+
+
+def _steps(count: int) -> Floats:
+    """Rows that make steps of forces; the first is from nothing."""
+    rows = np.eye(count)
+    rows[1:, :-1] -= np.eye(count - 1)
+    return rows
+
+
+def _ranges(there: Known, g: Floats, rows: Floats) -> Floats:
+    """Ranges of numbers rows @ g, at least what is not known of them."""
+    spread = rows @ np.linalg.pinv(there.precision, hermitian=True) @ rows.T
+    return SWEEP * np.maximum(np.abs(rows @ g), np.sqrt(np.maximum(np.diag(spread), 1e-300)))
+
+
+def _nearest_one_way(there: Known, way: float, first: float | None) -> Floats:
+    """The forces that only rise (way 1) or fall (-1) nearest to what is known."""
+    count = there.forces.size
+    sums = np.tril(np.ones((count, count)))  # forces from steps
+    root = np.linalg.cholesky(there.precision).T
+    low, high = np.zeros(count), np.full(count, np.inf)
+    if first is None:  # a level of its own
+        low[0] = -np.inf
+    else:  # from nothing
+        low[0] = 0.0
+    if way < 0.0:
+        low, high = -high, -low
+    found = lsq_linear(root @ sums, root @ there.forces, (low, high)).x
+    return np.asarray(sums @ found, dtype=np.float64)

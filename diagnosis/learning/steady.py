@@ -1,0 +1,59 @@
+"""What a law gives in steady motion over one state, to be held beside a curve of that state.
+
+What acts at a place over a velocity is the sum of all laws there that follow it: friction, a drag,
+a table. A dry force slides at its bound; a bristle that has bent to its end pulls by its level. A
+law that follows another state as well, or the path, is no part of such a sum, and is left out.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.sim.physics.dispatch import amplified, friction_bounds, sensed, smooth_force
+from zwidth.sim.physics.effect import Physics
+
+Floats = NDArray[np.float64]
+STATES = {"free_spring": "q", "free_damper": "v", "free_amplifier": "u", "free_sensor": "q"}
+HOOKS = {"free_amplifier": "command", "free_sensor": "sensor"}
+SLIDES = ("presliding_friction",)  # of memory, which sliding exhausts
+ASIDE = ((0.0, 0.0, 0.0), (0.7, -0.4, 0.9), (-1.3, 0.8, -0.5))  # what the other states are
+SAME = 1e-9
+
+
+def along(law: Physics, curve: str, at: Floats) -> Floats | None:
+    """Return what a law gives at states (points,) of a curve, such as "free_damper".
+
+    None where it enters elsewhere than such a curve does, or follows more than that state.
+    """
+    force = law.effect.hook in ("force", "friction")
+    if law.effect.borrows or (HOOKS.get(curve, "force") != law.effect.hook and not force):
+        return None
+    if force and curve in HOOKS:
+        return None
+    state = STATES[curve]
+    if law.effect.name in SLIDES:
+        return -law.values["level"] * np.sign(at) if state == "v" else None
+    if law.effect.code == 0 or law.effect.name in ("hysteresis", "backlash"):
+        return None
+    p = law.vector()
+    found = [np.array([_gives(law, state, s, aside, p) for s in at]) for aside in ASIDE]
+    size = float(np.abs(found[0]).max())
+    alike = all(np.abs(other - found[0]).max() <= SAME * size for other in found[1:])
+    return found[0] if alike else None
+
+
+def _gives(
+    law: Physics, state: str, value: float, aside: tuple[float, float, float], p: Floats
+) -> float:
+    """A law at one state, the others aside."""
+    q, v, u = (value if name == state else other for name, other in zip("qvu", aside, strict=True))
+    code = law.effect.code
+    match law.effect.hook:
+        case "friction":
+            lower, upper, _, _ = friction_bounds(code, q, v, u, p)
+            return float(lower if v > 0.0 else upper if v < 0.0 else 0.0)
+        case "command":
+            return float(amplified(code, u, p)) - u
+        case "sensor":
+            return float(sensed(code, q, p)) - q
+        case _:
+            return float(smooth_force(code, q, v, 0.0, u, p))

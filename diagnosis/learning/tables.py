@@ -1,0 +1,72 @@
+"""Tables of laws of no name: where their points stand, and what they give."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
+
+from zwidth.sim.physics import make_physics
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.physics.free_law import points_of, table_values
+
+Floats = NDArray[np.float64]
+BOTH_WAYS = 0.3  # of the largest state on one side, that the other must reach for an odd law
+
+
+def law_at(law: Physics, states: Floats) -> Floats:
+    """Return a law of no name at some states (...,)."""
+    s, f = np.array(points_of(law.values)).T
+    period, x = law.values["period"], np.asarray(states, dtype=np.float64)
+    if period > 0.0:
+        x = s[0] + np.mod(x - s[0], period)
+        s, f = np.concatenate([s - period, s, s + period]), np.tile(f, 3)
+    elif law.values["odd"] > 0.5:
+        s, f = np.concatenate([-s[:0:-1], s]), np.concatenate([-f[:0:-1], f])
+    smooth = CubicHermiteSpline(s, f, np.gradient(f, s, edge_order=1 if s.size == 2 else 2))
+    return np.asarray(smooth(np.clip(x, s[0], s[-1])))
+
+
+def is_odd(law: Physics) -> bool:
+    """Whether a law's table is of |s|."""
+    return law.values["odd"] > 0.5
+
+
+def points_over(seen: Floats, count: int, odd: bool, period: float = 0.0) -> Floats | None:
+    """Return so many states for a table over those seen (samples,); None where it has no sense.
+
+    An odd law must have been seen on both sides. Half by where it was, half evenly: the ends are
+    where a law shows, and are seldom visited. One that repeats has them evenly over its turn.
+    """
+    if period > 0.0:
+        return period * np.arange(count) / count
+    low, high = float(seen.min()), float(seen.max())
+    if odd and min(-low, high) < BOTH_WAYS * max(-low, high):
+        return None
+    share = np.linspace(0.0, 1.0, count)
+    even = (0.0 if odd else low) + share * (max(-low, high) if odd else high - low)
+    at = 0.5 * (np.quantile(np.abs(seen) if odd else seen, share) + even)
+    at[0], at[-1] = even[0], even[-1]
+    return None if np.any(np.diff(at) <= 0.0) else at
+
+
+def table(
+    effect: str, at: str, states: Floats, forces: Floats, odd: bool, period: float = 0.0
+) -> Physics:
+    """Return a law of points (states, forces), each (points,)."""
+    points: Sequence[tuple[float, float]] = list(zip(states.tolist(), forces.tolist(), strict=True))
+    return make_physics(effect, at, **table_values(points, odd, period))
+
+
+def basis(law: Physics, states: Floats, odd: bool, at: Floats) -> Floats:
+    """Return what each point of another table adds to it at some states (points, numbers).
+
+    states: of that table's points, of an odd one the first is 0 and adds nothing.
+    """
+    columns: list[Floats] = []
+    for k in range(int(odd), states.size):
+        unit = np.zeros(states.size)
+        unit[k] = 1.0
+        period = law.values["period"]
+        columns.append(law_at(table(law.effect.name, law.at, states, unit, odd, period), at))
+    return np.column_stack(columns)

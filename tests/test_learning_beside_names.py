@@ -1,0 +1,193 @@
+"""What a learned curve takes from names, what it leaves to them, and what both are together."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from zwidth.controllers.recorded import recorded
+from zwidth.diagnosis.answer.learned import like_what
+from zwidth.diagnosis.learning.curves import Learned, learn
+from zwidth.diagnosis.learning.energy import makes_energy
+from zwidth.diagnosis.learning.knots import known, one_way, shapes
+from zwidth.diagnosis.learning.steady import along
+from zwidth.diagnosis.learning.tables import basis, law_at, table
+from zwidth.diagnosis.mishaps import silent
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.recording.experiment import Experiment, Output
+from zwidth.diagnosis.selection.effort import QUICK
+from zwidth.diagnosis.selection.hypothesis import judged, settled
+from zwidth.diagnosis.selection.search import Search
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.interface import Interface
+from zwidth.sim.physics import make_physics
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.physics.free_law import points_of
+from zwidth.sim.run import simulate
+
+Floats = NDArray[np.float64]
+T = 0.004
+DEVICE = Device("mass", "", False, make_chain([0.5], [0.8], 30.0), Interface(period=T))
+V = np.linspace(0.0, 3.0, 13)
+SATURATES = table("free_damper", "m1", V, -1.5 * np.tanh(V / 0.6), odd=True)
+CUBES = table("free_damper", "m1", V, -0.25 * V**3, odd=True)
+TURN = 0.04
+DETENT = table(
+    "free_spring", "m1", np.asarray(TURN * np.arange(8) / 8.0, dtype=np.float64),
+    1.2 * np.array([0.0, 0.2, 1.0, 0.2, 0.0, -0.4, -0.6, -0.4]), False, TURN,
+)  # fmt: skip
+RUBS = make_physics("coulomb_friction", "m1", level=0.8)
+
+
+def recording(*physics: Physics, ticks: int = 1500) -> Experiment:
+    """A mass on a spring with some physics, under forces by chance."""
+    random = np.random.default_rng(4)
+    command = np.repeat(random.normal(0.0, 4.0, ticks // 25 + 1), 25)[:ticks]
+    run = simulate(DEVICE.with_physics(*physics), recorded(command), duration=ticks * T, substeps=8)
+    noisy = run.trace["position_m1"][:ticks] + 2e-5 * random.standard_normal(ticks)
+    swing = float(np.std(noisy))
+    return Experiment(T, command, noisy[:, None], (Output("position", 0),), swing=swing)
+
+
+def searched(there: tuple[Physics, ...], named: Physics, **scales: float) -> Search:
+    """A search that knows one name, and believes in it where it costs less than nothing."""
+    model = Model(DEVICE)
+    fit = recording(*there)
+    plain = settled(judged([fit], model, np.zeros(len(model.parameters))))
+    richer = model.with_effect(named, scales)
+    start = np.concatenate([plain.x, np.zeros(len(scales))])
+    best = settled(judged([fit], richer, richer.within(start)))
+    return Search(plain, best if best.cost.total < plain.cost.total else plain, QUICK, silent)
+
+
+@cache
+def near_friction() -> Search:
+    return searched((SATURATES,), RUBS, level=0.4)
+
+
+@cache
+def taken_for_friction() -> Learned | None:
+    return learn(near_friction(), silent)
+
+
+@cache
+def friction_and_cube() -> Learned | None:
+    return learn(searched((RUBS, CUBES), RUBS, level=0.4), silent)
+
+
+def test_a_name_that_was_part_of_the_curve_goes() -> None:
+    """A drag that saturates is nearly friction. Mutation that breaks it: names beside it stay."""
+    curve = taken_for_friction()
+    assert curve is not None
+    assert curve.names == ()
+    assert curve.together is None
+    v = np.linspace(-2.0, 2.0, 41)
+    off = law_at(curve.physics, v) - law_at(SATURATES, v)
+    off = off - v * (v @ off) / (v @ v)
+    assert np.abs(off).max() < 0.06
+
+
+def test_what_it_took_is_said() -> None:
+    curve = taken_for_friction()
+    assert curve is not None
+    assert near_friction().best.model.effects
+    assert curve.absorbed == ("coulomb_friction at m1",)
+
+
+def test_friction_stays_beside_a_drag_and_both_are_one_law() -> None:
+    """The band of the sum holds friction and drag together. Mutation: the sum without the name."""
+    curve = friction_and_cube()
+    assert curve is not None
+    assert curve.names == ("coulomb_friction at m1",)
+    whole = curve.together
+    assert whole is not None
+    truth = law_at(CUBES, whole.states) - 0.8 * np.sign(whole.states)
+    off = whole.forces - truth
+    s = whole.states
+    assert np.abs(off - s * (s @ off) / (s @ s)).max() < 0.05 * np.abs(truth).max()
+    np.testing.assert_allclose(curve.named_at(s), whole.forces - law_at(curve.physics, s))
+    (like, *_), both = like_what(curve)
+    assert both
+    assert like.form.rubs
+
+
+def test_a_drag_takes_energy_and_what_pushes_makes_it() -> None:
+    """Mutation that breaks it: the power of the force alone, without its damper."""
+    curve = friction_and_cube()
+    assert curve is not None
+    assert makes_energy(curve, False).endswith("makes none")
+
+
+def test_what_repeats_is_learned_in_the_place_of_a_ripple() -> None:
+    """Mutation that breaks it: no law in the place of a ripple, which is then all there is."""
+    ripple = make_physics("force_ripple", "m1", amplitude=0.8, period=TURN, phase=-1.6)
+    curve = learn(searched((DETENT,), ripple, amplitude=0.4, phase=0.5), silent)
+    assert curve is not None
+    assert curve.period == pytest.approx(TURN)
+    assert curve.names == ()
+    q = np.linspace(0.0, TURN, 50)
+    off = law_at(curve.physics, q) - law_at(DETENT, q)
+    assert np.std(off) < 0.15 * np.std(law_at(DETENT, q))  # of one sine 0.4
+    (like, *_), _ = like_what(curve)
+    assert like.form.turns
+
+
+def test_a_table_of_fewer_points_is_told_from_one_fit() -> None:
+    """What `shapes` foretells beside what a fit of that table costs. Mutation: B for the full."""
+    curve = taken_for_friction()
+    assert curve is not None
+    h = curve.hypothesis
+    there = known(h)
+    law = h.model.effects_at(h.x)[-1]
+    assert there.forces.size == len(points_of(law.values)) - int(curve.odd)
+    for shape in shapes(h, curve.seen):
+        assert len(points_of(shape.law.values)) <= max(len(points_of(law.values)), 12)
+        assert np.isfinite(shape.cost)
+    up = one_way(h)
+    assert up.cost.total <= h.cost.total
+
+
+def test_a_law_that_only_falls_costs_less_for_it() -> None:
+    """Its steps are smaller than its levels. Mutation that breaks it: no such price."""
+    curve = taken_for_friction()
+    assert curve is not None
+    assert curve.one_way
+    assert np.all(np.diff(curve.forces) <= 0.0)
+
+
+def test_a_table_is_the_sum_of_its_points() -> None:
+    at = np.array([-1.0, 0.2, 0.9, 2.0])
+    f = np.array([0.4, -1.0, 0.3, 2.0])
+    s = np.linspace(-1.5, 2.5, 30)
+    law = table("free_spring", "m1", at, f, False)
+    np.testing.assert_allclose(basis(law, at, False, s) @ f, law_at(law, s), atol=1e-12)
+    odd = np.array([0.0, 0.5, 2.0])
+    g = np.array([0.7, -1.0])
+    turned = table("free_spring", "m1", odd, np.array([0.0, *g]), True)
+    np.testing.assert_allclose(basis(turned, odd, True, s) @ g, law_at(turned, s), atol=1e-12)
+
+
+def given(law: Physics, curve: str, at: Floats) -> Floats:
+    found = along(law, curve, at)
+    assert found is not None
+    return found
+
+
+def test_what_a_law_gives_in_steady_motion() -> None:
+    """Closed forms. Mutation: the other bound of a dry force."""
+    v = np.array([-2.0, -0.5, 0.5, 2.0])
+    friction = make_physics("directional_friction", "m1", level_plus=1.0, level_minus=2.0,
+                            viscous_plus=0.1, viscous_minus=0.2)  # fmt: skip
+    np.testing.assert_allclose(given(friction, "free_damper", v), [2.4, 2.1, -1.05, -1.2])
+    drag = make_physics("quadratic_drag", "m1", coefficient=0.3)
+    np.testing.assert_allclose(given(drag, "free_damper", v), -0.3 * v * np.abs(v))
+    assert along(drag, "free_spring", v) is None
+    assert along(drag, "free_amplifier", v) is None
+    gains = make_physics("gain_asymmetry", "command", ratio=3.0)
+    np.testing.assert_allclose(given(gains, "free_amplifier", v), [1.0, 0.25, 0.25, 1.0])
+    bristle = make_physics("presliding_friction", "m1", level=0.5, stiffness=100.0)
+    np.testing.assert_allclose(given(bristle, "free_damper", v), -0.5 * np.sign(v))
+    level = make_physics("constant_force", "m1", level=0.4)
+    np.testing.assert_allclose(given(level, "free_spring", v), 0.4)
