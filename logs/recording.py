@@ -120,7 +120,7 @@ def _read(description: Description, source: Source) -> Trace:
         facts["resampling"] = resampling
     units = {
         e.channel: (GOAL if converted[e.channel].goal else SI[e.quantity])[0 if rotary else 1]
-        if rotary is not None
+        if rotary is not None and e.quantity in SI
         else ""
         for e in entries
     }

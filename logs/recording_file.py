@@ -19,6 +19,12 @@
     signal = "qm"
     quantity = "position"       # position | velocity | acceleration
     at = "m1"                   # m1 to m5
+    [enable]                    # optional: when the drive was on, channel `enable`
+    signal = "torque_enable"    # on where it is at least a half
+    [supply]                    # optional: what supplied it, channel `supply`, over nominal
+    signal = "input_volts"
+    unit = "V"
+    nominal = 12.0              # what the device file's numbers are at [V]
     [use]                       # optional
     from_s = 0.0
     to_s = 20.0
@@ -40,10 +46,11 @@ of their own, and shift_s, which is added to their stamps (with period_s: the ti
 import math
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from zwidth.logs.csv_form import CsvOptions
+from zwidth.logs.drive_state import ENABLE, SUPPLY, nominal_of
 from zwidth.logs.opening import opened
 from zwidth.logs.source import RecordingError
 from zwidth.logs.units import SI, UNITS, known_unit
@@ -56,7 +63,7 @@ SCHEMA = 1
 CLOCK_KEYS = ("period_s", "time", "time_unit")
 TOP_KEYS = (
     *("schema", "file", "source", "rotary", *CLOCK_KEYS, "resample"),
-    *("input", "output", "use", "csv", "device"),
+    *("input", "output", "enable", "supply", "use", "csv", "device"),
 )
 INPUT_KEYS = (
     *("signal", "unit", "scale", "offset", "counts_per_rev", "counts_per_m"),
@@ -82,7 +89,10 @@ class Clock:
 
 @dataclass(frozen=True)
 class Entry:
-    """One channel. scale is None where the TOML gives none (then it is 1)."""
+    """One channel. scale is None where the TOML gives none (then it is 1).
+
+    over: what its SI value is divided by.
+    """
 
     quantity: str
     channel: str
@@ -93,6 +103,7 @@ class Entry:
     counts_per_rev: float | None
     counts_per_m: float | None
     clock: Clock
+    over: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -150,6 +161,7 @@ def _description(path: Path, top: Table) -> Description:
         if quantity == "acceleration" and _one_of(table, "at", PLACES).startswith("link"):
             raise TableError(f"{table.path}.at is a link, which has no acceleration; give a mass")
         entries.append(_entry(table, quantity, f"{quantity}_{_one_of(table, 'at', PLACES)}", top))
+    entries += _of_drive(top)
     if not entries:
         raise TableError("the file describes no signal; add [input] or [[output]]")
     channels = [entry.channel for entry in entries]
@@ -172,6 +184,18 @@ def _description(path: Path, top: Table) -> Description:
         _csv(top.table("csv")),
         known_changes(top.table("device")).values,
     )
+
+
+def _of_drive(top: Table) -> list[Entry]:
+    """What is recorded of the drive's state."""
+    keys = tuple(key for key in INPUT_KEYS if not key.startswith("counts_"))
+    found: list[Entry] = []
+    if ENABLE in top:
+        found.append(_entry(top.table(ENABLE).only(keys), ENABLE, ENABLE, top))
+    if SUPPLY in top:
+        table = top.table(SUPPLY).only((*keys, "nominal"))
+        found.append(replace(_entry(table, SUPPLY, SUPPLY, top), over=nominal_of(table)))
+    return found
 
 
 def _entry(table: Table, quantity: str, channel: str, top: Table) -> Entry:

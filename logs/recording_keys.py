@@ -18,13 +18,31 @@ _SIGNAL = (
     ("counts_per_m", "edges of an encoder in a metre, with unit counts", "", "none", "1e6"),
     ("shift_s", "added to the stamps of this signal", "s", "0", "0.002"),
 )  # fmt: skip
+_EXAMPLES = {
+    ("enable", "signal"): '"torque_enable"',
+    ("enable", "unit"): "",
+    ("enable", "scale"): "-1.0",
+    ("enable", "offset"): "1.0",
+    ("supply", "signal"): '"vbat"',
+    ("supply", "unit"): '"V"',
+    ("supply", "scale"): "11.0",
+}
 
 
 def _signals(table: str) -> tuple[Key, ...]:
+    counts = table in ("input", "output")
     own = tuple(
-        Key(table, name, meaning, unit, default=default, example=example)
+        Key(
+            table,
+            name,
+            meaning,
+            unit,
+            default=default,
+            example=_EXAMPLES.get((table, name), example),
+        )
         for name, meaning, unit, default, example in _SIGNAL
-    )
+        if counts or not name.startswith("counts_")
+    )  # fmt: skip
     clocks = tuple(
         Key(table, name, f"as at the top, where this stream has a clock of its own: {meaning}",
             unit, default="that of the top")
@@ -48,6 +66,10 @@ RECORDING_KEYS: tuple[Key, ...] = (
     *_signals("output"),
     Key("output", "quantity", "position, velocity, acceleration, or force (of a drive)",
         example='"position"'),
+    *_signals("enable"),
+    *_signals("supply"),
+    Key("supply", "nominal", "the voltage that the device file's numbers are at", "V",
+        example="12.0"),
     Key("output", "at", "the mass that it is of: m1 to m5", example='"m1"'),
     Key("use", "from_s", "the first time that is used", "s", default="-inf"),
     Key("use", "to_s", "the last time that is used", "s", default="inf"),

@@ -117,7 +117,7 @@ def simulated(model: Model, x: Floats, e: Experiment, observer: Observer) -> Flo
         memory, full = memory_at(ready, seen, device, observer.gain)
         wrong = alone(
             eq, fine, seen.places(eq.dof), seen.command, seen.measured, np.zeros_like(full),
-            np.zeros((0, eq.dof)), memory,
+            np.zeros((0, eq.dof)), memory, seen.strengths,
         )  # fmt: skip
         # What a model reads otherwise (an origin) is in both, and goes.
         return recorded(e, e.measured - wrong)

@@ -130,7 +130,7 @@ class Many:
                 force = np.pad(force, ((0, 0), (0, population.dof - force.shape[1])))
             recorded = Recorded(
                 plain.command, plain.measured, experiment.places(population.dof), force,
-                None if place is None else self.model.arriving_change(plain),
+                None if place is None else self.model.arriving_change(plain), plain.strengths,
             )  # fmt: skip
             readings = Readings(
                 padded(gain, device, population), gains[which], origins[which], jitters[which]

@@ -191,7 +191,10 @@ class _Observed:
         force = experiment.force
         if force is not None:
             force = np.pad(force, ((0, 0), (0, dof - force.shape[1])))
-        recorded = Recorded(experiment.command, experiment.measured, experiment.places(dof), force)
+        recorded = Recorded(
+            experiment.command, experiment.measured, experiment.places(dof), force,
+            strengths=experiment.strengths,
+        )  # fmt: skip
         motion = np.array(first_motion(experiment.outputs, experiment.measured, period))
         motions = np.tile(motion, (population.size, 1))
         memories = observer_memories(population, motions, starts)

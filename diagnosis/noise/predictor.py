@@ -234,7 +234,7 @@ def memory_at(
     memory, _ = memory_at(ready, before, device, gain)
     forces = _padded_force(before.force, eq.dof)
     places = before.places(eq.dof)
-    alone(eq, fine, places, before.command, before.measured, full, forces, memory)
+    alone(eq, fine, places, before.command, before.measured, full, forces, memory, before.strengths)
     return memory, full
 
 
@@ -295,7 +295,7 @@ def innovations(
     forces = _padded_force(experiment.force if external is None else external, eq.dof)
     return alone(
         eq, fine, experiment.places(eq.dof), experiment.command, experiment.measured,
-        full, forces, memory,
+        full, forces, memory, experiment.strengths,
     )  # fmt: skip
 
 
@@ -335,7 +335,7 @@ def driven(device: Device, experiment: Experiment, gain: Floats, errors: Floats)
     found = alone(
         eq, fine, outputs, experiment.command, np.hstack([errors, np.zeros(errors.shape)]),
         np.hstack([full, np.zeros(full.shape)]), np.zeros((0, eq.dof)),
-        memory,
+        memory, experiment.strengths,
     )  # fmt: skip
     return errors - found[:, o:]
 
@@ -439,11 +439,12 @@ def free_run_errors(
     for first in range(0, experiment.ticks - window + 1, window):
         u = experiment.command[first : first + window]
         y = experiment.measured[first : first + window]
+        s = experiment.strengths_in(slice(first, first + window))
         if first >= settling(experiment):
             free = copied(memory)
-            errors.append(alone(eq, fine, places, u, y, np.zeros_like(full), no_force, free))
+            errors.append(alone(eq, fine, places, u, y, np.zeros_like(full), no_force, free, s))
             signal.append(y - y.mean(axis=0))
-        alone(eq, fine, places, u, y, full, no_force, memory)
+        alone(eq, fine, places, u, y, full, no_force, memory, s)
     empty = np.zeros((0, experiment.measured.shape[1]))
     return np.concatenate(errors or [empty]), np.concatenate(signal or [empty])
 
@@ -488,14 +489,15 @@ def free_runs(
         before, here = slice(here, first), first
         alone(
             eq, fine, places, experiment.command[before], experiment.measured[before], full,
-            no_force, memory,
+            no_force, memory, experiment.strengths_in(before),
         )  # fmt: skip
         for i in begins[first]:
             run = slice(first, first + lengths[i])
             free = copied(memory)
             seen = alone(
-                eq, fine, wide, experiment.command[run], measured[run], nothing, no_force, free
-            )
+                eq, fine, wide, experiment.command[run], measured[run], nothing, no_force, free,
+                experiment.strengths_in(run),
+            )  # fmt: skip
             found[i].append(seen[None])
     joined = [np.concatenate(runs) for runs in found]
     return [FreeRuns(runs[:, :, :o], -runs[:, :, o:]) for runs in joined]

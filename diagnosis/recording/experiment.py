@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.recording.drive_force import FORCE, Pushed, drive_stiffness
 from zwidth.diagnosis.recording.link_force import told_by_links
+from zwidth.diagnosis.recording.strength import strengths_of
+from zwidth.logs.drive_state import ENABLE, SUPPLY
 from zwidth.logs.stale import renewed, repeated
 from zwidth.logs.stretches import jumps, without_gaps
 from zwidth.logs.uneven import evened
@@ -79,6 +81,8 @@ class Experiment:
     the side of a play) no later sample may. changes: what was known to be different about the
     device. pushed: where the first output is the position that a drive's force tells. shares: how
     much of each change of a parameter (`Model.varying`) holds here; none of those not named.
+    strengths (ticks,): how much of the drive's force counts, as was recorded: 0 where it was off,
+    the supply over its nominal voltage; None for all of it.
     """
 
     period: float
@@ -99,6 +103,16 @@ class Experiment:
     differenced: Mapping["Output", float] = field(default_factory=dict["Output", float])
     folded: bool = False
     shares: tuple[tuple[str, float], ...] = ()
+    strengths: Floats | None = None
+
+    @property
+    def switched_off(self) -> bool:
+        """Whether the drive is off in some of it."""
+        return self.strengths is not None and bool(np.any(self.strengths == 0.0))
+
+    def strengths_in(self, part: slice) -> Floats | None:
+        """Return the strengths of some samples."""
+        return None if self.strengths is None else self.strengths[part]
 
     def on(self, device: Device) -> Device:
         """Return a device as it was in this recording."""
@@ -136,6 +150,7 @@ class Experiment:
             begins=self.begins + start * self.period,
             before=self.before if start == 0 else None,
             pushed=None if self.pushed is None else self.pushed.part(cut),
+            strengths=self.strengths_in(cut),
         )
 
     def pauses(self) -> NDArray[np.bool_]:
@@ -238,9 +253,10 @@ def experiment(trace: Trace, device: Device, name: str = "recording") -> Experim
     elif beyond:
         notes += (f"{name} has {', '.join(beyond)}, which is left out: the device has {one}",)
     notes += cells
+    strengths, off = strengths_of(trace, device, name)
     return Experiment(
-        own, command, measured, tuple(found), name, swing, notes=notes, changes=changes,
-        pushed=pushed,
+        own, command, measured, tuple(found), name, swing, notes=(*notes, *off), changes=changes,
+        pushed=pushed, strengths=strengths,
     )  # fmt: skip
 
 
@@ -310,7 +326,7 @@ def stretches(trace: Trace, device: Device, name: str = "recording") -> list[Exp
     """
     used = [o.name for o in _outputs(trace, device)[0]]
     used += [c for c in trace.channels if c.startswith("force_")]
-    used += ["command"] if "command" in trace.channels else []
+    used += [c for c in ("command", ENABLE, SUPPLY) if c in trace.channels]
     kept, lacking = without_gaps(trace, sorted(used), name)
     kept, odd = _as_it_moved(kept, device.interface.period, used, name)
     try:
@@ -360,7 +376,7 @@ def _as_it_moved(
     """
     if trace.origin != "recorded":
         return trace, []
-    moves = [c for c in used if c != "command"]
+    moves = [c for c in used if c not in ("command", ENABLE, SUPPLY)]
     positions = [c for c in moves if c.startswith("position_m")]
     for channel in moves:
         if (times := repeated(trace[channel])) > 1:

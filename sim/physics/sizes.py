@@ -22,7 +22,8 @@ class Sizes:
     (`driven`); speed, position, span: rms speed, rms position and travel
     of m1 as measured; period: of the ticks. By mass: speeds, positions, spans, and fastest, the
     highest speed recorded. By link: springs, and stretches, the rms deflection (far less than the
-    force over the spring where the end is light, and more at a resonance). step: of the encoder.
+    force over the spring where the end is light, and more at a resonance). step: of the
+    encoder. switched: whether the drive is off in some of it.
     """
 
     rotary: bool
@@ -41,6 +42,7 @@ class Sizes:
     stretches: tuple[float, ...]
     step: float = 0.0
     driven: bool = True
+    switched: bool = False
 
     @property
     def mass(self) -> float:
