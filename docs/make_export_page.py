@@ -90,6 +90,19 @@ def with_effect(name: str, moves: Motion) -> Device:
         return device.with_physics(make_physics(name, place, limit=moves.force))
     if name == "servo_dead_zone":
         return device.with_physics(make_physics(name, place, half=0.05 * moves.position))
+    if name == "servo_integral":
+        return device.with_physics(make_physics(name, place, rate=5.0, limit=moves.force))
+    if name == "goal_rate_limit":
+        rate = moves.speed
+        return device.with_physics(servo(moves), make_physics(name, place, rate=rate))
+    if name == "falling_limit":
+        slope = 0.5 * moves.force / moves.speed
+        return device.with_physics(make_physics(name, place, limit=moves.force, slope=slope))
+    if name == "open_winding":
+        return device.with_physics(make_physics(name, place, damping=1e-3))
+    if name == "rate_limit":
+        rate = moves.force / 0.01
+        return device.with_physics(make_physics(name, place, rate=rate))
     if name == "rectified_sensor":
         return device.with_physics(make_physics(name, place))
     found = sized(np.random.default_rng(1), name, place, device, moves, SHARE)

@@ -15,11 +15,12 @@ def reading(eq, x):
 @part
 def sent(eq, tick, x, command, before):
     """What the amplifier is told at this tick."""
-    return select(arrives(eq, tick), amplify(eq, fed_back(eq, x, command)), before)
+    told = amplify(eq, fed_back(eq, x, command), before, False)
+    return select(arrives(eq, tick), told, before)
 
 
 @part
 def moved(eq, segment, held, external, memory, scratch):
     """Move through a segment of the tick under a held command."""
     for _ in range(eq.substeps[segment]):
-        substep(eq, segment, held, external, memory, scratch)
+        substep(eq, segment, held, 1.0, external, memory, scratch)

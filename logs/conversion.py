@@ -6,9 +6,10 @@ import numpy as np
 
 from zwidth.logs.recording_file import COVARIATE, Entry
 from zwidth.logs.source import Floats, RecordingError, Signal
-from zwidth.logs.units import GOAL, SI, TURN, Unit, find_unit, known_unit
+from zwidth.logs.units import GOAL, OF_DRIVE, SI, TURN, Unit, find_unit, known_unit
 from zwidth.logs.wrapped import gone_on
 
+QUANTITIES = {**SI, **OF_DRIVE}
 LARGEST_EXACT = 2**53  # integers beyond it are rounded in a double
 
 
@@ -44,9 +45,11 @@ def convert(entry: Entry, signal: Signal) -> Converted:
         for factor in (unit.factor, scale):
             values = values if factor == 1.0 else values * factor
         values = values if entry.offset == 0.0 else values + entry.offset
+        values = values if entry.over == 1.0 else values / entry.over
     goal = entry.quantity == "command" and unit.si in GOAL and entry.scale is None
-    own = GOAL if goal else SI.get(entry.quantity, ("", ""))
-    rotary = unit.si == own[0] if unit.si and entry.scale is None else None
+    own = GOAL if goal else QUANTITIES.get(entry.quantity, ("", ""))
+    shows = bool(unit.si) and entry.scale is None and entry.quantity not in OF_DRIVE
+    rotary = unit.si == own[0] if shows else None
     formula = _formula(entry, signal, unit, scale)
     notes = [signal.note] if signal.note else []
     remarks = (*notes, *warnings, *_remarks(entry, values))
@@ -75,7 +78,9 @@ def _unit(entry: Entry, signal: Signal) -> tuple[Unit, list[str]]:
     if unit.si.startswith("counts"):
         unit = _counts(entry, unit)
     if entry.scale is None and unit.si not in _allowed(entry):
-        allowed = " or ".join(SI[entry.quantity])  # of a goal no scale is asked
+        allowed = " or ".join(
+            dict.fromkeys(QUANTITIES[entry.quantity])
+        )  # of a goal no scale is asked
         raise RecordingError(
             f"{signal.name!r} is in {entry.unit}, and {entry.channel} must be in {allowed}; give"
             f" scale, in {allowed} per {unit.si}"
@@ -85,7 +90,7 @@ def _unit(entry: Entry, signal: Signal) -> tuple[Unit, list[str]]:
 
 def _allowed(entry: Entry) -> tuple[str, ...]:
     """Return the SI units that a channel may be in."""
-    return (*SI[entry.quantity], *(GOAL if entry.quantity == "command" else ()))
+    return (*QUANTITIES[entry.quantity], *(GOAL if entry.quantity == "command" else ()))
 
 
 def _counts(entry: Entry, unit: Unit) -> Unit:
@@ -105,7 +110,8 @@ def _formula(entry: Entry, signal: Signal, unit: Unit, scale: float) -> str:
     offset = (
         "" if entry.offset == 0.0 else f" {'+' if entry.offset > 0 else '-'} {abs(entry.offset)!r}"
     )
-    return f"{entry.channel} = {''.join(factors)}{raw}{offset}"
+    over = "" if entry.over == 1.0 else f" over {entry.over!r}"
+    return f"{entry.channel} = {''.join(factors)}{raw}{offset}{over}"
 
 
 def _remarks(entry: Entry, values: Floats) -> list[str]:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from zwidth.logs.drive_state import STATES
 from zwidth.logs.recording_file import Entry
 from zwidth.logs.resampling import axis, forward_only, held, interpolated
 from zwidth.logs.source import Floats, RecordingError
@@ -67,9 +68,9 @@ def one_axis(
         own_t = stream.t[keep]
         for entry in stream.entries:
             own = values[entry.channel][keep]
-            command = entry.quantity == "command"
+            state = entry.quantity in ("command", *STATES)
             resampled[entry.channel] = (
-                held(t, own_t, own, period) if command else interpolated(t, own_t, own)
+                held(t, own_t, own, period) if state else interpolated(t, own_t, own)
             )
     return t, resampled, _resampling(period, streams, later, t.size)
 

@@ -32,6 +32,12 @@
     [[covariate]]               # optional: a temperature, that parameters may follow
     signal = "temp"             # channel `covariate_temp`, in the unit that it is written in
     unit = "degC"               # optional, free text
+    [enable]                    # optional: when the drive was on, channel `enable`
+    signal = "torque_enable"    # on where it is at least a half
+    [supply]                    # optional: what supplied it, channel `supply`, over nominal
+    signal = "input_volts"
+    unit = "V"
+    nominal = 12.0              # what the device file's numbers are at [V]
     [use]                       # optional
     from_s = 0.0
     to_s = 20.0
@@ -54,10 +60,11 @@ import math
 import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from zwidth.logs.csv_form import CsvOptions
+from zwidth.logs.drive_state import ENABLE, SUPPLY, nominal_of
 from zwidth.logs.opening import opened
 from zwidth.logs.source import RecordingError
 from zwidth.logs.units import SI, UNITS, known_unit
@@ -70,7 +77,8 @@ SCHEMA = 1
 CLOCK_KEYS = ("period_s", "time", "time_unit")
 TOP_KEYS = (
     *("schema", "file", "source", "rotary", *CLOCK_KEYS, "resample"),
-    *("input", "output", "base", "known_force", "joint", "covariate", "use", "csv", "device"),
+    *("input", "output", "base", "known_force", "joint", "covariate", "enable", "supply"),
+    *("use", "csv", "device"),
 )
 INPUT_KEYS = (
     *("signal", "unit", "scale", "offset", "counts_per_rev", "counts_per_m", "wraps_at"),
@@ -107,6 +115,7 @@ class Entry:
     """One channel. scale is None where the TOML gives none (then it is 1).
 
     wraps_at: raw numbers after which a counter starts anew, None for one that does not.
+    over: what its SI value is divided by.
     """
 
     quantity: str
@@ -119,6 +128,7 @@ class Entry:
     counts_per_m: float | None
     clock: Clock
     wraps_at: float | None = None
+    over: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -186,7 +196,8 @@ def _description(path: Path, top: Table) -> Description:
     for table in top.tables("joint"):
         table.only(JOINT_KEYS)
         entries.append(_entry(table, "position", joint_channel(table.text("name")), top))
-    if all(e.channel.startswith(("base_", KNOWN_FORCE, JOINT)) for e in entries):
+    entries += _of_drive(top)
+    if all(e.channel.startswith(("base_", KNOWN_FORCE, JOINT, ENABLE, SUPPLY)) for e in entries):
         raise TableError("the file describes no signal; add [input] or [[output]]")
     entries += [_covariate(table, top) for table in top.tables("covariate")]
     channels = [entry.channel for entry in entries]
@@ -214,6 +225,18 @@ def _description(path: Path, top: Table) -> Description:
 def joint_channel(name: str) -> str:
     """Return the channel of a joint of that name: "arm/elbow" is joint_arm_elbow."""
     return JOINT + re.sub(r"\W", "_", name)
+
+
+def _of_drive(top: Table) -> list[Entry]:
+    """What is recorded of the drive's state."""
+    keys = tuple(key for key in INPUT_KEYS if not key.startswith(("counts_", "wraps_")))
+    found: list[Entry] = []
+    if ENABLE in top:
+        found.append(_entry(top.table(ENABLE).only(keys), ENABLE, ENABLE, top))
+    if SUPPLY in top:
+        table = top.table(SUPPLY).only((*keys, "nominal"))
+        found.append(replace(_entry(table, SUPPLY, SUPPLY, top), over=nominal_of(table)))
+    return found
 
 
 def _entry(table: Table, quantity: str, channel: str, top: Table) -> Entry:

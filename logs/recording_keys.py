@@ -20,6 +20,15 @@ _SIGNAL = (
      " after 65536", "raw", "goes on", "65536"),
     ("shift_s", "added to the stamps of this signal", "s", "0", "0.002"),
 )  # fmt: skip
+_EXAMPLES = {
+    ("enable", "signal"): '"torque_enable"',
+    ("enable", "unit"): "",
+    ("enable", "scale"): "-1.0",
+    ("enable", "offset"): "1.0",
+    ("supply", "signal"): '"vbat"',
+    ("supply", "unit"): '"V"',
+    ("supply", "scale"): "11.0",
+}
 
 
 _COVARIATE = (
@@ -33,11 +42,20 @@ _COVARIATE = (
 
 
 def _signals(table: str) -> tuple[Key, ...]:
+    of_drive = table in ("enable", "supply")
     own = tuple(
-        Key(table, name, meaning, unit, default=default, example=example)
+        Key(
+            table,
+            name,
+            meaning,
+            unit,
+            default=default,
+            example=_EXAMPLES.get((table, name), example),
+        )
         for name, meaning, unit, default, example in (
             _COVARIATE if table == "covariate" else _SIGNAL
         )
+        if not (of_drive and name.startswith(("counts_", "wraps_")))
     )
     clocks = tuple(
         Key(table, name, f"as at the top, where this stream has a clock of its own: {meaning}",
@@ -62,6 +80,10 @@ RECORDING_KEYS: tuple[Key, ...] = (
     *_signals("output"),
     Key("output", "quantity", "position, velocity, acceleration, or force (of a drive)",
         example='"position"'),
+    *_signals("enable"),
+    *_signals("supply"),
+    Key("supply", "nominal", "the voltage that the device file's numbers are at", "V",
+        example="12.0"),
     Key("output", "at", "the mass that it is of: m1 to m5", example='"m1"'),
     *_signals("base"),
     Key("base", "quantity", "position, velocity or acceleration of what the device stands on, from"

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from zwidth.logs.drive_state import STATES
 from zwidth.logs.recording_file import KNOWN_FORCE
 from zwidth.sim.trace import Trace
 
@@ -83,9 +84,9 @@ def evened(trace: Trace, period: float, outputs: Sequence[str], name: str) -> tu
     """Return a trace on even ticks of that period [s], and a sentence; as it is where it is even.
 
     outputs: the channels that are interpolated, each finite, as known forces are; `command` is
-    averaged, if it is there.
-    A loop that comes late holds its command meanwhile, and nothing is lost; stretches between gaps
-    of more than `LONGEST` periods are each brought onto ticks of their own.
+    averaged, if it is there, and what is recorded of a drive's state is held. A loop that comes
+    late holds its command meanwhile, and nothing is lost; stretches between gaps of more than
+    `LONGEST` periods are each brought onto ticks of their own.
     """
     seen = scatter(trace, outputs)
     if seen is None:
@@ -152,4 +153,8 @@ def _evened(
         ends = np.append(at, at[-1] + period)
         beyond = np.maximum(ends - t[-1], 0.0) * command[-1]
         channels["command"] = np.diff(np.interp(ends, t, impulse) + beyond) / period
+    last = np.searchsorted(t, at, side="right") - 1
+    for state in STATES:
+        if state in trace.channels:
+            channels[state] = trace[state][cut][forward][last]
     return at, channels

@@ -107,6 +107,8 @@ SI = {
     "command": ("N m", "N"),
 }
 """Quantity -> its SI unit on a rotary and on a linear device."""
+OF_DRIVE = {"enable": ("", ""), "supply": ("V", "V")}
+"""The same of what is recorded of a drive's state."""
 GOAL = SI["position"]
 """What a command may be in besides: a servo's is the position that it is to go to."""
 

@@ -327,7 +327,10 @@ def _drive(table: Table) -> Drive:
         raise TableError(f"drive.kind is {kind!r}; {nearest(kind, KINDS)}")
     keys = (*NEEDED[kind], *POSSIBLE[kind])
     table.only(("kind", *keys))
-    given = {key: table.number(key) for key in keys if key in table or key in NEEDED[kind]}
+    read = {key: key for key in keys if key in table or key in NEEDED[kind]}
+    given: dict[str, Any] = {
+        key: table.text(key) if key == "when_off" else table.number(key) for key in read
+    }
     return Drive(kind, **given)
 
 

@@ -81,6 +81,13 @@ DEVICE_KEYS: tuple[Key, ...] = (
     _drive("limit_a", "largest current", "A", default="inf"),
     _drive("proportional", "voltage for the distance to the goal", "V/rad", "V/m"),
     _drive("derivative", "voltage for a speed", "V s/rad", "V s/m", default="0"),
+    _drive("integral", "voltage for the distance to the goal, over time", "V/(rad s)", "V/(m s)",
+           default="0"),
+    _drive("integral_limit_v", "largest voltage of the integral", "V", default="inf"),
+    _drive("goal_rate", "speed at which the goal is followed at most", "rad/s", "m/s",
+           default="inf"),
+    _drive("when_off", "what the winding is while a recording has the drive off: shorted, so that"
+           " its back-EMF brakes, or open", "", default='"shorted"'),
     _drive("stiffness", "force for the distance to the goal", *_SPRING),
     _drive("damping", "force for a speed", *_DAMPER, default="0"),
     _drive("limit", "largest force of the loop", *_FORCE, default="inf"),

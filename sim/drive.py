@@ -11,19 +11,25 @@ with w the speed of m1. Once the current has settled, i = (u - g k_e w) / R, so 
 
 that the command asks for (the damper acts beyond it: the limit falls with speed), and a lag L / R.
 A current loop is the gain g k_t, a lag 1 / (2 pi f) of its bandwidth f and a limit g k_t I, without
-a damper. A duty is a voltage of duty times U.
+a damper; on a supply that is given, its force is within g k_t U / R - g^2 k_t k_e w / R besides, a
+limit that falls with speed (`falling_limit`). A duty is a voltage of duty times U.
 
 A servo closes a loop on the position of m1 over a voltage: u = k_p (goal - q) - k_d w, |u| <= U.
 Its command is the goal, in the unit of the position, and it is
 
     a stiffness g k_t k_p / R and a damping g k_t k_d / R within the limit g k_t U / R,
 
-with the damper of the back-EMF beyond it, which is the servo's here (`position_servo`). A position
-drive is the same with stiffness, damping and limit given as forces: a current loop's, or a spring
-whose other end is moved.
+with the damper of the back-EMF beyond it, which is the servo's here (`position_servo`). An integral
+gain k_i adds k_i times the integral of the error to u, within some voltage (`servo_integral`), and
+the goal may be followed at some speed at most (`goal_rate_limit`). A position drive is the same
+with stiffness, damping and limit given as forces: a current loop's, or a spring whose other end is
+moved.
 
 Limits: the lag is put on the command alone; with L the back-EMF lags as well, which changes the
 damper by w L / R at the frequency w.
+
+A drive that is switched off, which a recording says, gives no force. Where its winding is shorted
+then, the back-EMF goes on braking; where it is open, nothing of it does (`open_winding`).
 """
 
 import math
@@ -31,10 +37,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 from zwidth.sim.device import Device
+from zwidth.sim.nearest import nearest
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
 
 Kind = Literal["voltage", "current", "duty", "servo", "position"]
+WhenOff = Literal["shorted", "open"]
+WAYS: tuple[WhenOff, ...] = ("shorted", "open")
 KINDS: tuple[Kind, ...] = ("voltage", "current", "duty", "servo", "position")
 NEEDED = {
     "voltage": ("motor_constant", "resistance_ohm"),
@@ -44,10 +53,18 @@ NEEDED = {
     "position": ("stiffness",),
 }
 POSSIBLE = {
-    "voltage": ("back_emf", "gear", "inductance_h", "supply_v"),
-    "current": ("gear", "bandwidth_hz", "limit_a"),
-    "duty": ("back_emf", "gear", "inductance_h"),
-    "servo": ("back_emf", "gear", "derivative"),
+    "voltage": ("back_emf", "gear", "inductance_h", "supply_v", "when_off"),
+    "current": ("gear", "bandwidth_hz", "limit_a", "supply_v", "resistance_ohm", "back_emf"),
+    "duty": ("back_emf", "gear", "inductance_h", "when_off"),
+    "servo": (
+        "back_emf",
+        "gear",
+        "derivative",
+        "integral",
+        "integral_limit_v",
+        "goal_rate",
+        "when_off",
+    ),
     "position": ("damping", "limit"),
 }
 
@@ -59,8 +76,10 @@ class Drive:
     motor_constant k_t [N m/A | N/A], resistance_ohm R, back_emf k_e [V s/rad | V s/m], by default
     k_t (which it is in SI), gear g, turns of the motor (or its travel) over those of m1,
     inductance_h L, supply_v U, bandwidth_hz f of a current loop, limit_a I of its current. Of a
-    servo's loop proportional k_p [V/rad | V/m] and derivative k_d [V s/rad | V s/m]; of a position
-    drive stiffness, damping and limit in force a position, a speed and as such.
+    servo's loop proportional k_p [V/rad | V/m], derivative k_d [V s/rad | V s/m], integral k_i
+    [V/(rad s) | V/(m s)] within integral_limit_v [V], and goal_rate [rad/s | m/s], the speed at
+    which the goal is followed at most. when_off: what the winding is while the drive is off. Of a
+    position drive stiffness, damping and limit in force a position, a speed and as such.
 
     Raises ValueError for a number that is not allowed.
     """
@@ -76,6 +95,10 @@ class Drive:
     limit_a: float = math.inf
     proportional: float = math.nan
     derivative: float = 0.0
+    integral: float = 0.0
+    integral_limit_v: float = math.inf
+    goal_rate: float = math.inf
+    when_off: WhenOff = "shorted"
     stiffness: float = math.nan
     damping: float = 0.0
     limit: float = math.inf
@@ -87,14 +110,23 @@ class Drive:
             value = getattr(self, name)
             if not 0.0 < value < math.inf:
                 raise ValueError(f"drive.{name} is {value:g}; allowed is a finite number above 0")
-        for name in ("gear", "supply_v", "bandwidth_hz", "limit_a", "limit"):
+        for name in (
+            "gear", "supply_v", "bandwidth_hz", "limit_a", "limit", "integral_limit_v", "goal_rate",
+        ):  # fmt: skip
             if not (value := getattr(self, name)) > 0.0:
                 raise ValueError(f"drive.{name} is {value:g}; allowed is a number above 0")
-        for name in ("inductance_h", "derivative", "damping"):
+        for name in ("inductance_h", "derivative", "damping", "integral"):
             if not 0.0 <= (value := getattr(self, name)) < math.inf:
                 raise ValueError(f"drive.{name} is {value:g}; allowed is >= 0 and finite")
         if self.back_emf < 0.0 or math.isinf(self.back_emf):
             raise ValueError(f"drive.back_emf is {self.back_emf:g}; allowed is >= 0 and finite")
+        if self.when_off not in WAYS:
+            raise ValueError(f"drive.when_off is {self.when_off!r}; {nearest(self.when_off, WAYS)}")
+        if self.kind == "current" and math.isfinite(self.supply_v) != (self.resistance_ohm > 0.0):
+            raise ValueError(
+                "drive.supply_v and drive.resistance_ohm tell together how the limit of a current"
+                " falls with speed; give both, or neither"
+            )
 
     @property
     def gain(self) -> float:
@@ -110,8 +142,10 @@ class Drive:
     @property
     def damper(self) -> float:
         """What the back-EMF is to m1."""
-        if self.kind in ("current", "position"):
-            return 0.0
+        return 0.0 if self.kind in ("current", "position") else self._back
+
+    @property
+    def _back(self) -> float:
         back = self.motor_constant if math.isnan(self.back_emf) else self.back_emf
         return self.gear**2 * self.motor_constant * back / self.resistance_ohm
 
@@ -137,9 +171,22 @@ class Drive:
         servo = make_physics(
             "position_servo", "m1", stiffness=self.gain, damping=inside, back_emf=self.damper
         )
-        if math.isinf(self.most):
-            return (servo,)
-        return servo, make_physics("servo_limit", "m1", limit=self.most)
+        found = [servo]
+        if math.isfinite(self.most):
+            found.append(make_physics("servo_limit", "m1", limit=self.most))
+        if self.integral > 0.0:
+            volts = min(self.integral_limit_v, self.supply_v)
+            rate, most = self.integral / self.proportional, self.gain * volts / self.proportional
+            found.append(make_physics("servo_integral", "m1", rate=rate, limit=most))
+        if math.isfinite(self.goal_rate):
+            found.append(make_physics("goal_rate_limit", "command", rate=self.goal_rate))
+        return tuple(found)
+
+    @property
+    def when_switched(self) -> tuple[Physics, ...]:
+        """What a drive loses of its damping while it is off."""
+        lost = self.when_off == "open" and self.damper > 0.0
+        return (make_physics("open_winding", "m1", damping=self.damper),) if lost else ()
 
     @property
     def lag(self) -> float:
@@ -154,12 +201,18 @@ class Drive:
         """Return a device with this drive; a limit of its own stays where it is lower."""
         driven = device.with_interface(command_gain=device.interface.command_gain * self.gain)
         if self.loop:
-            return driven.with_physics(*self.loop)
+            return driven.with_physics(*self.loop, *self.when_switched)
         dampers = device.chain.ground_dampers.copy()
         dampers[0] += self.damper
         driven = driven.with_chain(device.chain._replace(ground_dampers=dampers)).with_interface(
             command_limit=min(device.interface.command_limit, self.most)
         )
+        driven = driven.with_physics(*self.when_switched)
+        if self.kind == "current" and math.isfinite(self.supply_v):
+            most = self.gain * self.supply_v / self.resistance_ohm
+            driven = driven.with_physics(
+                make_physics("falling_limit", "m1", limit=most, slope=self._back)
+            )
         if self.lag > 0.0:
             driven = driven.with_physics(
                 make_physics("actuator_lag", "command", time_constant=self.lag)

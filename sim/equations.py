@@ -56,6 +56,8 @@ class Equations(NamedTuple):
     propagators (2 segments, locked sets, row blocks, columns, 8); quadratics (2, locked sets,
     entries, columns, columns), no entries without a ledger; reaction (n, columns): the force on a
     mass as a row on w; springs (m, 2) places and spring_stiffness (m,) for the stored energy.
+    looped: whether a loop on the position is among the linear part; command_rate: what a command
+    changes by in a tick at most.
     rate of velocity estimates; filter (3,): the second-order one's other weights, else (0,);
     force_row (2 n,): the measured force as a row on the state, (0,) without a sensor. read: place
     whose position the encoder reads; reads, followers: of all readings (`sim/reading.py`), behind
@@ -95,6 +97,8 @@ class Equations(NamedTuple):
     command_step: float
     command_gain: float
     command_limit: float
+    command_rate: float
+    looped: bool
     position_origin: float
     read: int
     reads: Ints
@@ -175,6 +179,8 @@ def frame(device: Device, substeps: int, seed: int = 0) -> tuple[Equations, Plan
         command_step=interface.command_step,
         command_gain=interface.command_gain,
         command_limit=interface.command_limit,
+        command_rate=float(command_rate(device.physics, values, interface.period, 1)[0]),
+        looped=any(p.effect.name == "position_servo" for p in device.physics),
         position_origin=interface.position_origin,
         read=int(found.reads[0, 0]),
         reads=found.reads,
@@ -499,12 +505,39 @@ def _row(
 
 
 def _servo(physics: Sequence[Physics], values: Sequence[Floats], chain: Chain | Chains) -> Floats:
-    """Return stiffness, damping, back-EMF and limit (..., 4) of the servo; without one no limit."""
-    loop = np.zeros((*chain.masses.shape[:-1], 4))
+    """Return stiffness, damping, back-EMF, limit and what of the back-EMF goes when it is off.
+
+    Of the servo, (..., 5); without one there is no limit.
+    """
+    loop = np.zeros((*chain.masses.shape[:-1], 5))
     loop[..., 3] = np.inf
     for p, own in zip(physics, values, strict=True):
         if p.effect.name == "position_servo":
             loop[..., :3] = own
         elif p.effect.name == "servo_limit":
             loop[..., 3] = own[..., 0]
+        elif p.effect.name == "open_winding":
+            loop[..., 4] = own[..., 0]
     return loop
+
+
+def command_rate(
+    physics: Sequence[Physics], values: Sequence[Floats], period: float, count: int
+) -> Floats:
+    """Return by how much a command may change in a tick (count,), as a force; inf for any.
+
+    values (parameters,), or (count, parameters), of every effect. A goal counts by the stiffness.
+    """
+    found = np.full(count, np.inf)
+    for p, own in zip(physics, values, strict=True):
+        if p.effect.name == "rate_limit":
+            found = np.minimum(found, period * own[..., 0])
+        elif p.effect.name == "goal_rate_limit":
+            loops = [
+                v[..., 0]
+                for q, v in zip(physics, values, strict=True)
+                if q.effect.name == "position_servo"
+            ]
+            if loops:
+                found = np.minimum(found, period * own[..., 0] * loops[0])
+    return found

@@ -26,8 +26,8 @@ Floats = NDArray[np.float64]
 Structure = tuple[Any, ...]
 NUMBERS = (
     "durations", "reaction", "masses", "smoothing", "filter", "force_row", "force_gain",
-    "encoder_step", "command_step", "command_gain", "command_limit", "position_origin",
-    "behind",
+    "encoder_step", "command_step", "command_gain", "command_limit", "command_rate",
+    "position_origin", "behind",
 )  # fmt: skip
 TABLES = ("forces", "frictions", "sensors", "amplifiers", "clocks")
 
@@ -60,7 +60,7 @@ class Member(NamedTuple):
         ]
         seeds = eq.clocks.parameters[:, 1:].tobytes()
         reads = eq.reads.tobytes(), eq.followers.tobytes()
-        rates = eq.second_order, eq.velocity_ticks, eq.position_ticks, eq.force_row.size
+        rates = eq.second_order, eq.velocity_ticks, eq.position_ticks, eq.force_row.size, eq.looped
         return eq.states, eq.dof, *shapes, seeds, eq.period, eq.encoder_floor, *rates, *reads
 
     @property
@@ -187,8 +187,8 @@ def lane_equations(eq):
         eq.second_order, eq.velocity_ticks, eq.position_ticks, as_lanes(eq.force_row),
         lanes_of(eq.force_gain), lanes_of(eq.encoder_step),
         eq.encoder_floor, lanes_of(eq.command_step), lanes_of(eq.command_gain),
-        lanes_of(eq.command_limit), lanes_of(eq.position_origin), eq.read, eq.reads, eq.followers,
-        as_lanes(eq.behind),
+        lanes_of(eq.command_limit), lanes_of(eq.command_rate), eq.looped,
+        lanes_of(eq.position_origin), eq.read, eq.reads, eq.followers, as_lanes(eq.behind),
     )  # fmt: skip
 
 

@@ -8,7 +8,7 @@ At t = kT, before anything moves:
 (3) the controller computes the command (a one-sided wall pulls never) from the position, which a
     slower outer loop renews every so many ticks only, and that velocity; where a force is measured,
     its feedback is added;
-(4) amplifier effects: step, gain, dead band, limit;
+(4) amplifier effects: step, gain, dead band, limit, how fast a command is followed;
 (5) the command enters the delay line and takes effect at kT + delay, held until the next one does
     (a delay that is no multiple of T changes the held value inside the tick, exactly);
 (6) over [kT, (k+1)T) the chain moves in substeps.
@@ -39,6 +39,7 @@ from zwidth.sim.jit import jit, part
 from zwidth.sim.lane_type import any_lane, greatest, least, select
 from zwidth.sim.physics.command_step import quantise_command
 from zwidth.sim.physics.dispatch import (
+    INTEGRAL,
     amplified,
     delivered,
     friction_bounds,
@@ -47,6 +48,7 @@ from zwidth.sim.physics.dispatch import (
     smooth_force,
 )
 from zwidth.sim.physics.encoder_step import read_encoder
+from zwidth.sim.physics.rate_limit import followed_at
 from zwidth.sim.physics.saturation import limit_command
 from zwidth.sim.propagation import Choice, add_column, at_once, choice, chosen, entry, propagate
 
@@ -111,14 +113,25 @@ def across(x, offset, first, second):
 
 
 @part
-def held_forces(eq, x, held, internal, values):
-    """Value of each smooth force at state x under the held command."""
+def with_integral(eq, held, internal):
+    """Return the held command with the force that a loop's integral adds to what it asks for."""
+    table = eq.forces
+    for e in range(table.codes.size):
+        if table.codes[e] == INTEGRAL:
+            held = held + internal[e]
+    return held
+
+
+@part
+def held_forces(eq, x, held, whole, strength, internal, values):
+    """Value of each smooth force at state x under the held command; whole: `with_integral`."""
     table = eq.forces
     for e in range(table.codes.size):
         i, j = table.first[e], table.origin[e]
         q = across(x, 0, i, j)
         v = across(x, eq.dof, i, j)
-        values[e] = smooth_force(table.codes[e], q, v, internal[e], held, table.parameters[e])
+        p = table.parameters[e]
+        values[e] = smooth_force(table.codes[e], q, v, internal[e], held, whole, strength, p)
 
 
 @part
@@ -141,7 +154,7 @@ def load(eq, values, external, w):
 
 
 @part
-def advance_internal(eq, x0, x1, internal, h, after):
+def advance_internal(eq, x0, x1, internal, h, held, strength, after):
     """Internal states of the smooth forces after a substep from x0 to x1."""
     table = eq.forces
     n = eq.dof
@@ -149,12 +162,12 @@ def advance_internal(eq, x0, x1, internal, h, after):
         i, j = table.first[e], table.origin[e]
         after[e] = next_internal(
             table.codes[e], internal[e], across(x0, 0, i, j), across(x1, 0, i, j),
-            across(x0, n, i, j), across(x1, n, i, j), h, table.parameters[e],
+            across(x0, n, i, j), across(x1, n, i, j), h, held, strength, table.parameters[e],
         )  # fmt: skip
 
 
 @part
-def friction_limits(eq, x, held, limits, shares):
+def friction_limits(eq, x, held, strength, limits, shares):
     """Sum the bounds of all dry forces at each mass: rows lower, upper, sticking lower, upper."""
     table = eq.frictions
     for i in range(eq.dof):
@@ -162,7 +175,8 @@ def friction_limits(eq, x, held, limits, shares):
             limits[row, i] = 0.0
     for e in range(table.codes.size):
         i = table.first[e]
-        bounds = friction_bounds(table.codes[e], x[i], x[eq.dof + i], held, table.parameters[e])
+        p = table.parameters[e]
+        bounds = friction_bounds(table.codes[e], x[i], x[eq.dof + i], held, strength, p)
         limits[LOWER, i] += bounds[0]
         limits[UPPER, i] += bounds[1]
         limits[LOWER_AT_REST, i] += bounds[2]
@@ -172,7 +186,7 @@ def friction_limits(eq, x, held, limits, shares):
 
 
 @part
-def mean_friction_limits(eq, x, held, limits, shares):
+def mean_friction_limits(eq, x, held, strength, limits, shares):
     """Replace the sliding bounds by the mean of those of `friction_limits` and those at state x."""
     for i in range(eq.dof):
         limits[LOWER, i] = 0.0
@@ -180,7 +194,8 @@ def mean_friction_limits(eq, x, held, limits, shares):
     table = eq.frictions
     for e in range(table.codes.size):
         i = table.first[e]
-        bounds = friction_bounds(table.codes[e], x[i], x[eq.dof + i], held, table.parameters[e])
+        p = table.parameters[e]
+        bounds = friction_bounds(table.codes[e], x[i], x[eq.dof + i], held, strength, p)
         shares[e, 0] = 0.5 * (shares[e, 0] + bounds[0])
         shares[e, 1] = 0.5 * (shares[e, 1] + bounds[1])
         limits[LOWER, i] += shares[e, 0]
@@ -302,8 +317,11 @@ def turn(p, dof, states, limits, friction, x0, x, own, more):
 
 
 @part
-def substep(eq, segment, held, external, memory, scratch):
+def substep(eq, segment, held, strength, external, memory, scratch):
     """Advance the chain by one substep of a segment under a held command; return the locked set.
+
+    strength: how much of the drive's force counts in this tick. A loop on the position is linear
+    at full strength and its `servo_limit` takes off what is less; else it scales what is held.
 
     A first look goes with the forces at the start; where they depend on the state, a second one
     with the mean of those and the ones at the end of the first.
@@ -316,27 +334,29 @@ def substep(eq, segment, held, external, memory, scratch):
     columns = eq.columns if values.size + external.size > 0 else eq.states + 1
     members = 0.0
     which = 0
-    x[eq.states] = held
+    x[eq.states] = held if eq.looped else strength * held
     for j in range(eq.states + 1):
         before[j] = x[j]
     for look in range(2 if values.size > 0 or eq.bounds_vary else 1):
-        held_forces(eq, x, held, internal if look == 0 else after, ahead)
+        inside = internal if look == 0 else after
+        whole = with_integral(eq, held, inside)
+        held_forces(eq, x, held, whole, strength, inside, ahead)
         for e in range(values.size):
             values[e] = ahead[e] if look == 0 else 0.5 * (values[e] + ahead[e])
         load(eq, values, external, before)
         if look == 0:
             if dry:
-                friction_limits(eq, before, held, limits, shares)
+                friction_limits(eq, before, whole, strength, limits, shares)
                 members = lock(eq, before, limits)
             which = chosen(eq, segment, members, scratch.choice)
         elif eq.bounds_vary:
-            mean_friction_limits(eq, x, held, limits, shares)
+            mean_friction_limits(eq, x, whole, strength, limits, shares)
         p = eq.propagators[segment, which]
         propagate(p, before, columns, x)
         if dry:
             slide(p, eq.dof, eq.states, limits, friction, x)
             turn(p, eq.dof, eq.states, limits, friction, before, x, scratch.own, scratch.more)
-        advance_internal(eq, before, x, internal, h, after)
+        advance_internal(eq, before, x, internal, h, held, strength, after)
     for e in range(values.size):
         internal[e] = after[e]
     return members
@@ -469,12 +489,16 @@ def fed_back(eq, x, command):
 
 
 @part
-def amplify(eq, command):
-    """Step (4): step, gain, further amplifier effects in the order of their declaration, limit."""
+def amplify(eq, command, last, begins):
+    """Step (4): step, gain, further amplifier effects in the order of their declaration, limit.
+
+    Then how fast the last command is left; begins: there is none.
+    """
     command = quantise_command(command, eq.command_step) * eq.command_gain
     for e in range(eq.amplifiers.codes.size):
         command = amplified(eq.amplifiers.codes[e], command, eq.amplifiers.parameters[e])
-    return limit_command(command, eq.command_limit)
+    command = limit_command(command, eq.command_limit)
+    return command if begins else followed_at(command, last, eq.command_rate)
 
 
 @part
@@ -523,7 +547,7 @@ def advance(
         at = given(eq, tick, y, scalars)
         wanted = controller(tick, tick * eq.period, at, v, parameters, memory.controller)
         wanted = fed_back(eq, x, wanted)
-        u = select(arrives(eq, tick), amplify(eq, wanted), u)
+        u = select(arrives(eq, tick), amplify(eq, wanted, u, False), u)
         line[head] = u
         head = 0 if head == last else head + 1
         earlier = line[head]
@@ -543,7 +567,7 @@ def advance(
                     propagate(eq.propagators[segment, 0], x, eq.states + 1, x)
                 else:
                     force = external[done] if external.shape[0] > 0 else no_force
-                    members = substep(eq, segment, held, force, memory, scratch)
+                    members = substep(eq, segment, held, 1.0, force, memory, scratch)
                     if memory.totals.size > 0:
                         add_work(eq, segment, members, force, x, scratch, memory.totals)
                 if fine.shape[0] > 0:

@@ -18,6 +18,7 @@ from zwidth.sim.chain import Chain, Chains
 from zwidth.sim.device import Device, home, place_label, plant_of
 from zwidth.sim.equations import (
     Equations,
+    command_rate,
     dry_masses,
     effect_table,
     enough_of,
@@ -300,6 +301,9 @@ def _stack(
         "force_row": np.broadcast_to(first.force_row, (members.size, first.force_row.size)),
         "behind": behind(plant, first.followers),
         "filter": np.broadcast_to(first.filter, (members.size, first.filter.size)),
+        "command_rate": command_rate(
+            members.physics, members.values, members.like.interface.period, members.size
+        ),
     }  # the others are fields of the interface
     numbers = {
         name: _last(each[name] if name in each else members.of_interface(name)) for name in NUMBERS

@@ -34,8 +34,8 @@ class Recorded:
 
     command (ticks,); measured (ticks, o), NaN where nothing was; outputs: what the columns are.
     external (ticks, n): forces on the masses besides, the acceleration of the base after them
-    (n + 1) where it moves, None for none. arriving (ticks,): what is
-    read times each member's jitter, None for none.
+    (n + 1) where it moves, None for none. strengths (ticks,): how much of the drive's force counts,
+    None for all of it. arriving (ticks,): what is read times each member's jitter, None for none.
     """
 
     command: Floats
@@ -43,6 +43,7 @@ class Recorded:
     outputs: Outputs
     external: Floats | None = None
     arriving: Floats | None = None
+    strengths: Floats | None = None
 
     @property
     def ticks(self) -> int:
@@ -194,7 +195,9 @@ class Population:
             judge = judge_of(_lanes(plain, which, 3), skipped, ticks if keep else 0, (WIDTH,))
             external = recorded.external
             predict(
-                coarse.eq, fine.eq, recorded.outputs, recorded.command, recorded.measured,
+                coarse.eq, fine.eq, recorded.outputs, recorded.command,
+                np.zeros(0) if recorded.strengths is None else recorded.strengths,
+                recorded.measured,
                 _reading(readings, which, recorded, coarse.eq.states),
                 np.zeros((0, coarse.eq.dof)) if external is None else external,
                 memory, (coarse.scratch, fine.scratch), saved_room(coarse.eq, (WIDTH,)), judge,

@@ -123,6 +123,7 @@ def alone(
     observer: Floats,
     external: Floats,
     memory: Memory,
+    strengths: Floats | None = None,
 ) -> Floats:
     """Return the innovations (ticks, o) of one device, see `predict`; memory goes on."""
     o = measured.shape[1]
@@ -130,8 +131,8 @@ def alone(
     judge = judge_of(np.eye(o)[:, :, None], measured.shape[0], measured.shape[0])
     spaces = (scratch(eq), scratch(fine))
     predict(
-        eq, fine, outputs, commands, measured, reading, external, memory, spaces,
-        saved_room(eq), judge,
+        eq, fine, outputs, commands, np.zeros(0) if strengths is None else strengths, measured,
+        reading, external, memory, spaces, saved_room(eq), judge,
     )  # fmt: skip
     return judge.kept
 
@@ -196,8 +197,8 @@ def at_work(eq, fine, space, fine_space, look):
         eq.frictions, eq.bounds_vary, eq.sensors, eq.amplifiers, eq.clocks, eq.whole_delay,
         eq.period, eq.rate, eq.smoothing, eq.filter, eq.second_order, eq.velocity_ticks,
         eq.position_ticks, eq.force_row, eq.force_gain, eq.encoder_step, eq.encoder_floor,
-        eq.command_step, eq.command_gain, eq.command_limit, eq.position_origin, eq.read, eq.reads,
-        eq.followers, eq.behind,
+        eq.command_step, eq.command_gain, eq.command_limit, eq.command_rate, eq.looped,
+        eq.position_origin, eq.read, eq.reads, eq.followers, eq.behind,
     )  # fmt: skip
     room = Scratch(
         space.before, space.values, space.ahead, space.after, space.friction, space.limits,
@@ -246,13 +247,15 @@ def take(judge, first, count):
 
 @jit
 def predict(
-    device, finer_device, outputs, commands, measured, reads, external, state, spaces, room, judges
+    device, finer_device, outputs, commands, strengths, measured, reads, external, state, spaces,
+    room, judges,
 ):  # fmt: skip
     """Follow a recording, commands (ticks,) and measured (ticks, o), by one device or a group.
 
     device, finer_device: `Equations` in few and in many substeps a tick; spaces: the working space
-    of each. external (ticks, n) forces to add, (ticks, n + 1) with the acceleration of the base
-    after them, or (0, n). state goes on from where it is, so that
+    of each. strengths (ticks,): how much of the drive's force counts, or (0,) for all of it.
+    external (ticks, n) forces to add, (ticks, n + 1) with the acceleration of the base after them,
+    or (0, n). state goes on from where it is, so that
     a recording may be taken in parts; its scalars[3] is 1 where the state has overflowed, after
     which innovations are infinite. Of a group, arrays of its members' numbers have a last axis of
     lanes; what is of the recording has none.
@@ -290,12 +293,13 @@ def predict(
             take(judge, k - k % PIECE, k % PIECE + 1)
         if not any_lane(alive):
             continue
-        u = select(arrives(eq, tick), amplify(eq, reading.gain[0] * commands[k]), u)
+        u = select(arrives(eq, tick), amplify(eq, reading.gain[0] * commands[k], u, tick == 0), u)
         line[head] = u
         head = 0 if head == last else head + 1
         before = line[head]
         current = line[0 if head == last else head + 1]
         force = external[k] if external.shape[0] > 0 else none
+        strength = strengths[k] if strengths.size > 0 else 1.0
         copy(x, saved.x, eq.states)
         copy(pins, saved.internal, pins.size)
         again = alive
@@ -312,7 +316,7 @@ def predict(
             for segment in range(2):
                 held = before if segment == 0 else current
                 for _ in range(now.substeps[segment]):
-                    substep(now, segment, held, force, memory, space)
+                    substep(now, segment, held, strength, force, memory, space)
             if look == 1:
                 for i in range(eq.states):
                     x[i] = select(again, x[i], saved.coarse_x[i])

@@ -142,7 +142,7 @@ def run_windows(device, space, banks, weights, results):
                 at = given(eq, tick, y, scalars)
                 wanted = -wall_push(bank.law, wall, tick, tick * eq.period, at, v, account)
                 wanted = fed_back(eq, x, wanted)
-                u = select(arrives(eq, tick), amplify(eq, wanted), u)
+                u = select(arrives(eq, tick), amplify(eq, wanted, u, False), u)
                 low_command, high_command = least(low_command, u), greatest(high_command, u)
                 line[head] = u
                 head = 0 if head == last else head + 1
@@ -155,7 +155,7 @@ def run_windows(device, space, banks, weights, results):
                             x[eq.states] = held
                             propagate(eq.propagators[segment, 0], x, eq.states + 1, x)
                             continue
-                        substep(eq, segment, held, none, memory, scratch)
+                        substep(eq, segment, held, 1.0, none, memory, scratch)
                 tick += 1
                 alive = alive & (abs(x[0]) <= bank.bounds[g])
             measures[window, SLOW_ENERGY, g] = select(alive, slow, np.inf)

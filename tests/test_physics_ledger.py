@@ -13,7 +13,7 @@ from zwidth.sim.run import Outcome, Run, Start, simulate
 OUTSIDE = ("wall", "actuator_lag")
 BORROWED_ENERGY = (
     "cubic_stiffness", "force_ripple", "gravity_pendulum", "constant_force",
-    "servo_limit", "servo_dead_zone",
+    "servo_limit", "servo_dead_zone", "servo_integral", "falling_limit", "open_winding",
 )  # fmt: skip
 
 

@@ -57,7 +57,7 @@ def test_every_key_that_is_read_is_declared_and_no_other():
     assert of["uncertainty"] == set(UNCERTAINTY_FIELDS)
     numbers = {key for keys in (*NEEDED.values(), *POSSIBLE.values()) for key in keys}
     assert of["drive"] == {"kind", *numbers}
-    signals = {"input", "output", "base", "known_force", "joint", "covariate"}
+    signals = {"input", "output", "base", "known_force", "joint", "covariate", "enable", "supply"}
     said = {t: {k.name for k in RECORDING_KEYS if k.table == t} for t in ("", *signals)}
     assert said[""] == set(recording_file.TOP_KEYS) - signals - {"use", "csv", "device"}
     assert said["covariate"] == set(recording_file.COVARIATE_KEYS)

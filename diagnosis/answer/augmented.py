@@ -8,7 +8,9 @@ device, under the command as it was recorded and from where it began, runs as th
 Limits: by how much commands arrive early or late on average (jitter) is a way to read a velocity
 and no motion, and has no place in a device. Which commands were lost is of the recording: a device
 has their rate; `scenario_of` plays those that arrived. In several recordings of which some had
-smooth commands, the device says so where all did.
+smooth commands, the device says so where all did. A simulation's drive is on and at its nominal
+supply at all times: a recording in which it was not is no scenario. What limits the rate of a
+command lets a recording begin where it is, and a simulation at zero.
 """
 
 from collections.abc import Sequence
@@ -71,7 +73,7 @@ def free_run(model: Model, x: Floats, taken: Experiment, substeps: int) -> Float
     outputs = seen.places(eq)
     errors = alone(
         eq, eq, outputs, seen.command, silent, none, seen.external(eq.dof),
-        observer_memory(eq, seen),
+        observer_memory(eq, seen), seen.strengths,
     )  # fmt: skip
     positions = np.array([o.tells_position for o in seen.outputs])
     return -errors + _origin(model, x, taken.swing) * positions

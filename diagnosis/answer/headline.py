@@ -107,6 +107,11 @@ SAYINGS: dict[str, Callable[[Values], str]] = {
     "extra_mode": _mode,
     "servo_limit": lambda p: f"a limit of {said(p['limit'])} in the servo",
     "servo_dead_zone": lambda p: f"a dead zone of {said(p['half'])} in the servo",
+    "servo_integral": lambda p: f"integral action of {said(p['rate'])} in the servo",
+    "goal_rate_limit": lambda p: f"a servo's goal that goes at {said(p['rate'])} at most",
+    "falling_limit": lambda p: f"a limit of {said(p['limit'])} that falls with speed",
+    "open_winding": lambda p: f"a winding that is open while off ({said(p['damping'])} less)",
+    "rate_limit": lambda p: f"a command that changes by {said(p['rate'])} at most",
     "saturation": lambda p: f"a limit of {said(p['limit'])}",
     "dead_band": lambda p: f"a dead band of {said(p['width'])}",
     "command_step": lambda p: f"a step of {said(p['step'])}",
@@ -125,7 +130,8 @@ SAYINGS: dict[str, Callable[[Values], str]] = {
     "moving_average": lambda p: f"a mean over {said(p['window'])}",
 }
 OWN_PLACE = ("rectified_sensor", "encoder_step", "encoder_eccentricity", "servo_limit",
-             "servo_dead_zone", "dropped_samples", "cubic_stiffness_at_ground")  # fmt: skip
+             "servo_dead_zone", "servo_integral", "goal_rate_limit", "open_winding",
+             "dropped_samples", "cubic_stiffness_at_ground")  # fmt: skip
 
 
 def _force(value: Estimate) -> str:

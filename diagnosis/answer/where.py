@@ -19,7 +19,8 @@ FOLLOWS = {
     "position": ("ground_spring", "gravity_pendulum", "force_ripple", "cubic_stiffness",
                  "backlash", "encoder_eccentricity", "hysteresis", "extra_mode"),
     "command": ("saturation", "dead_band", "command_step", "gain_asymmetry", "servo_limit",
-                "servo_dead_zone", "load_friction"),
+                "servo_dead_zone", "servo_integral", "goal_rate_limit", "rate_limit",
+                "falling_limit", "load_friction"),
 }  # fmt: skip
 
 

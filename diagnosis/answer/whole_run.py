@@ -129,7 +129,7 @@ def simulated(model: Model, x: Floats, e: Experiment, observer: Observer) -> Flo
         memory, full = memory_at(ready, seen, device, observer.gain)
         wrong = alone(
             eq, fine, seen.places(eq), seen.command, seen.measured, np.zeros_like(full),
-            seen.external(eq.dof), memory,
+            seen.external(eq.dof), memory, seen.strengths,
         )  # fmt: skip
         # What a model reads otherwise (an origin) is in both, and goes.
         return recorded(e, e.measured - wrong)

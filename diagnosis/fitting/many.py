@@ -128,7 +128,7 @@ class Many:
             force = experiment.external(population.dof)
             recorded = Recorded(
                 plain.command, plain.measured, experiment.places(population), force,
-                None if place is None else self.model.arriving_change(plain),
+                None if place is None else self.model.arriving_change(plain), plain.strengths,
             )  # fmt: skip
             readings = Readings(
                 padded(gain, device, population), gains[which], origins[which], jitters[which]

@@ -475,7 +475,7 @@ def _going_through(e: Experiment, h: Hypothesis, ticks: NDArray[np.int64], stop:
     def through(side: int, a: int, b: int, memory: Memory) -> Floats:
         own, eq = held[side], (early, late)[side]
         return alone(eq.coarse, eq.fine, places, own.command[a:b], own.measured[a:b], full,
-                     forces[a:b], memory)  # fmt: skip
+                     forces[a:b], memory, own.strengths_in(slice(a, b)))  # fmt: skip
 
     start, here = int(ticks[0]), 0
     before: list[Floats] = [through(0, 0, start, memory)]

@@ -190,8 +190,9 @@ class _Observed:
         dof, period = population.dof, device.interface.period
         force = experiment.external(dof)
         recorded = Recorded(
-            experiment.command, experiment.measured, experiment.places(population), force
-        )
+            experiment.command, experiment.measured, experiment.places(population), force,
+            strengths=experiment.strengths,
+        )  # fmt: skip
         motion = np.array(first_motion(experiment.outputs, experiment.measured, period))
         motions = np.tile(motion, (population.size, 1))
         memories = observer_memories(population, motions, starts)

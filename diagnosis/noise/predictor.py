@@ -235,7 +235,7 @@ def memory_at(
     memory, _ = memory_at(ready, before, device, gain)
     forces = before.external(eq.dof)
     places = before.places(eq)
-    alone(eq, fine, places, before.command, before.measured, full, forces, memory)
+    alone(eq, fine, places, before.command, before.measured, full, forces, memory, before.strengths)
     return memory, full
 
 
@@ -290,7 +290,7 @@ def innovations(
     forces = experiment.external(eq.dof, external)
     return alone(
         eq, fine, experiment.places(eq), experiment.command, experiment.measured,
-        full, forces, memory,
+        full, forces, memory, experiment.strengths,
     )  # fmt: skip
 
 
@@ -330,7 +330,7 @@ def driven(device: Device, experiment: Experiment, gain: Floats, errors: Floats)
     found = alone(
         eq, fine, outputs, experiment.command, np.hstack([errors, np.zeros(errors.shape)]),
         np.hstack([full, np.zeros(full.shape)]), experiment.external(eq.dof),
-        memory,
+        memory, experiment.strengths,
     )  # fmt: skip
     return errors - found[:, o:]
 
@@ -454,11 +454,12 @@ def free_run_errors(
         u = experiment.command[first : first + window]
         y = experiment.measured[first : first + window]
         f = moved[first : first + window]
+        s = experiment.strengths_in(slice(first, first + window))
         if first in judged:
             free = copied(memory)
-            errors.append(alone(eq, fine, places, u, y, np.zeros_like(full), f, free))
+            errors.append(alone(eq, fine, places, u, y, np.zeros_like(full), f, free, s))
             signal.append(y - y.mean(axis=0))
-        alone(eq, fine, places, u, y, full, f, memory)
+        alone(eq, fine, places, u, y, full, f, memory, s)
     empty = np.zeros((0, experiment.measured.shape[1]))
     return np.concatenate(errors or [empty]), np.concatenate(signal or [empty])
 
@@ -502,14 +503,15 @@ def free_runs(
         before, here = slice(here, first), first
         alone(
             eq, fine, places, experiment.command[before], experiment.measured[before], full,
-            moved[before], memory,
+            moved[before], memory, experiment.strengths_in(before),
         )  # fmt: skip
         for i in begins[first]:
             run = slice(first, first + lengths[i])
             free = copied(memory)
             seen = alone(
-                eq, fine, wide, experiment.command[run], measured[run], nothing, moved[run], free
-            )
+                eq, fine, wide, experiment.command[run], measured[run], nothing, moved[run], free,
+                experiment.strengths_in(run),
+            )  # fmt: skip
             found[i].append(seen[None])
     joined = [np.concatenate(runs) for runs in found]
     return [FreeRuns(runs[:, :, :o], -runs[:, :, o:]) for runs in joined]

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.recording.drive_force import FORCE, Pushed, drive_stiffness
 from zwidth.diagnosis.recording.from_outside import KNOWN_FORCES, OUTSIDE, base_of, pushes_of
 from zwidth.diagnosis.recording.link_force import told_by_links
+from zwidth.diagnosis.recording.strength import strengths_of
+from zwidth.logs.drive_state import ENABLE, SUPPLY
 from zwidth.logs.recording_file import COVARIATE
 from zwidth.logs.stale import renewed, repeated
 from zwidth.logs.stretches import jumps, without_gaps
@@ -109,6 +111,8 @@ class Experiment:
     (ticks,): acceleration of what the device stands on, held for a tick, where that was recorded;
     pushes (ticks, n): forces on the masses, likewise.
     covariates: what else was recorded at each sample (a temperature), that parameters may follow.
+    strengths (ticks,): how much of the drive's force counts, as was recorded: 0 where it was off,
+    the supply over its nominal voltage; None for all of it.
     """
 
     period: float
@@ -132,6 +136,16 @@ class Experiment:
     base: Floats | None = None
     covariates: tuple[Covariate, ...] = ()
     pushes: Floats | None = None
+    strengths: Floats | None = None
+
+    @property
+    def switched_off(self) -> bool:
+        """Whether the drive is off in some of it."""
+        return self.strengths is not None and bool(np.any(self.strengths == 0.0))
+
+    def strengths_in(self, part: slice) -> Floats | None:
+        """Return the strengths of some samples."""
+        return None if self.strengths is None else self.strengths[part]
 
     def on(self, device: Device) -> Device:
         """Return a device as it was in this recording."""
@@ -193,6 +207,7 @@ class Experiment:
             before=self.before if start == 0 else None,
             pushed=None if self.pushed is None else self.pushed.part(cut),
             covariates=tuple(replace(c, values=c.values[cut]) for c in self.covariates),
+            strengths=self.strengths_in(cut),
         )
 
     def pauses(self) -> NDArray[np.bool_]:
@@ -298,10 +313,12 @@ def experiment(trace: Trace, device: Device, name: str = "recording") -> Experim
     base, moves = base_of(trace, own, name)
     _refuse_forces(trace, device, name)
     pushes, hands = pushes_of(trace, masses, name)
-    notes += cells + moves + hands
+    strengths, off = strengths_of(trace, device, name)
+    notes += (*cells, *moves, *hands, *off)
     return Experiment(
         own, command, measured, tuple(found), name, swing, notes=notes, changes=changes,
         pushed=pushed, base=base, pushes=pushes, covariates=_covariates(trace),
+        strengths=strengths,
     )  # fmt: skip
 
 
@@ -400,7 +417,7 @@ def stretches(trace: Trace, device: Device, name: str = "recording") -> list[Exp
     """
     used = [o.name for o in _outputs(trace, device)[0]]
     used += [c for c in trace.channels if c.startswith("force_")]
-    used += [c for c in ("command", *OUTSIDE) if c in trace.channels]
+    used += [c for c in ("command", ENABLE, SUPPLY, *OUTSIDE) if c in trace.channels]
     kept, lacking = without_gaps(trace, sorted(used), name)
     kept, odd = _as_it_moved(kept, device.interface.period, used, name)
     try:
@@ -450,7 +467,7 @@ def _as_it_moved(
     """
     if trace.origin != "recorded":
         return trace, []
-    moves = [c for c in used if c not in ("command", *OUTSIDE)]
+    moves = [c for c in used if c not in ("command", ENABLE, SUPPLY, *OUTSIDE)]
     positions = [c for c in moves if c.startswith("position_m")]
     for channel in moves:
         if (times := repeated(trace[channel])) > 1:

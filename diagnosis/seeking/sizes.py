@@ -75,6 +75,7 @@ def sizes_of(device: Device, experiments: Sequence[Experiment]) -> Sizes:
         step=device.interface.encoder_step,
         driven=driven,
         rates_beside=_rates_beside(experiments),
+        switched=any(e.switched_off for e in experiments),
     )
 
 
@@ -87,16 +88,17 @@ def _rates_beside(experiments: Sequence[Experiment]) -> bool:
 def _force(device: Device, experiment: Experiment) -> Floats:
     """Force of the drive: the command as it counts, less what a servo's own part gives back."""
     force = device.interface.command_gain * experiment.command
+    counts = 1.0 if experiment.strengths is None else experiment.strengths
     if not (loops := [p for p in device.physics if p.effect.name == "position_servo"]):
-        return force
+        return counts * force
     named = [o.name for o in experiment.outputs]
     if "position_m1" not in named:
-        return force
+        return counts * force
     (loop,) = loops
     there = experiment.measured[:, named.index("position_m1")]
     force = force - loop.values["stiffness"] * (there - device.interface.position_origin)
     limits = [p.values["limit"] for p in device.physics if p.effect.name == "servo_limit"]
-    return np.clip(force, -limits[0], limits[0]) if limits else force
+    return counts * (np.clip(force, -limits[0], limits[0]) if limits else force)
 
 
 def _followed(device: Device, experiments: Sequence[Experiment]) -> Floats | None:

@@ -14,6 +14,7 @@ from zwidth.sim.physics.dead_band import beyond_band
 from zwidth.sim.physics.directional_friction import directional_bounds
 from zwidth.sim.physics.dropped_samples import is_delivered
 from zwidth.sim.physics.encoder_eccentricity import off_centre
+from zwidth.sim.physics.falling_limit import beyond_falling_limit
 from zwidth.sim.physics.force_ripple import ripple_force
 from zwidth.sim.physics.free_amplifier import amplified_freely
 from zwidth.sim.physics.free_law import table_law
@@ -23,6 +24,7 @@ from zwidth.sim.physics.gravity_pendulum import pendulum_force
 from zwidth.sim.physics.hysteresis import bouc_wen_force, next_yield
 from zwidth.sim.physics.load_friction import load_bounds
 from zwidth.sim.physics.one_sided_spring import stop_force
+from zwidth.sim.physics.open_winding import lost_damping
 from zwidth.sim.physics.own import own_command, own_force, own_sensor
 from zwidth.sim.physics.periodic_force import periodic
 from zwidth.sim.physics.power_drag import power_force
@@ -30,13 +32,20 @@ from zwidth.sim.physics.presliding_friction import dahl_force, next_bristle
 from zwidth.sim.physics.quadratic_drag import drag_force
 from zwidth.sim.physics.rectified_sensor import magnitude
 from zwidth.sim.physics.servo_dead_zone import within_zone
+from zwidth.sim.physics.servo_integral import next_integral
 from zwidth.sim.physics.servo_limit import beyond_limit
 from zwidth.sim.physics.stribeck_friction import stribeck_bounds
 
+INTEGRAL = 18  # the force whose state is the integral part of a servo
+
 
 @part
-def smooth_force(code, q, v, z, u, p):
-    """Force on the first place: relative position q and velocity v, internal z, held command u."""
+def smooth_force(code, q, v, z, u, w, s, p):
+    """Force on the first place: relative position q and velocity v, internal z, held command u.
+
+    w: the command with what a loop's integral adds to it; s: how much of the drive's force counts,
+    0 where it is off.
+    """
     if code == 1:
         return cubic_force(q, p)
     if code == 2:
@@ -60,13 +69,19 @@ def smooth_force(code, q, v, z, u, p):
     if code == 11:
         return periodic(q, p)
     if code == 12:
-        return beyond_limit(u, q, v, p)
+        return beyond_limit(w, q, v, s, p)
     if code == 13:
-        return within_zone(u, q, p)
+        return within_zone(u, q, s, p)
     if code == 14:
         return table_law(q, p)
     if code == 15:
         return table_law(v, p)
+    if code == 16:
+        return lost_damping(v, s, p)
+    if code == 17:
+        return beyond_falling_limit(w, q, v, s, p)
+    if code == INTEGRAL:
+        return z
     return own_force(code, q, v, u, p)
 
 
@@ -79,7 +94,7 @@ def first_internal(code, q, p):
 
 
 @part
-def next_internal(code, z, q0, q1, v0, v1, h, p):
+def next_internal(code, z, q0, q1, v0, v1, h, u, s, p):
     """Internal state after a substep of length h that went from (q0, v0) to (q1, v1)."""
     if code == 4:
         return next_bristle(z, q0, q1, v0, v1, h, p)
@@ -87,14 +102,16 @@ def next_internal(code, z, q0, q1, v0, v1, h, p):
         return next_yield(z, q0, q1, v0, v1, h, p)
     if code == 8:
         return next_pin(z, q0, q1, h, p)
+    if code == INTEGRAL:
+        return next_integral(z, q0, q1, h, u, s, p)
     return z
 
 
 @part
-def friction_bounds(code, q, v, u, p):
-    """Bounds of a dry force at position q, velocity v and under the held command u.
+def friction_bounds(code, q, v, w, s, p):
+    """Bounds of a dry force at position q, velocity v and under the held command w.
 
-    They are (lower, upper) sliding, (lower, upper) sticking.
+    w, s as in `smooth_force`. They are (lower, upper) sliding, (lower, upper) sticking.
     """
     if code == 1:
         return coulomb_bounds(p)
@@ -103,7 +120,7 @@ def friction_bounds(code, q, v, u, p):
     if code == 3:
         return directional_bounds(v, p)
     if code == 4:
-        return load_bounds(q, v, u, p)
+        return load_bounds(q, v, w, s, p)
     return 0.0, 0.0, 0.0, 0.0
 
 
@@ -121,13 +138,20 @@ def sensed(code, position, p):
 
 @part
 def amplified(code, command, p):
-    """Command as the amplifier passes it on, between its step and its limit."""
+    """Command as the amplifier passes it on, between its step and its limit.
+
+    How fast it is followed (4, 5) comes after that, in `amplify`.
+    """
     if code == 1:
         return beyond_band(command, p)
     if code == 2:
         return two_gains(command, p)
     if code == 3:
         return amplified_freely(command, p)
+    if code == 4:
+        return command
+    if code == 5:
+        return command
     return command + own_command(code, command, p)
 
 

@@ -1,7 +1,8 @@
 """Dry friction in proportion to what the drive carries, as a gear's: |f| <= ratio |a|.
 
 a: the drive's force at m1, which is the command as it is held or, of a `position_servo`, what its
-loop asks within its `servo_limit`, less the back-EMF. A drive that holds a load presses the teeth
+loop asks within its `servo_limit`, less the back-EMF (of which an `open_winding` has none while the
+drive is off). A drive that holds a load presses the teeth
 of its gear together, at rest and in motion alike; it adds to the dry friction that is there without
 a load.
 
@@ -76,8 +77,9 @@ load_friction = Effect(
 
 
 @part
-def load_bounds(q, v, u, p):
-    """Bounds under the held command u: (lower, upper) sliding, (lower, upper) sticking."""
-    a = least(greatest(asked(u, q, v, p, 1), -p[4]), p[4]) - p[3] * v
+def load_bounds(q, v, w, s, p):
+    """Bounds under the held command w: (lower, upper) sliding, (lower, upper) sticking."""
+    back = p[3] if s > 0.0 else p[3] - p[5]
+    a = s * least(greatest(asked(w, q, v, p, 1), -p[4]), p[4]) - back * v
     g = p[0] * abs(a)
     return -g, g, -g, g

@@ -78,7 +78,7 @@ servo_dead_zone = Effect(
 
 
 @part
-def within_zone(u, q, p):
-    """What the zone takes from the force asked under the held command u."""
+def within_zone(u, q, s, p):
+    """What the zone takes from the force asked under the held command u, at strength s."""
     most = p[0] * p[1]
-    return -least(greatest(u - p[1] * q, -most), most)
+    return -s * least(greatest(u - p[1] * q, -most), most)

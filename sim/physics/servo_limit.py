@@ -1,8 +1,9 @@
-"""A servo gives no more than its limit: f = clip(a, -limit, limit) - a of what its loop asks, a.
+"""A servo gives no more than its limit: f = s clip(a, -limit, limit) - a of what its loop asks, a.
 
 a = command - stiffness q - damping v of the `position_servo`; of a device without one a is the
-command, as it is held. What a supply limits is the voltage: the damper of the back-EMF, which is
-the mechanism's, acts beyond it.
+command, as it is held. s is how much of the drive counts: 1 unless a recording says it (0 where it
+was off, the supply over its nominal voltage). What a supply limits is the voltage: the damper of
+the back-EMF, which is the mechanism's, acts beyond it.
 
 Limits: the command is the one held, ahead of an `actuator_lag`. The force is held over a substep
 (second order), which has to be short against the servo's own period.
@@ -83,7 +84,7 @@ servo_limit = Effect(
 
 
 @part
-def beyond_limit(u, q, v, p):
-    """What the limit takes from the force asked under the held command u."""
-    a = asked(u, q, v, p, 1)
-    return least(greatest(a, -p[0]), p[0]) - a
+def beyond_limit(w, q, v, s, p):
+    """What limit and strength s of the drive take from the force asked under the held command w."""
+    a = asked(w, q, v, p, 1)
+    return s * least(greatest(a, -p[0]), p[0]) - a

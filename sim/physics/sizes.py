@@ -23,7 +23,8 @@ class Sizes:
     of m1 as measured; period: of the ticks. By mass: speeds, positions, spans, and fastest, the
     highest speed recorded. By link: springs, and stretches, the rms deflection (far less than the
     force over the spring where the end is light, and more at a resonance). step: of the encoder.
-    rates_beside: whether velocities are recorded beside positions.
+    rates_beside: whether velocities are recorded beside positions. switched: whether the
+    drive is off in some of it.
     """
 
     rotary: bool
@@ -43,6 +44,7 @@ class Sizes:
     step: float = 0.0
     driven: bool = True
     rates_beside: bool = False
+    switched: bool = False
 
     @property
     def mass(self) -> float:

@@ -169,8 +169,8 @@ def diagnose_files(
 ) -> None:
     """Diagnose recordings, say what was found and write it; arguments as of the command.
 
-    line: what asks the same again. robot: its model and the joint in it. Raises ValueError and ClickException as the command does, and
-    KeyboardInterrupt at its end where it was interrupted.
+    line: what asks the same again. robot: its model and the joint in it. Raises ValueError and
+    ClickException as the command does, and KeyboardInterrupt at its end where it was interrupted.
     """
     _refuse_fitted(recordings, validate)
     known = None if name is None else load_device(name)  # what is wrong with it is said at once

@@ -17,11 +17,13 @@ from zwidth.controllers.recorded import recorded
 from zwidth.figures.style import STYLE
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
+from zwidth.sim.equations import equations
 from zwidth.sim.interface import Interface
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Effect
 from zwidth.sim.physics.free_law import table_values
-from zwidth.sim.run import Run, Start, simulate
+from zwidth.sim.predict import GROUND, Outputs, alone
+from zwidth.sim.run import Outcome, Run, Start, simulate, start_memory
 from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
@@ -61,7 +63,12 @@ SHOWN: dict[str, Shown] = {
                             0.3),
     "servo_limit": Shown("m1", {"limit": 0.04}, "goal", 0.3),
     "servo_dead_zone": Shown("m1", {"half": 0.1}, "goal", 0.3),
+    "servo_integral": Shown("m1", {"rate": 3.0, "limit": 0.05}, "goal", 0.3),
+    "goal_rate_limit": Shown("command", {"rate": 1.0}, "goal", 0.3),
+    "falling_limit": Shown("m1", {"limit": 0.08, "slope": 0.01}, "velocity"),
+    "open_winding": Shown("m1", {"damping": 0.8 * DAMPERS[0]}, "velocity", 0.05),
     "saturation": Shown("command", {"limit": 0.06}, "command"),
+    "rate_limit": Shown("command", {"rate": 0.4}, "command"),
     "dead_band": Shown("command", {"width": 0.06}, "command"),
     "command_step": Shown("command", {"step": 0.02}, "command"),
     "actuator_lag": Shown("command", {"time_constant": 0.03}, "command"),
@@ -127,11 +134,13 @@ def _device(shown: Shown) -> Device:
 
 def _runs(effect: Effect, shown: Shown) -> tuple[Run, Run]:
     command, device = _asked(shown), _device(shown)
-    if effect.name.startswith("servo_"):
+    if effect.needs == "position_servo":
         device = device.with_physics(
             make_physics("position_servo", "m1", stiffness=1.0, damping=0.01, back_emf=0.0)
         )
     changed = device.with_physics(make_physics(effect.name, shown.at, **shown.values))
+    if effect.name == "open_winding":
+        return _switched_off(changed, command), _switched_off(device, command)
     with_it, without = (
         simulate(
             d,
@@ -144,6 +153,22 @@ def _runs(effect: Effect, shown: Shown) -> tuple[Run, Run]:
         for d in (changed, device)
     )
     return with_it, without
+
+
+def _switched_off(device: Device, command: Floats) -> Run:
+    """Return a run whose drive is switched off halfway."""
+    seen = Outputs(np.array([0, 1]), np.zeros(2, dtype=np.bool_), np.full(2, GROUND))
+    eq, on = equations(device, SUBSTEPS), command.size // 2
+    strengths = (np.arange(command.size) < on).astype(float)
+    silent, blind = np.zeros((command.size, 2)), np.zeros((eq.states, 2))
+    memory = start_memory(eq, Start())
+    found = -alone(eq, eq, seen, command, silent, blind, np.zeros((0, 1)), memory, strengths)
+    channels = {
+        "position_m1": found[:, 0], "velocity_m1": found[:, 1], "applied": strengths * command,
+    }  # fmt: skip
+    units = {"position_m1": "rad", "velocity_m1": "rad/s", "applied": "N m"}
+    trace = Trace(PERIOD * np.arange(command.size, dtype=np.float64), channels, units, "simulated")
+    return Run(trace, Outcome.COMPLETED, memory, {})
 
 
 def _asked(shown: Shown) -> Floats:

@@ -1,0 +1,47 @@
+"""How much of a drive's force counted in a recording: its supply, and whether it was on."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.logs.drive_state import ENABLE, SUPPLY
+from zwidth.sim.device import Device
+from zwidth.sim.trace import Trace
+
+Floats = NDArray[np.float64]
+ON = 0.5
+
+
+def strengths_of(trace: Trace, device: Device, name: str) -> tuple[Floats | None, tuple[str, ...]]:
+    """Return the strength (ticks,) of the drive, None where nothing says it, and what to say of it.
+
+    The supply over its nominal voltage, and zero where the drive was off. Raises ValueError where
+    it was never on, where a supply is not positive, or where a loop on the position has no limit
+    through which it could be scaled.
+    """
+    known = [c for c in (ENABLE, SUPPLY) if c in trace.channels]
+    if not known:
+        return None, ()
+    on = trace[ENABLE] >= ON if ENABLE in known else np.ones(len(trace), dtype=np.bool_)
+    supply = trace[SUPPLY] if SUPPLY in known else np.ones(len(trace))
+    if not on.any():
+        raise ValueError(
+            f"[enable] of {name} is never {ON:g} or more, so that its drive was never on; correct"
+            " the signal or its scale, or leave [input] out for a motion that nothing drives"
+        )
+    if not np.all(supply[on] > 0.0):
+        raise ValueError(
+            f"[supply] of {name} is {supply[on].min():g} of its nominal voltage at least once while"
+            " the drive is on; allowed is a voltage above 0"
+        )
+    strengths = np.where(on, supply, 0.0)
+    if np.all(strengths == 1.0):
+        return None, ()
+    looped = {p.effect.name for p in device.physics}
+    if "position_servo" in looped and "servo_limit" not in looped:
+        raise ValueError(
+            f"{name} says when its drive was on or what supplied it, and the drive of the device"
+            " file has no limit; give [drive] a limit, which is then scaled"
+        )
+    off = int(np.count_nonzero(~on))
+    said = f"the drive of {name} is off in {off} of {len(trace)} samples, and gives no force there"
+    return strengths, (said,) if off else ()

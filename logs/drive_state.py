@@ -1,0 +1,28 @@
+"""What a recording says of its drive besides the command: when it was on, and its supply.
+
+    [enable]                    # channel `enable`: on where it is at least a half
+    signal = "torque_enable"
+    [supply]                    # channel `supply`: the voltage over its nominal one
+    signal = "input_volts"
+    unit = "V"
+    nominal = 12.0              # [V]: what the device file's numbers are at
+
+The force of a drive counts times its supply over the nominal one, and not at all where it is off.
+Both are states, held between their samples as a command is, and act at once: what delays a command
+does not delay them.
+"""
+
+import math
+
+from zwidth.sim.table import Table, TableError
+
+ENABLE, SUPPLY = "enable", "supply"
+STATES = (ENABLE, SUPPLY)
+
+
+def nominal_of(table: Table) -> float:
+    """Return the nominal voltage [V] of [supply]; raises TableError."""
+    value = table.number("nominal")
+    if not 0.0 < value < math.inf:
+        raise TableError(f"supply.nominal is {value:g}; allowed is a finite voltage above 0 [V]")
+    return value

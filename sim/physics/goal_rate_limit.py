@@ -1,0 +1,78 @@
+"""A servo whose goal goes no faster than a speed of its own, whatever goals it is sent.
+
+    g_k = g_(k-1) + clip(goal_k - g_(k-1), -rate T, rate T)
+
+is the goal that its loop closes on. A step of the goal then begins with little force, which grows
+as the profile runs ahead of the shaft: in a log of what the servo asks for it looks like a limit of
+torque at the beginning of every step. The servo's `position_servo` says what a goal counts by, so
+that the rate holds at every gain.
+
+Limits: the goal is moved on at the ticks, and takes no account of an acceleration.
+"""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from zwidth.sim.physics.effect import Bounds, Effect, Parameter, Scaled, Values
+from zwidth.sim.physics.sizes import Sizes
+from zwidth.sim.place import Place
+
+
+def _starts(z: Sizes, _: Place) -> Iterator[Scaled]:
+    for share in (0.7, 1.0, 1.5, 3.0):
+        rate = share * z.fastest[0]
+        yield {"rate": rate}, {"rate": 0.2 * rate}
+
+
+def _sweep(z: Sizes, _: Place) -> Iterator[Scaled]:
+    for share in (0.3, 0.6, 1.0, 1.5, 3.0, 6.0):
+        rate = share * z.fastest[0]
+        yield {"rate": rate}, {"rate": 0.3 * rate}
+
+
+def _bounds(z: Sizes, _: Place) -> Bounds:
+    """Nothing travels all of its way within one tick."""
+    return {"rate": (0.0, 2.0 * z.span / z.period)}
+
+
+def _natural(z: Sizes, _: Place) -> float:
+    return z.fastest[0]
+
+
+def _drawn(_: np.random.Generator, z: Sizes, __: Place) -> Values:
+    return {"rate": z.fastest[0]}
+
+
+goal_rate_limit = Effect(
+    name="goal_rate_limit",
+    summary="a servo whose goal goes no faster than a speed of its own",
+    formula="|goal'| <= rate,  goal: what the loop closes on",
+    places=("command",),
+    parameters=(
+        Parameter(
+            "rate",
+            "r_g",
+            "rad/s",
+            1e-12,
+            math.inf,
+            math.inf,
+            role="strength",
+            least=0.3,
+            meaning="largest speed of the goal",
+        ),
+    ),
+    hook="command",
+    code=5,
+    mistaken_for=("loop_delay", "servo_limit"),
+    reference="profile velocity of a position servo, without a profile acceleration",
+    needs="position_servo",
+    prior=0.2,  # a register of most serial servos
+    creased=True,
+    starts=_starts,
+    sweep=_sweep,
+    bounds=_bounds,
+    natural=_natural,
+    drawn=_drawn,
+)
