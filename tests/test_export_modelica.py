@@ -13,6 +13,7 @@ from test_export_c import COMMANDS, with_effect
 
 from zwidth import cli
 from zwidth.controllers.recorded import recorded
+from zwidth.export import cost
 from zwidth.export.model import Floats, free_run, loss
 from zwidth.export.modelica import modelica
 from zwidth.export.modelica_run import run_modelica, translator
@@ -159,6 +160,19 @@ def test_what_is_not_held_is_said():
     assert "dropped_samples@clock is not held" in made.lost[0]
     assert "command_hold" in made.lost[1]
     assert all(sentence in made.text() for sentence in made.lost)
+
+
+def test_without_a_translator_the_cost_is_said_to_be_unknown(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    monkeypatch.setattr(cost, "translator", lambda: "")
+    out, said = tmp_path / "x.mo", tmp_path / "x.json"
+    line = ["export", "ethz_haptic_paddle", "--to", "modelica", "-o", str(out), "--json", str(said)]
+    assert cli.run(line) == 0
+    result = json.loads(said.read_text())
+    assert result["error_over_motion"] is None
+    assert "neither OpenModelica nor rumoca is here" in result["cost"]
+    assert result["cost"] in out.read_text()
 
 
 def test_parameters_have_units():
