@@ -27,6 +27,7 @@ from zwidth.export.model import Exported, Floats
 from zwidth.export.settable import Number, numbers_of, units
 from zwidth.export.translate import literal
 from zwidth.files.protection import reading
+from zwidth.files.whole import write_bytes
 from zwidth.sim.device import Device
 from zwidth.sim.physics.free_law import is_table
 
@@ -50,8 +51,7 @@ class Fmu(Exported):
         with TemporaryDirectory() as folder:
             root = Path(folder)
             for path, content in self._files("").items():
-                (root / path).parent.mkdir(parents=True, exist_ok=True)
-                (root / path).write_bytes(content)
+                write_bytes(root / path, content, wait=False, own=True)
             return _built(root)
 
     def content(self, cost: str = "") -> bytes:
@@ -122,8 +122,7 @@ def run_fmu(content: bytes, commands: Floats, settings: dict[str, float] | None 
     """
     fmpy = _module()
     with TemporaryDirectory() as folder:
-        archive = Path(folder) / "device.fmu"
-        archive.write_bytes(content)
+        archive = write_bytes(Path(folder) / "device.fmu", content, wait=False, own=True)
         unzipped = fmpy.extract(str(archive), str(Path(folder) / "unzipped"))
         told = fmpy.read_model_description(unzipped)
         at = {v.name: v.valueReference for v in told.modelVariables}

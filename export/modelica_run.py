@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from zwidth.export.model import Floats
+from zwidth.files.whole import write_text
 
 TOLERANCE = 1e-9
 SCRIPT = """\
@@ -82,8 +83,8 @@ def _run_rumoca(text: str, ticks: int, period: float) -> tuple[Floats, Floats]:
 def _run_omc(text: str, ticks: int, period: float) -> tuple[Floats, Floats]:
     script = SCRIPT.replace("STOP", repr(ticks * period)).replace("TICKS", str(ticks))
     with TemporaryDirectory() as folder:
-        (Path(folder) / "run.mo").write_text(text)
-        (Path(folder) / "run.mos").write_text(script.replace("TOLERANCE", repr(TOLERANCE)))
+        write_text(Path(folder) / "run.mo", text, own=True)
+        write_text(Path(folder) / "run.mos", script.replace("TOLERANCE", repr(TOLERANCE)), own=True)
         ran = subprocess.run(
             ["omc", "run.mos"], cwd=folder, capture_output=True, text=True, check=False
         )

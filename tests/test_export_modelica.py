@@ -1,7 +1,9 @@
 """A device as Modelica: continuous in time, the limit that our own steps converge to."""
 
 import json
+import sys
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,7 @@ from test_export_c import COMMANDS, with_effect
 
 from zwidth import cli
 from zwidth.controllers.recorded import recorded
+from zwidth.export import cost
 from zwidth.export.model import Floats, free_run, loss
 from zwidth.export.modelica import modelica
 from zwidth.export.modelica_run import run_modelica, translator
@@ -113,6 +116,43 @@ def test_a_linear_device_of_one_mass():
     np.testing.assert_allclose(run(device, np.full(200, 0.5)), closed, atol=1e-9)
 
 
+STAND_IN = """#!{python}
+import csv, re, sys
+from pathlib import Path
+import rumoca
+script = Path(sys.argv[1]).read_text()
+stop, ticks = re.search(r"stopTime=([^,]+), numberOfIntervals=([0-9]+)", script).groups()
+config = rumoca.SimConfig(solver="rk-like", rtol=1e-9, atol=1e-11)
+model = rumoca.Session().loads(Path("run.mo").read_text(), model="Run")
+found = model.simulate((0.0, float(stop)), dt=float(stop) / int(ticks), config=config)
+with open("run_res.csv", "w", newline="") as stream:
+    rows = csv.writer(stream, quoting=csv.QUOTE_NONNUMERIC)
+    rows.writerow(["time", "device.measured"])
+    rows.writerows(zip(found.time, found["device.measured"]))
+"""
+
+
+@pytest.mark.skipif(find_spec("rumoca") is None, reason="rumoca is not installed")
+def test_openmodelica_is_asked_where_it_is(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    """By a stand-in that takes its script and writes its table: OpenModelica itself was not there.
+
+    Mutation: the column of the times.
+    """
+    (tmp_path / "omc").write_text(STAND_IN.format(python=sys.executable))
+    (tmp_path / "omc").chmod(0o755)
+    device = with_effect("coulomb_friction", "m1")
+    text = modelica(device, "dev").text()
+    monkeypatch.setattr("shutil.which", lambda _: None)
+    assert translator() == "rumoca"
+    plain = run_modelica(text, "dev", COMMANDS, 1e-3)
+    monkeypatch.undo()
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
+    assert translator() == "OpenModelica"
+    np.testing.assert_allclose(run_modelica(text, "dev", COMMANDS, 1e-3), plain, atol=1e-12)
+    with pytest.raises(ValueError, match="OpenModelica refuses the exported model"):
+        run_modelica("model x", "dev", COMMANDS, 1e-3)
+
+
 def test_what_is_not_held_is_said():
     device = with_effect("dropped_samples", "clock").with_interface(command_hold="smooth")
     made = modelica(device, "dev")
@@ -120,6 +160,19 @@ def test_what_is_not_held_is_said():
     assert "dropped_samples@clock is not held" in made.lost[0]
     assert "command_hold" in made.lost[1]
     assert all(sentence in made.text() for sentence in made.lost)
+
+
+def test_without_a_translator_the_cost_is_said_to_be_unknown(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    monkeypatch.setattr(cost, "translator", lambda: "")
+    out, said = tmp_path / "x.mo", tmp_path / "x.json"
+    line = ["export", "ethz_haptic_paddle", "--to", "modelica", "-o", str(out), "--json", str(said)]
+    assert cli.run(line) == 0
+    result = json.loads(said.read_text())
+    assert result["error_over_motion"] is None
+    assert "neither OpenModelica nor rumoca is here" in result["cost"]
+    assert result["cost"] in out.read_text()
 
 
 def test_parameters_have_units():
