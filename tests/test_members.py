@@ -118,7 +118,7 @@ def one_by_one(
             (reads.origin * e.swing * still)[None], jitters,
         )  # fmt: skip
         recorded = Recorded(
-            plain.command, plain.measured, e.places(eq.dof), None,
+            plain.command, plain.measured, e.places(eq), None,
             None if place is None else model.arriving_change(plain),
         )  # fmt: skip
         start = observer_memory(eq, model.seen(e.part(0, 32), x))

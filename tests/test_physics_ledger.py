@@ -22,7 +22,7 @@ def _run(*physics: Physics, seed: int = 0) -> Run:
     device = phantom().with_interface(delay=0.0013).with_physics(*physics)
     run = simulate(
         device, wall(12.0, 0.02, one_sided=True), duration=0.06, start=Start(-2e-4, 0.3),
-        disturbance=0.02 * rng.normal(size=(60, device.plant().dof)),
+        disturbance=0.02 * rng.normal(size=(60, device.chain.masses.size + len(device.hung()))),
         substeps=5, ledger=True, seed=seed,
     )  # fmt: skip
     assert run.outcome is Outcome.COMPLETED
@@ -53,7 +53,9 @@ def test_the_ledger_closes_with_random_sets(seed: int) -> None:
     """1e-9. Mutation: `share_friction` without the division by the whole bound: 1e-2."""
     rng = np.random.default_rng(seed)
     chosen = rng.permutation(len(EVERYWHERE))[: rng.integers(2, 16)]
-    run = _run(*(example(*EVERYWHERE[i]) for i in chosen), seed=seed)
+    drawn = [example(*EVERYWHERE[i]) for i in chosen]
+    filters = [p for p in drawn if p.effect.follows]  # there is room for one of all readings
+    run = _run(*(p for p in drawn if p not in filters[1:]), seed=seed)
     assert _imbalance(run) < 1e-9
 
 

@@ -5,10 +5,12 @@ from engine_examples import uncompiled
 from physics_examples import EVERYWHERE, example, phantom
 
 from zwidth.controllers.wall import wall
+from zwidth.sim.physics import EFFECTS
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.run import Start, simulate
 
-SIGHTED = [entry for entry in EVERYWHERE if entry[0] != "rectified_sensor"]
+FILTERS = [entry for entry in EVERYWHERE if EFFECTS[entry[0]].follows]  # there is room for one
+SIGHTED = [e for e in EVERYWHERE if e[0] != "rectified_sensor" and e not in FILTERS[1:]]
 
 
 def bits() -> str:

@@ -150,7 +150,7 @@ def test_what_is_one_and_the_same_thing_is_not_drawn_twice() -> None:
         (("force_ripple", "link34"), ("backlash", "link34")),
     ):
         assert not clash(one, other)
-    random, taken = np.random.default_rng(2), [("extra_mode", f"m{i}") for i in (1, 2, 3)]
+    random, taken = np.random.default_rng(2), [("extra_mode", f"m{i}") for i in range(1, 6)]
     drawn = {choose(random, five(), taken) for _ in range(500)}
     assert not {d for d in drawn if d is not None and d[0] == "extra_mode"}
     assert len(drawn) > 20

@@ -35,7 +35,7 @@ def gain(devices: list[Device]) -> Floats:
 
 
 def start(population: Population) -> Floats:
-    masses = population.dof
+    masses = population.dof - population.followers.shape[0]
     return 1e-3 * np.random.default_rng(5).normal(size=(population.size, masses))
 
 

@@ -9,7 +9,7 @@ from zwidth.controllers.wall import wall
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import FINAL, innovations, prepared
 from zwidth.diagnosis.noise.steady import steady, steady_gains
-from zwidth.diagnosis.recording.experiment import Experiment, Output
+from zwidth.diagnosis.recording.experiment import Experiment, Output, experiment
 from zwidth.diagnosis.selection.hypothesis import judged, settled
 from zwidth.scenarios.concealed.integrator import integrate, width
 from zwidth.scenarios.concealed.truth import truth_of
@@ -284,3 +284,15 @@ def test_the_truth_of_a_concealed_recording_reads_alike() -> None:
         ),
     ):  # fmt: skip
         assert np.abs(ours - theirs).max() < 1e-5 * np.abs(ours - raw).max()
+
+
+def test_a_log_of_a_simulation_is_seen_as_it_was_read() -> None:
+    """Of two filters in a row the second's reading. Mutation: `_as_read` left out."""
+    device = ONE.with_physics(LAG, FILTER)
+    run = simulate(device, recorded(still_first(300)), duration=0.3)
+    e = experiment(run.trace, device)
+    assert [o.name for o in e.outputs] == ["position_m1"]
+    read = run.trace["position_filtered_filtered_m1"]
+    apart = np.abs(read - run.trace["position_m1"]).max()
+    assert np.abs(e.measured[:, 0] - read).max() < 1e-3 * apart
+    assert np.array_equal(read, run.trace["encoder"])

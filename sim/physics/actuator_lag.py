@@ -57,7 +57,7 @@ actuator_lag = Effect(
     ),
     hook="structure",
     code=0,
-    mistaken_for=("loop_delay", "extra_mode"),
+    mistaken_for=("loop_delay", "extra_mode", "sensor_lag"),
     reference="first-order model of the current loop; a lag counts as delay at low frequency",
     lags=True,
     prior=0.1,  # every amplifier and filter lags; most by far less than a tick

@@ -82,7 +82,6 @@ moving_average = Effect(
     reference="mean over a window, to (omega W)^4 / 720; Bessel filter of second order",
     follows=_follows,
     prior=0.05,  # a velocity is mostly differenced; where it shows is another matter
-    elsewhere=0.1,
     family="reading_filter",
     starts=_starts,
     sweep=_sweep,
