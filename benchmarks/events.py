@@ -33,7 +33,7 @@ T, FINE = 0.004, 50
 NOTHING, HIT, STOP, JAM, TOUCH, SLIP = range(6)
 KINDS = ("nothing", "hit", "stop", "jam", "touch", "slip")
 NEAR_S = 0.1  # within which an event is dated rightly
-AWAY = 1e9
+ONCE_S = 0.5  # from the first touch of a stop to the last
 
 
 @njit
@@ -104,15 +104,16 @@ class Drawn:
     energy: float
 
 
-def drawn(seed: int, index: int, seconds: float) -> Drawn:
-    """Draw a recording of so many seconds."""
+def drawn(seed: int, index: int, seconds: float, kind: int | None = None) -> Drawn:
+    """Draw a recording of so many seconds. kind: of what happens, None for one that is drawn."""
     random = np.random.default_rng([seed, index, 47])
 
     def between(low: float, high: float) -> float:
         return float(np.exp(random.uniform(np.log(low), np.log(high))))
 
     ticks = round(seconds / T)
-    kind = int(random.integers(1, 6)) if random.random() < 0.5 else NOTHING
+    own = int(random.integers(1, 6)) if random.random() < 0.5 else NOTHING
+    kind = own if kind is None else kind
     while True:
         mass, peak, command = between(2e-4, 5e-3), between(30.0, 120.0), np.zeros(ticks)
         for _ in range(4):
@@ -147,6 +148,8 @@ def drawn(seed: int, index: int, seconds: float) -> Drawn:
     elif kind == SLIP:
         slip = size * between(0.03, 0.3) * float(random.choice((-1.0, 1.0)))
     motion, (impulse, energy, begins, ends) = moved(command, numbers, kind, event)
+    if kind == STOP and ends - begins > ONCE_S:  # what is met again and again is no event
+        return drawn(seed, index + 1_000_000, seconds, kind)
     if kind == SLIP:
         begins = ends = at
         motion = motion + slip * (T * np.arange(ticks) >= at)

@@ -178,36 +178,57 @@ def knowing_events(
 ) -> tuple[Taken, Searched, tuple[Event, ...]]:
     """Return recordings that know what happened in them, what a search of them finds, the events.
 
-    The same recordings and search where nothing did.
+    The same recordings and search where nothing did, and where it was interrupted.
     """
     if found.interrupted:
         return taken, found, ()
     every = (*taken.whole, *(() if taken.whole_unopened else taken.judge_by))
+    try:
+        there, found, known = _searched_anew(device, taken, every, found, say, effort)
+        said_of = partial(_all_said, every, found, known)
+        events = attempt("events", "what they brought", said_of) or ()
+    except KeyboardInterrupt:
+        say("interrupted: what was found until now is judged; once more to leave")
+        return taken, replace(found, tried=replace(found.tried, interrupted=True)), ()
+    for event in events:
+        say(event.sentence)
+    return there, found, events
+
+
+def _searched_anew(
+    device: Device,
+    taken: Taken,
+    every: Sequence[Experiment],
+    found: Searched,
+    say: Say,
+    effort: Effort,
+) -> tuple[Taken, Searched, tuple[Happened, ...]]:
+    """Recordings with events known, a search of them, and the events as it sees them."""
     known: tuple[Happened, ...] = ()
     there = taken
     for _ in range(TURNS):
         new = attempt("events", "", partial(_happened, taken, every, found))
         if new is None or not _others(taken, found, known, new):
-            known = known if new is None else new
-            break
+            return there, found, known if new is None else new
+        again = _with(taken, every, new)
+        for one in new:
+            say(f"something happened at {_seconds(one, every):.3g} s: searching with it known")
         try:
-            again = _with(taken, every, new)
-            for one in new:
-                say(f"something happened at {_seconds(one, every):.3g} s: searching with it known")
             searching = searched(device, again.fit_on, say, effort)
         except NoObserver:
             break
         known, there, found = new, again, searching
         if found.interrupted:
             break
-    events = attempt("events", "what they brought", lambda: _all_said(every, found, known)) or ()
-    for event in events:
-        say(event.sentence)
-    return there, found, events
+    return there, found, known
 
 
 def _happened(taken: Taken, every: Sequence[Experiment], found: Searched) -> tuple[Happened, ...]:
-    return happenings(every, found.tried.best, lambda known: _with(taken, every, known).fit_on)
+    """What happens as the best hypothesis sees it; nothing where none of them can be followed."""
+    try:
+        return happenings(every, found.tried.best, lambda known: _with(taken, every, known).fit_on)
+    except NoObserver:
+        return ()
 
 
 def _seconds(one: Happened, every: Sequence[Experiment]) -> float:

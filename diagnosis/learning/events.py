@@ -64,7 +64,7 @@ FEWEST = 12  # stretches by which chance is told
 THRESHOLDS = (0.5, 0.75, 0.9)  # quantiles over which excesses are averaged
 GAUSSIAN = 2.0  # mean excess of a chi-square of one
 RARITY = math.log(0.95 / 0.05)  # of a recording in which something happens
-NEAR_S = 0.12  # between two pulses of one event, at least
+NEAR_S = 0.4  # between two pulses of one event, at least
 MEDIAN = 0.6745  # of |z| of a normal
 ONSET = SETTLING + 20  # ticks from the start, in which the observer finds the state
 
@@ -242,7 +242,8 @@ def _searched(
         _mask(kept[one.recording], one.first, one.last)
     for _ in range(aside):
         if (top := _highest(kept, kinds)) is not None:
-            _mask(kept[top.recording], top.first, top.first + top.ticks)
+            beside = _longest(h.experiments[top.recording]) // 3
+            _mask(kept[top.recording], top.first - beside, top.first + top.ticks + beside)
     return best, _chance(np.concatenate([_stretches(own) for own in kept]))
 
 
@@ -287,12 +288,16 @@ def _answers(h: Hypothesis) -> list[_Answer]:
     return found
 
 
+def _longest(e: Experiment) -> int:
+    """Ticks of the longest event that is asked for."""
+    return max(1, round(min(LONGEST_S / e.period, LONGEST_SHARE * e.ticks)))
+
+
 def _gains(
     white: Floats, answers: Sequence[_Answer], e: Experiment
 ) -> tuple[Floats, list[tuple[Source, int]]]:
     """The best gain of what begins at each tick (ticks,), in its own median; and what it is."""
-    ticks = white.shape[0]
-    longest = max(1, round(min(LONGEST_S / e.period, LONGEST_SHARE * ticks)))
+    ticks, longest = white.shape[0], _longest(e)
     octaves = math.log2(longest)
     lengths = np.unique(np.round(2.0 ** np.linspace(0.0, octaves, 1 + int(PER_OCTAVE * octaves))))
     best, labels = np.zeros(ticks), np.zeros(ticks, dtype=np.int64)
