@@ -39,7 +39,7 @@ from zwidth.fleet.structure import known_structure
 from zwidth.jobs.executor import Executor, Local, Processes
 from zwidth.sim.physics import make_physics
 
-SEED = 20261124
+SEED = 7310
 DEVICES, RUNS = 24, 5
 SECONDS = 6.0
 DRIFTS_FROM = 2  # the recording from which on a friction grows
