@@ -30,7 +30,7 @@ from zwidth.sim.physics import make_physics
 from zwidth.sim.run import simulate
 from zwidth.watch.growing import Growing, of_file
 from zwidth.watch.state import gate, read
-from zwidth.watch.updates import GATE, QUICK, Update
+from zwidth.watch.updates import QUICK, Update
 from zwidth.watch.watching import Asked, follow
 from zwidth.watch.worker import Worker
 
@@ -98,12 +98,13 @@ def main() -> None:
         gate(read(log.spool, None), MOTOR, "log")
         took = time.process_time() - took
     after = float(stamps[1:][np.diff(stamps) > 0.01][0])
-    gap = next(at for at, _, u in told if u.kind == GATE and "missing in a gap" in u.sentence)
+    late = [at - after for at, _, u in told if "missing in a gap" in u.sentence]
     quick = np.array([(at, age) for at, age, u in told if u.kind == QUICK and at < seconds])
-    print(f"\nthe gap was told {gap - after:.1f} s after it stood in the file; to read and examine")
-    print(f"the whole takes {took:.2f} s of CPU")
-    print(f"quick fits: {len(quick)}, {np.median(quick[:, 1]):.1f} s old (oldest", end=" ")
-    print(f"{quick[:, 1].max():.1f} s), one every {np.median(np.diff(quick[:, 0])):.1f} s")
+    if late and len(quick) > 1:
+        print(f"\nthe gap was told {late[0]:.1f} s after it stood in the file;", end=" ")
+        print(f"quick fits: {len(quick)}, {np.median(quick[:, 1]):.1f} s old (oldest", end=" ")
+        print(f"{quick[:, 1].max():.1f} s), one every {np.median(np.diff(quick[:, 0])):.1f} s")
+    print(f"to read and examine the whole takes {took:.2f} s of CPU")
     print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
 
 

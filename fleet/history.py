@@ -11,6 +11,11 @@ asked, and must gain 2 ln (1 / ALPHA) beyond. A step is dated by the dates that 
 the best (Hansen, Econometrica 68, 2000), the beginning of a drift by those that cost 3.84 more.
 What all devices do together is asked of the same with each device's own mean taken off.
 
+One recording that is off, by whatever, looks like a step or a drift as well. So a change must cost
+less than one of the recordings with a value of its own, the others at a value that stays: without
+it, the weighted squares about the mean are less by w_i (y_i - mean)^2 / (1 - w_i / sum w), and it
+pays for its amount and for which of all recordings it is.
+
 Limits: one change of a parameter and device; a step needs two recordings on either side, of which
 one alone would be an outlier. Of more than 200 dates every second, third ... is asked.
 """
@@ -128,7 +133,7 @@ def _changed(
         choices = times.size if shape == STEP else every.size
         price = 2.0 * math.log(2.0 * size / max(error, 1e-300)) - math.log(2.0 * math.pi)
         price += 2.0 * math.log(2.0 * max(1, asked) * choices)
-        gained = flat - float(costs[i]) - price
+        gained = min(flat, _one_off(y, s, size, asked)) - float(costs[i]) - price
         near = np.flatnonzero(costs <= costs[i] + (DATED if shape == STEP else BEGUN))
         between = float(times[near[0]]), float(times[near[-1]])
         if shape == STEP:  # it came between two recordings
@@ -140,6 +145,17 @@ def _changed(
             own = float(a[i]), float(a[i] + b[i])
             best = Change(device, parameter, shape, float(times[i]), between, *own, error, gained)
     return best
+
+
+def _one_off(y: Floats, s: Floats, size: float, asked: int) -> float:
+    """What it costs that one recording is off, and the others stay at a value."""
+    w = 1.0 / s**2
+    left = 1.0 - w / w.sum()
+    off = y - float(w @ y) / w.sum()
+    without = float(w @ off**2) - w * off**2 / left
+    error = s / np.sqrt(left)
+    price = 2.0 * np.log(2.0 * size / error) - math.log(2.0 * math.pi)
+    return float(np.min(without + price)) + 2.0 * math.log(2.0 * max(1, asked) * y.size)
 
 
 def _columns(shape: str, day: Floats, at: Floats) -> Floats:

@@ -17,6 +17,9 @@ logarithm between `LEAST_TAU` of the median standard error and the whole range o
 grid. A hypothesis is taken over a simpler one where it costs less by more than 2 ln (1 / ALPHA)
 for each thing that it adds, the threshold of `zwidth.diagnosis.selection.evidence`.
 
+Columns that the recordings cannot tell apart (one is a multiple of another, or fewer recordings say
+anything than there are columns) are not taken together.
+
 Limits: the ranges are taken from the data. A device must have been recorded twice for its own value
 to be told from that of the run: without repeats what differs is called per run. Normal spreads
 have no outliers; those must have been taken out before.
@@ -114,6 +117,7 @@ def spread(
     gains = {
         term: (weighed(kind ^ {term}).cost - found.cost) * (1.0 if term in kind else -1.0)
         for term in data.terms
+        if math.isfinite(weighed(kind ^ {term}).cost)
     }
     return _answer(data, kind, found, gains)
 
@@ -188,6 +192,9 @@ def _weigh(data: _Data, kind: _Kind) -> _Weighed:
     names, design = _design(data, kind)
     grid, nothing = _taus(data), np.zeros(1)
     telling = np.isfinite(data.variance)
+    told = design[telling] / np.linalg.norm(design[telling], axis=0)
+    if np.linalg.matrix_rank(told) < design.shape[1]:  # two columns alike, or too few that tell
+        return _Weighed(math.inf, [])
     ranges = sum(
         2.0 * math.log(2.0 * np.ptp(data.y[telling]) / np.ptp(data.columns[n][telling]))
         - math.log(2.0 * math.pi)

@@ -220,6 +220,19 @@ def test_steps_and_drifts_are_told_and_dated():
     assert right >= 36  # of 40 intervals of 95 %
 
 
+@pytest.mark.parametrize("runs", [5, 12])
+def test_one_recording_that_is_off_is_no_change(runs: int):
+    """Mutation: held against a value that stays alone."""
+    for place in range(runs):
+        for off in (3.0, 10.0, 100.0, 1e4):
+            rng = np.random.default_rng([runs, place])
+            days: Floats = np.tile(7.0 * np.arange(runs, dtype=np.float64), 4)
+            devices = [name for name in "abcd" for _ in range(runs)]
+            y = 100.0 + rng.standard_normal(days.size)
+            y[place] -= off
+            assert changes("p", days, y, np.ones(days.size), devices, 0.0, 8) == []
+
+
 def test_hardly_anything_changes_where_nothing_does():
     assert sum(len(history(seed)) for seed in range(100)) <= 1
 

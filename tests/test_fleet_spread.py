@@ -136,3 +136,14 @@ def test_what_is_wrong_is_named():
         spread(np.array([1.0, np.nan, 2.0]), ones, ["a"] * 3)
     with pytest.raises(ValueError, match="fewer than two"):
         spread(ones, np.array([1.0, np.inf, np.inf]), ["a"] * 3)
+
+
+def test_columns_that_cannot_be_told_apart_are_not_taken_together():
+    """Mutation: without the rank, the sums have no inverse."""
+    values, errors, devices, columns, _ = fleet(1, tau_device=3.0, slope=1.5)
+    twice = {**columns, "twice": 2.0 * columns["load"]}
+    found = spread(values, errors, devices, twice)
+    assert len(found.slopes) == 1
+    few = np.where(np.arange(values.size) < 2, errors, np.inf)  # two that say anything
+    other = np.linspace(-1.0, 1.0, values.size) ** 2
+    assert len(spread(values, few, devices, {**columns, "other": other}).slopes) <= 1

@@ -73,7 +73,7 @@ def test_a_line_is_copied_when_it_is_whole(tmp_path: Path):
 def test_lines_of_two_bytes_a_letter_are_cut_where_they_end(tmp_path: Path):
     """Mutation: cut at the byte of a line's end, in the middle of a letter."""
     for code, mark in (("utf-16-le", b"\xff\xfe"), ("utf-16-be", b"\xfe\xff")):
-        data = mark + "u,q\n1,\u010a\n2,\u0a00".encode(code)
+        data = mark + "u,q\n1,\u010a\n2,\u0a01\u0100\u0a01".encode(code)
         log = Growing(Pipe(*(data[k : k + 3] for k in range(0, len(data), 3))), code, tmp_path)
         for _ in range(len(data)):
             log.poll()
