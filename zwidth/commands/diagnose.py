@@ -480,7 +480,9 @@ def _say(console: Console, found: Diagnosis) -> None:
         heads = ("", "device file", "refitted", "with what was found", "")
         columns = [Column(head, place in (1, 2, 3)) for place, head in enumerate(heads)]
         console.table(
-            "\nForce that the recorded motion needs less that commanded, and over it", columns, rows
+            "\nForce that the recorded motion needs less that which acts, and over it",
+            columns,
+            rows,
         )
 
 
