@@ -49,7 +49,7 @@ class Machine:
 MACHINES = {
     "two_mass_cart": Machine(("tm_2", "tm_sine_1"), ("tm_1_5", "tm_sine_4")),
     "rack_and_pinion": Machine(("rp1",)),
-    "hsm150": Machine(("hsm_pos_0.06_1_measured", "hsm_neg_0.04_1_measured")),
+    "hsm150": Machine(("hsm_pos_0.06_1", "hsm_neg_0.04_1")),
     "lugre_motor": Machine(("LuGre_J_1",)),
     "coupled_drives": Machine(("drive_1", "drive_2", "drive_3")),
     "ecp_carts": Machine(("Kmed_hand_Nomass",)),
@@ -123,7 +123,7 @@ def answer(name: str, found: Diagnosis, seconds: float) -> str:
         lines.append(f"| {run.output} of {run.recording} | {' | '.join(each)} | {held} |")
     if found.force_errors:
         lines += [
-            "", "The inverse model: rms of the force that the recorded motion needs less the force commanded, and over the", # noqa: E501
+            "", "The inverse model: rms of the force that the recorded motion needs less the force that acts, and over the", # noqa: E501
             "rms of that.", "",
             "| force at the drive | device file | refitted | with what was found | |",
             "|---|---|---|---|---|",

@@ -296,7 +296,7 @@ def _ways(e: Experiment, question: Question, model: Model, start: Floats) -> Ite
         if found and other is not e:
             yield _Way("swapped", found[0].sentence, other, RARE)
         other, found = in_time(device, e)
-        if found:
+        if any(fault.wrong for fault in found):  # that it acts later may be physics
             yield _Way("late", found[0].sentence, other, RARE)
     if not question.odd.fits_badly:
         return

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from zwidth.controllers.recorded import recorded
-from zwidth.diagnosis.answer.inverse import band_of, lacks, motion
+from zwidth.diagnosis.answer.inverse import acts, band_of, lacks, low_passed, motion
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.sim.chain import make_chain
@@ -105,3 +105,17 @@ def test_no_force_is_told_where_motion_or_command_is_missing() -> None:
     assert band_of(TWO, replace(e, folded=True)) is None
     noisy = e.measured + 0.1 * np.random.default_rng(0).standard_normal(e.measured.shape)
     assert band_of(TWO, replace(e, measured=noisy)) is None
+
+
+def test_the_force_that_acts_is_the_command_as_the_drive_lets_it_arrive() -> None:
+    """Late by two ticks and cut at 2 N; friction has no part in it.
+
+    Mutation: the command as recorded.
+    """
+    e = ran(ONE)
+    rubs = make_physics("coulomb_friction", "m1", level=1.0)
+    cut = make_physics("saturation", "command", limit=2.0)
+    model = Model(ONE.with_interface(delay=2 * PERIOD).with_physics(cut, rubs))
+    x = np.zeros(len(model.parameters))
+    expected = low_passed(np.clip(np.roll(e.command, 2), -2.0, 2.0), BAND, PERIOD)
+    np.testing.assert_allclose(acts(model, x, e, BAND)[EDGE:-EDGE], expected[EDGE:-EDGE], atol=1e-3)

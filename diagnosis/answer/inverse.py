@@ -9,10 +9,11 @@ recorded, to first order in what is missing,
 
     f = G^-1 (v^ - v),    G = d v(T) / d (forces held over T),
 
-is the mean force over the tick that it lacks. That on m1 beside the command that acts is the force
-that the motion needs. Both are compared below half of the low-pass, where that passes all:
+is the mean force over the tick that it lacks. That on m1 beside the force that acts there, which is
+the command as gain, lag, delay and limit of the model let it arrive, is the force that the motion
+needs. Both are compared below half of the low-pass, where that passes all:
 
-    error = rms(f_1) / rms(command).
+    error = rms(f_1) / rms(force that acts).
 
 This is the figure of the field: the inverse model of Gautier (Dynamic identification of robots with
 power model, ICRA 1997), with the kernel in the place of a regressor, so that any effect has its
@@ -60,9 +61,10 @@ FEWEST = 20  # periods of the band in a recording, of which a figure is given
 class ForceError:
     """What a recorded motion needs for a force at m1, and what was commanded.
 
-    band [Hz]: up to which they are compared. commanded (ticks,), from begins [s] on, every period
-    [s]; lacking (ticks,) of "before", the device file, "refit", and "after", with what was found:
-    needed less commanded. held_out: whether nothing was fitted to it.
+    Of "before", the device file, "refit", and "after", with what was found: acting (ticks,), from
+    begins [s] on, every period [s], the command as it arrives at m1, and lacking (ticks,), what is
+    needed less that. band [Hz]: up to which they are compared. held_out: whether nothing was fitted
+    to it.
     """
 
     recording: str
@@ -70,14 +72,14 @@ class ForceError:
     band: float
     begins: float
     period: float
-    commanded: Floats
+    acting: Mapping[str, Floats]
     lacking: Mapping[str, Floats]
     held_out: bool
 
     @property
-    def size(self) -> float:
-        """Rms of the force commanded."""
-        return float(np.sqrt(np.mean(self.commanded**2)))
+    def sizes(self) -> dict[str, float]:
+        """Rms of the forces that act."""
+        return {name: float(np.sqrt(np.mean(f**2))) for name, f in self.acting.items()}
 
     @property
     def errors(self) -> dict[str, float]:
@@ -88,14 +90,17 @@ class ForceError:
 
     @property
     def shares(self) -> dict[str, float]:
-        """Rms of what lacks over that of the force commanded."""
-        return {name: e / self.size if self.size else math.nan for name, e in self.errors.items()}
+        """Rms of what lacks over that of the force that acts."""
+        sizes = self.sizes
+        return {
+            name: e / sizes[name] if sizes[name] else math.nan for name, e in self.errors.items()
+        }
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON form."""
         return {
             "recording": self.recording, "unit": self.unit, "band_hz": self.band,
-            "rms": self.errors, "commanded_rms": self.size, "share": self.shares,
+            "rms": self.errors, "acting_rms": self.sizes, "share": self.shares,
             "held_out": self.held_out,
         }  # fmt: skip
 
@@ -129,12 +134,12 @@ def _of(
     joined = _joined(e)
     edge = math.ceil(EDGES / (band * e.period))
     kept = slice(max(joined.ticks - e.ticks, edge), joined.ticks - edge)
-    commanded = device.interface.command_gain * joined.command
     lacking = {name: lacks(m, x, joined, band)[kept, 0] for name, (m, x) in models.items()}
+    acting = {name: acts(m, x, joined, band)[kept] for name, (m, x) in models.items()}
     begins = joined.begins + kept.start * e.period
     return ForceError(
         e.name, "N m" if device.rotary else "N", band, begins, e.period,
-        low_passed(commanded, band, e.period)[kept], lacking, held,
+        acting, lacking, held,
     )  # fmt: skip
 
 
@@ -143,13 +148,33 @@ def lacks(model: Model, x: Floats, e: Experiment, band: float) -> Floats:
 
     Infinite after an overflow. The last tick has none, since where it leads was not recorded.
     """
-    device = model.acting(x)
     seen = model.seen(e, x)
-    n, period = device.chain.masses.size, e.period
-    sensors = [p.effect.name for p in device.physics if p.effect.hook == "sensor"]
-    bare = device.without_physics(*sensors) if sensors else device
-    ready = eq, fine = prepared(seen.on(bare))
-    position, velocity = motion(seen, n, 2.0 * band)
+    position, velocity = motion(seen, model.nominal.chain.masses.size, 2.0 * band)
+    return _forces(_without(model.acting(x), "sensor"), seen, position, velocity, band)
+
+
+def acts(model: Model, x: Floats, e: Experiment, band: float) -> Floats:
+    """Return the command (ticks,) as it arrives at m1 in a model, in a band.
+
+    It is what a device without forces of its own lacks for standing still, turned round.
+    """
+    seen = model.seen(e, x)
+    still = np.zeros((seen.ticks, model.nominal.chain.masses.size))
+    device = _without(model.acting(x), "sensor", "force", "friction")
+    return -_forces(device, seen, still, still, band)[:, 0]
+
+
+def _without(device: Device, *hooks: str) -> Device:
+    gone = [p.effect.name for p in device.physics if p.effect.hook in hooks]
+    return device.without_physics(*gone) if gone else device
+
+
+def _forces(
+    device: Device, seen: Experiment, position: Floats, velocity: Floats, band: float
+) -> Floats:
+    """Forces (ticks, n) that a device lacks to be where it is said to be."""
+    n = position.shape[1]
+    eq, fine = ready = prepared(seen.on(device))
     places = np.concatenate([np.arange(n), eq.dof + np.arange(n)])
     outputs = Outputs(places, np.zeros(2 * n, dtype=np.bool_), np.full(2 * n, GROUND))
     put = np.zeros((eq.states, 2 * n))
@@ -161,15 +186,15 @@ def lacks(model: Model, x: Floats, e: Experiment, band: float) -> Floats:
             eq, fine, outputs, seen.command, np.hstack([position, velocity]), put,
             np.zeros((0, eq.dof)), memory,
         )  # fmt: skip
-        plant = seen.on(bare).plant()
+        plant = seen.on(device).plant()
         push = np.zeros((plant.size, n))
         push[plant.dof : plant.dof + n] = np.linalg.inv(plant.matrices.mass)[:n, :n]
-        held = hold_matrices(plant.a, push, period)[1][plant.dof : plant.dof + n]
-        force = np.zeros((e.ticks, n))
+        held = hold_matrices(plant.a, push, seen.period)[1][plant.dof : plant.dof + n]
+        force = np.zeros((seen.ticks, n))
         force[:-1] = np.linalg.solve(held, errors[1:, n:].T).T
         if not np.all(np.isfinite(force)):
             return np.full(force.shape, np.inf)
-        return low_passed(force, band, period)
+        return low_passed(force, band, seen.period)
 
 
 def motion(e: Experiment, masses: int, to_hz: float) -> tuple[Floats, Floats]:

@@ -3,30 +3,28 @@
 Two outputs of one quantity at two masses are read the other way round, and the better prediction
 by the device file decides, by much (a device file is off by half in every number). A command that
 stands where a motion should jumps where nothing with a mass can, and the motion that stands in its
-place drives it: with u and y exchanged and any scale a,
+place drives it: beside drag, friction and a device file that is off (`intake.answering`), with u
+and y exchanged and any scale,
 
-    share of e that a b explains,    b: what the command alone adds to the prediction,
+    what the command leaves of the squares of e, over what is left without any command,
 
-goes from next to nothing to nearly all. Outputs are exchanged again; a command and a motion are
-not, since each was converted by the other's unit.
+is less than half of what it is as described. Outputs are exchanged again; a command and a motion
+are not, since each was converted by the other's unit.
 """
 
 import itertools
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.diagnosis.intake.answering import Answering, resisting
+from zwidth.diagnosis.intake.driven import FOLLOWING
 from zwidth.diagnosis.intake.gate import Fault
-from zwidth.diagnosis.noise.predictor import (
-    SEARCHING,
-    SETTLING,
-    innovations,
-    observer_near,
-    prepared,
-)
+from zwidth.diagnosis.noise.predictor import SETTLING, followed, innovations, observer_near
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.sim.device import Device
@@ -37,7 +35,8 @@ LOOKED_AT = 20_000  # ticks
 RATIOS = (1e-4, 1e-2, 1.0)
 BETTER = 2.0  # rms error over that of the outputs as they were described
 SURELY = 100.0  # -2 ln likelihood over it
-NOTHING, ALL = 0.2, 0.9  # shares explained as described, and the other way round
+HALF = 0.5  # of what a command leaves as described, that it leaves the other way round
+ANSWERED = (1e-4, 1e-2)  # ratios of the observers under which a command is asked for
 
 
 def in_place(device: Device, e: Experiment) -> tuple[Experiment, list[Fault]]:
@@ -100,29 +99,28 @@ def _errors(device: Device, e: Experiment, outputs: Sequence[int]) -> list[float
 
 
 def _driven_by_motion(device: Device, e: Experiment) -> bool:
-    """Whether the first output is explained by nothing, and explains the command."""
+    """Whether the first output drives the command rather than the other way round."""
     y, u = e.measured[:, 0], e.command
     if np.ptp(u) == 0.0:
         return False
     alone = replace(e, measured=y[:, None].copy(), outputs=e.outputs[:1], start=None)
     size = float(np.std(u)) / max(float(np.std(y)), 1e-300)
     other = replace(alone, command=y * size, measured=(u / size)[:, None])
-    return _explained(device, alone) < NOTHING and _explained(device, other) > ALL
+    as_is, turned = _unanswered(device, alone), _unanswered(device, other)
+    if not turned < HALF * as_is:
+        return False
+    return (e.ticks - SETTLING) * math.log(as_is / max(turned, 1e-300)) > SURELY
 
 
-def _explained(device: Device, e: Experiment) -> float:
-    """The largest share of what is not predicted that the command explains, of any scale."""
-    found = [0.0]
-    still = replace(e, command=np.zeros(e.ticks))
-    silent = replace(e.unmoved(), measured=np.zeros(e.measured.shape))
-    for ratio in RATIOS:
-        try:
-            gain, ready = observer_near(device, e, ratio), prepared(e.on(device), SEARCHING)
-        except NoObserver:
-            continue
-        with np.errstate(all="ignore"):  # not finite after an overflow
-            own, b = (innovations(device, one, gain, ready=ready)[SETTLING:, 0] for one in
-                      (still, silent))  # fmt: skip
-            share = float(own @ b) ** 2 / max(float(own @ own) * float(b @ b), 1e-300)
-        found += [share] if math.isfinite(share) else []
-    return max(found)
+def _unanswered(device: Device, e: Experiment) -> float:
+    """The least share of the squares of e that a command leaves, of any scale."""
+    found = [1.0]
+    for ratio in ANSWERED:
+        with suppress(NoObserver, np.linalg.LinAlgError, ValueError), np.errstate(all="ignore"):
+            moved = followed(device, e, observer_near(device, e, FOLLOWING))
+            if not np.all(np.isfinite(moved)):
+                continue
+            asked = Answering(device, e, ratio, resisting(moved))
+            if asked.usable and (nothing := asked.left(0.0).square) > 0.0:
+                found.append(asked.left(None).square / nothing)
+    return min(found)

@@ -545,7 +545,7 @@ def _say(console: Console, found: Diagnosis) -> None:
         for run in found.force_errors
     ]
     if rows:
-        title = "Force that the recorded motion needs, less the force commanded: rms, and its share"
+        title = "Force that the recorded motion needs, less the force that acts: rms, and its share"
         console.table(f"\n{title}", _columns(*heads), rows)
 
 

@@ -127,27 +127,30 @@ def whole_run_figure(run: WholeRun, named: bool = True) -> Figure:
 
 
 def force_error_figure(forces: ForceError, named: bool = True) -> Figure:
-    """Return the force commanded beside those that the recorded motion needs, differences below.
+    """Return the force that acts beside those that the recorded motion needs, differences below.
 
     named: whether anything was found; else before is the device file, and after the refit. Models
     that need far more than was commanded are cut where they leave the picture.
     """
-    t = forces.begins + forces.period * np.arange(forces.commanded.size, dtype=np.float64)
-    reach = ROOM * float(np.abs(forces.commanded).max())
+    commanded = forces.acting["before"]
+    t = forces.begins + forces.period * np.arange(commanded.size, dtype=np.float64)
+    reach = ROOM * float(np.abs(commanded).max())
     factor, unit = scaled(reach, forces.unit)
     shown = max(1, t.size // MOST_POINTS)
     with rc_context(STYLE):
         figure = Figure(figsize=(7.2, 4.6), layout="constrained")
         force, lacks = figure.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": (3, 2)})
-        commanded = factor * forces.commanded[::shown]
-        force.plot(t[::shown], commanded, color="0.15", linewidth=1.8, label="commanded")
+        force.plot(
+            t[::shown], factor * commanded[::shown], color="0.15", linewidth=1.8, label="commanded"
+        )
         for name, (label, colour, dashes) in (WITH_NAMES if named else WITHOUT).items():
             lacking = factor * forces.lacking[name][::shown]
             size = forces.errors[name]
             rms = "runs away" if math.isinf(size) else f"lacks {with_unit(size, forces.unit, 3)}"
             said = f"{label}: {rms} ({percent(forces.shares[name])})"
             style: dict[str, Any] = {"color": colour, "linewidth": 1.1, "linestyle": dashes}
-            force.plot(t[::shown], commanded + lacking, label=said, **style)
+            acting = factor * forces.acting[name][::shown]
+            force.plot(t[::shown], acting + lacking, label=said, **style)
             lacks.plot(t[::shown], lacking, **style)
         lacks.axhline(0.0, color="0.6", linewidth=0.8)
         force.set_ylim(-factor * reach, factor * reach)
