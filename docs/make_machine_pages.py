@@ -35,15 +35,15 @@ WHEN = ("before", "refit", "after")
 class Machine:
     """A machine: its recordings to fit, and those to judge by; the last 30 % where there are none.
 
-    shown: which of the whole runs the picture is of. effort: how much is tried. folder: that has
-    the files, where it is another machine's.
+    shown: which of the whole runs the picture is of. effort: how much is tried. data: the folder of
+    its recordings, where it has another name.
     """
 
     fit: tuple[str, ...]
     judge: tuple[str, ...] = ()
     shown: int = 0
     effort: str = "quick"
-    folder: str = ""
+    data: str = ""
 
 
 MACHINES = {
@@ -57,9 +57,13 @@ MACHINES = {
         ("sin_sin_kp8", "sin_sin_kp32", "brutal_kp8", "brutal_kp32"),
         ("up_and_down_kp8", "up_and_down_kp32"),
         shown=4,  # a hard step of the goal
+        effort="normal",
     ),
     "servo_switched_off": Machine(
-        ("lift_and_drop_kp8",), ("lift_and_drop_kp32",), folder="servo_pendulum"
+        ("sin_sin_kp8", "lift_and_drop_kp8"),
+        ("lift_and_drop_kp32",),
+        effort="normal",
+        data="servo_pendulum",
     ),
     "friction_damper": Machine(("brfd7",), effort="normal"),
     "emps": Machine(("emps",)),
@@ -72,8 +76,8 @@ def experiments(name: str, stems: tuple[str, ...], device: Device, data: Path) -
     """Return recordings of a machine, as `zwidth diagnose` reads them."""
     found: list[Experiment] = []
     for stem in stems:
-        home = MACHINES[name].folder or name
-        trace = read_recording(PAGES / home / f"{stem}.toml", data / home)
+        folder = data / (MACHINES[name].data or name)
+        trace = read_recording(PAGES / name / f"{stem}.toml", folder)
         found += stretches(trace, device, stem)
     return found
 
@@ -81,7 +85,7 @@ def experiments(name: str, stems: tuple[str, ...], device: Device, data: Path) -
 def diagnosed(name: str, data: Path) -> Diagnosis:
     """Return the diagnosis of a machine by its two kinds of files, in `docs/machines/NAME`."""
     machine = MACHINES[name]
-    device = load_device(PAGES / (machine.folder or name) / "device.toml")
+    device = load_device(PAGES / name / "device.toml")
     fit = experiments(name, machine.fit, device, data)
     judge = experiments(name, machine.judge, device, data) or None
     return diagnose(device, fit, judge, effort=EFFORTS[machine.effort])

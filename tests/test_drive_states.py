@@ -56,7 +56,9 @@ def followed(
 def test_what_brakes_a_drive_that_is_off_is_its_winding_where_that_is_shorted(
     way: str, damper: float
 ):
-    """q = v J / c (1 - exp(-c t / J)). Mutations: s clip(a) without s; b v at full strength."""
+    """q = v J / c (1 - exp(-c t / J)). Mutations: s clip(a) without s; b v at full
+    strength.
+    """
     device = device_from_text(
         device_to_text(ARM) + f'[drive]\nkind = "servo"\nmotor_constant = {KT}\nresistance_ohm ='
         f' {R}\nsupply_v = {U}\nproportional = {KP}\nwhen_off = "{way}"\n'
@@ -67,10 +69,14 @@ def test_what_brakes_a_drive_that_is_off_is_its_winding_where_that_is_shorted(
     np.testing.assert_allclose(off, truth, atol=2e-4)
     coarse = followed(device, np.full(60, 1.0), np.zeros(60), Start(0.2, 3.0), 8)
     assert np.abs(off - truth).max() < 0.1 * np.abs(coarse - truth).max() < 1e-3
-    on = followed(device, np.full(60, 1.0), np.ones(60), Start(0.2, 3.0))
-    np.testing.assert_array_equal(
-        on, followed(device, np.full(60, 1.0), np.zeros(0), Start(0.2, 3.0))
+    on, whole = (
+        followed(device, np.full(60, 1.0), strengths, Start(0.2, 3.0))
+        for strengths in (np.ones(60), np.zeros(0))
     )
+    np.testing.assert_array_equal(on, whole)
+    plain = Drive("servo", KT, R, supply_v=U, proportional=KP).on(ARM)
+    same = followed(plain, np.full(60, 1.0), np.ones(60), Start(0.2, 3.0))
+    np.testing.assert_allclose(on, same, rtol=0.0, atol=1e-12)
 
 
 def test_a_duty_counts_by_the_supply_that_was_recorded():
