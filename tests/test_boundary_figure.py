@@ -8,6 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from msgspec import UNSET
+from page_checks import chromium, faults_of_figure
 
 from zwidth.figures.boundary import boundary_figure
 from zwidth.figures.style import save_figure
@@ -117,3 +118,10 @@ def test_the_same_result_is_the_same_picture(tmp_path: Path):
     assert [path.name for path in first] == ["8.5ms.png", "8.5ms.svg"]
     assert [path.read_bytes() for path in first] == [path.read_bytes() for path in second]
     assert "linear theory" in first[1].read_text(encoding="utf-8")
+
+
+def test_no_text_of_the_picture_lies_on_another() -> None:
+    """Mutation: the legend in one row, beyond the picture's edge and over its title."""
+    with chromium() as browser:
+        figure = boundary_figure(example(3), "measured (Table II)")
+        assert faults_of_figure(browser.new_page(), figure) == []

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from page_checks import chromium, faults_of_figure
 
 from zwidth.cli import run
 from zwidth.figures.plan import limit_in_words, plan_figure
@@ -202,3 +203,15 @@ def test_the_picture_draws_the_number_that_it_prints():
     (dot,) = (line for line in axes.get_lines() if line.get_marker() == "o")
     assert float(np.asarray(dot.get_xdata())[0]) == pytest.approx(0.05)
     assert axes.get_xaxis().get_major_formatter()(0.05) == "0.05 %"
+
+
+def test_no_text_of_the_picture_lies_on_another():
+    """Over nine decades of shares. Mutation: a tick at each decade, "0.0001 %" on "0.001 %"."""
+    physics = make_physics("coulomb_friction", "m1", level=1.1e-4)
+    sizes = np.geomspace(1e-8, 0.1, 12).tolist()
+    seen = tuple(Visible(f"coulomb_friction@m{i % 5 + 1}", physics, 0.22 * share, "level", "N m",
+                         0.22) for i, share in enumerate(sizes))  # fmt: skip
+    labels = tuple(v.label for v in seen)
+    shown = Plan("noise", 4.0, seen, labels, np.full((12, 12), 3.0), ())
+    with chromium() as browser:
+        assert faults_of_figure(browser.new_page(), plan_figure(shown, "device")) == []

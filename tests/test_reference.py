@@ -6,6 +6,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from page_checks import chromium, faults_of_picture
 
 from zwidth.cli import run
 from zwidth.errors import Status
@@ -82,6 +83,16 @@ def test_every_law_is_a_formula_in_the_names_of_its_parameters():
         assert effect.formula, effect.name
         names = set() if is_table(effect.parameters) else {p.name for p in effect.parameters}
         assert {n for n in names if n not in effect.formula} == set(), effect.name
+
+
+@pytest.mark.parametrize("name", ["backlash", "encoder_step"])
+def test_the_picture_of_an_effect_is_drawn_and_no_text_lies_on_another(name: str, tmp_path: Path):
+    """Mutation: as many ticks as matplotlib takes, which lie on each other under the play."""
+    assert run(["effects", name, "--picture", str(tmp_path / "p.png")]) == Status.DONE
+    assert (tmp_path / "p.png").stat().st_size > 10_000
+    with chromium() as browser:
+        svg = (tmp_path / "p.svg").read_text(encoding="utf-8")
+        assert faults_of_picture(browser.new_page(), svg[svg.index("<svg") :]) == []
 
 
 def test_comments_change_nothing_of_a_device():

@@ -1,12 +1,12 @@
-"""Simulate a haptic device under a virtual wall, and explain why a recording differs from it.
+"""Say why a recording of a machine differs from its simulation, and how stiff a wall it renders.
 
     import zwidth
 
+    answer = zwidth.diagnose("recording.csv")        # fits a device; or with one that you know
+    answer.device                                    # with what the recording shows to be missing
     device = zwidth.load_device("phantom_1_0")       # or your own device file
     zwidth.boundary(device)                          # how stiff a wall it can render
     zwidth.simulate(device, zwidth.wall(2.0, 0.01))  # one run: K = 2 N m/rad, B = 0.01 N m s/rad
-    answer = zwidth.diagnose("recording.toml", device, effort="quick")
-    answer.device                                    # with what the recording shows to be missing
 
 Why does a recording differ?
     diagnose          what physics is missing, where, how much, with 95 % intervals

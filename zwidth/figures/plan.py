@@ -10,7 +10,7 @@ from matplotlib.ticker import LogLocator
 from zwidth.figures.style import STYLE
 from zwidth.planning.limits import SHOWN
 from zwidth.planning.plan import ALIKE, Plan, Visible
-from zwidth.sim.readable import plain, with_unit
+from zwidth.sim.readable import with_unit
 
 DOT = "#004488"
 # Distance in sigma, from alike (dark) to apart (white): grey levels tell it in print too.
@@ -40,7 +40,7 @@ def _limits(axes: Axes, shown: list[Visible]) -> None:
     shares = [100.0 * (v.magnitude or np.nan) / v.natural for v in shown]
     places = np.arange(len(shown))
     axes.hlines(places, min(shares) / 3.0, shares, color="0.85", linewidth=0.8)
-    axes.plot(shares, places, "o", color=DOT, markersize=4.5, label=f"stands at {SHOWN:g} sigma")
+    axes.plot(shares, places, "o", color=DOT, markersize=4.5)
     for share, place, visible in zip(shares, places, shown, strict=True):
         text = f"  {limit_in_words(visible)}"
         axes.annotate(text, (share, place), va="center", fontsize=7.5)
@@ -50,14 +50,13 @@ def _limits(axes: Axes, shown: list[Visible]) -> None:
     axes.set_yticks(places, [named(v.label) for v in shown], fontsize=8)
     axes.set_ylim(len(shown) - 0.4, -0.6)
     axes.grid(axis="y", visible=False)
-    axes.xaxis.set_major_formatter(lambda x, _: f"{plain(x)} %")
+    axes.xaxis.set_major_formatter(lambda x, _: f"{x:g} %")
     axes.set_xlabel(
         "smallest magnitude that shows, as a share of what the experiment moves by;\n"
         "beside the dot its value",
         fontsize=9,
     )
-    axes.set_title("Seen above everything a linear refit absorbs", fontsize=10)
-    axes.legend(frameon=False, fontsize=8, loc="lower right")
+    axes.set_title(f"Seen at {SHOWN:g} sigma above everything a linear refit absorbs", fontsize=10)
 
 
 def _pairs(axes: Axes, plan: Plan) -> None:
