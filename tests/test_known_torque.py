@@ -8,7 +8,7 @@ import pytest
 
 import zwidth
 from zwidth import cli
-from zwidth.api.given import experiments_of
+from zwidth.api.given import experiments_of, named_traces
 from zwidth.controllers.excitation import multisine
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.recording.experiment import ExperimentError, experiment
@@ -239,10 +239,10 @@ def test_python_asks_the_same(tmp_path: Path):
     device, _ = device_of_joint(tmp_path / "m.xml", "base")
     device = device.with_interface(period=0.005)
     path = written(tmp_path, 5.0)
-    (found,) = experiments_of(path, device, (tmp_path / "m.xml", "base"))
+    (found,) = experiments_of(named_traces(path), device, (tmp_path / "m.xml", "base"))
     more, _ = with_known_torque(read_recording(path), device, tmp_path / "m.xml", "base")
     assert found.pushes is not None
-    np.testing.assert_array_equal(found.force, experiment(more, device).force)
+    np.testing.assert_array_equal(found.pushes, experiment(more, device).pushes)
     with pytest.raises(ValueError, match="has no joint 'tip'"):
         zwidth.diagnose(path, device, known_torque=(tmp_path / "m.xml", "tip"))
 

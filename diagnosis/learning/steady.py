@@ -49,11 +49,11 @@ def _gives(
     code = law.effect.code
     match law.effect.hook:
         case "friction":
-            lower, upper, _, _ = friction_bounds(code, q, v, u, p)
+            lower, upper, _, _ = friction_bounds(code, q, v, u, 1.0, p)
             return float(lower if v > 0.0 else upper if v < 0.0 else 0.0)
         case "command":
             return float(amplified(code, u, p)) - u
         case "sensor":
             return float(sensed(code, q, p)) - q
         case _:
-            return float(smooth_force(code, q, v, 0.0, u, p))
+            return float(smooth_force(code, q, v, 0.0, u, u, 1.0, p))
