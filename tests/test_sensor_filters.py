@@ -1,5 +1,7 @@
 """Readings that are filtered: closed forms, in a run, in a prediction, in a loop."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -11,6 +13,7 @@ from zwidth.diagnosis.noise.predictor import FINAL, innovations, prepared
 from zwidth.diagnosis.noise.steady import steady, steady_gains
 from zwidth.diagnosis.recording.experiment import Experiment, Output, experiment
 from zwidth.diagnosis.selection.hypothesis import judged, settled
+from zwidth.logs.recording import read_recording
 from zwidth.scenarios.concealed.integrator import integrate, width
 from zwidth.scenarios.concealed.truth import truth_of
 from zwidth.sim.chain import make_chain
@@ -296,3 +299,37 @@ def test_a_log_of_a_simulation_is_seen_as_it_was_read() -> None:
     apart = np.abs(read - run.trace["position_m1"]).max()
     assert np.abs(e.measured[:, 0] - read).max() < 1e-3 * apart
     assert np.array_equal(read, run.trace["encoder"])
+
+
+RACK = Path(__file__).parents[1].parent / "shared" / "recordings" / "rack_and_pinion" / "rp4.mat"
+
+
+@pytest.mark.skipif(not RACK.exists(), reason="the rack's recordings are not ours to pass on")
+def test_the_low_pass_of_a_real_rack_is_seen_beside_its_friction(tmp_path: Path) -> None:
+    """It was low-passed at 30 Hz: a lag of 5.3 ms is in its readings, and not in its amplifier.
+
+    One fit of each beside Coulomb friction, from 5 ms and 12 N. Mutation: the reading not filtered.
+    """
+    toml = tmp_path / "rp4.toml"
+    toml.write_text(
+        f"file = {str(RACK)!r}\nrotary = false\ntime = 't'\n[input]\nsignal = 'F'\nunit = 'N'\n"
+        "[[output]]\nsignal = 'v'\nquantity = 'velocity'\nat = 'm1'\nunit = 'm/s'\n"
+    )
+    rack = Device("rack", "", False, make_chain([24.7], [50.0]), Interface(period=1.0 / 1500.0))
+    e, _ = experiment(read_recording(toml), rack).split()
+    costs = {}
+    for name, at in (("sensor_lag", "sensor"), ("actuator_lag", "command")):
+        model = Model(rack)
+        friction = make_physics("coulomb_friction", "m1", level=12.0)
+        model = model.with_effect(friction, {"level": 6.0})
+        lag = make_physics(name, at, time_constant=5e-3)
+        model = model.with_effect(lag, {"time_constant": 3e-3})
+        found = settled(judged([e], model, np.zeros(len(model.parameters))))
+        costs[name] = found.cost.total
+        if name == "sensor_lag":
+            dry, late = model.effects_at(found.x)
+            assert 1.0 / (2.0 * np.pi * late.values["time_constant"]) == pytest.approx(
+                30.0, rel=0.2
+            )
+            assert 9.0 < dry.values["level"] < 18.0
+    assert costs["sensor_lag"] < costs["actuator_lag"] - 100.0
