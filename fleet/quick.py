@@ -33,6 +33,7 @@ from zwidth.sim.device import Device
 
 Floats = NDArray[np.float64]
 NUISANCE = ("origin", "jitter", "gain", "change")  # of a run, and no parameter of a device
+QUIET = 0.05  # of what a command goes through, within which it stands still
 DRAWN = 160  # points of a recording that are kept to be drawn
 UNTOLD = 0.98  # of the prior's variance, above which a recording says nothing of a parameter
 
@@ -44,9 +45,9 @@ class Quick:
     x (p,): of the model; values, errors (q,): of the reported parameters, errors infinite where it
     says nothing; covariance (q, q). noise: deviation of the innovations of the first output; free:
     rms error of free runs of half a second over the motion; swing: rms motion; held: longest time
-    that a reading stands still, over the whole. drawn (2, points): the first output as measured and
-    as it runs freely, drawn_s its period. remarks: what is odd about the recording. problem: why
-    there is no fit; "" where there is one.
+    that a reading stands still under a command that does not, over the whole. drawn (2, points):
+    the first output as measured and as it runs freely, drawn_s its period. remarks: what is odd
+    about the recording. problem: why there is no fit; "" where there is one.
     """
 
     name: str
@@ -197,9 +198,17 @@ def estimates(h: Hypothesis) -> tuple[Floats, Floats, Floats]:
 
 
 def held(e: Experiment) -> float:
-    """Return for how much of a recording its first output stands still longest."""
-    still = np.flatnonzero(np.diff(e.measured[:, 0], prepend=np.nan, append=np.nan) != 0.0)
-    return float(np.diff(still).max() - 1) / e.ticks if still.size > 1 else 0.0
+    """Return for how much of a recording its first output stands still longest.
+
+    Where the command stands still as well, as of a servo that holds its goal, it may.
+    """
+    moves = np.flatnonzero(np.diff(e.measured[:, 0], prepend=np.nan, append=np.nan) != 0.0)
+    asks = QUIET * float(np.ptp(e.command))
+    for k in np.argsort(-np.diff(moves)).tolist():
+        stretch = slice(int(moves[k]), int(moves[k + 1]))
+        if float(np.ptp(e.command[stretch])) > asks:
+            return (stretch.stop - stretch.start - 1) / e.ticks
+    return 0.0
 
 
 def to_arrays(q: Quick) -> Mapping[str, object]:

@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from zwidth import cli
+from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.errors import Status
 from zwidth.exam.fleets import DRY, INERTIA, PER_LOAD, SPRING, Truth, make_fleet, nominal
 from zwidth.figures.fleet import fleet_figure
@@ -19,7 +20,7 @@ from zwidth.fleet.history import Change, changes, date_of
 from zwidth.fleet.kept import Kept
 from zwidth.fleet.listing import Listed, is_fleet, listed
 from zwidth.fleet.odd import courses, odd_ones
-from zwidth.fleet.quick import Quick, Task, names_of, run
+from zwidth.fleet.quick import Quick, Task, held, names_of, run
 from zwidth.fleet.reading import experiment_of
 from zwidth.fleet.result import Fleet
 from zwidth.fleet.structure import Structure, known_structure, structure_from
@@ -139,6 +140,17 @@ def test_a_structure_is_read_as_it_was_written():
     assert list(names_of(again)) == ["m1", "b1", "k0", "coulomb_friction@m1.level"]
     with pytest.raises(ValueError, match="no structure of a fleet"):
         structure_from("{}")
+
+
+def test_a_reading_may_stand_still_where_the_command_does():
+    """As of a servo that holds its goal. Mutation: the longest standstill, whatever is asked."""
+    goal = np.concatenate([np.linspace(0.0, 1.0, 100), np.ones(200), np.linspace(1.0, 0.0, 100)])
+    reading = goal + 0.0
+    e = Experiment(0.01, goal, reading[:, None], (Output("position", 0),))
+    assert held(e) <= 1 / 400
+    stuck = reading.copy()
+    stuck[310:360] = stuck[310]
+    assert held(replace(e, measured=stuck[:, None])) == pytest.approx(49 / 400)
 
 
 def test_what_is_known_of_a_drive_stays_as_it_is():

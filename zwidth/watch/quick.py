@@ -70,8 +70,8 @@ class Quick:
             return f"{names} no longer explains more than chance would"
         far = "" if self.ahead is None else f" (free runs err {self.ahead:.3g} times their noise)"
         if self.stands:
-            return (f"{names} explains it" if names else "nothing is missing") + far
-        return f"something is missing beyond {names or 'the device file'}{far}"
+            return (f"{names} explains it" if names else "nothing is seen to be missing") + far
+        return f"something is missing beyond {names or 'what is known of the device'}{far}"
 
     @property
     def numbers(self) -> str:
