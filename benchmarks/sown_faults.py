@@ -92,7 +92,7 @@ def main() -> None:
     for name in names:
         device = load_device(PAGES / name / "device.toml")
         unit = 180.0 / np.pi if device.rotary else 1.0 / 25.4e-3
-        sow = FAULTS | {"in degrees, or inches": scaled(unit)}
+        sow = {k: scaled(unit) if "inches" in k else v for k, v in FAULTS.items()}
         stem = MACHINES[name].fit[0]
         made = experiments(name, (stem,), device, data)
         for fault, sown in sow.items():

@@ -7,14 +7,15 @@ half. Where the motion comes before its command (n > 0) the recording is wrong, 
 before it is driven. Where it comes later than the device file says (n < 0) that may be physics
 (`loop_delay`, `actuator_lag`) and is a fact to be said.
 
-What a device file gets wrong draws n by a sample or some, and over a long horizon by more. So it is
-asked under observers that look differently far ahead, and the least of their answers counts; they
-have to agree about the sign. An answer counts where the errors are 1.5 times smaller by it, or
-where it is more than a sample and five sigma of blocks clear of none (`evidence.compared`): a hold
-that is none (`intake.hold`) is half a sample. The scale is free since a device file knows it badly,
-and its sign is not: a feedback tells of what is measured later, but by the other sign, u = -K y.
+What a device file gets wrong draws n by a sample or some, and the farther ahead an observer looks,
+the more. So two are asked that look differently far: both have to know an answer, alike to a third,
+and the less of the two counts; only a true shift is the same to both. An answer counts where the
+errors are 1.5 times smaller by it, or where it is more than a sample and five sigma of blocks clear
+of none (`evidence.compared`): a hold that is none (`intake.hold`) is half a sample. The scale is
+free since a device file knows it badly, and its sign is not: a feedback tells of what is measured
+later, but by the other sign, u = -K y.
 
-Seen on sealed recordings of the exam, and sown in recordings of machines: docs/diagnosis.md.
+Sown in recordings of machines: docs/machines/README.md.
 """
 
 import math
@@ -41,6 +42,8 @@ LOOKED_AT = 20_000  # ticks
 RATIOS = (1e-4, 1e-2)
 BETTER = 1.5  # rms error over that of the command as it was written down
 SURELY = 100.0  # -2 ln likelihood over it
+KNOWN = 10.0  # the same, from which an observer knows an answer
+ALIKE = 1.0 / 3.0  # of a shift, by which two observers may differ about it
 SIGMA = 5.0  # the same, by the scatter of blocks
 BLOCKS = 40
 
@@ -67,17 +70,18 @@ def shifted_by(device: Device, e: Experiment) -> int:
         return 0
     turned = [np.sin(moved[:, 0]), np.cos(moved[:, 0])] if device.rotary else []
     hangs = [np.outer(f, np.eye(moved.shape[1] // 2)[0]) for f in turned]  # far from where it hangs
-    told: list[int] = []
+    known: list[Shift] = []
     for ratio in RATIOS:
         try:
             asked = Answering(bare, part, ratio, resisting(moved), hangs, most)
             shift = _under(asked, most) if asked.usable else None
         except (NoObserver, np.linalg.LinAlgError, ValueError):  # sizes that no number holds
             continue
-        told += [shift.samples] if shift is not None and shift.sure(most) else []
-    if not told or min(told) * max(told) < 0:
+        known += [shift] if shift is not None and shift.gained > KNOWN else []
+    if len(known) < len(RATIOS) or not any(shift.sure(most) for shift in known):
         return 0
-    return min(told, key=abs)
+    least, largest = sorted((shift.samples for shift in known), key=abs)
+    return least if abs(largest - least) <= max(1.0, ALIKE * abs(least)) else 0
 
 
 @dataclass(frozen=True)
