@@ -300,5 +300,6 @@ def test_the_documented_toml_is_one(tmp_path: Path) -> None:
     text = (Path(__file__).parents[1] / "docs" / "recordings.md").read_text(encoding="utf-8")
     (tmp_path / "a.toml").write_text(text.split("```toml\n")[1].split("```")[0], encoding="utf-8")
     description = load_description(tmp_path / "a.toml")
-    assert [entry.channel for entry in description.entries] == ["command", "position_m1"]
+    channels = [entry.channel for entry in description.entries]
+    assert channels == ["command", "position_m1", "enable", "supply"]
     assert description.csv == CsvOptions(";", ",", 3)
