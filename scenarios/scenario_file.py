@@ -221,7 +221,10 @@ def _beside(path: Path) -> Files:
         try:
             return reading(file).read_bytes()
         except FileNotFoundError:
-            raise ScenarioError(f"there is no file {str(file)!r}; check the name") from None
+            what = "check the name"
+            if str(file) in shipped_devices():
+                what = "that is a device, and a scenario file is needed here"
+            raise ScenarioError(f"there is no file {str(file)!r}; {what}") from None
         except IsADirectoryError:
             raise ScenarioError(f"{str(file)!r} is a folder; name a file in it") from None
         except OSError as error:

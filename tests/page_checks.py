@@ -5,7 +5,7 @@ import io
 import os
 import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -60,7 +60,7 @@ OVERLAPS = """root => {
 
 
 @contextmanager
-def chromium() -> "Iterator[Browser]":
+def chromium() -> "Generator[Browser]":
     """A browser without a screen; skips the test where there is none."""
     reason = "the dev extra brings playwright"
     sync_api = pytest.importorskip("playwright.sync_api", reason=reason)

@@ -6,6 +6,7 @@ the effort that finds it.
 """
 
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -202,6 +203,21 @@ def test_somebody_at_a_terminal_is_asked_and_nobody_else(tmp_path: Path):
     alone = assumed(source, "d.csv")
     assert "[input]" not in alone.text
     assert any("taken as a motion that nothing drives" in doubt for doubt in alone.doubts)
+
+
+def test_a_clock_that_scatters_has_one_period_in_all_that_is_said_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    """Mutation: the median of the intervals in the error, their mean in the warning."""
+    monkeypatch.chdir(tmp_path)
+    t = np.arange(1000) / RATE + 2e-4 * np.random.default_rng(0).standard_normal(1000)
+    table = np.column_stack([t, np.cos(3.0 * t), np.sin(3.0 * t)])
+    np.savetxt("d.csv", table, "%.9g", ",", header="t,u_Nm,x_rad", comments="")
+    assert run(["diagnose", "d.csv", "--device", "phantom_1_0"]) == Status.BAD_INPUT
+    said = capsys.readouterr().err
+    (warned,) = re.findall(r"scatter by \S+ s about the period of (\S+) s", said)
+    assert f"the recording's period is {warned} s, the device's 0.001 s" in said
+    assert "missing" not in said
 
 
 def test_a_table_without_a_motion_is_one_sentence(

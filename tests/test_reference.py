@@ -138,6 +138,11 @@ def test_a_file_of_another_kind_is_named(tmp_path: Path, capsys: pytest.CaptureF
         assert f"this is a {kind}" in capsys.readouterr().err
 
 
+def test_a_shipped_device_given_as_a_scenario_is_named(capsys: pytest.CaptureFixture[str]):
+    assert run(["simulate", "phantom_1_0"]) == Status.BAD_INPUT
+    assert "that is a device, and a scenario file is needed" in capsys.readouterr().err
+
+
 def test_a_device_is_named_in_its_place_or_by_option_once(capsys: pytest.CaptureFixture[str]):
     """Mutation: the option that nobody reads."""
     for words in (["--device", "nope"], ["nope"]):

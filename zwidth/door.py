@@ -25,6 +25,7 @@ from zwidth.logs.recording_file import description_of
 from zwidth.logs.source import Source
 from zwidth.logs.steps import step_seen
 from zwidth.logs.stretches import longest_stretch
+from zwidth.logs.timing import examine
 from zwidth.logs.units import GOAL
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import commented_text, load_device
@@ -189,7 +190,7 @@ def _motion(name: str, trace: Trace, rotary: bool) -> Motion:
         )
     whole, _ = longest_stretch(trace, (*keys, *(["command"] if driven else [])), name)
     return Motion(
-        float(np.median(np.diff(whole.t))),
+        examine(whole.t).period,
         whole["command"] if driven else None,
         np.column_stack([whole[key] for key in keys]),
         tuple((key.split("_")[0], int(key.rsplit("_m", 1)[1]) - 1) for key in keys),

@@ -18,6 +18,7 @@ from zwidth.logs.drive_state import ENABLE, SUPPLY
 from zwidth.logs.recording_file import COVARIATE
 from zwidth.logs.stale import renewed, repeated
 from zwidth.logs.stretches import jumps, without_gaps
+from zwidth.logs.timing import examine
 from zwidth.logs.uneven import evened
 from zwidth.logs.wrapped import unwrapped
 from zwidth.sim.changes import Changes, changes_of
@@ -288,7 +289,7 @@ def experiment(trace: Trace, device: Device, name: str = "recording") -> Experim
         raise ExperimentError(
             f"the recording has {len(trace)} samples; at least {SHORTEST} are needed, 10 s are good"
         )
-    own = float(np.median(np.diff(trace.t)))
+    own = examine(trace.t).period  # as what is said of the clock has it
     if not math.isclose(own, period, rel_tol=0.01):
         raise ExperimentError(
             f"the recording's period is {own:g} s, the device's {period:g} s; set period_s in the"
