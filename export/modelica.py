@@ -53,7 +53,7 @@ def _sorted(device: Device) -> tuple[Device, list[str]]:
         if p.effect.name in LAWS:
             kept.append(p)
         else:
-            why = WHY.get(p.effect.name, "there are no words for an effect of one's own")
+            why = WHY.get(p.effect.name, "this export has no Modelica text for its law")
             lost.append(f"{label_of(p)} is not held: {why}")
     held = Device(device.name, device.source, device.rotary, device.chain, device.interface)
     return held.with_physics(*kept), lost
