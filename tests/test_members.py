@@ -114,7 +114,7 @@ def one_by_one(
         if place is not None:
             jitters[:, place] = reads.jitter
         readings = Readings(
-            padded(gain, device, eq), np.array([reads.gain]),
+            padded(gain, device, eq, e), np.array([reads.gain]),
             (reads.origin * e.swing * still)[None], jitters,
         )  # fmt: skip
         recorded = Recorded(

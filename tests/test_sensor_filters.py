@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from zwidth.controllers.recorded import recorded
 from zwidth.controllers.wall import wall
+from zwidth.diagnosis.fitting.many import Many
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import FINAL, innovations, prepared
 from zwidth.diagnosis.noise.steady import steady, steady_gains
@@ -333,3 +334,18 @@ def test_the_low_pass_of_a_real_rack_is_seen_beside_its_friction(tmp_path: Path)
             )
             assert 9.0 < dry.values["level"] < 18.0
     assert costs["sensor_lag"] < costs["actuator_lag"] - 100.0
+
+
+def test_an_observer_of_readings_that_lag_drives_no_device_without_the_lag_away() -> None:
+    """It makes up for the lag, by differences: without it those would grow from tick to tick.
+
+    Alone and in lanes. Mutation: `padded` without a look at whether the observer settles.
+    """
+    slow = make_physics("sensor_lag", "sensor", time_constant=0.005)
+    e, _ = experiment_of(ONE.with_physics(slow), (Output("velocity", 0),))
+    for ratio in (1e-2, 1.0, 1e2, 1e4):
+        gain = steady(ONE.with_physics(slow), e, ratio).gain
+        alone = innovations(ONE, e, gain)
+        assert np.abs(alone).max() < 3.0 * np.abs(e.measured).max()
+        each = Many(Model(ONE), list(np.zeros((2, len(Model(ONE).parameters)))), FINAL)
+        assert np.abs(each.innovations(e, gain)[1] - alone).max() < 1e-9

@@ -131,7 +131,10 @@ class Many:
                 None if place is None else self.model.arriving_change(plain), plain.strengths,
             )  # fmt: skip
             readings = Readings(
-                padded(gain, device, population), gains[which], origins[which], jitters[which]
+                padded(gain, device, population, experiment),
+                gains[which],
+                origins[which],
+                jitters[which],
             )
             yield which, population.follow(
                 recorded, observer_memories(population, motions, own), readings, filters, skip,

@@ -196,7 +196,7 @@ class _Observed:
         motion = np.array(first_motion(experiment.outputs, experiment.measured, period))
         motions = np.tile(motion, (population.size, 1))
         memories = observer_memories(population, motions, starts)
-        readings = Readings(np.stack([padded(g, device, population) for g in gains]))
+        readings = Readings(np.stack([padded(g, device, population, experiment) for g in gains]))
         with np.errstate(all="ignore"):  # infinite after an overflow
             return population.follow(
                 recorded, memories, readings, keep=True,

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.noise.steady import NoObserver, steady
+from zwidth.diagnosis.noise.steady import NoObserver, settles, steady
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import Device
@@ -228,7 +228,7 @@ def memory_at(
     Of the rest of a recording, that with which it ends what was recorded before.
     """
     eq, fine = ready
-    full = padded(gain, device, eq)
+    full = padded(gain, experiment.on(device), eq, experiment)
     if experiment.before is None:
         return observer_memory(eq, experiment), full
     before = experiment.before
@@ -377,10 +377,14 @@ def begun_as(e: Experiment, other: Experiment) -> Experiment:
     return replace(e, before=begun_as(e.before, other.before))
 
 
-def padded(gain: Floats, device: Device, eq: Equations | Population) -> Floats:
-    """Gain for a device with more states than the one it was made for: a lag, further masses.
+def padded(
+    gain: Floats, device: Device, eq: Equations | Population, experiment: Experiment
+) -> Floats:
+    """Gain for a device with other states than the one it was made for: a lag, further masses.
 
     A further mass is corrected as the mass it hangs on, or every correction would pull its spring.
+    One made for readings that lag makes up for that, and may drive a device without the lag away:
+    then what is read is corrected as the reading was.
     """
     full = np.zeros((eq.states, gain.shape[1]))
     known = min(gain.shape[0] // 2, eq.dof)
@@ -391,6 +395,9 @@ def padded(gain: Floats, device: Device, eq: Equations | Population) -> Floats:
     for place, parent in enumerate(device.hosts(), device.chain.masses.size):
         if place >= known:
             full[[place, eq.dof + place]] = full[[parent, eq.dof + parent]]
+    made, n = gain.shape[0] // 2, device.chain.masses.size
+    if made - eq.dof >= n and not settles(device, experiment, full):
+        full[:n], full[eq.dof : eq.dof + n] = gain[made - n : made], gain[2 * made - n : 2 * made]
     return full
 
 

@@ -47,6 +47,7 @@ Floats = NDArray[np.float64]
 FLOOR = 1e-18  # variance of every state a tick, in units of the measurement's
 DOUBLINGS = 60  # 2^60 ticks: what has not settled by then never does
 SETTLED = 1e-12  # change of P over P at which it has
+UNSEEN = 1e-6  # a tick, by which what stands unseen may seem to grow
 UNTIED = 1e-14  # of a mass's stiffness, below which what ties it to ground is rounding
 
 
@@ -73,7 +74,7 @@ def steady(device: Device, experiment: Experiment, ratio: float) -> Steady:
     """
     plant = device.plant()
     a, b = hold(plant, experiment.period)
-    c = _read(experiment, Places(plant.dof, device.reading().reads), plant.size)
+    c = read_of(experiment, Places(plant.dof, device.reading().reads), plant.size)
     scale = float(plant.matrices.mass.trace()) / experiment.period**2
     source = b[:, 1] * scale
     process = ratio * np.outer(source, source) + FLOOR * np.eye(plant.size)
@@ -108,7 +109,7 @@ def steady_gains(
         np.stack([p.a for p in plants]), b, experiment.period, dof, np.zeros(size),
         np.zeros((SPACES, size, size)), motion,
     )  # fmt: skip
-    c = _read(experiment, Places(dof, devices[0].reading().reads), size)
+    c = read_of(experiment, Places(dof, devices[0].reading().reads), size)
     scale = np.array([float(p.matrices.mass.trace()) for p in plants]) / experiment.period**2
     source = motion[:, :, size + 1] * scale[:, None]
     process = ratios[:, None, None] * source[:, :, None] * source[:, None, :] + FLOOR * np.eye(size)
@@ -169,7 +170,7 @@ def noise_scale(experiment: Experiment) -> Floats:
     )
 
 
-def _read(experiment: Experiment, of: Places, size: int) -> Floats:
+def read_of(experiment: Experiment, of: Places, size: int) -> Floats:
     """What the outputs are of the state, (o, size)."""
     places, rows = experiment.places(of), np.arange(len(experiment.outputs))
     c = np.zeros((rows.size, size))
@@ -177,6 +178,20 @@ def _read(experiment: Experiment, of: Places, size: int) -> Floats:
     linked = places.less != GROUND
     c[rows[linked], places.less[linked]] = -1.0
     return c
+
+
+def settles(device: Device, experiment: Experiment, gain: Floats) -> bool:
+    """Whether an observer of that gain (states, o) forgets how it began: (1 - L c) A shrinks.
+
+    What stands unseen it need not.
+    """
+    plant = device.plant()
+    a, _ = hold(plant, experiment.period)
+    c = read_of(experiment, Places(plant.dof, device.reading().reads), plant.size)
+    closed = (np.eye(plant.size) - gain @ c) @ a
+    if not np.all(np.isfinite(closed)):
+        return False
+    return bool(np.abs(np.linalg.eigvals(closed)).max() < 1.0 + UNSEEN)
 
 
 def _stands_unseen(plant: Plant, experiment: Experiment) -> bool:
