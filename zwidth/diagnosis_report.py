@@ -12,6 +12,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from zwidth.diagnosis.answer.augmented_boundary import AugmentedBoundary
+from zwidth.diagnosis.answer.friction_curve import friction_curve
 from zwidth.diagnosis.answer.headline import effect_in_words, parameter_in_words, place_in_words
 from zwidth.diagnosis.answer.result import (
     Diagnosis,
@@ -29,6 +30,7 @@ from zwidth.diagnosis.mishaps import collecting, isolated, silent
 from zwidth.figures.augmented_boundary import augmented_boundary_figure
 from zwidth.figures.changes import changes_figure
 from zwidth.figures.diagnosis import force_map_figure, residual_figure, whole_run_figure
+from zwidth.figures.friction_curve import friction_curve_figure
 from zwidth.figures.learned import learned_figure
 from zwidth.figures.style import STYLE
 from zwidth.files.whole import write_text
@@ -129,7 +131,7 @@ def save_unanswered(
     return write_text(path, text)
 
 
-PICTURES = ("motion", "missing force", "residual", "law", "boundary")
+PICTURES = ("motion", "missing force", "residual", "friction", "law", "boundary")
 
 
 def _pictures(
@@ -143,6 +145,9 @@ def _pictures(
     if diagnosis.whole_runs:
         draw["motion"] = lambda: whole_run_figure(diagnosis.whole_runs[0], bool(diagnosis.findings))
     draw["residual"] = lambda: residual_figure(diagnosis.residuals)
+    with isolated("picture", "friction"):
+        if (rubs := friction_curve(diagnosis.searched)) is not None:
+            draw["friction"] = partial(friction_curve_figure, rubs, rotary)
     if (law := diagnosis.learned) is not None:
         draw["law"] = lambda: learned_figure(law, rotary)
     for i, change in enumerate(diagnosis.changes):
