@@ -146,7 +146,8 @@ def _pictures(
         draw["motion"] = lambda: whole_run_figure(diagnosis.whole_runs[0], bool(diagnosis.findings))
     draw["residual"] = lambda: residual_figure(diagnosis.residuals)
     with isolated("picture", "friction"):
-        if (rubs := friction_curve(diagnosis.searched)) is not None:
+        rubs = None if "friction" in drawn else friction_curve(diagnosis.searched)
+        if rubs is not None:
             draw["friction"] = partial(friction_curve_figure, rubs, rotary)
     if (law := diagnosis.learned) is not None:
         draw["law"] = lambda: learned_figure(law, rotary)
