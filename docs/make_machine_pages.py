@@ -12,12 +12,14 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
+from zwidth.diagnosis.answer.friction_curve import friction_curve
 from zwidth.diagnosis.answer.result import Diagnosis
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.recording.experiment import Experiment, stretches
 from zwidth.diagnosis.selection.effort import EFFORTS
 from zwidth.diagnosis_report import estimate
 from zwidth.figures.diagnosis import whole_run_figure
+from zwidth.figures.friction_curve import friction_curve_figure
 from zwidth.figures.learned import learned_figure
 from zwidth.files.protection import writing_as
 from zwidth.files.whole import write_text, write_with
@@ -138,6 +140,8 @@ def answer(name: str, found: Diagnosis, seconds: float) -> str:
         where = f"{run.recording}, up to {number(run.band)} Hz"
         lines.append(f"| {where} | {' | '.join(each)} | {held} |")
     lines += ["", f"![Measured beside simulated]({name}.png)", ""]
+    if friction_curve(found.searched) is not None:
+        lines += [f"![The friction that was found, over velocity]({name}_friction.png)", ""]
     if (law := found.learned) is not None:
         also = [s for s in (law.absorbed, law.energy) if s]
         lines += [f"**What was learned**: {'; '.join([law.sentence, *also])}.", ""]
@@ -163,6 +167,12 @@ def main() -> None:
             write_with(
                 PAGES / f"{name}.png", lambda file, f=figure: f.savefig(file, format="png", dpi=120)
             )
+            if (rubs := friction_curve(found.searched)) is not None:
+                drawn = friction_curve_figure(rubs, found.device.rotary)
+                write_with(
+                    PAGES / f"{name}_friction.png",
+                    lambda file, f=drawn: f.savefig(file, format="png", dpi=120),
+                )
             if found.learned is not None:
                 law = learned_figure(found.learned, found.device.rotary)
                 write_with(

@@ -1,5 +1,6 @@
 """What a learned curve takes from names, what it leaves to them, and what both are together."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -7,9 +8,10 @@ import pytest
 from numpy.typing import NDArray
 
 from zwidth.controllers.recorded import recorded
+from zwidth.diagnosis.answer.friction_curve import friction_curve
 from zwidth.diagnosis.answer.learned import like_what
 from zwidth.diagnosis.learning.curves import Learned, learn
-from zwidth.diagnosis.learning.energy import makes_energy
+from zwidth.diagnosis.learning.energy import makes_energy, powers
 from zwidth.diagnosis.learning.knots import known, one_way, shapes
 from zwidth.diagnosis.learning.steady import along
 from zwidth.diagnosis.learning.tables import basis, law_at, table
@@ -19,6 +21,7 @@ from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.diagnosis.selection.hypothesis import judged, settled
 from zwidth.diagnosis.selection.search import Search
+from zwidth.diagnosis.selection.searched import as_found
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.interface import Interface
@@ -114,10 +117,38 @@ def test_friction_stays_beside_a_drag_and_both_are_one_law() -> None:
 
 
 def test_a_drag_takes_energy_and_what_pushes_makes_it() -> None:
-    """Mutation that breaks it: the power of the force alone, without its damper."""
+    """Mutation that breaks it: the power of the force alone, without its damper and friction."""
     curve = friction_and_cube()
     assert curve is not None
     assert makes_energy(curve, False).endswith("makes none")
+    pushes = np.array([[0.0, 0.5, 2.0], [0.0, 2.0, -2.0]])
+    law = table("free_damper", "m1", *pushes, odd=True)
+    pushing = replace(curve, physics=law)
+    assert makes_energy(pushing, False).startswith("it makes energy, even with its damper and coul")
+    h = curve.hypothesis
+    damper = float(h.model.build(h.x).chain.ground_dampers[0])
+    level = h.model.effects_at(h.x)[0].values["level"]
+    expected = 0.5 * (2.0 - 0.5 * damper - level)
+    np.testing.assert_allclose(powers(pushing, np.array([0.5])), [expected])
+    resting = replace(curve, physics=table("free_spring", "m1", *pushes, odd=False))
+    assert "closed path" in makes_energy(resting, False)
+
+
+def test_friction_is_shown_as_a_curve_with_what_the_samples_ask_for() -> None:
+    """The name is flat, and the samples say that the law is not.
+
+    Mutation that breaks it: samples without what the innovations ask for.
+    """
+    curve = friction_curve(as_found(DEVICE, near_friction()))
+    assert curve is not None
+    whole, level = curve.whole, abs(float(curve.whole.forces[0]))
+    assert whole.names == ("coulomb_friction at m1",)
+    np.testing.assert_allclose(whole.forces, -level * np.sign(whole.states))
+    half = 0.5 * (whole.upper - whole.lower)
+    assert np.all((half > 0.0) & (half < level))
+    named = -level * np.sign(curve.velocities)
+    asked, wrong = curve.forces - named, law_at(SATURATES, curve.velocities) - named
+    assert np.corrcoef(asked, wrong)[0, 1] > 0.2  # 0.36; of what damper and noise leave
 
 
 def test_what_repeats_is_learned_in_the_place_of_a_ripple() -> None:
@@ -130,8 +161,6 @@ def test_what_repeats_is_learned_in_the_place_of_a_ripple() -> None:
     q = np.linspace(0.0, TURN, 50)
     off = law_at(curve.physics, q) - law_at(DETENT, q)
     assert np.std(off) < 0.15 * np.std(law_at(DETENT, q))  # of one sine 0.4
-    (like, *_), _ = like_what(curve)
-    assert like.form.turns
 
 
 def test_a_table_of_fewer_points_is_told_from_one_fit() -> None:

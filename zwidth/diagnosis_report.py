@@ -12,6 +12,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from zwidth.diagnosis.answer.augmented_boundary import AugmentedBoundary
+from zwidth.diagnosis.answer.friction_curve import friction_curve
 from zwidth.diagnosis.answer.headline import effect_in_words, parameter_in_words, place_in_words
 from zwidth.diagnosis.answer.result import (
     Diagnosis,
@@ -36,6 +37,7 @@ from zwidth.figures.diagnosis import (
     whole_run_figure,
 )
 from zwidth.figures.events import events_figure
+from zwidth.figures.friction_curve import friction_curve_figure
 from zwidth.figures.learned import learned_figure
 from zwidth.figures.style import STYLE
 from zwidth.files.whole import write_text
@@ -138,7 +140,7 @@ def save_unanswered(
     return write_text(path, text)
 
 
-PICTURES = ("motion", "missing force", "residual", "law", "force", "boundary")
+PICTURES = ("motion", "missing force", "residual", "friction", "law", "force", "boundary")
 
 
 def _pictures(
@@ -155,6 +157,10 @@ def _pictures(
     if diagnosis.force_errors:
         first = diagnosis.force_errors[0]
         draw["force"] = lambda: force_error_figure(first, bool(diagnosis.findings))
+    with isolated("picture", "friction"):
+        rubs = None if "friction" in drawn else friction_curve(diagnosis.searched)
+        if rubs is not None:
+            draw["friction"] = partial(friction_curve_figure, rubs, rotary)
     if (law := diagnosis.learned) is not None:
         draw["law"] = lambda: learned_figure(law, rotary)
     for i, change in enumerate(diagnosis.changes):

@@ -184,7 +184,7 @@ def _forces(
     with np.errstate(all="ignore"):  # infinite after an overflow
         errors = alone(
             eq, fine, outputs, seen.command, np.hstack([position, velocity]), put,
-            np.zeros((0, eq.dof)), memory,
+            seen.external(eq.dof), memory,
         )  # fmt: skip
         plant = seen.on(device).plant()
         push = np.zeros((plant.size, n))

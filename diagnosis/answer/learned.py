@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.answer.adequacy import oftener_freer
-from zwidth.diagnosis.answer.diagnosis_log import missing_force
+from zwidth.diagnosis.answer.friction_curve import asked_beyond
 from zwidth.diagnosis.answer.headline import place_in_words
 from zwidth.diagnosis.answer.held_out import held_out
 from zwidth.diagnosis.answer.result import HeldOut
@@ -20,7 +20,7 @@ from zwidth.diagnosis.learning.formulas import Formula, formulas
 from zwidth.diagnosis.learning.tables import law_at
 from zwidth.diagnosis.mishaps import Say
 from zwidth.diagnosis.noise.family import as_far_as
-from zwidth.diagnosis.noise.predictor import SETTLING, Observer
+from zwidth.diagnosis.noise.predictor import Observer
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.hypothesis import judged, settled
@@ -132,13 +132,12 @@ class LearnedLaw:
         """Return states and forces (samples,): what the recording says of the law at each sample.
 
         The law at the state that is predicted, and what its innovations ask for beyond it
-        (`diagnosis_log.missing_force`), of the recordings that it was fitted to.
+        (`friction_curve.asked_beyond`), of the recordings that it was fitted to.
         """
         curve, final, problem = self.curve, self.found.final, self.found.problem
         at = curve.physics.at if curve.physics.place.kind in ("mass", "link") else "m1"
-        beyond = [missing_force(problem, final, e, at)[SETTLING:] for e in problem.experiments]
         states = curve.seen
-        return states, law_at(curve.physics, states) + np.concatenate(beyond)
+        return states, law_at(curve.physics, states) + asked_beyond(problem, final, at)
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON of `zwidth diagnose`."""

@@ -13,7 +13,7 @@ each with as many points as a table has; and of the names beside it each is aske
 criterion of `selection.evidence`, whether it is believed over its absence now that the table may
 take its part. What is not goes: it was part of the curve. Then the table keeps the points that pay
 (`knots`). What follows the same state at the same place still, is one law with it for whoever reads
-it (`Together`): the curve of both is known better than either.
+it (`together`): the curve of both is known better than either.
 
 Limits: one state at one place; a law of two, or of time, is found as far as one shows it. What is
 steep near rest no table holds, and friction stays a name. The straight part of a table of velocity
@@ -34,6 +34,7 @@ from zwidth.diagnosis.forces.unknown import views_of, weigh
 from zwidth.diagnosis.learning.knots import one_way, shapes, tempered
 from zwidth.diagnosis.learning.steady import along
 from zwidth.diagnosis.learning.tables import is_odd, law_at, points_over, table
+from zwidth.diagnosis.learning.together import Together, follows, together
 from zwidth.diagnosis.mishaps import Say, attempt
 from zwidth.diagnosis.noise.predictor import SETTLING
 from zwidth.diagnosis.noise.steady import NoObserver
@@ -54,7 +55,6 @@ SHARE = 0.1  # of the force that moves a recording: scale of a point
 HOPE = 20.0  # -2 ln, that few points may cost more than names where many are tried
 BEHIND = 200.0  # the same, that a law without names may cost more than beside them, of few points
 TELLING = KNOTS  # states at which what acts together is worked out: more tell no more
-STEP = 1e-3  # of a parameter's x, over which what acts together is differenced
 
 
 @dataclass(frozen=True)
@@ -69,22 +69,6 @@ class Site:
     states: Floats
     period: float = 0.0
     scale: float = 0.0
-
-
-@dataclass(frozen=True)
-class Together:
-    """All that acts at a place over one state, learned and named.
-
-    names: with the table. states, forces, lower, upper (points,): the sum with its 95 % band;
-    covariance (points, points) of the forces.
-    """
-
-    names: tuple[str, ...]
-    states: Floats
-    forces: Floats
-    lower: Floats
-    upper: Floats
-    covariance: Floats
 
 
 @dataclass(frozen=True)
@@ -356,51 +340,18 @@ def _learned(h: Hypothesis, site: Site, without: Hypothesis, found: Search) -> L
     beside = {f"{p.effect.name} at {p.at}" for p in h.model.effects[:-1]}
     names = tuple(sorted(beside))
     gone = [p for p in found.best.model.effects if f"{p.effect.name} at {p.at}" not in beside]
-    absorbed = tuple(f"{p.effect.name} at {p.at}" for p in gone if _same(p, law))
+    absorbed = tuple(
+        f"{p.effect.name} at {p.at}" for p in gone if follows(p, law.effect.name, law.place)
+    )
     return Learned(
         law, states, forces, forces - half, forces + half, known, seen, names, absorbed,
-        _together(h, site), without.cost.total - h.cost.total, h,
+        _together(h, law, seen), without.cost.total - h.cost.total, h,
     )  # fmt: skip
 
 
-def _same(name: Physics, law: Physics) -> bool:
-    """Whether a name follows what a law follows, at its place."""
-    there = name.place.acts_on == law.place.acts_on
-    return there and along(name, law.effect.name, np.array([-1.0, 0.5])) is not None
-
-
-def _together(h: Hypothesis, site: Site) -> Together | None:
+def _together(h: Hypothesis, law: Physics, seen: Floats) -> Together | None:
     """What a table and the names that follow its state at its place give together."""
-    effects = h.model.effects_at(h.x)
-    law = effects[-1]
-    names = [i for i, p in enumerate(effects[:-1]) if _same(p, law)]
-    if not names or site.period > 0.0:
+    at = points_over(seen, TELLING, False)
+    if at is None or law.values["period"] > 0.0:
         return None
-    at = points_over(site.states, TELLING, False)
-    if at is None:
-        return None
-    at = at[at != 0.0]  # at rest friction is anything up to its level
-
-    def whole(x: Floats) -> Floats:
-        own = h.model.effects_at(x)
-        return law_at(own[-1], at) + sum(_given(own[i], law, at) for i in names)
-
-    forces = whole(h.x)
-    slopes = np.zeros((at.size, h.x.size))
-    for j, p in enumerate(h.model.parameters):
-        if p.kind == "effect" and p.index in (*names, len(effects) - 1):
-            moved = h.x.copy()
-            moved[j] += STEP
-            slopes[:, j] = (whole(moved) - forces) / STEP
-    spread = covariance(h.fitted)
-    spread[~np.isfinite(spread)] = 0.0
-    known = slopes @ spread @ slopes.T
-    half = Z95 * np.sqrt(np.maximum(np.diag(known), 0.0))
-    said = tuple(f"{effects[i].effect.name} at {effects[i].at}" for i in names)
-    return Together(said, at, forces, forces - half, forces + half, known)
-
-
-def _given(name: Physics, law: Physics, at: Floats) -> Floats:
-    found = along(name, law.effect.name, at)
-    assert found is not None
-    return found
+    return together(h.fitted, law.effect.name, law.place, at[at != 0.0])

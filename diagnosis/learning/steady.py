@@ -8,8 +8,10 @@ law that follows another state as well, or the path, is no part of such a sum, a
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.diagnosis.learning.tables import law_at
 from zwidth.sim.physics.dispatch import amplified, friction_bounds, sensed, smooth_force
 from zwidth.sim.physics.effect import Physics
+from zwidth.sim.physics.free_law import is_table
 
 Floats = NDArray[np.float64]
 STATES = {"free_spring": "q", "free_damper": "v", "free_amplifier": "u", "free_sensor": "q"}
@@ -24,6 +26,8 @@ def along(law: Physics, curve: str, at: Floats) -> Floats | None:
 
     None where it enters elsewhere than such a curve does, or follows more than that state.
     """
+    if is_table(law.effect.parameters):
+        return law_at(law, at) if law.effect.name == curve else None
     force = law.effect.hook in ("force", "friction")
     if law.effect.borrows or (HOOKS.get(curve, "force") != law.effect.hook and not force):
         return None

@@ -7,8 +7,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.answer.learned import LearnedLaw
-from zwidth.diagnosis.learning.curves import Together
 from zwidth.diagnosis.learning.tables import law_at
+from zwidth.diagnosis.learning.together import Together
 from zwidth.figures.style import STYLE
 from zwidth.sim.physics.free_law import AT, FORCE
 from zwidth.sim.readable import scaled
@@ -96,4 +96,4 @@ def _beside(axes: Axes, whole: Together, x: float, y: float) -> None:
                           alpha=0.25, linewidth=0.0)  # fmt: skip
         axes.plot(at, y * whole.forces[side], color=TOGETHER, linewidth=1.4)
     axes.plot([], [], color=TOGETHER, linewidth=1.4,
-              label=f"with {' and '.join(whole.names)}, 95 %")  # fmt: skip
+              label=f"with {' and '.join(whole.names).replace('_', ' ')}, 95 %")  # fmt: skip

@@ -1,0 +1,79 @@
+"""All that acts at a place over one state, learned and named: the curve that an engineer reads.
+
+Friction is a name, a drag beside it another, and what was learned beside both a table; who has
+measured a friction curve has their sum. So laws that follow the same state at the same place
+(`steady.along`) are added, with the band that the covariance of all their parameters gives it,
+
+    sum over laws of f(s; x),    J C J',    J its slopes by x, C of the fit.
+
+A straight part is the device's own damper or spring as well, and is left to that.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.diagnosis.fitting.fit import Fitted
+from zwidth.diagnosis.fitting.uncertainty import Z95, covariance
+from zwidth.diagnosis.learning.steady import along
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.physics.free_law import is_table
+from zwidth.sim.place import Place
+
+Floats = NDArray[np.float64]
+STEP = 1e-3  # of a parameter's x, over which what acts together is differenced
+
+
+@dataclass(frozen=True)
+class Together:
+    """The sum of the laws that follow one state at one place.
+
+    names: of those that are no table. states, forces, lower, upper (points,): the sum with its 95 %
+    band; covariance (points, points) of the forces.
+    """
+
+    names: tuple[str, ...]
+    states: Floats
+    forces: Floats
+    lower: Floats
+    upper: Floats
+    covariance: Floats
+
+
+def follows(law: Physics, curve: str, place: Place) -> bool:
+    """Whether a law acts at a place and follows the state of a curve ("free_damper") alone."""
+    there = law.place.acts_on == place.acts_on
+    return there and along(law, curve, np.array([-1.0, 0.5])) is not None
+
+
+def together(fitted: Fitted, curve: str, place: Place, states: Floats) -> Together | None:
+    """Return what the laws of a fit that follow a curve's state at a place give at some states.
+
+    None where no name does. states (points,): none of them rest, where friction has no value.
+    """
+    model, x = fitted.model, fitted.x
+    effects = model.effects_at(x)
+    mine = [i for i, law in enumerate(effects) if follows(law, curve, place)]
+    names = tuple(f"{effects[i].effect.name} at {effects[i].at}" for i in mine
+                  if not is_table(effects[i].effect.parameters))  # fmt: skip
+    if not names:
+        return None
+
+    def whole(x: Floats) -> Floats:
+        own = model.effects_at(x)
+        given = [along(own[i], curve, states) for i in mine]
+        return np.sum([g for g in given if g is not None], axis=0)
+
+    forces = whole(x)
+    slopes = np.zeros((states.size, x.size))
+    for j, p in enumerate(model.parameters):
+        if p.kind == "effect" and p.index in mine:
+            moved = x.copy()
+            moved[j] += STEP
+            slopes[:, j] = (whole(moved) - forces) / STEP
+    spread = covariance(fitted)
+    spread[~np.isfinite(spread)] = 0.0
+    known = slopes @ spread @ slopes.T
+    half = Z95 * np.sqrt(np.maximum(np.diag(known), 0.0))
+    return Together(names, states, forces, forces - half, forces + half, known)

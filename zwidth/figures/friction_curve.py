@@ -1,0 +1,45 @@
+"""Friction as a curve over velocity, with its band and what each sample asks for."""
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+
+from zwidth.diagnosis.answer.friction_curve import FrictionCurve
+from zwidth.figures.style import STYLE
+from zwidth.sim.readable import scaled
+
+CURVE, SAMPLES = "#004488", "0.72"
+SHOWN = 4000  # samples, at most
+TALL = 2.5  # times the curve's height, within which samples are shown
+
+
+def friction_curve_figure(curve: FrictionCurve, rotary: bool) -> Figure:
+    """Return what acts over the velocity at a place, as a resistance: positive against v > 0."""
+    whole = curve.whole
+    x, speed = scaled(float(np.abs(whole.states).max()), "rad/s" if rotary else "m/s")
+    y, force = scaled(float(np.abs(whole.forces).max()), "N m" if rotary else "N")
+    tall = TALL * float(np.abs(whole.forces).max())
+    every = max(1, curve.velocities.size // SHOWN)
+    inside = (curve.velocities >= whole.states[0]) & (curve.velocities <= whole.states[-1])
+    v = curve.velocities[inside][::every]
+    asked = np.clip(-curve.forces[inside][::every], -tall, tall)
+    with rc_context(STYLE):
+        figure = Figure(figsize=(6.4, 4.2), layout="constrained")
+        axes = figure.subplots()
+        axes.axhline(0.0, color="0.6", linewidth=0.8)
+        axes.plot(x * v, y * asked, ".", color=SAMPLES, markersize=1.6, rasterized=True,
+                  label="what each sample asks for")  # fmt: skip
+        for side in (whole.states < 0.0, whole.states > 0.0):
+            if not side.any():
+                continue
+            at = x * whole.states[side]
+            axes.fill_between(at, -y * whole.lower[side], -y * whole.upper[side], color=CURVE,
+                              alpha=0.25, linewidth=0.0)  # fmt: skip
+            axes.plot(at, -y * whole.forces[side], color=CURVE, linewidth=1.4)
+        names = " and ".join(whole.names).replace("_", " ")
+        axes.plot([], [], color=CURVE, linewidth=1.4, label=f"{names}, with its 95 % band")
+        axes.set_xlabel(f"velocity of {curve.at} [{speed}]")
+        axes.set_ylabel(f"resistance at {curve.at} [{force}]")
+        axes.set_title("The friction that was found, over velocity")
+        figure.legend(loc="outside lower center", ncols=2, markerscale=4.0)
+    return figure
