@@ -23,13 +23,13 @@ from zwidth.diagnosis.answer.result import Estimate
 from zwidth.diagnosis.fitting.uncertainty import Z95
 from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.learning.event_force import Happened
-from zwidth.diagnosis.learning.events import happenings, with_events
+from zwidth.diagnosis.learning.events import FitOn, happenings, with_events
 from zwidth.diagnosis.mishaps import Say, attempt
 from zwidth.diagnosis.noise.predictor import followed
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.effort import Effort
-from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged
+from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
 from zwidth.diagnosis.selection.searched import Searched, searched
 from zwidth.sim.device import Device
 from zwidth.sim.place import place_at
@@ -185,7 +185,7 @@ def knowing_events(
     every = (*taken.whole, *(() if taken.whole_unopened else taken.judge_by))
     try:
         there, found, known = _searched_anew(device, taken, every, found, say, effort)
-        said_of = partial(_all_said, every, found, known)
+        said_of = partial(_all_said, every, found.tried.best, known)
         events = attempt("events", "what they brought", said_of) or ()
     except KeyboardInterrupt:
         say("interrupted: what was found until now is judged; once more to leave")
@@ -272,12 +272,21 @@ def _knowing(part: Experiment, whole: Experiment, cut: slice) -> Experiment:
     return replace(part, measured=whole.measured[cut], force=force)
 
 
+def events_in(recordings: Sequence[Experiment], h: Hypothesis, fit_on: FitOn) -> tuple[Event, ...]:
+    """Return the events in whole recordings, as one fitted hypothesis sees them, without a search.
+
+    fit_on: as `happenings` takes it. Raises NoObserver where none follows.
+    """
+    known = happenings(recordings, h, fit_on)
+    h = settled(judged(fit_on(known), h.model, h.x, h.family))
+    return _all_said(recordings, h, known)
+
+
 def _all_said(
-    every: Sequence[Experiment], found: Searched, known: Sequence[Happened]
+    every: Sequence[Experiment], best: Hypothesis, known: Sequence[Happened]
 ) -> tuple[Event, ...]:
     if not known:
         return ()
-    best = found.tried.best
     h = judged(with_events(every, known), best.model, best.x)
     events = [_said(one, every[one.recording], h) for one in known]
     return tuple(sorted(events, key=lambda event: (event.recording, event.at)))
@@ -406,7 +415,11 @@ def _edges(f: Floats, c: Floats) -> tuple[Edge, Edge]:
 
     first, at, last = begun(f, c)
     end, until, sooner = begun(f[::-1], c[::-1, ::-1])
-    return (first, at, last), (ticks - sooner, ticks - until, ticks - end)
+    ends = ticks - sooner, ticks - until, ticks - end
+    if ends[1] <= at:  # hardly there: anywhere in what was asked
+        middle = 0.5 * (at + ends[1])
+        return (first, max(0.0, middle - 0.5), last), (ends[0], min(ticks, middle + 0.5), ends[2])
+    return (first, at, last), ends
 
 
 def _means(ticks: int, over: int) -> Floats:
@@ -431,7 +444,8 @@ def _kind(
     one: Happened, q: Floats, period: float, begins: float, ends: float, impulse: float
 ) -> str:
     """What a force was, as far as the motion tells."""
-    a, b = one.first + round(begins), min(one.first + round(ends), q.size - 1)
+    a = min(one.first + round(begins), q.size - 2)
+    b = min(max(one.first + round(ends), a + 1), q.size - 1)
     usual = float(np.std(np.diff(q))) / period
     lasts = (b - a) * period
     if lasts > 2.0 * SHORT_S / 2.0 and b - a >= 8:

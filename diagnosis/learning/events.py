@@ -66,7 +66,7 @@ GAUSSIAN = 2.0  # mean excess of a chi-square of one
 RARITY = math.log(0.95 / 0.05)  # of a recording in which something happens
 NEAR_S = 0.4  # between two pulses of one event, at least
 MEDIAN = 0.6745  # of |z| of a normal
-ONSET = SETTLING + 20  # ticks from the start, in which the observer finds the state
+ONSET = 3 * SETTLING  # ticks, after which the slowest observer has forgotten how it began
 
 
 FitOn = Callable[[Sequence[Happened]], Sequence[Experiment]]
@@ -242,7 +242,9 @@ def _searched(
         _mask(kept[one.recording], one.first, one.last)
     for _ in range(aside):
         if (top := _highest(kept, kinds)) is not None:
-            beside = _longest(h.experiments[top.recording]) // 3
+            left = sum(_stretches(own).size for own in kept)
+            # All of a long event, as far as enough is left to tell chance by.
+            beside = _longest(h.experiments[top.recording]) // 3 if left > 3 * FEWEST else 0
             _mask(kept[top.recording], top.first - beside, top.first + top.ticks + beside)
     return best, _chance(np.concatenate([_stretches(own) for own in kept]))
 
