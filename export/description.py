@@ -48,14 +48,14 @@ def build_description(name: str) -> str:
 
 
 def base_units(unit: str) -> dict[str, int]:
-    """Return the exponents of a unit's SI base units: "N m s2/rad2" is kg m2 rad-2.
+    """Return the exponents of a unit's SI base units: "N m s2/rad2" is kg m2 rad-2, "1/s" s-1.
 
     Raises KeyError for a unit that is not made of N, m, kg, s and rad.
     """
     over, _, under = unit.partition("/")
     found: dict[str, int] = {}
     for words, sign in ((over, 1), (under, -1)):
-        for word in words.split():
+        for word in (w for w in words.split() if w != "1"):
             symbol, power = re.fullmatch(r"([A-Za-z]+)(\d*)", word).groups()  # pyright: ignore[reportOptionalMemberAccess]
             for base, exponent in SI[symbol].items():
                 found[base] = found.get(base, 0) + sign * exponent * int(power or 1)

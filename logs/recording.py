@@ -138,7 +138,7 @@ def _si(entry: Entry, converted: Converted, signal: Signal, rotary: bool | None)
     if entry.quantity == COVARIATE:
         return entry.unit or signal.unit or ""
     turns = converted.rotary if entry.channel.startswith(JOINT) else rotary
-    if turns is None:
+    if turns is None or entry.quantity not in SI:  # what is recorded of a drive's state
         return ""
     return (GOAL if converted.goal else SI[entry.quantity])[0 if turns else 1]
 

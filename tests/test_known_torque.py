@@ -134,7 +134,7 @@ def test_our_joint_moves_as_mujocos_under_the_known_torque(tmp_path: Path):
     channels = {"command": u, "position_m1": q1, "joint_up_elbow": q2}
     trace = Trace(t, channels, units, "recorded", {})
     more, _ = with_known_torque(trace, device, tmp_path / "m.xml", "base")
-    known = experiment(more, device).force
+    known = experiment(more, device).pushes
     assert known is not None
     cut = slice(150, 1150)  # away from the ends of the splines
     begin = Start(q1[150], smooth_motion(t, q1)[1][150])

@@ -92,8 +92,8 @@ def test_only_files_writes_files():
     """What goes by `files` may write over what a user made; so nothing does.
 
     Mutation: `path.write_text(...)` anywhere. A log appends to a file that it makes, and `files`
-    gives it its name; what is dropped into the page goes into a temporary folder, and so do the
-    copy of a log that is followed and the sources of a model that is compiled.
+    gives it its name; what is dropped into the page goes into a temporary folder, and so does the
+    copy of a log that is followed.
     """
     opens = r"\.write_(text|bytes)\(|\bopen\((\w+, )?[\"'][wax]"
     others = r"\bos\.(open|replace|rename)\(|\.tofile\("
@@ -102,7 +102,6 @@ def test_only_files_writes_files():
     assert {str(file.relative_to(ROOT)) for file in found} == {
         *("files/whole.py", "files/protection.py", "logs/sink.py"),
         *("zwidth/cli.py", "zwidth/explore/dropped.py", "zwidth/watch/growing.py"),
-        *("export/fmu.py", "export/modelica_run.py"),
     }
 
 
