@@ -492,8 +492,14 @@ def test_the_page_of_python_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     readme = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
     assert f"```python\n{first}```" in readme
     monkeypatch.chdir(tmp_path)
+    fleet(tmp_path)
+    (tmp_path / "rig").rename("recordings")
+    (tmp_path / "work").rename("runs_fleet")
+    known = nominal().with_physics(zwidth.make_physics("coulomb_friction", "m1", level=0.04))
+    zwidth.save_device(known, "joint.toml")
     names: dict[str, Any] = {}
     for block in (first, *others):
+        block = block.replace("processes=2", "").replace("runs/fleet", "runs_fleet")
         exec(block, names)
     assert names["answer"].findings[0].effect == "coulomb_friction"
     assert {"run.png", "improved.toml"} <= set(os.listdir(tmp_path))
