@@ -56,9 +56,12 @@ MACHINES = {
     "coupled_drives": Machine(("drive_1", "drive_2", "drive_3")),
     "ecp_carts": Machine(("Kmed_hand_Nomass",)),
     "servo_pendulum": Machine(
-        ("sin_sin_kp8", "sin_sin_kp32", "brutal_kp8", "brutal_kp32"),
+        (
+            *("sin_sin_kp8", "sin_sin_kp32", "sin_sin_kp8_again", "sin_sin_kp32_again"),
+            *("brutal_kp8", "brutal_kp32"),
+        ),
         ("up_and_down_kp8", "up_and_down_kp32"),
-        shown=4,  # a hard step of the goal
+        shown=6,  # a hard step of the goal
         effort="normal",
     ),
     "servo_switched_off": Machine(
