@@ -305,12 +305,12 @@ def test_one_recording_of_several_that_fails_costs_itself_alone(
     write(tmp_path)
     write(tmp_path, "odd")
     (tmp_path / "gone.toml").write_text('file = "gone.csv"')
-    real = zwidth.diagnosis.intake.take_in.examine
+    real = zwidth.diagnosis.intake.take_in.suspicion
 
-    def examine(device: Device, experiments: list[Experiment]) -> Any:
-        return throw() if experiments[0].name == "odd" else real(device, experiments)
+    def suspected(device: Device, e: Experiment) -> Any:
+        return throw() if e.name == "odd" else real(device, e)
 
-    short.setattr("zwidth.diagnosis.intake.take_in.examine", examine)
+    short.setattr("zwidth.diagnosis.intake.take_in.suspicion", suspected)
     short.setattr("zwidth.commands.diagnose.separating", nothing)
     short.setattr("zwidth.commands.diagnose.augmented_boundary", nothing)
     answer = answered(["diagnose", "gone.toml", "odd.toml", *LINE[1:]], 0)
