@@ -272,8 +272,8 @@ def test_a_search_that_fails_keeps_what_it_had(
     monkeypatch.setattr(zwidth.diagnosis.answer.answered, "instead_of", nothing)
     found = diagnose(MASS, [recorded()], effort=ONE)
     assert found.verdict is Verdict.UNDECIDED
-    assert found.sentence.startswith("an error left out a part of the search")
-    assert [m.stage for m in found.errors] == ["search"]
+    assert "an error left out a part of the search" in found.sentence  # friction without a name
+    assert {m.stage for m in found.errors} == {"search"}  # may read as a wrong unit, which is said
     assert len(found.findings) == named
     assert all(f.effect.endswith("friction") for f in found.findings)
     assert found.linear_refit["m1"][1].value > 0.0

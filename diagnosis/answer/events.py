@@ -210,6 +210,8 @@ def _searched_anew(
         new = attempt("events", "", partial(_happened, taken, every, found))
         if new is None or not _others(taken, found, known, new):
             return there, found, known if new is None else new
+        if not known and _named_in_all(device, taken, every, found, new, say, effort):
+            return there, found, ()
         again = _with(taken, every, new)
         for one in new:
             say(f"something happened at {_seconds(one, every):.3g} s: searching with it known")
@@ -221,6 +223,34 @@ def _searched_anew(
         if found.interrupted:
             break
     return there, found, known
+
+
+def _named_in_all(
+    device: Device,
+    taken: Taken,
+    every: Sequence[Experiment],
+    found: Searched,
+    new: Sequence[Happened],
+    say: Say,
+    effort: Effort,
+) -> bool:
+    """Whether what seems to happen where nothing was searched yet is physics with a name.
+
+    Names come first: an amplifier that meets its limit in what was held out looks like a force
+    that acts for a while. A search of all that was recorded then names it, and nothing happens
+    beside it; what a second look makes of that is its own matter.
+    """
+    if not taken.whole_unopened:
+        return False
+    if all(one.first < taken.fit_on[one.recording].ticks for one in new):
+        return False
+    say("something may happen in what was held out: all that was recorded is searched for a name")
+    try:
+        whole = searched(device, taken.whole, say, effort)
+    except NoObserver:
+        return False
+    more = len(whole.final.model.effects) > len(found.final.model.effects)
+    return more and not whole.interrupted and not _happened(taken, every, whole)
 
 
 def _happened(taken: Taken, every: Sequence[Experiment], found: Searched) -> tuple[Happened, ...]:
