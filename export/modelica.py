@@ -6,6 +6,7 @@ what friction does at rest is minus that load, exactly; a mode changes where the
 friction holds, and where the velocity passes zero.
 """
 
+import functools
 import math
 
 from zwidth.controllers.none import none
@@ -60,14 +61,15 @@ def _sorted(device: Device) -> tuple[Device, list[str]]:
 
 
 def _text(device: Device, name: str) -> str:
-    model = Model(device.chain.masses.size, device.rotary)
+    start = prepare(device, none(), duration=device.interface.period).memory.x
+    model = Model(device.chain.masses.size, device.rotary, float(start[0]))
     _chain(model, device)
-    _sampled(model, device, [p for p in device.physics if p.effect.hook == "command"])
     there = {p.effect.name: p for p in device.physics}
+    _sampled(model, device, there)
     for p in device.physics:
         if p.effect.hook not in ("command", "sensor"):
             add(model, p, there)
-    _motion(model, device)
+    _motion(model, start.tolist())
     _reading(model, device, there)
     parts = [
         f'model {name} "{device.name.replace(chr(34), chr(39))}"',
@@ -107,8 +109,8 @@ def _chain(model: Model, device: Device) -> None:
         model.loads[i + 1].append(f"- force_{at}")
 
 
-def _sampled(model: Model, device: Device, amplifier: list[Physics]) -> None:
-    """Add what becomes of a command: feedback, step, gain, effects, limit, delay."""
+def _sampled(model: Model, device: Device, there: dict[str, Physics]) -> None:
+    """Add what becomes of a command: feedback, step, gain, effects, limit, rate, delay."""
     face, (force, _) = device.interface, units(device)
     model.parameter("period", face.period, "s", "of the sampled interface")
     model.told.append("command")
@@ -136,14 +138,25 @@ def _sampled(model: Model, device: Device, amplifier: list[Physics]) -> None:
     gain = model.parameter("command_gain", face.command_gain, "")
     model.told.append(f"{gain} * {model.told[-1]}")
     hold()
-    for p in amplifier:
-        add(model, p, {})
-        hold()
+    for p in device.physics:
+        if p.effect.hook == "command":
+            add(model, p, there)
+            hold()
     if math.isfinite(face.command_limit):
         limit = model.parameter("command_limit", face.command_limit, force)
         model.told.append(f"min(max({model.told[-1]}, -{limit}), {limit})")
         hold()
+    if model.rates:
+        _followed(model, functools.reduce(lambda a, b: f"min({a}, {b})", model.rates), lines)
     _delayed(model, device, lines)
+
+
+def _followed(model: Model, rate: str, lines: list[str]) -> None:
+    """Add how the last command is left for the one that is told."""
+    most, change = f"period * {rate}", f"{model.told[-1]} - pre(followed)"
+    model.variables.append("discrete Real followed(start=0.0, fixed=true);")
+    lines.append(f"  followed = pre(followed) + min(max({change}, -{most}), {most});")
+    model.told.append("followed")
 
 
 def _delayed(model: Model, device: Device, lines: list[str]) -> None:
@@ -187,16 +200,15 @@ def _reading(model: Model, device: Device, there: dict[str, Physics]) -> None:
     model.equations.append(model.told[-1].replace("@", model.reading))
 
 
-def _motion(model: Model, device: Device) -> None:
-    """Add the equations of motion, with the modes of dry friction."""
-    start = prepare(device, none(), duration=device.interface.period).memory.x
+def _motion(model: Model, start: list[float]) -> None:
+    """Add the equations of motion from where the masses start, with the modes of dry friction."""
     if model.lag:
         model.state("amplifier")
         model.equations.append(f"{model.lag} * der(amplifier) = drive - amplifier;")
     model.loads[0].insert(0, "amplifier" if model.lag else "drive")
     for i in range(model.masses):
         k = i + 1
-        model.state(f"q{k}", float(start[i]))
+        model.state(f"q{k}", start[i])
         model.state(f"v{k}")
         model.variables.append(f"Real load_{k};")
         model.equations += [f"der(q{k}) = v{k};", f"load_{k} = {' '.join(model.loads[i])};"]

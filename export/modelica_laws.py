@@ -11,8 +11,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from zwidth.export.settable import numbers_of
+from zwidth.sim.following import FASTEST
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.free_law import is_table, points_of, table_law
+from zwidth.sim.physics.moving_average import BESSEL
 
 TABLE = """\
   function table "A law through points: cubic in each interval, and its ends beyond them"
@@ -61,12 +63,14 @@ class Friction:
 class Model:
     """What a Modelica model is put together of; indices are masses, from 0.
 
-    loads: terms of the force on each mass; frictions by mass; reading, told: what the encoder makes
-    of "q1" and the amplifier of "command", each from what stood there before.
+    start: where the first mass begins. loads: terms of the force on each mass; frictions by mass;
+    reading, told: what the encoder makes of "q1" and the amplifier of "command", each from what
+    stood there before. rates: by which a command may change a second, as a force.
     """
 
     masses: int
     rotary: bool
+    start: float = 0.0
     parameters: list[str] = field(default_factory=list[str])
     functions: list[str] = field(default_factory=list[str])
     variables: list[str] = field(default_factory=list[str])
@@ -75,6 +79,7 @@ class Model:
     frictions: dict[int, Friction] = field(default_factory=dict[int, Friction])
     reading: str = "q1"
     told: list[str] = field(default_factory=list[str])
+    rates: list[str] = field(default_factory=list[str])
     lag: str = ""
     damped: set[str] = field(default_factory=set[str])
 
@@ -128,6 +133,8 @@ def add(model: Model, p: Physics, all_of: Mapping[str, Physics]) -> None:
     Raises KeyError for an effect that has no words here.
     """
     write = LAWS[p.effect.name]
+    if write is _nothing or p.place.kind == "velocity":
+        return  # of velocities, since none is read from a model
     names: dict[str, str] = {}
     if not is_table(p.effect.parameters):
         for one in numbers_of(p, model.rotary):
@@ -187,8 +194,10 @@ def _servo(all_of: All) -> tuple[str, str, str]:
     if loop is None:
         return "drive", "", ""
     name = "position_servo_m1"
-    limit = "servo_limit_m1_limit" if "servo_limit" in all_of else ""
-    return f"(drive - {name}_stiffness * q1 - {name}_damping * v1)", f"{name}_back_emf", limit
+    limited = "servo_limit" in all_of and np.isfinite(all_of["servo_limit"].values["limit"])
+    limit = "servo_limit_m1_limit" if limited else ""
+    drive = "drive + integral_m1" if "servo_integral" in all_of else "drive"
+    return f"({drive} - {name}_stiffness * q1 - {name}_damping * v1)", f"{name}_back_emf", limit
 
 
 def _dahl(model: Model, p: Physics, n: Names, _: All) -> None:
@@ -293,6 +302,33 @@ def _loop_zone(model: Model, p: Physics, n: Names, _: All) -> None:
     model.force(p, f"-min(max(drive - {k} * q1, -{most}), {most})")
 
 
+def _integral(model: Model, p: Physics, n: Names, _: All) -> None:
+    """The clamped z' = rate (u - k q) of the held command u: 0 at its limit, if it would go on."""
+    z, rate = f"integral_{p.at}", f"rate_integral_{p.at}"
+    model.state(z)
+    model.variables.append(f"Real {rate};")
+    model.equations.append(f"{rate} = {n['rate']} * (drive - position_servo_m1_stiffness * q1);")
+    if np.isfinite(p.values["limit"]):
+        limit = n["limit"]
+        stands = f"{z} >= {limit} and {rate} > 0.0 or {z} <= -{limit} and {rate} < 0.0"
+        model.equations.append(f"der({z}) = if {stands} then 0.0 else {rate};")
+    else:
+        model.equations.append(f"der({z}) = {rate};")
+    model.force(p, z)
+
+
+def _falling(model: Model, p: Physics, n: Names, all_of: All) -> None:
+    if np.isfinite(p.values["limit"]):
+        asked, _, most = _servo(all_of)
+        a = f"max(min({asked}, {most}), -{most})" if most else asked
+        limit, falls = n["limit"], f"{n['slope']} * v1"
+        model.force(p, f"min(max({a}, -{limit} - {falls}), {limit} - {falls}) - {a}")
+
+
+def _nothing(_: Model, __: Physics, ___: Names, ____: All) -> None:
+    """What has no part in a model: its drive is always on."""
+
+
 def _lag(model: Model, _: Physics, n: Names, __: All) -> None:
     model.lag = n["time_constant"]
 
@@ -307,6 +343,47 @@ def _band(model: Model, _: Physics, n: Names, __: All) -> None:
 def _gains(model: Model, _: Physics, n: Names, __: All) -> None:
     u, r = model.told[-1], n["ratio"]
     model.told.append(f"2.0 / (1.0 + {r}) * {u} * (if {u} > 0.0 then {r} else 1.0)")
+
+
+def _rate(model: Model, p: Physics, n: Names, _: All) -> None:
+    if np.isfinite(p.values["rate"]):
+        model.rates.append(n["rate"])
+
+
+def _goal_rate(model: Model, p: Physics, n: Names, all_of: All) -> None:
+    """A goal counts by the stiffness of its loop."""
+    if "position_servo" in all_of and np.isfinite(p.values["rate"]):
+        model.rates.append(f"{n['rate']} * position_servo_m1_stiffness")
+
+
+def _reads_late(model: Model, p: Physics, n: Names, _: All) -> None:
+    """The lag's T s' = y - s of the reading y before."""
+    if p.values["time_constant"] > FASTEST:
+        s, y = f"reading_{p.effect.name}", model.reading
+        model.state(s, model.start)
+        model.equations.append(f"{n['time_constant']} * der({s}) = {y} - {s};")
+        model.reading = s
+
+
+def _reads_filtered(model: Model, p: Physics, n: Names, _: All) -> None:
+    if p.values["time_constant"] > FASTEST:
+        _second_order(model, p, n["time_constant"], n["damping"])
+
+
+def _reads_mean(model: Model, p: Physics, n: Names, _: All) -> None:
+    """A mean is Bessel's filter (`moving_average.py`)."""
+    if p.values["window"] > FASTEST * np.sqrt(12.0):
+        _second_order(model, p, f"({n['window']} / {np.sqrt(12.0).item()!r})", repr(BESSEL))
+
+
+def _second_order(model: Model, p: Physics, time: str, damping: str) -> None:
+    """The filter's s' = g, T^2 g' = y - s - 2 zeta T g of the reading y before."""
+    s, g, y = f"reading_{p.effect.name}", f"rate_{p.effect.name}", model.reading
+    model.state(s, model.start)
+    model.state(g)
+    model.equations.append(f"der({s}) = {g};")
+    model.equations.append(f"{time}^2 * der({g}) = {y} - {s} - 2.0 * {damping} * {time} * {g};")
+    model.reading = s
 
 
 def _eccentric(model: Model, _: Physics, n: Names, __: All) -> None:
@@ -365,6 +442,8 @@ LAWS: Mapping[str, Callable[[Model, Physics, Names, All], None]] = {
     "actuator_lag": _lag, "dead_band": _band, "gain_asymmetry": _gains,
     "encoder_eccentricity": _eccentric, "rectified_sensor": _rectified,
     "free_spring": _free_spring, "free_damper": _free_damper, "free_amplifier": _free_amplifier,
-    "free_sensor": _free_sensor,
+    "free_sensor": _free_sensor, "servo_integral": _integral, "falling_limit": _falling,
+    "open_winding": _nothing, "rate_limit": _rate, "goal_rate_limit": _goal_rate,
+    "sensor_lag": _reads_late, "sensor_filter": _reads_filtered, "moving_average": _reads_mean,
 }  # fmt: skip
 """How each effect enters; those of the interface (steps, limit, delay) are its own."""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from physics_examples import EVERYWHERE
+from physics_examples import EVERYWHERE, EXAMPLES
 from test_export_c import COMMANDS, with_effect
 
 from zwidth import cli
@@ -89,6 +89,55 @@ def test_the_interface_is_held():
         force_sensor="link12", force_gain=0.2,
     )  # fmt: skip
     assert loss(free_run(device, COMMANDS), run(device)) < 1e-5
+
+
+@needs_translator
+def test_a_whole_servo():
+    """Its loop, integral and limits, both rates, and a filtered reading of another origin.
+
+    Each takes part, a hundredth of the motion or more, but for the faster one of the two rates.
+
+    Mutations: the integral not in what the limits ask; it not clamped; of the two rates the faster
+    one; the filter begun at 0 in place of the origin's; the falling limit rising in either way.
+    """
+    chosen = [
+        make_physics("position_servo", "m1", **EXAMPLES["position_servo"]),
+        make_physics("servo_limit", "m1", limit=0.02),
+        make_physics("servo_integral", "m1", rate=20.0, limit=2e-3),
+        make_physics("falling_limit", "m1", limit=0.025, slope=0.05),
+        make_physics("goal_rate_limit", "command", rate=0.4),
+        make_physics("rate_limit", "command", rate=1.4),
+        make_physics("sensor_filter", "sensor", time_constant=2e-3, damping=0.7),
+    ]
+    plain = load_device("phantom_1_0").with_interface(position_origin=0.01)
+    device = plain.with_physics(*chosen)
+    theirs = run(device)
+    assert loss(finely(device, 64), theirs) < 1e-5
+    for left_out in chosen[1:]:
+        without = plain.with_physics(*(p for p in chosen if p is not left_out))
+        takes_part = loss(finely(without, 64), theirs) > 0.01
+        assert takes_part == (left_out.effect.name != "rate_limit")
+
+
+@needs_translator
+def test_what_is_without_limit_or_time_is_not_there():
+    """Mutation: the servo's infinite limit read by the friction of its load."""
+    chosen = [
+        make_physics("position_servo", "m1", **EXAMPLES["position_servo"]),
+        make_physics("load_friction", "m1", ratio=0.1),
+        make_physics("servo_integral", "m1", rate=20.0, limit=np.inf),
+    ]
+    nothing = [
+        make_physics("servo_limit", "m1", limit=np.inf),
+        make_physics("falling_limit", "m1", limit=np.inf, slope=0.1),
+        make_physics("goal_rate_limit", "command", rate=np.inf),
+        make_physics("rate_limit", "command", rate=np.inf),
+        make_physics("sensor_lag", "sensor", time_constant=0.0),
+    ]
+    device = load_device("phantom_1_0").with_physics(*chosen)
+    theirs = run(device)
+    assert loss(finely(device, 64), theirs) < 1e-3
+    np.testing.assert_allclose(run(device.with_physics(*nothing)), theirs, atol=1e-12)
 
 
 @needs_translator
