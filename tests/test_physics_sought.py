@@ -143,6 +143,7 @@ CASES = {  # richer effect, its values -> simpler one, its values
         {"time_constant": 0.01 / np.sqrt(12.0), "damping": np.sqrt(0.75)},
         "moving_average", {"window": 0.01},
     ),
+    "falling_limit": ({"limit": 0.02, "slope": 0.0}, "saturation", {"limit": 0.02}),
 }  # fmt: skip
 
 
@@ -157,7 +158,7 @@ def test_a_richer_effect_is_at_some_values_the_simpler_one(name: str):
     device = phantom()
     u = 0.02 * np.random.default_rng(1).standard_normal(400)
     at = EFFECTS[name].places[0]
-    there = at if EFFECTS[name].follows else "m1"
+    there = at if EFFECTS[name].follows else "command" if simple == "saturation" else "m1"
     assert contains(name, place_at(at), simple, place_at(there))
 
     def moved(*physics: Physics) -> np.ndarray:

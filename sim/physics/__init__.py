@@ -87,7 +87,12 @@ RICHER_FORMS: Mapping[str, tuple[Effect, ...]] = MappingProxyType(
 def contains(richer: str, there: Place, simple: str, place: Place) -> bool:
     """Whether one effect somewhere is a richer form of another elsewhere; no for unknown names."""
     known = richer in EFFECTS and simple in EFFECTS[richer].contains
-    return known and there.acts_on == place.acts_on
+    return known and _acts(richer, there) == _acts(simple, place)
+
+
+def _acts(name: str, place: Place) -> Place:
+    """Where an effect acts: a law of the drive's force at m1 is one of the command."""
+    return place_at("command") if EFFECTS[name].of_drive else place.acts_on
 
 
 def richer_at(simple: str, place: Place, rotary: bool) -> list[tuple[Effect, Place]]:

@@ -88,6 +88,7 @@ falling_limit = Effect(
     reference="torque-speed line of a DC motor on a supply",
     of_drive=True,
     borrows=("servo",),
+    contains=("saturation",),  # without a slope
     prior=0.03,  # of every motor on a supply; few recordings go there
     creased=True,
     weakens=True,
