@@ -39,8 +39,9 @@ Advance = Callable[[str], object]
 class Visible:
     """The smallest magnitude of an effect that shows: physics at five sigma, None for never.
 
-    name, unit: of the parameter that is its magnitude. natural: the magnitude that would be all of
-    what the experiment moves by: a friction as large as the command, a gap as the link's stretch.
+    name: of the parameter that is its magnitude; unit: of that. natural: the magnitude that would
+    be all of what the experiment moves by: a friction as large as the command, a gap as the link's
+    stretch.
     """
 
     label: str
@@ -131,6 +132,8 @@ def _typical(prepared: Reference, sizes: Sizes) -> list[Start]:
 def _visible(prepared: Reference, sizes: Sizes, physics: Physics, found: Physics | None) -> Visible:
     device, name = prepared.device, physics.effect.strength or ""
     unit = physics.effect.parameter(name).unit_for(device.rotary) if name else ""
+    if name and physics.effect.parameter(name).inverse:
+        unit = f"1/({unit})"
     strength = None if found is None else magnitude(found, prepared.peak)
     natural = physics.effect.natural(sizes, physics.place)
     return Visible(place_label(physics), found, strength, name, unit, natural)

@@ -21,7 +21,7 @@ SIZES = Sizes(
     rotary=True, period=1e-3, force=0.1, peak=0.3, speed=2.0, position=0.2, span=0.8,
     masses=(2e-4, 9e-4, 7e-5), speeds=(2.0, 1.9, 1.8), positions=(0.2, 0.2, 0.19),
     spans=(0.8, 0.8, 0.7), fastest=(9.0, 8.0, 7.0), springs=(217.0, 14.5), stretches=(3e-4, 6e-4),
-    rates_beside=True,
+    rates_beside=True, switched=True,
 )  # fmt: skip
 SOUGHT = [n for n, effect in EFFECTS.items() if effect.sought not in ("given", "learned")]
 SOUGHT_BY_VALUES = [
@@ -68,7 +68,10 @@ def test_starts_and_sweep_are_what_a_device_may_have(name: str, at: str):
 
 @pytest.mark.parametrize(("name", "at"), SOUGHT_BY_VALUES)
 def test_a_sweep_goes_from_hardly_anything_to_the_most(name: str, at: str):
-    """By equal ratios, over two decades at least. Mutation: `up_to` in equal steps."""
+    """By equal ratios, over two decades at least.
+
+    Mutations: `up_to` in equal steps; rates compared with the largest command.
+    """
     effect, place = EFFECTS[name], place_at(at)
     swept = [Physics(effect, at, values) for values, _ in effect.sweep(SIZES, place)]
     strengths = sorted({round(magnitude(p, SIZES.peak) or 0.0, 12) for p in swept})

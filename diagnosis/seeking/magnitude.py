@@ -11,12 +11,15 @@ def magnitude(physics: Physics, peak: float = math.inf) -> float | None:
     """Return how strong an effect is, zero for not at all; None where there is no such number.
 
     Of friction the level, of a cubic spring the absolute coefficient, of a gain asymmetry
-    |ratio - 1|, of a saturation how far its limit lies below the largest command, `peak`.
+    |ratio - 1|, of a saturation how far its limit lies below the largest command, `peak`, of a
+    limit of a rate or over speed its reciprocal (`Parameter.inverse`).
     """
     name = physics.effect.strength
     if name is None:
         return None
     parameter, value = physics.effect.parameter(name), physics.values[name]
+    if parameter.inverse:
+        return 1.0 / value
     if parameter.neutral == math.inf:
         return max(0.0, peak - value)
     return abs(value - parameter.none_of_it())
@@ -31,6 +34,9 @@ def strengthened(physics: Physics, factor: float, peak: float = math.inf) -> Phy
     if effect.strength is None:
         return None
     for name in effect.magnitudes or (effect.strength,):
+        if effect.parameter(name).inverse:
+            values[name] /= factor
+            continue
         none = effect.parameter(name).none_of_it(peak)
         values[name] = none + factor * (values[name] - none)
     return replace(physics, values=values) if within_bounds(effect, values) else None

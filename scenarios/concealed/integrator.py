@@ -57,8 +57,9 @@ class Truth(NamedTuple):
     mass, mass that feels the contrary (-1: ground), amplitude, period, phase over the position of
     the first. The other forces act on m1: hum: amplitude, Hz, phase; detent: amplitude, period,
     sharpness; stop: position, stiffness, damping. inertia: share by which m1 swings, period in
-    position. warming: share by which dampers change, time constant. amplifier: lag, step, band,
-    ratio, limit, slew a tick. sensor: amplitude, period, phase; rectified; step. laws (w, LAW):
+    position. warming: share by which dampers change, time constant. falling: the most that the
+    drive gives at rest, and how much less at each unit of speed. amplifier: lag, step, band, ratio,
+    limit, slew a tick. sensor: amplitude, period, phase; rectified; step. laws (w, LAW):
     laws of no name, a row each (`law_value`). filters (f, 6): of each filtered reading the columns
     of position and rate that it follows, then rate, straight, square, damping of its equations.
     reads (3, masses of the chain): columns of a state in which each mass's position is read, and
@@ -82,6 +83,7 @@ class Truth(NamedTuple):
     stop: Floats
     inertia: Floats
     warming: Floats
+    falling: Floats
     amplifier: Floats
     delay: float
     sensor: Floats
@@ -326,6 +328,13 @@ def derivative(truth, t, x, held, dry, pins, process, out):
     if lag > 0.0:
         motor = x[2 * n]
         out[2 * n] = (held - motor) / lag
+    if truth.falling[0] < math.inf:  # what is cut off is not delayed by the lag
+        slower = truth.falling[1] * x[n]
+        most, least = truth.falling[0] - slower, -truth.falling[0] - slower
+        if held > most:
+            motor -= held - most
+        elif held < least:
+            motor += least - held
     out[n] += motor + process + on_m1(truth, t, x[0], x[n])
     by_position(truth, x, out)
     for e in range(truth.links.shape[0]):

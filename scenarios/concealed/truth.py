@@ -52,7 +52,7 @@ def truth_of(device: Device, steps: int, outside: Outside | None = None) -> Trut
         one("dead_band").get("width", 0.0),
         one("gain_asymmetry").get("ratio", 1.0),
         interface.command_limit,
-        math.inf,
+        one("rate_limit").get("rate", math.inf) * interface.period,
     ]
     rectified = float("rectified_sensor" in by_name)
     yields = _yields(by_name)
@@ -75,6 +75,7 @@ def truth_of(device: Device, steps: int, outside: Outside | None = None) -> Trut
         stop=np.array([math.inf, 0.0, 0.0]),
         inertia=np.array([0.0, 1.0]),
         warming=np.array([0.0, 1.0]),
+        falling=row("falling_limit", (math.inf, 0.0)),
         amplifier=np.array(amplifier),
         delay=interface.delay,
         sensor=np.array(
@@ -190,7 +191,7 @@ def _with(truth: Truth, outside: Outside, period: float) -> Truth:
             return truth._replace(cubic_drag=drag)
         case "slew_limit":
             amplifier = truth.amplifier.copy()
-            amplifier[5] = values[0] * period
+            amplifier[5] = min(amplifier[5], values[0] * period)
             return truth._replace(amplifier=amplifier)
         case "swinging_inertia":
             return truth._replace(inertia=values)

@@ -66,6 +66,8 @@ class Parameter:
     open_ended: above its upper bound the law hardly changes, and a fit that ends there is sound.
     vanishing: value at which nothing is left of the effect but how the kernel steps. valleys: the
     errors over it have a valley every few percent, so that a fit ends in the one where it began.
+    inverse: a strength that counts by its reciprocal, 0 where there is none of it, so that half of
+    it is twice as strong: a limit that the largest command says nothing of (of a rate, at speed).
     meaning: what it is, for people.
     """
 
@@ -82,6 +84,7 @@ class Parameter:
     open_ended: bool = False
     vanishing: float | None = None
     valleys: bool = False
+    inverse: bool = False
     meaning: str = ""
 
     def unit_for(self, rotary: bool) -> str:

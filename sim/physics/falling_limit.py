@@ -23,6 +23,8 @@ from zwidth.sim.physics.position_servo import asked
 from zwidth.sim.physics.sizes import Sizes
 from zwidth.sim.place import Place
 
+MOST, LEAST = 5.0, 0.025  # of the largest command: hardly seen, and hardly anything is left
+
 
 def _of(limit: float, free: float, part: float) -> Scaled:
     values = {"limit": limit, "slope": limit / free}
@@ -38,17 +40,17 @@ def _starts(z: Sizes, _: Place) -> Iterator[Scaled]:
 
 def _sweep(z: Sizes, _: Place) -> Iterator[Scaled]:
     if z.fastest[0] > 0.0:
-        for share in (2.0, 1.2, 0.8, 0.5, 0.3):
+        for share in (MOST, 2.0, 1.2, 0.8, 0.5, 0.3, 0.1, LEAST):
             yield _of(share * z.peak, 1.2 * z.fastest[0], 0.3)
 
 
 def _bounds(z: Sizes, _: Place) -> Bounds:
     """A motor whose limit is many times the largest command is not seen at it."""
-    return {"limit": (0.0, 5.0 * z.peak)}
+    return {"limit": (0.0, MOST * z.peak)}
 
 
 def _natural(z: Sizes, _: Place) -> float:
-    return z.peak
+    return 1.0 / (LEAST * z.peak)
 
 
 def _drawn(_: np.random.Generator, z: Sizes, __: Place) -> Values:
@@ -70,6 +72,7 @@ falling_limit = Effect(
             math.inf,
             role="strength",
             least=0.3,
+            inverse=True,
             meaning="largest force of the drive at rest",
         ),
         Parameter(

@@ -19,6 +19,8 @@ from zwidth.sim.physics.effect import Bounds, Effect, Parameter, Scaled, Values
 from zwidth.sim.physics.sizes import Sizes
 from zwidth.sim.place import Place
 
+SLOWEST = 0.3  # of the highest speed that was recorded: a servo may overtake its goal
+
 
 def _starts(z: Sizes, _: Place) -> Iterator[Scaled]:
     for share in (0.7, 1.0, 1.5, 3.0):
@@ -27,8 +29,8 @@ def _starts(z: Sizes, _: Place) -> Iterator[Scaled]:
 
 
 def _sweep(z: Sizes, _: Place) -> Iterator[Scaled]:
-    for share in (0.3, 0.6, 1.0, 1.5, 3.0, 6.0):
-        rate = share * z.fastest[0]
+    for share in (SLOWEST, 0.6, 1.0, 1.5, 3.0, 6.0, 20.0, 60.0):
+        rate = min(share * z.fastest[0], 2.0 * z.span / z.period)
         yield {"rate": rate}, {"rate": 0.3 * rate}
 
 
@@ -38,7 +40,7 @@ def _bounds(z: Sizes, _: Place) -> Bounds:
 
 
 def _natural(z: Sizes, _: Place) -> float:
-    return z.fastest[0]
+    return 1.0 / (SLOWEST * z.fastest[0]) if z.fastest[0] > 0.0 else 1.0
 
 
 def _drawn(_: np.random.Generator, z: Sizes, __: Place) -> Values:
@@ -60,6 +62,7 @@ goal_rate_limit = Effect(
             math.inf,
             role="strength",
             least=0.3,
+            inverse=True,
             meaning="largest speed of the goal",
         ),
     ),

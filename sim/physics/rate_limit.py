@@ -14,14 +14,21 @@ import numpy as np
 from zwidth.sim.jit import part
 from zwidth.sim.lane_type import select, signed
 from zwidth.sim.physics.effect import Bounds, Effect, Parameter, Scaled, Values
-from zwidth.sim.physics.sizes import Sizes
+from zwidth.sim.physics.sizes import Sizes, up_to
 from zwidth.sim.place import Place
 
 TICKS = (3.0, 10.0, 30.0, 100.0)  # in which a command may go from zero to its peak
+LONGEST_TICKS = 200.0  # a slower one leaves hardly anything of a command
 
 
 def _starts(z: Sizes, _: Place) -> Iterator[Scaled]:
     for ticks in TICKS:
+        rate = z.peak / (ticks * z.period)
+        yield {"rate": rate}, {"rate": 0.3 * rate}
+
+
+def _sweep(z: Sizes, _: Place) -> Iterator[Scaled]:
+    for ticks in up_to(LONGEST_TICKS):
         rate = z.peak / (ticks * z.period)
         yield {"rate": rate}, {"rate": 0.3 * rate}
 
@@ -32,7 +39,7 @@ def _bounds(z: Sizes, _: Place) -> Bounds:
 
 
 def _natural(z: Sizes, _: Place) -> float:
-    return 2.0 * z.peak / z.period
+    return LONGEST_TICKS * z.period / z.peak
 
 
 def _drawn(_: np.random.Generator, z: Sizes, __: Place) -> Values:
@@ -54,6 +61,7 @@ rate_limit = Effect(
             math.inf,
             role="strength",
             least=0.3,
+            inverse=True,
             meaning="largest change of the force a second",
         ),
     ),
@@ -65,7 +73,7 @@ rate_limit = Effect(
     creased=True,
     weakens=True,
     starts=_starts,
-    sweep=_starts,
+    sweep=_sweep,
     bounds=_bounds,
     natural=_natural,
     drawn=_drawn,

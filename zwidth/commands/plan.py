@@ -28,7 +28,7 @@ from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device, remarks_on
 from zwidth.sim.nearest import nearest
 from zwidth.sim.physics import EFFECTS
-from zwidth.sim.place import place_at
+from zwidth.sim.place import of_label, place_at
 from zwidth.sim.readable import with_unit
 from zwidth.sim.run import simulate
 
@@ -186,6 +186,9 @@ def _say_limits(console: Console, plans: Sequence[Plan]) -> None:
 
 def _magnitude(visible: Visible) -> str:
     """What the number says, where it is not the parameter itself."""
+    name, _ = of_label(visible.label)
+    if visible.name and EFFECTS[name].parameter(visible.name).inverse:
+        return f"1 / {visible.name}"
     return {
         "limit": "largest command - limit", "ratio": "|ratio - 1|", "coefficient": "|coefficient|",
     }.get(visible.name, visible.name)  # fmt: skip
