@@ -261,7 +261,7 @@ def answer(tau: float) -> tuple[Verdict, tuple[Change, ...], str, float]:
 @pytest.mark.parametrize("tau", [4.0, 12.0])
 def test_a_diagnosis_says_when(tau: float):
     """4 s is fitted, 12 s is held out. Mutation that breaks it: the whole recording not asked; what
-    comes after a change still judging what was before it.
+    comes after a change still judging what was before it; a force until the last sample an event.
     """
     verdict, changes, headline, after = answer(tau)
     assert verdict is Verdict.IDENTIFIED

@@ -112,6 +112,9 @@ def _ending_at_once(patch: pytest.MonkeyPatch) -> None:
     )
     patch.setattr(at, "left_over", lambda *_: Left(0.0, ""))
     patch.setattr(at, "instead_of", nothing)
+    patch.setattr(
+        zwidth.diagnosis.diagnose, "knowing_events", lambda _, taken, found, *__: (taken, found, ())
+    )
 
 
 @pytest.fixture
@@ -253,7 +256,9 @@ def test_without_a_refit_there_is_no_answer_but_a_file_that_says_so(
     monkeypatch.setattr(f"zwidth.diagnosis.selection.{where}", throw)
     answer = answered(LINE, 1)
     assert answer["verdict"] == "undecided"
-    assert [e["stage"] for e in answer["errors"]] == ["refit"]
+    stages = [e["stage"] for e in answer["errors"]]  # which reading is likeliest needs one, too
+    assert stages[-1] == "refit"
+    assert {*stages} <= {"gate", "refit"}
     assert "Bug: shapes" in Path(answer["report"]).read_text(encoding="utf-8")
     said = capsys.readouterr().err.strip().splitlines()
     assert said[-1].startswith("error: nothing can be concluded: refit failed: Bug: shapes")

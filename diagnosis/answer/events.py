@@ -36,6 +36,7 @@ from zwidth.sim.place import place_at
 from zwidth.sim.readable import with_unit
 
 Floats = NDArray[np.float64]
+ENDED = 0.1  # of how long a force acts, for which it must be seen not to
 TURNS = 2  # searches that know of what happened
 MATTERS = 10.0  # in -2 ln, from which other forces of events make another search
 SHORT_S, LONG_S = 0.05, 0.1  # a hit lasts less, a hand longer
@@ -256,9 +257,15 @@ def _named_in_all(
 def _happened(taken: Taken, every: Sequence[Experiment], found: Searched) -> tuple[Happened, ...]:
     """What happens as the best hypothesis sees it; nothing where none of them can be followed."""
     try:
-        return happenings(every, found.tried.best, lambda known: _with(taken, every, known).fit_on)
+        seen = happenings(every, found.tried.best, lambda known: _with(taken, every, known).fit_on)
     except NoObserver:
         return ()
+    return tuple(one for one in seen if one.source.lasting or _ends(one, every[one.recording]))
+
+
+def _ends(one: Happened, e: Experiment) -> bool:
+    """Whether a force was seen to end: one that acts until the last sample may be a change."""
+    return e.ticks - one.last >= ENDED * (one.last - one.first)
 
 
 def _seconds(one: Happened, every: Sequence[Experiment]) -> float:
