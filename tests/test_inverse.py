@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from zwidth.controllers.recorded import recorded
-from zwidth.diagnosis.answer.inverse import acts, band_of, lacks, low_passed, motion
+from zwidth.diagnosis.answer.inverse import acts, as_read, band_of, lacks, low_passed, motion
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.sim.chain import make_chain
@@ -119,3 +119,22 @@ def test_the_force_that_acts_is_the_command_as_the_drive_lets_it_arrive() -> Non
     x = np.zeros(len(model.parameters))
     expected = low_passed(np.clip(np.roll(e.command, 2), -2.0, 2.0), BAND, PERIOD)
     np.testing.assert_allclose(acts(model, x, e, BAND)[EDGE:-EDGE], expected[EDGE:-EDGE], atol=1e-3)
+
+
+def test_a_motion_that_was_filtered_asks_for_a_force_that_is_filtered_alike() -> None:
+    """L (F q) = F (L q). Mutation: the force that acts left as it is (12 % and more)."""
+    t = 1e-3 * np.arange(3000)
+    force = np.sin(2.0 * np.pi * 5.0 * t)
+    e = Experiment(1e-3, force, np.zeros((3000, 1)), (Output("velocity", 0),))
+    device = Device("m", "", True, make_chain([1e-3], [1e-3]), Interface(period=1e-3))
+    for name, values in (
+        ("sensor_lag", {"time_constant": 0.01}),
+        ("sensor_filter", {"time_constant": 0.01, "damping": 0.7}),
+    ):
+        s = 1j * 2.0 * np.pi * 5.0 * 0.01
+        gain = 1.0 / (1.0 + s) if name == "sensor_lag" else 1.0 / (1.0 + 1.4 * s + s * s)
+        filtered = as_read(device.with_physics(make_physics(name, "sensor", **values)), e, force)
+        expected = (gain * np.exp(2j * np.pi * 5.0 * t)).imag
+        assert np.abs(filtered - expected)[500:].max() < 1e-3
+        there = device.with_physics(make_physics(name, "velocity", **values))
+        np.testing.assert_array_equal(as_read(there, e, force), filtered)

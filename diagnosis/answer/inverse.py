@@ -37,7 +37,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
-from scipy.signal import butter, sosfiltfilt
+from scipy.signal import butter, cont2discrete, dlsim, sosfiltfilt
 
 from zwidth.diagnosis.intake.gate import encoder_step_seen
 from zwidth.diagnosis.model.parameters import Model
@@ -161,7 +161,25 @@ def acts(model: Model, x: Floats, e: Experiment, band: float) -> Floats:
     seen = model.seen(e, x)
     still = np.zeros((seen.ticks, model.nominal.chain.masses.size))
     device = _without(model.acting(x), "sensor", "force", "friction")
-    return -_forces(device, seen, still, still, band)[:, 0]
+    return as_read(device, seen, -_forces(device, seen, still, still, band)[:, 0])
+
+
+def as_read(device: Device, e: Experiment, force: Floats) -> Floats:
+    """Return a force (ticks,) behind the filters between m1's motion and what is read of it.
+
+    A motion that was filtered asks for a force that is filtered alike, as far as the device is
+    linear: L (F q) = F (L q).
+    """
+    output = _of_mass(e, 0)
+    places = ("sensor", "velocity") if output and output.quantity == "velocity" else ("sensor",)
+    for p in device.physics:
+        if p.effect.follows is not None and p.at in places:
+            rate, straight, square, damping = map(float, p.effect.follows(p.values))
+            a = np.array([[-rate, straight], [-square, -rate - damping]])
+            b, c, d = np.array([[rate], [square]]), np.array([[1.0, 0.0]]), np.zeros((1, 1))
+            ticked = cont2discrete((a, b, c, d), e.period, method="foh")
+            force = np.asarray(dlsim(ticked, force)[1], dtype=np.float64)[:, 0]
+    return force
 
 
 def _without(device: Device, *hooks: str) -> Device:

@@ -108,7 +108,8 @@ def readings(
             one, found = in_place(device, one)
         lost = any(f.kind == EXCHANGED for f in found)  # what reads the one as the other is wrong
         with isolated("gate", f"whether the command of {e.name} comes late"):
-            one, late = in_time(device, one) if not lost else (one, [])
+            # The signs of what was folded out were chosen at the times that are written down.
+            one, late = in_time(device, one) if not (lost or one.folded) else (one, [])
             found += late
         suspect = suspicion(device, one)
         odd = [f for f in looked_through(device, one, suspect) if not f.wrong]
