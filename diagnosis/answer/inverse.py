@@ -150,18 +150,26 @@ def lacks(model: Model, x: Floats, e: Experiment, band: float) -> Floats:
     """
     seen = model.seen(e, x)
     position, velocity = motion(seen, model.nominal.chain.masses.size, 2.0 * band)
-    return _forces(_without(model.acting(x), "sensor"), seen, position, velocity, band)
+    found = _forces(_without(model.acting(x), "sensor"), seen, position, velocity, band)
+    arriving = _arrives(model, x, e, band)
+    found[:, 0] += arriving - as_read(model.acting(x), seen, arriving)
+    return found
 
 
 def acts(model: Model, x: Floats, e: Experiment, band: float) -> Floats:
-    """Return the command (ticks,) as it arrives at m1 in a model, in a band.
+    """Return the command (ticks,) as it arrives at m1 in a model and is read, in a band."""
+    return as_read(model.acting(x), model.seen(e, x), _arrives(model, x, e, band))
+
+
+def _arrives(model: Model, x: Floats, e: Experiment, band: float) -> Floats:
+    """Return the command (ticks,) as it arrives at m1, in a band.
 
     It is what a device without forces of its own lacks for standing still, turned round.
     """
     seen = model.seen(e, x)
     still = np.zeros((seen.ticks, model.nominal.chain.masses.size))
     device = _without(model.acting(x), "sensor", "force", "friction")
-    return as_read(device, seen, -_forces(device, seen, still, still, band)[:, 0])
+    return -_forces(device, seen, still, still, band)[:, 0]
 
 
 def as_read(device: Device, e: Experiment, force: Floats) -> Floats:
