@@ -1,6 +1,6 @@
 """Real recordings: the physics that their publishers found, found again.
 
-The whole diagnosis of the haptic paddle takes minutes: its page (docs/machines) is made by a command.
+The haptic paddle takes minutes: its page (docs/machines) is made by a command.
 """
 
 from dataclasses import replace
