@@ -19,7 +19,6 @@ from zwidth.diagnosis.answer.verdict import Left
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.fitting.descend import descend
 from zwidth.diagnosis.fitting.fit import Problem
-from zwidth.diagnosis.intake.gate import Suspicion
 from zwidth.diagnosis.mishaps import Mishaps, collecting, isolated, silent
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import choose_observer
@@ -186,13 +185,12 @@ def test_an_error_after_the_search_costs_its_stage_alone(
 
 
 def test_an_upper_bound_that_fails_costs_that_one(short: pytest.MonkeyPatch):
-    """Mutation: the stage of `screen` not given, or all bounds inside one `isolated` only."""
+    """Whichever stage meets it first says it. Mutation: all bounds inside one `isolated` only."""
     alone = unnamed(searched())
     short.setattr(zwidth.diagnosis.diagnose, "searched", lambda *_: alone)
     short.setattr(Model, "with_effect", _failing_with("dead_band", Model.with_effect))
-    short.setattr("zwidth.diagnosis.intake.take_in.suspicion", lambda *_: Suspicion())  # no search
     answer = diagnose(MASS, [recorded()])
-    assert {(m.stage, m.what) for m in answer.errors} == {("limits", "dead_band@command")}
+    assert {m.what for m in answer.errors} == {"dead_band@command"}
     assert "coulomb_friction@m1" in answer.upper_bounds
     assert "dead_band@command" not in answer.upper_bounds
 
