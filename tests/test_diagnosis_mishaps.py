@@ -28,7 +28,7 @@ from zwidth.diagnosis.selection.effort import NORMAL, QUICK
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
 from zwidth.diagnosis.selection.moves import Move, added
 from zwidth.diagnosis.selection.search import Moves, Search, fitted, search
-from zwidth.diagnosis.selection.searched import Searched, as_found, unnamed
+from zwidth.diagnosis.selection.searched import Searched, as_found
 from zwidth.planning.excitations import Scale, excitation
 from zwidth.planning.rehearsal import Noise, rehearse
 from zwidth.sim.chain import make_chain
@@ -182,17 +182,6 @@ def test_an_error_after_the_search_costs_its_stage_alone(
     written = found.as_json()["errors"][0]
     assert written["stage"] == stage
     assert written["error"].startswith("Bug: shapes")
-
-
-def test_an_upper_bound_that_fails_costs_that_one(short: pytest.MonkeyPatch):
-    """Whichever stage meets it first says it. Mutation: all bounds inside one `isolated` only."""
-    alone = unnamed(searched())
-    short.setattr(zwidth.diagnosis.diagnose, "searched", lambda *_: alone)
-    short.setattr(Model, "with_effect", _failing_with("dead_band", Model.with_effect))
-    answer = diagnose(MASS, [recorded()])
-    assert {m.what for m in answer.errors} == {"dead_band@command"}
-    assert "coulomb_friction@m1" in answer.upper_bounds
-    assert "dead_band@command" not in answer.upper_bounds
 
 
 def _failing_with(name: str, real: Callable[..., Model]) -> Callable[..., Model]:
