@@ -19,6 +19,7 @@ from zwidth.diagnosis.answer.verdict import Left
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.fitting.descend import descend
 from zwidth.diagnosis.fitting.fit import Problem
+from zwidth.diagnosis.intake.gate import Suspicion
 from zwidth.diagnosis.mishaps import Mishaps, collecting, isolated, silent
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import choose_observer
@@ -28,7 +29,7 @@ from zwidth.diagnosis.selection.effort import NORMAL, QUICK
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
 from zwidth.diagnosis.selection.moves import Move, added
 from zwidth.diagnosis.selection.search import Moves, Search, fitted, search
-from zwidth.diagnosis.selection.searched import Searched, as_found
+from zwidth.diagnosis.selection.searched import Searched, as_found, unnamed
 from zwidth.planning.excitations import Scale, excitation
 from zwidth.planning.rehearsal import Noise, rehearse
 from zwidth.sim.chain import make_chain
@@ -182,6 +183,23 @@ def test_an_error_after_the_search_costs_its_stage_alone(
     written = found.as_json()["errors"][0]
     assert written["stage"] == stage
     assert written["error"].startswith("Bug: shapes")
+
+
+def test_an_upper_bound_that_fails_costs_that_one(short: pytest.MonkeyPatch):
+    """Whichever stage meets it first says it. Mutation: all bounds inside one `isolated` only."""
+    alone = unnamed(searched())
+    short.setattr(zwidth.diagnosis.diagnose, "searched", lambda *_: alone)
+    short.setattr(Model, "with_effect", _failing_with("dead_band", Model.with_effect))
+    at = zwidth.diagnosis.answer.answered
+    short.setattr(at, "named_only_whole", lambda *_: False)
+    short.setattr(at, "farther", lambda _, found, *__: found)
+    short.setattr(at, "next_believed", lambda _: ())
+    short.setattr(at, "changing", lambda _, found, taken, __: (found, taken, ()))
+    short.setattr("zwidth.diagnosis.intake.take_in.suspicion", lambda *_: Suspicion())  # no search
+    answer = diagnose(MASS, [recorded()])
+    assert {(m.stage, m.what) for m in answer.errors} == {("limits", "dead_band@command")}
+    assert "coulomb_friction@m1" in answer.upper_bounds
+    assert "dead_band@command" not in answer.upper_bounds
 
 
 def _failing_with(name: str, real: Callable[..., Model]) -> Callable[..., Model]:
