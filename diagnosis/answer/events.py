@@ -23,7 +23,7 @@ from zwidth.diagnosis.answer.result import Estimate
 from zwidth.diagnosis.fitting.uncertainty import Z95
 from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.learning.event_force import Happened
-from zwidth.diagnosis.learning.events import FitOn, happenings, with_events
+from zwidth.diagnosis.learning.events import FitOn, happenings, highest, with_events
 from zwidth.diagnosis.mishaps import Say, attempt
 from zwidth.diagnosis.noise.predictor import followed
 from zwidth.diagnosis.noise.steady import NoObserver
@@ -207,12 +207,12 @@ def _searched_anew(
     """Recordings with events known, a search of them, and the events as it sees them."""
     known: tuple[Happened, ...] = ()
     there = taken
+    if attempt("events", "", partial(_named_in_all, device, taken, every, found, say, effort)):
+        return there, found, ()
     for _ in range(TURNS):
         new = attempt("events", "", partial(_happened, taken, every, found))
         if new is None or not _others(taken, found, known, new):
             return there, found, known if new is None else new
-        if not known and _named_in_all(device, taken, every, found, new, say, effort):
-            return there, found, ()
         again = _with(taken, every, new)
         for one in new:
             say(f"something happened at {_seconds(one, every):.3g} s: searching with it known")
@@ -231,7 +231,6 @@ def _named_in_all(
     taken: Taken,
     every: Sequence[Experiment],
     found: Searched,
-    new: Sequence[Happened],
     say: Say,
     effort: Effort,
 ) -> bool:
@@ -243,7 +242,11 @@ def _named_in_all(
     """
     if not taken.whole_unopened:
         return False
-    if all(one.first < taken.fit_on[one.recording].ticks for one in new):
+    try:
+        peak = highest(every, found.tried.best)
+    except NoObserver:
+        return False
+    if peak is None or peak.first < taken.fit_on[peak.recording].ticks:
         return False
     say("something may happen in what was held out: all that was recorded is searched for a name")
     try:

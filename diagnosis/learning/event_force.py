@@ -11,11 +11,17 @@ r the whitened innovations of the window and `size` far more than was seen, so t
 force shows there) has an answer. A slip is one number instead, of a reading or of the force in a
 spring, from its tick on; of several places and kinds the one is taken of which |r|^2, its numbers
 and twice ln(rows) for the time and size of each of its pulses are least.
+
+Its tick is sought by what one number there takes off, to first order: with s the slope of r by the
+number and r0 without it, |r0|^2 - (s'r0)^2 / s's. From the tick where that is least it is fitted,
+and at its neighbours as far as they date it as well or better. Limit: two ticks that both explain
+it, with worse ones between them, are dated as the one that is better to first order.
 """
 
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -136,6 +142,7 @@ class Window:
         self.forces = self.seen.external(self.ready.coarse.dof, own)
         self.memory, self.full = memory_at(self.ready, self.seen, device, self.observer.gain)
         self._through(slice(0, self.begins), self.forces, self.seen.measured, self.memory)
+        self.unknown = self.white(None, np.zeros(0))
 
     def white(self, force: Floats | None, row: Floats, shift: Floats | None = None) -> Floats:
         """Return the whitened innovations of the window under a force (window,) along a row.
@@ -177,10 +184,12 @@ class Window:
         return self.ready.coarse.dof
 
 
-def fitted_event(h: Hypothesis, recording: int, pulses: Sequence[Pulse]) -> Happened:
+def fitted_event(
+    h: Hypothesis, recording: int, pulses: Sequence[Pulse], source: Source | None = None
+) -> Happened:
     """Return an event of some pulses in a recording, as the cheapest description of it has it.
 
-    h: judged on recordings that know of all others.
+    h: judged on recordings that know of all others. source: where it enters, None for anywhere.
     """
     ticks = h.experiments[recording].ticks
     shapes = sorted({shape for pulse in pulses for shape in pulse.shapes})
@@ -191,10 +200,13 @@ def fitted_event(h: Hypothesis, recording: int, pulses: Sequence[Pulse]) -> Happ
         basis[t - first : t - first + len(values), column] = values
     window = Window(h, recording, first, last)
     wide = inflation(h.residual[: h.samples])
-    tried = [
-        *_forces(window, recording, first, last, basis, len(pulses), wide),
-        *_slips(window, recording, first, min(last, first + POINT), h, wide),
-    ]
+    tried: list[_Tried] = []
+    for there in [source] if source is not None else _sources(window, h):
+        if there.lasting:
+            slip = _slip(window, recording, first, min(last, first + POINT), there, wide)
+            tried += [] if slip is None else [slip]
+        else:
+            tried.append(_force(window, recording, first, basis, len(pulses), there, wide))
     best = min(tried, key=lambda one: one.cost)
     as_good = [
         t.happened.source.place
@@ -207,78 +219,111 @@ def fitted_event(h: Hypothesis, recording: int, pulses: Sequence[Pulse]) -> Happ
     return replace(best.happened, elsewhere=elsewhere, pulses=tuple(pulses))
 
 
-def _forces(
-    window: Window, recording: int, first: int, last: int, basis: Floats, pulses: int, wide: float
-) -> Iterator[_Tried]:
-    """A force of a shape (last - first, k) at every mass and link."""
-    whole = np.zeros((window.ends - window.begins, basis.shape[1]))
-    whole[first - window.begins : last - window.begins] = basis
-    count = basis.shape[1]
-    for place in masses_and_links(window.masses):
-        row = place.row(window.dof)
-
-        def white(f: Floats, row: Floats = row) -> Floats:
-            return window.white(whole @ f, row)
-
-        found, covariance, chi2, gained = _solved(white, count)
-        happened = Happened(
-            recording, Source(str(place)), first, last, basis @ found,
-            wide * basis @ covariance @ basis.T, gained / wide - count, (first, last),
-        )  # fmt: skip
-        # What a pulse is by itself is its time and size; the rest of its ticks fit noise as well.
-        yield _Tried(happened, chi2 / wide + count + 2.0 * pulses * math.log(window.rows))
-
-
-def _slips(
-    window: Window, recording: int, first: int, last: int, h: Hypothesis, wide: float
-) -> Iterator[_Tried]:
-    """What sets in at one tick for good: of each reading, and of each spring."""
-    ticks, begins = window.ends - window.begins, window.begins
-    outputs = window.seen.outputs
-    sources: list[tuple[Source, Floats]] = [
-        (Source(o.name, sensor=i, lasting=True), np.eye(len(outputs))[i])
-        for i, o in enumerate(outputs)
-        if o.quantity == "position"
-    ]
+def _sources(window: Window, h: Hypothesis) -> Iterator[Source]:
+    """Where an event may enter: a force at every mass and link, a slip of readings and springs."""
+    places = masses_and_links(window.masses)
+    for place in places:
+        yield Source(str(place))
+    for i, o in enumerate(window.seen.outputs):
+        if o.quantity == "position":
+            yield Source(o.name, sensor=i, lasting=True)
     tied = h.model.build(h.x).chain.ground_spring > 0.0
-    for place in masses_and_links(window.masses):
+    for place in places:
         if place.kind == "link" or (place.index == 0 and tied):
-            sources.append((Source(str(place), lasting=True), place.row(window.dof)))
-    for source, row in sources:
-        costs: dict[int, tuple[float, Floats, Floats, float]] = {}
-        for at in range(max(begins + LEAD // 2, first - ABOUT), min(window.ends - 2, last + ABOUT)):
-            on = (np.arange(ticks) >= at - begins).astype(np.float64)
-
-            def white(
-                f: Floats, on: Floats = on, row: Floats = row, source: Source = source
-            ) -> Floats:
-                if source.sensor is None:
-                    return window.white(f[0] * on, row)
-                return window.white(None, row, f[0] * np.outer(on, row))
-
-            found, covariance, chi2, gained = _solved(white, 1)
-            costs[at] = chi2 / wide, found, covariance, gained
-        if not costs:
-            continue
-        at = min(costs, key=lambda t: costs[t][0])
-        chi2, found, covariance, gained = costs[at]
-        near = [t for t, cost in costs.items() if cost[0] < chi2 + DATED]
-        happened = Happened(
-            recording, source, at, at + 1, found, wide * covariance, gained / wide,
-            (min(near) - 1.0, float(max(near))),
-        )  # fmt: skip
-        yield _Tried(happened, chi2 + 1.0 + 2.0 * math.log(window.rows))
+            yield Source(str(place), lasting=True)
 
 
-def _solved(white: Callable[[Floats], Floats], count: int) -> tuple[Floats, Floats, float, float]:
-    """Return f (k,) of the least squares, its covariance, the chi-square there and what it gained.
+def _force(
+    window: Window,
+    recording: int,
+    first: int,
+    basis: Floats,
+    pulses: int,
+    source: Source,
+    wide: float,
+) -> _Tried:
+    """A force of a shape (ticks, k) from a tick on."""
+    whole = np.zeros((window.ends - window.begins, basis.shape[1]))
+    last = first + basis.shape[0]
+    whole[first - window.begins : last - window.begins] = basis
+    count, row = basis.shape[1], place_at(source.place).row(window.dof)
+
+    def white(f: Floats) -> Floats:
+        return window.white(whole @ f, row)
+
+    found = _solved(white, window.unknown, _units(white, window.unknown, count))
+    happened = Happened(
+        recording, source, first, last, basis @ found.f, wide * basis @ found.covariance @ basis.T,
+        found.gained / wide - count, (first, last),
+    )  # fmt: skip
+    # What a pulse is by itself is its time and size; the rest of its ticks fit noise as well.
+    cost = found.chi2 / wide + count + 2.0 * pulses * math.log(window.rows)
+    return _Tried(happened, cost)
+
+
+def _slip(
+    window: Window, recording: int, first: int, last: int, source: Source, wide: float
+) -> _Tried | None:
+    """What sets in at one tick for good; None where it could not be seen."""
+    begins, outputs = window.begins, len(window.seen.outputs)
+    ticks = range(max(begins + LEAD // 2, first - ABOUT), min(window.ends - 2, last + ABOUT))
+    if not ticks:
+        return None
+    after = np.arange(begins, window.ends)
+    row = np.eye(outputs)[source.sensor] if source.sensor is not None else place_at(
+        source.place).row(window.dof)  # fmt: skip
+
+    def white(f: Floats, at: int) -> Floats:
+        size = f[0] * (after >= at)
+        if source.sensor is None:
+            return window.white(size, row)
+        return window.white(None, row, np.outer(size, row))
+
+    r, unit = window.unknown, np.full(1, 1e-6)
+    taken, units = np.zeros(len(ticks)), list[Floats]()
+    for k, at in enumerate(ticks):
+        unit = _units(partial(white, at=at), r, 1, unit[0])
+        slope = (white(unit, at) - r) / unit[0]
+        taken[k] = float(slope @ r) ** 2 / max(float(slope @ slope), 1e-300)
+        units.append(unit)
+    solved: dict[int, _Solved] = {}
+
+    def chi2(k: int) -> float:
+        if k not in solved:
+            solved[k] = _solved(partial(white, at=ticks[k]), r, units[k])
+        return solved[k].chi2 / wide
+
+    best = int(np.argmax(taken))
+    for way in (1, -1):
+        k = best
+        while 0 <= k + way < len(ticks) and chi2(k + way) < chi2(best) + DATED:
+            k += way
+            best = k if chi2(k) < chi2(best) else best
+    least, at, found = chi2(best), ticks[best], solved[best]
+    near = [ticks[k] for k in solved if chi2(k) < least + DATED]
+    happened = Happened(
+        recording, source, at, at + 1, found.f, wide * found.covariance, found.gained / wide,
+        (min(near) - 1.0, float(max(near))),
+    )  # fmt: skip
+    return _Tried(happened, least + 1.0 + 2.0 * math.log(window.rows))
+
+
+class _Solved(NamedTuple):
+    """f (k,) of the least squares, its covariance, the chi-square there and what it gained."""
+
+    f: Floats
+    covariance: Floats
+    chi2: float
+    gained: float
+
+
+def _solved(white: Callable[[Floats], Floats], unknown: Floats, unit: Floats) -> _Solved:
+    """Return the least squares; unknown: the residual of no force; unit (k,): see `_units`.
 
     Steps are as large as noise hides: what sticks under less moves under them.
     """
-    f = np.zeros(count)
-    r = white(f)
+    count, f, r = unit.size, np.zeros(unit.size), unknown
     start = float(r @ r)
-    unit = _units(white, f, r)
     least, damping = start, 0.0
     size = np.full(count, np.inf)
     slopes = np.zeros((r.size, count))
@@ -303,20 +348,24 @@ def _solved(white: Callable[[Floats], Floats], count: int) -> tuple[Floats, Floa
         if gained < WORTH:
             break
     covariance = np.asarray(np.linalg.inv(slopes.T @ slopes + np.diag(1.0 / size**2)), np.float64)
-    return f, covariance, least, start - least
+    return _Solved(f, covariance, least, start - least)
 
 
-def _units(white: Callable[[Floats], Floats], f: Floats, r: Floats) -> Floats:
-    """By how much each number moves the residual by about one."""
-    unit = np.full(f.size, 1e-6)
-    for j, row in enumerate(np.eye(f.size)):
+def _units(
+    white: Callable[[Floats], Floats], unknown: Floats, count: int, start: float = 1e-6
+) -> Floats:
+    """By how much each number (count,) moves the residual by about one; sought from `start` on."""
+    units = np.zeros(count)
+    unit = start
+    for j, row in enumerate(np.eye(count)):
         for _ in range(3):
-            moved = float(np.linalg.norm(white(f + unit[j] * row) - r))
+            moved = float(np.linalg.norm(white(unit * row) - unknown))
             if moved > 0.0:
                 factor = min(1e6, max(1e-6, 1.0 / moved))
-                unit[j] *= factor
+                unit *= factor
                 if 0.1 < factor < 10.0:
                     break
             else:
-                unit[j] *= 1e3
-    return unit
+                unit *= 1e3
+        units[j] = unit
+    return units

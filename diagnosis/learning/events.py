@@ -129,6 +129,15 @@ def happenings(
     return tuple(sorted(kept, key=lambda one: (one.recording, one.first)))
 
 
+def highest(recordings: Sequence[Experiment], h: Hypothesis) -> Peak | None:
+    """Return the highest peak of all, None where chance reaches it: nothing is fitted yet.
+
+    Raises NoObserver where the recordings cannot be followed.
+    """
+    peak, chance = _searched(_judged(recordings, (), h), (), MOST)
+    return peak if peak is not None and peak.gain > chance.most else None
+
+
 def _agreed(
     recordings: Sequence[Experiment], found: list[Happened], h: Hypothesis, fit_on: FitOn
 ) -> tuple[list[Happened], Hypothesis]:
@@ -137,28 +146,32 @@ def _agreed(
     What is left of an event at parameters that it has bent looks like another.
     """
     before = math.inf
-    for _ in range(TOGETHER):
+    for turn in range(TOGETHER):
         h = settled(judged(fit_on(found), h.model, h.x, h.family), turns=REFITS)
         if before - h.cost.misfit < GAINED:
             break
         before = h.cost.misfit
-        found = _fitted_again(recordings, found, h)
+        found = _fitted_again(recordings, found, h, anywhere=turn < REFITS)
     return found, h
 
 
 def _fitted_again(
-    recordings: Sequence[Experiment], found: Sequence[Happened], h: Hypothesis
+    recordings: Sequence[Experiment], found: Sequence[Happened], h: Hypothesis, anywhere: bool
 ) -> list[Happened]:
     """Each event beside the others, under the noise that is left where all are known.
 
     Noise that knows nothing of an event takes its colour for its own, and fits little of it.
+    anywhere: it may enter elsewhere than it did; under the same noise it does not.
     """
     new = list(found)
-    for _ in range(REFITS):
+    for turn in range(REFITS):
         seen = _judged(recordings, new, h)
         for i, one in enumerate(found):
             others = with_events(recordings, [*new[:i], *new[i + 1 :]])
-            new[i] = fitted_event(replace(seen, experiments=others), one.recording, one.pulses)
+            there = None if anywhere and turn == 0 else new[i].source
+            beside = replace(seen, experiments=others)
+            again = fitted_event(beside, one.recording, one.pulses, there)
+            new[i] = replace(again, elsewhere=new[i].elsewhere) if there is not None else again
     return new
 
 
