@@ -39,7 +39,7 @@ def test_emps_lacks_friction_and_an_offset():
     Mutation that breaks it: no search over a longer horizon (friction of 8 N beside a hysteresis).
     """
     device = Device("EMPS", "", False, make_chain([95.1089], [203.5034]), Interface(period=1e-3))
-    found = diagnose(device, [recording("emps", device, 30.0)], effort=QUICK)
+    found = diagnose(device, [recording("emps", device, 10.0)], effort=QUICK)
     first = found.findings[0]
     assert first.effect in ("coulomb_friction", "directional_friction")
     assert first.at == "m1"
@@ -72,7 +72,7 @@ def test_silverbox_lacks_a_cubic_spring():
     w = 2.0 * np.pi * 68.3
     chain = make_chain([1.0 / w**2], [2.0 * 0.0486 / w], 1.0)
     device = Device("Silverbox", "", False, chain, Interface(period=0.0016384))
-    found = diagnose(device, [recording("silverbox", device, 40.0)], effort=QUICK)
+    found = diagnose(device, [recording("silverbox", device, 15.0)], effort=QUICK)
     first = found.findings[0]
     assert (first.effect, first.at) == ("cubic_stiffness", "ground")
     ratio = first.parameters["coefficient"].value / found.device.chain.ground_spring

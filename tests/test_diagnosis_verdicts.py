@@ -217,15 +217,15 @@ def test_what_shows_in_the_held_out_data_alone_is_named_and_said():
 
     Mutation that breaks it: no second look, after which a force without a name is left.
     """
-    weak = np.where(np.arange(6000) < 4300, 0.25, 1.0)
+    weak = np.where(np.arange(4000) < 2900, 0.25, 1.0)
     truth = phantom().with_physics(make_physics("saturation", "command", limit=0.25))
     random = np.random.default_rng(3)
-    command = weak * noise(duration=6.0, seed=3)
+    command = weak * noise(duration=4.0, seed=3)
     force = FORCE_NOISE * random.standard_normal(command.size)
-    run = simulate(truth, recorded(command), duration=6.0, disturbance=force)
+    run = simulate(truth, recorded(command), duration=4.0, disturbance=force)
     position = run.trace["position_m1"] + ENCODER_NOISE * random.standard_normal(command.size)
     e = Experiment(0.001, command, position[:, None], OUTPUTS)
-    assert np.abs(command[:4200]).max() < 0.25
+    assert np.abs(command[:2800]).max() < 0.25
     found = diagnose(phantom(), [e], effort=BRIEF)
     assert [(f.effect, f.at) for f in found.findings] == [("saturation", "command")]
     assert found.findings[0].parameters["limit"].value == pytest.approx(0.25, rel=0.02)
@@ -236,7 +236,7 @@ def test_what_shows_in_the_held_out_data_alone_is_named_and_said():
     )
     assert found.one_step.after < found.one_step.refit
     first = on_first_part(found.searched)
-    assert [part.ticks for part in first.problem.experiments] == [4200]
+    assert [part.ticks for part in first.problem.experiments] == [2800]
     by, _ = held_out(phantom(), first, [e.split()[1]])
     assert found.one_step.after == pytest.approx(by.after, rel=1e-6)
 
