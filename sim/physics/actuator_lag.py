@@ -1,33 +1,16 @@
 """First-order lag of the amplifier: tau a' = u - a, exact in the propagator (`sim/plant.py`)."""
 
-from collections.abc import Iterator
-
 import numpy as np
 
-from zwidth.sim.physics.effect import Bounds, Effect, Parameter, Scaled, Values
-from zwidth.sim.physics.sizes import Sizes, up_to
+from zwidth.sim.physics.effect import Effect, Parameter, Values
+from zwidth.sim.physics.lasting import Lasting, one_tick
+from zwidth.sim.physics.sizes import Sizes
 from zwidth.sim.place import Place
 
-LONGEST_TICKS = 50.0  # a longer one is another mechanism, and without end it cuts the command off
 LONGEST_DRAWN = 0.05  # s, of which the exam takes a share
 
 
-def _starts(z: Sizes, _: Place) -> Iterator[Scaled]:
-    for ticks in (0.05, 0.3, 1.5, 8.0, 30.0):
-        yield {"time_constant": ticks * z.period}, {"time_constant": ticks * z.period}
-
-
-def _sweep(z: Sizes, _: Place) -> Iterator[Scaled]:
-    for time in up_to(LONGEST_TICKS * z.period):
-        yield {"time_constant": time}, {"time_constant": time}
-
-
-def _bounds(z: Sizes, _: Place) -> Bounds:
-    return {"time_constant": (0.0, LONGEST_TICKS * z.period)}
-
-
-def _natural(z: Sizes, _: Place) -> float:
-    return z.period
+_time = Lasting("time_constant", (0.05, 0.3, 1.5, 8.0, 30.0))
 
 
 def _drawn(_: np.random.Generator, __: Sizes, ___: Place) -> Values:
@@ -61,10 +44,10 @@ actuator_lag = Effect(
     reference="first-order model of the current loop; a lag counts as delay at low frequency",
     lags=True,
     prior=0.1,  # every amplifier and filter lags; most by far less than a tick
-    starts=_starts,
-    sweep=_sweep,
-    bounds=_bounds,
-    natural=_natural,
+    starts=_time.starts,
+    sweep=_time.sweep,
+    bounds=_time.bounds,
+    natural=one_tick,
     drawn=_drawn,
     odds=1.5,
     excludes=("loop_delay",),

@@ -12,43 +12,24 @@ they are neighbours.
 """
 
 import math
-from collections.abc import Iterator
 
 import numpy as np
 
 from zwidth.sim.following import Following, second_order
-from zwidth.sim.physics.effect import Bounds, Effect, Numbers, Parameter, Scaled, Values
-from zwidth.sim.physics.sensor_lag import LONGEST_DRAWN, LONGEST_TICKS
-from zwidth.sim.physics.sizes import Sizes, up_to
+from zwidth.sim.physics.effect import Effect, Numbers, Parameter, Values
+from zwidth.sim.physics.lasting import LONGEST_TICKS, Lasting, one_tick
+from zwidth.sim.physics.sensor_lag import LONGEST_DRAWN
+from zwidth.sim.physics.sizes import Sizes
 from zwidth.sim.place import Place
 
 BESSEL = math.sqrt(3.0) / 2.0
 
 
+_time = Lasting("window", (1.0, 4.0, 16.0, 50.0), longest=2.0 * LONGEST_TICKS, reads=True)
+
+
 def _follows(values: Numbers) -> Following:
     return second_order(values["window"] / math.sqrt(12.0), BESSEL)
-
-
-def _starts(z: Sizes, place: Place) -> Iterator[Scaled]:
-    if place.kind == "velocity" and not z.rates_beside:
-        return
-    for ticks in (1.0, 4.0, 16.0, 50.0):
-        yield {"window": ticks * z.period}, {"window": ticks * z.period}
-
-
-def _sweep(z: Sizes, place: Place) -> Iterator[Scaled]:
-    if place.kind == "velocity" and not z.rates_beside:
-        return
-    for window in up_to(2.0 * LONGEST_TICKS * z.period):
-        yield {"window": window}, {"window": window}
-
-
-def _bounds(z: Sizes, _: Place) -> Bounds:
-    return {"window": (0.0, 2.0 * LONGEST_TICKS * z.period)}
-
-
-def _natural(z: Sizes, _: Place) -> float:
-    return z.period
 
 
 def _drawn(_: np.random.Generator, __: Sizes, ___: Place) -> Values:
@@ -83,10 +64,10 @@ moving_average = Effect(
     follows=_follows,
     prior=0.05,  # a velocity is mostly differenced; where it shows is another matter
     family="reading_filter",
-    starts=_starts,
-    sweep=_sweep,
-    bounds=_bounds,
-    natural=_natural,
+    starts=_time.starts,
+    sweep=_time.sweep,
+    bounds=_time.bounds,
+    natural=one_tick,
     drawn=_drawn,
     odds=0.4,
     excludes=("actuator_lag", "loop_delay"),

@@ -20,22 +20,25 @@ def _starts(z: Sizes, _: Place) -> Iterator[Scaled]:
             yield {"limit": share * z.force}, {"limit": 0.2 * share * z.force}
 
 
-def _sweep(z: Sizes, _: Place) -> Iterator[Scaled]:
+def sweep_of_limit(z: Sizes, _: Place) -> Iterator[Scaled]:
+    """Yield limits that cut more and more of the largest command off."""
     for cut in up_to(0.95):
         limit = (1.0 - cut) * z.peak
         yield {"limit": limit}, {"limit": 0.5 * cut * limit}
 
 
-def _bounds(z: Sizes, _: Place) -> Bounds:
-    """A limit above the largest command does nothing."""
+def bounds_of_limit(z: Sizes, _: Place) -> Bounds:
+    """Return the bounds: a limit above the largest command does nothing."""
     return {"limit": (0.0, z.peak)}
 
 
-def _natural(z: Sizes, _: Place) -> float:
+def natural_of_limit(z: Sizes, _: Place) -> float:
+    """Return the largest command."""
     return z.peak
 
 
-def _drawn(_: np.random.Generator, z: Sizes, __: Place) -> Values:
+def drawn_of_limit(_: np.random.Generator, z: Sizes, __: Place) -> Values:
+    """Return a limit that is met at times."""
     return {"limit": 0.95 * z.peak}
 
 
@@ -72,10 +75,10 @@ saturation = Effect(
     creased=True,
     weakens=True,
     starts=_starts,
-    sweep=_sweep,
-    bounds=_bounds,
-    natural=_natural,
-    drawn=_drawn,
+    sweep=sweep_of_limit,
+    bounds=bounds_of_limit,
+    natural=natural_of_limit,
+    drawn=drawn_of_limit,
     odds=2.0,
     at_share=_at_share,
 )

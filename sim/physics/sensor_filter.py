@@ -11,11 +11,13 @@ import numpy as np
 
 from zwidth.sim.following import Following, second_order
 from zwidth.sim.physics.effect import Bounds, Effect, Numbers, Parameter, Scaled, Values
-from zwidth.sim.physics.sensor_lag import LONGEST_DRAWN, LONGEST_TICKS
-from zwidth.sim.physics.sizes import Sizes, up_to
+from zwidth.sim.physics.lasting import Lasting, one_tick
+from zwidth.sim.physics.sensor_lag import LONGEST_DRAWN
+from zwidth.sim.physics.sizes import Sizes
 from zwidth.sim.place import Place
 
 BUTTERWORTH = math.sqrt(0.5)
+_time = Lasting("time_constant", (0.5, 2.0, 10.0, 30.0), reads=True)
 DAMPINGS = (0.3, 2.0)  # of filters that are built: beyond, one rings, or is two of first order
 
 
@@ -23,33 +25,21 @@ def _follows(values: Numbers) -> Following:
     return second_order(values["time_constant"], values["damping"])
 
 
-def _start(time: float) -> Scaled:
-    return (
-        {"time_constant": time, "damping": BUTTERWORTH},
-        {"time_constant": time, "damping": 0.3 * BUTTERWORTH},
-    )
+def _damped(of_time: Iterator[Scaled]) -> Iterator[Scaled]:
+    for values, steps in of_time:
+        yield {**values, "damping": BUTTERWORTH}, {**steps, "damping": 0.3 * BUTTERWORTH}
 
 
 def _starts(z: Sizes, place: Place) -> Iterator[Scaled]:
-    if place.kind == "velocity" and not z.rates_beside:
-        return
-    for ticks in (0.5, 2.0, 10.0, 30.0):
-        yield _start(ticks * z.period)
+    return _damped(_time.starts(z, place))
 
 
 def _sweep(z: Sizes, place: Place) -> Iterator[Scaled]:
-    if place.kind == "velocity" and not z.rates_beside:
-        return
-    for time in up_to(LONGEST_TICKS * z.period):
-        yield _start(time)
+    return _damped(_time.sweep(z, place))
 
 
-def _bounds(z: Sizes, _: Place) -> Bounds:
-    return {"time_constant": (0.0, LONGEST_TICKS * z.period), "damping": DAMPINGS}
-
-
-def _natural(z: Sizes, _: Place) -> float:
-    return z.period
+def _bounds(z: Sizes, place: Place) -> Bounds:
+    return {**_time.bounds(z, place), "damping": DAMPINGS}
 
 
 def _drawn(_: np.random.Generator, __: Sizes, ___: Place) -> Values:
@@ -100,7 +90,7 @@ sensor_filter = Effect(
     starts=_starts,
     sweep=_sweep,
     bounds=_bounds,
-    natural=_natural,
+    natural=one_tick,
     drawn=_drawn,
     odds=0.4,
     excludes=("actuator_lag", "loop_delay"),

@@ -5,43 +5,22 @@ played the motion of a linear device lags alike by its amplifier (`actuator_lag`
 another reading, or a force that follows the motion (friction) tells the two apart.
 """
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from zwidth.sim.following import Following, first_order
-from zwidth.sim.physics.effect import Bounds, Effect, Numbers, Parameter, Scaled, Values
-from zwidth.sim.physics.sizes import Sizes, up_to
+from zwidth.sim.physics.effect import Effect, Numbers, Parameter, Values
+from zwidth.sim.physics.lasting import Lasting, one_tick
+from zwidth.sim.physics.sizes import Sizes
 from zwidth.sim.place import Place
 
-LONGEST_TICKS = 50.0  # a longer one is another mechanism
 LONGEST_DRAWN = 0.03  # s, of which the exam takes a share
+
+
+_time = Lasting("time_constant", (0.3, 1.5, 8.0, 30.0), reads=True)
 
 
 def _follows(values: Numbers) -> Following:
     return first_order(values["time_constant"])
-
-
-def _starts(z: Sizes, place: Place) -> Iterator[Scaled]:
-    if place.kind == "velocity" and not z.rates_beside:
-        return
-    for ticks in (0.3, 1.5, 8.0, 30.0):
-        yield {"time_constant": ticks * z.period}, {"time_constant": ticks * z.period}
-
-
-def _sweep(z: Sizes, place: Place) -> Iterator[Scaled]:
-    if place.kind == "velocity" and not z.rates_beside:
-        return
-    for time in up_to(LONGEST_TICKS * z.period):
-        yield {"time_constant": time}, {"time_constant": time}
-
-
-def _bounds(z: Sizes, _: Place) -> Bounds:
-    return {"time_constant": (0.0, LONGEST_TICKS * z.period)}
-
-
-def _natural(z: Sizes, _: Place) -> float:
-    return z.period
 
 
 def _drawn(_: np.random.Generator, __: Sizes, ___: Place) -> Values:
@@ -76,10 +55,10 @@ sensor_lag = Effect(
     follows=_follows,
     prior=0.03,  # a filter of readings is mostly written in the data sheet, or in the log's name
     family="reading_filter",
-    starts=_starts,
-    sweep=_sweep,
-    bounds=_bounds,
-    natural=_natural,
+    starts=_time.starts,
+    sweep=_time.sweep,
+    bounds=_time.bounds,
+    natural=one_tick,
     drawn=_drawn,
     odds=0.7,
     excludes=("actuator_lag", "loop_delay"),

@@ -12,38 +12,23 @@ Limits: the command is the one held, ahead of an `actuator_lag`. The force is he
 import math
 from collections.abc import Iterator
 
-import numpy as np
-
 from zwidth.sim.jit import part
 from zwidth.sim.lane_type import greatest, least
-from zwidth.sim.physics.effect import Bounds, Effect, Parameter, Scaled, Values
+from zwidth.sim.physics.effect import Effect, Parameter, Scaled
 from zwidth.sim.physics.position_servo import asked
-from zwidth.sim.physics.sizes import Sizes, up_to
+from zwidth.sim.physics.saturation import (
+    bounds_of_limit,
+    drawn_of_limit,
+    natural_of_limit,
+    sweep_of_limit,
+)
+from zwidth.sim.physics.sizes import Sizes
 from zwidth.sim.place import Place
 
 
 def _starts(z: Sizes, _: Place) -> Iterator[Scaled]:
     for share in (0.9, 0.7, 0.5, 0.3, 0.15, 0.07):
         yield {"limit": share * z.peak}, {"limit": 0.2 * share * z.peak}
-
-
-def _sweep(z: Sizes, _: Place) -> Iterator[Scaled]:
-    for cut in up_to(0.95):
-        limit = (1.0 - cut) * z.peak
-        yield {"limit": limit}, {"limit": 0.5 * cut * limit}
-
-
-def _bounds(z: Sizes, _: Place) -> Bounds:
-    """A limit above the most that is asked does nothing."""
-    return {"limit": (0.0, z.peak)}
-
-
-def _natural(z: Sizes, _: Place) -> float:
-    return z.peak
-
-
-def _drawn(_: np.random.Generator, z: Sizes, __: Place) -> Values:
-    return {"limit": 0.95 * z.peak}
 
 
 servo_limit = Effect(
@@ -76,10 +61,10 @@ servo_limit = Effect(
     prior=0.3,  # every servo has one, and a step of its goal goes there
     creased=True,
     starts=_starts,
-    sweep=_sweep,
-    bounds=_bounds,
-    natural=_natural,
-    drawn=_drawn,
+    sweep=sweep_of_limit,
+    bounds=bounds_of_limit,
+    natural=natural_of_limit,
+    drawn=drawn_of_limit,
 )
 
 
