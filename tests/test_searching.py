@@ -19,7 +19,7 @@ from zwidth.diagnosis.selection import search as searching
 from zwidth.diagnosis.selection.effort import NORMAL, QUICK, Effort
 from zwidth.diagnosis.selection.evidence import ALPHA
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, gains, judged, settled
-from zwidth.diagnosis.selection.moves import Move, Proposal, merged, removed, replaced
+from zwidth.diagnosis.selection.moves import Move, Proposal, merged, removed, replaced, simpler
 from zwidth.diagnosis.selection.search import Moves, Search, _exchanged, look_for_valleys, search
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
@@ -337,3 +337,26 @@ def test_from_another_valley_all_is_tried_anew(
     look_for_valleys(found, always=True)
     assert found.best is other
     assert not found.grown | found.exchanged
+
+
+def test_a_richer_law_gives_way_to_a_simpler_one_beside_another() -> None:
+    """Dry friction beside a drag, which friction that falls with speed had taken the place of.
+
+    Mutation that breaks it: what has a simpler law is only held against the richer one.
+    """
+    truth = drive().with_physics(
+        make_physics("coulomb_friction", "m2", level=0.02),
+        make_physics("quadratic_drag", "m2", coefficient=1e-4),
+    )
+    rubbed = [recording(truth, 3000, 1)]
+    drag = make_physics("quadratic_drag", "m2", coefficient=1e-5), {"coefficient": 1e-5}
+    moves = replace(only(drag), exchanging=(simpler,))
+    found = search(drive(), rubbed, replace(QUICK, rounds=0), moves=moves)
+    falling = make_physics("stribeck_friction", "m2", level=0.02, static_level=0.03, velocity=1.0)
+    scales = {"level": 0.02, "static_level": 0.02, "velocity": 1.0}
+    model = Model(drive()).with_effect(falling, scales)
+    found.best = found.keep(
+        settled(judged(rubbed, model, np.append(found.plain.x, np.zeros(3))), turns=2)
+    )
+    _exchanged(found)
+    assert found.best.labels == {"coulomb_friction@m2", "quadratic_drag@m2"}

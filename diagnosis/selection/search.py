@@ -265,6 +265,7 @@ def _exchanged(found: Search) -> None:
                 n for n in new if n.has_valleys and len(n.model.effects) == len(h.model.effects)
             ]
             new += [n for n in (_grown_on(found, [one]) for one in less) if n is not None]
+        new += _unfolded(found, h, new)
         for i in range(len(h.model.effects)):
             new += _tried(found, found.moves.replacing(i), effort.beside)
         # An effect must be believed over its absence, not only cost less.
@@ -274,6 +275,25 @@ def _exchanged(found: Search) -> None:
             return
         found.best = min(idle or better, key=lambda n: n.cost.total)
         found.say(f"rather: {found.best.model.label}")
+
+
+def _unfolded(found: Search, h: Hypothesis, new: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Of what has a simpler law in the place of a richer one, what one effect more makes of it.
+
+    A law with more numbers takes the place of two that act together as soon as it explains more
+    than one of them alone: friction that falls with speed that of dry friction beside a drag.
+    """
+    found_more: list[Hypothesis] = []
+    for n in new:
+        as_many = len(n.model.effects) == len(h.model.effects)
+        if not as_many or n.x.size >= h.x.size or n.labels in found.grown:
+            continue
+        if len(n.model.effects) >= found.effort.effects:
+            continue
+        found.grown.add(n.labels)
+        asked = [p for move in found.moves.adding for p in _proposed(move, n, found.effort)]
+        found_more += fitted(found, asked, found.effort.ended)
+    return found_more
 
 
 def _worth(more: Hypothesis, less: Hypothesis) -> bool:
