@@ -108,18 +108,19 @@ def physical(model: Model, x: Floats) -> tuple[Floats, Floats]:
 
 
 def _physical(model: Model, p: Parameter, x: float) -> tuple[float, float]:
+    nominal = _nominal(model, p)
+    return p.value(nominal, x), p.slope(nominal, x)
+
+
+def _nominal(model: Model, p: Parameter) -> float:
     chain = model.nominal.chain
     if p.kind == "effect":
-        return model.effects[p.index].values[p.key] + p.scale * x, p.scale
-    if p.kind in ("damper", "link"):
-        own = chain.ground_dampers if p.kind == "damper" else chain.link_dampers
-        return float(own[p.index]) + p.scale * x, p.scale
+        return model.effects[p.index].values[p.key]
     if p.kind == "k0":
-        nominal = chain.ground_spring
-    else:
-        nominal = float((chain.masses if p.kind == "mass" else chain.link_springs)[p.index])
-    value = nominal * float(np.exp(p.scale * x))
-    return value, p.scale * value
+        return chain.ground_spring
+    arrays = {"mass": chain.masses, "spring": chain.link_springs,
+              "damper": chain.ground_dampers, "link": chain.link_dampers}  # fmt: skip
+    return float(arrays[p.kind][p.index])
 
 
 def run(task: Task) -> list[Quick]:

@@ -200,14 +200,11 @@ def _fit(e: Experiment, model: Model, start: Floats) -> Hypothesis | None:
 def _x_of(model: Model, values: Floats) -> Floats:
     """The x at which the reported parameters have values."""
     x, place = np.zeros(len(model.parameters)), 0
-    at_zero, slopes = physical(model, x)
+    at_zero, _ = physical(model, x)
     for i, p in enumerate(model.parameters):
         if p.kind in NUISANCE:
             continue
-        if p.kind in ("mass", "spring", "k0"):
-            x[i] = math.log(max(values[place], 1e-12) / at_zero[place]) / p.scale
-        else:
-            x[i] = (values[place] - at_zero[place]) / slopes[place]
+        x[i] = p.x_of(float(at_zero[place]), float(values[place]))
         place += 1
     return model.within(x)
 

@@ -160,10 +160,10 @@ def linear(
     for j, p in enumerate(linear_parameters(device)):
         if p.kind == "jitter" and all(first_velocity(e) is None for e in experiments):
             continue
-        value, error = fitted[p.name], Z95 * p.scale * float(spread[j])
-        half = error if p.kind in ("damper", "link", "origin", "jitter") else abs(value) * error
+        own, value = nominal[p.name], fitted[p.name]
+        half = Z95 * abs(p.slope(own, float(final.x[j]))) * float(spread[j])
         unit = UNITS[p.kind][0 if device.rotary else 1]
-        result[p.name] = (nominal[p.name], Estimate(value, value - half, value + half, unit))
+        result[p.name] = (own, Estimate(value, value - half, value + half, unit))
     return result
 
 
@@ -175,7 +175,12 @@ def upper_bounds(found: Searched) -> dict[str, dict[str, float]]:
     base = off(fitted.residual)
     wide = np.sqrt(inflation(fitted.white))
     bounds: dict[str, dict[str, float]] = {}
-    for one in screen(problem, fitted, candidates(built, problem.experiments), "limits"):
+    for one in screen(
+        problem,
+        fitted,
+        candidates(built, problem.experiments, fitted.model.reads(fitted.x).gain),
+        "limits",
+    ):
         effect = one.start.physics.effect
         name, size = effect.strength, float(np.linalg.norm(one.signature))
         if name is None or not effect.magnitudes or size == 0.0:

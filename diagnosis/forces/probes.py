@@ -118,7 +118,8 @@ def _stops(problem: Problem, final: Fitted) -> Iterator[Probe]:
         return
     sets = {(i,) for i in named} | {tuple(named)}
     q = np.concatenate([x[SETTLING:, 0] for x in predicted_states(problem, final)])
-    force = sizes_of(final.model.build(final.x), problem.experiments).force
+    gain = final.model.reads(final.x).gain
+    force = sizes_of(final.model.build(final.x), problem.experiments, gain).force
     for gone in sorted(sets):
         for share in MET:
             for side in (-1.0, 1.0):

@@ -265,7 +265,8 @@ def _fitted(
 
     x: where its other parameters begin, those of the hypothesis without.
     """
-    sizes = sizes_of(base.model.build(base.x), base.experiments)
+    gain = base.model.reads(base.x).gain
+    sizes = sizes_of(base.model.build(base.x), base.experiments, gain)
     scale = SHARE * sizes.force
     count = len(points_of(law.values))
     scales = dict.fromkeys(FORCE[int(is_odd(law)) : count], scale)

@@ -1,13 +1,17 @@
 """The numbers that a fit may change: the device's linear parameters, and those of effects.
 
-Every parameter is value = nominal + scale x (dampers, effects) or nominal exp(scale x) (masses,
-springs, gain), so that x is of order one. The linear ones carry a Gaussian prior of one scale,
-which the device file states (`Uncertainty`): what the recording does not tell stays near the
-nominal device instead of running away. The gain of the command is free only where the file says how
-uncertain that is, since motion alone cannot tell it from masses, springs, dampers and forces all
-at once.
+Every parameter is value = nominal + scale x (effects), nominal exp(scale x) (masses, springs, gain)
+or nominal + scale sinh(x) (dampers), so that x is of order one. The linear ones carry a Gaussian
+prior of one scale, which the device file states (`Uncertainty`): what the recording does not tell
+stays near the nominal device instead of running away. A damper may be zero, and is guessed more
+often than measured: near the file's value sinh(x) is x, and far from it a factor of ten costs as
+much whether it is the first or the second, as of a mass. Were it linear there too, twenty times the
+damper would cost 1400, and any drag of the library less. The gain of the command is free only where
+the file says how uncertain that is, since motion alone cannot tell it from masses, springs, dampers
+and forces all at once.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -32,8 +36,11 @@ ORIGIN_SCALE = 0.1  # of the rms motion: where a spring to ground is at rest
 # 2/5 of the mass met one at three scales, and the rest of the mass was named a mode, with a delay
 # and a ripple beside it; at five, friction on both carts is.
 FARTHEST = 5.0
+FARTHEST_DAMPER = 9.0  # asinh of how many scales a damper may move: 4000
 DAMPER_FLOOR = 0.1  # of the mean damper: what a damper of nearly zero may change by
 
+FACTORED = ("mass", "spring", "k0", "gain")
+BENT = ("damper", "link")
 MARGIN = 1e-9  # of x, by which a start keeps off a bound
 
 
@@ -57,6 +64,27 @@ class Parameter:
     prior: bool = True
     key: str = ""
     ends: tuple[str, ...] = ()
+
+    def value(self, nominal: float, x: float) -> float:
+        """Return the value at its x of what is `nominal` at zero: of a chain's or an effect's."""
+        if self.kind in FACTORED:
+            return nominal * float(np.exp(self.scale * x))
+        if self.kind in BENT:
+            return nominal + self.scale * float(np.sinh(x))
+        return nominal + self.scale * x
+
+    def slope(self, nominal: float, x: float) -> float:
+        """Return the slope of `value` by x."""
+        if self.kind in FACTORED:
+            return self.scale * self.value(nominal, x)
+        return self.scale * (float(np.cosh(x)) if self.kind in BENT else 1.0)
+
+    def x_of(self, nominal: float, value: float) -> float:
+        """Return the x of a value; of a factor that is none, of one of 1e-12."""
+        if self.kind in FACTORED:
+            return math.log(max(value / nominal, 1e-12)) / self.scale
+        moved = (value - nominal) / self.scale
+        return math.asinh(moved) if self.kind in BENT else moved
 
 
 @dataclass(frozen=True)
@@ -145,13 +173,13 @@ class Model:
 
     def size_of(self, index: int, x: Floats) -> float:
         """Return by how much of its own x a parameter is nothing, or e times as much."""
-        p = self.parameters[index]
+        p, own = self.parameters[index], float(x[index])
         if p.kind == "effect":
-            return abs(self.effects[p.index].values[p.key] / p.scale + float(x[index]))
-        if p.kind in ("damper", "link"):
-            arrays = self.nominal.chain
-            own = arrays.ground_dampers if p.kind == "damper" else arrays.link_dampers
-            return abs(own[p.index] / p.scale + float(x[index]))
+            return abs(self.effects[p.index].values[p.key] / p.scale + own)
+        if p.kind in BENT:
+            chain = self.nominal.chain
+            of = (chain.ground_dampers if p.kind == "damper" else chain.link_dampers)[p.index]
+            return abs(p.value(of, own) / p.slope(of, own))
         return 1.0 / p.scale if p.kind != "origin" else 1.0
 
     def less(self, x: Floats, *gone: int) -> tuple["Model", Floats]:
@@ -197,9 +225,9 @@ class Model:
             elif p.kind == "spring":
                 springs[p.index] *= np.exp(p.scale * xi)
             elif p.kind == "damper":
-                dampers[p.index] += p.scale * xi
+                dampers[p.index] += p.scale * np.sinh(xi)
             elif p.kind == "link":
-                links[p.index] += p.scale * xi
+                links[p.index] += p.scale * np.sinh(xi)
             elif p.kind == "k0":
                 k0 *= float(np.exp(p.scale * xi))
             elif p.kind == "gain":
@@ -238,7 +266,7 @@ class Model:
             if p.kind in factored:
                 factored[p.kind][:, p.index] *= np.exp(p.scale * x)
             elif p.kind in shifted:
-                shifted[p.kind][:, p.index] += p.scale * x
+                shifted[p.kind][:, p.index] += p.scale * np.sinh(x)
             elif p.kind == "effect":
                 names = [q.name for q in self.effects[p.index].effect.parameters]
                 values[p.index][:, names.index(p.key)] += p.scale * x
@@ -432,7 +460,8 @@ def linear_parameters(device: Device) -> list[Parameter]:
     def damper(name: str, kind: str, i: int, value: float) -> Parameter:
         # One that pushes is no damper; a file that has one (a modal fit) says that it is no chain.
         scale = known.dampers * max(abs(value), floor)
-        return Parameter(name, kind, i, scale, -value / scale if value >= 0.0 else -np.inf)
+        lower = -math.asinh(value / scale) if value >= 0.0 else -FARTHEST_DAMPER
+        return Parameter(name, kind, i, scale, lower, FARTHEST_DAMPER)
 
     found = [Parameter(f"m{i + 1}", "mass", i, known.masses, -FARTHEST, FARTHEST) for i in range(n)]
     found += [damper(f"b{i + 1}", "damper", i, chain.ground_dampers[i]) for i in range(n)]

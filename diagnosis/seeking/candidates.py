@@ -61,9 +61,9 @@ class Start:
         return self.scaled(wanted / size) if size > 0.0 and wanted > 0.0 else None
 
 
-def candidates(device: Device, experiments: Sequence[Experiment]) -> list[Start]:
-    """Return all starts for a device and its recordings."""
-    sizes = sizes_of(device, experiments)
+def candidates(device: Device, experiments: Sequence[Experiment], gain: float = 1.0) -> list[Start]:
+    """Return all starts for a device and its recordings; gain: as `sizes_of` takes it."""
+    sizes = sizes_of(device, experiments, gain)
     masses = device.chain.masses.size + len(device.hosts())
     present = {(p.effect.name, p.place.acts_on) for p in device.physics}
     found: list[Start] = []

@@ -15,14 +15,17 @@ Floats = NDArray[np.float64]
 FOLLOWING = 1e-2  # ratio of the observer by which masses that nothing measures are followed
 
 
-def sizes_of(device: Device, experiments: Sequence[Experiment]) -> Sizes:
+def sizes_of(device: Device, experiments: Sequence[Experiment], gain: float = 1.0) -> Sizes:
     """Return the sizes over all recordings: of m1 as measured, of the rest as an observer follows.
+
+    gain: by which the command counts in a model, beyond what the device says: of a drive whose
+    scale is open all forces are as much larger, and the bounds of what may hold a mass still.
 
     Where no observer follows, every mass moves as m1 does, and a link gives way as at rest. What a
     free motion is driven by is what stores its energy: of a swing of any frequency m v^2 / x, v and
     x the rms speed and position, since k x = m omega^2 x.
     """
-    command = np.concatenate([_force(device, e) for e in experiments])
+    command = gain * np.concatenate([_force(device, e) for e in experiments])
     positions: list[Floats] = []
     speeds: list[Floats] = []
     for e in experiments:

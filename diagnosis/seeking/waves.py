@@ -28,7 +28,7 @@ def wave_starts(problem: Problem, fitted: Fitted) -> list[Start]:
     if problem.experiments[0].outputs[0].quantity != "position":
         return []
     device = fitted.model.acting(fitted.x)
-    sizes = sizes_of(device, problem.experiments)
+    sizes = sizes_of(device, problem.experiments, fitted.model.reads(fitted.x).gain)
     followed = predicted_states(problem, fitted) if device.chain.masses.size > 1 else []
     first = predicted(problem, fitted)
     noise = 6.0 * float(problem.observer.deviation[0])

@@ -106,7 +106,7 @@ def added(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
     """Yield the hypothesis with one effect more: those that stand out in one of its views."""
     device = h.model.build(h.x)
     where = open_places(device)
-    sizes = sizes_of(device, h.experiments)
+    sizes = sizes_of(device, h.experiments, h.model.reads(h.x).gain)
     near, far = (starts_at(where, sizes, far) for far in (False, True))
     for seen in _views(h):
         starts: Mapping[str, Sequence[Start]] = near if seen.own else far
@@ -141,7 +141,7 @@ def simpler(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
     """Yield the hypothesis with each effect in turn as one of those that it contains."""
     device = h.model.build(h.x)
     fitted = h.model.effects_at(h.x)
-    sizes = sizes_of(device.bare(), h.experiments)
+    sizes = sizes_of(device.bare(), h.experiments, h.model.reads(h.x).gain)
     for i, physics in enumerate(h.model.effects):
         model, x = h.model.less(h.x, i)
         bare = model.build(x)
@@ -160,7 +160,7 @@ def split(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
     """
     device = h.model.build(h.x)
     fitted = h.model.effects_at(h.x)
-    sizes = sizes_of(device.bare(), h.experiments)
+    sizes = sizes_of(device.bare(), h.experiments, h.model.reads(h.x).gain)
     for i, physics in enumerate(h.model.effects):
         model, x = h.model.less(h.x, i)
         held = [
@@ -184,7 +184,7 @@ def merged(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
     """
     device = h.model.build(h.x)
     fitted = h.model.effects_at(h.x)
-    sizes = sizes_of(device.bare(), h.experiments)
+    sizes = sizes_of(device.bare(), h.experiments, h.model.reads(h.x).gain)
     for i, j in combinations(range(len(fitted)), 2):
         one, other = fitted[i], fitted[j]
         if one.place.acts_on != other.place.acts_on:
@@ -212,7 +212,7 @@ def replaced(index: int) -> Move:
         ground = Landscape(h.problem.experiments, h.problem.observer, model, SCREENING)
         x = descend(ground, x, Effort.first_rounds, any(p.effect.creased for p in model.effects)).x
         seen = view(h.problem, model, x, own=True)
-        sizes = sizes_of(device, h.experiments)
+        sizes = sizes_of(device, h.experiments, h.model.reads(h.x).gain)
         where = open_places(device)
         near, far = (starts_at(where, sizes, far) for far in (False, True))
         starts = _together(
