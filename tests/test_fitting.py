@@ -92,7 +92,7 @@ def test_a_member_that_runs_away_has_infinite_cost_and_its_neighbours_have_their
     ground = Landscape(there.experiments, there.observer, model)
     sound, wild = np.zeros(len(model.parameters)), np.zeros(len(model.parameters))
     names = [p.name for p in model.parameters]
-    wild[names.index("b1")] = -1e6
+    wild[names.index("b1")] = -20.0
     alone, beside = ground.costs([sound]), ground.costs([wild, sound])
     assert beside[0] == np.inf
     assert beside[1] == alone[0]

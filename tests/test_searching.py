@@ -15,14 +15,24 @@ from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.seeking.candidates import Start
+from zwidth.diagnosis.seeking.sizes import sizes_of
 from zwidth.diagnosis.selection import search as searching
 from zwidth.diagnosis.selection.effort import NORMAL, QUICK, Effort
 from zwidth.diagnosis.selection.evidence import ALPHA
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, gains, judged, settled
-from zwidth.diagnosis.selection.moves import Move, Proposal, merged, removed, replaced, simpler
+from zwidth.diagnosis.selection.moves import (
+    Move,
+    Proposal,
+    added,
+    merged,
+    removed,
+    replaced,
+    simpler,
+)
 from zwidth.diagnosis.selection.search import Moves, Search, _exchanged, look_for_valleys, search
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
+from zwidth.sim.uncertainty import Uncertainty
 
 FRICTION = make_physics("coulomb_friction", "m1", level=0.03)
 
@@ -360,3 +370,31 @@ def test_a_richer_law_gives_way_to_a_simpler_one_beside_another() -> None:
     )
     _exchanged(found)
     assert found.best.labels == {"coulomb_friction@m2", "quadratic_drag@m2"}
+
+
+def test_a_damper_that_was_guessed_far_too_small_is_a_damper() -> None:
+    """Thirty times the file's: no drag stands in for it. Mutation that breaks it: BENT = ()."""
+    device = drive()
+    dampers = device.chain.ground_dampers * np.array([30.0, 1.0])
+    truth = device.with_chain(device.chain._replace(ground_dampers=dampers))
+    found = search(device, [recording(truth, 3000, 1)], QUICK)
+    assert found.best.labels == frozenset()
+    b1 = found.best.model.build(found.best.x).chain.ground_dampers[0]
+    assert b1 == pytest.approx(dampers[0], rel=0.05)
+
+
+def test_what_may_hold_a_mass_still_grows_with_what_the_command_counts(
+    rubbed: list[Experiment],
+) -> None:
+    """Mutation that breaks it: bounds of a drive whose scale is open as if it were the file's."""
+    one, twelve = (sizes_of(drive(), rubbed, gain) for gain in (1.0, 12.0))
+    assert (twelve.peak, twelve.force) == pytest.approx((12.0 * one.peak, 12.0 * one.force))
+    uncertain = replace(drive(), uncertainty=Uncertainty(command_scale=1.0))
+    model = Model(uncertain)
+    x = np.zeros(len(model.parameters))
+    x[[p.name for p in model.parameters].index("gain")] = np.log(12.0)
+    h = judged([replace(e, command=e.command / 12.0) for e in rubbed], model, x)
+    first = next(p for p in added(h, QUICK) if [*p.labels] == ["coulomb_friction@m1"])
+    level = first.model.parameters[-1]
+    most = first.model.effects[0].values["level"] + level.scale * level.upper
+    assert most == pytest.approx(one.peak, rel=1e-6)

@@ -1,12 +1,14 @@
 """The numbers that a fit may change: the device's linear parameters, and those of effects.
 
-Every parameter is value = nominal + scale x (effects), nominal exp(scale x) (masses, springs, gain)
-or nominal + scale sinh(x) (dampers), so that x is of order one. The linear ones carry a Gaussian
-prior of one scale, which the device file states (`Uncertainty`): what the recording does not tell
-stays near the nominal device instead of running away. A damper may be zero, and is guessed more
-often than measured: near the file's value sinh(x) is x, and far from it a factor of ten costs as
-much whether it is the first or the second, as of a mass. Were it linear there too, twenty times the
-damper would cost 1400, and any drag of the library less. The gain of the command is free only where
+Every parameter is value = nominal + scale x (effects, dampers of links), nominal exp(scale x)
+(masses, springs, gain) or nominal + scale sinh(x) (dampers to ground), so that x is of order one.
+The linear ones carry a Gaussian prior of one scale, which the device file states (`Uncertainty`):
+what the recording does not tell stays near the nominal device instead of running away. A damper to
+the ground may be zero, and is guessed more often than measured, since bearings and back-EMF are in
+it: near the file's value sinh(x) is x, and far from it another factor of ten costs no more than the
+first did. Were it linear there too, twenty times the damper would cost 1400, and any drag of the
+library less. One of a link stays linear: far larger ones are what play and friction in the link
+look like, and a refit bent so far leads no search back. The gain of the command is free only where
 the file says how uncertain that is, since motion alone cannot tell it from masses, springs, dampers
 and forces all at once.
 """
@@ -36,11 +38,11 @@ ORIGIN_SCALE = 0.1  # of the rms motion: where a spring to ground is at rest
 # 2/5 of the mass met one at three scales, and the rest of the mass was named a mode, with a delay
 # and a ripple beside it; at five, friction on both carts is.
 FARTHEST = 5.0
-FARTHEST_DAMPER = 9.0  # asinh of how many scales a damper may move: 4000
+FARTHEST_DAMPER = 9.0  # asinh of how many scales a damper to ground may move: 4000
 DAMPER_FLOOR = 0.1  # of the mean damper: what a damper of nearly zero may change by
 
 FACTORED = ("mass", "spring", "k0", "gain")
-BENT = ("damper", "link")
+BENT = ("damper",)
 MARGIN = 1e-9  # of x, by which a start keeps off a bound
 
 
@@ -176,7 +178,7 @@ class Model:
         p, own = self.parameters[index], float(x[index])
         if p.kind == "effect":
             return abs(self.effects[p.index].values[p.key] / p.scale + own)
-        if p.kind in BENT:
+        if p.kind in ("damper", "link"):
             chain = self.nominal.chain
             of = (chain.ground_dampers if p.kind == "damper" else chain.link_dampers)[p.index]
             return abs(p.value(of, own) / p.slope(of, own))
@@ -227,7 +229,7 @@ class Model:
             elif p.kind == "damper":
                 dampers[p.index] += p.scale * np.sinh(xi)
             elif p.kind == "link":
-                links[p.index] += p.scale * np.sinh(xi)
+                links[p.index] += p.scale * xi
             elif p.kind == "k0":
                 k0 *= float(np.exp(p.scale * xi))
             elif p.kind == "gain":
@@ -266,7 +268,7 @@ class Model:
             if p.kind in factored:
                 factored[p.kind][:, p.index] *= np.exp(p.scale * x)
             elif p.kind in shifted:
-                shifted[p.kind][:, p.index] += p.scale * np.sinh(x)
+                shifted[p.kind][:, p.index] += p.scale * (np.sinh(x) if p.kind in BENT else x)
             elif p.kind == "effect":
                 names = [q.name for q in self.effects[p.index].effect.parameters]
                 values[p.index][:, names.index(p.key)] += p.scale * x
@@ -460,6 +462,8 @@ def linear_parameters(device: Device) -> list[Parameter]:
     def damper(name: str, kind: str, i: int, value: float) -> Parameter:
         # One that pushes is no damper; a file that has one (a modal fit) says that it is no chain.
         scale = known.dampers * max(abs(value), floor)
+        if kind not in BENT:
+            return Parameter(name, kind, i, scale, -value / scale if value >= 0.0 else -np.inf)
         lower = -math.asinh(value / scale) if value >= 0.0 else -FARTHEST_DAMPER
         return Parameter(name, kind, i, scale, lower, FARTHEST_DAMPER)
 
