@@ -398,3 +398,26 @@ def test_what_may_hold_a_mass_still_grows_with_what_the_command_counts(
     level = first.model.parameters[-1]
     most = first.model.effects[0].values["level"] + level.scale * level.upper
     assert most == pytest.approx(one.peak, rel=1e-6)
+
+
+def test_what_is_removed_may_hand_its_strength_over(rubbed: list[Experiment]) -> None:
+    """Friction of 0.03 N m at the motor, shared with the load in the best of a search.
+
+    Mutation that breaks it: what is removed takes its strength with it.
+    """
+    model = Model(drive())
+    for at, level in (("m1", 0.022), ("m2", 0.008)):
+        model = model.with_effect(
+            make_physics("coulomb_friction", at, level=level), {"level": 0.01}
+        )
+    h = judged(rubbed, model, np.zeros(len(model.parameters)))
+    levels = [
+        [(p.at, p.values["level"]) for p in one.model.effects_at(one.x)]
+        for one in removed(h, NORMAL)
+    ]
+    assert levels == [
+        [("m2", pytest.approx(0.008))],
+        [("m2", pytest.approx(0.03))],
+        [("m1", pytest.approx(0.022))],
+        [("m1", pytest.approx(0.03))],
+    ]

@@ -131,10 +131,27 @@ def stepped(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
 
 
 def removed(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
-    """Yield the hypothesis less each of its effects."""
-    for i in range(len(h.model.effects)):
+    """Yield the hypothesis less each of its effects, its strength gone or with its law elsewhere.
+
+    Friction that two masses share is that of one of them, and a fit over creases ends where it is.
+    """
+    for i, gone in enumerate(h.model.effects_at(h.x)):
         model, x = h.model.less(h.x, i)
-        yield Proposal(h.experiments, model, x, h.family, h.problem, h.ratio, h.prices)
+        for begun in (x, *_handed_over(model, x, gone)):
+            yield Proposal(h.experiments, model, begun, h.family, h.problem, h.ratio, h.prices)
+
+
+def _handed_over(model: Model, x: Floats, gone: Physics) -> Iterator[Floats]:
+    """Yield x with what is gone added to one of the effects of its law."""
+    for i, physics in enumerate(model.effects):
+        if physics.effect is not gone.effect:
+            continue
+        more = x.copy()
+        for j, p in enumerate(model.parameters):
+            own = p.kind == "effect" and p.index == i
+            if own and physics.effect.parameter(p.key).role == "magnitude":
+                more[j] += gone.values[p.key] / p.scale
+        yield model.within(more)
 
 
 def simpler(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
