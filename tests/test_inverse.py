@@ -64,10 +64,13 @@ def test_what_was_split_is_joined_again() -> None:
     )  # fmt: skip
     first, rest = e.split()
     again = rest.joined()
-    assert 0 < first.ticks < n and again.begins == 2.0 and again.before is None
+    assert 0 < first.ticks < n
+    assert again.begins == 2.0
+    assert again.before is None
     for name in ("command", "measured", "dropped", "force", "pushes", *beside):
         assert np.array_equal(getattr(again, name), getattr(e, name)), name
-    assert again.pushed is not None and e.pushed is not None
+    assert again.pushed is not None
+    assert e.pushed is not None
     assert np.array_equal(again.pushed.at_zero, e.pushed.at_zero)
     assert np.array_equal(again.covariates[0].values, e.covariates[0].values)
 
