@@ -185,6 +185,7 @@ def test_a_folder_without_a_table_has_devices_and_dates_in_its_names(tmp_path: P
         ("recording,load\nr.csv,heavy\n", "'load' of 'heavy'; allowed is a finite number"),
         ("recording\nr.csv\nr.csv\n", "twice"),
         ("recording\n", "lists no recording"),
+        ("file,date\nother.csv,2026-01-05\n", "'other.csv', which is not there"),
     ],
 )
 def test_what_is_wrong_with_a_table_is_one_sentence(tmp_path: Path, table: str, said: str):
