@@ -60,9 +60,7 @@ def read(spool: Path, description: Description | None) -> Read:
     except LogEmpty:
         return Read(wanting="no sample has come yet")
     except LogError as error:
-        said = str(error).replace(
-            str(spool), spool.name
-        )  # where the copy stands is nobody's concern
+        said = str(error).replace(str(spool), spool.name)  # it is the log that is spoken of
         if spool.stat().st_size > MUCH:
             raise RecordingError(said) from None
         return Read(wanting=said)
