@@ -300,7 +300,7 @@ def next_sentence(planned: NextExperiment | None) -> str:
     """Say what to record next, "" where nothing is in doubt."""
     if planned is None:
         return ""
-    a, b = (label.replace("@", " at ").replace("_", " ") for label in planned.separates)
+    a, b = (effect_in_words(label).replace("@", " at ") for label in planned.separates)
     sigma = f"{planned.separation_sigma:.3g} sigma"
     words = planned.excitation.replace("_", " ")
     return (
