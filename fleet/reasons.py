@@ -390,6 +390,8 @@ def _other_physics(e: Experiment, question: Question) -> Reason | None:
         tried = search(typical, [e], QUICK)
     except (NoObserver, ValueError):
         return None
+    if tried.interrupted:
+        raise KeyboardInterrupt
     known = set(question.structure.labels)
     new = [label for label in effect_labels(tried.best.model.effects) if label not in known]
     quiet = float(tried.best.noise.observer.deviation[0]) < BADLY * question.noise

@@ -4,13 +4,16 @@ import json
 from dataclasses import replace
 from datetime import UTC, date, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import zwidth.fleet.structure
 from zwidth import cli
 from zwidth.diagnosis.recording.experiment import Experiment, Output
+from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.errors import Status
 from zwidth.exam.fleets import DRY, INERTIA, PER_LOAD, SPRING, Truth, make_fleet, nominal
 from zwidth.figures.fleet import fleet_figure
@@ -23,7 +26,7 @@ from zwidth.fleet.odd import courses, odd_ones
 from zwidth.fleet.quick import Quick, Task, held, names_of, run
 from zwidth.fleet.reading import experiment_of
 from zwidth.fleet.result import Fleet
-from zwidth.fleet.structure import Structure, known_structure, structure_from
+from zwidth.fleet.structure import Structure, known_structure, sought, structure_from
 from zwidth.sim.device_file import device_to_text
 from zwidth.sim.physics import make_physics
 
@@ -140,6 +143,23 @@ def test_a_structure_is_read_as_it_was_written():
     assert list(names_of(again)) == ["m1", "b1", "k0", "coulomb_friction@m1.level"]
     with pytest.raises(ValueError, match="no structure of a fleet"):
         structure_from("{}")
+
+
+def test_ctrl_c_while_a_structure_is_sought_ends_it(
+    made: tuple[Path, Truth], monkeypatch: pytest.MonkeyPatch
+):
+    """A search keeps what it has and returns; the fleet went on. Mutation: `interrupted` unread."""
+    real = zwidth.fleet.structure.search
+
+    def stopped(*asked: Any) -> Any:
+        tried = real(*asked)
+        tried.interrupted = True
+        return tried
+
+    monkeypatch.setattr(zwidth.fleet.structure, "search", stopped)
+    e = experiment_of(listed(made[0])[0].path, nominal(), "one")
+    with pytest.raises(KeyboardInterrupt):
+        sought(nominal(), [e, e], replace(QUICK, rivals=1), lambda _: None)
 
 
 def test_a_reading_may_stand_still_where_the_command_does():
