@@ -47,7 +47,7 @@ from zwidth.fleet.odd import STILL, Odd
 from zwidth.fleet.quick import NUISANCE, estimates, names_of, physical
 from zwidth.fleet.reading import experiment_of
 from zwidth.fleet.structure import Structure
-from zwidth.fleet.switched_off import switched_off
+from zwidth.fleet.switched_off import free_error, switched_off
 from zwidth.sim.readable import with_unit
 
 Floats = NDArray[np.float64]
@@ -134,12 +134,12 @@ def explained(question: Question) -> Reason:
         still = f"the reading of {e.name} stands still while the others move"
         return Reason("stale_sensor", still, math.inf)
     start = _x_of(model, question.expected)
-    if question.odd.fits_badly and (off := _without_drive(e, model, start)) is not None:
+    every = list(_ways(e, question, model, start))
+    if question.odd.fits_badly and (off := _without_drive(e, model, start, every)) is not None:
         return off
     as_is = _fit(e, model, start)
     plain = math.inf if as_is is None else _cost(question, as_is, e.ticks)
     found: list[tuple[float, Reason, Hypothesis | None]] = []
-    every = list(_ways(e, question, model, start))
     asked = 2.0 * math.log(max(1, len(every)))
     # A recording that is read rightly fits where the fleet is: the others need no fit of their own.
     ranked = sorted(every, key=lambda way: _unfitted(way, model, start, e.ticks))
@@ -170,12 +170,15 @@ def explained(question: Question) -> Reason:
     return reason
 
 
-def _without_drive(e: Experiment, model: Model, start: Floats) -> Reason | None:
+def _without_drive(
+    e: Experiment, model: Model, start: Floats, ways: Sequence[_Way]
+) -> Reason | None:
+    """A drive that was off, unless free runs of another reading of the recording err less."""
     try:
         off = switched_off(e, model, start)
     except (NoObserver, ValueError):
         return None
-    if off is None:
+    if off is None or any(free_error(w.experiment, model, start) < off.off for w in ways):
         return None
     sentence = (
         f"the drive of {e.name} gives no force from {off.from_s:.3g} s to {off.to_s:.3g} s, as"

@@ -8,7 +8,8 @@ believed in takes it. So with the parameters that are expected, x, and the drive
 
 on a grid of a twentieth of the recording, then each edge by halves down to a sample. It is believed
 where free runs err half as far with it, and beyond the motion itself without it: a wrong number of
-a device does not do that, and no stretch helps where the drive was on.
+a device does not do that, and no stretch helps where the drive was on. (A command of the wrong sign
+halves as well where it is left out: whoever asks compares with the other ways to read a recording.)
 
 Limits: one stretch, and not the whole (that is a motion which nothing drives). The back-EMF of a
 winding stays, as in a recording whose [enable] says that its drive was off.
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import free_run_errors, window
+from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.hypothesis import judged
 
@@ -40,22 +42,41 @@ class Off(NamedTuple):
     off: float
 
 
-def switched_off(e: Experiment, model: Model, x: Floats) -> Off | None:
-    """Return where the drive gave nothing, None where it always did; raises NoObserver."""
-    noise = judged([e], model, x).noise
-    device, (start,), gain = model.acting(x), noise.starts, noise.observer.gain
-    begun, known = replace(e, start=start), np.ones(e.ticks) if e.strengths is None else e.strengths
+def free_error(e: Experiment, model: Model, x: Floats) -> float:
+    """Return the rms error of free runs over the rms motion, infinite where none is possible."""
+    try:
+        runs = _FreeRuns(e, model, x)
+    except (NoObserver, ValueError):
+        return np.inf
+    off, size = runs.error(0, 0)
+    return off / size if size > 0.0 else np.inf
 
-    def error(first: int, last: int) -> tuple[float, float]:
-        strengths = known.copy()
+
+class _FreeRuns:
+    """Free runs of a recording at x, with the drive off in some of it."""
+
+    def __init__(self, e: Experiment, model: Model, x: Floats) -> None:
+        noise = judged([e], model, x).noise
+        self.model, self.x, self.device = model, x, model.acting(x)
+        self.gain, self.window = noise.observer.gain, window(e)
+        self.begun = replace(e, start=noise.starts[0])
+        self.known = np.ones(e.ticks) if e.strengths is None else e.strengths
+
+    def error(self, first: int, last: int) -> tuple[float, float]:
+        """Return the rms error with the drive off in first <= k < last, and the rms motion."""
+        strengths = self.known.copy()
         strengths[first:last] = 0.0
-        seen = model.seen(replace(begun, strengths=strengths), x)
+        seen = self.model.seen(replace(self.begun, strengths=strengths), self.x)
         with np.errstate(all="ignore"):  # infinite after an overflow
-            errors, motion = free_run_errors(device, seen, gain, window(e))
+            errors, motion = free_run_errors(self.device, seen, self.gain, self.window)
             size = float(np.sqrt(np.mean(motion[:, 0] ** 2))) if motion.size else 0.0
             off = float(np.sqrt(np.mean(errors[:, 0] ** 2))) if size else 0.0
         return (off if np.isfinite(off) else np.inf), size
 
+
+def switched_off(e: Experiment, model: Model, x: Floats) -> Off | None:
+    """Return where the drive gave nothing, None where it always did; raises NoObserver."""
+    error = _FreeRuns(e, model, x).error
     on, size = error(0, 0)
     if not on > LOST * size > 0.0:
         return None

@@ -28,7 +28,7 @@ from zwidth.fleet.quick import Quick, Task, held, names_of, run
 from zwidth.fleet.reading import experiment_of
 from zwidth.fleet.result import Fleet
 from zwidth.fleet.structure import Structure, known_structure, sought, structure_from
-from zwidth.fleet.switched_off import switched_off
+from zwidth.fleet.switched_off import free_error, switched_off
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device_file import device_to_text
 from zwidth.sim.physics import make_physics
@@ -170,6 +170,11 @@ def test_a_drive_that_was_off_for_a_while_is_found(made: tuple[Path, Truth]):
     assert found is not None
     assert (found.from_s, found.to_s) == pytest.approx((2.13, 4.38), abs=0.06)
     assert found.on > 1.0 > 2.0 * found.off
+    inverted = replace(e, command=-np.asarray(run.trace["command"]))  # it drives the other way
+    whole = replace(e, command=np.asarray(run.trace["command"]))
+    left_out = switched_off(inverted, known, np.zeros(len(known.parameters)))
+    sign = free_error(whole, known, np.zeros(len(known.parameters)))
+    assert left_out is None or left_out.off > sign
 
 
 def test_free_runs_that_explain_nothing_are_unlike_the_others():
