@@ -64,7 +64,7 @@ def conceal_outside(
     stands = float(np.linalg.norm(off(_difference(known, seen(trace, rig.device)))))
     if stands < SEEN * stratum.least:
         return None
-    place = "command" if name == "slew_limit" else "link12" if "stiff" in name else "m1"
+    place = "command" if name == "sagging_drive" else "link12" if "stiff" in name else "m1"
     hidden = Hidden(name, place, dict(physics.values), strength, times, stands, stands, {})
     return rig, trace, (hidden,)
 
@@ -90,6 +90,8 @@ def _shape(
             return (float(random.uniform(2.0, 8.0)),)
         case "hum":
             return float(random.uniform(5.0, 80.0)), float(random.uniform(-math.pi, math.pi))
+        case "sagging_drive":
+            return (float(random.uniform(0.05, 0.5)),)
         case "hard_stop":
             stiffness = float(device.chain.masses.sum()) * (2 * math.pi * 15.0) ** 2
             return stiffness, 0.02 * stiffness / (2 * math.pi * 15.0)
@@ -104,15 +106,16 @@ def _strong(name: str, s: float, shape: tuple[float, ...], motion: Motion) -> Ou
     keys = OUTSIDE[name][1]
     if name == "hard_stop":
         values = ((1.0 - s) * motion.farthest, *shape)
-    elif name == "slew_limit":
-        values = ((1.0 - s) * motion.slew,)
+    elif name == "sagging_drive":
+        values = (s / motion.force**2, *shape)
     elif name == "cubic_drag":
         values = (s * motion.force / motion.speed**3,)
     elif name in ("hum", "detent"):
         values = (s * motion.force, *shape)
     else:
         values = (s, *shape)
-    most = 0.9 if name not in ("cubic_drag", "hum", "detent", "warming_dampers") else math.inf
+    unbounded = ("cubic_drag", "hum", "detent", "warming_dampers", "sagging_drive")
+    most = math.inf if name in unbounded else 0.9
     if not 0.0 < s <= most:
         return None
     return Outside(name, dict(zip(keys, values, strict=True)))

@@ -30,7 +30,10 @@ from zwidth.logs.recording_file import load_description
 TABLES = ("fleet.csv", "fleet.toml")
 FILE, DEVICE, DATE = ("recording", "file"), ("device", "unit"), ("date",)
 DATA = (".csv", ".mcap", ".mat", ".h5", ".hdf5", ".npy", ".npz", ".parquet")
-OURS = (".recording.toml", ".device.toml", ".augmented.toml", ".next.toml", ".next.npy")
+OURS = (
+    *(".recording.toml", ".device.toml", ".augmented.toml", ".next.toml", ".next.npy"),
+    ".diagnosis.mcap",
+)
 DATED = re.compile(r"(\d{4}-\d{2}-\d{2})(?:[T_ ](\d{2})[-:]?(\d{2}))?")
 ONLY = "the device"
 
@@ -60,7 +63,7 @@ def is_fleet(path: Path) -> bool:
     with opened(path) as file:
         if path.suffix.lower() == ".csv":
             first = file.readline().decode("utf-8-sig", "replace").strip().lower()
-            return FILE[0] in [cell.strip() for cell in re.split("[,;\t]", first)]
+            return any(cell.strip() in FILE for cell in re.split("[,;\t]", first))
         try:
             top = tomllib.loads(file.read().decode("utf-8-sig"))
         except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError):

@@ -9,7 +9,9 @@ recordings that lie far from it have no part in. A recording is odd in a paramet
 tau what recordings scatter by beside their errors (from their median absolute deviation), t the
 quantile of Student's t that one of all that is asked exceeds by chance with odds of ALPHA. The same
 is asked within each device, about its own median, where it has been recorded three times. A
-recording fits badly where its noise, or the error of its free runs, is as far from the others'.
+recording fits badly where its noise, or the error of its free runs, is as far from the others', and
+where free runs err farther than it moves, and others' do not: then nothing of it is explained, and
+its own parameters, with errors that excuse them, say so the least.
 
 Limits: most of a fleet must be sound. In a device of three recordings one is odd, and of two none.
 """
@@ -24,6 +26,7 @@ from scipy.stats import t as student
 from zwidth.diagnosis.selection.evidence import ALPHA
 from zwidth.fleet.grouping import places_by
 from zwidth.fleet.quick import Quick
+from zwidth.fleet.switched_off import LOST
 
 Floats = NDArray[np.float64]
 BIWEIGHT = 4.685  # deviations beyond which a recording has no weight
@@ -31,11 +34,9 @@ TURNS = 30
 MAD = 1.4826  # of a normal distribution: deviation over median absolute deviation
 ROWS = 5  # recordings a column, at least
 NO_MATTER = 0.01  # of a parameter, by which one that is off is no matter
-NOISE, FREE = (
-    0.15,
-    0.3,
-)  # of ln of noise and of free runs' error, that recordings scatter by at least
+NOISE, FREE = 0.15, 0.3  # of ln of noise and of free runs, that recordings scatter by at least
 HELD = 0.05  # of a recording, for which a sound reading never stands still
+LOST_TIMES = 3.0  # times the others' error, from which it is not the structure that is wrong
 FEWEST = 3  # recordings of a device that are asked about each other
 THEM, OWN, NOISE_OFF, FREE_OFF, STILL = "parameter", "within", "noise", "free run", "still"
 
@@ -166,7 +167,9 @@ def odd_ones(
         off = logs - np.median(logs)
         sigma = off / max(_spread(off), least)
         sigma = np.abs(sigma) if kind == NOISE_OFF else sigma
-        for place in np.flatnonzero(sigma > t).tolist():
+        lost = np.array(sizes) > max(LOST, LOST_TIMES * float(np.median(sizes)))
+        far = (sigma > t) | (lost & (kind == FREE_OFF))
+        for place in np.flatnonzero(far).tolist():
             say(place, kind, "", sigma[place])
     typical = float(np.median([o.held for o in quicks]))
     for place, one in enumerate(quicks):

@@ -14,7 +14,9 @@ were asked. What costs least is said; as recorded, where nothing is cheaper by 2
 Asked are: signs and units of command and output (also as the gate of a diagnosis suspects them
 about the fleet's device), command or reading that comes late, a reading that jumps (a clamp or a
 coupling that slipped), a parameter that changes within the recording, parameters of its own, and,
-where it fits badly whatever is corrected, physics that the others do not have.
+where it fits badly whatever is corrected, physics that the others do not have. Before all, where
+free runs are lost, whether the drive was off for a while (`switched_off`): the next sample, which
+tells all of these, says nothing of that.
 """
 
 import math
@@ -34,7 +36,7 @@ from zwidth.diagnosis.intake.units import ALONG, TURNING
 from zwidth.diagnosis.learning.changing import STEP, varied
 from zwidth.diagnosis.learning.changing import suspected as changing
 from zwidth.diagnosis.model.parameters import Model, effect_labels
-from zwidth.diagnosis.noise.predictor import SETTLING, innovations
+from zwidth.diagnosis.noise.predictor import FREE_RUN_S, SETTLING, innovations
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment, ExperimentError
 from zwidth.diagnosis.selection.effort import QUICK
@@ -45,6 +47,7 @@ from zwidth.fleet.odd import STILL, Odd
 from zwidth.fleet.quick import NUISANCE, estimates, names_of, physical
 from zwidth.fleet.reading import experiment_of
 from zwidth.fleet.structure import Structure
+from zwidth.fleet.switched_off import free_error, switched_off
 from zwidth.sim.readable import with_unit
 
 Floats = NDArray[np.float64]
@@ -58,6 +61,7 @@ FAULTS = {
     "inverted_sign": "a sign is inverted",
     "other_unit": "another unit",
     "swapped": "columns exchanged",
+    "switched_off": "its drive is off for a while",
     "late": "command and reading are of different times",
     "slipped": "a reading jumps",
     "stale_sensor": "a sensor that does not give new readings",
@@ -130,10 +134,12 @@ def explained(question: Question) -> Reason:
         still = f"the reading of {e.name} stands still while the others move"
         return Reason("stale_sensor", still, math.inf)
     start = _x_of(model, question.expected)
+    every = list(_ways(e, question, model, start))
+    if question.odd.fits_badly and (off := _without_drive(e, model, start, every)) is not None:
+        return off
     as_is = _fit(e, model, start)
     plain = math.inf if as_is is None else _cost(question, as_is, e.ticks)
     found: list[tuple[float, Reason, Hypothesis | None]] = []
-    every = list(_ways(e, question, model, start))
     asked = 2.0 * math.log(max(1, len(every)))
     # A recording that is read rightly fits where the fleet is: the others need no fit of their own.
     ranked = sorted(every, key=lambda way: _unfitted(way, model, start, e.ticks))
@@ -162,6 +168,25 @@ def explained(question: Question) -> Reason:
     if cost > plain - SURELY:
         return Reason("unexplained", _unexplained(e, noise, question), 0.0)
     return reason
+
+
+def _without_drive(
+    e: Experiment, model: Model, start: Floats, ways: Sequence[_Way]
+) -> Reason | None:
+    """A drive that was off, unless free runs of another reading of the recording err less."""
+    try:
+        off = switched_off(e, model, start)
+    except (NoObserver, ValueError):
+        return None
+    if off is None or any(free_error(w.experiment, model, start) < off.off for w in ways):
+        return None
+    sentence = (
+        f"the drive of {e.name} gives no force from {off.from_s:.3g} s to {off.to_s:.3g} s, as"
+        f" where it is switched off: free runs err {off.on:.2g} times the motion where it is taken"
+        f" as on, and {off.off:.2g} times where it is not; say so in [enable] of its TOML"
+    )
+    seconds = e.ticks * e.period
+    return Reason("switched_off", sentence, 2.0 * seconds / FREE_RUN_S * math.log(off.on / off.off))
 
 
 def in_words(parameter: str) -> str:
@@ -387,6 +412,8 @@ def _other_physics(e: Experiment, question: Question) -> Reason | None:
         tried = search(typical, [e], QUICK)
     except (NoObserver, ValueError):
         return None
+    if tried.interrupted:
+        raise KeyboardInterrupt
     known = set(question.structure.labels)
     new = [label for label in effect_labels(tried.best.model.effects) if label not in known]
     quiet = float(tried.best.noise.observer.deviation[0]) < BADLY * question.noise

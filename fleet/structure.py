@@ -184,6 +184,8 @@ def sought(
         except NoObserver:
             wanting -= 1
             continue
+        if tried.interrupted:  # a search ends with what it has; a fleet does not go on from that
+            raise KeyboardInterrupt
         ranked = sorted(tried.tried.values(), key=lambda h: h.cost.total)
         for h in [tried.best, *ranked[:CANDIDATES]]:
             parts = [_single(h, i) for i in range(len(h.model.effects))]

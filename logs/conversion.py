@@ -36,6 +36,7 @@ def convert(entry: Entry, signal: Signal) -> Converted:
     scale = 1.0 if entry.scale is None else entry.scale
     values = raw
     if entry.wraps_at is not None:
+        _refuse_beyond(entry, raw, entry.wraps_at)
         values, times = gone_on(raw, entry.wraps_at)
         warnings.append(
             f"{entry.channel} starts anew after {entry.wraps_at:g} raw numbers, {times} times: it"
@@ -54,6 +55,17 @@ def convert(entry: Entry, signal: Signal) -> Converted:
     notes = [signal.note] if signal.note else []
     remarks = (*notes, *warnings, *_remarks(entry, values))
     return Converted(values, rotary, formula, remarks, goal)
+
+
+def _refuse_beyond(entry: Entry, raw: Floats, modulus: float) -> None:
+    """Refuse readings that are farther apart than a counter that starts anew there can be."""
+    known = raw[np.isfinite(raw)]
+    if known.size and known.max() - known.min() > modulus:
+        raise RecordingError(
+            f"{entry.signal!r} goes from {known.min():g} to {known.max():g}, which is farther than"
+            f" its wraps_at = {modulus:g} allows; give after how many raw numbers it starts anew,"
+            " or leave wraps_at out"
+        )
 
 
 def _unit(entry: Entry, signal: Signal) -> tuple[Unit, list[str]]:
@@ -81,6 +93,11 @@ def _unit(entry: Entry, signal: Signal) -> tuple[Unit, list[str]]:
         allowed = " or ".join(
             dict.fromkeys(QUANTITIES[entry.quantity])
         )  # of a goal no scale is asked
+        if not allowed:
+            raise RecordingError(
+                f"{signal.name!r} is in {entry.unit}, and {entry.channel} has no unit; leave unit"
+                " out, or give scale"
+            )
         raise RecordingError(
             f"{signal.name!r} is in {entry.unit}, and {entry.channel} must be in {allowed}; give"
             f" scale, in {allowed} per {unit.si}"

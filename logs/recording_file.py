@@ -194,8 +194,10 @@ def _description(path: Path, top: Table) -> Description:
         at = _one_of(table.only(KNOWN_FORCE_KEYS), "at", MASSES)
         entries.append(_entry(table, "force", f"{KNOWN_FORCE}{at}", top))
     for table in top.tables("joint"):
-        table.only(JOINT_KEYS)
-        entries.append(_entry(table, "position", joint_channel(table.text("name")), top))
+        name = table.only(JOINT_KEYS).text("name")
+        if not name.strip():
+            raise TableError(f"{table.path}.name is {name!r}; give the name that the model has")
+        entries.append(_entry(table, "position", joint_channel(name), top))
     entries += _of_drive(top)
     if all(e.channel.startswith(("base_", KNOWN_FORCE, JOINT, ENABLE, SUPPLY)) for e in entries):
         raise TableError("the file describes no signal; add [input] or [[output]]")
@@ -246,15 +248,13 @@ def _entry(table: Table, quantity: str, channel: str, top: Table) -> Entry:
         channel,
         table.text("signal"),
         unit,
-        _finite(table, "scale") if "scale" in table else None,
+        _scale(table),
         _finite(table, "offset", 0.0),
         _positive(table, "counts_per_rev") if "counts_per_rev" in table else None,
         _positive(table, "counts_per_m") if "counts_per_m" in table else None,
         _clock(table, top),
         _wraps_at(table, quantity),
     )
-    if entry.scale == 0.0:
-        raise TableError(f"{table.path}.scale is 0; allowed is any other number")
     counted = unit is not None and known_unit(unit, f"{table.path}.unit").si.startswith("counts")
     known = sum(count is not None for count in (entry.counts_per_rev, entry.counts_per_m))
     if counted and known != 1 and entry.scale is None:
@@ -266,6 +266,13 @@ def _entry(table: Table, quantity: str, channel: str, top: Table) -> Entry:
     if known > 1:
         raise TableError(f"{table.path} has counts_per_rev and counts_per_m; keep one of them")
     return entry
+
+
+def _scale(table: Table) -> float | None:
+    scale = _finite(table, "scale") if "scale" in table else None
+    if scale == 0.0:
+        raise TableError(f"{table.path}.scale is 0; allowed is any other number")
+    return scale
 
 
 def _wraps_at(table: Table, quantity: str) -> float | None:
@@ -286,7 +293,7 @@ def _covariate(table: Table, top: Table) -> Entry:
         f"{COVARIATE}_{name}",
         signal,
         table.text("unit") if "unit" in table else None,
-        _finite(table, "scale") if "scale" in table else None,
+        _scale(table),
         _finite(table, "offset", 0.0),
         None,
         None,

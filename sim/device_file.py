@@ -72,6 +72,17 @@ WHERE_NEEDED = (
 )  # fmt: skip
 
 
+SIZES = {
+    "masses": (1e-18, 1e12, "kg m2 | kg"),
+    "ground_dampers": (0.0, 1e12, "N m s/rad | N s/m"),
+    "ground_spring": (0.0, 1e15, "N m/rad | N/m"),
+    "link_springs": (1e-18, 1e15, "N m/rad | N/m"),
+    "link_dampers": (0.0, 1e12, "N m s/rad | N s/m"),
+}
+"""Between which magnitudes the numbers of a device that can be simulated lie."""
+PERIODS, GAINS = (1e-7, 1e3), (1e-12, 1e12)  # s; 10 MHz is faster than any loop of force
+
+
 def shipped_devices() -> list[str]:
     """Return the names of the devices that come with the package."""
     return sorted(file.stem for file in SHIPPED.glob("*.toml"))
@@ -95,7 +106,8 @@ def load_device(name_or_path: str | os.PathLike[str]) -> Device:
     """Return a shipped device by name ("phantom_1_0"), or else the device of a TOML file.
 
     Raises DeviceError with one sentence: no such file, not TOML (with the line), an unknown key
-    (with the nearest known one), a wrong type, a value that is not allowed.
+    (with the nearest known one), a wrong type, a value that is not allowed, a size that cannot be
+    simulated.
     """
     shipped = isinstance(name_or_path, str) and name_or_path in shipped_devices()
     path = SHIPPED / f"{name_or_path}.toml" if shipped else Path(name_or_path)
@@ -110,7 +122,31 @@ def load_device(name_or_path: str | os.PathLike[str]) -> Device:
         raise DeviceError(f"{str(path)!r} is a folder; name a device file in it") from None
     except (OSError, UnicodeDecodeError) as error:
         raise DeviceError(f"{str(path)!r} cannot be read as text: {error}") from None
-    return device_from_text(text, str(name_or_path))
+    return _sized(device_from_text(text, str(name_or_path)), str(name_or_path))
+
+
+def _sized(device: Device, where: str) -> Device:
+    """Return a device whose numbers are of a size that can be simulated.
+
+    Raises DeviceError for others, which are slips of a unit or of an exponent: a kernel would
+    overflow, or a run take years. Of a modal device it is the chain that it is of.
+    """
+    for field, (least, most, unit) in SIZES.items():
+        for value in np.atleast_1d(getattr(device.chain, field)).tolist():
+            if not least <= abs(value) <= most:
+                raise DeviceError(
+                    f"{where}: chain.{field} contains {value:g}; allowed is {least:g} to {most:g}"
+                    f" [{unit}], so check its unit and exponent"
+                )
+    for key, value, (least, most), unit in (
+        ("period_s", device.interface.period, PERIODS, " [s]"),
+        ("command_gain", device.interface.command_gain, GAINS, ""),
+    ):
+        if not least <= value <= most:
+            raise DeviceError(
+                f"{where}: interface.{key} is {value:g}; allowed is {least:g} to {most:g}{unit}"
+            )
+    return device
 
 
 def save_device(device: Device, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:

@@ -84,7 +84,7 @@ def open_loop(device: Device) -> Loop:
     whole, remainder = device.interface.delay_ticks
     if whole > MOST_TICKS:
         raise ValueError(
-            f"interface.delay is {whole} periods; the linear theory takes up to {MOST_TICKS}:"
+            f"interface.delay is {whole:.6g} periods; the linear theory takes up to {MOST_TICKS}:"
             " shorten delay_s or lengthen period_s"
         )
     if device.interface.multirate:

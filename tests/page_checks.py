@@ -27,6 +27,11 @@ BROKEN = """() => [
         .map(i => `no picture: ${i.src.slice(0, 99)}`),
     ...(document.documentElement.scrollWidth > window.innerWidth ? ["wider than the window"] : []),
 ]"""
+CUT_OFF = """() => [...document.querySelectorAll("svg text")].filter(t => {
+    const own = t.getBoundingClientRect(), whole = t.ownerSVGElement.getBoundingClientRect()
+    return own.width > 0 && (own.left < whole.left - 1 || own.right > whole.right + 1
+        || own.top < whole.top - 1 || own.bottom > whole.bottom + 1)
+}).map(t => `"${t.textContent.trim().slice(0, 60)}" is cut off`)"""
 # Boxes of texts, a line each; two overlap where they share a fifth of the smaller one.
 OVERLAPS = """root => {
     const boxes = [], range = document.createRange()
@@ -88,10 +93,11 @@ def faults(page: "Page", root: str = "body") -> list[str]:
 
 
 def faults_of_picture(page: "Page", svg: str) -> list[str]:
-    """What is wrong with a picture: texts that overlap, or hardly a line in it."""
+    """What is wrong with a picture: texts that overlap or are cut off, or hardly a line in it."""
     page.set_content(f"<body>{svg}</body>")
     lines = page.evaluate("() => document.querySelectorAll('path, use, polyline').length")
-    return page.evaluate(OVERLAPS, "body") + ([] if lines > FEWEST_LINES else ["it is empty"])
+    wrong = page.evaluate(OVERLAPS, "body") + page.evaluate(CUT_OFF)
+    return wrong + ([] if lines > FEWEST_LINES else ["it is empty"])
 
 
 def faults_of_figure(page: "Page", figure: "Figure") -> list[str]:

@@ -28,7 +28,7 @@ EXAMPLES_OUTSIDE: dict[str, dict[str, float]] = {
     "hum": {"amplitude": 0.01, "frequency_hz": 50.0, "phase": 0.0},
     "hard_stop": {"position": 0.02, "stiffness": 50.0, "damping": 0.01},
     "detent": {"amplitude": 0.01, "period": 0.05, "sharpness": 3.0},
-    "slew_limit": {"rate": 10.0},
+    "sagging_drive": {"loss": 20.0, "time_constant": 0.1},
 }
 
 
@@ -180,6 +180,21 @@ def test_a_swinging_inertia_keeps_its_energy() -> None:
     energy = 0.5e-3 * (1.0 + 0.4 * np.cos(2.0 * math.pi * q / 0.05)) * v * v
     assert np.ptp(q) > 0.05  # all of a swing was seen
     assert energy == pytest.approx(np.full(q.size, energy[0]), rel=1e-7)
+
+
+def test_a_drive_sags_by_what_it_lately_gave() -> None:
+    """On one free mass a = u / (m (1 + loss u^2 (1 - exp(-t / tau)))) under a constant command.
+
+    Mutations: what was spent counted from the sagging force, or before it is asked.
+    """
+    device = Device("one mass", "", True, make_chain([1e-3], [0.0])).with_interface(delay=0.0)
+    sag = Outside("sagging_drive", {"loss": 3e4, "time_constant": 0.1})
+    u, t = 0.01, np.arange(TICKS) * T
+    y, _ = moved(device, np.full(TICKS, u), sag)
+    pushes = u / 1e-3 / (1.0 + 3e4 * u * u * (1.0 - np.exp(-t / 0.1)))
+    speed = np.concatenate([[0.0], np.cumsum(pushes * T)[:-1]])
+    place = np.concatenate([[0.0], np.cumsum(speed * T + 0.5 * pushes * T * T)[:-1]])
+    assert y == pytest.approx(place, rel=1e-9, abs=1e-12)
 
 
 def test_outside_says_what_it_needs() -> None:

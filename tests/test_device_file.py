@@ -264,6 +264,28 @@ def test_a_bad_chain_says_what_to_change(old: str, new: str, sentence: str) -> N
 
 
 @pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        ("[1.5, 2]", "[1e300, 2]", "chain.masses contains 1e+300; allowed is 1e-18 to 1e+12"),
+        ("[1.5, 2]", "[1e-300, 2]", "chain.masses contains 1e-300; allowed is 1e-18 to 1e+12"),
+        ("[300.0]", "[1e20]", "chain.link_springs contains 1e+20; allowed is"),
+        ("[0.2]", "[-1e20]", "chain.link_dampers contains -1e+20; allowed is 0 to 1e+12"),
+        ("[chain]", "[interface]\nperiod_s = 1e-12\n[chain]", "interface.period_s is 1e-12; allow"),
+        ("[chain]", "[interface]\ncommand_gain = 1e30\n[chain]", "interface.command_gain is 1e+30"),
+    ],
+)
+def test_a_size_that_cannot_be_simulated_is_refused(
+    tmp_path: Path, old: str, new: str, sentence: str
+) -> None:
+    """A period of 1 ps filled the memory, and a mass of 1e300 kg became "infs or NaNs"."""
+    path = tmp_path / "d.toml"
+    path.write_text(CHAIN_TEXT.replace(old, new))
+    with pytest.raises(DeviceError) as error:
+        load_device(path)
+    assert str(error.value).startswith(f"{path}: {sentence}")
+
+
+@pytest.mark.parametrize(
     ("entry", "sentence"),
     [
         ('effect = "coulomb_fricton"', "physics[0].effect is 'coulomb_fricton'; did you mean"),

@@ -201,7 +201,7 @@ def test_every_effect_can_be_drawn_for_a_device_that_hardly_moves() -> None:
     Mutation that breaks it: values not held within the effect's bounds.
     """
     device, random = phantom(), np.random.default_rng(1)
-    still = Motion(1e-3, 2e-3, 1.0, 1e-9, 1e-12, 3e-12, 2e-12, (1e-12, 1e-12))
+    still = Motion(1e-3, 2e-3, 1e-9, 1e-12, 3e-12, 2e-12, (1e-12, 1e-12))
     for name, at in places(device):
         assert draw_physics(random, name, at, device, still).effect.name == name
 

@@ -15,13 +15,13 @@ pytest.importorskip("bokeh", reason="needs the extra zwidth[explore]")
 from zwidth.cli import run
 from zwidth.explore.bench import Bench
 from zwidth.explore.link import explore_command, explore_link
-from zwidth.explore.look import columns, look, spectrum
+from zwidth.explore.look import columns, fitting, look, reach, spectrum
 from zwidth.explore.picture import picture
 from zwidth.explore.plane_figure import bounded
 from zwidth.explore.stops import decades, stops
 from zwidth.explore.tooltips import sized
 from zwidth.explore.view import LAYERS, View, read_query
-from zwidth.explore.words import of_the_plane
+from zwidth.explore.words import of_the_plane, of_the_recording
 from zwidth.figures.map import COLOURS
 from zwidth.scenarios.paddle import paddle_boundary
 from zwidth.scenarios.scenario_file import scenario_from_text, scenario_to_text
@@ -237,6 +237,15 @@ def look_like(t: np.ndarray, position: np.ndarray):
     return Trace(t, {"position_m1": position}, {"position_m1": "rad"}, "recorded")
 
 
+def test_a_recording_that_leaves_the_picture_says_so():
+    """An axis gives it three times the run. Mutation: `reach` of its largest value, not size."""
+    run, far = np.array([0.1, -0.2]), np.array([0.0, -80.0])
+    assert fitting(run, [far])[0] == pytest.approx(-0.6 - 0.05 * 0.7)
+    assert reach(far) / reach(run) == pytest.approx(400.0)
+    assert of_the_recording(400.0) == "recording (moves 400 times as far)"
+    assert of_the_recording(0.0) == "recording"
+
+
 def test_an_augmented_device_differs_by_its_sliders():
     from zwidth.sim.physics import make_physics
 
@@ -245,7 +254,7 @@ def test_an_augmented_device_differs_by_its_sliders():
     assert bench.plane(bench.fitted(View())).setting("friction") == 0.0
     assert bench.plane(bench.fitted(View(device=1))).setting("friction") == 3e-3
     assert bench.plane(bench.fitted(View(device=1, friction=0.0))).setting("friction") == 0.0
-    assert bench.names == [PHANTOM.name, "with coulomb friction at m1"]
+    assert bench.names == [PHANTOM.name, "with Coulomb friction at m1"]
     twice = Bench([PHANTOM, PHANTOM, PHANTOM.with_interface(encoder_step=1.0), PHANTOM])
     assert twice.names[1:] == [
         "with other parameters", "with encoder step", "with other parameters (4)",

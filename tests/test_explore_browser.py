@@ -258,7 +258,7 @@ def test_a_device_with_and_without_what_was_found(browser: Browser, tmp_path: Pa
     with served("phantom_1_0", "--compare", str(file)) as url:
         page = opened(browser, url + "?K=27&B=0.05")
         without, shown = page.evaluate(MAP), page.evaluate(RUN)
-        page.get_by_role("button", name="with coulomb friction at m1").click()
+        page.get_by_role("button", name="with Coulomb friction at m1").click()
         page.wait_for_function("location.search.includes('device=1')")
         page.wait_for_function(f"before => ({MAP})() !== before", arg=without)
         finished(page)

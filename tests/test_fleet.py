@@ -4,13 +4,17 @@ import json
 from dataclasses import replace
 from datetime import UTC, date, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import zwidth.fleet.structure
 from zwidth import cli
+from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.recording.experiment import Experiment, Output
+from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.errors import Status
 from zwidth.exam.fleets import DRY, INERTIA, PER_LOAD, SPRING, Truth, make_fleet, nominal
 from zwidth.figures.fleet import fleet_figure
@@ -23,9 +27,12 @@ from zwidth.fleet.odd import courses, odd_ones
 from zwidth.fleet.quick import Quick, Task, held, names_of, run
 from zwidth.fleet.reading import experiment_of
 from zwidth.fleet.result import Fleet
-from zwidth.fleet.structure import Structure, known_structure, structure_from
+from zwidth.fleet.structure import Structure, known_structure, sought, structure_from
+from zwidth.fleet.switched_off import free_error, switched_off
+from zwidth.sim.chain import make_chain
 from zwidth.sim.device_file import device_to_text
 from zwidth.sim.physics import make_physics
+from zwidth.sim.run import simulate
 
 Floats = NDArray[np.float64]
 KNOWN = nominal().with_physics(make_physics("coulomb_friction", "m1", level=0.04))
@@ -142,6 +149,68 @@ def test_a_structure_is_read_as_it_was_written():
         structure_from("{}")
 
 
+def test_a_drive_that_was_off_for_a_while_is_found(made: tuple[Path, Truth]):
+    """To a few samples, by free runs. A sound recording has none.
+
+    Mutations: half of the error not asked for; the edges left on their grid.
+    """
+    model = structure().model
+    x = np.zeros(len(model.parameters))
+    sound = experiment_of(next(p.path for p in listed(made[0])), KNOWN, "sound")
+    assert switched_off(sound, model, x) is None
+    bench = KNOWN.with_chain(make_chain([2e-3], [4e-3], 0.1)).with_interface(period=0.01)
+    known = known_structure(bench).model
+    t = 0.01 * np.arange(600)
+    command = 0.4 * np.sin(2.0 * np.pi * 0.4 * t) + 0.1 * np.sin(2.0 * np.pi * 1.7 * t)
+    off = (t >= 2.13) & (t < 4.38)
+    run = simulate(bench, recorded(np.where(off, 0.0, command)), duration=6.0, substeps=20)
+    q = run.trace["position_m1"] + 1e-4 * np.random.default_rng(0).standard_normal(600)
+    e = Experiment(0.01, command, q[:, None], (Output("position", 0),), "e", float(q.std()))
+    found = switched_off(e, known, np.zeros(len(known.parameters)))
+    assert found is not None
+    assert (found.from_s, found.to_s) == pytest.approx((2.13, 4.38), abs=0.06)
+    assert found.on > 1.0 > 2.0 * found.off
+    inverted = replace(e, command=-np.asarray(run.trace["command"]))  # it drives the other way
+    whole = replace(e, command=np.asarray(run.trace["command"]))
+    left_out = switched_off(inverted, known, np.zeros(len(known.parameters)))
+    sign = free_error(whole, known, np.zeros(len(known.parameters)))
+    assert left_out is None or left_out.off > sign
+
+
+def test_free_runs_that_explain_nothing_are_unlike_the_others():
+    """Own parameters with wide errors excuse a recording: its free runs do not.
+
+    Mutation: free runs judged by their scatter alone, which is wide where runs differ.
+    """
+    frees = [0.05, 0.07, 0.3, 0.15, 0.1, 0.5, 0.2, 0.04, 0.3, 2.3]
+    one = Quick("r", np.zeros(1), np.array([1.0]), np.array([0.1]), np.array([[0.01]]), noise=1e-3)
+    quicks = [replace(one, free=free) for free in frees]
+    course = courses(np.ones((10, 1)), np.full((10, 1), 0.1), ["d"] * 10, {})
+    odd = odd_ones(quicks, ["m1"], ["d"] * 10, course)
+    assert list(odd) == [9]
+    assert odd[9].fits_badly
+    lost = [replace(q, free=6.0 * q.free + 1.0) for q in quicks[:9]]  # a structure that is wrong
+    course = courses(np.ones((9, 1)), np.full((9, 1), 0.1), ["d"] * 9, {})
+    assert odd_ones(lost, ["m1"], ["d"] * 9, course) == {}
+
+
+def test_ctrl_c_while_a_structure_is_sought_ends_it(
+    made: tuple[Path, Truth], monkeypatch: pytest.MonkeyPatch
+):
+    """A search keeps what it has and returns; the fleet went on. Mutation: `interrupted` unread."""
+    real = zwidth.fleet.structure.search
+
+    def stopped(*asked: Any) -> Any:
+        tried = real(*asked)
+        tried.interrupted = True
+        return tried
+
+    monkeypatch.setattr(zwidth.fleet.structure, "search", stopped)
+    e = experiment_of(listed(made[0])[0].path, nominal(), "one")
+    with pytest.raises(KeyboardInterrupt):
+        sought(nominal(), [e, e], replace(QUICK, rivals=1), lambda _: None)
+
+
 def test_a_reading_may_stand_still_where_the_command_does():
     """As of a servo that holds its goal. Mutation: the longest standstill, whatever is asked."""
     goal = np.concatenate([np.linspace(0.0, 1.0, 100), np.ones(200), np.linspace(1.0, 0.0, 100)])
@@ -185,6 +254,7 @@ def test_a_folder_without_a_table_has_devices_and_dates_in_its_names(tmp_path: P
         ("recording,load\nr.csv,heavy\n", "'load' of 'heavy'; allowed is a finite number"),
         ("recording\nr.csv\nr.csv\n", "twice"),
         ("recording\n", "lists no recording"),
+        ("file,date\nother.csv,2026-01-05\n", "'other.csv', which is not there"),
     ],
 )
 def test_what_is_wrong_with_a_table_is_one_sentence(tmp_path: Path, table: str, said: str):

@@ -8,7 +8,8 @@ import pytest
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.answer.inverse import acts, as_read, band_of, lacks, low_passed, motion
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.recording.experiment import Experiment, Output
+from zwidth.diagnosis.recording.drive_force import Pushed
+from zwidth.diagnosis.recording.experiment import Covariate, Experiment, Output
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.interface import Interface
@@ -49,6 +50,29 @@ def rms(values: np.ndarray) -> float:
 def test_a_device_lacks_nothing_for_its_own_motion(device: Device, quantity: str) -> None:
     """5.8 N commanded. Mutations: a reading's tick compared with the one before; m1 / T for G."""
     assert rms(missing(device, ran(device, quantity))) < 2e-3
+
+
+def test_what_was_split_is_joined_again() -> None:
+    """All that has a value at each sample. Mutation: any one of the fields left out of `joined`."""
+    e, rng = ran(ONE), np.random.default_rng(0)
+    n = e.ticks
+    beside = {name: rng.standard_normal(n) for name in ("sensor_error", "base", "strengths")}
+    e = replace(
+        e, **beside, dropped=rng.random(n) > 0.9, force=rng.standard_normal((n, 1)),
+        pushes=rng.standard_normal((n, 1)), pushed=Pushed(rng.standard_normal(n), 10.0),
+        covariates=(Covariate("temperature", "degC", rng.standard_normal(n)),), begins=2.0,
+    )  # fmt: skip
+    first, rest = e.split()
+    again = rest.joined()
+    assert 0 < first.ticks < n
+    assert again.begins == 2.0
+    assert again.before is None
+    for name in ("command", "measured", "dropped", "force", "pushes", *beside):
+        assert np.array_equal(getattr(again, name), getattr(e, name)), name
+    assert again.pushed is not None
+    assert e.pushed is not None
+    assert np.array_equal(again.pushed.at_zero, e.pushed.at_zero)
+    assert np.array_equal(again.covariates[0].values, e.covariates[0].values)
 
 
 def test_what_a_mass_lacks_is_the_force_on_it() -> None:

@@ -294,5 +294,5 @@ def test_units_are_named():
     assert nearest_unit(-40.0, True) == pytest.approx(-DEGREES)
     assert nearest_unit(45.0, False) == pytest.approx(1.0 / 25.4e-3)
     assert nearest_unit(3.46, True) == 3.46
-    assert "1e+03 times too much" in sentence("r", ("position_m1",), 1e-3)
+    assert "1000 times too much" in sentence("r", ("position_m1",), 1e-3)
     assert "mm or mN m" in sentence("r", ("position_m1",), 1e-3)

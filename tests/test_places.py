@@ -36,7 +36,7 @@ from zwidth.sim.population import Population, Readings
 from zwidth.sim.run import simulate
 
 T, STEPS = 1e-3, 160
-MOTION = Motion(0.1, 0.3, 30.0, 2.0, 0.2, 0.8, 0.5, (3e-4, 6e-4, 5e-4, 4e-4))
+MOTION = Motion(0.1, 0.3, 2.0, 0.2, 0.8, 0.5, (3e-4, 6e-4, 5e-4, 4e-4))
 
 
 @pytest.mark.parametrize(("name", "place"), FARTHER)

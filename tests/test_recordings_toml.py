@@ -97,6 +97,22 @@ HEAD = 'file = "a.csv"\n'
 INPUT = '[input]\nsignal = "torque"\n'
 OUTPUT = '[[output]]\nsignal = "angle"\nquantity = "position"\nat = "m1"\n'
 TIME = 'time = "t"\n'
+SUPPLY = '[supply]\nsignal = "torque"\nunit = "V"\nscale = 1.0\n'
+BESIDE = (
+    '[[known_force]]\nsignal = "v"\nat = "m1"\n',
+    '[[covariate]]\nsignal = "v"\n',
+    '[base]\nsignal = "v"\nquantity = "position"\n',
+    '[[joint]]\nsignal = "v"\nname = "elbow"\n',
+    '[enable]\nsignal = "v"\n',
+    '[supply]\nsignal = "v"\nnominal = 12.0\n',
+)
+TABLES = ("known_force", "covariate", "base", "joint", "enable", "supply")
+
+
+def kind_of(table: str) -> str:
+    """Return what errors call a table."""
+    head = table.partition("\n")[0]
+    return head.strip("[]") + ("[0]" if head.startswith("[[") else "")
 
 
 @pytest.mark.parametrize(
@@ -132,6 +148,31 @@ TIME = 'time = "t"\n'
         (HEAD + TIME + "schema = 2\n" + INPUT, "this version reads 1"),
         (HEAD + TIME + INPUT + '[csv]\ndelimiter = "ab"\n', "allowed is one character"),
         (HEAD + TIME + "input = 3\n", "input is 3; allowed is a table"),
+        *[
+            (HEAD + TIME + INPUT + OUTPUT + one.replace('"v"', name), words)
+            for one in BESIDE
+            for name, words in (
+                ('"nosuch"', "a.csv has no signal 'nosuch'; known are"),
+                ('"torque"\nfoo = 1', f"{kind_of(one)}.foo'"),
+                ('"torque"\nscale = nan', f"{kind_of(one)}.scale is nan; allowed is a finite"),
+                ('"torque"\nscale = 0', f"{kind_of(one)}.scale is 0; allowed is any other"),
+                ('"torque"\noffset = "x"', f"{kind_of(one)}.offset is 'x'; allowed is a number"),
+                ("3", f"{kind_of(one)}.signal is 3; allowed is a text in quotes"),
+            )
+        ],
+        *[(HEAD + TIME + f"{t} = 3\n" + INPUT, f"{t} is 3; allowed is a") for t in TABLES],
+        (HEAD + TIME + INPUT + '[[joint]]\nsignal = "torque"\nname = ""\n', "[0].name is ''"),
+        (HEAD + TIME + INPUT + '[enable]\nsignal = "torque"\nunit = "deg"\n', "has no unit"),
+        (
+            HEAD + TIME + INPUT + SUPPLY + "nominal = 0\n",
+            "supply.nominal is 0; allowed is a finite",
+        ),
+        (HEAD + TIME + INPUT + SUPPLY, "supply.nominal is missing; add it"),
+        *[
+            (HEAD + TIME + OUTPUT + f"wraps_at = {wrong}\n", f"wraps_at is {said}; allowed is a")
+            for wrong, said in (("0", "0"), ("nan", "nan"), ("inf", "inf"), ('"x"', "'x'"))
+        ],
+        (HEAD + TIME + OUTPUT + "wraps_at = 1e-9\n", "farther than its wraps_at = 1e-09 allows"),
     ],
 )
 def test_errors_say_what_to_change(tmp_path: Path, toml: str, words: str) -> None:

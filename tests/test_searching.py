@@ -8,7 +8,14 @@ import pytest
 from numpy.typing import NDArray
 from test_fitting import drive, play, recording
 
-from zwidth.diagnosis.answer.beside import elsewhere, probability, rivals, shares, without
+from zwidth.diagnosis.answer.beside import (
+    elsewhere,
+    probability,
+    rivals,
+    shares,
+    with_richer,
+    without,
+)
 from zwidth.diagnosis.fitting.descend import descend
 from zwidth.diagnosis.fitting.landscape import Landscape
 from zwidth.diagnosis.mishaps import silent
@@ -119,6 +126,31 @@ def test_what_was_fitted_has_probabilities_that_sum_to_one(rubbed: list[Experime
     assert probability(found, "coulomb_friction@m1") > 0.99
     assert without(found, "coulomb_friction@m1") > 10.0
     assert [r.effect for r in rivals(found, "coulomb_friction@m1")] == ["coulomb_friction"]
+
+
+def test_a_richer_form_takes_nothing_from_the_promise_of_a_name(
+    rubbed: list[Experiment],
+) -> None:
+    """Friction that is higher at rest is friction too; friction elsewhere is not.
+
+    Mutation: `_contains` left out, so that the richer form counts as another name.
+    """
+    plain = make_physics("coulomb_friction", "m1", level=0.02), {"level": 0.02}
+    found = search(drive(), rubbed, QUICK, moves=only(plain))
+    best, label = found.best, "coulomb_friction@m1"
+    bare = found.plain.model
+    for name, at, values in (
+        ("stribeck_friction", "m1", {"level": 0.02, "static_level": 0.02, "velocity": 0.1}),
+        ("coulomb_friction", "m2", {"level": 0.02}),
+    ):
+        physics = make_physics(name, at, **values)
+        other = replace(best, model=bare.with_effect(physics, {"level": 0.02}))
+        found.tried[other.labels] = other  # as good as the best
+    every = shares(found)
+    assert every[frozenset({"stribeck_friction@m1"})] > 0.1
+    assert probability(found, label) == pytest.approx(every[best.labels])
+    elsewhere_too = every[frozenset({"coulomb_friction@m2"})]
+    assert with_richer(found, label) == pytest.approx(1.0 - elsewhere_too, abs=1e-6)
 
 
 def test_an_interval_holds_what_other_effects_would_make_of_a_value(

@@ -399,6 +399,35 @@ def test_what_cannot_be_followed_is_one_sentence(
     assert len(err.splitlines()) == 1
 
 
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("empty.csv", b"", "is empty"),
+        ("head.csv", HEAD.encode(), "no line of numbers"),
+        ("prose.csv", b"this is prose\nand no table\n" * 30, "no line of numbers"),
+        ("noise.mcap", b"\x89MCAP0\r\n" + bytes(range(256)) * 9, "damaged or cut short"),
+        ("which.csv", b"a,b,c\n" + b"1.5,2.5,3.5\n4.5,5.1,6.2\n" * 200, "a recording TOML"),
+    ],
+)
+def test_what_holds_no_recording_is_one_sentence_in_the_end(
+    tmp_path: Path,
+    name: str,
+    content: bytes,
+    said: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+):
+    """It may still come, so it is waited for; the folder of its copy is named to nobody."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / name).write_bytes(content)
+    assert cli.run(["watch", name, "--idle", "0.3"]) == Status.BAD_INPUT
+    err = capsys.readouterr().err
+    assert said in err
+    assert "zwidth-watch-" not in err
+    assert "Traceback" not in err
+    assert [line for line in err.splitlines() if line.startswith("error:")] == err.splitlines()[-1:]
+
+
 def test_a_file_of_the_users_stops_it_at_once(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):

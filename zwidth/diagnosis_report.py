@@ -221,13 +221,15 @@ def effect_at(diagnosis: Diagnosis, effect: str, at: str) -> str:
 
 
 def _bounds(diagnosis: Diagnosis) -> list[tuple[str, str, str]]:
-    """Effect at place, parameter and the upper bound with its unit."""
+    """Effect at place, parameter, and what it is at most: "below 2 mN m", "within 3e-7 of 1"."""
     rows: list[tuple[str, str, str]] = []
     for label, bound in diagnosis.upper_bounds.items():
         effect, at = label.split("@")
         for name, value in bound.items():
-            unit = EFFECTS[effect].parameter(name).unit_for(diagnosis.device.rotary)
-            said = with_unit(value, unit, 3) if unit else plain(value, 6)
+            parameter = EFFECTS[effect].parameter(name)
+            none = parameter.none_of_it()
+            size = with_unit(abs(value - none), parameter.unit_for(diagnosis.device.rotary), 3)
+            said = f"within {size} of {plain(none)}" if none else f"below {size}"
             rows.append((effect_at(diagnosis, effect, at), name.replace("_", " "), said))
     return rows
 
@@ -283,14 +285,14 @@ def improvement(fit: HeldOut, named: bool) -> str:
         if not 1.02 < less < math.inf:
             return f"the free run errs {of_the_motion(fit.refit)}, refitted or not"
         return (
-            f"the free run of the refit errs {less:.3g} times less than the device file's:"
+            f"the free run of the refit errs {plain(less, 3)} times less than the device file's:"
             f" {of_the_motion(fit.refit)}"
         )
     if fit.refit <= 1.02 * fit.after:
         return "the held-out free run is no better than with the refit alone"
     return (
-        f"the held-out free run errs {fit.refit / fit.after:.3g} times less than the refit alone:"
-        f" {of_the_motion(fit.after)}"
+        f"the held-out free run errs {plain(fit.refit / fit.after, 3)} times less than the refit"
+        f" alone: {of_the_motion(fit.after)}"
     )
 
 
@@ -298,7 +300,7 @@ def next_sentence(planned: NextExperiment | None) -> str:
     """Say what to record next, "" where nothing is in doubt."""
     if planned is None:
         return ""
-    a, b = (label.replace("@", " at ").replace("_", " ") for label in planned.separates)
+    a, b = (effect_in_words(label).replace("@", " at ") for label in planned.separates)
     sigma = f"{planned.separation_sigma:.3g} sigma"
     words = planned.excitation.replace("_", " ")
     return (

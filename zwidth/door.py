@@ -6,6 +6,7 @@ its file. Both are there to be edited: one that a person has edited is read, and
 """
 
 import os
+import re
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
@@ -33,6 +34,7 @@ from zwidth.sim.interface import Interface
 from zwidth.sim.trace import Trace
 from zwidth.sim.uncertainty import Uncertainty
 
+MOTION = re.compile(r"(?:position|velocity)_m[1-5]")  # channels that a device is fitted to
 FITTED = Uncertainty(masses=0.5, springs=2.0, dampers=2.0)
 """How far a device is trusted that was fitted with little: far enough to start from."""
 ONE_TO_THREE = ("one mass", "two masses", "three masses", "four masses", "five masses")
@@ -176,11 +178,11 @@ def _rotary(name: str, trace: Trace) -> bool:
 
 
 def _motion(name: str, trace: Trace, rotary: bool) -> Motion:
-    keys = [k for k in trace.channels if k.split("_")[0] in ("position", "velocity")]
+    keys = [k for k in trace.channels if MOTION.fullmatch(k)]
     if not keys:
         raise ValueError(
-            f"{name} has no position or velocity ({', '.join(trace.channels)}), so a device cannot"
-            " be fitted to it; give --device"
+            f"{name} has no position or velocity of a mass ({', '.join(trace.channels)}), so a"
+            " device cannot be fitted to it; give --device"
         )
     driven = "command" in trace.channels and np.ptp(trace["command"][np.isfinite(trace["command"])])
     if driven and trace.units["command"] in GOAL:

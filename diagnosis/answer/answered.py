@@ -122,8 +122,11 @@ def answered(
     lost = " and ".join(dict.fromkeys(WHAT_IS_LOST[m.stage] for m in mishaps.of(*DECISIVE)))
     masses = device.chain.masses.size
     law_in_words = "" if law is None else law.headline(masses, device.rotary)
+    named = [
+        f for f in findings if law is None or f"{f.effect} at {f.at}" not in law.curve.absorbed
+    ]
     said_of = Answer(
-        verdict, findings, refit, faults, masses, left, other, sound, free, lost, law_in_words
+        verdict, named, refit, faults, masses, left, other, sound, free, lost, law_in_words
     )
     first = headline(said_of)
     if changes:

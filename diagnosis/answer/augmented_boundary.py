@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.scenarios.scenario import usual_substeps
 from zwidth.sim.device import Device
+from zwidth.sim.readable import plain
 from zwidth.stability.bisection import Bracket, Search, Trial, find_brackets
 from zwidth.stability.linear import boundary, corner, last_stable_damping
 
@@ -134,10 +135,12 @@ def critical(bracket: Bracket) -> float | None:
 
 def _change(what: str, before: float | None, after: float | None, unit: str) -> str:
     if before and not after:
-        return f"{what}, {before:.3g} {unit} before, is gone: every K tried goes unstable"
+        return f"{what}, {plain(before, 3)} {unit} before, is gone: every K tried goes unstable"
     if not before or not after:
-        return f"{what} is {after:.3g} {unit}, none before" if after else f"{what} is still none"
+        return (
+            f"{what} is {plain(after, 3)} {unit}, none before" if after else f"{what} is still none"
+        )
     if abs(after / before - 1.0) < SAME or before == after:
-        return f"{what} stays at {before:.3g} {unit}"
+        return f"{what} stays at {plain(before, 3)} {unit}"
     verb = "rises" if after > before else "falls"
-    return f"{what} {verb} from {before:.3g} to {after:.3g} {unit}"
+    return f"{what} {verb} from {plain(before, 3)} to {plain(after, 3)} {unit}"

@@ -39,6 +39,19 @@ def probability(found: Search, label: str) -> float:
     return math.fsum(p for labels, p in shares(found).items() if label in labels)
 
 
+def with_richer(found: Search, label: str) -> float:
+    """Return the probability that a device has an effect or a richer form of it.
+
+    Who is told of a limit is told no less where that limit falls with speed: what contains an
+    effect takes nothing from its name, as it does not by its sigma (`Finding.confusable_with`).
+    """
+
+    def has(labels: frozenset[str]) -> bool:
+        return any(other == label or _contains(other, label) for other in labels)
+
+    return math.fsum(p for labels, p in shares(found).items() if has(labels))
+
+
 def elsewhere(found: Search, label: str) -> dict[str, float]:
     """Return by how much the values of an effect scatter over the structures that have it.
 

@@ -8,7 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binomtest
 
-from zwidth.diagnosis.answer.beside import elsewhere, probability, rivals, without
+from zwidth.diagnosis.answer.beside import (
+    elsewhere,
+    probability,
+    rivals,
+    with_richer,
+    without,
+)
 from zwidth.diagnosis.answer.regimes import held
 from zwidth.diagnosis.answer.result import Estimate, Finding, Held, Rival
 from zwidth.diagnosis.fitting.fit import Fitted
@@ -70,10 +76,12 @@ def _findings(found: Searched) -> tuple[Finding, ...]:
             step = partial(_step_estimate, found, physics)
             estimates |= attempt("intervals", name, step) or {}
         apart = attempt("separation", name, partial(_separated, found, labels[i]))
-        sigma, near, chance = (np.nan, (), None) if apart is None else apart
+        sigma, near, chance, kind = (np.nan, (), None, None) if apart is None else apart
         everywhere = attempt("regimes", name, partial(_held, found, labels[i])) or ()
         findings.append(
-            Finding(physics.effect.name, physics.at, estimates, sigma, near, chance, everywhere)
+            Finding(
+                physics.effect.name, physics.at, estimates, sigma, near, chance, everywhere, kind
+            )
         )
     return tuple(sorted(findings, key=lambda f: np.nan_to_num(f.separation_sigma), reverse=True))
 
@@ -103,10 +111,11 @@ def _estimates(
     return estimates
 
 
-def _separated(found: Searched, label: str) -> tuple[float, tuple[Rival, ...], float]:
-    """At how many sigma an effect stands above doing without it, its rivals, its probability."""
+def _separated(found: Searched, label: str) -> tuple[float, tuple[Rival, ...], float, float]:
+    """At how many sigma an effect stands above doing without it, its rivals, its probabilities."""
     tried = found.tried
-    return without(tried, label), rivals(tried, label), probability(tried, label)
+    chances = probability(tried, label), with_richer(tried, label)
+    return without(tried, label), rivals(tried, label), *chances
 
 
 def _encoder(

@@ -217,9 +217,9 @@ def _confusable(a: Answer) -> str:
     confused = next((f for f in a.findings if f.confusable_with), None)
     all_of_them = all_in_words(a.findings, a.masses)
     if confused is None:
-        doubtful = [f for f in a.findings if f.probability is not None]
-        least = min(doubtful, key=lambda f: f.probability or 0.0)
-        odds = f"{100.0 * (least.probability or 0.0):.0f} %"
+        doubtful = [f for f in a.findings if f.with_richer is not None]
+        least = min(doubtful, key=lambda f: f.with_richer or 0.0)
+        odds = f"{100.0 * (least.with_richer or 0.0):.0f} %"
         of = "" if len(a.findings) == 1 else f" of {effect_in_words(least.effect)}"
         return f"{all_of_them} may be missing: the probability{of} is {odds} only"
     near = [

@@ -131,7 +131,7 @@ def _of(
     models: Mapping[str, tuple[Model, Floats]], device: Device, e: Experiment, held: bool,
     band: float,
 ) -> ForceError:  # fmt: skip
-    joined = _joined(e)
+    joined = e.joined()
     edge = math.ceil(EDGES / (band * e.period))
     kept = slice(max(joined.ticks - e.ticks, edge), joined.ticks - edge)
     lacking = {name: lacks(m, x, joined, band)[kept, 0] for name, (m, x) in models.items()}
@@ -255,7 +255,7 @@ def band_of(device: Device, e: Experiment) -> float | None:
     unknown = e.folded or e.pushed is not None or drives
     if unknown or np.ptp(e.command) == 0.0 or any(o is None for o in outputs):
         return None
-    joined, chain = _joined(e), device.chain
+    joined, chain = e.joined(), device.chain
     size = float(np.sqrt(np.mean((device.interface.command_gain * joined.command) ** 2)))
     frequency = np.linspace(0.0, WIDEST / e.period, joined.ticks)[1:]
     turned = 2.0 * np.pi * frequency
@@ -289,20 +289,3 @@ def _of_mass(e: Experiment, mass: int) -> Output | None:
     """The output that tells how a mass moves, its position rather than its velocity."""
     every = (Output("position", mass), Output("velocity", mass))
     return next((o for o in every if o in e.outputs), None)
-
-
-def _joined(e: Experiment) -> Experiment:
-    """A recording with what was recorded before it."""
-    if e.before is None:
-        return e
-    first = e.before
-
-    def both(a: NDArray[Any] | None, b: NDArray[Any] | None) -> Any:
-        return None if a is None or b is None else np.concatenate([a, b])
-
-    return replace(
-        e, command=both(first.command, e.command), measured=both(first.measured, e.measured),
-        sensor_error=both(first.sensor_error, e.sensor_error),
-        dropped=both(first.dropped, e.dropped), begins=first.begins, before=first.before,
-        start=first.start,
-    )  # fmt: skip

@@ -86,8 +86,9 @@ class LearnedLaw:
         most = with_unit(float(np.abs(curve.forces).max()), unit, 2)
         looks = f", {self._looks(self.formulas[0].form.name)}" if self.formulas else ""
         own, other = 100.0 * self.law.after, 100.0 * self.names.after
+        over = self.over.rstrip(",")
         return (
-            f"{what} that has no name in the library: up to {most} over {self.over}{looks};"
+            f"{what} that has no name in the library: up to {most} over {over}{looks};"
             f" with it free runs on held-out data err {own:.2g} % of the motion, and {other:.2g} %"
             " without"
         )

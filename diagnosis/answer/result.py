@@ -85,8 +85,9 @@ class Finding:
     """One effect found. separation_sigma: from doing without it. rivals: nearest first.
 
     probability: that the device has it, among all hypotheses that were fitted; None where it was
-    seen in the recording itself, and where none of these is adequate. regimes: how it does where
-    it was not fitted.
+    seen in the recording itself, and where none of these is adequate. with_richer: that it has it
+    or a richer form of it, by which a name is promised. regimes: how it does where it was not
+    fitted.
     """
 
     effect: str
@@ -96,6 +97,7 @@ class Finding:
     rivals: tuple[Rival, ...]
     probability: float | None = None
     regimes: tuple[Held, ...] = ()
+    with_richer: float | None = None
 
     @property
     def confusable_with(self) -> tuple[Rival, ...]:
@@ -113,7 +115,7 @@ class Finding:
         None of the hypotheses that were fitted is true then, and shares among them are no odds.
         """
         rivals = tuple(replace(r, probability=None) for r in self.rivals)
-        return replace(self, rivals=rivals, probability=None)
+        return replace(self, rivals=rivals, probability=None, with_richer=None)
 
 
 @dataclass(frozen=True)
@@ -223,6 +225,7 @@ class Diagnosis(Shown):
                     "parameters": {k: v.as_json() for k, v in f.parameters.items()},
                     "separation_sigma": f.separation_sigma,
                     "probability": f.probability,
+                    "probability_with_richer": f.with_richer,
                     "rivals": [vars(r) for r in f.rivals],
                     "regimes": [vars(h) for h in f.regimes],
                 }

@@ -21,7 +21,7 @@ MAPPED = 60.0  # chi-square that a map of the missing force over one state must 
 FREE_FORCE = 60.0  # -2 log likelihood that a force of free shape must gain besides its unknowns
 UNEXPLAINED = 0.01  # share of the chi-square explained that may be left under a verdict by name
 COLOURED = 0.05  # the same where the observer was asked for, and chi-square is no statistic
-SURE = 0.95  # probability of a name, below which it is not promised
+SURE = 0.95  # probability of a name or a richer form of it, below which it is not promised
 LISTED = 4  # rivals in the verdict's sentence, the nearest; the others stand in the report
 
 
@@ -139,12 +139,12 @@ def judged(
                 f"{names} explain{'' if many else 's'} what is missing, and this recording cannot"
                 f" tell {confused[0].effect} at {confused[0].at} from {others}"
             )
-        doubtful = [f for f in findings if f.probability is not None and f.probability < SURE]
+        doubtful = [f for f in findings if f.with_richer is not None and f.with_richer < SURE]
         if doubtful:
-            least = min(doubtful, key=lambda f: f.probability or 0.0)
+            least = min(doubtful, key=lambda f: f.with_richer or 0.0)
             return Verdict.CONFUSABLE, (
                 f"{names} explain{'' if many else 's'} what is missing, and this recording leaves"
-                f" {least.effect} at {least.at} a probability of {least.probability:.2g} only"
+                f" {least.effect} at {least.at} a probability of {least.with_richer:.2g} only"
             )
         return Verdict.IDENTIFIED, f"{names} {'are' if many else 'is'} missing from the simulation"
     if wander(free.after, free.noise_floor):

@@ -3,6 +3,8 @@
 import math
 from collections.abc import Sequence
 
+from zwidth.sim.readable import plain
+
 NEAR = 1.5  # factor within which what a rough device file tells is taken for a unit
 NAMED = 1.03
 FAR = 20.0  # factor by which saturation, stiction or another machine's masses do not stand for one
@@ -78,7 +80,8 @@ def sentence(recording: str, channels: Sequence[str], factor: float) -> str:
             if command
             else (f"{what} would be driven backwards: the {sign}")
         )
-    less = f"{size:.3g} times too little" if size > 1.0 else f"{1.0 / size:.3g} times too much"
+    times = plain(max(size, 1.0 / size), 3)
+    less = f"{times} times too {'little' if size > 1.0 else 'much'}"
     sign = ", and with the wrong sign" if factor < 0.0 else ""
     unit = asked_unit(factor, command)
     asked = f"{'are they' if many else 'is it'} in {unit}?"

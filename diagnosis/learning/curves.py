@@ -268,6 +268,8 @@ def _fitted(
     gain = base.model.reads(base.x).gain
     sizes = sizes_of(base.model.build(base.x), base.experiments, gain)
     scale = SHARE * sizes.force
+    if scale == 0.0:  # nothing drives: there is no force to measure a law by
+        return None
     count = len(points_of(law.values))
     scales = dict.fromkeys(FORCE[int(is_odd(law)) : count], scale)
     scales |= {"period": site.scale} if site.scale > 0.0 and law.values["period"] > 0.0 else {}

@@ -102,7 +102,10 @@ def likeliest(
     """Return the likeliest model of the noise; raises NoObserver where none follows."""
     found = noises(experiments, model, x, family)
     if not found:
-        raise NoObserver(f"no observer follows the recordings with {model.label}")
+        raise NoObserver(
+            f"no observer follows the recordings with this device ({model.label}); check sign,"
+            " scale and units of the command, of forces that were recorded, and of the outputs"
+        )
     return min(found, key=lambda noise: noise.cost)
 
 

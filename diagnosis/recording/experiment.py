@@ -5,7 +5,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol, cast
+from typing import Any, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -209,6 +209,36 @@ class Experiment:
             pushed=None if self.pushed is None else self.pushed.part(cut),
             covariates=tuple(replace(c, values=c.values[cut]) for c in self.covariates),
             strengths=self.strengths_in(cut),
+        )
+
+    def joined(self) -> "Experiment":
+        """Return it with what was recorded before it: what `split` took apart."""
+        first = self.before
+        if first is None:
+            return self
+
+        def both(a: NDArray[Any] | None, b: NDArray[Any] | None) -> Any:
+            return None if a is None or b is None else np.concatenate([a, b])
+
+        pushed = self.pushed
+        if pushed is not None and first.pushed is not None:
+            pushed = replace(pushed, at_zero=both(first.pushed.at_zero, pushed.at_zero))
+        pairs = zip(first.covariates, self.covariates, strict=True)
+        return replace(
+            self,
+            command=both(first.command, self.command),
+            measured=both(first.measured, self.measured),
+            sensor_error=both(first.sensor_error, self.sensor_error),
+            dropped=both(first.dropped, self.dropped),
+            force=both(first.force, self.force),
+            base=both(first.base, self.base),
+            pushes=both(first.pushes, self.pushes),
+            pushed=pushed,
+            covariates=tuple(replace(a, values=both(a.values, b.values)) for a, b in pairs),
+            strengths=both(first.strengths, self.strengths),
+            begins=first.begins,
+            before=first.before,
+            start=first.start,
         )
 
     def pauses(self) -> NDArray[np.bool_]:

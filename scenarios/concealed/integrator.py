@@ -43,6 +43,7 @@ LAW = FACTOR + 2 * WIDTH
 KNOTS = 5  # at -2, -1, 0, 1, 2
 NO_LAWS = np.zeros((0, LAW))
 NO_FILTERS = np.zeros((0, 6))
+NOTHING_SAGS = np.array([0.0, 1.0])
 
 
 class Truth(NamedTuple):
@@ -58,12 +59,14 @@ class Truth(NamedTuple):
     the first. The other forces act on m1: hum: amplitude, Hz, phase; detent: amplitude, period,
     sharpness; stop: position, stiffness, damping. inertia: share by which m1 swings, period in
     position. warming: share by which dampers change, time constant. falling: the most that the
-    drive gives at rest, and how much less at each unit of speed. amplifier: lag, step, band, ratio,
-    limit, slew a tick. sensor: amplitude, period, phase; rectified; step. laws (w, LAW):
-    laws of no name, a row each (`law_value`). filters (f, 6): of each filtered reading the columns
-    of position and rate that it follows, then rate, straight, square, damping of its equations.
-    reads (3, masses of the chain): columns of a state in which each mass's position is read, and
-    its velocity: the position of which that is the rate, and the rate.
+    drive gives at rest, and how much less at each unit of speed. sagging: by what share the drive
+    weakens for each unit of the mean square of what it lately gave, and over which time that is.
+    amplifier: lag, step, band, ratio, limit, slew a tick. sensor: amplitude, period, phase;
+    rectified; step. laws (w, LAW): laws of no name, a row each (`law_value`). filters (f, 6): of
+    each filtered reading the columns of position and rate that it follows, then rate, straight,
+    square, damping of its equations. reads (3, masses of the chain): columns of a state in which
+    each mass's position is read, and its velocity: the position of which that is the rate, and the
+    rate.
     """
 
     masses: Floats
@@ -90,6 +93,7 @@ class Truth(NamedTuple):
     laws: Floats = NO_LAWS
     filters: Floats = NO_FILTERS
     reads: NDArray[np.int64] = np.zeros((3, 1), dtype=np.int64)
+    sagging: Floats = NOTHING_SAGS
 
 
 @jit
@@ -418,7 +422,8 @@ def step(truth, t, h, x, z, pins, held, process, dry, stretch, k, stage):
 class Room(NamedTuple):
     """State and working space: x, bristles, pins, and what a step needs; commands under way.
 
-    now: the command held, the one the amplifier gave last, the last reading, the rate fed back.
+    now: the command held, the one the amplifier gave last, the last reading, the rate fed back,
+    the mean square of what the amplifier lately gave.
     following: the next command to arrive.
     """
 
@@ -451,7 +456,7 @@ def room_of(truth: Truth, ticks: int) -> Room:
     return Room(
         np.zeros(rates), np.zeros(truth.bristles.shape[0]), np.zeros(links), np.zeros(n),
         np.zeros(links), np.zeros((4, rates)), np.zeros(rates), np.zeros(ticks), np.zeros(ticks),
-        np.zeros(4), np.zeros(1, dtype=np.int64),
+        np.zeros(5), np.zeros(1, dtype=np.int64),
     )  # fmt: skip
 
 
@@ -524,6 +529,7 @@ def advance(
     h = period / steps
     x, level, arrival = room.x, room.level, room.arrival
     held, given, y_before, speed = room.now[0], room.now[1], room.now[2], room.now[3]
+    spent, share = room.now[4], 1.0 - math.exp(-period / truth.sagging[1])
     following = room.following[0]
     for tick in range(first, last):
         now = tick * period
@@ -539,7 +545,8 @@ def advance(
         if not lost[tick]:
             more = sampled_laws(truth.laws, n, ON_COMMAND, x, commands[tick], now)
             given = drive(truth, commands[tick] + more, given)
-        level[tick] = given
+        level[tick] = given / (1.0 + truth.sagging[0] * spent)
+        spent += share * (given * given - spent)
         arrival[tick] = tick * period + truth.delay + jitter[tick]
         for s in range(steps):
             t = tick * period + s * h
@@ -557,5 +564,6 @@ def advance(
         if not abs(x[0]) < 1e6:
             return tick + 1
     room.now[0], room.now[1], room.now[2], room.now[3] = held, given, y_before, speed
+    room.now[4] = spent
     room.following[0] = following
     return last

@@ -13,7 +13,7 @@ OUTSIDE: Mapping[str, tuple[str, tuple[str, ...]]] = MappingProxyType(
         "hum": ("a force periodic in time", ("amplitude", "frequency_hz", "phase")),
         "hard_stop": ("a stop that the motion runs into", ("position", "stiffness", "damping")),
         "detent": ("narrow magnetic notches in position", ("amplitude", "period", "sharpness")),
-        "slew_limit": ("an amplifier that cannot change faster", ("rate",)),
+        "sagging_drive": ("a drive that weakens by what it gave", ("loss", "time_constant")),
     }
 )
 """Name -> (what it is, its parameters, SI)."""
@@ -26,6 +26,7 @@ MAGNITUDE = MappingProxyType(
         "warming_dampers": "share",
         "hum": "amplitude",
         "detent": "amplitude",
+        "sagging_drive": "loss",
     }
 )
 """The parameter that the effect's strength grows with; the others have none."""

@@ -17,13 +17,12 @@ from zwidth.sim.place import place_at
 class Motion:
     """How a recording moves.
 
-    rms force, largest command and largest change of it per second; of m1 rms speed, rms position,
-    span and farthest position; rms stretch of each link.
+    rms force and largest command; of m1 rms speed, rms position, span and farthest position; rms
+    stretch of each link.
     """
 
     force: float
     peak: float
-    slew: float
     speed: float
     position: float
     span: float
@@ -51,7 +50,6 @@ def motion_of(made: Made, device: Device) -> Motion:
     links = made.states[:, : n - 1] - made.states[:, 1:n]
     return Motion(
         _rms(command), float(np.abs(command).max()),
-        float(np.abs(np.diff(command)).max()) / device.interface.period,
         _rms(v), _rms(q - q.mean()), float(np.ptp(q)), float(np.abs(q).max()),
         tuple(_rms(links[:, i]) for i in range(n - 1)),
     )  # fmt: skip

@@ -84,7 +84,7 @@ def truth_of(device: Device, steps: int, outside: Outside | None = None) -> Trut
         filters=filters,
         reads=reads,
     )
-    return truth if outside is None else _with(truth, outside, interface.period)
+    return truth if outside is None else _with(truth, outside)
 
 
 def lost_rate(device: Device) -> float:
@@ -176,7 +176,7 @@ def _bristles(by_name: Mapping[str, list[Physics]], masses: Floats, h: float) ->
     return np.array(rows, dtype=np.float64).reshape(-1, 9)
 
 
-def _with(truth: Truth, outside: Outside, period: float) -> Truth:
+def _with(truth: Truth, outside: Outside) -> Truth:
     values = np.array(list(outside.values.values()))
     match outside.name:
         case "swaying_stiffness":
@@ -189,10 +189,8 @@ def _with(truth: Truth, outside: Outside, period: float) -> Truth:
             drag = truth.cubic_drag.copy()
             drag[0] = values[0]
             return truth._replace(cubic_drag=drag)
-        case "slew_limit":
-            amplifier = truth.amplifier.copy()
-            amplifier[5] = min(amplifier[5], values[0] * period)
-            return truth._replace(amplifier=amplifier)
+        case "sagging_drive":
+            return truth._replace(sagging=values)
         case "swinging_inertia":
             return truth._replace(inertia=values)
         case "warming_dampers":

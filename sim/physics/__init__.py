@@ -115,10 +115,9 @@ def effect_named(name: str) -> Effect:
 
 def unknown_effect(name: str) -> str:
     """Return what to do about an effect that there is not."""
-    return (
-        f"{nearest(name, EFFECTS)}; an effect of your own is declared in a file in the folder"
-        f" {FOLDER!r} or in {VARIABLE}"
-    )
+    own = f"an effect of your own is declared in a file in the folder {FOLDER!r} or in {VARIABLE}"
+    near = nearest(name, EFFECTS)
+    return f"{near} ({own})" if near.endswith("?") else f"{near}; {own}"
 
 
 def make_physics(name: str, at: str, **values: float) -> Physics:

@@ -59,5 +59,9 @@ def command(
     with executor(cluster, processes) as runner, progress("concealing", len(wanted)) as advance:
         made = conceal(out, wanted, runner, lambda name: advance(now=name))
         advance(len(wanted) - made)
-    console.say(f"{len(wanted)} recordings in {out / 'recordings'}, their keys in {out / 'keys'}")
+    many = "1 recording" if len(wanted) == 1 else f"{len(wanted)} recordings"
+    console.say(
+        f"{many} in {out / 'recordings'}, {'its key' if len(wanted) == 1 else 'their keys'}"
+        f" in {out / 'keys'}"
+    )
     console.result({"recordings": len(wanted), "made": made, "seed": seed, "classes": asked})

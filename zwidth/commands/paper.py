@@ -1,14 +1,13 @@
 """`zwidth paper`: every figure and table of the paper, ours beside theirs, as one report."""
 
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import click
 
 from zwidth.compiling import announce
 from zwidth.console import Console, progress
+from zwidth.jobs.executor import Processes
 from zwidth.options import force_option, out_option
 from zwidth.paper.report import DrawnSection, save_pictures, save_report
 from zwidth.paper.sections import SECTIONS, compute
@@ -44,20 +43,16 @@ def command(chosen: tuple[str, ...], out: Path) -> None:
             missing = [SECTIONS[key] for key in keys if key not in done]
             for section in ordered:
                 pictures = sum(kind == "picture" for kind, _ in section.parts)
-                console.say(f"{section.seconds:5.1f} s  {section.title} ({pictures} pictures)")
+                many = "1 picture" if pictures == 1 else f"{pictures} pictures"
+                console.say(f"{section.seconds:5.1f} s  {section.title} ({many})")
             console.say(f"wrote {save_report(ordered, missing, out / 'report.html')}")
 
 
-def _computed(keys: list[str]) -> Any:
+def _computed(keys: list[str]) -> Iterator[DrawnSection]:
     """Yield the sections as they are finished, two at a time in processes of their own."""
     if len(keys) == 1:
         yield compute(keys[0])
         return
-    with ProcessPoolExecutor(WORKERS, mp_context=get_context("spawn")) as pool:
-        longest_first = sorted(keys, key=lambda key: key not in LONG)
-        futures = [pool.submit(compute, key) for key in longest_first]
-        try:
-            for future in as_completed(futures):
-                yield future.result()
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+    longest_first = sorted(keys, key=lambda key: key not in LONG)
+    for _, section in Processes(WORKERS).run(compute, {key: key for key in longest_first}):
+        yield section

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.controllers.wall import wall
+from zwidth.diagnosis.answer.headline import effect_in_words
 from zwidth.explore.measured import MeasuredPoint, measured_on
 from zwidth.explore.view import Span, View
 from zwidth.scenarios.scenario import Scenario, usual_substeps
@@ -154,7 +155,7 @@ def added(before: Device, after: Device) -> str:
     words += [
         f for f in INTERFACE_FIELDS if getattr(before.interface, f) != getattr(after.interface, f)
     ]
-    return ", ".join(w.replace("_", " ").replace("@", " at ") for w in words)
+    return ", ".join(effect_in_words(w).replace("@", " at ") for w in words)
 
 
 def _rounded(value: float) -> float:

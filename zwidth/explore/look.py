@@ -15,6 +15,7 @@ from zwidth.stability.fates import Fates, evaluate
 
 Floats = NDArray[np.float64]
 HIGHEST = 1e100  # values drawn
+ROOM = 3.0  # times a run, that an axis gives to what lies beside it
 FAINT = 1e-15  # in SI, below which what is drawn is the rounding of a device at rest
 FEWEST_SAMPLES = 16  # of which a spectrum says something
 NOT_SPENT = ("work_motor", "work_disturbance", "work_wall", "work_actuator_lag")
@@ -94,10 +95,15 @@ def spectrum(drawn: dict[str, Floats]) -> dict[str, Floats]:
     return {"frequency": frequency[1:], "amplitude": np.where(height > FAINT, height, np.nan)}
 
 
+def reach(values: Floats) -> float:
+    """Return how far values go from zero; 0 for none."""
+    return float(np.nanmax(np.abs(values), initial=0.0))
+
+
 def fitting(run: Floats, others: Sequence[Floats]) -> tuple[float, float]:
     """Return an axis for a run; what else lies there counts up to three times its size."""
-    most = float(np.nanmax(np.abs(run), initial=0.0))
-    seen = [np.clip(v, -3.0 * most, 3.0 * most) if most > 0.0 else v for v in (run, *others)]
+    most = ROOM * reach(run)
+    seen = [np.clip(v, -most, most) if most > 0.0 else v for v in (run, *others)]
     known = np.concatenate([v[np.isfinite(v)] for v in seen])
     if known.size == 0:
         return 0.0, 1.0

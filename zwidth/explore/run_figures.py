@@ -19,7 +19,7 @@ from bokeh.models import (
 from bokeh.plotting import figure
 from numpy.typing import NDArray
 
-from zwidth.explore.look import fitting, spectrum, within
+from zwidth.explore.look import ROOM, fitting, reach, spectrum, within
 from zwidth.explore.tooltips import sized
 from zwidth.explore.view import Span as Times
 from zwidth.sim.readable import prefix
@@ -174,6 +174,12 @@ class RunFigures:
             self.phase[which].data = {n: self.scales[n] * part[n] for n in ("position", "velocity")}
             self.spectra[which].data = dict(spectrum(part))
         self._fit(span)
+
+    @property
+    def beyond(self) -> float:
+        """Times as far as the run that the recording moves; 0 where the axis holds both."""
+        run, recorded = (reach(self.runs[which]["position"]) for which in (RUN, RECORDED))
+        return recorded / run if recorded > ROOM * run > 0.0 else 0.0
 
     @property
     def ends(self) -> float:

@@ -188,7 +188,9 @@ class Session:
         names = {RUN: self.bench.names[self.view.device]}
         if len(self.bench.devices) > 1:
             names[BESIDE] = self.bench.names[beside(self.view).device]
-        return names if self.recording is None else names | {RECORDED: "recording"}
+        if self.recording is None:
+            return names
+        return names | {RECORDED: words.of_the_recording(self.page.runs.beyond)}
 
     def _show_recording(self) -> None:
         trace: Trace | None = self.recording

@@ -11,7 +11,7 @@ from zwidth.explore.look import Look
 from zwidth.explore.view import View
 from zwidth.figures.map import COLOURS, NAMES, PREDICTED
 from zwidth.sim.device import Device, place_label
-from zwidth.sim.readable import with_unit
+from zwidth.sim.readable import plain, with_unit
 from zwidth.stability.fate_map import FateMap, units_of
 from zwidth.stability.fates import Fate
 from zwidth.stability.plane import Plane, is_friction_at_m1
@@ -101,6 +101,13 @@ def of_the_plane(
     state = f"{grid}, {result.runs} runs" + ("" if finished else ", refining \u2026")
     after = "" if seconds is None else f", {seconds:.2g} s"
     return f"{said}; {state}{after}{_held_still(result)}"
+
+
+def of_the_recording(beyond: float) -> str:
+    """Return what a recording is called; beyond: times as far as the run that it moves, or 0."""
+    if not beyond:
+        return "recording"
+    return f"recording (moves {plain(beyond, 2)} times as far)"
 
 
 def _held_still(result: FateMap) -> str:

@@ -30,7 +30,7 @@ WITH_NAMES = {
     "refit": ("refitted, without what was found", BEFORE, "--"),
     "after": ("with what was found", AFTER, "-"),
 }
-LEARNED = {"law": ("with the law that was learned", "#117733", "-")}
+LEARNED = {"law": ("with the learned law", "#117733", "-")}
 WITHOUT = {
     "before": ("device file", BEFORE, "--"),
     "after": ("refitted", AFTER, "-"),

@@ -5,6 +5,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from zwidth.diagnosis.answer.friction_curve import FrictionCurve
+from zwidth.diagnosis.answer.headline import effect_in_words
 from zwidth.figures.style import STYLE
 from zwidth.sim.readable import scaled
 
@@ -36,7 +37,7 @@ def friction_curve_figure(curve: FrictionCurve, rotary: bool) -> Figure:
             axes.fill_between(at, -y * whole.lower[side], -y * whole.upper[side], color=CURVE,
                               alpha=0.25, linewidth=0.0)  # fmt: skip
             axes.plot(at, -y * whole.forces[side], color=CURVE, linewidth=1.4)
-        names = " and ".join(whole.names).replace("_", " ")
+        names = " and ".join(effect_in_words(name) for name in whole.names)
         axes.plot([], [], color=CURVE, linewidth=1.4, label=f"{names}, with its 95 % band")
         axes.set_xlabel(f"velocity of {curve.at} [{speed}]")
         axes.set_ylabel(f"resistance at {curve.at} [{force}]")

@@ -10,6 +10,7 @@ from zwidth.door import taken
 from zwidth.logs.errors import LogEmpty, LogError
 from zwidth.logs.recording import read_described
 from zwidth.logs.recording_file import Description
+from zwidth.logs.source import RecordingError
 from zwidth.sim.device import Device
 from zwidth.sim.trace import Trace
 
@@ -59,9 +60,10 @@ def read(spool: Path, description: Description | None) -> Read:
     except LogEmpty:
         return Read(wanting="no sample has come yet")
     except LogError as error:
+        said = str(error).replace(str(spool), spool.name)  # it is the log that is spoken of
         if spool.stat().st_size > MUCH:
-            raise
-        return Read(wanting=str(error))
+            raise RecordingError(said) from None
+        return Read(wanting=said)
     warnings = cast("list[str]", trace.facts.get("warnings", []))
     odd = tuple(w for w in warnings if not w.startswith(OPEN_END))
     return Read(trace, tuple(said), odd)

@@ -1,0 +1,95 @@
+"""A drive that gave no force for a stretch of a recording, told by free runs.
+
+The next sample says little of it: an observer follows whatever the device does, and what lacks is
+noise. A free run of half a second (`noise.predictor.free_run_errors`) goes where the force that is
+believed in takes it. So with the parameters that are expected, x, and the drive off in [a, b),
+
+    err(a, b) = rms error of free runs,    the stretch is arg min over a < b,
+
+on a grid of a twentieth of the recording, then each edge by halves down to a sample. It is believed
+where free runs err half as far with it, and beyond the motion itself without it: a wrong number of
+a device does not do that, and no stretch helps where the drive was on. (A command of the wrong sign
+halves as well where it is left out: whoever asks compares with the other ways to read a recording.)
+
+Limits: one stretch, and not the whole (that is a motion which nothing drives). The back-EMF of a
+winding stays, as in a recording whose [enable] says that its drive was off.
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.predictor import free_run_errors, window
+from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.selection.hypothesis import judged
+
+Floats = NDArray[np.float64]
+PARTS = 20  # of a recording, on whose edges a stretch is sought
+HALF = 0.5  # of the error without it, that free runs err at most where it is believed
+LOST = 1.0  # of the motion, from which free runs explain nothing of a recording
+
+
+class Off(NamedTuple):
+    """A stretch [s] in which a drive is off; free runs err by on without it and off with it."""
+
+    from_s: float
+    to_s: float
+    on: float
+    off: float
+
+
+def free_error(e: Experiment, model: Model, x: Floats) -> float:
+    """Return the rms error of free runs over the rms motion, infinite where none is possible."""
+    try:
+        runs = _FreeRuns(e, model, x)
+    except (NoObserver, ValueError):
+        return np.inf
+    off, size = runs.error(0, 0)
+    return off / size if size > 0.0 else np.inf
+
+
+class _FreeRuns:
+    """Free runs of a recording at x, with the drive off in some of it."""
+
+    def __init__(self, e: Experiment, model: Model, x: Floats) -> None:
+        noise = judged([e], model, x).noise
+        self.model, self.x, self.device = model, x, model.acting(x)
+        self.gain, self.window = noise.observer.gain, window(e)
+        self.begun = replace(e, start=noise.starts[0])
+        self.known = np.ones(e.ticks) if e.strengths is None else e.strengths
+
+    def error(self, first: int, last: int) -> tuple[float, float]:
+        """Return the rms error with the drive off in first <= k < last, and the rms motion."""
+        strengths = self.known.copy()
+        strengths[first:last] = 0.0
+        seen = self.model.seen(replace(self.begun, strengths=strengths), self.x)
+        with np.errstate(all="ignore"):  # infinite after an overflow
+            errors, motion = free_run_errors(self.device, seen, self.gain, self.window)
+            size = float(np.sqrt(np.mean(motion[:, 0] ** 2))) if motion.size else 0.0
+            off = float(np.sqrt(np.mean(errors[:, 0] ** 2))) if size else 0.0
+        return (off if np.isfinite(off) else np.inf), size
+
+
+def switched_off(e: Experiment, model: Model, x: Floats) -> Off | None:
+    """Return where the drive gave nothing, None where it always did; raises NoObserver."""
+    error = _FreeRuns(e, model, x).error
+    on, size = error(0, 0)
+    if not on > LOST * size > 0.0:
+        return None
+    edges = np.linspace(0, e.ticks, PARTS + 1).round().astype(int).tolist()
+    stretches = [(a, b) for i, a in enumerate(edges) for b in edges[i + 1 :] if b - a < edges[-1]]
+    a, b = min(stretches, key=lambda stretch: error(*stretch)[0])
+    step = e.ticks // PARTS // 2
+    while step:
+        near = [(a + da, b + db) for da in (-step, 0, step) for db in (-step, 0, step)]
+        kept = [(i, j) for i, j in near if 0 <= i < j <= e.ticks and j - i < e.ticks]
+        a, b = min(kept, key=lambda stretch: error(*stretch)[0])
+        step //= 2
+    least = error(a, b)[0]
+    if least > HALF * on:
+        return None
+    return Off(e.begins + a * e.period, e.begins + b * e.period, on / size, least / size)
