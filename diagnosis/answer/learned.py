@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.answer.adequacy import oftener_freer
-from zwidth.diagnosis.answer.friction_curve import asked_beyond
+from zwidth.diagnosis.answer.friction_curve import asked_beyond, read_beyond
 from zwidth.diagnosis.answer.headline import place_in_words
 from zwidth.diagnosis.answer.held_out import held_out
 from zwidth.diagnosis.answer.result import HeldOut
@@ -136,6 +136,8 @@ class LearnedLaw:
         (`friction_curve.asked_beyond`), of the recordings that it was fitted to.
         """
         curve, final, problem = self.curve, self.found.final, self.found.problem
+        if curve.physics.effect.name == "free_sensor":
+            return curve.seen, law_at(curve.physics, curve.seen) + read_beyond(problem, final)
         at = curve.physics.at if curve.physics.place.kind in ("mass", "link") else "m1"
         states = curve.seen
         return states, law_at(curve.physics, states) + asked_beyond(problem, final, at)
