@@ -171,7 +171,7 @@ def _is_line(h: Hypothesis, site: Site, say: Say) -> bool:
     rival = None if site.period > 0.0 else _in_its_place(h, site, _line(h, site))
     if rival is None or believed(h.cost, rival.cost, against(h, rival).phi):
         return False
-    say("a straight line would do as well: that is no law, but a spring, a damper or a scale")
+    say("a straight line would do as well: that is no law, but a spring, a damper or a constant")
     return True
 
 
@@ -202,22 +202,27 @@ def _over_turns(base: Hypothesis, say: Say) -> Iterator[Begun]:
         site = replace(there, period=p.values["period"], scale=scale)
         say(f"learning what repeats every {site.period:.3g} at {site.at}")
         model, x = base.model.less(base.x, i)
-        law = law_over(site, OF_A_TURN, False)
-        h = None if law is None else _fitted(replace(base, model=model, x=x), site, law)
+        at = points_over(site.states, OF_A_TURN, False, site.period)
+        sine = None if at is None else along(p, site.effect, at)
+        if at is None or sine is None:
+            continue
+        law = table(site.effect, site.at, at, sine, False, site.period)
+        h = _fitted(replace(base, model=model, x=x), site, law)
         if h is not None:
             yield h, site
 
 
 def _line(h: Hypothesis, site: Site) -> Physics:
-    """The line through the origin that is nearest to the law that a hypothesis has last.
+    """The straight line that is nearest to the law that a hypothesis has last.
 
-    A spring, a damper or a scale is that. It begins where the law is: a law over the command may
-    have taken most of its scale away, in a valley that no fit reaches from nothing.
+    A spring, a damper or a scale is that, and a constant force or an origin where it is beside
+    nothing. It begins where the law is: a law over the command may have taken most of its scale
+    away, in a valley that no fit reaches from nothing.
     """
-    force, most = law_at(h.model.effects_at(h.x)[-1], site.states), np.abs(site.states).max()
-    slope = float(force @ site.states) / float(site.states @ site.states)
-    ends = np.array([0.0, float(most)])
-    return table(site.effect, site.at, ends, slope * ends, True)
+    force = law_at(h.model.effects_at(h.x)[-1], site.states)
+    offset, slope = np.polynomial.polynomial.polyfit(site.states, force, 1)
+    ends = np.array([float(site.states.min()), float(site.states.max())])
+    return table(site.effect, site.at, ends, offset + slope * ends, False)
 
 
 def _fitted(
