@@ -11,11 +11,12 @@ recording has no law. Diagnosed with `--effort quick`.
 
 Columns: what acts, the verdict, what was learned and where; by how much the curve errs over the
 range that holds 98 % of the samples, as a share of the law's rms, both without what a straight line
-holds (that is a spring's, a damper's or a gain's), and by how much it errs together with the names
-beside it that follow the same state; whether the truth lies within its band; and the share of the
-refit's held-out free-run error that is gone, less what noise alone makes. A form is recovered where
-the truth lies in the band or the curve errs by less than a tenth, by itself or together with the
-names; how often by itself is said too.
+holds (that is a spring's, a damper's or a gain's) and, of a law over the command, without its scale
+(u + f(u) on m is the motion of c u + c f(u) on c m), and by how much it errs together with the
+names beside it that follow the same state; whether the truth lies within its band; and the share of
+the refit's held-out free-run error that is gone, less what noise alone makes. A form is recovered
+where the truth lies in the band or the curve errs by less than a tenth, by itself or together with
+the names; how often by itself is said too.
 """
 
 import argparse
@@ -35,6 +36,7 @@ from zwidth.exam.filming import Scene, draw_camera, film
 from zwidth.exam.grammar import Law, draw_law, motion_at, novelty, scaled
 from zwidth.exam.machines import draw_machine, guessed, log_uniform
 from zwidth.exam.playing import draw_playing
+from zwidth.exam.stages import LEAST_STEPS
 from zwidth.scenarios.concealed.integrator import NO_LAWS
 from zwidth.scenarios.concealed.rig import RunAway
 from zwidth.sim.device import Device
@@ -45,6 +47,7 @@ SECONDS, TRIES, NOVEL = 12.0, 400, 0.4
 STATES = {"position": "free_spring", "stretch": "free_spring", "velocity": "free_damper",
           "rate": "free_damper", "command": "free_amplifier"}  # fmt: skip
 NEAR, WITHIN, COARSE = 0.1, 0.01, 5e-3
+MOST_OFF = 1.5  # that a device file's numbers are, and with them the scale of all
 
 
 @dataclass(frozen=True)
@@ -76,7 +79,14 @@ def _try(random: np.random.Generator, with_law: bool) -> Drawn | None:
         return None
     playing = draw_playing(random, machine, SECONDS)
     camera = draw_camera(random, machine)
-    scene = Scene(machine.device, playing, camera, int(random.integers(2**31)), NO_LAWS)
+    still = replace(camera, process=0.0)
+    scene = Scene(machine.device, playing, still, int(random.integers(2**31)), NO_LAWS)
+    first = film(scene)
+    if np.std(first.states[:, 0]) < LEAST_STEPS * machine.device.interface.encoder_step:
+        return None
+    # Noise is drawn for a command of rms one.
+    size = float(np.sqrt(np.mean(first.trace.channels["command"] ** 2)))
+    scene = replace(scene, camera=replace(camera, process=camera.process * size))
     made = film(scene)
     nominal = guessed(random, machine.device)
     if not with_law:
@@ -112,14 +122,21 @@ def apart(one: Drawn, law: Law, curve: Learned) -> tuple[float, float]:
     """Return by how much a curve errs over the law's rms, and together with names beside it."""
     low, high = np.quantile(one.states, (0.01, 0.99))
     s = np.linspace(low, high, 100)
-    truth = law.along({law.first.argument: s})
+    truth = bent(law.along({law.first.argument: s}), s)
     named = curve.named_at(s)
     alone = law_at(curve.physics, s)
-    own, both = (
-        float(np.std(bent(ours - truth, s)) / max(np.std(bent(truth, s)), 1e-300))
-        for ours in (alone, alone + named)
-    )
-    return own, both
+
+    def errs(ours: Floats) -> float:
+        scale = _scale(law, float(truth @ ours) / max(float(truth @ truth), 1e-300))
+        off = bent(ours / scale, s) - truth
+        return float(np.std(off) / max(np.std(truth), 1e-300))
+
+    return errs(alone), errs(alone + named)
+
+
+def _scale(law: Law, told: float) -> float:
+    """By what a law is larger that no motion tells: of one over the command, as masses may be."""
+    return float(np.clip(told, 1.0 / MOST_OFF, MOST_OFF)) if law.at == "command" else 1.0
 
 
 def within(law: Law, curve: Learned) -> bool:
@@ -128,6 +145,8 @@ def within(law: Law, curve: Learned) -> bool:
     known = curve.covariance[1:, 1:] if curve.odd else curve.covariance
     forces = curve.forces[1:] if curve.odd else curve.forces
     own = law.along({law.first.argument: at})
+    bend = bent(own, at)
+    own = own * _scale(law, float(bend @ forces) / max(float(bend @ bend), 1e-300))
     known = known + np.eye(at.size) * (COARSE * float(np.abs(forces).max())) ** 2
     columns = np.column_stack([np.ones(at.size), at])
     weigh = np.linalg.inv(np.linalg.cholesky(known))

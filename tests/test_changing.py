@@ -11,9 +11,10 @@ import pytest
 from numba import njit
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.answer.changes import Change, change_of
+from zwidth.diagnosis.answer.changes import Change, change_of, changing, outlived
 from zwidth.diagnosis.answer.result import Verdict
 from zwidth.diagnosis.diagnose import diagnose
+from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.learning.changing import (
     DRIFT,
     EACH,
@@ -27,12 +28,17 @@ from zwidth.diagnosis.learning.changing import (
     suspected,
     varied,
 )
+from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.model.parameters import Model, Varying
 from zwidth.diagnosis.noise.predictor import innovations
 from zwidth.diagnosis.recording.experiment import Covariate, Experiment, Output
 from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
+from zwidth.diagnosis.selection.search import Search
+from zwidth.diagnosis.selection.searched import as_found
 from zwidth.figures.changes import changes_figure
+from zwidth.planning.excitations import Scale, excitation
+from zwidth.planning.rehearsal import Noise, rehearse
 from zwidth.sim.chain import make_chain
 from zwidth.sim.changes import beside, changes_of, difference
 from zwidth.sim.device import Device
@@ -178,6 +184,55 @@ def test_nothing_changes_where_nothing_does(seed: int):
     h = fitted(recording(8.0, 20 + seed, {}))
     suspect = suspected(h)
     assert suspect is None or varied(h, suspect) is None
+
+
+def test_a_change_competes_with_names_that_were_refused():
+    """Friction that an answer does without is no damper that settles.
+
+    Mutations that break it: a change believed over the answer without it alone; the names that were
+    refused fitted anew with the change, and the cheapest taken.
+    """
+    device = Device("mass", "", True, make_chain([1e-3], [5e-3]), Interface(0.001, 0.0))
+    friction = make_physics("coulomb_friction", "m1", level=3e-3)
+    command = excitation("small_multisine", device, 1.0, Scale(0.1, 2.0), seed=1)
+    e = rehearse(device.with_physics(friction), command, Noise(1e-3, 1e-5),
+                 outputs=(Output("position", 0),), seed=2)  # fmt: skip
+    first, rest = e.split()
+    bare = Model(device)
+    rubs = bare.with_effect(friction, {"level": 3e-3})
+    named = settled(judged([first], rubs, np.zeros(len(rubs.parameters))))
+    plain = settled(judged([first], bare, np.zeros(len(bare.parameters))))
+    search = Search(plain, plain, QUICK, silent)
+    for h in (plain, named):
+        search.keep(h)
+    suspect = suspected(plain)
+    assert suspect is not None  # something seems to change
+    assert varied(plain, suspect) is not None
+    taken = Taken((e,), (first,), (rest,), (), 1.0, False, ())
+    found, _, changes = changing(device, as_found(device, search), taken, silent)
+    assert changes == ()
+    assert found.tried.best is plain
+
+
+def test_a_change_goes_with_the_name_that_it_is_of():
+    """Mutation that breaks it: changes kept whatever the answer lost."""
+    h, _ = step()
+    suspect = suspected(h)
+    assert suspect is not None
+    new = varied(h, suspect)
+    assert new is not None
+    change = change_of(new, h.experiments, (1.0, 0.5))
+    later = change_of(new, h.experiments, None)
+
+    model, x = h.model.less(h.x, 0)
+    bare = settled(judged(h.experiments, model, x))
+
+    def left(h: Hypothesis) -> tuple[Change, ...]:
+        return outlived((change, later), as_found(DEVICE, Search(bare, h, QUICK, silent)))
+
+    assert left(new.hypothesis) == (change, later)
+    assert left(h) == (later,)  # the same everywhere, but for what comes after
+    assert left(bare) == ()
 
 
 def test_one_run_is_unlike_the_others():

@@ -194,7 +194,6 @@ def test_an_upper_bound_that_fails_costs_that_one(short: pytest.MonkeyPatch):
     short.setattr(at, "named_only_whole", lambda *_: False)
     short.setattr(at, "farther", lambda _, found, *__: found)
     short.setattr(at, "next_believed", lambda _: ())
-    short.setattr(at, "changing", lambda _, found, taken, __: (found, taken, ()))
     short.setattr("zwidth.diagnosis.intake.take_in.suspicion", lambda *_: Suspicion())  # no search
     answer = diagnose(MASS, [recorded()])
     assert {(m.stage, m.what) for m in answer.errors} == {("limits", "dead_band@command")}
@@ -278,14 +277,16 @@ def test_without_a_refit_there_is_no_answer_but_a_file_that_says_so(
 def test_a_search_that_fails_keeps_what_it_had(
     monkeypatch: pytest.MonkeyPatch, where: str, named: int
 ):
-    """Mutation: `isolated` taken off the rounds of the search."""
+    """Mutations: `isolated` taken off the rounds of the search; a reading believed whose search
+    failed, to which friction without a name is a wrong unit.
+    """
     monkeypatch.setattr(f"zwidth.diagnosis.selection.search.{where}", throw)
     monkeypatch.setattr(zwidth.diagnosis.answer.answered, "left_over", lambda *_: Left(0.0, ""))
     monkeypatch.setattr(zwidth.diagnosis.answer.answered, "instead_of", nothing)
     found = diagnose(MASS, [recorded()], effort=ONE)
     assert found.verdict is Verdict.UNDECIDED
-    assert "an error left out a part of the search" in found.sentence  # friction without a name
-    assert {m.stage for m in found.errors} == {"search"}  # may read as a wrong unit, which is said
+    assert found.sentence.startswith("an error left out a part of the search")
+    assert [m.stage for m in found.errors] == ["search"]
     assert len(found.findings) == named
     assert all(f.effect.endswith("friction") for f in found.findings)
     assert found.linear_refit["m1"][1].value > 0.0

@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.answer.friction_curve import friction_curve
@@ -37,9 +38,10 @@ V = np.linspace(0.0, 3.0, 13)
 SATURATES = table("free_damper", "m1", V, -1.5 * np.tanh(V / 0.6), odd=True)
 CUBES = table("free_damper", "m1", V, -0.25 * V**3, odd=True)
 TURN = 0.04
+ANGLES = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
 DETENT = table(
-    "free_spring", "m1", np.asarray(TURN * np.arange(8) / 8.0, dtype=np.float64),
-    1.2 * np.array([0.0, 0.2, 1.0, 0.2, 0.0, -0.4, -0.6, -0.4]), False, TURN,
+    "free_spring", "m1", TURN * ANGLES / (2.0 * np.pi),
+    0.8 * np.sin(ANGLES) + 0.5 * np.cos(2.0 * ANGLES), False, TURN,
 )  # fmt: skip
 RUBS = make_physics("coulomb_friction", "m1", level=0.8)
 
@@ -110,6 +112,9 @@ def test_friction_stays_beside_a_drag_and_both_are_one_law() -> None:
     off = whole.forces - truth
     s = whole.states
     assert np.abs(off - s * (s @ off) / (s @ s)).max() < 0.05 * np.abs(truth).max()
+    known = whole.covariance + np.eye(s.size) * (2e-3 * np.abs(whole.forces).max()) ** 2
+    weigh = np.linalg.inv(np.linalg.cholesky(known))  # the damper's straight part is in it
+    assert chi2.sf(float(np.sum((weigh @ off) ** 2)), s.size) > 0.01
     np.testing.assert_allclose(curve.named_at(s), whole.forces - law_at(curve.physics, s))
     (like, *_), both = like_what(curve)
     assert both
@@ -153,14 +158,19 @@ def test_friction_is_shown_as_a_curve_with_what_the_samples_ask_for() -> None:
 
 def test_what_repeats_is_learned_in_the_place_of_a_ripple() -> None:
     """Mutation that breaks it: no law in the place of a ripple, which is then all there is."""
-    ripple = make_physics("force_ripple", "m1", amplitude=0.8, period=TURN, phase=-1.6)
+    ripple = make_physics("force_ripple", "m1", amplitude=0.8, period=TURN, phase=0.0)
     curve = learn(searched((DETENT,), ripple, amplitude=0.4, phase=0.5), silent)
     assert curve is not None
     assert curve.period == pytest.approx(TURN)
     assert curve.names == ()
     q = np.linspace(0.0, TURN, 50)
     off = law_at(curve.physics, q) - law_at(DETENT, q)
-    assert np.std(off) < 0.15 * np.std(law_at(DETENT, q))  # of one sine 0.4
+    assert np.std(off) < 0.15 * np.std(law_at(DETENT, q))  # of one sine 0.5
+    (like, *_), _ = like_what(curve)
+    assert like.form.name == "sum of two harmonics"
+    assert like.numbers["a"] == pytest.approx(0.8, rel=0.05)
+    assert like.numbers["e"] == pytest.approx(0.5, rel=0.05)
+    assert abs(like.numbers["d"]) < 0.1
 
 
 def test_a_table_of_fewer_points_is_told_from_one_fit() -> None:

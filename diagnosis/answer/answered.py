@@ -8,7 +8,7 @@ from typing import Any
 from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy, freer, wander
 from zwidth.diagnosis.answer.augmented import all_smooth, augmented
 from zwidth.diagnosis.answer.cautions import cautions
-from zwidth.diagnosis.answer.changes import Change, changing
+from zwidth.diagnosis.answer.changes import Change, changing, outlived
 from zwidth.diagnosis.answer.events import Event
 from zwidth.diagnosis.answer.findings import all_findings, linear, upper_bounds
 from zwidth.diagnosis.answer.headline import Answer, headline
@@ -65,6 +65,7 @@ def answered(
 
     An error in one part costs that part, and the verdict where it rests on it.
     """
+    before = taken
     found, taken, changes, halted = _what_changes(device, found, taken, say)
     asked, taken = taken, _knowing_losses(taken, found)
     found, sound = _standing(device, taken, found, say)
@@ -89,6 +90,8 @@ def answered(
                 taken = _knowing_losses(asked, by)
                 sound = attempt("adequacy", "", partial(_adequacy, device, by, taken))
             found, left = again, beyond
+    if changes and not (changes := outlived(changes, found)):
+        taken = _knowing_losses(before, found)  # a part of it, where something changes
     say("locating")
     located = attempt("locate", "", partial(locate, found.problem, found.refit)) or NOWHERE
     say("held-out data")
@@ -119,6 +122,7 @@ def answered(
             sentence = "something is missing that no effect of the library explains"
         sentence = f"{sentence}; {law.sentence}"
         augment = partial(_augmented, taken, law.found, findings)
+        changes = outlived(changes, law.found)
     lost = " and ".join(dict.fromkeys(WHAT_IS_LOST[m.stage] for m in mishaps.of(*DECISIVE)))
     masses = device.chain.masses.size
     law_in_words = "" if law is None else law.headline(masses, device.rotary)

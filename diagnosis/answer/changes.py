@@ -1,13 +1,16 @@
 """What does not stay the same while a device is recorded, as an answer says it.
 
 Asked of every answer (`learning.changing`) before its held-out data are opened for good: a change
-in what was fitted is named where free runs on held-out data, which come after it, err no more with
-it than without. One in the held-out data themselves is dated by the whole recording, and what comes
-after it judges no more. With a change the device is as it was at the end: that is what the
-augmented device says, and what later recordings are held against.
+in what was fitted is named where it is believed over everything that was tried and stays the same,
+not only over the answer without it (a damper that settles may stand for friction that was refused),
+and where free runs on held-out data, which come after it, err no more with it than without. One in
+the held-out data themselves is dated by the whole recording, and what comes after it judges no
+more. With a change the device is as it was at the end: that is what the augmented device says, and
+what later recordings are held against.
 """
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -49,7 +52,8 @@ from zwidth.diagnosis.mishaps import Say, attempt
 from zwidth.diagnosis.model.parameters import Model, values_of
 from zwidth.diagnosis.noise.predictor import SETTLING, window
 from zwidth.diagnosis.recording.experiment import Experiment
-from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, priced
+from zwidth.diagnosis.selection.evidence import ALPHA
+from zwidth.diagnosis.selection.hypothesis import Hypothesis, against, judged, priced
 from zwidth.diagnosis.selection.search import Search
 from zwidth.diagnosis.selection.searched import Searched, as_found
 from zwidth.sim.device import Device
@@ -119,6 +123,12 @@ class Change:
     covariate_ends: tuple[float, float] | None = None
     each: tuple[tuple[str, Estimate], ...] = ()
     as_well: tuple[str, ...] = ()
+
+    @property
+    def of(self) -> str:
+        """The parameter as a model names it (`model.parameters.Parameter.name`)."""
+        own = self.parameter
+        return own if self.effect is None else f"{self.effect}@{self.place}.{own}"
 
     @property
     def what(self) -> str:
@@ -254,7 +264,7 @@ def _one_more(
         return None
     say(f"asking whether {suspect.of.replace('@', ' at ')} stays the same")
     new = varied(best, suspect)
-    if new is None:
+    if new is None or not _over_all_that_stays(found.tried, new, new.hypothesis):
         return None
     judge_by = tuple(p for e in taken.judge_by for p in _as_it_goes_on(e, best.experiments, new))
     other = as_found(device, replace(found.tried, best=new.hypothesis))
@@ -264,10 +274,42 @@ def _one_more(
     if not with_it.after <= without.after:
         say("it seems to change, but free runs on held-out data err more so: not said")
         return None
+    tried = _rivals_anew(found.tried, new)
+    if not _over_all_that_stays(found.tried, new, tried.best):
+        say("it seems to change, but a law that stays the same explains as much: not said")
+        return None
     change = change_of(new, best.experiments, (without.after, with_it.after))
-    with_rivals = as_found(device, _rivals_anew(found.tried, new))
+    with_rivals = as_found(device, tried)
     again = replace(with_rivals, held=found.held, far=found.far)
     return again, replace(taken, judge_by=judge_by), change
+
+
+def _over_all_that_stays(tried: Search, new: Varied, h: Hypothesis) -> bool:
+    """Whether a hypothesis that changes is ahead of all that were tried and do not.
+
+    It is believed over those that have nothing that it lacks, and costs less than all others. They
+    were fitted to recordings as they are, and it to their parts: what an answer costs on both
+    without the change says by how much the parts differ.
+    """
+    best = tried.best
+    cost = h.cost.total + best.cost.total - new.without.cost.total
+    odds = 2.0 * against(h, new.without).phi * math.log(1.0 / ALPHA)
+    return all(
+        other.cost.total - cost > (odds if other.labels <= h.labels else 0.0)
+        for other in (best, *tried.tried.values())
+        if not other.against_physics
+    )
+
+
+def outlived(changes: Sequence[Change], found: Searched) -> tuple[Change, ...]:
+    """Return the changes of parameters that an answer still has, and still has as changing.
+
+    Held-out data may have refused the name whose parameter changes, and a law may do without. A
+    change in held-out data themselves (no free runs) is of a parameter that the answer has.
+    """
+    own = {p.name for p in found.final.model.parameters}
+    varies = found.final.model.varies
+    return tuple(c for c in changes if c.of in (own if c.free_run is None else varies))
 
 
 def _as_it_goes_on(e: Experiment, fitted: Sequence[Experiment], new: Varied) -> list[Experiment]:

@@ -19,7 +19,7 @@ from zwidth.diagnosis.forces.leftover import predicted_states
 from zwidth.diagnosis.forces.unknown import SLOWER
 from zwidth.diagnosis.learning.steady import along
 from zwidth.diagnosis.learning.together import Together, follows, together
-from zwidth.diagnosis.noise.predictor import SETTLING
+from zwidth.diagnosis.noise.predictor import SETTLING, innovations
 from zwidth.diagnosis.noise.settle import prepared_for
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.selection.searched import Searched
@@ -70,9 +70,21 @@ def asked_beyond(problem: Problem, fitted: Fitted, at: str) -> Floats:
 
     Those of all recordings one after the other, from where the observer has settled.
     """
-    slow = problem
-    with suppress(NoObserver):  # so slow that it does not hold the device
-        ratio = SLOWER * problem.observer.ratio
-        slow = prepared_for(problem.experiments, fitted.model, fitted.x, ratio)
+    slow = _slower(problem, fitted)
     each = [missing_force(slow, fitted, e, at)[SETTLING:] for e in problem.experiments]
     return np.concatenate(each)
+
+
+def read_beyond(problem: Problem, fitted: Fitted) -> Floats:
+    """Return by how much the first output (samples,) is read otherwise than a fit predicts."""
+    slow, model = _slower(problem, fitted), fitted.model
+    device, gain = model.acting(fitted.x), slow.observer.gain
+    seen = [model.seen(e, fitted.x) for e in slow.experiments]
+    return np.concatenate([innovations(device, e, gain)[SETTLING:, 0] for e in seen])
+
+
+def _slower(problem: Problem, fitted: Fitted) -> Problem:
+    with suppress(NoObserver):  # so slow that it does not hold the device
+        ratio = SLOWER * problem.observer.ratio
+        return prepared_for(problem.experiments, fitted.model, fitted.x, ratio)
+    return problem

@@ -39,6 +39,18 @@ def covariance(fitted: Fitted) -> Floats:
     return _covariance(fitted, fitted.jacobian)
 
 
+def covariance_of_scale(fitted: Fitted, gauge: int) -> Floats:
+    """Return `covariance` (p, p) where the scale of command, masses and all forces is a convention.
+
+    A law over the command leaves that scale open, and with it every other number: twice of all is
+    the same motion. So one parameter (its place in x) is taken as it was fitted, and has none.
+    """
+    others = np.array([i != gauge for i in range(fitted.x.size)])
+    found = np.zeros((fitted.x.size, fitted.x.size))
+    found[np.ix_(others, others)] = _covariance(fitted, fitted.jacobian[:, others])
+    return found
+
+
 def _covariance(fitted: Fitted, jacobian: Floats) -> Floats:
     """Return `covariance` of those parameters whose slopes are given."""
     rows = np.linalg.pinv(jacobian)

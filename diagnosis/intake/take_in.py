@@ -72,6 +72,7 @@ def take_in(
 ) -> Taken:
     """Take recordings in as they are likeliest to be read, by a quick search of each reading.
 
+    As they are where an error ended such a search: what it did not try tells nothing of a reading.
     Raises as `readings` does.
     """
     every = readings(device, experiments, validate)
@@ -83,7 +84,11 @@ def take_in(
         return best.cost.total, best.model.build(best.x)
 
     with isolated("gate", "which reading is likeliest"), suppress(NoObserver):
-        return judged_anew(*likeliest(every, quick))
+        with collecting(silent) as mishaps:
+            before = len(mishaps.of("search"))
+            kept = likeliest(every, quick)
+        if len(mishaps.of("search")) == before:  # friction that was not tried reads as a wrong unit
+            return judged_anew(*kept)
     return every[0]
 
 

@@ -387,7 +387,7 @@ class Varied:
     """A change that was fitted, and how it was asked for.
 
     hypothesis: with it, on recordings in parts; without: the same parts without. names: of the
-    change, of several where every recording has its own; gained: over doing without, all paid.
+    change, of several where every recording has its own.
     """
 
     suspect: Suspect
@@ -398,7 +398,7 @@ class Varied:
     @property
     def gained(self) -> float:
         """In -2 ln, all paid."""
-        return self.without.cost.total - self.hypothesis.cost.total - self.suspect.price
+        return self.without.cost.total - self.hypothesis.cost.total
 
 
 def varied(h: Hypothesis, suspect: Suspect) -> Varied | None:
@@ -413,13 +413,15 @@ def varied(h: Hypothesis, suspect: Suspect) -> Varied | None:
         h.model,
         varying=(
             *h.model.varying,
-            *(Varying(name, suspect.of, suspect.shape not in CUT) for name in names),
+            *(
+                Varying(name, suspect.of, suspect.shape not in CUT, 0.0 if i else suspect.price)
+                for i, name in enumerate(names)
+            ),
         ),
     )
     begun = judged(parts, model, model.within(np.append(without.x, amounts)), h.family)
     best = settled(begun)
-    new = replace(best.cost, searched=best.cost.searched + suspect.price)
-    if best.against_physics or not believed(new, without.cost, against(best, without).phi):
+    if best.against_physics or not believed(best.cost, without.cost, against(best, without).phi):
         return None
     if suspect.shape == STEP:
         at, between = _dated(h.experiments, best, suspect)

@@ -1,25 +1,29 @@
 """A law of no name, learned: a table over one state at one place, fitted like any effect.
 
 Where no name is adequate, what is missing is let in as a table of points (`sim/physics/free_law`):
-over position or velocity at each mass, over what each link gives way, over the command, and over
-one turn of what a ripple repeats by. Which of these explains most is told by least squares off the
-refit's span (`forces.unknown`), under the likeliest observer and under a slower one that takes less
-for disturbance. The best are fitted to their end, observer and linear parameters with them, and
-cost what every hypothesis costs.
+over position or velocity at each mass, over what each link gives way, over the command, over what
+the sensor reads, and over one turn of what a ripple repeats by. Where such a table gains most is
+told to first order (`where`). The best are fitted to their end, observer and linear parameters with
+them, and cost what every hypothesis costs; of those that stay with twice as many points as well.
 
 Names come first, and under a law that none of them is they take what they can of it: friction the
 step of a piecewise line. So the table is fitted beside the names and in the place of all of them,
-each with as many points as a table has; and of the names beside it each is asked, by the one
-criterion of `selection.evidence`, whether it is believed over its absence now that the table may
-take its part. What is not goes: it was part of the curve. Then the table keeps the points that pay
-(`knots`). What follows the same state at the same place still, is one law with it for whoever reads
-it (`together`): the curve of both is known better than either.
+each with all of its points; and of the names beside it each is asked, by the one criterion of
+`selection.evidence`, whether it is believed over its absence now that the table may take its part.
+What is not goes: it was part of the curve. So does a change of a parameter that the law explains as
+well. Then the table keeps the points that pay (`knots`). What follows the same state at the same
+place still, is one law with it for whoever reads it (`together`): the curve of both is known better
+than either.
+
+The band of a curve is what the fit does not know of its points, and what a curve through so few
+points cannot be (`tables.left_out`).
 
 Limits: one state at one place; a law of two, or of time, is found as far as one shows it. What is
 steep near rest no table holds, and friction stays a name. The straight part of a table of velocity
 is a damper, that of a table of position a spring: what of it is which, only the device file says.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -28,47 +32,36 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.fitting.uncertainty import Z95, covariance
+from zwidth.diagnosis.fitting.uncertainty import Z95, covariance, covariance_of_scale
 from zwidth.diagnosis.forces.leftover import predicted_states
-from zwidth.diagnosis.forces.unknown import views_of, weigh
-from zwidth.diagnosis.learning.knots import one_way, shapes, tempered
+from zwidth.diagnosis.learning.knots import one_way, shapes, spared, tempered
 from zwidth.diagnosis.learning.steady import along
-from zwidth.diagnosis.learning.tables import is_odd, law_at, points_over, table
+from zwidth.diagnosis.learning.tables import is_odd, law_at, left_out, points_over, table
 from zwidth.diagnosis.learning.together import Together, follows, together
+from zwidth.diagnosis.learning.where import (
+    MANY,
+    Site,
+    beside,
+    law_over,
+    site_at,
+    sites,
+    states_of,
+)
 from zwidth.diagnosis.mishaps import Say, attempt
-from zwidth.diagnosis.noise.predictor import SETTLING
 from zwidth.diagnosis.noise.steady import NoObserver
-from zwidth.diagnosis.seeking.sizes import sizes_of
-from zwidth.diagnosis.selection.evidence import believed
+from zwidth.diagnosis.selection.evidence import ALPHA, believed
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, against, judged, settled
 from zwidth.diagnosis.selection.search import Search
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.free_law import AT, FORCE, KNOTS, points_of
-from zwidth.sim.place import place_at
 
 Floats = NDArray[np.float64]
-LAWS = {"position": "free_spring", "velocity": "free_damper", "command": "free_amplifier"}
-FIRST, FIRST_ODD = 7, 5  # points of a first fit
+FEW = 7  # points, where the recordings do not tell all of a table's
 OF_A_TURN = 12  # points of what repeats: a ripple of six periods a turn
 ASKED = 3  # places and states that are fitted, beside each set of names
-SHARE = 0.1  # of the force that moves a recording: scale of a point
-HOPE = 20.0  # -2 ln, that few points may cost more than names where many are tried
-BEHIND = 200.0  # the same, that a law without names may cost more than beside them, of few points
-TELLING = KNOTS  # states at which what acts together is worked out: more tell no more
-
-
-@dataclass(frozen=True)
-class Site:
-    """Where a law may stand: effect and place, the states seen there (samples,), its period.
-
-    scale: of the period as a parameter, 0 for one that is known.
-    """
-
-    effect: str
-    at: str
-    states: Floats
-    period: float = 0.0
-    scale: float = 0.0
+HOPE = 20.0  # -2 ln, that a law may cost more than names before these are asked beside it
+BEHIND = 200.0  # the same, that a law without names may cost more than beside them
+TELLING = MANY  # states at which what acts together is worked out: more tell no more
 
 
 @dataclass(frozen=True)
@@ -142,7 +135,8 @@ def learn(found: Search, say: Say) -> Learned | None:
 def laws(found: Search, say: Say, turns: bool = False) -> Iterator[Learned]:
     """Yield laws of no name that are believed over the names, each of another place or state.
 
-    The order is that of what few points promise. turns: only what repeats, in a ripple's place.
+    The order is that of what the points that pay promise. turns: only what repeats, in a ripple's
+    place.
     """
     bases = [found.best] + [found.plain] * bool(found.best.model.effects)
     least = min(bases, key=lambda h: h.cost.total)
@@ -152,18 +146,24 @@ def laws(found: Search, say: Say, turns: bool = False) -> Iterator[Learned]:
             begun.setdefault((site.effect, site.at, 0.0), []).append((h, site))
         for h, site in _over_turns(base, say):
             begun.setdefault((site.effect, site.at, site.period), []).append((h, site))
-    for each in sorted(begun.values(), key=lambda each: min(h.cost.total for h, _ in each)):
-        first = min(h.cost.total for h, _ in each)
-        if first > least.cost.total + HOPE:  # more points cost more, and gain as much seldom
+    for each in sorted(begun.values(), key=_promise):
+        if _promise(each) > least.cost.total + HOPE:
             break
-        likely = [(h, site) for h, site in each if h.cost.total < first + BEHIND]
-        full = [(_without_names(found, _full(h, site)), site) for h, site in likely]
+        likely = [one for one in each if _promise([one]) < _promise(each) + BEHIND]
+        full = [(_without_changes(_without_names(found, h)), site) for h, site in likely]
+        full = [(_finer(h, site), site) for h, site in full]
         phi = against(min((h for h, _ in full), key=lambda h: h.cost.total), least).phi
         shaped = [(_shaped(h, site, phi), site) for h, site in full]
         best = min(shaped, key=lambda one: tempered(one[0], phi))
+        best = _absorbing(*best, phi), best[1]
         if not found.ahead(best[0], least) or _is_line(*best, say):
             continue
         yield _learned(one_way(best[0], phi), best[1], least, found)
+
+
+def _promise(begun: Sequence[Begun]) -> float:
+    """What the cheapest of some laws would cost of the points that pay."""
+    return min(h.cost.total - spared(h, site.states) for h, site in begun)
 
 
 def _is_line(h: Hypothesis, site: Site, say: Say) -> bool:
@@ -171,20 +171,21 @@ def _is_line(h: Hypothesis, site: Site, say: Say) -> bool:
     rival = None if site.period > 0.0 else _in_its_place(h, site, _line(h, site))
     if rival is None or believed(h.cost, rival.cost, against(h, rival).phi):
         return False
-    say("a straight line would do as well: that is no law, but a spring, a damper or a scale")
+    say("a straight line would do as well: that is no law, but a spring, a damper or a constant")
     return True
 
 
 def _over_states(base: Hypothesis, say: Say) -> Iterator[Begun]:
-    """Yield laws of few points beside what a hypothesis has, where they would gain most."""
-    sites = None if base.slopes is None else attempt("learn", "where", partial(_sites, base))
-    for site in sites or ():
+    """Yield laws of many points beside what a hypothesis has, where they would gain most."""
+    found = None if base.slopes is None else attempt("learn", "where", partial(sites, base, ASKED))
+    for site, begun in found or ():
         say(f"learning a law over {site.effect.removeprefix('free_')} at {site.at}")
-        shaped = [_law(site, FIRST, False), _law(site, FIRST_ODD, True)]
-        fitted = [_fitted(base, site, law) for law in shaped if law is not None]
-        told = [h for h in fitted if h is not None]
-        if told:
-            yield min(told, key=lambda h: h.cost.total), site
+        h = attempt("learn", site.at, partial(settled, begun))
+        if h is not None and not np.isfinite(h.cost.total):  # not all of its points are told
+            law = law_over(site, FEW, False)
+            h = None if law is None else _fitted(base, site, law)
+        if h is not None:
+            yield h, site
 
 
 def _over_turns(base: Hypothesis, say: Say) -> Iterator[Begun]:
@@ -197,65 +198,31 @@ def _over_turns(base: Hypothesis, say: Say) -> Iterator[Begun]:
             continue
         moved = predicted_states(base.problem, base.fitted)
         scale = base.model.scales[i].get("period", 0.0)
-        states = _states(base, moved, "free_spring", p.at)
-        site = Site("free_spring", p.at, states, p.values["period"], scale)
+        there = site_at(base, moved, "free_spring", p.at)
+        site = replace(there, period=p.values["period"], scale=scale)
         say(f"learning what repeats every {site.period:.3g} at {site.at}")
         model, x = base.model.less(base.x, i)
-        law = _law(site, OF_A_TURN, False)
-        h = None if law is None else _fitted(replace(base, model=model, x=x), site, law)
+        at = points_over(site.states, OF_A_TURN, False, site.period)
+        sine = None if at is None else along(p, site.effect, at)
+        if at is None or sine is None:
+            continue
+        law = table(site.effect, site.at, at, sine, False, site.period)
+        h = _fitted(replace(base, model=model, x=x), site, law)
         if h is not None:
             yield h, site
 
 
-def _sites(base: Hypothesis) -> list[Site]:
-    """Where a law would gain most, to first order, under two observers."""
-    problem, fitted = base.problem, base.fitted
-    gained: dict[tuple[str, str], float] = {}
-    for view, there in views_of(problem, fitted):
-        for place, state, surplus in weigh(view, there):
-            if state in LAWS:
-                at = "command" if state == "command" else place
-                key = LAWS[state], at
-                gained[key] = max(gained.get(key, 0.0), surplus)
-    moved = predicted_states(problem, fitted)
-    present = {(p.effect.name, p.at) for p in base.model.effects}
-    order = sorted((k for k in gained if k not in present), key=lambda k: -gained[k])
-    every = [Site(effect, at, _states(base, moved, effect, at)) for effect, at in order[:ASKED]]
-    return [site for site in every if np.ptp(site.states) > 0.0]
-
-
-def _states(base: Hypothesis, moved: Sequence[Floats], effect: str, at: str) -> Floats:
-    """The states (samples,) that a law would follow, as the model predicts them."""
-    n = base.model.build(base.x).chain.masses.size
-    if effect == "free_amplifier":
-        return np.concatenate([e.command[SETTLING:] for e in base.experiments])
-    i, j = place_at(at).ends
-    first = n if effect == "free_damper" else 0
-    own = [x[SETTLING:, first + i] - (x[SETTLING:, first + j] if j >= 0 else 0.0) for x in moved]
-    return np.concatenate(own)
-
-
-def _law(site: Site, count: int, odd: bool, like: Physics | None = None) -> Physics | None:
-    """A law of so many points, of nothing or as another is; None where an odd one has no sense."""
-    at = points_over(site.states, count, odd, site.period)
-    if at is None:
-        return None
-    force = np.zeros(count) if like is None else law_at(like, at)
-    if odd:
-        force[0] = 0.0
-    return table(site.effect, site.at, at, force, odd, site.period)
-
-
 def _line(h: Hypothesis, site: Site) -> Physics:
-    """The line through the origin that is nearest to the law that a hypothesis has last.
+    """The straight line that is nearest to the law that a hypothesis has last.
 
-    A spring, a damper or a scale is that. It begins where the law is: a law over the command may
-    have taken most of its scale away, in a valley that no fit reaches from nothing.
+    A spring, a damper or a scale is that, and a constant force or an origin where it is beside
+    nothing. It begins where the law is: a law over the command may have taken most of its scale
+    away, in a valley that no fit reaches from nothing.
     """
-    force, most = law_at(h.model.effects_at(h.x)[-1], site.states), np.abs(site.states).max()
-    slope = float(force @ site.states) / float(site.states @ site.states)
-    ends = np.array([0.0, float(most)])
-    return table(site.effect, site.at, ends, slope * ends, True)
+    force = law_at(h.model.effects_at(h.x)[-1], site.states)
+    offset, slope = np.polynomial.polynomial.polyfit(site.states, force, 1)
+    ends = np.array([float(site.states.min()), float(site.states.max())])
+    return table(site.effect, site.at, ends, offset + slope * ends, False)
 
 
 def _fitted(
@@ -265,16 +232,7 @@ def _fitted(
 
     x: where its other parameters begin, those of the hypothesis without.
     """
-    gain = base.model.reads(base.x).gain
-    sizes = sizes_of(base.model.build(base.x), base.experiments, gain)
-    scale = SHARE * sizes.force
-    if scale == 0.0:  # nothing drives: there is no force to measure a law by
-        return None
-    count = len(points_of(law.values))
-    scales = dict.fromkeys(FORCE[int(is_odd(law)) : count], scale)
-    scales |= {"period": site.scale} if site.scale > 0.0 and law.values["period"] > 0.0 else {}
-    model = base.model.with_effect(law, scales)
-    start = np.concatenate([base.x if x is None else x, np.zeros(len(scales))])
+    model, start = beside(base.model, base.x if x is None else x, site, law)
     try:
         begun = judged(base.experiments, model, model.within(start), base.family)
         return settled(begun)
@@ -286,16 +244,6 @@ def _in_its_place(h: Hypothesis, site: Site, law: Physics) -> Hypothesis | None:
     """Another law in the place of the one that a hypothesis has last, fitted."""
     model, own = h.model.less(h.x, len(h.model.effects) - 1)
     return _fitted(replace(h, model=model, x=own), site, law, own)
-
-
-def _full(h: Hypothesis, site: Site) -> Hypothesis:
-    """The same law with as many points as a table has."""
-    law = h.model.effects_at(h.x)[-1]
-    count = OF_A_TURN if site.period > 0.0 else KNOTS
-    more = _law(site, count, False, law) if count > len(points_of(law.values)) else None
-    other = None if more is None else _in_its_place(h, site, more)
-    told = other is not None and np.isfinite(other.cost.total)
-    return other if other is not None and told else h
 
 
 def _without_names(found: Search, h: Hypothesis) -> Hypothesis:
@@ -313,6 +261,58 @@ def _without_names(found: Search, h: Hypothesis) -> Hypothesis:
     return h
 
 
+def _absorbing(h: Hypothesis, site: Site, phi: float) -> Hypothesis:
+    """The same with those names in the curve that follow its state and are not believed beside it.
+
+    Beside a table of all its points a name may pay for itself by making them smaller, and not any
+    more beside those that pay: so the curve that has its part is given its own points.
+    """
+    for i, p in reversed(list(enumerate(h.model.effects_at(h.x)[:-1]))):
+        if not follows(p, site.effect, h.model.effects[-1].place) or site.period > 0.0:
+            continue
+        model, x = h.model.less(h.x, i)
+        bare, own = model.less(x, len(model.effects) - 1)
+        at = points_over(site.states, MANY, False)
+        given = None if at is None else along(p, site.effect, at)
+        if at is None or given is None:
+            continue
+        force = law_at(h.model.effects_at(h.x)[-1], at) + given
+        law = table(site.effect, site.at, at, force, False)
+        whole = _fitted(replace(h, model=bare, x=own), site, law, own)
+        other = None if whole is None else _shaped(whole, site, phi)
+        if other is not None and not believed(h.cost, other.cost, against(h, other).phi):
+            h = other
+    return h
+
+
+def _finer(h: Hypothesis, site: Site) -> Hypothesis:
+    """The same with a point between each two, where those of them that pay are believed."""
+    law = h.model.effects_at(h.x)[-1]
+    s = np.array(points_of(law.values))[:, 0]
+    ends = np.append(s, s[0] + site.period) if site.period > 0.0 else s
+    at = np.sort(np.concatenate([s, 0.5 * (ends[1:] + ends[:-1])]))
+    if at.size > KNOTS:
+        return h
+    more = table(site.effect, site.at, at, law_at(law, at), False, site.period)
+    other = _in_its_place(h, site, more)
+    if other is None or not np.isfinite(other.cost.total):
+        return h
+    gained = _promise([(h, site)]) - _promise([(other, site)])
+    return other if gained > 2.0 * against(other, h).phi * math.log(1.0 / ALPHA) else h
+
+
+def _without_changes(h: Hypothesis) -> Hypothesis:
+    """The same with nothing that changes, where that is not believed over staying the same."""
+    if not h.model.varies:
+        return h
+    model, x = h.model.constant(h.x)
+    with suppress(NoObserver):
+        same = settled(judged(h.experiments, model, x, h.family))
+        if not believed(h.cost, same.cost, against(h, same).phi):
+            return same
+    return h
+
+
 def _shaped(h: Hypothesis, site: Site, phi: float) -> Hypothesis:
     """The same law with the points that pay, odd where that is likelier."""
     best = h
@@ -325,7 +325,7 @@ def _shaped(h: Hypothesis, site: Site, phi: float) -> Hypothesis:
 
 def _learned(h: Hypothesis, site: Site, without: Hypothesis, found: Search) -> Learned:
     law = h.model.effects_at(h.x)[-1]
-    seen = _states(h, predicted_states(h.problem, h.fitted), site.effect, site.at)
+    seen = states_of(h, predicted_states(h.problem, h.fitted), site.effect, site.at)
     count = len(points_of(law.values))
     index = len(h.model.effects) - 1
     own = [
@@ -334,9 +334,10 @@ def _learned(h: Hypothesis, site: Site, without: Hypothesis, found: Search) -> L
         if p.kind == "effect" and p.index == index and p.key in FORCE
     ]
     which, points, scales = (np.array(column) for column in zip(*own, strict=True))
-    spread = covariance(h.fitted)[np.ix_(which, which)] * np.outer(scales, scales)
+    spread = _spread(h, site, which, scales)
     known = np.zeros((count, count))
     known[np.ix_(points, points)] = spread
+    known += np.diag(left_out(law) ** 2)
     half = Z95 * np.sqrt(np.diag(known))
     states = np.array([law.values[key] for key in AT[:count]])
     forces = np.array([law.values[key] for key in FORCE[:count]])
@@ -350,6 +351,22 @@ def _learned(h: Hypothesis, site: Site, without: Hypothesis, found: Search) -> L
         law, states, forces, forces - half, forces + half, known, seen, names, absorbed,
         _together(h, law, seen), without.cost.total - h.cost.total, h,
     )  # fmt: skip
+
+
+def _spread(h: Hypothesis, site: Site, which: NDArray[np.int64], scales: Floats) -> Floats:
+    """Covariance (points, points) of what is free of a law.
+
+    A law u + f(u) over the command is known but for a scale c, c u + c f(u) = u + g(u): its bends
+    are said for the m1 that was fitted, and what c adds to it is a straight line.
+    """
+    told = covariance(h.fitted)[np.ix_(which, which)] * np.outer(scales, scales)
+    if site.effect != "free_amplifier":
+        return told
+    own = covariance_of_scale(h.fitted, 0)[np.ix_(which, which)] * np.outer(scales, scales)
+    law = h.model.effects_at(h.x)[-1]
+    s = np.array(points_of(law.values))[int(is_odd(law)) :, 0]
+    slope = float(s @ told @ s) / float(s @ s) ** 2
+    return own + slope * np.outer(s, s)
 
 
 def _together(h: Hypothesis, law: Physics, seen: Floats) -> Together | None:

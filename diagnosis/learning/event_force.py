@@ -274,10 +274,10 @@ def _slip(
         source.place).row(window.dof)  # fmt: skip
 
     def white(f: Floats, at: int) -> Floats:
-        size = f[0] * (after >= at)
+        size = f[0] * (after >= at).astype(np.float64)
         if source.sensor is None:
             return window.white(size, row)
-        return window.white(None, row, np.outer(size, row))
+        return window.white(None, row, size[:, None] * row)
 
     r, unit = window.unknown, np.full(1, 1e-6)
     taken, units = np.zeros(len(ticks)), list[Floats]()

@@ -35,6 +35,8 @@ COARSE = 5e-3  # of the largest point: what the curve between points errs by, th
 POWERS = (0.1, 10.0)  # within which a power, a place (of the range) and a width are sought
 PLACES = 2.0
 WIDTHS = (1e-2, 1e2)
+SUMS = {2: "two", 3: "three", 4: "four", 5: "five"}  # harmonics of what repeats
+HARMONICS = ("a", "b", "d", "e", "g", "h", "i", "j", "k", "l")  # their sines and cosines
 STARTS = (0.1, 0.25, 0.5, 1.0, 2.0)  # of the range, for widths and corners
 
 
@@ -98,6 +100,25 @@ def _harmonics(s: Floats, w: float, count: int) -> Floats:
     return _columns(np.ones_like(s), *turns)
 
 
+def _sum_text(count: int, times: str, number: str, state: str) -> str:
+    """A sum of harmonics of s / w, its numbers written as `number` says."""
+    text = number.format("c")
+    for k in range(1, count + 1):
+        turn = f"{'' if k == 1 else f'{k}{times}'}{state} / {number.format('w')}"
+        for name, f in zip(HARMONICS[2 * k - 2 : 2 * k], ("sin", "cos"), strict=True):
+            text += f" + {number.format(name)}{times}{f}({turn})"
+    return text
+
+
+def _sum_of(count: int) -> Form:
+    """The form of so many harmonics."""
+    return Form(
+        f"sum of {SUMS[count]} harmonics", _sum_text(count, " ", "{{{}}}", "{s}"),
+        ("c", *HARMONICS[: 2 * count]), ("w",), lambda s, t: _harmonics(s, t[0], count),
+        odd=False, turns=True,
+    )  # fmt: skip
+
+
 FORMS = (
     Form("straight line", "{a} {s}", ("a",), (), lambda s, _: _columns(s)),
     Form("offset", "{c}", ("c",), (), lambda s, _: _columns(np.ones_like(s)), odd=False),
@@ -142,13 +163,7 @@ FORMS = (
     Form("sine", "{c} + {a} sin({s} / {w}) + {b} cos({s} / {w})", ("c", "a", "b"), ("w",),
          lambda s, t: _columns(np.ones_like(s), np.sin(s / t[0]), np.cos(s / t[0])),
          tuple((w,) for w in (0.07, 0.1, 0.15, 0.25, 0.4, 0.7)), odd=False, turns=True),
-    Form("sum of two harmonics", "{c} + {a} sin({s} / {w}) + {b} cos({s} / {w})"
-         " + {d} sin(2 {s} / {w}) + {e} cos(2 {s} / {w})", ("c", "a", "b", "d", "e"), ("w",),
-         lambda s, t: _harmonics(s, t[0], 2), odd=False, turns=True),
-    Form("sum of three harmonics", "{c} + {a} sin({s} / {w}) + {b} cos({s} / {w})"
-         " + {d} sin(2 {s} / {w}) + {e} cos(2 {s} / {w}) + {g} sin(3 {s} / {w})"
-         " + {h} cos(3 {s} / {w})", ("c", "a", "b", "d", "e", "g", "h"), ("w",),
-         lambda s, t: _harmonics(s, t[0], 3), odd=False, turns=True),
+    *(_sum_of(count) for count in SUMS),
     Form("friction", "{a} sign({s})", ("a",), (), lambda s, _: _columns(np.sign(s)), rubs=True),
     Form("friction and a line", "{a} sign({s}) + {b} {s}", ("a", "b"), (),
          lambda s, _: _columns(np.sign(s), s), rubs=True),
@@ -199,15 +214,10 @@ LAWS: dict[str, tuple[str, tuple[int, ...]]] = {
     "bump": ("c + a * exp(-0.5 * ((s - m) / w)**2)", (0, 0)),
     "magnet": ("a * s / (w**2 + s**2)", (-1,)),
     "sine": ("c + a * sin(s / w) + b * cos(s / w)", (0, 0, 0)),
-    "sum of two harmonics": (
-        "c + a * sin(s / w) + b * cos(s / w) + d * sin(2 * s / w) + e * cos(2 * s / w)",
-        (0, 0, 0, 0, 0),
-    ),
-    "sum of three harmonics": (
-        "c + a * sin(s / w) + b * cos(s / w) + d * sin(2 * s / w) + e * cos(2 * s / w)"
-        " + g * sin(3 * s / w) + h * cos(3 * s / w)",
-        (0, 0, 0, 0, 0, 0, 0),
-    ),
+    **{
+        f"sum of {word} harmonics": (_sum_text(count, " * ", "{}", "s"), (0,) * (1 + 2 * count))
+        for count, word in SUMS.items()
+    },
     "friction": ("a * sign(s)", (0,)),
     "friction and a line": ("a * sign(s) + b * s", (0, 1)),
     "friction and a square": ("a * sign(s) + b * s * abs(s)", (0, 2)),
@@ -266,7 +276,7 @@ def _fitted(
     form: Form, states: Floats, forces: Floats, weigh: Floats, period: float
 ) -> Formula | None:
     """A form at its nearest to a law; None where the law has no more points than it has numbers."""
-    count = len(form.factors) + len(form.shape)
+    count = len(form.factors) + (len(form.shape) if period == 0.0 else 0)
     if states.size <= count:
         return None
     reach = float(np.abs(states).max())

@@ -21,6 +21,7 @@ the same second order.
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +35,7 @@ from zwidth.sim.physics.free_law import FORCE, points_of
 
 Floats = NDArray[np.float64]
 FEWEST = {False: 3, True: 2}  # points, of laws that are not odd and of those that are
-ODD = 12  # points of an odd law, of which those that pay stay
+ODD = 12  # points of an odd law at least, of which those that pay stay
 JUDGED = 1e-9  # of the largest of P, that is added to its diagonal: a sum of forces may be unknown
 
 
@@ -105,23 +106,42 @@ def shapes(h: Hypothesis, seen: Floats, phi: float = 1.0) -> list[Shape]:
         return [_fewer(law, there, states, states, True)]
     found = [_fewer(law, there, states, states, False)]
     period = law.values["period"]
-    odd = None if period > 0.0 else points_over(seen, ODD, True)
+    most = max(ODD, states.size // 2 + 1)
+    odd = None if period > 0.0 else points_over(seen, most, True)
     return found if odd is None else [*found, _fewer(law, there, states, odd, True)]
+
+
+def spared(h: Hypothesis, seen: Floats) -> float:
+    """Return by how much less a hypothesis would cost of the points that pay; as `shapes`."""
+    law = h.model.effects_at(h.x)[-1]
+    states = np.array(points_of(law.values))[:, 0]
+    now = _priced(law, known(h), states, states, is_odd(law)).cost
+    return max(0.0, now - min(shape.cost for shape in shapes(h, seen)))
 
 
 def _fewer(law: Physics, there: Known, states: Floats, begin: Floats, odd: bool) -> Shape:
     """The points of a table that pay, of those that it begins with; its ends stay."""
-    at, best = begin, _priced(law, there, states, begin, odd)
+    best = _priced(law, there, states, begin, odd)
     cheapest = best
-    while at.size > FEWEST[odd]:
-        fewer = [_priced(law, there, states, np.delete(at, k), odd) for k in range(1, at.size - 1)]
-        best = min(fewer, key=lambda shape: shape.cost)
-        at = np.array(points_of(best.law.values))[:, 0]
+    while best.at.size > FEWEST[odd]:
+        fewer = [np.delete(best.at, k) for k in range(1, best.at.size - 1)]
+        best = min((_priced(law, there, states, at, odd) for at in fewer), key=lambda one: one.cost)
         cheapest = best if best.cost < cheapest.cost else cheapest
-    return cheapest
+    forces = np.concatenate([[0.0], cheapest.g]) if odd else cheapest.g
+    period = law.values["period"]
+    own = table(law.effect.name, law.at, cheapest.at, forces, odd, period)
+    return Shape(own, cheapest.cost)
 
 
-def _priced(law: Physics, there: Known, states: Floats, at: Floats, odd: bool) -> Shape:
+class _Priced(NamedTuple):
+    """A table of numbers g (numbers,) at states (points,), and what it costs."""
+
+    at: Floats
+    g: Floats
+    cost: float
+
+
+def _priced(law: Physics, there: Known, states: Floats, at: Floats, odd: bool) -> _Priced:
     """A table with points at some states, as near to what is known as it can be."""
     columns = basis(law, at, odd, states[int(is_odd(law)) :])
     a = columns.T @ there.precision @ columns
@@ -132,9 +152,7 @@ def _priced(law: Physics, there: Known, states: Floats, at: Floats, odd: bool) -
     ranges = SWEEP * np.maximum(np.abs(g), deviation)
     cost = float(off @ there.precision @ off)
     cost += freedom(a, ranges.tolist()) if np.all(ranges > 0.0) else math.inf
-    forces = np.concatenate([[0.0], g]) if odd else g
-    period = law.values["period"]
-    return Shape(table(law.effect.name, law.at, at, forces, odd, period), cost)
+    return _Priced(at, g, cost)
 
 
 def one_way(h: Hypothesis, phi: float = 1.0) -> Hypothesis:

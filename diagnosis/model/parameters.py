@@ -94,12 +94,14 @@ class Varying:
     """A change of one parameter (`Parameter.name`): in a recording counts what share of it holds.
 
     name: of the change, by which recordings say their share (`Experiment.shares`). smooth: over
-    time, so that parts of a recording have all its values between.
+    time, so that parts of a recording have all its values between. price: of how rare it is, and of
+    having asked for so many, in -2 ln.
     """
 
     name: str
     of: str
     smooth: bool = False
+    price: float = 0.0
 
 
 class Reads(NamedTuple):
@@ -144,6 +146,17 @@ class Model:
             if v.of in places
         ]
         return lasting + changes
+
+    @property
+    def varies(self) -> tuple[str, ...]:
+        """The parameters that change (`Parameter.name`), each as often as it does."""
+        own = self.parameters
+        return tuple(own[p.index].name for p in own if p.kind == "change")
+
+    def constant(self, x: Floats) -> tuple["Model", Floats]:
+        """Return the model in which nothing changes, and its x."""
+        keep = np.array([p.kind != "change" for p in self.parameters])
+        return replace(self, varying=()), x[keep]
 
     def there(self, x: Floats, experiment: Experiment) -> Floats:
         """Return x (..., parameters) as it was in a recording: its shares of all changes added."""

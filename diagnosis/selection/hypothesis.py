@@ -155,7 +155,9 @@ def judged(
     there = noise.problem(experiments)
     ground = Landscape(there.experiments, there.observer, model, SEARCHING)
     (residual,) = ground.residuals([x])
-    searched = sum(price for _, price in paid)
+    own = {p.name for p in model.parameters if p.kind == "change"}
+    changes = sum(v.price for v in model.varying if v.name in own)
+    searched = sum(price for _, price in paid) + changes
     known = Cost(ground.cost(residual), rarity=_rarity(model), searched=searched)
     blocks = _blocks(ground, residual)
     return Hypothesis(experiments, model, x, noise, known, blocks, residual, None, family, paid)

@@ -41,7 +41,7 @@ from zwidth.sim.jit import part
 from zwidth.sim.lane_type import any_lane, floor, greatest, least, select
 from zwidth.sim.physics.effect import Parameter
 
-KNOTS = 16
+KNOTS = 32
 AT = tuple(f"at_{j + 1}" for j in range(KNOTS))
 FORCE = tuple(f"force_{j + 1}" for j in range(KNOTS))
 LAST_AT, FIRST_FORCE, LAST_FORCE, PERIOD = KNOTS, KNOTS + 1, 2 * KNOTS, 2 * KNOTS + 1

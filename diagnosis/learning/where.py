@@ -1,0 +1,132 @@
+"""Where a law of no name would gain most: a table of many points at every place, begun.
+
+Beside what a hypothesis has, a table of zeros is let in at every place over every state that one
+may follow, with as many points as a table has, and goes downhill for a few rounds: under the noise
+of the hypothesis, and under a slower observer, which takes less of a law for disturbance. What is
+likelier then, each under the likeliest noise of its own, tells where a law may be. To first order
+nothing is told of it: where much is missing a residual is far from white, its slow part is what the
+recording began with as well, and any state seems to lead it.
+
+Limits: a law that turns the motion over is not reached in so few rounds.
+"""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.diagnosis.fitting.descend import descend
+from zwidth.diagnosis.forces.leftover import predicted_states
+from zwidth.diagnosis.learning.tables import is_odd, points_over, table
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.predictor import SETTLING
+from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.seeking.sizes import sizes_of
+from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.physics.free_law import FORCE, points_of
+from zwidth.sim.place import masses_and_links, place_at
+
+Floats = NDArray[np.float64]
+SHARE = 0.1  # of the force that moves a recording, or of the motion: scale of a point
+RATIOS = (1.0, 1e-3)  # of the likeliest one, under which laws are begun
+ROUNDS = 4
+MANY = 16  # points that a law begins with
+
+
+@dataclass(frozen=True)
+class Site:
+    """Where a law may stand: effect and place, the states seen there (samples,), its period.
+
+    scale: of the period as a parameter, 0 for one that is known. makes: how much a point of its
+    table is likely to be.
+    """
+
+    effect: str
+    at: str
+    states: Floats
+    period: float = 0.0
+    scale: float = 0.0
+    makes: float = 1.0
+
+
+def sites(base: Hypothesis, most: int) -> list[tuple[Site, Hypothesis]]:
+    """Return where a law would gain most, so many, and each begun there, the likeliest first."""
+    begun: list[tuple[Site, Hypothesis]] = []
+    for site in _every(base):
+        law = law_over(site, MANY, False)
+        h = None if law is None else _begun(base, site, law)
+        if h is not None and h.cost.misfit < base.cost.misfit:
+            begun.append((site, h))
+    return sorted(begun, key=lambda one: one[1].cost.misfit)[:most]
+
+
+def _begun(base: Hypothesis, site: Site, law: Physics) -> Hypothesis | None:
+    """A law of nothing, some rounds downhill under two observers; the likelier of both ends."""
+    model, x = beside(base.model, base.x, site, law)
+    with suppress(NoObserver):
+        first = judged(base.experiments, model, model.within(x), base.family)
+        found = [first]
+        for share in RATIOS if base.family.whitening else RATIOS[:1]:
+            with suppress(NoObserver):
+                there = first.under(share * first.ratio).far_ground
+                found.append(first.anew(descend(there, first.x, ROUNDS, first.creased).x))
+        return min(found, key=lambda h: h.cost.misfit)
+    return None
+
+
+def site_at(base: Hypothesis, moved: Sequence[Floats], effect: str, at: str) -> Site:
+    """Return a place for a law over one state, as a hypothesis predicts it.
+
+    moved: of each recording positions and velocities (ticks, 2n).
+    """
+    gain = base.model.reads(base.x).gain
+    sizes = sizes_of(base.model.build(base.x), base.experiments, gain)
+    made = max(e.swing for e in base.experiments) if effect == "free_sensor" else sizes.force
+    return Site(effect, at, states_of(base, moved, effect, at), makes=SHARE * made)
+
+
+def states_of(base: Hypothesis, moved: Sequence[Floats], effect: str, at: str) -> Floats:
+    """Return the states (samples,) that a law would follow, as the model predicts them."""
+    n = base.model.build(base.x).chain.masses.size
+    if effect == "free_amplifier":
+        return np.concatenate([e.command[SETTLING:] for e in base.experiments])
+    i, j = (0, -1) if effect == "free_sensor" else place_at(at).ends
+    first = n if effect == "free_damper" else 0
+    own = [x[SETTLING:, first + i] - (x[SETTLING:, first + j] if j >= 0 else 0.0) for x in moved]
+    return np.concatenate(own)
+
+
+def law_over(site: Site, count: int, odd: bool) -> Physics | None:
+    """Return a law of so many points, all nothing; None where an odd one has no sense."""
+    at = points_over(site.states, count, odd, site.period)
+    return None if at is None else table(site.effect, site.at, at, np.zeros(count), odd,
+                                         site.period)  # fmt: skip
+
+
+def beside(base: Model, x: Floats, site: Site, law: Physics) -> tuple[Model, Floats]:
+    """Return a model with a law, and its x where the law is as it is given."""
+    free = FORCE[int(is_odd(law)) : len(points_of(law.values))]
+    scales = dict.fromkeys(free, site.makes)
+    scales |= {"period": site.scale} if site.scale > 0.0 and law.values["period"] > 0.0 else {}
+    lasting = sum(p.kind != "change" for p in base.parameters)  # changes come last
+    start = np.concatenate([x[:lasting], np.zeros(len(scales)), x[lasting:]])
+    return base.with_effect(law, scales), start
+
+
+def _every(base: Hypothesis) -> list[Site]:
+    """All places and states that a law of one state may follow, that no law follows yet."""
+    chain = base.model.build(base.x).chain
+    asked = [(effect, str(place)) for place in masses_and_links(chain.masses.size)
+             for effect in ("free_spring", "free_damper")]  # fmt: skip
+    asked.append(("free_amplifier", "command"))
+    first = base.experiments[0].outputs[0]
+    if first.tells_position and first.mass == 0:
+        asked.append(("free_sensor", "sensor"))
+    present = {(p.effect.name, p.at) for p in base.model.effects}
+    moved = predicted_states(base.problem, base.fitted)
+    every = [site_at(base, moved, *one) for one in asked if one not in present]
+    # Where nothing drives there is no force to measure a law by.
+    return [site for site in every if np.ptp(site.states) > 0.0 and site.makes > 0.0]
