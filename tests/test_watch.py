@@ -29,7 +29,7 @@ from zwidth.sim.trace import Trace
 from zwidth.watch.growing import Growing, of_file
 from zwidth.watch.quick import Quick
 from zwidth.watch.searched import Searched
-from zwidth.watch.state import gate, read
+from zwidth.watch.state import Gate, gate, read
 from zwidth.watch.updates import Update
 from zwidth.watch.watching import Asked, follow
 
@@ -163,8 +163,8 @@ def test_it_is_searched_when_there_is_twice_as_much_or_it_no_longer_stands(
     """Mutations: searched at every look; never again after the first; a fit that does not stand
     begins no search; one that stands begins one.
     """
-    monkeypatch.setattr("zwidth.watch.watching.GATE_EVERY", 0.0)
-    monkeypatch.setattr("zwidth.watch.watching.BUSY", 0.0)
+    for wait in ("READ_EVERY", "GATE_EVERY", "BUSY", "GATE_BUSY"):
+        monkeypatch.setattr(f"zwidth.watch.watching.{wait}", 0.0)
     searches, fits, told = Idle(), Idle(), list[Update]()
     searched_at, upto = list[int](), [0]
     pipe = Pipe(HEAD.encode())
@@ -209,6 +209,26 @@ def test_the_gate_tells_each_fault_once_and_within_a_second(tmp_path: Path, line
     assert len(clipped) == 1
     assert clipped[0][0] < 5.0  # a second where nobody else computes
     assert all("cut short" not in u.sentence for _, u in told)
+
+
+def test_what_reading_shows_is_told_before_the_gate_has_looked(
+    tmp_path: Path, lines: list[str], monkeypatch: pytest.MonkeyPatch
+):
+    """A gap does not wait for signs and units. Mutation: told with what the gate finds."""
+    gap = [*lines[:700], *lines[760:1500]]
+    pipe = Pipe(HEAD.encode() + "".join(gap).encode())
+    told: list[Update] = []
+    looked = list[int]()
+
+    def slow(*asked: Any) -> Gate:
+        looked.append(len(told))
+        return gate(*asked)
+
+    monkeypatch.setattr("zwidth.watch.watching.gate", slow)
+    pipe.over = True
+    follow(asked(pipe, tmp_path), told.append, (Idle(), Idle()))
+    first = next(i for i, u in enumerate(told) if "missing in a gap" in u.sentence)
+    assert first < looked[0]
 
 
 def _warm(folder: Path, lines: list[str]) -> Path:

@@ -77,15 +77,22 @@ class Gate:
     problem: str = ""
 
 
-def gate(found: Read, device: Device | None, name: str) -> Gate:
-    """Look at the last samples as the intake of a diagnosis does."""
+def at_once(found: Read) -> Gate:
+    """Look at what reading alone shows: gaps, clipping, too little of it."""
     faults = {f"file: {w}": w for w in found.warnings}
     if found.trace is None:
         return Gate(faults, found.wanting)
     if found.samples < SHORTEST:
         return Gate(faults, f"{found.samples} samples so far, of {SHORTEST} that are needed")
-    if device is None:
-        return Gate(faults)
+    return Gate(faults)
+
+
+def gate(found: Read, device: Device | None, name: str) -> Gate:
+    """Look at the last samples as the intake of a diagnosis does."""
+    first = at_once(found)
+    if first.problem or found.trace is None or device is None:
+        return first
+    faults = first.faults
     try:
         last = latest(found.trace, device, name, EXAMINED)
     except ExperimentError as error:

@@ -1,10 +1,11 @@
 """The loop that follows a log: gate at once, quick fits beside, a search when there is much more.
 
-Three things go on side by side. Here, every second at most, the log is read and the gate looks at
-its last samples. In a process of its own a quick fit (`quick`) goes after the other. In a third a
-search (`searched`) is made of all that has come, when that has doubled since the last one, when a
-quick fit says that its structure no longer stands, or when nothing more comes. So whatever the
-length of a log, searches take as long together as about two of its whole.
+Three things go on side by side. Here the log is read four times a second, and what that shows is
+told at once; the gate looks at its last samples, for signs and units too, every second at most. In
+a process of its own a quick fit (`quick`) goes after the other. In a third a search (`searched`) is
+made of all that has come, when that has doubled since the last one, when a quick fit says that its
+structure no longer stands, or when nothing more comes. So whatever the length of a log, searches
+take as long together as about two of its whole.
 """
 
 import time
@@ -18,12 +19,13 @@ from zwidth.sim.device import Device
 from zwidth.watch.growing import Growing
 from zwidth.watch.quick import Order, Quick, quick
 from zwidth.watch.searched import Searched, first_device, searched
-from zwidth.watch.state import Gate, Read, gate, read
+from zwidth.watch.state import Gate, Read, at_once, gate, read
 from zwidth.watch.updates import GATE, NOTE, Update, of_quick, of_search
 from zwidth.watch.worker import Works
 
-LOOK, GATE_EVERY = 0.05, 0.5  # s between looks at the file, and between two gates
-BUSY = 1.0  # times as long as reading took, that is waited until it is read again
+LOOK, READ_EVERY, GATE_EVERY = 0.05, 0.25, 1.0  # s between looks at the file, readings, gates
+BUSY = 1.0  # times as long as it took, that is waited until it is read again
+GATE_BUSY = 4.0  # the same of the gate, so that it keeps no reading waiting
 ENOUGH = 2 * SHORTEST  # samples, from which a device is fitted and a search is made
 GROWN, DOUBTED = 2.0, 1.2  # times the samples of the last search, for the next one
 RESTS = 2.0  # s without anything new, from which all that there is is searched
@@ -71,45 +73,62 @@ class _Watch:
         self.log = asked.growing
         self.device = asked.device
         self.found = Read(wanting="nothing has come yet")
-        self.seen, self.greeted, self.fitted = Gate({}), False, 0
+        self.seen, self.odd, self.greeted, self.fitted = Gate({}), "", False, 0
         self.last: Searched | None = None
         self.quick: Quick | None = None
         self.window = MOST
         self.begun_at = 0  # samples of the search that was begun last
-        self.new_at = self.read_at = time.monotonic()
-        self.took = 0.0
-        self.unread = True
+        self.new_at = self.read_at = self.gated_at = time.monotonic()
+        self.took = self.gate_took = 0.0
+        self.unread = self.ungated = True
 
     def over(self) -> bool:
         """Whether the source has ended, or nothing came for as long as was said."""
         still = time.monotonic() - self.new_at
         idle = self.asked.idle is not None and still >= self.asked.idle
-        return (self.log.ended or idle) and not self.unread
+        return (self.log.ended or idle) and not self.unread and not self.ungated
 
     def look(self) -> None:
         """Take what is new, and what is finished, and begin what is due."""
         if self.log.poll():
             self.new_at, self.unread = time.monotonic(), True
-        due = max(GATE_EVERY, BUSY * self.took)
-        if self.unread and (self.log.ended or time.monotonic() - self.read_at >= due):
+        now = time.monotonic()
+        due = self.read_at + max(READ_EVERY, BUSY * self.took)
+        if self.unread and (self.log.ended or now >= due):
             self._read()
+        gate_due = self.gated_at + max(GATE_EVERY, GATE_BUSY * self.gate_took)
+        if self.ungated and not self.unread and (self.log.ended or now >= gate_due):
+            self._gate()
         self._take()
         if self.found.samples >= ENOUGH:
             self._begin()
 
     def _read(self) -> None:
-        self.read_at, self.unread = time.monotonic(), False
+        """Read the log, and tell at once what that shows."""
+        self.read_at, self.unread, self.ungated = time.monotonic(), False, True
         self.found = read(self.log.spool, self.asked.description)
-        seen = gate(self.found, self.device, self.asked.name)
+        first = at_once(self.found)
+        self._tell_of(first, first.problem or self.odd)
         self.took = time.monotonic() - self.read_at
-        fresh = [said for kind, said in seen.faults.items() if kind not in self.seen.faults]
-        problem = seen.problem if seen.problem != self.seen.problem else ""
-        self.seen = Gate({**self.seen.faults, **seen.faults}, seen.problem)
-        for said in [*fresh, *([problem] if problem else [])]:
-            self._say(GATE, said, {"faults": list(self.seen.faults.values()), "problem": problem})
+
+    def _gate(self) -> None:
+        """Look at the last samples, and tell what is odd about them."""
+        self.gated_at, self.ungated = time.monotonic(), False
+        seen = gate(self.found, self.device, self.asked.name)
+        self.odd = "" if at_once(self.found).problem else seen.problem
+        self._tell_of(seen, seen.problem)
+        self.gate_took = time.monotonic() - self.gated_at
         if not self.seen.problem and not self.seen.faults and self.device and not self.greeted:
             self.greeted = True
             self._say(GATE, "nothing is odd about the recording", {"faults": [], "problem": ""})
+
+    def _tell_of(self, seen: Gate, now: str) -> None:
+        """Tell of faults that are new, and of a problem that is another one than before."""
+        fresh = [said for kind, said in seen.faults.items() if kind not in self.seen.faults]
+        problem = now if now != self.seen.problem else ""
+        self.seen = Gate({**self.seen.faults, **seen.faults}, now)
+        for said in [*fresh, *([problem] if problem else [])]:
+            self._say(GATE, said, {"faults": list(self.seen.faults.values()), "problem": problem})
 
     def _say(self, kind: str, sentence: str, values: dict[str, Any] | None = None) -> None:
         self.tell(Update(kind, self.found.seconds, self.found.samples, sentence, values or {}))
