@@ -206,10 +206,11 @@ def over_turns(base: Hypothesis, say: Say) -> Iterator[Begun]:
         sine = None if at is None else along(p, site.effect, at)
         if at is None or sine is None:
             continue
-        law = table(site.effect, site.at, at, sine, False, site.period)
-        h = _fitted(replace(base, model=model, x=x), site, law)
-        if h is not None:
-            yield h, site
+        without = replace(base, model=model, x=x)
+        begun = [table(site.effect, site.at, at, f, False, site.period) for f in (sine, 0.0 * sine)]
+        fits = [h for law in begun if (h := _fitted(without, site, law)) is not None]
+        if fits:
+            yield min(fits, key=lambda h: h.cost.total), site
 
 
 def _line(h: Hypothesis, site: Site) -> Physics:
