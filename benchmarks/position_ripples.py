@@ -9,11 +9,13 @@ learned in its place, at a period that is fitted with it.
 
 RECORDINGS as for docs/make_machine_pages.py. Printed for each machine: the names, the ripple's
 period, the curve with its 95 % band, its formulas; and on held-out data, with friction alone, with
-the ripple and with the law in its place, the error one sample ahead, -2 ln of its likelihood, and
-the rms force that the motion needs less the force that acts. A picture is left in docs/machines.
+the ripple and with the law in its place, the error one sample ahead, -2 ln of the likelihood, and
+the rms force that the motion needs less the force that acts; and by how much less the law costs
+than the sine, beside what makes one believed over it. A picture is left in docs/machines.
 """
 
 import argparse
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,10 +24,11 @@ from zwidth.diagnosis.answer.inverse import force_errors
 from zwidth.diagnosis.answer.learned import LearnedLaw, like_what
 from zwidth.diagnosis.answer.result import HeldOut
 from zwidth.diagnosis.intake.take_in import Taken, take_in
-from zwidth.diagnosis.learning.curves import laws
+from zwidth.diagnosis.learning.curves import as_learned, over_turns
 from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.selection.effort import QUICK
-from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
+from zwidth.diagnosis.selection.evidence import ALPHA
+from zwidth.diagnosis.selection.hypothesis import Hypothesis, against, judged, settled
 from zwidth.diagnosis.selection.search import Search, search
 from zwidth.diagnosis.selection.searched import Searched, as_found
 from zwidth.figures.learned import learned_figure
@@ -34,6 +37,7 @@ from zwidth.sim.device_file import load_device
 
 NAMES = ("emps", "rack_and_pinion")
 RIPPLE = "force_ripple"
+LN = math.log(1.0 / ALPHA)
 
 
 def main() -> None:
@@ -52,34 +56,33 @@ def main() -> None:
         print(f"{name}: {found.best.model.label}", flush=True)
         with_law = _learned(device, taken, found)
         if with_law is None:
-            print("  nothing repeats that is no sine, or no ripple was named")
+            print("  no ripple is named one sample ahead")
             continue
         learned_figure(with_law, device.rotary).savefig(PAGES / f"{name}_ripple.png", dpi=110)
 
 
 def _learned(device: Device, taken: Taken, found: Search) -> LearnedLaw | None:
-    """The law in the place of a ripple, what is known of it printed."""
-    ripples = [i for i, p in enumerate(found.best.model.effects) if p.effect.name == RIPPLE]
-    if not ripples:
-        return None
-    for i in ripples:
-        p = found.best.model.effects_at(found.best.x)[i]
-        print("  ripple", {key: float(f"{v:.5g}") for key, v in p.values.items()}, flush=True)
-    curve = next(laws(found, silent, turns=True), None)
-    model, x = found.best.model.less(found.best.x, *ripples)
+    """The law in the place of the first ripple, what is known of it printed."""
     best = found.best
+    ripples = [i for i, p in enumerate(best.model.effects) if p.effect.name == RIPPLE]
+    for i in ripples:
+        p = best.model.effects_at(best.x)[i]
+        print("  ripple", {key: float(f"{v:.5g}") for key, v in p.values.items()}, flush=True)
+    turned = next(over_turns(best, silent), None)
+    if turned is None:
+        return None
+    h, site = turned
+    curve = as_learned(h, site, best, found)
+    model, x = best.model.less(best.x, *ripples)
     without = settled(judged(best.experiments, model, x, best.family))
     _fits(device, taken, found, without, "without")
     names, _ = _fits(device, taken, found, best, "with the ripple")
-    if curve is None:
-        return None
-    after, with_law = _fits(device, taken, found, curve.hypothesis, "with the law")
+    after, with_law = _fits(device, taken, found, h, "with the law")
     looks, whole = like_what(curve)
-    print(
-        f"  period {curve.period:.6g}, beside {', '.join(curve.names)}, gained {curve.gained:.0f}"
-    )
-    rows = zip(curve.states, curve.forces, curve.lower, curve.upper, strict=True)
-    for s, f, low, high in rows:
+    print(f"  period {curve.period:.6g}, beside {', '.join(curve.names)}")
+    phi = against(h, best).phi
+    print(f"  costs {curve.gained:.0f} less than the ripple, {2.0 * phi * LN:.0f} is believed")
+    for s, f, low, high in zip(curve.states, curve.forces, curve.lower, curve.upper, strict=True):
         print(f"    {s:.6g}: {f:.4g} ({low:.4g} to {high:.4g})")
     for f in looks:
         print(f"  looks like {f.form.name}: {f.text('q')} (chance {f.chance:.2g})")

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.answer.learned import learned
 from zwidth.diagnosis.answer.result import HeldOut
 from zwidth.diagnosis.learning.curves import Learned, learn
+from zwidth.diagnosis.learning.energy import makes_energy
 from zwidth.diagnosis.learning.formulas import formulas
 from zwidth.diagnosis.learning.tables import law_at
 from zwidth.diagnosis.mishaps import silent
@@ -36,6 +37,14 @@ def cube(_: float, v: float) -> float:
 
 def well(q: float, _: float) -> float:
     return 3.0 * float(np.exp(-0.5 * ((q - 0.02) / 0.06) ** 2))
+
+
+def weaves(_: float, v: float) -> float:
+    return float(np.sin(7.0 * v))
+
+
+def errs(q: Floats) -> Floats:
+    return 0.02 * np.exp(-0.5 * ((q - 0.02) / 0.06) ** 2)
 
 
 def nothing(_: float, __: float) -> float:
@@ -105,6 +114,38 @@ def test_a_law_of_position_is_learned_where_it_is() -> None:
     assert like.form.name == "bump"  # beside an offset, which is another origin of the spring
     assert like.numbers["a"] == pytest.approx(3.0, rel=0.05)
     assert abs(like.numbers["w"]) == pytest.approx(0.06, rel=0.05)
+
+
+def test_a_law_that_swings_several_times_over_its_state_is_learned() -> None:
+    """Four periods over the velocities that were seen.
+
+    Mutation that breaks it: no sine among the forms of odd laws.
+    """
+    curve = curve_of(weaves)
+    assert curve is not None
+    assert (curve.physics.effect.name, curve.physics.at) == ("free_damper", "m1")
+    (like, *_) = formulas(curve.states, curve.forces, curve.covariance, curve.odd)
+    assert like.form.name in ("sine", "sine from rest")
+    assert like.numbers["w"] == pytest.approx(1.0 / 7.0, rel=0.02)
+    assert like.numbers["a"] == pytest.approx(1.0, rel=0.1)
+
+
+def test_what_a_reading_errs_by_is_learned() -> None:
+    """Mutation that breaks it: no law over what a sensor reads."""
+    e = recording(nothing, 7)
+    e = replace(e, measured=e.measured + errs(e.measured))
+    model = Model(DEVICE)
+    plain = settled(judged([e.split()[0]], model, np.zeros(len(model.parameters))))
+    curve = learn(Search(plain, plain, QUICK, silent), silent)
+    assert curve is not None
+    assert (curve.physics.effect.name, curve.physics.at) == ("free_sensor", "sensor")
+    assert "by the drive" in makes_energy(curve, False)
+    low, high = np.quantile(e.measured, (0.02, 0.98)).tolist()
+    q = np.linspace(low, high, 60)
+    off = law_at(curve.physics, q) - errs(q)
+    columns = np.column_stack([np.ones_like(q), q])  # an origin and a scale, which nothing tells
+    off -= columns @ np.linalg.lstsq(columns, off, rcond=None)[0]
+    assert np.abs(off).max() < 0.1 * errs(q).max()
 
 
 def test_nothing_is_learned_where_nothing_is_missing() -> None:

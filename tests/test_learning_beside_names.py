@@ -17,7 +17,7 @@ from zwidth.diagnosis.learning.knots import known, one_way, shapes
 from zwidth.diagnosis.learning.steady import along
 from zwidth.diagnosis.learning.tables import basis, law_at, table
 from zwidth.diagnosis.mishaps import silent
-from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.model.parameters import Model, Varying
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.diagnosis.selection.hypothesis import judged, settled
@@ -119,6 +119,23 @@ def test_friction_stays_beside_a_drag_and_both_are_one_law() -> None:
     (like, *_), both = like_what(curve)
     assert both
     assert like.form.rubs
+
+
+def test_a_change_goes_that_a_law_explains() -> None:
+    """Mutations that break it: a change beside a law kept; its x taken for a point of the table."""
+    e = recording(CUBES)
+    half = e.ticks // 2
+    parts = [replace(e.part(0, half), shares=(("change 1", 1.0),)), e.part(half, e.ticks)]
+    model = Model(DEVICE)
+    plain = settled(judged(parts, model, np.zeros(len(model.parameters))))
+    varying = replace(model, varying=(Varying("change 1", "b1"),))
+    best = settled(judged(parts, varying, np.append(plain.x, 0.2)))
+    curve = learn(Search(plain, replace(best, cost=plain.cost), QUICK, silent), silent)
+    assert curve is not None
+    assert curve.hypothesis.model.varies == ()
+    s = curve.states
+    off = curve.forces - law_at(CUBES, s)
+    assert np.abs(off - s * (s @ off) / (s @ s)).max() < 0.05 * np.abs(curve.forces).max()
 
 
 def test_a_drag_takes_energy_and_what_pushes_makes_it() -> None:

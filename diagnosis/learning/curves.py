@@ -144,7 +144,7 @@ def laws(found: Search, say: Say, turns: bool = False) -> Iterator[Learned]:
     for base in bases:
         for h, site in [] if turns else _over_states(base, say):
             begun.setdefault((site.effect, site.at, 0.0), []).append((h, site))
-        for h, site in _over_turns(base, say):
+        for h, site in over_turns(base, say):
             begun.setdefault((site.effect, site.at, site.period), []).append((h, site))
     for each in sorted(begun.values(), key=_promise):
         if _promise(each) > least.cost.total + HOPE:
@@ -158,7 +158,7 @@ def laws(found: Search, say: Say, turns: bool = False) -> Iterator[Learned]:
         best = _absorbing(*best, phi), best[1]
         if not found.ahead(best[0], least) or _is_line(*best, say):
             continue
-        yield _learned(one_way(best[0], phi), best[1], least, found)
+        yield as_learned(one_way(best[0], phi), best[1], least, found)
 
 
 def _promise(begun: Sequence[Begun]) -> float:
@@ -188,8 +188,8 @@ def _over_states(base: Hypothesis, say: Say) -> Iterator[Begun]:
             yield h, site
 
 
-def _over_turns(base: Hypothesis, say: Say) -> Iterator[Begun]:
-    """Yield laws of one turn in the place of each ripple of a hypothesis.
+def over_turns(base: Hypothesis, say: Say) -> Iterator[Begun]:
+    """Yield laws of one turn in the place of each ripple of a hypothesis, fitted.
 
     A ripple is one sine of what repeats; what repeats may have any shape.
     """
@@ -206,10 +206,11 @@ def _over_turns(base: Hypothesis, say: Say) -> Iterator[Begun]:
         sine = None if at is None else along(p, site.effect, at)
         if at is None or sine is None:
             continue
-        law = table(site.effect, site.at, at, sine, False, site.period)
-        h = _fitted(replace(base, model=model, x=x), site, law)
-        if h is not None:
-            yield h, site
+        without = replace(base, model=model, x=x)
+        begun = [table(site.effect, site.at, at, f, False, site.period) for f in (sine, 0.0 * sine)]
+        fits = [h for law in begun if (h := _fitted(without, site, law)) is not None]
+        if fits:
+            yield min(fits, key=lambda h: h.cost.total), site
 
 
 def _line(h: Hypothesis, site: Site) -> Physics:
@@ -323,7 +324,8 @@ def _shaped(h: Hypothesis, site: Site, phi: float) -> Hypothesis:
     return best
 
 
-def _learned(h: Hypothesis, site: Site, without: Hypothesis, found: Search) -> Learned:
+def as_learned(h: Hypothesis, site: Site, without: Hypothesis, found: Search) -> Learned:
+    """Return a hypothesis whose last effect is a law, beside what it is held against."""
     law = h.model.effects_at(h.x)[-1]
     seen = states_of(h, predicted_states(h.problem, h.fitted), site.effect, site.at)
     count = len(points_of(law.values))

@@ -35,6 +35,7 @@ COARSE = 5e-3  # of the largest point: what the curve between points errs by, th
 POWERS = (0.1, 10.0)  # within which a power, a place (of the range) and a width are sought
 PLACES = 2.0
 WIDTHS = (1e-2, 1e2)
+SINES = (0.05, 0.07, 0.1, 0.15, 0.25, 0.4, 0.7)  # of the range, for a period over 2 pi
 SUMS = {2: "two", 3: "three", 4: "four", 5: "five"}  # harmonics of what repeats
 HARMONICS = ("a", "b", "d", "e", "g", "h", "i", "j", "k", "l")  # their sines and cosines
 STARTS = (0.1, 0.25, 0.5, 1.0, 2.0)  # of the range, for widths and corners
@@ -160,9 +161,11 @@ FORMS = (
          tuple((m, w) for m in (-0.5, 0.0, 0.5) for w in (0.15, 0.4)), odd=False),
     Form("magnet", "{a} {s} / ({w}^2 + {s}^2)", ("a",), ("w",),
          lambda s, t: _columns(s / (t[0] ** 2 + s**2)), tuple((w,) for w in STARTS)),
+    Form("sine from rest", "{a} sin({s} / {w})", ("a",), ("w",),
+         lambda s, t: _columns(np.sin(s / t[0])), tuple((w,) for w in SINES)),
     Form("sine", "{c} + {a} sin({s} / {w}) + {b} cos({s} / {w})", ("c", "a", "b"), ("w",),
          lambda s, t: _columns(np.ones_like(s), np.sin(s / t[0]), np.cos(s / t[0])),
-         tuple((w,) for w in (0.07, 0.1, 0.15, 0.25, 0.4, 0.7)), odd=False, turns=True),
+         tuple((w,) for w in SINES), odd=False, turns=True),
     *(_sum_of(count) for count in SUMS),
     Form("friction", "{a} sign({s})", ("a",), (), lambda s, _: _columns(np.sign(s)), rubs=True),
     Form("friction and a line", "{a} sign({s}) + {b} {s}", ("a", "b"), (),
@@ -213,6 +216,7 @@ LAWS: dict[str, tuple[str, tuple[int, ...]]] = {
     "exponential": ("c + a * exp(clip(s / w, -50, 50))", (0, 0)),
     "bump": ("c + a * exp(-0.5 * ((s - m) / w)**2)", (0, 0)),
     "magnet": ("a * s / (w**2 + s**2)", (-1,)),
+    "sine from rest": ("a * sin(s / w)", (0,)),
     "sine": ("c + a * sin(s / w) + b * cos(s / w)", (0, 0, 0)),
     **{
         f"sum of {word} harmonics": (_sum_text(count, " * ", "{}", "s"), (0,) * (1 + 2 * count))

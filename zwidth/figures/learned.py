@@ -1,5 +1,7 @@
 """A law of no name: its curve with its band, the formula that it looks like, where it was seen."""
 
+from textwrap import fill
+
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
@@ -18,6 +20,7 @@ CURVE, TOGETHER, FORMULA, SAMPLES = "#004488", "#117733", "#bb5566", "0.72"
 FINE = 400  # states that a curve is drawn at
 BINS = 60
 SHOWN = 4000  # samples, at most
+WIDE = 76  # letters of a line of the legend
 SPREAD = 3.0  # times the curve's height, within which samples are shown
 
 
@@ -46,7 +49,7 @@ def learned_figure(law: LearnedLaw, rotary: bool) -> Figure:
             like = law.formulas[0]
             at = np.where(s == 0.0, np.nan, s)
             above.plot(x * at, y * like.at(at), color=FORMULA, linestyle="--", linewidth=1.2,
-                       label=f"{like.form.name}: {law.formula}")  # fmt: skip
+                       label=fill(f"{like.form.name}: {law.formula}", WIDE))  # fmt: skip
         above.set_ylabel(f"law at {curve.physics.at} [{made_unit}]")
         above.set_title(f"What follows {curve.over} at {curve.physics.at} and has no name")
         figure.legend(loc="outside lower center", ncols=1)
