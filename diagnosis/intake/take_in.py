@@ -30,6 +30,7 @@ from zwidth.diagnosis.intake.rectified import as_known, unfolded
 from zwidth.diagnosis.intake.swapped import EXCHANGED, in_place
 from zwidth.diagnosis.intake.units import unit_of
 from zwidth.diagnosis.mishaps import collecting, debugging, isolated, silent
+from zwidth.diagnosis.model.own_values import refuse_unknown_words
 from zwidth.diagnosis.noise.predictor import SETTLING
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment, ExperimentError
@@ -74,6 +75,7 @@ def take_in(
 
     Raises as `readings` does.
     """
+    refuse_unknown_words(experiments, validate or ())
     every = readings(device, experiments, validate)
     if len(every) == 1 and not every[0].doubted:
         return every[0]
