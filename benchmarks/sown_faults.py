@@ -33,7 +33,7 @@ from zwidth.diagnosis.recording.experiment import Experiment, ExperimentError
 from zwidth.sim.device_file import load_device
 
 LATE = 8  # samples
-LEFT_OUT = ("ecp_carts", "friction_damper")  # let go by hand; moved, and not driven
+LEFT_OUT = ("ecp_let_go", "friction_damper")  # let go by hand; moved, and not driven
 
 
 def scaled(factor: float) -> Callable[[Experiment], Experiment]:

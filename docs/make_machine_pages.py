@@ -54,14 +54,14 @@ MACHINES = {
     "hsm150": Machine(("hsm_pos_0.06_1", "hsm_neg_0.04_1")),
     "lugre_motor": Machine(("LuGre_J_1",)),
     "coupled_drives": Machine(("drive_1", "drive_2", "drive_3")),
-    "ecp_carts": Machine(("Kmed_hand_Nomass",)),
+    "ecp_carts": Machine(("KhNoM", "Kh2M", "KmNoM", "Km2M", "KlNoM", "Kl2M")),
+    "ecp_let_go": Machine(("Khigh_let_go", "Kmed_let_go", "Klow_let_go"), data="ecp_carts"),
     "servo_pendulum": Machine(
+        (*("sin_sin_kp8", "sin_sin_kp32", "sin_sin_heavy_kp8", "sin_sin_heavy_kp32"),),
         (
-            *("sin_sin_kp8", "sin_sin_kp32", "sin_sin_kp8_again", "sin_sin_kp32_again"),
-            *("brutal_kp8", "brutal_kp32"),
+            *("up_and_down_kp8", "up_and_down_kp32"),
+            *("up_and_down_heavy_kp8", "up_and_down_heavy_kp32"),
         ),
-        ("up_and_down_kp8", "up_and_down_kp32"),
-        shown=6,  # a hard step of the goal
         effort="normal",
     ),
     "servo_switched_off": Machine(

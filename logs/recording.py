@@ -121,6 +121,8 @@ def _read(description: Description, source: Source) -> Trace:
     }
     if description.device:
         facts["device_changes"] = dict(description.device)
+    if description.free:
+        facts["free"] = dict(description.free)
     if origin:
         facts["counted_from_s"] = _decimal_seconds(origin)
     if resampling:

@@ -43,6 +43,8 @@
     to_s = 20.0
     [device]                    # optional: where the device was another than its file says
     masses = [1.248]            # as its [chain] and [interface] would say: see `sim.changes`
+    [free]                      # optional: what this run has of its own, to be fitted; recordings
+    ground_spring = "stiff"     # with the same word share it: see `diagnosis.recording.own`
     [csv]                       # optional, what cannot be found out of a text table
     delimiter = ";"
     decimal = ","
@@ -78,7 +80,7 @@ CLOCK_KEYS = ("period_s", "time", "time_unit")
 TOP_KEYS = (
     *("schema", "file", "source", "rotary", *CLOCK_KEYS, "resample"),
     *("input", "output", "base", "known_force", "joint", "covariate", "enable", "supply"),
-    *("use", "csv", "device"),
+    *("use", "csv", "device", "free"),
 )
 INPUT_KEYS = (
     *("signal", "unit", "scale", "offset", "counts_per_rev", "counts_per_m", "wraps_at"),
@@ -135,7 +137,8 @@ class Entry:
 class Description:
     """A recording TOML, checked.
 
-    resample: None, 0 for the streams' longest period, or [s]. device: its table of that name.
+    resample: None, 0 for the streams' longest period, or [s]. device, free: its
+    tables of that name.
     """
 
     path: Path
@@ -148,6 +151,7 @@ class Description:
     to_s: float
     csv: CsvOptions
     device: Mapping[str, object] = field(default_factory=dict[str, object])
+    free: Mapping[str, str] = field(default_factory=dict[str, str])
 
 
 def load_description(path: Path) -> Description:
@@ -221,7 +225,13 @@ def _description(path: Path, top: Table) -> Description:
         to_s,
         _csv(top.table("csv")),
         known_changes(top.table("device")).values,
+        _words(top.table("free")),
     )
+
+
+def _words(table: Table) -> dict[str, str]:
+    """Return the words of `[free]`; what they stand for is checked with the device."""
+    return {key: table.text(key) for key in table.values}
 
 
 def joint_channel(name: str) -> str:

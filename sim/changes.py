@@ -6,9 +6,12 @@ payload of 0.493 kg adds 0.493 kg to a fitted mass,
 
     m = m_fitted + (m_run - m_file),
 
-so that masses, springs, dampers, delay and numbers of physics add, and a limit replaces. Nothing of
-it is fitted. A fit may walk to where a mass less its payload would be negative: of a mass or a
-spring at least `LEAST` of what the run says remains.
+so that masses, springs, dampers, delay and numbers of physics add, and a limit replaces. Of an
+effect that the file does not have, because it is to be found, a run may say how much more of it
+there is: `more = { level = 0.93 }` for a payload of that weight times lever more, which is a known
+force and so tells what all other forces count; `times = { level = 2.18 }` where only the ratio is
+known. Nothing of it is fitted. A fit may walk to where a mass less its payload would be negative:
+of a mass or a spring at least `LEAST` of what the run says remains.
 """
 
 import math
@@ -22,6 +25,7 @@ from zwidth.sim.chain import Chain, Chains, make_chain
 from zwidth.sim.device import Device, DeviceError, place_label
 from zwidth.sim.members import Members
 from zwidth.sim.nearest import nearest
+from zwidth.sim.physics import EFFECTS
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.table import Table
 
@@ -31,6 +35,7 @@ POSITIVE = ("masses", "ground_spring", "link_springs")
 LIMITS = ("delay_s", "command_limit", "command_gain")
 KEYS = (*ARRAYS, "ground_spring", *LIMITS, "physics")
 LEAST = 0.01
+SOUGHT = {"times", "more"}  # how a run says what is different of an effect that is to be found
 
 
 @dataclass(frozen=True)
@@ -40,7 +45,8 @@ class Changes:
     chain: the difference, field by field. least: of the chain's fields in `POSITIVE`, what remains
     at least. delay [s] is added, command_limit replaces, None for the device's own. command_gain:
     times the device's; whoever takes the command reads it. physics: values to be added, by
-    effect@place; factors: what to multiply those by that are the drive's (`Effect.of_drive`).
+    effect@place; factors: what to multiply those by that are the drive's (`Effect.of_drive`), or of
+    which a run says so.
     """
 
     chain: Chain
@@ -202,14 +208,17 @@ def _of_physics(tables: Sequence[Table], device: Device) -> tuple[Labelled, Labe
     known = {place_label(p): p for p in device.physics}
     for table in tables:
         label = f"{table.text('effect')}@{table.text('at')}"
+        if SOUGHT & set(table.keys()):
+            factors[label], added[label] = _sought(table, label)
+            continue
         if label not in known:
             hint = nearest(label, known) if known else "it has none"
             raise DeviceError(
                 f"{table.path} of the recording is {label}, which the device file does not have;"
-                f" {hint}"
+                f" {hint}; of what is to be found say how much more there is: more = {{...}}"
             )
         values, scales = known[label].values, known[label].effect.of_drive
-        table.only(("effect", "at", *values))
+        table.only(("effect", "at", *SOUGHT, *values))
         for name in values:
             if name not in table:
                 continue
@@ -218,3 +227,31 @@ def _of_physics(tables: Sequence[Table], device: Device) -> tuple[Labelled, Labe
             else:
                 added.setdefault(label, {})[name] = table.number(name) - values[name]
     return tuple(added.items()), tuple(factors.items())
+
+
+def _sought(table: Table, label: str) -> tuple[dict[str, float], dict[str, float]]:
+    """Return what numbers of an effect are multiplied by and what is added to them.
+
+    Whatever they are found to be. Only magnitudes: what there is nothing of has nothing else.
+    """
+    name, at = table.only(("effect", "at", *SOUGHT)).text("effect"), table.text("at")
+    if name not in EFFECTS or at not in EFFECTS[name].places:
+        hint = nearest(at, EFFECTS[name].places) if name in EFFECTS else nearest(name, EFFECTS)
+        raise DeviceError(f"{table.path} of the recording is {label}, which there is not; {hint}")
+    allowed = [p.name for p in EFFECTS[name].parameters if p.role == "magnitude"]
+    found: list[dict[str, float]] = []
+    for key in ("times", "more"):
+        own = table.table(key).only(allowed)
+        found.append({name: own.number(name) for name in own.values})
+        least = 0.0 if key == "times" else -math.inf
+        for name, value in found[-1].items():
+            if not least < value < math.inf:
+                kind = "number above 0" if key == "times" else "finite number"
+                raise DeviceError(
+                    f"{own.path}.{name} of the recording is {value:g}; allowed is a {kind}"
+                )
+    if both := found[0].keys() & found[1].keys():
+        raise DeviceError(
+            f"{table.path} of the recording gives {min(both)} both as times and as more; keep one"
+        )
+    return found[0], found[1]

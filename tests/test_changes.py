@@ -181,3 +181,40 @@ def test_an_unknown_key_is_named_with_the_nearest_known_one(tmp_path: Path) -> N
     path = written(tmp_path, TOML.replace("command_gain", "comand_gain"))
     with pytest.raises(RecordingError, match=r"device.comand_gain.*command_gain"):
         read_recording(path)
+
+
+def test_what_a_run_adds_to_an_effect_that_is_to_be_found_is_put_on_whatever_is_found() -> None:
+    """Fails where a label that the file does not have is refused, or the factor is left out."""
+    more = {"effect": "force_ripple", "at": "m1", "more": {"amplitude": 0.9}}
+    times = {"effect": "coulomb_friction", "at": "m2", "times": {"level": 2.0}}
+    changes = changes_of({"physics": [more, times]}, CART)
+    assert changes is not None
+    found = CART.with_physics(
+        make_physics("force_ripple", "m1", amplitude=0.8, period=0.02, phase=0.1)
+    ).with_physics(make_physics("coulomb_friction", "m2", level=0.3))
+    there = {p.effect.name: dict(p.values) for p in changes.of(found).physics}
+    assert there["force_ripple"] == {"amplitude": pytest.approx(1.7), "period": 0.02, "phase": 0.1}
+    assert there["coulomb_friction"] == {"level": pytest.approx(0.6)}
+    assert changes.of(CART).physics == CART.physics
+    model = Model(CART).with_effect(found.physics[0], {"amplitude": 0.1})
+    xs = np.random.default_rng(0).standard_normal((3, len(model.parameters)))
+    members = changes.of_members(model.members(xs))
+    for i, x in enumerate(xs):
+        assert members.device(i) == changes.of(model.acting(x))
+
+
+@pytest.mark.parametrize(
+    ("own", "says"),
+    [
+        ({"at": "m1", "more": {"levle": 1.0}}, "levle.*did you mean 'level'"),
+        ({"at": "m1", "times": {"level": 0.0}}, "level of the recording is 0; allowed is a number"),
+        (
+            {"at": "m1", "times": {"level": 2.0}, "more": {"level": 2.0}},
+            "both as times and as more",
+        ),
+        ({"at": "command", "more": {"level": 1.0}}, "gravity_pendulum@command, which there is not"),
+    ],
+)
+def test_what_cannot_be_more_of_an_effect_is_said(own: Mapping[str, object], says: str) -> None:
+    with pytest.raises(ValueError, match=says):
+        changes_of({"physics": [{"effect": "gravity_pendulum", **own}]}, CART)

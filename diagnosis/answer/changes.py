@@ -369,7 +369,7 @@ def _rivals_anew(tried: Search, new: Varied) -> Search:
 
 def _same_changes(a: Hypothesis, b: Hypothesis) -> bool:
     def own(h: Hypothesis) -> list[str]:
-        return [p.name for p in h.model.parameters if p.kind == "change"]
+        return [v.name for v in h.model.varying if not v.declared]
 
     return own(a) == own(b)
 

@@ -18,12 +18,13 @@ from zwidth.diagnosis.answer.beside import (
 from zwidth.diagnosis.answer.regimes import held
 from zwidth.diagnosis.answer.result import Estimate, Finding, Held, Rival
 from zwidth.diagnosis.fitting.fit import Fitted
-from zwidth.diagnosis.fitting.uncertainty import Z95, inflation, standard_errors
+from zwidth.diagnosis.fitting.uncertainty import Z95, covariance, inflation, standard_errors
 from zwidth.diagnosis.intake.gate import ON_LATTICE, Fault
 from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.mishaps import attempt, isolated
 from zwidth.diagnosis.model.parameters import (
     Model,
+    chain_values,
     effect_labels,
     first_velocity,
     linear_parameters,
@@ -108,7 +109,28 @@ def _estimates(
             half = Z95 * math.hypot(p.scale * float(spread[j]), math.sqrt(among.get(p.key, 0.0)))
             unit = physics.effect.parameter(p.key).unit_for(final.model.nominal.rotary)
             estimates[p.key] = Estimate(value, value - half, value + half, unit)
-    return estimates
+    return estimates | _own_estimates(final, index)
+
+
+def _own_estimates(final: Fitted, index: int) -> dict[str, Estimate]:
+    """What recordings have of their own of an effect's numbers: "phase in WORD"."""
+    spread, model = covariance(final), final.model
+    found: dict[str, Estimate] = {}
+    for j, p in enumerate(model.parameters):
+        target = model.parameters[p.index] if p.kind == "change" else None
+        if target is None or target.kind != "effect" or target.index != index:
+            continue
+        if model.is_found(p):
+            continue
+        way = np.zeros(final.x.size)
+        way[[j, p.index]] = target.scale
+        physics = model.effects[index]
+        value = physics.values[target.key] + float(way @ final.x)
+        half = Z95 * float(np.sqrt(max(way @ spread @ way, 0.0)))
+        unit = physics.effect.parameter(target.key).unit_for(model.nominal.rotary)
+        name = f"{target.key} in {p.name.partition(' in ')[2]}"
+        found[name] = Estimate(value, value - half, value + half, unit)
+    return found
 
 
 def _separated(found: Searched, label: str) -> tuple[float, tuple[Rival, ...], float, float]:
@@ -173,7 +195,46 @@ def linear(
         half = Z95 * abs(p.slope(own, float(final.x[j]))) * float(spread[j])
         unit = UNITS[p.kind][0 if device.rotary else 1]
         result[p.name] = (own, Estimate(value, value - half, value + half, unit))
+    return result | _of_recordings(device, final, experiments)
+
+
+def _of_recordings(
+    device: Device, final: Fitted, experiments: Sequence[Experiment]
+) -> dict[str, tuple[float, Estimate]]:
+    """(nominal, estimate) of each linear parameter that recordings have of their own, by name.
+
+    As it is in the first recording that has it, with what is known to be different there.
+    """
+    model, spread = final.model, covariance(final)
+    result: dict[str, tuple[float, Estimate]] = {}
+    for j, p in enumerate(model.parameters):
+        if p.kind != "change" or not model.is_linear(p):
+            continue
+        e = next((e for e in experiments if p.name in e.own_names), None)
+        if e is None:
+            continue
+        target = model.parameters[p.index]
+        way = np.zeros(final.x.size)
+        way[[j, p.index]] = 1.0
+        half = Z95 * float(np.sqrt(max(way @ spread @ way, 0.0)))
+        low, value, high = (
+            _on(e, model, final.x, p.index, k * half, target.name) for k in (-1.0, 0.0, 1.0)
+        )
+        bare = Model(device)
+        known = _on(e, bare, np.zeros(bare.linear_count), p.index, 0.0, target.name)
+        unit = UNITS[target.kind][0 if device.rotary else 1]
+        result[p.name] = (known, Estimate(value, low, high, unit))
     return result
+
+
+def _on(e: Experiment, model: Model, x: Floats, index: int, more: float, name: str) -> float:
+    """A linear parameter in a recording, by so much more in x."""
+    there = model.there(x, e).copy()
+    there[index] += more
+    moved = model.within(there)
+    if name in ("origin", "gain", "jitter"):
+        return values_of(model, moved)[name]
+    return chain_values(e.on(model.build(moved)).chain)[name]
 
 
 def upper_bounds(found: Searched) -> dict[str, dict[str, float]]:

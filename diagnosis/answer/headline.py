@@ -304,8 +304,10 @@ def parameter_in_words(name: str, unit: str) -> str:
     """Return a linear parameter as people call it: "the inertia m1", "the spring k12"."""
     if name == "gain":
         return "the scale of the command"
+    name, where, word = name.partition(" in ")  # a value of some recordings' own
     kind = {"m": "mass" if unit == "kg" else "inertia", "b": "damper", "k": "spring"}.get(name[:1])
-    return name if kind is None or not name[1:].isdigit() else f"the {kind} {name}"
+    said = name if kind is None or not name[1:].isdigit() else f"the {kind} {name}"
+    return f"{said}{where}{word}"
 
 
 def _nothing(a: Answer) -> str:

@@ -27,7 +27,7 @@ from zwidth.sim.members import Members, together
 from zwidth.sim.population import Followed, Population, Readings, Recorded
 
 Floats = NDArray[np.float64]
-Shares = tuple[tuple[str, float], ...]
+Shares = tuple[tuple[int, float], ...]
 Differing = tuple[int, Shares]  # what was known to be different, and what of changes holds
 BEGINNING = 32  # samples that say where a run begins
 
@@ -52,7 +52,7 @@ class Many:
 
     def kinds(self, experiment: Experiment) -> list["_Kind"]:
         """Return the members as they were in a recording, by their kind."""
-        key = id(experiment.changes), experiment.shares
+        key = id(experiment.changes), self.model.shares(experiment)
         if key not in self._kinds:
             self._kinds[key] = list(self._prepared(experiment)) if self.size else []
         return self._kinds[key]
@@ -66,7 +66,7 @@ class Many:
 
     def _prepared(self, experiment: Experiment) -> Iterator["_Kind"]:
         there, changes = self.model.there(self.xs, experiment), experiment.changes
-        everyone = self._everyone(there, experiment.shares)
+        everyone = self._everyone(there, self.model.shares(experiment))
         everyone = everyone if changes is None else changes.of_members(everyone)
         for which in everyone.kinds():
             alike = everyone.taken(which)

@@ -14,6 +14,7 @@ that sets in at once for a jump: g sets in over `ONSET` ticks. Limits: what a re
 taken off (it has long periods), and r must be nearly white.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -41,10 +42,14 @@ WIDTHS = (9, 33, 129, 513)  # lines over which their power is smoothed
 
 @dataclass(frozen=True)
 class Peak:
-    """A wave over a quantity: period, and the chi-square that it would gain, about."""
+    """A wave over a quantity: period, and the chi-square that it would gain, about.
+
+    turned: by how much its phase in each group of recordings differs from that in the first.
+    """
 
     period: float
     gained: float
+    turned: tuple[float, ...] = (0.0,)
 
 
 def response(problem: Problem, fitted: Fitted, place: str, output: int = 0) -> Floats:
@@ -115,20 +120,41 @@ def matched(problem: Problem, fitted: Fitted, place: str) -> list[Floats]:
 
 
 def peaks(
-    pulls: list[Pull], over: list[Floats], finest: float, count: int = 3
+    pulls: list[Pull],
+    over: list[Floats],
+    finest: float,
+    count: int = 3,
+    groups: Sequence[Sequence[int]] = (),
 ) -> tuple[list[Peak], int]:
     """Return the strongest waves over a quantity with periods above `finest`, and lines looked at.
 
     pulls: as `pulls` returns them; over: the quantity at every tick, as long. A wave is seen at
-    least twice.
+    least twice. groups: places of recordings in which a wave may have a phase of its own; none for
+    one phase in all. What several gain adds up, each at its own phase.
     """
-    spectrum = _spectrum(pulls, over, finest)
-    if spectrum is None:
-        return [], 0
-    lines, waves, level, span = spectrum
-    usable = (lines >= 2 * FINER) & (lines <= FINER * span / finest) & (level > 0.0)
-    gained = np.where(usable, 2.0 * np.abs(waves) ** 2 / np.where(usable, level, 1.0), 0.0)
-    return _highest(gained, span, count), int(np.count_nonzero(usable)) // FINER
+    ends = min(float(q.min()) for q in over), max(float(q.max()) for q in over)
+    each: list[Complexes] = []
+    gained, count_of = np.zeros(0), 0
+    for group in groups or [range(len(over))]:
+        spectrum = _spectrum([pulls[i] for i in group], [over[i] for i in group], finest, ends)
+        if spectrum is None:
+            return [], 0
+        lines, waves, level, span = spectrum
+        usable = (lines >= 2 * FINER) & (lines <= FINER * span / finest) & (level > 0.0)
+        own = np.where(usable, 2.0 * np.abs(waves) ** 2 / np.where(usable, level, 1.0), 0.0)
+        gained = gained + own if gained.size else own
+        count_of = max(count_of, int(np.count_nonzero(usable)) // FINER)
+        each.append(waves)
+    span = ends[1] - ends[0]
+    found = _highest(gained, span, count)
+    if len(each) > 1:
+        found = [replace(p, turned=_turned(each, round(FINER * span / p.period))) for p in found]
+    return found, count_of
+
+
+def _turned(each: Sequence[Complexes], line: int) -> tuple[float, ...]:
+    """Phases of a line in each spectrum less that in the first, within half a turn."""
+    return tuple(float(np.angle(waves[line] * np.conj(each[0][line]))) for waves in each)
 
 
 def step_peaks(
@@ -163,11 +189,14 @@ def step_peaks(
 
 
 def _spectrum(
-    pulls: list[Pull], over: list[Floats], finest: float
+    pulls: list[Pull], over: list[Floats], finest: float, ends: tuple[float, float] | None = None
 ) -> tuple[NDArray[np.int64], Complexes, Floats, float] | None:
-    """Lines k, G and its expected power under noise at k / (FINER span), and the span."""
-    low = min(float(q.min()) for q in over)
-    span = max(float(q.max()) for q in over) - low
+    """Lines k, G and its expected power under noise at k / (FINER span), and the span.
+
+    ends: of the span, those of the quantity itself where nothing is given.
+    """
+    low, high = ends or (min(float(q.min()) for q in over), max(float(q.max()) for q in over))
+    span = high - low
     if not span > 4.0 * finest:
         return None
     bins = 1 << min(MOST_BINS, int(np.ceil(np.log2(4.0 * FINER * span / finest))))

@@ -30,6 +30,7 @@ from zwidth.diagnosis.intake.rectified import as_known, unfolded
 from zwidth.diagnosis.intake.swapped import EXCHANGED, in_place
 from zwidth.diagnosis.intake.units import unit_of
 from zwidth.diagnosis.mishaps import collecting, debugging, isolated, silent
+from zwidth.diagnosis.model.own_values import refuse_unknown_words
 from zwidth.diagnosis.noise.predictor import SETTLING
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment, ExperimentError
@@ -75,6 +76,7 @@ def take_in(
     As they are where an error ended such a search: what it did not try tells nothing of a reading.
     Raises as `readings` does.
     """
+    refuse_unknown_words(experiments, validate or ())
     every = readings(device, experiments, validate)
     if len(every) == 1 and not every[0].doubted:
         return every[0]

@@ -111,7 +111,7 @@ def beside(base: Model, x: Floats, site: Site, law: Physics) -> tuple[Model, Flo
     free = FORCE[int(is_odd(law)) : len(points_of(law.values))]
     scales = dict.fromkeys(free, site.makes)
     scales |= {"period": site.scale} if site.scale > 0.0 and law.values["period"] > 0.0 else {}
-    lasting = sum(p.kind != "change" for p in base.parameters)  # changes come last
+    lasting = sum(not base.is_found(p) for p in base.parameters)  # changes come last
     start = np.concatenate([x[:lasting], np.zeros(len(scales)), x[lasting:]])
     return base.with_effect(law, scales), start
 

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.recording.experiment import Experiment
-from zwidth.sim.chain import make_chain
+from zwidth.sim.chain import Chain, make_chain
 from zwidth.sim.changes import beside, difference
 from zwidth.sim.device import Device, place_label
 from zwidth.sim.members import Members, alike, chains_of
@@ -55,6 +55,7 @@ class Parameter:
 
     scale: of x. lower, upper: bounds of x. prior: whether x has a unit Gaussian prior. key: of an
     effect's parameter its name; ends: at which of its bounds a fit is no physics, "lower", "upper".
+    walks: which of them are only how far a fit may go from its start.
     """
 
     name: str
@@ -66,6 +67,12 @@ class Parameter:
     prior: bool = True
     key: str = ""
     ends: tuple[str, ...] = ()
+    walks: tuple[str, ...] = ()
+
+    def at_end(self, x: float, which: Sequence[str], margin: float) -> bool:
+        """Whether x stands on one of some of its bounds, "lower" and "upper"."""
+        low = "lower" in which and x < self.lower + margin
+        return low or ("upper" in which and x > self.upper - margin * max(1.0, abs(self.upper)))
 
     def value(self, nominal: float, x: float) -> float:
         """Return the value at its x of what is `nominal` at zero: of a chain's or an effect's."""
@@ -95,13 +102,15 @@ class Varying:
 
     name: of the change, by which recordings say their share (`Experiment.shares`). smooth: over
     time, so that parts of a recording have all its values between. price: of how rare it is, and of
-    having asked for so many, in -2 ln.
+    having asked for so many, in -2 ln. declared: recordings say that it is their own
+    (`model.own_values`); it was not found.
     """
 
     name: str
     of: str
     smooth: bool = False
     price: float = 0.0
+    declared: bool = False
 
 
 class Reads(NamedTuple):
@@ -138,52 +147,78 @@ class Model:
     @cached_property
     def parameters(self) -> list[Parameter]:
         """All free parameters, linear ones first; asked for in every prediction, so kept."""
-        lasting = [*linear_parameters(self.nominal), *self._effect_parameters()]
-        places = {p.name: i for i, p in enumerate(lasting)}
-        changes = [
+        found = self._with_own(linear_parameters(self.nominal), 0)
+        for one in self._effect_parameters():  # each with its own, so that a further effect is last
+            found += self._with_own(one, len(found))
+        places = {p.name: i for i, p in enumerate(found)}
+        return found + [
             Parameter(v.name, "change", places[v.of], 1.0, prior=False)
             for v in self.varying
-            if v.of in places
+            if v.of in places and not v.declared
         ]
-        return lasting + changes
+
+    def _with_own(self, lasting: Sequence[Parameter], first: int) -> list[Parameter]:
+        """Parameters, then the values that recordings have of them; first: the place of these."""
+        places = {p.name: first + i for i, p in enumerate(lasting)}
+        priors = {p.name: p.prior for p in lasting}
+        own = [v for v in self.varying if v.declared and v.of in places]
+        return [
+            *lasting,
+            *(Parameter(v.name, "change", places[v.of], 1.0, prior=priors[v.of]) for v in own),
+        ]
 
     @property
     def varies(self) -> tuple[str, ...]:
-        """The parameters that change (`Parameter.name`), each as often as it does."""
+        """The parameters that were found to change (`Parameter.name`), each as often as it does."""
         own = self.parameters
-        return tuple(own[p.index].name for p in own if p.kind == "change")
+        return tuple(own[p.index].name for p in own if self.is_found(p))
 
     def constant(self, x: Floats) -> tuple["Model", Floats]:
-        """Return the model in which nothing changes, and its x."""
-        keep = np.array([p.kind != "change" for p in self.parameters])
-        return replace(self, varying=()), x[keep]
+        """Return the model in which nothing was found to change, and its x."""
+        keep = np.array([not self.is_found(p) for p in self.parameters])
+        return replace(self, varying=tuple(v for v in self.varying if v.declared)), x[keep]
 
     def there(self, x: Floats, experiment: Experiment) -> Floats:
         """Return x (..., parameters) as it was in a recording: its shares of all changes added."""
-        shares = dict(experiment.shares)
         found = x
-        for i, p in enumerate(self.parameters):
-            if p.kind == "change" and shares.get(p.name, 0.0) != 0.0:
-                found = found.copy() if found is x else found
-                found[..., p.index] += shares[p.name] * x[..., i]
+        for i, share in self.shares(experiment):
+            found = found.copy() if found is x else found
+            own = self.parameters[i].index
+            found[..., own] = self._turned(own, found[..., own] + share * x[..., i])
         return x if found is x else self.within(found)
+
+    def _turned(self, index: int, x: Floats) -> Floats:
+        """Return x of an angle within half a turn: past its bounds it would stand still."""
+        p = self.parameters[index]
+        if p.kind != "effect" or p.key not in self.effects[p.index].effect.turning:
+            return x
+        value = self.effects[p.index].values[p.key]
+        angle = value + p.scale * x
+        return (np.mod(angle + np.pi, 2.0 * np.pi) - np.pi - value) / p.scale
+
+    def shares(self, experiment: Experiment) -> tuple[tuple[int, float], ...]:
+        """Return how much of each change (its place in `parameters`) holds in a recording."""
+        shares = dict(experiment.shares) | dict.fromkeys(experiment.own_names, 1.0)
+        changes = ((i, shares.get(p.name, 0.0)) for i, p in enumerate(self.parameters)
+                   if p.kind == "change")  # fmt: skip
+        return tuple((i, share) for i, share in changes if share != 0.0)
 
     @property
     def linear_count(self) -> int:
         """How many of the parameters are linear ones."""
         return len(linear_parameters(self.nominal))
 
-    def _effect_parameters(self) -> list[Parameter]:
-        found: list[Parameter] = []
+    def _effect_parameters(self) -> list[list[Parameter]]:
+        found: list[list[Parameter]] = []
         bounds = self.bounds or ({},) * len(self.effects)
         all_of = zip(self.effects, self.scales, bounds, strict=True)
         for i, (physics, scales, limits) in enumerate(all_of):
-            found += [
+            found.append([
                 _of_effect(f"{place_label(physics)}.{p.name}", i, p, physics.values[p.name],
                            scales[p.name], limits.get(p.name, (p.lower, p.upper)))
                 for p in physics.effect.parameters
                 if scales.get(p.name, 0.0) != 0.0
-            ]  # fmt: skip
+            ])  # fmt: skip
         return found
 
     def size_of(self, index: int, x: Floats) -> float:
@@ -207,6 +242,11 @@ class Model:
         for index in sorted(gone, reverse=True):
             model = model.without_effect(index)
         return model, x[keep]
+
+    def begun_at(self, x: Floats) -> tuple["Model", Floats]:
+        """Return the model whose effects begin where they are at x, and its x there."""
+        effects = [p.kind == "effect" for p in self.parameters]
+        return replace(self, effects=self.effects_at(x)), np.where(effects, 0.0, x)
 
     def within(self, x: Floats) -> Floats:
         """Return the nearest x inside the bounds, off them by a margin."""
@@ -299,6 +339,21 @@ class Model:
         if self.sensor_error_known or not self.has("encoder_step"):
             found = found.with_interface(encoder_step=0.0)
         return found.without_physics(lambda p: p.effect.in_recording)
+
+    def is_found(self, parameter: Parameter) -> bool:
+        """Whether it is a change that no recording said of itself."""
+        return parameter.kind == "change" and not any(
+            v.name == parameter.name and v.declared for v in self.varying
+        )
+
+    def is_linear(self, parameter: Parameter) -> bool:
+        """Whether it is in every hypothesis: a linear one, or what recordings have of one."""
+        if parameter.kind == "effect":
+            return False
+        if parameter.kind != "change":
+            return True
+        own = not self.is_found(parameter)
+        return own and self.parameters[parameter.index].kind != "effect"
 
     def has(self, name: str) -> bool:
         """Whether an effect of that name is under trial."""
@@ -454,14 +509,14 @@ def _of_effect(
     """
     lower = max(p.lower, min(limits[0], value))
     upper = min(p.upper, max(limits[1], value))
-    if p.least > 0.0:
-        lower = max(lower, p.least * value)
-    if p.most < np.inf:
-        upper = min(upper, p.most * value)
+    reach = (p.least * value if p.least > 0.0 else -np.inf,
+             p.most * value if p.most < np.inf else np.inf)  # fmt: skip
+    walks = ("lower",) * (reach[0] > lower) + ("upper",) * (reach[1] < upper)
+    lower, upper = max(lower, reach[0]), min(upper, reach[1])
     ends = ("lower",) * (lower > p.lower) + ("upper",) * (not p.open_ended)
     return Parameter(
         name, "effect", index, scale, (lower - value) / scale, (upper - value) / scale, False,
-        p.name, ends,
+        p.name, ends, walks,
     )  # fmt: skip
 
 
@@ -496,6 +551,15 @@ def linear_parameters(device: Device) -> list[Parameter]:
         scale = JITTER_SCALE * device.interface.period
         found.append(Parameter("jitter", "jitter", 0, scale))
     return found
+
+
+def chain_values(chain: Chain) -> dict[str, float]:
+    """Return the numbers of a chain by the names that its parameters have."""
+    found = {f"m{i + 1}": float(m) for i, m in enumerate(chain.masses)}
+    found |= {f"b{i + 1}": float(b) for i, b in enumerate(chain.ground_dampers)}
+    found |= {f"k{i + 1}{i + 2}": float(k) for i, k in enumerate(chain.link_springs)}
+    found |= {f"b{i + 1}{i + 2}": float(b) for i, b in enumerate(chain.link_dampers)}
+    return found | {"k0": float(chain.ground_spring)}
 
 
 def values_of(model: Model, x: Floats) -> dict[str, float]:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.recording.drive_force import FORCE, Pushed, drive_stiffness
 from zwidth.diagnosis.recording.from_outside import KNOWN_FORCES, OUTSIDE, base_of, pushes_of
 from zwidth.diagnosis.recording.link_force import told_by_links
+from zwidth.diagnosis.recording.own import own_of
 from zwidth.diagnosis.recording.strength import strengths_of
 from zwidth.logs.drive_state import ENABLE, SUPPLY
 from zwidth.logs.recording_file import COVARIATE
@@ -113,7 +114,8 @@ class Experiment:
     pushes (ticks, n): forces on the masses, likewise.
     covariates: what else was recorded at each sample (a temperature), that parameters may follow.
     strengths (ticks,): how much of the drive's force counts, as was recorded: 0 where it was off,
-    the supply over its nominal voltage; None for all of it.
+    the supply over its nominal voltage; None for all of it. own: names of parameters that are not
+    as in other recordings, each with a word that those which share its value have, too.
     """
 
     period: float
@@ -138,6 +140,12 @@ class Experiment:
     covariates: tuple[Covariate, ...] = ()
     pushes: Floats | None = None
     strengths: Floats | None = None
+    own: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def own_names(self) -> list[str]:
+        """Names of the values that are its own (`model.own_values`): of parameters, of origins."""
+        return [*(f"{target} in {word}" for target, word in self.own), f"origin in {self.name}"]
 
     @property
     def switched_off(self) -> bool:
@@ -346,10 +354,11 @@ def experiment(trace: Trace, device: Device, name: str = "recording") -> Experim
     pushes, hands = pushes_of(trace, masses, name)
     strengths, off = strengths_of(trace, device, name)
     notes += (*cells, *moves, *hands, *off)
+    free_here = cast("Mapping[str, str]", trace.facts.get("free", {}))
     return Experiment(
         own, command, measured, tuple(found), name, swing, notes=notes, changes=changes,
         pushed=pushed, base=base, pushes=pushes, covariates=_covariates(trace),
-        strengths=strengths,
+        strengths=strengths, own=own_of(free_here, device),
     )  # fmt: skip
 
 

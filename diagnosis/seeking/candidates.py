@@ -18,12 +18,19 @@ class Start:
     """One effect at one place with starting values, and the scales of its free parameters.
 
     bounds: what physics allows of them, given the recording; of what is not named, what the effect
-    allows.
+    allows. own: what recordings have of its numbers (`model.own_values`), by the name of that: of
+    which number, and how much more of it.
     """
 
     physics: Physics
     scales: Mapping[str, float]
     bounds: Bounds = field(default_factory=dict[str, tuple[float, float]])
+    own: Mapping[str, tuple[str, float]] = field(default_factory=dict[str, tuple[str, float]])
+
+    def beyond(self, names: Sequence[str], scales: Mapping[str, float]) -> list[float]:
+        """Return x of what recordings have of it, of so many names; scales: of its numbers."""
+        more = (self.own.get(name) for name in names)
+        return [0.0 if own is None else own[1] / scales[own[0]] for own in more]
 
     @property
     def label(self) -> str:

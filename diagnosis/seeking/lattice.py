@@ -68,6 +68,10 @@ def stepped_trials(
         "encoder_step@sensor": partial(encoder_step, problem, fitted, experiments),
         "dropped_samples@clock": partial(dropped_samples, problem, fitted, experiments),
     }
+    if fitted.model.nominal.interface.command_hold == "smooth":
+        del tries[
+            "dropped_samples@clock"
+        ]  # what was measured has acted: it was not sent to anything
     tried = [attempt("candidates", label, one) for label, one in tries.items()]
     return [t for t in tried if t is not None]
 

@@ -1,6 +1,7 @@
 """Starts for effects that repeat over position, at the periods that the residual itself shows."""
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -35,31 +36,53 @@ def wave_starts(problem: Problem, fitted: Fitted) -> list[Start]:
     starts: list[Start] = []
     for effect, places in _sought(device, fitted).items():
         peaks_at: list[tuple[Place, float, list[Peak]]] = []
+        own = {place: _own(effect, place, problem, fitted) for place in places}
         lines = 0
         for place in places:
             over = [x[:, place.index] for x in followed] if place.index else first
             span = max(float(np.ptp(q)) for q in over)
             finest = max(FINEST * span, noise)
-            found, seen = peaks(pulls(problem, fitted, str(place)), over, finest)
+            pulled, groups = pulls(problem, fitted, str(place)), list(own[place].values())
+            found, seen = peaks(pulled, over, finest, groups=groups)
             peaks_at.append((place, span, found))
             lines += seen
         price = 2.0 * math.log(max(lines, 1))
         for place, span, found in peaks_at:
             for peak in found:
                 if peak.gained >= price:
-                    starts += _at_period(effect, place, sizes, peak.period, span)
+                    turned = dict(zip(own[place], peak.turned, strict=True))
+                    turned.pop("")  # where it is the effect's own
+                    starts += _at_period(effect, place, sizes, peak.period, span, turned)
     return starts
 
 
+def _own(effect: Effect, place: Place, problem: Problem, fitted: Fitted) -> dict[str, list[int]]:
+    """Places of recordings in which a phase is their own, by the name of that; "" is first."""
+    (turning,) = effect.turning
+    target = f"{label_of(effect.name, place)}.{turning}"
+    names = [v.name for v in fitted.model.varying if v.declared and v.of == target]
+    groups: dict[str, list[int]] = {"": []}
+    for i, e in enumerate(problem.experiments):
+        mine = next((name for name in names if name in e.own_names), "")
+        groups.setdefault(mine, []).append(i)
+    return groups
+
+
 def _at_period(
-    effect: Effect, place: Place, sizes: Sizes, period: float, span: float
+    effect: Effect,
+    place: Place,
+    sizes: Sizes,
+    period: float,
+    span: float,
+    turned: Mapping[str, float],
 ) -> list[Start]:
     values, scales = next(iter(effect.starts(sizes, place)))
     (turning,) = effect.turning
     values, scales = values | {"period": period}, scales | {"period": 0.1 * period**2 / span}
     bounds = effect.within(sizes, place)
+    own = {name: (turning, more) for name, more in turned.items()}
     return [
-        Start(Physics(effect, str(place), values | {turning: phase}), scales, bounds)
+        Start(Physics(effect, str(place), values | {turning: phase}), scales, bounds, own)
         for phase in PHASES
     ]
 

@@ -27,6 +27,7 @@ BLOCKS = 40  # stretches of the recordings over which gains are compared
 SHORTEST_BLOCK = 50  # samples
 MOST_TURNS, MUCH = 10, 10.0  # of a fit; what one must gain in misfit for more than were asked for
 RELIEF = 0.1  # of the likeliest ratio, under which a fit is also brought on its way
+FURTHER = 3  # fits that begin anew where one ended as far from its start as it may go
 EDGE = 1e-3  # in x, from a bound on which a fit has ended
 UNSEEN = 1e-9  # information on x, of which the whole uncertainty of a file is one
 ODDS = 1e-3  # of an effect that says nothing of how common it is
@@ -77,9 +78,7 @@ class Hypothesis:
         (`Effect.forbidden`).
         """
         for p, x in zip(self.model.parameters, self.x, strict=True):
-            low = "lower" in p.ends and x < p.lower + EDGE
-            high = "upper" in p.ends and x > p.upper - EDGE * max(1.0, abs(p.upper))
-            if low or high:
+            if p.at_end(float(x), p.ends, EDGE):
                 return p.name
         effects = self.model.effects_at(self.x)
         return next((wrong for p in effects if (wrong := p.effect.forbidden(dict(p.values)))), "")
@@ -170,8 +169,25 @@ def settled(begun: Hypothesis, turns: int = 3, rounds: int = 6, worth: float = 1
     there: neither gains, and both together would. So each turn is made under a slower noise too,
     which takes less of it, for as long as that leads to less. The first turn is made in as few
     substeps as costs compare in, which brings most of the way. turns: at most, or while they gain
-    much.
+    much. What ends as far from its start as a fit may go (`Parameter.walks`) is not at the end of
+    anything, and goes on from there.
     """
+    best = _settled(begun, turns, rounds, worth)
+    for _ in range(FURTHER):
+        walked = (
+            p.at_end(float(x), p.walks, EDGE)
+            for p, x in zip(best.model.parameters, best.x, strict=True)
+        )
+        if not any(walked):
+            break
+        model, x = best.model.begun_at(best.x)
+        near = best.family.near(best.ratio)
+        again = judged(best.experiments, model, x, best.family, near, best.prices)
+        best = _settled(again, turns, rounds, worth)
+    return priced(best)
+
+
+def _settled(begun: Hypothesis, turns: int, rounds: int, worth: float) -> Hypothesis:
     best, slower, gained = begun, begun.family.whitening, math.inf
     for turn in range(MOST_TURNS):
         if turn >= turns and gained < MUCH:
@@ -189,7 +205,7 @@ def settled(begun: Hypothesis, turns: int = 3, rounds: int = 6, worth: float = 1
             best = own
         if turn and gained < worth:
             break
-    return priced(best)
+    return best
 
 
 def _descended(h: Hypothesis, rounds: int, fine: bool) -> Floats:
@@ -212,7 +228,10 @@ def priced(h: Hypothesis) -> Hypothesis:
         slopes = slopes_at(ground, h.x, widths, both=True).slopes
     information, parameters = slopes.T @ slopes, h.model.parameters
     asked = ("effect", "change")
-    if any(p.kind in asked and information[i, i] < UNSEEN for i, p in enumerate(parameters)):
+    if any(
+        p.kind in asked and information[i, i] < UNSEEN and not h.model.is_linear(p)
+        for i, p in enumerate(parameters)
+    ):
         return replace(h, slopes=slopes, cost=replace(h.cost, freedom=math.inf))
     # The origin of positions, which has no prior, where only velocities are recorded: in all alike.
     seen = [i for i, p in enumerate(parameters) if p.prior or information[i, i] > UNSEEN]
@@ -234,6 +253,8 @@ def _ranges(model: Model, x: Floats, information: Floats) -> list[float]:
     variance = np.diag(np.linalg.pinv(information))
     found: list[float] = []
     for i, p in enumerate(model.parameters):
+        if model.is_linear(p):
+            continue
         if p.kind == "change":
             spread = math.sqrt(max(float(variance[i]), 1e-300))
             found.append(max(2.0 * model.size_of(p.index, x), spread))

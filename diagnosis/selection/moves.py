@@ -287,7 +287,8 @@ def _with(h: Hypothesis, seen: View, one: Screened) -> Proposal:
     """The hypothesis with a start, its parameters given way if that is the better beginning."""
     start = one.start
     model = seen.model.with_effect(start.physics, start.scales, start.bounds)
-    extra = np.zeros(len(model.parameters) - seen.x.size)
+    own = [p.name for p in model.parameters[seen.x.size :]]
+    extra = np.array(start.beyond(own, start.scales))
     longest = float(np.abs(one.shift).max(initial=0.0))
     given = one.shift * min(1.0, GIVEN_WAY / max(longest, 1e-300))
     xs = [model.within(np.concatenate([x, extra])) for x in (seen.x, seen.x + given)]
@@ -303,8 +304,9 @@ def _among(h: Hypothesis, model: Model, x: Floats, starts: Sequence[Start]) -> I
     first = starts[0]
     names = [p.name for p in first.physics.effect.parameters]
     tried = model.with_effect(first.physics, dict.fromkeys(names, 1.0))
+    none = np.zeros(len(tried.parameters) - x.size - len(names))  # of what recordings have of it
     asked = [
-        np.concatenate([x, [s.physics.values[k] - first.physics.values[k] for k in names]])
+        np.concatenate([x, [s.physics.values[k] - first.physics.values[k] for k in names], none])
         for s in starts
     ]
     costs = Landscape(problem.experiments, problem.observer, tried, SCREENING).costs(asked)

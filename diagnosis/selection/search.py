@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.fitting.evolve import Generations, evolve
 from zwidth.diagnosis.mishaps import Say, attempt, isolated, silent
+from zwidth.diagnosis.model.own_values import varying
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.family import NEXT_SAMPLE, Family
 from zwidth.diagnosis.noise.steady import NoObserver
@@ -114,7 +115,7 @@ def search(
 
     family: the models of the noise under which all hypotheses are held against each other.
     """
-    model = Model(device)
+    model = Model(device, varying=varying(device, experiments))
     plain = settled(judged(experiments, model, np.zeros(len(model.parameters)), family))
     found = Search(plain, plain, effort, say, moves)
     found.keep(plain)

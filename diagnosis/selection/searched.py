@@ -134,7 +134,11 @@ def as_found(device: Device, found: Search) -> Searched:
     """Return refit and best hypothesis of a search under the noise of the best."""
     best = found.best
     problem = Problem(best.problem.experiments, best.noise.observer, FINAL)
-    baseline = problem.fit(Model(device), found.plain.x)
+    own = [
+        v for v in found.plain.model.varying if v.declared
+    ]  # of what changes, the refit knows none
+    bare = Model(device, varying=tuple(own))
+    baseline = problem.fit(bare, found.plain.x[: len(bare.parameters)])
     final = with_rate(problem, _final(problem, best))
     return Searched(problem, baseline, final, found, _judge(best))
 
