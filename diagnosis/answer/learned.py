@@ -95,8 +95,8 @@ class LearnedLaw:
         )
 
     def _looks(self, like: str) -> str:
-        article = "" if like.split(" ")[0] in ("friction", "sum") else "a "
-        article = "the " if like.startswith("sum") else article
+        first = like.split(" ")[0]
+        article = {"friction": "", "sum": "the "}.get(first, "an " if first[0] in "aeiou" else "a ")
         together = self.curve.together
         if not self.whole or together is None:
             return f"which looks like {article}{like}"
