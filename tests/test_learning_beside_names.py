@@ -28,8 +28,9 @@ from zwidth.sim.device import Device
 from zwidth.sim.interface import Interface
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
-from zwidth.sim.physics.free_law import points_of
+from zwidth.sim.physics.free_law import FORCE, points_of
 from zwidth.sim.run import simulate
+from zwidth.sim.uncertainty import Uncertainty
 
 Floats = NDArray[np.float64]
 T = 0.004
@@ -142,7 +143,8 @@ def test_a_drag_takes_energy_and_what_pushes_makes_it() -> None:
     """Mutation that breaks it: the power of the force alone, without its damper and friction."""
     curve = friction_and_cube()
     assert curve is not None
-    assert makes_energy(curve, False).endswith("makes none")
+    said = makes_energy(curve, False)
+    assert said.endswith(("makes none", "its damper and coulomb_friction at m1 at none"))
     pushes = np.array([[0.0, 0.5, 2.0], [0.0, 2.0, -2.0]])
     law = table("free_damper", "m1", *pushes, odd=True)
     pushing = replace(curve, physics=law)
@@ -206,11 +208,19 @@ def test_a_table_of_fewer_points_is_told_from_one_fit() -> None:
 
 
 def test_a_law_that_only_falls_costs_less_for_it() -> None:
-    """Its steps are smaller than its levels. Mutation that breaks it: no such price."""
-    curve = taken_for_friction()
-    assert curve is not None
-    assert curve.one_way
-    assert np.all(np.diff(curve.forces) <= 0.0)
+    """Its steps are smaller than its levels. Mutation that breaks it: no such price.
+
+    The damper is known: else the line in a law is as well the damper's.
+    """
+    device = replace(DEVICE, uncertainty=Uncertainty(dampers=1e-6))
+    v = np.linspace(0.0, 2.0, 7)
+    law = table("free_damper", "m1", v, -1.5 * np.tanh(v / 0.6), odd=True)
+    model = Model(device).with_effect(law, dict.fromkeys(FORCE[1:7], 0.1))
+    h = settled(judged([recording(SATURATES)], model, np.zeros(len(model.parameters))))
+    falls = one_way(h)
+    values = falls.model.effects_at(falls.x)[-1].values
+    assert np.all(np.diff([values[key] for key in FORCE[:7]]) <= 0.0)
+    assert falls.cost.total < h.cost.total - 1.0
 
 
 def test_a_table_is_the_sum_of_its_points() -> None:

@@ -53,6 +53,6 @@ def test_where_nothing_follows_it_says_so() -> None:
     model = model_of()
     made = recording(drive(), 600, 3)
     x = np.zeros(len(model.parameters))
-    x[[p.name for p in model.parameters].index("b1")] = -1e7
+    x[[p.name for p in model.parameters].index("b1")] = -25.0
     with pytest.raises(NoObserver, match="linear"):
         likeliest([made], model, x)

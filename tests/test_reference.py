@@ -60,7 +60,7 @@ def test_every_key_that_is_read_is_declared_and_no_other():
     assert of["drive"] == {"kind", *numbers}
     signals = {"input", "output", "base", "known_force", "joint", "covariate", "enable", "supply"}
     said = {t: {k.name for k in RECORDING_KEYS if k.table == t} for t in ("", *signals)}
-    assert said[""] == set(recording_file.TOP_KEYS) - signals - {"use", "csv", "device"}
+    assert said[""] == set(recording_file.TOP_KEYS) - signals - {"use", "csv", "device", "free"}
     assert said["covariate"] == set(recording_file.COVARIATE_KEYS)
     assert said["joint"] == set(recording_file.JOINT_KEYS)
     assert said["input"] == set(recording_file.INPUT_KEYS)

@@ -12,8 +12,6 @@ from zwidth.sim.device import place_label
 from zwidth.sim.physics import EFFECTS, contains
 from zwidth.sim.place import of_label
 
-HELD = 0.99  # of the probability of the structures that have an effect, by which it scatters
-
 
 def without(found: Search, label: str) -> float:
     """At how many sigma the best hypothesis stands above the best that lacks an effect."""
@@ -58,9 +56,7 @@ def elsewhere(found: Search, label: str) -> dict[str, float]:
     """Return by how much the values of an effect scatter over the structures that have it.
 
     Variances about those of the best, weighed by probability: which other effects a device has is
-    not known either, and what they are moves the values. Of the structures the fewest that hold
-    `HELD` of the probability: one of a millionth, whose value is anywhere, says nothing of what
-    95 % of them say.
+    not known either, and what they are moves the values.
     """
     best = found.best
     own = _values(best, label)
@@ -69,11 +65,7 @@ def elsewhere(found: Search, label: str) -> dict[str, float]:
     scatter = dict.fromkeys(own, 0.0)
     if not total > 0.0:
         return scatter
-    passed = 0.0
-    for labels, share in sorted(odds.items(), key=lambda one: -one[1]):
-        if passed >= HELD * total:
-            break
-        passed += share
+    for labels, share in odds.items():
         for name, value in _values(found.tried[labels], label).items():
             parameter = EFFECTS[of_label(label)[0]].parameter(name)
             off = value - own[name]

@@ -235,7 +235,13 @@ def priced(h: Hypothesis) -> Hypothesis:
         return replace(h, slopes=slopes, cost=replace(h.cost, freedom=math.inf))
     # The origin of positions, which has no prior, where only velocities are recorded: in all alike.
     seen = [i for i, p in enumerate(parameters) if p.prior or information[i, i] > UNSEEN]
-    paid = freedom(information[np.ix_(seen, seen)], _ranges(h.model, h.x, information))
+    # Uniform over a range R has the variance R^2 / 12, so that no direction is known worse: of what
+    # does the same as the origin of positions alone the determinant would be nothing, and free.
+    ranges = _ranges(h.model, h.x, information)
+    own = [i for i, p in enumerate(parameters) if not h.model.is_linear(p)]
+    known = information.copy()
+    known[own, own] += 12.0 / np.square(ranges)
+    paid = freedom(known[np.ix_(seen, seen)], ranges)
     return replace(h, slopes=slopes, cost=replace(h.cost, freedom=paid))
 
 
