@@ -189,6 +189,39 @@ def test_it_is_searched_when_there_is_twice_as_much_or_it_no_longer_stands(
     assert {u.kind for u in told} == {"gate", "quick", "searched"}
 
 
+def test_a_fit_of_the_structure_before_is_no_start_for_the_next(
+    tmp_path: Path, lines: list[str], monkeypatch: pytest.MonkeyPatch
+):
+    """A search that ends while a fit is under way has parameters that this fit does not know.
+
+    Mutation: what the fit found is kept, so that each later one begins with too few numbers and
+    fails.
+    """
+    for wait in ("READ_EVERY", "GATE_EVERY", "BUSY", "GATE_BUSY"):
+        monkeypatch.setattr(f"zwidth.watch.watching.{wait}", 0.0)
+    searches, fits, told = Idle(), Idle(), list[Update]()
+    pipe = Pipe(HEAD.encode())
+
+    from zwidth.watch.watching import _Watch  # pyright: ignore[reportPrivateUsage]
+
+    watch = _Watch(asked(pipe, tmp_path), told.append, fits, searches)
+    pipe.blocks.append("".join(lines[:500]).encode())
+    watch.look()  # a fit and a search begin
+    richer = replace(found_in(500), x=np.zeros(3))
+    searches.answers, fits.answers = [richer], []
+    watch.look()
+    fits.answers = [fit_of(500, True)]  # of what was known before
+    watch.look()
+    order = fits.given[-1][1]
+    assert order.found is richer and order.x is None
+    assert [u.kind for u in told if u.kind == "quick"] == []
+    fits.answers = [replace(fit_of(500, True), x=np.ones(3))]
+    watch.look()
+    pipe.blocks.append("".join(lines[500:600]).encode())
+    watch.look()
+    assert np.array_equal(fits.given[-1][1].x, np.ones(3))
+
+
 def test_the_gate_tells_each_fault_once_and_within_a_second(tmp_path: Path, lines: list[str]):
     """Mutation: the gate waits for a fit."""
     cut = [",".join((a, f"{min(max(float(b), -0.1), 0.1):.10g}", c))

@@ -75,6 +75,7 @@ class _Watch:
         self.found = Read(wanting="nothing has come yet")
         self.seen, self.odd, self.greeted, self.fitted = Gate({}), "", False, 0
         self.last: Searched | None = None
+        self.fitting: Searched | None = None  # whose structure the fit that is under way has
         self.quick: Quick | None = None
         self.window = MOST
         self.begun_at = 0  # samples of the search that was begun last
@@ -154,7 +155,7 @@ class _Watch:
         except (ValueError, RuntimeError) as error:
             self._say(NOTE, f"not fitted: {error}")
             return
-        if isinstance(fit, Quick):
+        if isinstance(fit, Quick) and self.fitting is self.last:  # else a search has come since
             self.quick = fit
             pace = fit.samples * QUICKLY / max(fit.took, 1e-3)
             self.window = int(min(MOST, max(LEAST, pace)))
@@ -172,7 +173,7 @@ class _Watch:
             self.searches.give(searched, *source, asked.device, EFFORT)
         if self.fits.busy or self.device is None or samples == self.fitted or self.seen.problem:
             return
-        self.fitted = samples
+        self.fitted, self.fitting = samples, self.last
         x = None if self.quick is None or self.last is None else self.quick.x
         order = Order(
             *source, self.device, self.last, x, self.window, asked.damping, asked.walls
