@@ -213,7 +213,8 @@ def test_a_fit_of_the_structure_before_is_no_start_for_the_next(
     fits.answers = [fit_of(500, True)]  # of what was known before
     watch.look()
     order = fits.given[-1][1]
-    assert order.found is richer and order.x is None
+    assert order.found is richer
+    assert order.x is None
     assert [u.kind for u in told if u.kind == "quick"] == []
     fits.answers = [replace(fit_of(500, True), x=np.ones(3))]
     watch.look()
