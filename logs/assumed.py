@@ -109,8 +109,8 @@ class _Reader:
         most = max((int(one.known.sum()) for one in self.source.signals.values()), default=0)
         if most < FEWEST:
             raise RecordingError(
-                f"{self.source.path.name} holds {most} sample{'s' * (most != 1)}, too few to see what"
-                " its columns are: some seconds of motion are needed; see whether the file was"
+                f"{self.source.path.name} holds {most} sample{'s' * (most != 1)}, too few to see"
+                " what its columns are: some seconds of motion are needed; see whether the file was"
                 " written to its end"
             )
 
