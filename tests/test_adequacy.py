@@ -61,6 +61,15 @@ def test_the_right_answer_errs_as_far_as_it_foretells(rubbed: Taken, found: Sear
     assert said.better > 5.0
 
 
+def test_no_error_below_a_step_of_the_encoder_refuses(found: Searched, rubbed: Taken) -> None:
+    """Mutation: held against what the noise foretells alone, which is less over 0.05 s."""
+    said = of(found, rubbed.judge_by)
+    step = judging._step(rubbed.judge_by)  # pyright: ignore[reportPrivateUsage]
+    assert step == pytest.approx(3.8e-4)
+    assert all(a.most >= step for a in said.ahead)
+    assert said.ahead[0].expected < 0.7 * step
+
+
 def test_an_answer_that_is_not_all_errs_farther(found: Searched) -> None:
     """Judged by a machine that has a ripple besides. Mutation: whatever comes is foretold."""
     ripple = make_physics("force_ripple", "m1", amplitude=0.02, period=0.5, phase=0.0)
