@@ -67,7 +67,16 @@ def _header(table: str) -> str:
         return "At the top"
     return (
         f"[[{table}]]"
-        if table in ("modal.mode", "physics", "output", "known_force", "joint", "covariate")
+        if table
+        in (
+            "modal.mode",
+            "physics",
+            "output",
+            "known_force",
+            "joint",
+            "covariate",
+            "device.physics",
+        )
         else f"[{table}]"
     )
 

@@ -37,6 +37,7 @@ GOALS = ("ref", "reference", "desired", "des", "goal", "target", "setpoint", "sp
 FAR_SIDE = ("load", "link", "tip", "arm", "cart2", "end", "hand", "far", "m2", "2")
 NEAR_SIDE = ("motor", "mot", "rotor", "drive", "m1", "1")
 PERIOD_S = 0.001
+FEWEST = 10  # samples in a column, below which nothing is guessed from them
 TURNS, METRES = 5.0, 3.0  # of travel, beyond which radians and metres are doubted
 LEAST_LINES, MOST_LINES = 100.0, 1e7  # of an encoder, a turn
 WHOLE = 2e-3  # of a line, by which the lines of a turn may miss a whole number
@@ -77,6 +78,7 @@ class _Reader:
         self.found = Assumed()
 
     def read(self) -> Assumed:
+        self._are_some()
         time = self._time()
         command = self._command()
         outputs = self._outputs(command)
@@ -101,6 +103,16 @@ class _Reader:
         self.found.text = "\n".join(lines) + "\n"
         self._say_rest({*outputs.values(), command or ""})
         return self.found
+
+    def _are_some(self) -> None:
+        """Raise RecordingError where so few samples show nothing of what a column is."""
+        most = max((int(one.known.sum()) for one in self.source.signals.values()), default=0)
+        if most < FEWEST:
+            raise RecordingError(
+                f"{self.source.path.name} holds {most} sample{'s' * (most != 1)}, too few to see"
+                " what its columns are: some seconds of motion are needed; see whether the file was"
+                " written to its end"
+            )
 
     # --- time
 

@@ -41,6 +41,24 @@ _COVARIATE = (
 )  # fmt: skip
 
 
+_OWN_PHYSICS = (
+    ("effect", "an effect that the device file has, or that is to be found; the parameters of one"
+     " that it has stand beside, as in the device file", "", '"gravity_pendulum"'),
+    ("at", "its place", "", '"m1"'),
+    ("more", "by how much more of a parameter there was in this run than in others", "none",
+     "{ level = 0.93 }"),
+    ("times", "or how many times as much", "none", "{ level = 2.18 }"),
+)  # fmt: skip
+_FREE = (
+    ("ground_spring", "a word: runs that say the same one share a value, and each word has one of"
+     " its own, to be fitted; likewise masses, ground_dampers, link_springs, link_dampers",
+     '"stiff"'),
+    ("position", "where positions are counted from", '"stiff"'),
+    ("EFFECT@PLACE.PARAMETER", "a number of any effect, in the device file or to be found; the key"
+     " in quotes, such as \"coulomb_friction@m1.level\"", '"dry"'),
+)  # fmt: skip
+
+
 def _signals(table: str) -> tuple[Key, ...]:
     of_drive = table in ("enable", "supply")
     own = tuple(
@@ -104,5 +122,10 @@ RECORDING_KEYS: tuple[Key, ...] = (
     Key("device", "masses", "as the device's own file would say in this run; likewise"
         " ground_dampers, ground_spring, link_springs, link_dampers, delay_s, command_limit,"
         " command_gain and [[device.physics]]", "kg m2", "kg", default="the device file's"),
+    *(Key("device.physics", name, meaning, default=default, example=example)
+      for name, meaning, default, example in _OWN_PHYSICS),
+    *(Key("free", name, meaning, default="one for all", example=example)
+      for name, meaning, example in _FREE),
 )  # fmt: skip
-"""The meaning of [device] is told by `sim/changes.py`."""
+"""The meaning of [device] is told by `sim/changes.py`, that of [free] by
+`diagnosis/recording/own.py`."""

@@ -26,7 +26,7 @@ from zwidth.diagnosis.noise.predictor import (
 )
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.effort import QUICK
-from zwidth.diagnosis.selection.hypothesis import judged, settled
+from zwidth.diagnosis.selection.hypothesis import against, independent, judged, settled
 from zwidth.diagnosis.selection.search import Search
 from zwidth.diagnosis.selection.searched import FAR_S, Searched, as_found, searched, unnamed
 from zwidth.sim.device import Device
@@ -59,6 +59,15 @@ def test_the_right_answer_errs_as_far_as_it_foretells(rubbed: Taken, found: Sear
     assert said.adequate
     assert said.explained > 0.9
     assert said.better > 5.0
+
+
+def test_no_error_below_a_step_of_the_encoder_refuses(found: Searched, rubbed: Taken) -> None:
+    """Mutation: held against what the noise foretells alone, which is less over 0.05 s."""
+    said = of(found, rubbed.judge_by)
+    step = judging._step(rubbed.judge_by)  # pyright: ignore[reportPrivateUsage]
+    assert step == pytest.approx(3.8e-4)
+    assert all(a.most >= step for a in said.ahead)
+    assert said.ahead[0].expected < 0.7 * step
 
 
 def test_an_answer_that_is_not_all_errs_farther(found: Searched) -> None:
@@ -199,6 +208,26 @@ def test_free_runs_are_those_of_one_length_after_the_other() -> None:
 
 def errors_of_last(device: Device, made: Experiment, gain: Floats) -> Floats:
     return free_run_errors(device, made, gain, 25)[0].reshape(-1, 25, 1)[-1]
+
+
+def test_errors_far_ahead_count_as_often_as_they_are_independent() -> None:
+    """Of a motor that chance pushes, with nothing missing, no law explains more than chance.
+
+    Mutation: every sample counts once, and dry friction explains the chance.
+    """
+    pushed = 0.01 * np.random.default_rng(5).standard_normal(4000)
+    made = [recording(drive(), 4000, 4, push=pushed)]
+    ahead = as_far_as(FAR_S, made)
+    bare = Model(drive())
+    plain = independent(settled(judged(made, bare, np.zeros(len(bare.parameters)), ahead)), FAR_S)
+    assert 1.0 / 40.0 < plain.family.counts < 1.0 / 5.0  # 25 samples are 0.05 s
+    law = make_physics("coulomb_friction", "m2", level=2e-4)
+    more = bare.with_effect(law, {"level": 1e-3})
+    every, few = (
+        against(settled(judged(made, more, np.zeros(len(more.parameters)), p.family)), settled(p))
+        for p in (replace(plain, family=ahead).anew(plain.x), plain)
+    )
+    assert few.gain < 12.0 < every.gain
 
 
 def test_what_is_not_believed_leaves_no_noise_behind(rubbed: Taken) -> None:

@@ -21,6 +21,7 @@ from zwidth.cli import run
 from zwidth.diagnosis.selection.effort import EFFORTS, QUICK
 from zwidth.errors import Status
 from zwidth.logs.assumed import assumed
+from zwidth.logs.errors import LogError
 from zwidth.logs.open_source import open_source
 from zwidth.sim.device_file import load_device
 
@@ -177,6 +178,13 @@ def test_what_was_assumed_is_said(tmp_path: Path, header: str, scale: float, sai
     found = assumed(open_source(tmp_path / "d.csv"), "d.csv")
     assert any(doubt.startswith(said) for doubt in found.doubts), found.doubts
     assert ("time_unit" in found.text) == ("us" in header)
+
+
+def test_a_file_that_was_not_written_to_its_end_is_said_to_be_short(tmp_path: Path):
+    """Mutation: the columns guessed from one sample, none of which then "seems a position"."""
+    (tmp_path / "d.csv").write_text("t [s],q [rad],u [N m]\n0.0,0.0,0.1\n0.001,0.")
+    with pytest.raises(LogError, match=r"d\.csv holds 1 sample, too few"):
+        assumed(open_source(tmp_path / "d.csv"), "d.csv")
 
 
 def test_a_step_of_so_many_lines_a_turn_is_told_in_degrees_and_in_radians(tmp_path: Path):

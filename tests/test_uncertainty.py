@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from tests.diagnosis_examples import phantom, record
 from zwidth.cli import run
@@ -13,7 +14,7 @@ from zwidth.controllers.none import none
 from zwidth.diagnosis.answer.augmented import augmented
 from zwidth.diagnosis.answer.findings import linear
 from zwidth.diagnosis.fitting.fit import Fitted
-from zwidth.diagnosis.fitting.uncertainty import covariance, standard_errors
+from zwidth.diagnosis.fitting.uncertainty import covariance, shared, standard_errors
 from zwidth.diagnosis.model.parameters import Model, linear_parameters
 from zwidth.diagnosis.noise.settle import settle
 from zwidth.diagnosis.recording.experiment import Experiment
@@ -244,3 +245,14 @@ def test_a_device_shows_what_it_says_of_itself(
     said = capsys.readouterr().out
     assert "command scale known to 5 % (one sigma)\nsprings known to 20 % (one sigma)\n" in said
     assert "masses known" not in said
+
+
+def test_so_many_samples_tell_as_much_as_one():
+    """A sum of n neighbours that follow x_t = a x_(t-1) + e_t scatters as n (1 - a) / (1 + a) do.
+
+    Mutation: the mean of each segment taken off, so that what is slowest does not count.
+    """
+    e = np.random.default_rng(0).standard_normal((20_000, 2))
+    each = lfilter([1.0], [1.0, -0.9], e, axis=0)
+    assert shared(each, 400) == pytest.approx(19.0, rel=0.1)
+    assert shared(e, 400) == pytest.approx(1.0, abs=0.1)

@@ -163,7 +163,7 @@ def test_it_is_searched_when_there_is_twice_as_much_or_it_no_longer_stands(
     """Mutations: searched at every look; never again after the first; a fit that does not stand
     begins no search; one that stands begins one.
     """
-    for wait in ("READ_EVERY", "GATE_EVERY", "BUSY", "GATE_BUSY"):
+    for wait in ("READ_EVERY", "GATE_EVERY", "FIT_EVERY", "BUSY", "GATE_BUSY"):
         monkeypatch.setattr(f"zwidth.watch.watching.{wait}", 0.0)
     searches, fits, told = Idle(), Idle(), list[Update]()
     searched_at, upto = list[int](), [0]
@@ -197,7 +197,7 @@ def test_a_fit_of_the_structure_before_is_no_start_for_the_next(
     Mutation: what the fit found is kept, so that each later one begins with too few numbers and
     fails.
     """
-    for wait in ("READ_EVERY", "GATE_EVERY", "BUSY", "GATE_BUSY"):
+    for wait in ("READ_EVERY", "GATE_EVERY", "FIT_EVERY", "BUSY", "GATE_BUSY"):
         monkeypatch.setattr(f"zwidth.watch.watching.{wait}", 0.0)
     searches, fits, told = Idle(), Idle(), list[Update]()
     pipe = Pipe(HEAD.encode())

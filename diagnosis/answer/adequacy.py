@@ -15,7 +15,9 @@ rehearsals, the answer is adequate where for all lengths
 
     (T - m) / (s sqrt(1 + 1/R)) < t,    m, s: mean and deviation of T_i,
 
-t the quantile of Student's t with R - 1 degrees of freedom that is exceeded with odds of ALPHA.
+t the quantile of Student's t with R - 1 degrees of freedom that is exceeded with odds of ALPHA. An
+error below one step of the encoder refuses nothing: where motion is slow, rounding stays as it is
+for long, which is no noise of the filters' colour.
 
 Size alone does not refuse what lacks physics. Errors of free runs are innovations filtered, and the
 filters take what a lack of friction leaves in the innovations for noise like any other: with
@@ -48,6 +50,7 @@ from scipy.stats import t as student
 
 from zwidth.diagnosis.answer.led import Span, span
 from zwidth.diagnosis.fitting.fit import Fitted
+from zwidth.diagnosis.intake.gate import encoder_step_seen
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import (
     FreeRuns,
@@ -169,6 +172,7 @@ def adequacy(
         for i in range(REHEARSALS)
     ]
     errors, led = _judged(runs, spans)
+    step = _step(judge_by)
     foretold = np.stack(in_parallel(tasks, threads()))
     ahead: list[Ahead] = []
     for i, n in enumerate(lengths):
@@ -177,6 +181,7 @@ def adequacy(
         if size is None or share is None:
             continue
         expected, most = (math.exp(v) for v in size)
+        most = max(most, step)
         most_led = max(MATTERS, float(expit(share[1])))
         # A free run that runs away is the worst of errors, and led by nothing.
         away = not math.isfinite(errors[i])
@@ -411,6 +416,13 @@ def _clearly(gains: Floats) -> float:
     """Sigma of a normal of the same odds as Student's t of a mean, of which a few tell less."""
     odds = float(student.logsf(abs(_sigma(gains)), max(1, gains.size - 1)))
     return math.copysign(float(norm.isf(max(math.exp(odds), 1e-300))), _sigma(gains))
+
+
+def _step(judge_by: Sequence[Experiment]) -> float:
+    """The step in which positions of the first output were read; 0 where none is seen."""
+    if judge_by[0].outputs[0].quantity != "position":
+        return 0.0
+    return max(encoder_step_seen(e.measured[:, 0]) or 0.0 for e in judge_by)
 
 
 def _squares(device: Any, seen: Sequence[Experiment], observer: Observer, ticks: int) -> Floats:

@@ -23,7 +23,7 @@ from zwidth.diagnosis.noise.family import as_far_as
 from zwidth.diagnosis.noise.predictor import Observer
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
-from zwidth.diagnosis.selection.hypothesis import judged, settled
+from zwidth.diagnosis.selection.hypothesis import independent, judged, settled
 from zwidth.diagnosis.selection.search import Search
 from zwidth.diagnosis.selection.searched import FAR_S, Searched, as_found
 from zwidth.sim.device import Device
@@ -281,8 +281,10 @@ def _horizons(found: Searched) -> Iterator[Search]:
     yield tried
     if not tried.best.family.whitening:
         return
-    family = as_far_as(FAR_S, tried.best.experiments)
+    ahead = as_far_as(FAR_S, tried.best.experiments)
     with suppress(NoObserver):
+        best = tried.best
+        family = independent(judged(best.experiments, best.model, best.x, ahead), FAR_S).family
         plain, best = (
             settled(judged(h.experiments, h.model, h.x, family)) for h in (tried.plain, tried.best)
         )

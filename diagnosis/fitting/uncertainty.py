@@ -1,5 +1,7 @@
 """How sure a fit is where its residual is not white."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
@@ -84,3 +86,18 @@ def inflation(white: Floats) -> float:
     _, power = welch(white, nperseg=min(BAND, white.size))
     chance = 1.0 + 2.2 * float(np.sqrt(BAND / white.size))
     return max(1.0, float(power[1:].max() / 2.0) / chance)
+
+
+def shared(rows: Floats, segment: int) -> float:
+    """Return how many samples tell together as much as an independent one, at least 1.
+
+    rows (samples, o): errors that share most of the chance that made them with their neighbours. A
+    sum over n of them, times anything that changes as slowly as they do, scatters as one over n /
+    tau independent ones would: tau is their spectrum where it is largest, over its mean. segment:
+    of the spectrum, in samples, some times as long as they depend on each other. The largest of
+    white ones is about 2.2 relative errors above the mean, which is taken off.
+    """
+    segment = min(segment, rows.shape[0])
+    _, power = welch(rows, fs=1.0, nperseg=segment, detrend=False, axis=0)
+    least = 2.2 * math.sqrt(segment / rows.shape[0])
+    return max(1.0, float((power / (2.0 * np.mean(rows**2, axis=0))).max()) - least)

@@ -52,10 +52,12 @@ class Family:
 
     ratios: of their observers. whitening: whether what is left is taken to be white once filtered,
     so that the next sample judges; without it, errors count as far ahead as the observer looks.
+    counts: as how many independent samples each then counts.
     """
 
     ratios: tuple[float, ...]
     whitening: bool = True
+    counts: float = 1.0
 
     def near(self, ratio: float) -> "Family":
         """Return the members about one."""
@@ -128,7 +130,8 @@ def noises(
         errors = [innovations[i] for _, innovations in followed]
         if not all(np.all(np.isfinite(e)) for e in errors):
             continue
-        plain = Observer(gains[usable][i], _deviation(errors), ratio)
+        far = _deviation(errors) / math.sqrt(family.counts)
+        plain = Observer(gains[usable][i], far, ratio, counts=family.counts)
         try:
             white = whitened(plain, errors) if family.whitening else plain
         except NoObserver:

@@ -47,12 +47,16 @@ class Observer:
     force step of the rigid body), as `observer_for` takes it. whitening: W (o, o, order + 1) with
     sum_k W_k e_(t-k) white, of unit variance, and of no correlation between outputs; None for none.
     deviation is that of what the past of all outputs does not predict.
+    counts: as how many independent samples each counts, where what is left stays coloured
+    (`family.as_far_as`); deviation is then divided by its root, so that all that is weighed tells
+    so much less.
     """
 
     gain: Floats
     deviation: Floats
     ratio: float
     whitening: Floats | None = None
+    counts: float = 1.0
 
     def weigh(self, innovations: Floats) -> Floats:
         """Return innovations (..., ticks, o) whitened, in units of their deviation."""
@@ -64,7 +68,7 @@ class Observer:
         """Return -2 log likelihood of weighed innovations (samples,), up to a constant.
 
         The covariance left in them is concentrated out: n (ln det S_0 + ln det S), S_0 what `weigh`
-        divides by and S the covariance of what it returned.
+        divides by and S the covariance of what it returned; all of it counts `counts` times.
         """
         rows = white.reshape(-1, self.deviation.size)
         return float(self.cost_of((rows.T @ rows)[None], rows.shape[0])[0])
@@ -75,7 +79,7 @@ class Observer:
             divided = 2.0 * float(np.sum(np.log(self.deviation)))
         else:
             divided = -2.0 * float(np.linalg.slogdet(self.whitening[:, :, 0])[1])
-        return rows * (divided + np.linalg.slogdet(moments / rows)[1])
+        return self.counts * rows * (divided + np.linalg.slogdet(moments / rows)[1])
 
     def filters(self) -> Floats:
         """Return what `weigh` does as filters (o, o, taps)."""

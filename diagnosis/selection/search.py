@@ -282,12 +282,8 @@ def _unfolded(found: Search, h: Hypothesis, new: Sequence[Hypothesis]) -> list[H
     """Of what has a simpler law in the place of a richer one, what one effect more makes of it.
 
     A law with more numbers takes the place of two that act together as soon as it explains more
-    than one of them alone: friction that falls with speed that of dry friction beside a drag. Under
-    noise that counts errors far ahead, of which half a second has few, it is not asked: there two
-    laws more explain what chance did.
+    than one of them alone: friction that falls with speed that of dry friction beside a drag.
     """
-    if not h.family.whitening:
-        return []
     found_more: list[Hypothesis] = []
     for n in new:
         as_many = len(n.model.effects) == len(h.model.effects)

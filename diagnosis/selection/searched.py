@@ -22,18 +22,19 @@ from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy, freer, wanderin
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.mishaps import Say, attempt
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.noise.family import as_far_as
+from zwidth.diagnosis.noise.family import Family, as_far_as
 from zwidth.diagnosis.noise.predictor import FINAL, Observer
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.seeking.lattice import with_rate
 from zwidth.diagnosis.selection.effort import NORMAL, Effort
-from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
+from zwidth.diagnosis.selection.hypothesis import Hypothesis, independent, judged, settled
 from zwidth.diagnosis.selection.moves import added
 from zwidth.diagnosis.selection.search import Moves, Search, from_afar, search, two_at_once
 from zwidth.sim.device import Device
 
 FAR_S = 0.05  # that errors are counted over where the next sample is no judge
+LEAST = 3  # of what was tried, that are fitted to see what chance leaves
 NEXT = 3  # that are asked where held-out data speak against what is believed most
 TELLING = 30  # free runs, of which fewer refuse nothing
 AHEAD = Moves(adding=(added,))  # steps and lost commands show in the next sample alone
@@ -122,12 +123,31 @@ def _strays(found: Searched) -> bool:
 
 def _farther(device: Device, near: Search) -> Search | None:
     """The search over a longer horizon; None where no observer looks so far."""
-    experiments = near.best.experiments
-    family = as_far_as(FAR_S, experiments)
-    try:
-        return search(device, experiments, near.effort, near.say, AHEAD, family)
-    except NoObserver:
+    family = looking_far(near)
+    if family is None:
         return None
+    with suppress(NoObserver):
+        return search(device, near.best.experiments, near.effort, near.say, AHEAD, family)
+    return None
+
+
+def looking_far(near: Search) -> Family | None:
+    """Return the noise that counts errors over a longer horizon, None where none looks so far.
+
+    As many times as they are independent in what leaves least of them of all that was tried: what
+    missing physics leaves depends on its neighbours as well, and would be taken for chance.
+    """
+    ahead = as_far_as(FAR_S, near.best.experiments)
+    told: list[Hypothesis] = []
+    for h in near.tried.values():
+        with suppress(NoObserver):
+            told.append(judged(h.experiments, h.model, h.x, ahead))
+    told.sort(key=lambda h: h.cost.misfit)
+    ended = [settled(h) for h in told[:LEAST]]
+    if not ended:
+        return None
+    least = min(ended, key=lambda h: h.cost.misfit)
+    return independent(least, FAR_S).family
 
 
 def as_found(device: Device, found: Search) -> Searched:

@@ -24,6 +24,7 @@ from zwidth.watch.updates import GATE, NOTE, Update, of_quick, of_search
 from zwidth.watch.worker import Works
 
 LOOK, READ_EVERY, GATE_EVERY = 0.05, 0.25, 1.0  # s between looks at the file, readings, gates
+FIT_EVERY = 2.0  # s from quick fit to quick fit, at least, so that the search has its core
 BUSY = 1.0  # times as long as it took, that is waited until it is read again
 GATE_BUSY = 4.0  # the same of the gate, so that it keeps no reading waiting
 ENOUGH = 2 * SHORTEST  # samples, from which a device is fitted and a search is made
@@ -81,6 +82,7 @@ class _Watch:
         self.begun_at = 0  # samples of the search that was begun last
         self.new_at = self.read_at = self.gated_at = time.monotonic()
         self.took = self.gate_took = 0.0
+        self.fitted_at = -FIT_EVERY
         self.unread = self.ungated = True
 
     def over(self) -> bool:
@@ -143,6 +145,7 @@ class _Watch:
                     self.last, self.device = answer, answer.device
                     self.begun_at = max(self.begun_at, answer.samples)
                     self.quick, self.fitted = None, 0  # what it found is to be fitted to the last
+                    self.fitted_at = -FIT_EVERY
                     self.tell(of_search(answer, EFFORT, *now))
                 else:
                     self.device, said = answer
@@ -173,6 +176,9 @@ class _Watch:
             self.searches.give(searched, *source, asked.device, EFFORT)
         if self.fits.busy or self.device is None or samples == self.fitted or self.seen.problem:
             return
+        if (now := time.monotonic()) < self.fitted_at + FIT_EVERY:
+            return
+        self.fitted_at = now
         self.fitted, self.fitting = samples, self.last
         x = None if self.quick is None or self.last is None else self.quick.x
         order = Order(
