@@ -149,6 +149,8 @@ def answer(name: str, found: Diagnosis, seconds: float) -> str:
         also = [s for s in (law.absorbed, law.energy) if s]
         lines += [f"**What was learned**: {'; '.join([law.sentence, *also])}.", ""]
         lines += [f"![The law that was learned]({name}_law.png)", ""]
+    if found.next_level is not None:
+        lines += [f"**What to record next**: {found.next_level.sentence}.", ""]
     lines += [f"Took {seconds:.0f} s of processor time."]
     return "\n".join(lines) + "\n"
 

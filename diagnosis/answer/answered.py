@@ -15,6 +15,7 @@ from zwidth.diagnosis.answer.headline import Answer, headline
 from zwidth.diagnosis.answer.held_out import held_out
 from zwidth.diagnosis.answer.inverse import force_errors
 from zwidth.diagnosis.answer.learned import LearnedLaw, learned
+from zwidth.diagnosis.answer.levels import next_level
 from zwidth.diagnosis.answer.lost import knowing_losses
 from zwidth.diagnosis.answer.result import (
     UNKNOWN_FIT,
@@ -101,6 +102,8 @@ def answered(
     runs = attempt("whole runs", "", free_runs) or ()
     inverse = partial(force_errors, device, by, taken.fit_on, taken.judge_by)
     forces = attempt("force errors", "", inverse) or ()
+    to_tell = partial(next_level, found, taken.fit_on, taken.judge_by)
+    level = attempt("next level", "", to_tell)
     findings = all_findings(device, taken, found)
     intervals = partial(linear, device, found.final, taken.whole)
     refit = attempt("intervals", "linear parameters", intervals) or {}
@@ -154,7 +157,7 @@ def answered(
         errors=tuple(mishaps.found), left_out=taken.left_out, adequacy=sound,
         whole_runs=runs, force_errors=forces, learned=law, headline=first,
         cautions=cautions(findings, free, sound, runs), changes=changes,
-        events=events,
+        events=events, next_level=level,
     )  # fmt: skip
 
 
