@@ -57,12 +57,11 @@ def base() -> Device:
 def motion(device: Device) -> Motion:
     """Return how the command of the comparison moves a device."""
     u = command_for(device, SECONDS)
-    period = device.interface.period
-    trace = simulate(device, recorded(u), duration=u.size * period).trace
+    trace = simulate(device, recorded(u), duration=u.size * device.interface.period).trace
     q, v = trace["position_m1"], trace["velocity_m1"]
     return Motion(
-        rms(u), float(np.abs(u).max()), float(np.abs(np.diff(u)).max()) / period, rms(v),
-        float(np.std(q)), float(np.ptp(q)), float(np.abs(q).max()),
+        rms(u), float(np.abs(u).max()), rms(v), float(np.std(q)), float(np.ptp(q)),
+        float(np.abs(q).max()),
         (rms(q - trace["position_m2"]),),
     )  # fmt: skip
 

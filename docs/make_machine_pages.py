@@ -38,7 +38,8 @@ class Machine:
     """A machine: its recordings to fit, and those to judge by; the last 30 % where there are none.
 
     shown: which of the whole runs the picture is of. effort: how much is tried. data: the folder of
-    its recordings, where it has another name.
+    its recordings, where it has another name. alone: a recording of which it is also said what it
+    tells by itself.
     """
 
     fit: tuple[str, ...]
@@ -46,13 +47,14 @@ class Machine:
     shown: int = 0
     effort: str = "quick"
     data: str = ""
+    alone: str = ""
 
 
 MACHINES = {
-    "two_mass_cart": Machine(("tm_2", "tm_sine_1"), ("tm_1_5", "tm_sine_4")),
+    "two_mass_cart": Machine(("tm_2", "tm_sine_1"), ("tm_1_5", "tm_sine_4"), alone="tm_2"),
     "rack_and_pinion": Machine(("rp1",)),
     "hsm150": Machine(("hsm_pos_0.06_1", "hsm_neg_0.04_1")),
-    "lugre_motor": Machine(("LuGre_J_1",)),
+    "lugre_motor": Machine(("LuGre_J_1",), ("LuGre_J_2",), effort="normal"),
     "coupled_drives": Machine(("drive_1", "drive_2", "drive_3")),
     "ecp_carts": Machine(("KhNoM", "Kh2M", "KmNoM", "Km2M", "KlNoM", "Kl2M")),
     "ecp_let_go": Machine(("Khigh_let_go", "Kmed_let_go", "Klow_let_go"), data="ecp_carts"),
@@ -93,12 +95,30 @@ def diagnosed(name: str, data: Path) -> Diagnosis:
     device = load_device(PAGES / name / "device.toml")
     fit = experiments(name, machine.fit, device, data)
     judge = experiments(name, machine.judge, device, data) or None
-    return diagnose(device, fit, judge, effort=EFFORTS[machine.effort])
+    return diagnose(device, fit, judge, progress, EFFORTS[machine.effort])
 
 
-def command(name: str) -> str:
-    """Return what a user types beside the data."""
+def progress(text: str) -> None:
+    """Say what is being done."""
+    print(f"{time.process_time():6.0f} s  {text}", file=sys.stderr, flush=True)
+
+
+def by_itself(name: str, data: Path) -> str:
+    """Return what one recording of a machine tells, as a part of the page."""
     machine = MACHINES[name]
+    device = load_device(PAGES / name / "device.toml")
+    fit = experiments(name, (machine.alone,), device, data)
+    found = diagnose(device, fit, None, progress, EFFORTS[machine.effort])
+    one = Machine((machine.alone,), effort=machine.effort)
+    lines = ["", f"From `{machine.alone}` by itself:", "", "```sh", command(one), "```", ""]
+    lines += [f"**{found.headline}.**", "", f"`{found.verdict.value}`: {found.sentence}.", ""]
+    if found.next_level is not None:
+        lines += [f"**What to record next**: {found.next_level.sentence}.", ""]
+    return "\n".join(lines)
+
+
+def command(machine: Machine) -> str:
+    """Return what a user types beside the data."""
     words = [*(f"{stem}.toml" for stem in machine.fit), "--device device.toml"]
     words += [f"--validate {stem}.toml" for stem in machine.judge]
     words += [f"--effort {machine.effort}"] if machine.effort != "normal" else []
@@ -107,7 +127,7 @@ def command(name: str) -> str:
 
 def answer(name: str, found: Diagnosis, seconds: float) -> str:
     """Return what was found, as a section of the page."""
-    lines = ["```sh", command(name), "```", "", f"**{found.headline}.**", ""]
+    lines = ["```sh", command(MACHINES[name]), "```", "", f"**{found.headline}.**", ""]
     lines += [f"`{found.verdict.value}`: {found.sentence}.", ""]
     lines += ["| effect | parameter | value and 95 % | sigma |", "|---|---|---|---|"]
     for f in found.findings:
@@ -149,6 +169,8 @@ def answer(name: str, found: Diagnosis, seconds: float) -> str:
         also = [s for s in (law.absorbed, law.energy) if s]
         lines += [f"**What was learned**: {'; '.join([law.sentence, *also])}.", ""]
         lines += [f"![The law that was learned]({name}_law.png)", ""]
+    if found.next_level is not None:
+        lines += [f"**What to record next**: {found.next_level.sentence}.", ""]
     lines += [f"Took {seconds:.0f} s of processor time."]
     return "\n".join(lines) + "\n"
 
@@ -160,13 +182,14 @@ def main() -> None:
         begun = time.process_time()  # of all threads; what else the machine does is not in it
         found = diagnosed(name, data)
         seconds = time.process_time() - begun
+        alone = by_itself(name, data) if MACHINES[name].alone else ""
         print(name, f"{seconds:.0f} s", found.verdict.value, file=sys.stderr)
         page = PAGES / f"{name}.md"
         before, _, rest = page.read_text().partition(BEGIN)
         after = rest.partition(END)[2]
         figure = whole_run_figure(found.whole_runs[MACHINES[name].shown], bool(found.findings))
         with writing_as("machine pages", True):
-            write_text(page, before + BEGIN + answer(name, found, seconds) + END + after)
+            write_text(page, before + BEGIN + answer(name, found, seconds) + alone + END + after)
             write_with(
                 PAGES / f"{name}.png", lambda file, f=figure: f.savefig(file, format="png", dpi=120)
             )

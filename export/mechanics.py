@@ -57,6 +57,10 @@ SIMPLER: Mapping[str, tuple[Callable[[Physics], list[Physics]], str]] = {
         _level, "only its level in motion, {level:g}, is held, not the rise to {static_level:g} at"
         " rest",
     ),
+    "rising_friction": (
+        _level, "only its level in motion, {level:g}, is held, not the fall to {static_level:g} at"
+        " rest",
+    ),
     "presliding_friction": (
         _level, "its level {level:g} is held as dry friction, not its springiness before it slides",
     ),

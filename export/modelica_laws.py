@@ -160,6 +160,13 @@ def _stribeck(model: Model, p: Physics, n: Names, _: All) -> None:
     _levels(model, p, moving, moving, n["static_level"], n["static_level"])
 
 
+def _rising(model: Model, p: Physics, n: Names, _: All) -> None:
+    v = way(p)[1]
+    fall = f"({n['level']} - {n['static_level']}) * exp(-abs({v}) / {n['velocity']})"
+    moving = f"{n['level']} - {fall}"
+    _levels(model, p, moving, moving, n["static_level"], n["static_level"])
+
+
 def _directional(model: Model, p: Physics, n: Names, _: All) -> None:
     v = way(p)[1]
     _levels(
@@ -434,6 +441,7 @@ def _table(model: Model, p: Physics, state: str) -> str:
 
 LAWS: Mapping[str, Callable[[Model, Physics, Names, All], None]] = {
     "coulomb_friction": _coulomb, "stribeck_friction": _stribeck,
+    "rising_friction": _rising,
     "directional_friction": _directional, "load_friction": _of_load, "presliding_friction": _dahl,
     "hysteresis": _bouc_wen, "backlash": _backlash, "gravity_pendulum": _pendulum,
     "force_ripple": _ripple, "cubic_stiffness": _cubic, "quadratic_drag": _drag,

@@ -14,6 +14,7 @@ from zwidth.sim.place import place_at
 EXAMPLES: dict[str, dict[str, float]] = {
     "coulomb_friction": {"level": 2e-3},
     "stribeck_friction": {"level": 1.5e-3, "static_level": 2.5e-3, "velocity": 0.05},
+    "rising_friction": {"level": 2.5e-3, "static_level": 1e-3, "velocity": 0.05},
     "presliding_friction": {"level": 2e-3, "stiffness": 20.0},
     "directional_friction": {
         "level_plus": 1e-3,

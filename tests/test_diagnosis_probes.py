@@ -8,6 +8,7 @@ import pytest
 from tests.diagnosis_examples import record
 from zwidth.controllers.none import none
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
+from zwidth.diagnosis.forces import probes
 from zwidth.diagnosis.forces.leftover import leftover
 from zwidth.diagnosis.forces.probes import instead_by_law, repeating
 from zwidth.diagnosis.model.parameters import Model
@@ -153,6 +154,24 @@ def test_a_stop_is_told_from_a_spring_that_stiffens():
             assert other.follows.startswith(f"position only {'above' if side > 0.0 else 'below'}")
             place = float(other.follows.split()[3].strip(","))
             assert place == pytest.approx(values["place"], abs=5e-3)
+
+
+def test_where_a_device_rests_is_no_stop(monkeypatch: pytest.MonkeyPatch):
+    """At rest at its end a quarter of the time: no spring of a stiffness that no law allows.
+
+    Mutation that breaks it: any depth above nothing, which rounding makes.
+    """
+    held = Device("held", "", True, make_chain([MASS], [1e-3], 0.2), Interface(period=T))
+    cubic = make_physics("cubic_stiffness", "ground", coefficient=0.1)
+    problem, linear = refit(held, [record(held, 1.0, seed=22)])
+    model = Model(held, (cubic,), ({"coefficient": 0.1},))
+    fitted = problem.fit(model, np.append(linear.x, 0.0), 1)
+    rests = np.concatenate([np.linspace(0.0, 1.0, 2000), 1.0 + 1e-16 * np.arange(1000)])
+    monkeypatch.setattr(probes, "predicted_states", lambda *_: [rests[:, None]])
+    found = list(probes._stops(problem, fitted))  # pyright: ignore[reportPrivateUsage]
+    most = one_sided_spring.parameter("stiffness").upper
+    assert found
+    assert all(p.physics.values["stiffness"] < most for p in found)
 
 
 def test_a_detent_is_told_from_a_ripple():

@@ -24,6 +24,9 @@ def resistance(name: str, v: float, side: float, p: Values) -> float:
     if name == "stribeck_friction":
         fall = np.exp(-((v / p["velocity"]) ** 2))
         return p["level"] + (p["static_level"] - p["level"]) * fall
+    if name == "rising_friction":
+        fall = np.exp(-abs(v) / p["velocity"])
+        return p["level"] - (p["level"] - p["static_level"]) * fall
     direction = "plus" if side > 0.0 else "minus"
     return p[f"level_{direction}"] + p[f"viscous_{direction}"] * abs(v)
 
@@ -74,6 +77,7 @@ def events_truth(name: str, i: int, p: Values, start: list[float], t: np.ndarray
         *(("coulomb_friction", f"m{i}") for i in (1, 2, 3)),
         *(("stribeck_friction", f"m{i}") for i in (1, 2, 3)),
         ("directional_friction", "m1"),
+        ("rising_friction", "m1"),
     ],
 )
 def test_stops_and_releases_inside_substeps_leave_first_order(name: str, place: str) -> None:

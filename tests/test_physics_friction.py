@@ -193,6 +193,37 @@ def test_stribeck_breaks_away_at_its_static_level() -> None:
     assert np.array_equal(moved, ramp[:-1] > 4e-3)
 
 
+def test_rising_friction_creeps_at_the_speed_whose_friction_is_the_load() -> None:
+    """1e-9 of v, from below and from above, between the levels and beyond both.
+
+    Mutation: exp(-(v/v_s)^2): 0.3. Mutation: level and static level exchanged: it does not hold.
+    """
+    values = {"level": 4e-3, "static_level": 1e-3, "velocity": 0.2}
+    device = one_mass(VISCOUS).with_physics(make_physics("rising_friction", "m1", **values))
+
+    def surplus(v: float, force: float) -> float:
+        return force - VISCOUS * v - 4e-3 + 3e-3 * np.exp(-v / 0.2)
+
+    for force in (1.5e-3, 3e-3, 8e-3):
+        v = brentq(surplus, 0.0, 10.0, args=(force,), xtol=1e-14)
+        for begun in (0.0, 1.5):
+            run = simulate(
+                device, none(), duration=12.0, start=Start(0.0, begun), substeps=2, bound=1e9,
+                disturbance=np.full(12000, force),
+            )  # fmt: skip
+            assert run.trace["velocity_m1"][-1] == pytest.approx(v, rel=1e-9)
+
+
+def test_rising_friction_holds_up_to_its_static_level() -> None:
+    """Exactly: a load up to it moves nothing, more does. Mutation: sticking bounds of `level`."""
+    values = {"level": 4e-3, "static_level": 2e-3, "velocity": 0.05}
+    device = one_mass(VISCOUS).with_physics(make_physics("rising_friction", "m1", **values))
+    ramp = np.linspace(0.0, 5e-3, 501)
+    run = simulate(device, none(), duration=0.501, disturbance=ramp)
+    moved = run.trace["position_m1"][1:] != 0.0
+    assert np.array_equal(moved, ramp[:-1] > 2e-3)
+
+
 def test_a_mass_that_sticks_by_its_static_level_does_not_move_at_all() -> None:
     """m2 swings against a stuck m1, loads between level and static level: not one bit changes.
 

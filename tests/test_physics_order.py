@@ -61,14 +61,18 @@ def test_viscous_friction_of_two_directions_is_second_order_through_zero() -> No
 
 @pytest.mark.parametrize(
     ("name", "place"),
-    [*itertools.product(("directional_friction", "stribeck_friction"), ("m1", "m2", "m3"))],
+    [
+        *itertools.product(
+            ("directional_friction", "stribeck_friction", "rising_friction"), ("m1", "m2", "m3")
+        )
+    ],
 )
 @pytest.mark.parametrize("velocity", [3.0, -3.0])
 def test_dry_friction_that_varies_with_speed_slides_at_second_order(
     name: str, place: str, velocity: float
 ) -> None:
     """2 +- 0.1 without reversal. Mutation: `mean_friction_limits` not called: slope 1."""
-    values = EXAMPLES[name] | ({"velocity": 1.5} if name == "stribeck_friction" else {})
+    values = EXAMPLES[name] | ({"velocity": 1.5} if "velocity" in EXAMPLES[name] else {})
     physics = make_physics(name, place, **values)
     device = phantom().with_physics(physics)
     assert _slope(device, velocity, 0.01) == pytest.approx(2.0, abs=0.1)

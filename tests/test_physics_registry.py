@@ -25,6 +25,7 @@ POINTS = " ".join(["odd", *AT, *FORCE, "period"])
 TABLE = {
     "coulomb_friction": (MASSES, "level"),
     "stribeck_friction": (MASSES, "level static_level velocity"),
+    "rising_friction": (MASSES, "level static_level velocity"),
     "presliding_friction": (MASSES, "level stiffness"),
     "directional_friction": (MASSES, "level_plus level_minus viscous_plus viscous_minus"),
     "load_friction": (("m1",), "ratio"),

@@ -126,6 +126,10 @@ CASES = {  # richer effect, its values -> simpler one, its values
         {"level": 2e-3, "static_level": 2e-3, "velocity": 0.05},
         "coulomb_friction", {"level": 2e-3},
     ),
+    "rising_friction": (
+        {"level": 2e-3, "static_level": 2e-3, "velocity": 0.05},
+        "coulomb_friction", {"level": 2e-3},
+    ),
     "presliding_friction": (
         {"level": 2e-3, "stiffness": 2e3}, "coulomb_friction", {"level": 2e-3},
     ),

@@ -15,6 +15,7 @@ from zwidth.diagnosis.answer.headline import Answer, headline
 from zwidth.diagnosis.answer.held_out import held_out
 from zwidth.diagnosis.answer.inverse import ForceError, force_errors
 from zwidth.diagnosis.answer.learned import LearnedLaw, learned
+from zwidth.diagnosis.answer.levels import next_level
 from zwidth.diagnosis.answer.result import (
     UNKNOWN_FIT,
     Diagnosis,
@@ -92,6 +93,8 @@ def answered(
         taken.whole[0].period, found.refit.white.reshape(shape), found.final.white.reshape(shape)
     )
     masses = device.chain.masses.size
+    to_tell = partial(next_level, found, taken.fit_on, taken.judge_by)
+    level = attempt("next level", "", to_tell)
     return Diagnosis(
         verdict, sentence, findings, refit,
         replace(seen.located, sentence=where(seen.located, findings, masses)),
@@ -101,7 +104,7 @@ def answered(
         errors=tuple(mishaps.found), left_out=taken.left_out, adequacy=stands.sound,
         whole_runs=seen.runs, force_errors=seen.forces, learned=law, headline=first,
         cautions=cautions(findings, seen.free, stands.sound, seen.runs), changes=changes,
-        events=events,
+        events=events, next_level=level,
     )  # fmt: skip
 
 

@@ -65,6 +65,13 @@ def _stribeck(p: Values) -> str:
     return f"friction of {said(p['level'])}, {said(p['static_level'])} at rest (Stribeck),"
 
 
+def _rising(p: Values) -> str:
+    return (
+        f"friction that rises from {said(p['static_level'])} at rest to {said(p['level'])} in"
+        " sliding"
+    )
+
+
 def _ripple(p: Values) -> str:
     period = with_unit(p["period"].value, p["period"].unit, 3)
     return f"a ripple of {said(p['amplitude'])} every {period}"
@@ -91,6 +98,7 @@ def _losses(p: Values) -> str:
 SAYINGS: dict[str, Callable[[Values], str]] = {
     "coulomb_friction": lambda p: f"Coulomb friction of {said(p['level'])}",
     "stribeck_friction": _stribeck,
+    "rising_friction": _rising,
     "presliding_friction": lambda p: (
         f"friction of {said(p['level'])} that yields by {said(p['stiffness'])} before it slides"
     ),

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from zwidth.diagnosis.answer.changes import Change
     from zwidth.diagnosis.answer.events import Event
     from zwidth.diagnosis.answer.learned import LearnedLaw
+    from zwidth.diagnosis.answer.levels import NextLevel
 
 Floats = NDArray[np.float64]
 NEAR = 5.0  # sigma within which a rival cannot be told apart
@@ -171,7 +172,7 @@ class Diagnosis(Shown):
     """The whole answer. device: augmented by what was found, with refitted linear parameters.
 
     headline: the answer in one line for people, without a full stop (`answer.headline`);
-    cautions: what to know before it is used.
+    cautions: what to know before it is used; next_level: where one level was recorded, another.
     searched: the way there; experiments: the recordings whole, as they were taken. errors: what
     failed and cost no more than itself; left_out: the recordings, by their place, that this cost.
     """
@@ -192,6 +193,7 @@ class Diagnosis(Shown):
     interrupted: bool = False
     facts: dict[str, Any] = field(default_factory=dict[str, Any])
     next_experiment: NextExperiment | None = None
+    next_level: "NextLevel | None" = None
     errors: tuple[Mishap, ...] = ()
     left_out: tuple[int, ...] = ()
     adequacy: Adequacy | None = None
@@ -248,6 +250,7 @@ class Diagnosis(Shown):
             "upper_bounds": self.upper_bounds,
             "faults": [vars(f) for f in self.faults],
             "next_experiment": self.next_experiment and self.next_experiment.as_json(),
+            "next_level": self.next_level and self.next_level.as_json(),
             "interrupted": self.interrupted,
             "facts": self.facts,
             "errors": [m.as_json() for m in self.errors],
@@ -290,6 +293,7 @@ class Unanswered:
             "upper_bounds": {},
             "faults": [vars(f) for f in self.faults],
             "next_experiment": None,
+            "next_level": None,
             "interrupted": False,
             "facts": {},
             "errors": [m.as_json() for m in self.errors],

@@ -14,8 +14,9 @@ from zwidth.sim.place import Place, place_at
 
 # What the force of an effect follows, by which a map shows it; none for what is no such force.
 FOLLOWS = {
-    "velocity": ("coulomb_friction", "stribeck_friction", "presliding_friction", "hysteresis",
-                 "directional_friction", "load_friction", "quadratic_drag"),
+    "velocity": ("coulomb_friction", "stribeck_friction", "rising_friction",
+                 "presliding_friction", "hysteresis", "directional_friction", "load_friction",
+                 "quadratic_drag"),
     "position": ("ground_spring", "gravity_pendulum", "force_ripple", "cubic_stiffness",
                  "backlash", "encoder_eccentricity", "hysteresis", "extra_mode"),
     "command": ("saturation", "dead_band", "command_step", "gain_asymmetry", "servo_limit",

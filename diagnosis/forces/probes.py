@@ -44,6 +44,7 @@ BY_POSITION = (
     "hysteresis@ground",
 )
 MET = (0.25, 0.05, 0.01)  # of the samples beyond a stop, to start with
+DEPTH = 1e-4  # of the travel, that a stop must be pressed by
 
 
 @dataclass(frozen=True)
@@ -125,7 +126,7 @@ def _stops(problem: Problem, final: Fitted) -> Iterator[Probe]:
             for side in (-1.0, 1.0):
                 place = float(np.quantile(q, share if side < 0.0 else 1.0 - share))
                 depth = abs(float(q.min() if side < 0.0 else q.max()) - place)
-                if depth > 0.0:
+                if depth > DEPTH * float(np.ptp(q)):  # less is where a device rests at its end
                     values = {"place": place, "stiffness": force / depth, "side": side}
                     scales = {"place": depth, "stiffness": force / depth}
                     yield Probe(gone, Physics(one_sided_spring, "m1", values), scales, False)

@@ -51,10 +51,10 @@ class Truth(NamedTuple):
 
     masses, dampers, springs to ground, drag (v|v|), cubic_drag (v^3): (n,). links (l, 8): from, to
     (-1 is ground), stiffness, damping, cubic stiffness, gap, sway (share, Hz: the stiffness swings
-    with time). yields (y, 5), Bouc-Wen: from, to, stiffness, level, shape. bristles (b, 9): mass,
+    with time). yields (y, 5), Bouc-Wen: from, to, stiffness, level, shape. bristles (b, 10): mass,
     sigma_0, sigma_1, level and static level for v > 0, both for v < 0, Stribeck velocity, what they
-    grow by with the command's magnitude. viscous
-    (n, 2): for v > 0 and v < 0. constant (n,). gravity (g, 3): mass, level, angle. ripples (r, 5):
+    grow by with the command's magnitude, the power of that curve (1 or 2). viscous (n, 2):
+    for v > 0 and v < 0. constant (n,). gravity (g, 3): mass, level, angle. ripples (r, 5):
     mass, mass that feels the contrary (-1: ground), amplitude, period, phase over the position of
     the first. The other forces act on m1: hum: amplitude, Hz, phase; detent: amplitude, period,
     sharpness; stop: position, stiffness, damping. inertia: share by which m1 swings, period in
@@ -143,7 +143,8 @@ def dry_level(row, v, held):
     """g(v) of a bristle under the held command [N m | N]."""
     level, static = (row[3], row[4]) if v >= 0.0 else (row[5], row[6])
     if static != level:
-        level += (static - level) * math.exp(-((v / row[7]) ** 2))
+        ratio = abs(v / row[7])
+        level += (static - level) * math.exp(-ratio if row[9] == 1.0 else -(ratio**2))
     return level + row[8] * abs(held)
 
 

@@ -153,10 +153,11 @@ def _bristles(by_name: Mapping[str, list[Physics]], masses: Floats, h: float) ->
     rows: list[list[float]] = []
 
     def stiff(
-        i: int, levels: tuple[float, float, float, float], velocity: float, load: float = 0.0
-    ) -> None:
+        i: int, levels: tuple[float, float, float, float], velocity: float, load: float = 0.0,
+        power: float = 2.0,
+    ) -> None:  # fmt: skip
         rate, mass = BRISTLE / h, masses[i]
-        rows.append([i, mass * rate**2, 2.0 * MICRO * mass * rate, *levels, velocity, load])
+        rows.append([i, mass * rate**2, 2.0 * MICRO * mass * rate, *levels, velocity, load, power])
 
     for p in by_name.get("coulomb_friction", ()):
         level = p.values["level"]
@@ -164,6 +165,9 @@ def _bristles(by_name: Mapping[str, list[Physics]], masses: Floats, h: float) ->
     for p in by_name.get("stribeck_friction", ()):
         level, static, velocity = p.values.values()
         stiff(p.place.index, (level, static, level, static), velocity)
+    for p in by_name.get("rising_friction", ()):
+        level, static, velocity = p.values.values()
+        stiff(p.place.index, (level, static, level, static), velocity, power=1.0)
     for p in by_name.get("directional_friction", ()):
         plus, minus, *_ = p.values.values()
         stiff(p.place.index, (plus, plus, minus, minus), 1.0)
@@ -172,8 +176,8 @@ def _bristles(by_name: Mapping[str, list[Physics]], masses: Floats, h: float) ->
     for p in by_name.get("presliding_friction", ()):
         level, stiffness = p.values.values()
         if stiffness > 0.0:
-            rows.append([p.place.index, stiffness, 0.0, level, level, level, level, 1.0, 0.0])
-    return np.array(rows, dtype=np.float64).reshape(-1, 9)
+            rows.append([p.place.index, stiffness, 0.0, level, level, level, level, 1.0, 0.0, 2.0])
+    return np.array(rows, dtype=np.float64).reshape(-1, 10)
 
 
 def _with(truth: Truth, outside: Outside) -> Truth:

@@ -13,6 +13,7 @@ from zwidth.sim.place import Place, place_at
 NAMES = (
     "coulomb_friction",
     "stribeck_friction",
+    "rising_friction",
     "presliding_friction",
     "directional_friction",
     "load_friction",

@@ -49,7 +49,13 @@ coulomb_friction = Effect(
     ),
     hook="friction",
     code=1,
-    mistaken_for=("stribeck_friction", "presliding_friction", "directional_friction", "dead_band"),
+    mistaken_for=(
+        "stribeck_friction",
+        "rising_friction",
+        "presliding_friction",
+        "directional_friction",
+        "dead_band",
+    ),
     reference="Coulomb 1785; implicit as in Moreau, Unilateral contact and dry friction, 1988",
     prior=0.3,  # bearings, seals, brushes and cables: hardly a mechanism is without
     family="dry friction",

@@ -31,6 +31,7 @@ from zwidth.sim.physics.power_drag import power_force
 from zwidth.sim.physics.presliding_friction import dahl_force, next_bristle
 from zwidth.sim.physics.quadratic_drag import drag_force
 from zwidth.sim.physics.rectified_sensor import magnitude
+from zwidth.sim.physics.rising_friction import rising_bounds
 from zwidth.sim.physics.servo_dead_zone import within_zone
 from zwidth.sim.physics.servo_integral import next_integral
 from zwidth.sim.physics.servo_limit import beyond_limit
@@ -121,6 +122,8 @@ def friction_bounds(code, q, v, w, s, p):
         return directional_bounds(v, p)
     if code == 4:
         return load_bounds(q, v, w, s, p)
+    if code == 5:
+        return rising_bounds(v, p)
     return 0.0, 0.0, 0.0, 0.0
 
 

@@ -547,6 +547,8 @@ def _say(console: Console, found: Diagnosis) -> None:
     if rows:
         title = "Force that the recorded motion needs, less the force that acts: rms, and its share"
         console.table(f"\n{title}", _columns(*heads), rows)
+    if found.next_level is not None:
+        console.say(f"\n{found.next_level.sentence}")
 
 
 def _columns(*heads: str) -> list[Column]:

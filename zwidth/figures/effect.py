@@ -46,6 +46,8 @@ SHOWN: dict[str, Shown] = {
     "coulomb_friction": Shown("m1", {"level": 0.03}, "velocity"),
     "stribeck_friction": Shown(
         "m1", {"level": 0.02, "static_level": 0.05, "velocity": 1.0}, "velocity"),
+    "rising_friction": Shown(
+        "m1", {"level": 0.05, "static_level": 0.02, "velocity": 1.0}, "velocity"),
     "presliding_friction": Shown("m1", {"level": 0.03, "stiffness": 0.3}, "position", 0.06),
     "directional_friction": Shown("m1", {"level_plus": 0.04, "level_minus": 0.01,
                                   "viscous_plus": 0.004, "viscous_minus": 0.001}, "velocity"),
