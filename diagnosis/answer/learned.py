@@ -31,8 +31,8 @@ from zwidth.sim.readable import with_unit
 
 Floats = NDArray[np.float64]
 # Of the error of the names' free runs, below which a law is worth having: nobody would act on less,
-# and slow chance forces can make as much (of 13 recordings without a law, `benchmarks.learned_laws`,
-# one got a law that left 0.94).
+# and slow chance forces can make as much (of 13 recordings without a law one got a law that left
+# 0.94, `benchmarks.learned_laws`).
 BETTER = 0.8
 LETTERS = {"free_spring": "q", "free_damper": "v", "free_amplifier": "u", "free_sensor": "q"}
 # A spring, a damper, a scale, a constant force or an origin, which are parameters or have names.
