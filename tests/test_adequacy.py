@@ -10,7 +10,7 @@ from test_fitting import drive, recording
 
 from zwidth.diagnosis.answer import adequacy as judging
 from zwidth.diagnosis.answer.adequacy import Adequacy, Believed, adequacy
-from zwidth.diagnosis.answer.answered import _standing
+from zwidth.diagnosis.answer.stands import standing
 from zwidth.diagnosis.intake.take_in import Taken, take_in
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.family import as_far_as
@@ -108,9 +108,9 @@ def test_a_name_that_held_out_data_do_not_bear_out_is_not_given(
     """Judged by a machine without friction. Mutation: names stand however they predict."""
     clean = replace(rubbed, judge_by=(recording(drive(), 2000, 5),))
     said: list[str] = []
-    assert _standing(drive(), rubbed, found, said.append)[0] is found
+    assert standing(drive(), rubbed, found, said.append)[0] is found
     assert not said
-    left, _ = _standing(drive(), clean, found, said.append)
+    left, _ = standing(drive(), clean, found, said.append)
     assert left.final.model.effects == ()
     assert left.tried is not None
     assert left.tried.best is left.tried.plain
@@ -123,7 +123,7 @@ def test_a_search_without_effects_stands(rubbed: Taken) -> None:
     plain = settled(judged(list(rubbed.fit_on), model, np.zeros(len(model.parameters))))
     search = Search(plain, plain, QUICK, lambda _: None)
     bare = Searched(plain.problem, plain.fitted, plain.fitted, search, plain.noise.observer)
-    assert _standing(drive(), rubbed, bare, lambda _: None)[0] is bare
+    assert standing(drive(), rubbed, bare, lambda _: None)[0] is bare
 
 
 def coloured(physics: tuple[Physics, ...], colour: float, seed: int) -> Experiment:

@@ -21,7 +21,6 @@ from zwidth.controllers.excitation import noise
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.answer import second_look as looking
 from zwidth.diagnosis.answer.adequacy import Adequacy, Ahead
-from zwidth.diagnosis.answer.answered import _standing
 from zwidth.diagnosis.answer.held_out import held_out
 from zwidth.diagnosis.answer.result import (
     UNKNOWN_FIT,
@@ -31,6 +30,7 @@ from zwidth.diagnosis.answer.result import (
     Verdict,
 )
 from zwidth.diagnosis.answer.second_look import named_only_whole, on_first_part, second_look
+from zwidth.diagnosis.answer.stands import standing
 from zwidth.diagnosis.answer.verdict import Left
 from zwidth.diagnosis.answer.verdict import judged as said_of
 from zwidth.diagnosis.diagnose import diagnose
@@ -357,8 +357,8 @@ def test_where_held_out_data_refuse_what_is_believed_most_the_next_is_asked(
         better = -5.0 if by.final.model.label == "coulomb_friction@m1" else 5.0
         return Adequacy((Ahead(0.5, 1.0, 1.0, 2.0, 0.1, 0.5),), 0.5, better, True, 40)
 
-    monkeypatch.setattr("zwidth.diagnosis.answer.answered._adequacy", stands)
-    other, sound = _standing(device, cast("Taken", None), found, silent)
+    monkeypatch.setattr("zwidth.diagnosis.answer.stands.held_adequacy", stands)
+    other, sound = standing(device, cast("Taken", None), found, silent)
     assert other.final.model.label == "presliding_friction@m1"
     assert sound is not None
     assert sound.useful

@@ -206,7 +206,7 @@ def test_a_laptop_shows_it_all_and_its_keyboard_reaches_it(
     (wrong := tmp_path / "wrong.csv").write_text("a,b\n1,2\n")
     chooser = page.get_by_label("Drop a recording")
     chooser.set_input_files(wrong)
-    expect(page.get_by_text("wrong.csv has no column that seems to be a position")).to_be_visible()
+    expect(page.get_by_text("wrong.csv holds 1 sample, too few")).to_be_visible()
     assert page.evaluate(RECORDED) == 0
     chooser.set_input_files(log)
     page.wait_for_function(f"() => ({RECORDED})() > 0")

@@ -1,22 +1,21 @@
 """From what a search found to the answer: located, judged, and all that is to be said of it."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy, freer, wander
+from zwidth.diagnosis.answer.adequacy import wander
 from zwidth.diagnosis.answer.augmented import all_smooth, augmented
 from zwidth.diagnosis.answer.cautions import cautions
-from zwidth.diagnosis.answer.changes import Change, changing, outlived
+from zwidth.diagnosis.answer.changes import Change, outlived
 from zwidth.diagnosis.answer.events import Event
 from zwidth.diagnosis.answer.findings import all_findings, linear, upper_bounds
 from zwidth.diagnosis.answer.headline import Answer, headline
 from zwidth.diagnosis.answer.held_out import held_out
-from zwidth.diagnosis.answer.inverse import force_errors
+from zwidth.diagnosis.answer.inverse import ForceError, force_errors
 from zwidth.diagnosis.answer.learned import LearnedLaw, learned
 from zwidth.diagnosis.answer.levels import next_level
-from zwidth.diagnosis.answer.lost import knowing_losses
 from zwidth.diagnosis.answer.result import (
     UNKNOWN_FIT,
     Diagnosis,
@@ -26,18 +25,16 @@ from zwidth.diagnosis.answer.result import (
     Residuals,
     Verdict,
 )
-from zwidth.diagnosis.answer.second_look import named_only_whole, on_first_part, second_look
-from zwidth.diagnosis.answer.verdict import Left, instead_of, judged, left_over, unexplained
+from zwidth.diagnosis.answer.stands import Stands, what_stands
+from zwidth.diagnosis.answer.verdict import Left, judged
 from zwidth.diagnosis.answer.where import where
-from zwidth.diagnosis.answer.whole_run import whole_runs
-from zwidth.diagnosis.forces.locate import NOWHERE, locate
-from zwidth.diagnosis.forces.unknown import Instead
+from zwidth.diagnosis.answer.whole_run import WholeRun, whole_runs
+from zwidth.diagnosis.forces.locate import NOWHERE, Located, locate
 from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.intake.take_in import Taken
-from zwidth.diagnosis.mishaps import Mishaps, Say, attempt, isolated
-from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.mishaps import Mishaps, Say, attempt
 from zwidth.diagnosis.selection.effort import Effort
-from zwidth.diagnosis.selection.searched import Searched, farther, next_believed, unnamed
+from zwidth.diagnosis.selection.searched import Searched
 from zwidth.sim.device import Device
 
 # Stages without which no verdict stands, and what an error in them takes from it.
@@ -66,152 +63,139 @@ def answered(
 
     An error in one part costs that part, and the verdict where it rests on it.
     """
-    before = taken
-    found, taken, changes, halted = _what_changes(device, found, taken, say)
-    asked, taken = taken, _knowing_losses(taken, found)
-    found, sound = _standing(device, taken, found, say)
-    left, other = _what_is_left(found, taken)
-    asked_far = found.far or found.interrupted
-    if not asked_far and unexplained(found, left, other, sound):
-        again = farther(device, found, say)
-        pair = (again.final, again.judge), (found.final, found.judge)
-        if again.final is found.final:
-            found = again
-        elif freer(*pair, taken.judge_by):  # nothing is promised, so the better of two is said
-            found, sound = _standing(device, taken, again, say)
-            left, other = _what_is_left(found, taken)
-        else:
-            found = replace(found, far=True)
-    by, faults = found, taken.faults
-    if taken.whole_unopened and named_only_whole(found, left, other, sound):
-        with isolated("search", "all that was recorded"):
-            again, beyond, note = second_look(device, found, left, taken.whole, say, effort)
-            if note is not None:
-                by, faults = on_first_part(again), (*faults, note)
-                taken = _knowing_losses(asked, by)
-                sound = attempt("adequacy", "", partial(_adequacy, device, by, taken))
-            found, left = again, beyond
-    if changes and not (changes := outlived(changes, found)):
-        taken = _knowing_losses(before, found)  # a part of it, where something changes
-    say("locating")
-    located = attempt("locate", "", partial(locate, found.problem, found.refit)) or NOWHERE
-    say("held-out data")
-    judge = partial(held_out, device, by, taken.judge_by)
-    one, free = attempt("held out", "", judge) or (UNKNOWN_FIT, UNKNOWN_FIT)
-    free_runs = partial(whole_runs, device, by, taken.fit_on, taken.judge_by)
-    runs = attempt("whole runs", "", free_runs) or ()
-    inverse = partial(force_errors, device, by, taken.fit_on, taken.judge_by)
-    forces = attempt("force errors", "", inverse) or ()
-    to_tell = partial(next_level, found, taken.fit_on, taken.judge_by)
-    level = attempt("next level", "", to_tell)
+    stands = what_stands(device, taken, found, say, effort)
+    seen = _seen(device, stands, say)
+    found, taken, changes = stands.found, stands.taken, stands.changes
     findings = all_findings(device, taken, found)
     intervals = partial(linear, device, found.final, taken.whole)
     refit = attempt("intervals", "linear parameters", intervals) or {}
     bounds = {} if findings else attempt("limits", "", partial(upper_bounds, found)) or {}
+    verdict, sentence = _verdict(stands, findings, refit, mishaps, seen.free)
+    law, halted = _law(device, stands, seen, verdict, findings, mishaps, say)
     augment = partial(_augmented, taken, found, findings)
-    verdict, sentence = _verdict(found, findings, refit, left, other, mishaps, sound, free)
-    law, stopped = None, found.interrupted or halted
-    by_chance = not findings and wander(free.after, free.noise_floor)
-    strays = verdict is Verdict.UNDECIDED and by_chance and not mishaps.of(*DECISIVE)
-    if verdict is Verdict.UNKNOWN_PHYSICS or strays:
+    if verdict is Verdict.UNKNOWN_PHYSICS:
         findings = tuple(f.without_probability() for f in findings)
-        law, stopped = _law_of_no_name(device, by, taken, free, say)
-    elif verdict in NAMED and any(f.effect == "force_ripple" for f in findings):
-        law, stopped = _law_of_no_name(device, by, taken, free, say, turns=True)
     if law is not None:
-        runs = attempt("whole runs", "", partial(free_runs, law=law.found)) or runs
         if verdict is Verdict.UNDECIDED:  # what was said of chance no longer stands
             verdict = Verdict.UNKNOWN_PHYSICS
             sentence = "something is missing that no effect of the library explains"
         sentence = f"{sentence}; {law.sentence}"
         augment = partial(_augmented, taken, law.found, findings)
         changes = outlived(changes, law.found)
-    lost = " and ".join(dict.fromkeys(WHAT_IS_LOST[m.stage] for m in mishaps.of(*DECISIVE)))
-    masses = device.chain.masses.size
-    law_in_words = "" if law is None else law.headline(masses, device.rotary)
-    named = [
-        f for f in findings if law is None or f"{f.effect} at {f.at}" not in law.curve.absorbed
-    ]
-    said_of = Answer(
-        verdict, named, refit, faults, masses, left, other, sound, free, lost, law_in_words
-    )
-    first = headline(said_of)
-    if changes:
-        also = "; ".join(change.sentence for change in changes)
-        if verdict is Verdict.UNKNOWN_PHYSICS:  # what lacks a law may look as if it changed
-            also = f"as far as these laws hold, {also}"
-        first, sentence = f"{first}; {also}", f"{sentence}; {also}"
-    if events:
-        happened = "; ".join(event.sentence for event in events)
-        first, sentence = f"{first}; {happened}", f"{sentence}; {happened}"
-    verdict, sentence = _with_faults(verdict, sentence, faults)
-    located = replace(located, sentence=where(located, findings, masses))
+        runs = attempt("whole runs", "", partial(_whole_runs, device, stands, law.found))
+        seen = replace(seen, runs=runs or seen.runs)
+    first = headline(_to_be_said(stands, findings, refit, verdict, seen.free, mishaps, law))
+    also = _changed_and_happened(verdict, changes, events)
+    first, sentence = f"{first}{also}", f"{sentence}{also}"
+    verdict, sentence = _with_faults(verdict, sentence, stands.faults)
     shape = (-1, len(taken.whole[0].outputs))
     residuals = Residuals(
         taken.whole[0].period, found.refit.white.reshape(shape), found.final.white.reshape(shape)
     )
+    masses = device.chain.masses.size
+    to_tell = partial(next_level, found, taken.fit_on, taken.judge_by)
+    level = attempt("next level", "", to_tell)
     return Diagnosis(
-        verdict, sentence, findings, refit, located, one, free, bounds, faults,
+        verdict, sentence, findings, refit,
+        replace(seen.located, sentence=where(seen.located, findings, masses)),
+        seen.one, seen.free, bounds, stands.faults,
         attempt("augmented device", "", augment) or device,
-        residuals, found, taken.whole, stopped, _facts(found, left),
-        errors=tuple(mishaps.found), left_out=taken.left_out, adequacy=sound,
-        whole_runs=runs, force_errors=forces, learned=law, headline=first,
-        cautions=cautions(findings, free, sound, runs), changes=changes,
+        residuals, found, taken.whole, stands.halted or halted, _facts(found, stands.left),
+        errors=tuple(mishaps.found), left_out=taken.left_out, adequacy=stands.sound,
+        whole_runs=seen.runs, force_errors=seen.forces, learned=law, headline=first,
+        cautions=cautions(findings, seen.free, stands.sound, seen.runs), changes=changes,
         events=events, next_level=level,
     )  # fmt: skip
 
 
-def _what_changes(
-    device: Device, found: Searched, taken: Taken, say: Say
-) -> tuple[Searched, Taken, tuple[Change, ...], bool]:
-    """As `changing`, and whether it was interrupted."""
-    if found.interrupted:
-        return found, taken, (), True
-    try:
-        return *changing(device, found, taken, say), False
-    except KeyboardInterrupt:
-        return found, taken, (), True
+@dataclass(frozen=True)
+class _Seen:
+    """What recordings show of an answer: where it is, and errors of each kind."""
+
+    located: Located
+    one: HeldOut
+    free: HeldOut
+    runs: tuple[WholeRun, ...]
+    forces: tuple[ForceError, ...]
 
 
-def _knowing_losses(taken: Taken, found: Searched) -> Taken:
-    """Recordings with what was lost in those that judge, where the answer says that such are."""
-    lost = attempt("adequacy", "lost commands", partial(knowing_losses, found, taken.judge_by))
-    return taken if lost is None else replace(taken, judge_by=tuple(lost))
+def _seen(device: Device, stands: Stands, say: Say) -> _Seen:
+    """Look where what is missing lies, and what the held-out data say."""
+    found, by, taken = stands.found, stands.by, stands.taken
+    say("locating")
+    located = attempt("locate", "", partial(locate, found.problem, found.refit)) or NOWHERE
+    say("held-out data")
+    judge = partial(held_out, device, by, taken.judge_by)
+    one, free = attempt("held out", "", judge) or (UNKNOWN_FIT, UNKNOWN_FIT)
+    runs = attempt("whole runs", "", partial(_whole_runs, device, stands)) or ()
+    inverse = partial(force_errors, device, by, taken.fit_on, taken.judge_by)
+    forces = attempt("force errors", "", inverse) or ()
+    return _Seen(located, one, free, runs, forces)
 
 
-def _standing(
-    device: Device, taken: Taken, found: Searched, say: Say
-) -> tuple[Searched, Adequacy | None]:
-    """What was found and how it stands; the next believed where held-out data speak against it.
+def _whole_runs(
+    device: Device, stands: Stands, law: Searched | None = None
+) -> tuple[WholeRun, ...]:
+    taken = stands.taken
+    return whole_runs(device, stands.by, taken.fit_on, taken.judge_by, law=law)
 
-    Nothing where they speak against that as well. What was refused costs less than what is named
-    then, and stays beside it as the likelier rival: such an answer is never `identified`.
+
+def _law(
+    device: Device,
+    stands: Stands,
+    seen: _Seen,
+    verdict: Verdict,
+    findings: Sequence[Finding],
+    mishaps: Mishaps,
+    say: Say,
+) -> tuple[LearnedLaw | None, bool]:
+    """A law without a name where names do not explain it all, and whether that was interrupted.
+
+    Where chance alone explains what free runs err by, and where one of the names is a ripple, which
+    is one sine of whatever repeats.
     """
-    sound = attempt("adequacy", "", partial(_adequacy, device, found, taken))
-    if sound is None or sound.useful:
-        return found, sound
-    say(f"{found.final.model.label} predicts held-out data no better than without: not named")
-    for other in next_believed(found):
-        say(f"asking the held-out data of {other.final.model.label}")
-        stands = attempt("adequacy", "", partial(_adequacy, device, other, taken))
-        if stands is not None and stands.useful:
-            return other, stands
-    bare = unnamed(found)
-    return bare, attempt("adequacy", "", partial(_adequacy, device, bare, taken))
+    by_chance = not findings and wander(seen.free.after, seen.free.noise_floor)
+    strays = verdict is Verdict.UNDECIDED and by_chance and not mishaps.of(*DECISIVE)
+    asked = partial(_law_of_no_name, device, stands.by, stands.taken, seen.free, say)
+    if verdict is Verdict.UNKNOWN_PHYSICS or strays:
+        return asked()
+    if verdict in NAMED and any(f.effect == "force_ripple" for f in findings):
+        return asked(turns=True)
+    return None, False
 
 
-def _adequacy(device: Device, found: Searched, taken: Taken) -> Adequacy | None:
-    """How the answer stands on held-out data."""
-    return adequacy(Model(device), found.refit, found.final, found.judge, taken.judge_by)
+def _to_be_said(
+    stands: Stands,
+    findings: Sequence[Finding],
+    refit: dict[str, tuple[float, Estimate]],
+    verdict: Verdict,
+    free: HeldOut,
+    mishaps: Mishaps,
+    law: LearnedLaw | None,
+) -> Answer:
+    """What the headline is made of."""
+    device = stands.found.final.model.nominal
+    masses = device.chain.masses.size
+    named = [
+        f for f in findings if law is None or f"{f.effect} at {f.at}" not in law.curve.absorbed
+    ]
+    in_words = "" if law is None else law.headline(masses, device.rotary)
+    return Answer(
+        verdict, named, refit, stands.faults, masses, stands.left, stands.other, stands.sound,
+        free, _lost(mishaps), in_words,
+    )  # fmt: skip
 
 
-def _what_is_left(found: Searched, taken: Taken) -> tuple[Left, Instead | None]:
-    """What the final model leaves, and what of no library may stand in the place of its names."""
-    left = attempt("detect", "what is left", partial(left_over, found, taken.whole))
-    other: Instead | None = None
-    with isolated("detect", "physics of no library in the place of what was named"):
-        other = instead_of(found)
-    return left or Left(0.0, ""), other
+def _changed_and_happened(
+    verdict: Verdict, changes: Sequence[Change], events: Sequence[Event]
+) -> str:
+    """What is said beside an answer of what changed and what happened once."""
+    said = ""
+    if changes:
+        also = "; ".join(change.sentence for change in changes)
+        unknown = verdict is Verdict.UNKNOWN_PHYSICS  # what lacks a law may look as if it changed
+        said = f"; as far as these laws hold, {also}" if unknown else f"; {also}"
+    return "".join([said, *(f"; {event.sentence}" for event in events)])
 
 
 def _law_of_no_name(
@@ -243,25 +227,28 @@ def _augmented(taken: Taken, found: Searched, findings: Sequence[Finding]) -> De
 
 
 def _verdict(
-    found: Searched,
+    stands: Stands,
     findings: tuple[Finding, ...],
     refit: dict[str, tuple[float, Estimate]],
-    left: Left,
-    other: Instead | None,
     mishaps: Mishaps,
-    sound: Adequacy | None,
     free: HeldOut,
 ) -> tuple[Verdict, str]:
     """As `judged`; undecided where an error took what the verdict rests on, which it then says."""
-    verdict, sentence = judged(found, findings, refit, left, other, sound, free)
-    if mishaps.of(*DECISIVE):
+    verdict, sentence = judged(
+        stands.found, findings, refit, stands.left, stands.other, stands.sound, free
+    )
+    if lost := _lost(mishaps):
         verdict = Verdict.UNDECIDED
-        lost = " and ".join(dict.fromkeys(WHAT_IS_LOST[m.stage] for m in mishaps.of(*DECISIVE)))
         sentence = f"an error left out {lost}; from what was done, {sentence}"
     untried = list(dict.fromkeys(m.what.replace("@", " at ") for m in mishaps.of("candidates")))
     if untried:
         sentence += f"; {', '.join(untried)} could not be tried"
     return verdict, sentence
+
+
+def _lost(mishaps: Mishaps) -> str:
+    """What errors took from the verdict, "" for nothing."""
+    return " and ".join(dict.fromkeys(WHAT_IS_LOST[m.stage] for m in mishaps.of(*DECISIVE)))
 
 
 def _with_faults(verdict: Verdict, sentence: str, faults: Sequence[Fault]) -> tuple[Verdict, str]:

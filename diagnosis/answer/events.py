@@ -16,12 +16,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from zwidth.diagnosis.answer.headline import place_in_words, said
 from zwidth.diagnosis.answer.result import Estimate
 from zwidth.diagnosis.fitting.uncertainty import Z95
 from zwidth.diagnosis.intake.take_in import Taken
+from zwidth.diagnosis.learning.event_edges import edges
 from zwidth.diagnosis.learning.event_force import Happened
 from zwidth.diagnosis.learning.events import FitOn, happenings, highest, with_events
 from zwidth.diagnosis.mishaps import Say, attempt
@@ -46,7 +46,6 @@ AT_AN_END = 0.03  # of the travel, within which a stop is
 MEAN_S = 0.02  # over which the largest force is a mean: of single ticks little is known
 BESIDE_S = 0.02  # over which speed is told, before and after
 PICTURE_S = 0.3  # about an event, in a picture
-EDGES = 40  # times at which it is asked whether a force has begun
 HIT, STOP, JAM, TOUCH, PUSH, SLIP = "hit", "stop", "jam", "touch", "push", "slip"
 
 
@@ -328,11 +327,15 @@ def _all_said(
     if not known:
         return ()
     h = judged(with_events(every, known), best.model, best.x)
-    events = [_said(one, every[one.recording], h) for one in known]
+    events: list[Event] = []
+    for i, one in enumerate(known):
+        others = with_events(every, [*known[:i], *known[i + 1 :]])
+        events.append(_said(one, every[one.recording], h, replace(h, experiments=others)))
     return tuple(sorted(events, key=lambda event: (event.recording, event.at)))
 
 
-def _said(one: Happened, e: Experiment, h: Hypothesis) -> Event:
+def _said(one: Happened, e: Experiment, h: Hypothesis, without: Hypothesis) -> Event:
+    """An event as an answer says it. without: the hypothesis on recordings that lack it alone."""
     rotary = h.model.nominal.rotary
     force, length = ("N m", "rad") if rotary else ("N", "m")
     masses = h.model.nominal.chain.masses.size
@@ -349,7 +352,7 @@ def _said(one: Happened, e: Experiment, h: Hypothesis) -> Event:
     energy = _estimate(f @ way, np.sqrt(way @ c @ way + (noise * np.linalg.norm(steps)) ** 2), "J")
     row = means[largest]
     most = _estimate(row @ f, np.sqrt(row @ c @ row), force)
-    begins, ends = _edges(f, c)
+    begins, ends = edges(without, one)
     kind = _kind(one, q, period, begins[1], ends[1], impulse.value)
     short = kind in (HIT, STOP, PUSH)
     start = e.begins + period * first
@@ -425,41 +428,6 @@ def _motion(one: Happened, h: Hypothesis) -> tuple[Floats, float]:
             states = followed(device, model.seen(e, h.x), h.noise.observer.gain)
         total = total + sign * states[:, mass]
     return np.append(total, 2.0 * total[-1] - total[-2]), noise
-
-
-Edge = tuple[float, float, float]  # first, likeliest, last
-
-
-def _edges(f: Floats, c: Floats) -> tuple[Edge, Edge]:
-    """Return when a force begins and ends, in ticks from the first of it, with 95 % intervals.
-
-    It has begun where doing without it up to there costs more than chance allows (Wald's test). A
-    hat that is needed reaches from the knot before its own: it begins anywhere between them.
-    """
-    ticks = f.size
-    values = np.linalg.eigvalsh(c)
-    knots = ticks / max(1, int(np.count_nonzero(values > 1e-9 * values[-1])))
-
-    def begun(f: Floats, c: Floats) -> Edge:
-        counts = np.unique(np.linspace(1, ticks, min(ticks, EDGES)).round().astype(np.int64))
-        before = 0
-        for count in counts.tolist():
-            values, vectors = np.linalg.eigh(c[:count, :count])
-            kept = values > 1e-9 * values.max()
-            told = vectors[:, kept].T @ f[:count]
-            if np.sum(told**2 / values[kept]) > chi2.ppf(0.975, int(kept.sum())):
-                last = min(float(ticks), before + knots + 1.0)
-                return max(0.0, before - knots), min(before + 0.5 * knots, last), last
-            before = count
-        return 0.0, 0.0, float(ticks)
-
-    first, at, last = begun(f, c)
-    end, until, sooner = begun(f[::-1], c[::-1, ::-1])
-    ends = ticks - sooner, ticks - until, ticks - end
-    if ends[1] <= at:  # hardly there: anywhere in what was asked
-        middle = 0.5 * (at + ends[1])
-        return (first, max(0.0, middle - 0.5), last), (ends[0], min(ticks, middle + 0.5), ends[2])
-    return (first, at, last), ends
 
 
 def _means(ticks: int, over: int) -> Floats:

@@ -251,7 +251,7 @@ def _force(
     def white(f: Floats) -> Floats:
         return window.white(whole @ f, row)
 
-    found = _solved(white, window.unknown, _units(white, window.unknown, count))
+    found = solved(white, window.unknown, units(white, window.unknown, count))
     happened = Happened(
         recording, source, first, last, basis @ found.f, wide * basis @ found.covariance @ basis.T,
         found.gained / wide - count, (first, last),
@@ -280,18 +280,18 @@ def _slip(
         return window.white(None, row, size[:, None] * row)
 
     r, unit = window.unknown, np.full(1, 1e-6)
-    taken, units = np.zeros(len(ticks)), list[Floats]()
+    taken, each = np.zeros(len(ticks)), list[Floats]()
     for k, at in enumerate(ticks):
-        unit = _units(partial(white, at=at), r, 1, unit[0])
+        unit = units(partial(white, at=at), r, 1, unit[0])
         slope = (white(unit, at) - r) / unit[0]
         taken[k] = float(slope @ r) ** 2 / max(float(slope @ slope), 1e-300)
-        units.append(unit)
-    solved: dict[int, _Solved] = {}
+        each.append(unit)
+    fits: dict[int, Solved] = {}
 
     def chi2(k: int) -> float:
-        if k not in solved:
-            solved[k] = _solved(partial(white, at=ticks[k]), r, units[k])
-        return solved[k].chi2 / wide
+        if k not in fits:
+            fits[k] = solved(partial(white, at=ticks[k]), r, each[k])
+        return fits[k].chi2 / wide
 
     best = int(np.argmax(taken))
     for way in (1, -1):
@@ -299,8 +299,8 @@ def _slip(
         while 0 <= k + way < len(ticks) and chi2(k + way) < chi2(best) + DATED:
             k += way
             best = k if chi2(k) < chi2(best) else best
-    least, at, found = chi2(best), ticks[best], solved[best]
-    near = [ticks[k] for k in solved if chi2(k) < least + DATED]
+    least, at, found = chi2(best), ticks[best], fits[best]
+    near = [ticks[k] for k in fits if chi2(k) < least + DATED]
     happened = Happened(
         recording, source, at, at + 1, found.f, wide * found.covariance, found.gained / wide,
         (min(near) - 1.0, float(max(near))),
@@ -308,7 +308,7 @@ def _slip(
     return _Tried(happened, least + 1.0 + 2.0 * math.log(window.rows))
 
 
-class _Solved(NamedTuple):
+class Solved(NamedTuple):
     """f (k,) of the least squares, its covariance, the chi-square there and what it gained."""
 
     f: Floats
@@ -317,14 +317,22 @@ class _Solved(NamedTuple):
     gained: float
 
 
-def _solved(white: Callable[[Floats], Floats], unknown: Floats, unit: Floats) -> _Solved:
-    """Return the least squares; unknown: the residual of no force; unit (k,): see `_units`.
+def solved(
+    white: Callable[[Floats], Floats],
+    unknown: Floats,
+    unit: Floats,
+    begin: Floats | None = None,
+) -> Solved:
+    """Return the least squares; unknown: the residual of no force; unit (k,): see `units`.
 
-    Steps are as large as noise hides: what sticks under less moves under them.
+    Steps are as large as noise hides: what sticks under less moves under them. begin (k,): where
+    they set out, None for no force.
     """
     count, f, r = unit.size, np.zeros(unit.size), unknown
     start = float(r @ r)
-    least, damping = start, 0.0
+    if begin is not None:
+        f, r = begin, white(begin)
+    least, damping = float(r @ r), 0.0
     size = np.full(count, np.inf)
     slopes = np.zeros((r.size, count))
     for _ in range(STEPS):
@@ -332,7 +340,8 @@ def _solved(white: Callable[[Floats], Floats], unknown: Floats, unit: Floats) ->
                                   for j, row in enumerate(np.eye(count))])  # fmt: skip
         if not np.all(np.isfinite(size)):
             first = np.linalg.lstsq(slopes, -r, rcond=1e-6)[0]
-            size = np.full(count, FAR * max(float(np.abs(first).max()), float(unit.max())))
+            seen = max(float(np.abs(f + first).max()), float(unit.max()))
+            size = np.full(count, FAR * seen)
         normal = slopes.T @ slopes + np.diag(1.0 / size**2)
         pull = slopes.T @ r + f / size**2
         while damping < 1e6:
@@ -348,14 +357,17 @@ def _solved(white: Callable[[Floats], Floats], unknown: Floats, unit: Floats) ->
         if gained < WORTH:
             break
     covariance = np.asarray(np.linalg.inv(slopes.T @ slopes + np.diag(1.0 / size**2)), np.float64)
-    return _Solved(f, covariance, least, start - least)
+    return Solved(f, covariance, least, start - least)
 
 
-def _units(
+def units(
     white: Callable[[Floats], Floats], unknown: Floats, count: int, start: float = 1e-6
 ) -> Floats:
-    """By how much each number (count,) moves the residual by about one; sought from `start` on."""
-    units = np.zeros(count)
+    """Return by how much each number (count,) moves the residual by about one.
+
+    start: from where on that is sought.
+    """
+    found = np.zeros(count)
     unit = start
     for j, row in enumerate(np.eye(count)):
         for _ in range(3):
@@ -367,5 +379,5 @@ def _units(
                     break
             else:
                 unit *= 1e3
-        units[j] = unit
-    return units
+        found[j] = unit
+    return found
