@@ -27,7 +27,7 @@ from zwidth.diagnosis.selection.effort import Effort
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, Prices, judged
 from zwidth.sim.device import place_label
 from zwidth.sim.physics import richer_at
-from zwidth.sim.physics.effect import Physics
+from zwidth.sim.physics.effect import Effect, Physics
 from zwidth.sim.place import label_of
 
 Floats = NDArray[np.float64]
@@ -173,7 +173,9 @@ def simpler(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
 def split(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
     """Yield the hypothesis with each effect in turn as two of those that it contains.
 
-    A constant force and Coulomb friction are a directional friction of other levels.
+    A constant force and Coulomb friction are a directional friction of other levels; and in place
+    of one of the two stands each other law of its family that contains it, as friction that rises
+    with speed. One at a time they would pass through the two simple ones, which explain less.
     """
     device = h.model.build(h.x)
     fitted = h.model.effects_at(h.x)
@@ -183,15 +185,23 @@ def split(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
         held = [
             (effect, place)
             for effect, place in open_places(model.build(x))
-            if effect.name in physics.effect.contains and place.acts_on == physics.place.acts_on
+            if _shares(effect, physics.effect) and place.acts_on == physics.place.acts_on
         ]
         for pair in combinations(held, 2):
+            if pair[0][0].family == pair[1][0].family != "":  # two laws of the same thing
+                continue
             whole = Proposal(h.experiments, model, x, h.family, h.problem, h.ratio, h.prices)
             for one in pair:
                 (starts,) = starts_at([one], sizes, far=True).values()
                 every = [*starts, *_as_strong(starts, fitted[i])]
                 (whole,) = _among(h, whole.model, whole.x, every)
             yield whole
+
+
+def _shares(effect: Effect, whole: Effect) -> bool:
+    """Whether an effect is a part of one, or another law of its family that has such a part."""
+    alike = effect is not whole and effect.family == whole.family != ""
+    return effect.name in whole.contains or (alike and bool({*effect.contains} & {*whole.contains}))
 
 
 def merged(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
