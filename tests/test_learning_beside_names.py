@@ -11,7 +11,7 @@ from scipy.stats import chi2
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.answer.friction_curve import friction_curve
 from zwidth.diagnosis.answer.learned import like_what
-from zwidth.diagnosis.learning.curves import Learned, learn
+from zwidth.diagnosis.learning.curves import Learned, learn, replacing
 from zwidth.diagnosis.learning.energy import makes_energy, powers
 from zwidth.diagnosis.learning.knots import known, one_way, shapes
 from zwidth.diagnosis.learning.steady import along
@@ -120,6 +120,41 @@ def test_friction_stays_beside_a_drag_and_both_are_one_law() -> None:
     (like, *_), both = like_what(curve)
     assert both
     assert like.form.rubs
+
+
+def two_named(*there: Physics) -> Search:
+    """A search that has named dry friction and a quadratic drag, whatever there is."""
+    model = Model(DEVICE)
+    fit = recording(*there)
+    plain = settled(judged([fit], model, np.zeros(len(model.parameters))))
+    drag = make_physics("quadratic_drag", "m1", coefficient=0.3)
+    richer = model.with_effect(RUBS, {"level": 0.4}).with_effect(drag, {"coefficient": 0.1})
+    best = settled(judged([fit], richer, np.append(plain.x, [0.0, 0.0])))
+    return Search(plain, best, QUICK, silent)
+
+
+def test_a_law_replaces_names_that_stand_in_for_it() -> None:
+    """A drag of one direction, which friction and a quadratic drag come near together.
+
+    Mutation that breaks it: a law held against what is plain alone, and its names kept.
+    """
+    v = np.linspace(-3.0, 3.0, 25)
+    found = two_named(table("free_damper", "m1", v, -0.6 * np.maximum(v, 0.0) ** 1.5, odd=False))
+    assert found.best.cost.total < found.plain.cost.total
+    curve = next(replacing(found, silent))
+    assert curve.names == ()
+    assert curve.replaced == ("coulomb_friction at m1", "quadratic_drag at m1")
+    assert curve.hypothesis.cost.total < found.best.cost.total
+    off = law_at(curve.physics, v) + 0.6 * np.maximum(v, 0.0) ** 1.5
+    off -= np.polynomial.polynomial.polyval(v, np.polynomial.polynomial.polyfit(v, off, 1))
+    assert np.abs(off[3:-3]).max() < 0.05 * 0.6 * 3.0**1.5
+
+
+def test_no_law_replaces_names_that_are_there() -> None:
+    """Mutation that breaks it: a law held against the device file alone, and not against names."""
+    drag = make_physics("quadratic_drag", "m1", coefficient=0.3)
+    found = two_named(RUBS, drag)
+    assert next(replacing(found, silent), None) is None
 
 
 def test_a_change_goes_that_a_law_explains() -> None:

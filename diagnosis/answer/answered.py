@@ -14,7 +14,7 @@ from zwidth.diagnosis.answer.findings import all_findings, linear, upper_bounds
 from zwidth.diagnosis.answer.headline import Answer, headline
 from zwidth.diagnosis.answer.held_out import held_out
 from zwidth.diagnosis.answer.inverse import force_errors
-from zwidth.diagnosis.answer.learned import LearnedLaw, learned
+from zwidth.diagnosis.answer.learned import LearnedLaw, learned, replacement
 from zwidth.diagnosis.answer.lost import knowing_losses
 from zwidth.diagnosis.answer.result import (
     UNKNOWN_FIT,
@@ -113,8 +113,17 @@ def answered(
     if verdict is Verdict.UNKNOWN_PHYSICS or strays:
         findings = tuple(f.without_probability() for f in findings)
         law, stopped = _law_of_no_name(device, by, taken, free, say)
-    elif verdict in NAMED and any(f.effect == "force_ripple" for f in findings):
-        law, stopped = _law_of_no_name(device, by, taken, free, say, turns=True)
+    elif verdict in NAMED:
+        law, stopped = _law_for_names(device, by, taken, free, say)
+        if law is not None:
+            verdict, sentence = Verdict.UNKNOWN_PHYSICS, _rather_than(findings, law)
+            findings = tuple(
+                f.without_probability()
+                for f in findings
+                if f"{f.effect} at {f.at}" not in law.curve.replaced
+            )
+        elif any(f.effect == "force_ripple" for f in findings) and not stopped:
+            law, stopped = _law_of_no_name(device, by, taken, free, say, turns=True)
     if law is not None:
         runs = attempt("whole runs", "", partial(free_runs, law=law.found)) or runs
         if verdict is Verdict.UNDECIDED:  # what was said of chance no longer stands
@@ -126,9 +135,8 @@ def answered(
     lost = " and ".join(dict.fromkeys(WHAT_IS_LOST[m.stage] for m in mishaps.of(*DECISIVE)))
     masses = device.chain.masses.size
     law_in_words = "" if law is None else law.headline(masses, device.rotary)
-    named = [
-        f for f in findings if law is None or f"{f.effect} at {f.at}" not in law.curve.absorbed
-    ]
+    gone = () if law is None else law.curve.replaced
+    named = [f for f in findings if f"{f.effect} at {f.at}" not in gone]
     said_of = Answer(
         verdict, named, refit, faults, masses, left, other, sound, free, lost, law_in_words
     )
@@ -225,6 +233,29 @@ def _law_of_no_name(
         return attempt("learn", "a law of no name", learning), False
     except KeyboardInterrupt:
         return None, True
+
+
+def _law_for_names(
+    device: Device, found: Searched, taken: Taken, free: HeldOut, say: Say
+) -> tuple[LearnedLaw | None, bool]:
+    """A law that explains better what several names do, and whether it was interrupted."""
+    if found.interrupted:
+        return None, True
+    try:
+        asking = partial(replacement, device, found, taken.judge_by, free, say)
+        return attempt("learn", "a law of no name", asking), False
+    except KeyboardInterrupt:
+        return None, True
+
+
+def _rather_than(findings: Sequence[Finding], law: LearnedLaw) -> str:
+    """Say which names a law stands for."""
+    gone = law.curve.replaced
+    names = [n for f in findings if (n := f"{f.effect} at {f.at}") in gone]
+    return (
+        f"something is missing that no effect of the library explains: {' and '.join(names)}"
+        f" together come near it, and one law over {law.over.rstrip(',')} explains it better"
+    )
 
 
 def _augmented(taken: Taken, found: Searched, findings: Sequence[Finding]) -> Device:

@@ -58,6 +58,7 @@ from zwidth.sim.physics.free_law import AT, FORCE, KNOTS, points_of
 Floats = NDArray[np.float64]
 FEW = 7  # points, where the recordings do not tell all of a table's
 OF_A_TURN = 12  # points of what repeats: a ripple of six periods a turn
+FEWER = 2  # names, that a law must stand for to replace them where they explain a recording
 ASKED = 3  # places and states that are fitted, beside each set of names
 HOPE = 20.0  # -2 ln, that a law may cost more than names before these are asked beside it
 BEHIND = 200.0  # the same, that a law without names may cost more than beside them
@@ -84,6 +85,7 @@ class Learned:
     seen: Floats
     names: tuple[str, ...]
     absorbed: tuple[str, ...]
+    replaced: tuple[str, ...]
     together: Together | None
     gained: float
     hypothesis: Hypothesis
@@ -132,6 +134,23 @@ def learn(found: Search, say: Say) -> Learned | None:
     return next(laws(found, say), None)
 
 
+def replacing(found: Search, say: Say) -> Iterator[Learned]:
+    """Yield laws that are believed over names of which they need two or more no longer.
+
+    Each in the place of all names; beside them as well, and then of those that pay, where there are
+    so many that one may stay.
+    """
+    many = len(found.best.model.effects)
+    if many < FEWER:
+        return
+    bases = [found.best] * (many > FEWER) + [found.plain]
+    for curve in _believed_laws(found, bases, say, False):
+        h = curve.hypothesis
+        less = len(curve.replaced) >= FEWER
+        if less and believed(h.cost, found.best.cost, against(h, found.best).phi):
+            yield curve
+
+
 def laws(found: Search, say: Say, turns: bool = False) -> Iterator[Learned]:
     """Yield laws of no name that are believed over the names, each of another place or state.
 
@@ -139,7 +158,14 @@ def laws(found: Search, say: Say, turns: bool = False) -> Iterator[Learned]:
     place.
     """
     bases = [found.best] + [found.plain] * bool(found.best.model.effects)
-    least = min(bases, key=lambda h: h.cost.total)
+    yield from _believed_laws(found, bases, say, turns)
+
+
+def _believed_laws(
+    found: Search, bases: Sequence[Hypothesis], say: Say, turns: bool
+) -> Iterator[Learned]:
+    """The same beside what each of some bases has."""
+    least = min((found.best, found.plain), key=lambda h: h.cost.total)
     begun: dict[tuple[str, str, float], list[Begun]] = {}
     for base in bases:
         for h, site in [] if turns else _over_states(base, say):
@@ -351,6 +377,7 @@ def as_learned(h: Hypothesis, site: Site, without: Hypothesis, found: Search) ->
     )
     return Learned(
         law, states, forces, forces - half, forces + half, known, seen, names, absorbed,
+        tuple(f"{p.effect.name} at {p.at}" for p in gone),
         _together(h, law, seen), without.cost.total - h.cost.total, h,
     )  # fmt: skip
 
