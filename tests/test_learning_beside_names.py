@@ -122,6 +122,38 @@ def test_friction_stays_beside_a_drag_and_both_are_one_law() -> None:
     assert like.form.rubs
 
 
+def test_a_law_of_many_periods_is_learned_as_one_turn() -> None:
+    """Of eight turns over what was seen. Mutation that breaks it: no law of one turn is tried."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
+    turn = table("free_damper", "m1", 0.6 * angle / (2.0 * np.pi), 0.7 * np.sin(angle), False, 0.6)
+    curve = learn(bare(turn), silent)
+    assert curve is not None
+    assert curve.period == pytest.approx(0.6, rel=0.01)
+    v = np.linspace(-2.0, 2.0, 200)
+    off = law_at(curve.physics, v) - 0.7 * np.sin(2.0 * np.pi * v / 0.6)
+    off -= np.polynomial.polynomial.polyval(v, np.polynomial.polynomial.polyfit(v, off, 1))
+    assert np.std(off) < 0.1 * 0.5
+
+
+def test_points_go_where_a_law_bends() -> None:
+    """A bump of a twentieth of the range. Mutation that breaks it: points are added only once."""
+    v = np.linspace(-3.0, 3.0, 4001)
+    s = np.concatenate([[-3.0], np.linspace(0.55, 1.25, 30), [3.0]])
+    bump = table("free_damper", "m1", s, np.exp(-0.5 * ((s - 0.9) / 0.08) ** 2), False)
+    curve = learn(bare(bump), silent)
+    assert curve is not None
+    off = law_at(curve.physics, v) - law_at(bump, v)
+    off -= np.polynomial.polynomial.polyval(v, np.polynomial.polynomial.polyfit(v, off, 1))
+    assert np.abs(off[np.abs(v) < 2.0]).max() < 0.12
+
+
+def bare(*there: Physics) -> Search:
+    """A search that has named nothing of a recording with some physics."""
+    model = Model(DEVICE)
+    plain = settled(judged([recording(*there)], model, np.zeros(len(model.parameters))))
+    return Search(plain, plain, QUICK, silent)
+
+
 def two_named(*there: Physics) -> Search:
     """A search that has named dry friction and a quadratic drag, whatever there is."""
     model = Model(DEVICE)
@@ -151,10 +183,15 @@ def test_a_law_replaces_names_that_stand_in_for_it() -> None:
 
 
 def test_no_law_replaces_names_that_are_there() -> None:
-    """Mutation that breaks it: a law held against the device file alone, and not against names."""
+    """Though one would, of names that cost as much as the device file alone.
+
+    Mutation that breaks it: a law held against the device file alone, and not against names.
+    """
     drag = make_physics("quadratic_drag", "m1", coefficient=0.3)
     found = two_named(RUBS, drag)
     assert next(replacing(found, silent), None) is None
+    found.best = replace(found.best, cost=found.plain.cost)
+    assert next(replacing(found, silent), None) is not None
 
 
 def test_a_change_goes_that_a_law_explains() -> None:

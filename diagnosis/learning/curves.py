@@ -4,7 +4,8 @@ Where no name is adequate, what is missing is let in as a table of points (`sim/
 over position or velocity at each mass, over what each link gives way, over the command, over what
 the sensor reads, and over one turn of what a ripple repeats by. Where such a table gains most is
 told to first order (`where`). The best are fitted to their end, observer and linear parameters with
-them, and cost what every hypothesis costs; of those that stay with twice as many points as well.
+them, and cost what every hypothesis costs; of those that stay with twice as many points as well,
+and as what repeats (`repeating`).
 
 Names come first, and under a law that none of them is they take what they can of it: friction the
 step of a piecewise line. So the table is fitted beside the names and in the place of all of them,
@@ -35,6 +36,7 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.fitting.uncertainty import Z95, covariance, covariance_of_scale
 from zwidth.diagnosis.forces.leftover import predicted_states
 from zwidth.diagnosis.learning.knots import one_way, shapes, spared, tempered
+from zwidth.diagnosis.learning.repeating import OF_A_TURN, turns_of
 from zwidth.diagnosis.learning.steady import along
 from zwidth.diagnosis.learning.tables import is_odd, law_at, left_out, points_over, table
 from zwidth.diagnosis.learning.together import Together, follows, together
@@ -57,7 +59,7 @@ from zwidth.sim.physics.free_law import AT, FORCE, KNOTS, points_of
 
 Floats = NDArray[np.float64]
 FEW = 7  # points, where the recordings do not tell all of a table's
-OF_A_TURN = 12  # points of what repeats: a ripple of six periods a turn
+REFINED = 3  # times that points are put between those that pay
 FEWER = 2  # names, that a law must stand for to replace them where they explain a recording
 ASKED = 3  # places and states that are fitted, beside each set of names
 HOPE = 20.0  # -2 ln, that a law may cost more than names before these are asked beside it
@@ -69,10 +71,12 @@ TELLING = MANY  # states at which what acts together is worked out: more tell no
 class Learned:
     """A law that was learned, with what it is beside the names.
 
-    states, forces, lower, upper (points,): the curve and its 95 % band; covariance (points, points)
-    of the forces. seen (samples,): the states that were visited. names: that stay beside it;
-    absorbed: that were part of the curve, as it turned out. together: the curve with the names that
-    follow the same state there, None where none does. one_way: whether it is held to rise or fall.
+    states, forces, lower, upper (points,): the curve and its 95 % band, from the point that is held
+    where a constant is another origin; covariance (points, points) of the forces. seen (samples,):
+    the states that were visited. names: that stay beside it; absorbed: that were part of the curve,
+    as it turned out; replaced: these, and all others that are not needed beside it. together: the
+    curve with the names that follow the same state there, None where none does. one_way: whether it
+    is held to rise or fall.
     gained: over the names alone, in -2 ln, all paid.
     """
 
@@ -177,9 +181,9 @@ def _believed_laws(
             break
         likely = [one for one in each if _promise([one]) < _promise(each) + BEHIND]
         full = [(_without_changes(_without_names(found, h)), site) for h, site in likely]
-        full = [(_finer(h, site), site) for h, site in full]
+        full = [_turning(_finer(h, site), site) for h, site in full]
         phi = against(min((h for h, _ in full), key=lambda h: h.cost.total), least).phi
-        shaped = [(_shaped(h, site, phi), site) for h, site in full]
+        shaped = [(_refined(h, site, phi), site) for h, site in full]
         best = min(shaped, key=lambda one: tempered(one[0], phi))
         best = _absorbing(*best, phi), best[1]
         if not found.ahead(best[0], least) or _is_line(*best, say):
@@ -340,6 +344,34 @@ def _without_changes(h: Hypothesis) -> Hypothesis:
     return h
 
 
+def _turning(h: Hypothesis, site: Site) -> Begun:
+    """The same as what repeats, where one turn with the points that pay costs less."""
+    best = h, site
+    for law, scale in turns_of(h):
+        there = replace(site, period=law.values["period"], scale=scale)
+        other = _in_its_place(h, there, law)
+        if other is not None and _promise([(other, there)]) < _promise([best]):
+            best = other, there
+    return best
+
+
+def _refined(h: Hypothesis, site: Site, phi: float) -> Hypothesis:
+    """The same with the points that pay, and with those between them that do, in turn.
+
+    Of points that stand where little happens some go, and their neighbours get nearer to where much
+    does: a corner, or a bump that is narrower than points were at first.
+    """
+    best = h = _shaped(h, site, phi)
+    for _ in range(REFINED):
+        more = _finer(h, site)
+        if more is h:
+            break
+        phi = against(more, h).phi
+        h = _shaped(more, site, phi)
+        best = min((best, more, h), key=lambda one: tempered(one, phi))
+    return best
+
+
 def _shaped(h: Hypothesis, site: Site, phi: float) -> Hypothesis:
     """The same law with the points that pay, odd where that is likelier."""
     best = h
@@ -369,6 +401,8 @@ def as_learned(h: Hypothesis, site: Site, without: Hypothesis, found: Search) ->
     half = Z95 * np.sqrt(np.diag(known))
     states = np.array([law.values[key] for key in AT[:count]])
     forces = np.array([law.values[key] for key in FORCE[:count]])
+    if site.floats and not is_odd(law):  # any constant is as good, and a formula may have its own
+        known += float(np.ptp(forces)) ** 2
     beside = {f"{p.effect.name} at {p.at}" for p in h.model.effects[:-1]}
     names = tuple(sorted(beside))
     gone = [p for p in found.best.model.effects if f"{p.effect.name} at {p.at}" not in beside]
