@@ -147,6 +147,23 @@ def test_points_go_where_a_law_bends() -> None:
     assert np.abs(off[np.abs(v) < 2.0]).max() < 0.12
 
 
+def test_a_constant_that_is_another_origin_is_held() -> None:
+    """Of a command on a mass that a spring ties to the ground: the curve is told but for a level.
+
+    Mutation that breaks it: no point is held.
+    """
+    u = np.linspace(-14.0, 14.0, 25)
+    added = -0.02 * u * np.abs(u) + 0.8 * np.cos(u / 2.5)
+    curve = learn(bare(table("free_amplifier", "command", u, added, False)), silent)
+    assert curve is not None
+    assert curve.physics.effect.name == "free_amplifier"
+    assert np.sum(curve.forces == 0.0) == 1
+    off = curve.forces - np.interp(curve.states, u, added)
+    line = np.polynomial.polynomial.polyfit(curve.states, off, 1)
+    assert np.abs(off - np.polynomial.polynomial.polyval(curve.states, line)).max() < 0.05
+    assert curve.covariance.min() > 0.5 * np.ptp(curve.forces) ** 2  # a level, of all together
+
+
 def bare(*there: Physics) -> Search:
     """A search that has named nothing of a recording with some physics."""
     model = Model(DEVICE)

@@ -394,12 +394,12 @@ def as_learned(h: Hypothesis, site: Site, without: Hypothesis, found: Search) ->
         if p.kind == "effect" and p.index == index and p.key in FORCE
     ]
     which, points, scales = (np.array(column) for column in zip(*own, strict=True))
-    spread = _spread(h, site, which, scales)
+    states = np.array([law.values[key] for key in AT[:count]])
+    spread = _spread(h, site, which, scales, states[points])
     known = np.zeros((count, count))
     known[np.ix_(points, points)] = spread
     known += np.diag(left_out(law) ** 2)
     half = Z95 * np.sqrt(np.diag(known))
-    states = np.array([law.values[key] for key in AT[:count]])
     forces = np.array([law.values[key] for key in FORCE[:count]])
     if site.floats and not is_odd(law):  # any constant is as good, and a formula may have its own
         known += float(np.ptp(forces)) ** 2
@@ -416,8 +416,10 @@ def as_learned(h: Hypothesis, site: Site, without: Hypothesis, found: Search) ->
     )  # fmt: skip
 
 
-def _spread(h: Hypothesis, site: Site, which: NDArray[np.int64], scales: Floats) -> Floats:
-    """Covariance (points, points) of what is free of a law.
+def _spread(
+    h: Hypothesis, site: Site, which: NDArray[np.int64], scales: Floats, s: Floats
+) -> Floats:
+    """Covariance (points, points) of what is free of a law, at states s (points,).
 
     A law u + f(u) over the command is known but for a scale c, c u + c f(u) = u + g(u): its bends
     are said for the m1 that was fitted, and what c adds to it is a straight line.
@@ -426,8 +428,6 @@ def _spread(h: Hypothesis, site: Site, which: NDArray[np.int64], scales: Floats)
     if site.effect != "free_amplifier":
         return told
     own = covariance_of_scale(h.fitted, 0)[np.ix_(which, which)] * np.outer(scales, scales)
-    law = h.model.effects_at(h.x)[-1]
-    s = np.array(points_of(law.values))[int(is_odd(law)) :, 0]
     slope = float(s @ told @ s) / float(s @ s) ** 2
     return own + slope * np.outer(s, s)
 

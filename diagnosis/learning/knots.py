@@ -44,7 +44,7 @@ JUDGED = 1e-9  # of the largest of P, that is added to its diagonal: a sum of fo
 class Known:
     """What a fit knows of the table that it has last: places in x, scales, forces, precision P.
 
-    held: whether one of its points is, since a constant is another origin; P is of differences then.
+    held: whether one of its points is, as a constant is another origin; P is of differences then.
     """
 
     which: NDArray[np.int64]

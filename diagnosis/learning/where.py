@@ -95,13 +95,14 @@ def _floats(base: Hypothesis, effect: str, at: str) -> bool:
     """Whether a constant in a law is the same as another origin.
 
     A constant force on a mass that a spring ties to the ground is, as far as positions show: on
-    the first mass, and on others where one position alone is measured. So is one in the reading.
+    the first mass, and on others where one position alone is measured. So is one in the command,
+    which acts on the first mass, and one in the reading.
     Of a law over a position another origin moves the states as well: no point of it is held.
     """
     tied = base.model.build(base.x).chain.ground_spring > 0.0
-    if not tied or effect not in ("free_damper", "free_sensor"):
+    if not tied or effect == "free_spring":
         return False
-    if effect == "free_sensor":
+    if effect in ("free_sensor", "free_amplifier"):
         return True
     place = place_at(at)
     alone = sum(o.tells_position for o in base.experiments[0].outputs) == 1
