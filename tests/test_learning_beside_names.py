@@ -164,6 +164,19 @@ def test_a_constant_that_is_another_origin_is_held() -> None:
     assert curve.covariance.min() > 0.5 * np.ptp(curve.forces) ** 2  # a level, of all together
 
 
+def test_a_law_over_position_is_said_as_the_file_counts_positions() -> None:
+    """A bump beside a ground spring. Mutation that breaks it: said from the origin as fitted."""
+    q = np.linspace(-0.6, 0.6, 31)
+    bump = 0.8 * np.exp(-0.5 * ((q - 0.044) / 0.074) ** 2)
+    curve = learn(bare(table("free_spring", "m1", q, bump, False)), silent)
+    assert curve is not None
+    (like, *_), _ = like_what(curve)
+    assert like.form.name == "bump"
+    assert like.numbers["m"] == pytest.approx(0.044, abs=0.003)
+    assert like.numbers["a"] == pytest.approx(0.8, rel=0.03)
+    assert abs(like.numbers["c"]) < 0.05
+
+
 def bare(*there: Physics) -> Search:
     """A search that has named nothing of a recording with some physics."""
     model = Model(DEVICE)

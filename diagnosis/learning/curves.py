@@ -52,7 +52,13 @@ from zwidth.diagnosis.learning.where import (
 from zwidth.diagnosis.mishaps import Say, attempt
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.selection.evidence import ALPHA, believed
-from zwidth.diagnosis.selection.hypothesis import Hypothesis, against, judged, settled
+from zwidth.diagnosis.selection.hypothesis import (
+    Hypothesis,
+    against,
+    judged,
+    priced,
+    settled,
+)
 from zwidth.diagnosis.selection.search import Search
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.free_law import AT, FORCE, KNOTS, points_of
@@ -60,6 +66,7 @@ from zwidth.sim.physics.free_law import AT, FORCE, KNOTS, points_of
 Floats = NDArray[np.float64]
 FEW = 7  # points, where the recordings do not tell all of a table's
 REFINED = 3  # times that points are put between those that pay
+SAME = 1.0  # -2 ln, within which the same law as another origin has it is the same
 FEWER = 2  # names, that a law must stand for to replace them where they explain a recording
 ASKED = 3  # places and states that are fitted, beside each set of names
 HOPE = 20.0  # -2 ln, that a law may cost more than names before these are asked beside it
@@ -188,7 +195,8 @@ def _believed_laws(
         best = _absorbing(*best, phi), best[1]
         if not found.ahead(best[0], least) or _is_line(*best, say):
             continue
-        yield as_learned(one_way(best[0], phi), best[1], least, found)
+        law = _as_the_file_counts(one_way(best[0], phi), best[1])
+        yield as_learned(law, best[1], least, found)
 
 
 def _promise(begun: Sequence[Begun]) -> float:
@@ -370,6 +378,29 @@ def _refined(h: Hypothesis, site: Site, phi: float) -> Hypothesis:
         h = _shaped(more, site, phi)
         best = min((best, more, h), key=lambda one: tempered(one, phi))
     return best
+
+
+def _as_the_file_counts(h: Hypothesis, site: Site) -> Hypothesis:
+    """The same law over the position of a mass on a spring, as the device file counts positions.
+
+    Over q = y - d, d another origin, k the spring: -k q + f(q) = -k y + (f(y - d) + k d), so that
+    the curve moves by d with a constant k d, and nothing tells which is so. Limits: of the first
+    mass, with nothing beside the law that may follow a position.
+    """
+    law, swings = h.model.effects_at(h.x)[-1], {e.swing for e in h.experiments}
+    k = h.model.build(h.x).chain.ground_spring
+    moves = site.effect == "free_spring" and site.at == "m1" and k > 0.0 and not is_odd(law)
+    if not moves or len(h.model.effects) > 1 or len(swings) > 1:
+        return h
+    by = h.model.reads(h.x).origin * swings.pop()
+    s, f = np.array(points_of(law.values)).T
+    moved = table(site.effect, site.at, s + by, f + k * by, False, law.values["period"])
+    model, x = h.model.less(h.x, len(h.model.effects) - 1)
+    x = np.where([p.kind == "origin" for p in model.parameters], 0.0, x)
+    model, x = beside(model, x, site, moved)
+    near = h.family.near(h.ratio)
+    other = judged(h.experiments, model, model.within(x), h.family, near, h.prices)
+    return priced(other) if abs(other.cost.misfit - h.cost.misfit) < SAME else h
 
 
 def _shaped(h: Hypothesis, site: Site, phi: float) -> Hypothesis:
