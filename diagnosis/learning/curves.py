@@ -188,7 +188,8 @@ def _believed_laws(
             break
         likely = [one for one in each if _promise([one]) < _promise(each) + BEHIND]
         full = [(_without_changes(_without_names(found, h)), site) for h, site in likely]
-        full = [_turning(_finer(h, site), site) for h, site in full]
+        alike = {h.labels: (h, site) for h, site in sorted(full, key=_costs, reverse=True)}
+        full = [_turning(_finer(h, site), site) for h, site in alike.values()]
         phi = against(min((h for h, _ in full), key=lambda h: h.cost.total), least).phi
         shaped = [(_refined(h, site, phi), site) for h, site in full]
         best = min(shaped, key=lambda one: tempered(one[0], phi))
@@ -197,6 +198,10 @@ def _believed_laws(
             continue
         law = _as_the_file_counts(one_way(best[0], phi), best[1])
         yield as_learned(law, best[1], least, found)
+
+
+def _costs(begun: Begun) -> float:
+    return begun[0].cost.total
 
 
 def _promise(begun: Sequence[Begun]) -> float:
