@@ -244,6 +244,14 @@ def test_intervals_of_when_a_force_begins_hold_it(rises: int):
     assert np.median(long) < (25.0 if rises else 4.5)
 
 
+def test_of_a_force_that_does_not_show_no_time_is_said():
+    """What sticks moves nothing. Mutation that breaks it: values solved for as if all were told."""
+    lines = Polylines(np.zeros((30, 30)), np.zeros(30), 40.0, 40, 1.0)
+    (low, _, _), (_, _, high) = lines.edges(10, 20)
+    assert low <= 0.0
+    assert high >= 30.0
+
+
 def test_a_diagnosis_says_what_happened_and_bends_no_parameter():
     """Mutation that breaks it: no search after an event is known."""
     e, _ = recording(HIT)

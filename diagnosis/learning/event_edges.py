@@ -49,7 +49,7 @@ DATED = -2.0 * math.log(1.0 - math.sqrt(0.95))  # 7.35
 GRID = 16  # times that are asked first
 TURNS = 3  # of beginning and end, each with the other at its best
 HALF = 0.5  # a tick, from its first to where its force stands
-LITTLE = 1e-12  # of what is known, that is added: of what sticks nothing is
+LITTLE = 1e-12  # of what is known, that is nothing: of what sticks nothing is known
 
 Edge = tuple[float, float, float]  # first, likeliest, last
 
@@ -125,9 +125,8 @@ class Polylines:
         hats = hats if ends - begins > 1 else np.ones((1, 1))
         there = slice(begins, ends)
         a = hats @ self.squares[there, there] @ hats.T
-        a += LITTLE * float(np.trace(a)) * np.eye(a.shape[0])
         pull = hats @ self.pulls[there]
-        values = np.asarray(np.linalg.solve(a, pull), dtype=np.float64)
+        values = np.asarray(np.linalg.lstsq(a, pull, rcond=LITTLE)[0], dtype=np.float64)
         return _Polyline(self.rest - float(pull @ values), values, own, knots, hats)
 
     def _priced(self, begins: int, ends: int, inner: Knots) -> float:
@@ -224,7 +223,7 @@ def _sought(
     known = {k: cost(k) for k in sorted(set(begin)) if low <= k <= high}
     while True:
         best = min(known, key=lambda k: known[k])
-        inside = [k for k in known if known[k] < known[best] + DATED]
+        inside = [k for k in known if known[k] <= known[best] + DATED]
         gaps = ((min(inside), -1), (max(inside), 1), (best, -1), (best, 1))
         halves = [_halved(known, end, way, low, high) for end, way in gaps]
         asked = {k for k in halves if k is not None}
