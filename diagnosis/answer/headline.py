@@ -273,7 +273,7 @@ def _unknown(a: Answer) -> str:
 
 def _of_no_name(a: Answer, other: Instead) -> str:
     at = place_in_words(place_at(other.place), a.masses)
-    how = other.follows
+    how = other.follows.rstrip(",")  # which the sentence goes on after
     how = how if how.startswith(("repeats", "follows")) else f"follows {how}"
     return f"a force {at} that {how}, and is not {other.name.replace('_', ' ')}"
 
