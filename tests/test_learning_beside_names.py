@@ -11,7 +11,7 @@ from scipy.stats import chi2
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.answer.friction_curve import friction_curve
 from zwidth.diagnosis.answer.learned import like_what
-from zwidth.diagnosis.learning.curves import Learned, learn
+from zwidth.diagnosis.learning.curves import Learned, learn, replacing
 from zwidth.diagnosis.learning.energy import makes_energy, powers
 from zwidth.diagnosis.learning.knots import known, one_way, shapes
 from zwidth.diagnosis.learning.steady import along
@@ -120,6 +120,108 @@ def test_friction_stays_beside_a_drag_and_both_are_one_law() -> None:
     (like, *_), both = like_what(curve)
     assert both
     assert like.form.rubs
+
+
+def test_a_law_of_many_periods_is_learned_as_one_turn() -> None:
+    """Of eight turns over what was seen. Mutation that breaks it: no law of one turn is tried."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
+    turn = table("free_damper", "m1", 0.6 * angle / (2.0 * np.pi), 0.7 * np.sin(angle), False, 0.6)
+    curve = learn(bare(turn), silent)
+    assert curve is not None
+    assert curve.period == pytest.approx(0.6, rel=0.01)
+    v = np.linspace(-2.0, 2.0, 200)
+    off = law_at(curve.physics, v) - 0.7 * np.sin(2.0 * np.pi * v / 0.6)
+    off -= np.polynomial.polynomial.polyval(v, np.polynomial.polynomial.polyfit(v, off, 1))
+    assert np.std(off) < 0.1 * 0.5
+
+
+def test_points_go_where_a_law_bends() -> None:
+    """A bump of a twentieth of the range. Mutation that breaks it: points are added only once."""
+    v = np.linspace(-3.0, 3.0, 4001)
+    s = np.concatenate([[-3.0], np.linspace(0.55, 1.25, 30), [3.0]])
+    bump = table("free_damper", "m1", s, np.exp(-0.5 * ((s - 0.9) / 0.08) ** 2), False)
+    curve = learn(bare(bump), silent)
+    assert curve is not None
+    off = law_at(curve.physics, v) - law_at(bump, v)
+    off -= np.polynomial.polynomial.polyval(v, np.polynomial.polynomial.polyfit(v, off, 1))
+    assert np.abs(off[np.abs(v) < 2.0]).max() < 0.12
+
+
+def test_a_constant_that_is_another_origin_is_held() -> None:
+    """Of a command on a mass that a spring ties to the ground: the curve is told but for a level.
+
+    Mutation that breaks it: no point is held.
+    """
+    u = np.linspace(-14.0, 14.0, 25)
+    added = -0.02 * u * np.abs(u) + 0.8 * np.cos(u / 2.5)
+    curve = learn(bare(table("free_amplifier", "command", u, added, False)), silent)
+    assert curve is not None
+    assert curve.physics.effect.name == "free_amplifier"
+    assert np.sum(curve.forces == 0.0) == 1
+    off = curve.forces - np.interp(curve.states, u, added)
+    line = np.polynomial.polynomial.polyfit(curve.states, off, 1)
+    assert np.abs(off - np.polynomial.polynomial.polyval(curve.states, line)).max() < 0.05
+    assert curve.covariance.min() > 0.5 * np.ptp(curve.forces) ** 2  # a level, of all together
+
+
+def test_a_law_over_position_is_said_as_the_file_counts_positions() -> None:
+    """A bump beside a ground spring. Mutation that breaks it: said from the origin as fitted."""
+    q = np.linspace(-0.6, 0.6, 31)
+    bump = 0.8 * np.exp(-0.5 * ((q - 0.044) / 0.074) ** 2)
+    curve = learn(bare(table("free_spring", "m1", q, bump, False)), silent)
+    assert curve is not None
+    (like, *_), _ = like_what(curve)
+    assert like.form.name == "bump"
+    assert like.numbers["m"] == pytest.approx(0.044, abs=0.003)
+    assert like.numbers["a"] == pytest.approx(0.8, rel=0.03)
+    assert abs(like.numbers["c"]) < 0.05
+
+
+def bare(*there: Physics) -> Search:
+    """A search that has named nothing of a recording with some physics."""
+    model = Model(DEVICE)
+    plain = settled(judged([recording(*there)], model, np.zeros(len(model.parameters))))
+    return Search(plain, plain, QUICK, silent)
+
+
+def two_named(*there: Physics) -> Search:
+    """A search that has named dry friction and a quadratic drag, whatever there is."""
+    model = Model(DEVICE)
+    fit = recording(*there)
+    plain = settled(judged([fit], model, np.zeros(len(model.parameters))))
+    drag = make_physics("quadratic_drag", "m1", coefficient=0.3)
+    richer = model.with_effect(RUBS, {"level": 0.4}).with_effect(drag, {"coefficient": 0.1})
+    best = settled(judged([fit], richer, np.append(plain.x, [0.0, 0.0])))
+    return Search(plain, best, QUICK, silent)
+
+
+def test_a_law_replaces_names_that_stand_in_for_it() -> None:
+    """A drag of one direction, which friction and a quadratic drag come near together.
+
+    Mutation that breaks it: a law held against what is plain alone, and its names kept.
+    """
+    v = np.linspace(-3.0, 3.0, 25)
+    found = two_named(table("free_damper", "m1", v, -0.6 * np.maximum(v, 0.0) ** 1.5, odd=False))
+    assert found.best.cost.total < found.plain.cost.total
+    curve = next(replacing(found, silent))
+    assert curve.names == ()
+    assert curve.replaced == ("coulomb_friction at m1", "quadratic_drag at m1")
+    assert curve.hypothesis.cost.total < found.best.cost.total
+    off = law_at(curve.physics, v) + 0.6 * np.maximum(v, 0.0) ** 1.5
+    off -= np.polynomial.polynomial.polyval(v, np.polynomial.polynomial.polyfit(v, off, 1))
+    assert np.abs(off[3:-3]).max() < 0.05 * 0.6 * 3.0**1.5
+
+
+def test_no_law_replaces_names_that_are_there() -> None:
+    """Though one would, of names that cost as much as the device file alone.
+
+    Mutation that breaks it: a law held against the device file alone, and not against names.
+    """
+    drag = make_physics("quadratic_drag", "m1", coefficient=0.3)
+    found = two_named(RUBS, drag)
+    assert next(replacing(found, silent), None) is None
+    found.best = replace(found.best, cost=found.plain.cost)
+    assert next(replacing(found, silent), None) is not None
 
 
 def test_a_change_goes_that_a_law_explains() -> None:

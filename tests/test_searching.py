@@ -221,8 +221,7 @@ def test_what_contains_an_effect_and_what_is_akin_are_fitted(
     labels = {p.model.label for p in replaced(0)(h, none)}
     assert labels == {
         "stribeck_friction@m1", "rising_friction@m1", "presliding_friction@m1",
-        "directional_friction@m1",
-        "hysteresis@ground", "coulomb_friction@m2",
+        "directional_friction@m1", "hysteresis@ground", "coulomb_friction@m2",
     }  # fmt: skip
 
 

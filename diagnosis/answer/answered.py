@@ -14,7 +14,7 @@ from zwidth.diagnosis.answer.findings import all_findings, linear, upper_bounds
 from zwidth.diagnosis.answer.headline import Answer, headline
 from zwidth.diagnosis.answer.held_out import held_out
 from zwidth.diagnosis.answer.inverse import ForceError, force_errors
-from zwidth.diagnosis.answer.learned import LearnedLaw, learned
+from zwidth.diagnosis.answer.learned import LearnedLaw, learned, replacement
 from zwidth.diagnosis.answer.levels import next_level
 from zwidth.diagnosis.answer.result import (
     UNKNOWN_FIT,
@@ -79,11 +79,17 @@ def answered(
         names = " and ".join(f"{f.effect} at {f.at}" for f in findings)
         verdict, sentence = Verdict.UNDECIDED, level.undecided(names, error)
         record = level.advice
-    law, halted = _law(device, stands, seen, verdict, findings, mishaps, say)
+    law, rather, halted = _law(device, stands, seen, verdict, findings, mishaps, say)
     augment = partial(_augmented, taken, found, findings)
     if verdict is Verdict.UNKNOWN_PHYSICS:
         findings = tuple(f.without_probability() for f in findings)
     if law is not None:
+        if rather:
+            verdict, sentence = Verdict.UNKNOWN_PHYSICS, _rather_than(findings, law)
+            gone = law.curve.replaced
+            findings = tuple(
+                f.without_probability() for f in findings if f"{f.effect} at {f.at}" not in gone
+            )
         if verdict is Verdict.UNDECIDED:  # what was said of chance no longer stands
             verdict = Verdict.UNKNOWN_PHYSICS
             sentence = "something is missing that no effect of the library explains"
@@ -155,20 +161,26 @@ def _law(
     findings: Sequence[Finding],
     mishaps: Mishaps,
     say: Say,
-) -> tuple[LearnedLaw | None, bool]:
-    """A law without a name where names do not explain it all, and whether that was interrupted.
+) -> tuple[LearnedLaw | None, bool, bool]:
+    """A law without a name, whether it is said rather than names, and whether it was interrupted.
 
-    Where chance alone explains what free runs err by, and where one of the names is a ripple, which
+    Where names do not explain it all, or chance alone explains what free runs err by; rather than
+    several names, where it costs less than they do; and where one of the names is a ripple, which
     is one sine of whatever repeats.
     """
     by_chance = not findings and wander(seen.free.after, seen.free.noise_floor)
     strays = verdict is Verdict.UNDECIDED and by_chance and not mishaps.of(*DECISIVE)
     asked = partial(_law_of_no_name, device, stands.by, stands.taken, seen.free, say)
     if verdict is Verdict.UNKNOWN_PHYSICS or strays:
-        return asked()
-    if verdict in NAMED and any(f.effect == "force_ripple" for f in findings):
-        return asked(turns=True)
-    return None, False
+        law, halted = asked()
+        return law, False, halted
+    if verdict not in NAMED:
+        return None, False, False
+    law, halted = _law_for_names(device, stands.by, stands.taken, seen.free, say)
+    if law is not None or halted or all(f.effect != "force_ripple" for f in findings):
+        return law, law is not None, halted
+    law, halted = asked(turns=True)
+    return law, False, halted
 
 
 def _to_be_said(
@@ -183,9 +195,8 @@ def _to_be_said(
     """What the headline is made of."""
     device = stands.found.final.model.nominal
     masses = device.chain.masses.size
-    named = [
-        f for f in findings if law is None or f"{f.effect} at {f.at}" not in law.curve.absorbed
-    ]
+    gone = () if law is None else law.curve.replaced
+    named = [f for f in findings if f"{f.effect} at {f.at}" not in gone]
     in_words = "" if law is None else law.headline(masses, device.rotary)
     return Answer(
         verdict, named, refit, stands.faults, masses, stands.left, stands.other, stands.sound,
@@ -219,6 +230,29 @@ def _law_of_no_name(
         return attempt("learn", "a law of no name", learning), False
     except KeyboardInterrupt:
         return None, True
+
+
+def _law_for_names(
+    device: Device, found: Searched, taken: Taken, free: HeldOut, say: Say
+) -> tuple[LearnedLaw | None, bool]:
+    """A law that explains better what several names do, and whether it was interrupted."""
+    if found.interrupted:
+        return None, True
+    try:
+        asking = partial(replacement, device, found, taken.judge_by, free, say)
+        return attempt("learn", "a law of no name", asking), False
+    except KeyboardInterrupt:
+        return None, True
+
+
+def _rather_than(findings: Sequence[Finding], law: LearnedLaw) -> str:
+    """Say which names a law stands for."""
+    gone = law.curve.replaced
+    names = [n for f in findings if (n := f"{f.effect} at {f.at}") in gone]
+    return (
+        f"something is missing that no effect of the library explains: {' and '.join(names)}"
+        f" together come near it, and one law over {law.over.rstrip(',')} explains it better"
+    )
 
 
 def _augmented(taken: Taken, found: Searched, findings: Sequence[Finding]) -> Device:

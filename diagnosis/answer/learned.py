@@ -1,5 +1,6 @@
 """A law of no name, as an answer says it: its curve, its formula, and what it is worth."""
 
+import itertools
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -14,7 +15,7 @@ from zwidth.diagnosis.answer.headline import place_in_words
 from zwidth.diagnosis.answer.held_out import held_out
 from zwidth.diagnosis.answer.result import HeldOut
 from zwidth.diagnosis.fitting.fit import Fitted
-from zwidth.diagnosis.learning.curves import Learned, laws
+from zwidth.diagnosis.learning.curves import Learned, laws, replacing
 from zwidth.diagnosis.learning.energy import makes_energy
 from zwidth.diagnosis.learning.formulas import Formula, formulas
 from zwidth.diagnosis.learning.tables import law_at
@@ -167,6 +168,7 @@ class LearnedLaw:
             ],
             "beside": list(curve.names),
             "absorbed": list(curve.absorbed),
+            "replaced": list(curve.replaced),
             "together": together
             and {
                 "names": list(together.names),
@@ -230,6 +232,27 @@ def learned(
         # What a horizon taught may hold on what it was taught by alone.
         if told:
             return min(told, key=lambda law: law.law.after)
+    return None
+
+
+def replacement(
+    device: Device,
+    found: Searched,
+    judge_by: Sequence[Experiment],
+    names: HeldOut,
+    say: Say,
+) -> LearnedLaw | None:
+    """Return a law in the place of names that explain a recording; None where these stand.
+
+    What is named may be a sum of names near a law that is in no library. As `learned`.
+    """
+    if len(found.tried.best.model.effects) < 2:
+        return None
+    say("asking whether one law of no name explains it as well as these names together")
+    for curve in itertools.islice(replacing(found.tried, say), LAWS):
+        law = _judged(device, found.tried, curve, found, judge_by, names, say)
+        if law is not None:
+            return law
     return None
 
 

@@ -4,7 +4,8 @@ Where no name is adequate, what is missing is let in as a table of points (`sim/
 over position or velocity at each mass, over what each link gives way, over the command, over what
 the sensor reads, and over one turn of what a ripple repeats by. Where such a table gains most is
 told to first order (`where`). The best are fitted to their end, observer and linear parameters with
-them, and cost what every hypothesis costs; of those that stay with twice as many points as well.
+them, and cost what every hypothesis costs; of those that stay with twice as many points as well,
+and as what repeats (`repeating`).
 
 Names come first, and under a law that none of them is they take what they can of it: friction the
 step of a piecewise line. So the table is fitted beside the names and in the place of all of them,
@@ -35,6 +36,7 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.fitting.uncertainty import Z95, covariance, covariance_of_scale
 from zwidth.diagnosis.forces.leftover import predicted_states
 from zwidth.diagnosis.learning.knots import one_way, shapes, spared, tempered
+from zwidth.diagnosis.learning.repeating import OF_A_TURN, turns_of
 from zwidth.diagnosis.learning.steady import along
 from zwidth.diagnosis.learning.tables import is_odd, law_at, left_out, points_over, table
 from zwidth.diagnosis.learning.together import Together, follows, together
@@ -50,14 +52,22 @@ from zwidth.diagnosis.learning.where import (
 from zwidth.diagnosis.mishaps import Say, attempt
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.selection.evidence import ALPHA, believed
-from zwidth.diagnosis.selection.hypothesis import Hypothesis, against, judged, settled
+from zwidth.diagnosis.selection.hypothesis import (
+    Hypothesis,
+    against,
+    judged,
+    priced,
+    settled,
+)
 from zwidth.diagnosis.selection.search import Search
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.free_law import AT, FORCE, KNOTS, points_of
 
 Floats = NDArray[np.float64]
 FEW = 7  # points, where the recordings do not tell all of a table's
-OF_A_TURN = 12  # points of what repeats: a ripple of six periods a turn
+REFINED = 3  # times that points are put between those that pay
+SAME = 1.0  # -2 ln, within which the same law as another origin has it is the same
+FEWER = 2  # names, that a law must stand for to replace them where they explain a recording
 ASKED = 3  # places and states that are fitted, beside each set of names
 HOPE = 20.0  # -2 ln, that a law may cost more than names before these are asked beside it
 BEHIND = 200.0  # the same, that a law without names may cost more than beside them
@@ -68,10 +78,12 @@ TELLING = MANY  # states at which what acts together is worked out: more tell no
 class Learned:
     """A law that was learned, with what it is beside the names.
 
-    states, forces, lower, upper (points,): the curve and its 95 % band; covariance (points, points)
-    of the forces. seen (samples,): the states that were visited. names: that stay beside it;
-    absorbed: that were part of the curve, as it turned out. together: the curve with the names that
-    follow the same state there, None where none does. one_way: whether it is held to rise or fall.
+    states, forces, lower, upper (points,): the curve and its 95 % band, from the point that is held
+    where a constant is another origin; covariance (points, points) of the forces. seen (samples,):
+    the states that were visited. names: that stay beside it; absorbed: that were part of the curve,
+    as it turned out; replaced: these, and all others that are not needed beside it. together: the
+    curve with the names that follow the same state there, None where none does. one_way: whether it
+    is held to rise or fall.
     gained: over the names alone, in -2 ln, all paid.
     """
 
@@ -84,6 +96,7 @@ class Learned:
     seen: Floats
     names: tuple[str, ...]
     absorbed: tuple[str, ...]
+    replaced: tuple[str, ...]
     together: Together | None
     gained: float
     hypothesis: Hypothesis
@@ -132,6 +145,23 @@ def learn(found: Search, say: Say) -> Learned | None:
     return next(laws(found, say), None)
 
 
+def replacing(found: Search, say: Say) -> Iterator[Learned]:
+    """Yield laws that are believed over names of which they need two or more no longer.
+
+    Each in the place of all names; beside them as well, and then of those that pay, where there are
+    so many that one may stay.
+    """
+    many = len(found.best.model.effects)
+    if many < FEWER:
+        return
+    bases = [found.best] * (many > FEWER) + [found.plain]
+    for curve in _believed_laws(found, bases, say, False):
+        h = curve.hypothesis
+        less = len(curve.replaced) >= FEWER
+        if less and believed(h.cost, found.best.cost, against(h, found.best).phi):
+            yield curve
+
+
 def laws(found: Search, say: Say, turns: bool = False) -> Iterator[Learned]:
     """Yield laws of no name that are believed over the names, each of another place or state.
 
@@ -139,7 +169,14 @@ def laws(found: Search, say: Say, turns: bool = False) -> Iterator[Learned]:
     place.
     """
     bases = [found.best] + [found.plain] * bool(found.best.model.effects)
-    least = min(bases, key=lambda h: h.cost.total)
+    yield from _believed_laws(found, bases, say, turns)
+
+
+def _believed_laws(
+    found: Search, bases: Sequence[Hypothesis], say: Say, turns: bool
+) -> Iterator[Learned]:
+    """The same beside what each of some bases has."""
+    least = min((found.best, found.plain), key=lambda h: h.cost.total)
     begun: dict[tuple[str, str, float], list[Begun]] = {}
     for base in bases:
         for h, site in [] if turns else _over_states(base, say):
@@ -151,14 +188,20 @@ def laws(found: Search, say: Say, turns: bool = False) -> Iterator[Learned]:
             break
         likely = [one for one in each if _promise([one]) < _promise(each) + BEHIND]
         full = [(_without_changes(_without_names(found, h)), site) for h, site in likely]
-        full = [(_finer(h, site), site) for h, site in full]
+        alike = {h.labels: (h, site) for h, site in sorted(full, key=_costs, reverse=True)}
+        full = [_turning(_finer(h, site), site) for h, site in alike.values()]
         phi = against(min((h for h, _ in full), key=lambda h: h.cost.total), least).phi
-        shaped = [(_shaped(h, site, phi), site) for h, site in full]
+        shaped = [(_refined(h, site, phi), site) for h, site in full]
         best = min(shaped, key=lambda one: tempered(one[0], phi))
         best = _absorbing(*best, phi), best[1]
         if not found.ahead(best[0], least) or _is_line(*best, say):
             continue
-        yield as_learned(one_way(best[0], phi), best[1], least, found)
+        law = _as_the_file_counts(one_way(best[0], phi), best[1])
+        yield as_learned(law, best[1], least, found)
+
+
+def _costs(begun: Begun) -> float:
+    return begun[0].cost.total
 
 
 def _promise(begun: Sequence[Begun]) -> float:
@@ -314,6 +357,57 @@ def _without_changes(h: Hypothesis) -> Hypothesis:
     return h
 
 
+def _turning(h: Hypothesis, site: Site) -> Begun:
+    """The same as what repeats, where one turn with the points that pay costs less."""
+    best = h, site
+    for law, scale in turns_of(h):
+        there = replace(site, period=law.values["period"], scale=scale)
+        other = _in_its_place(h, there, law)
+        if other is not None and _promise([(other, there)]) < _promise([best]):
+            best = other, there
+    return best
+
+
+def _refined(h: Hypothesis, site: Site, phi: float) -> Hypothesis:
+    """The same with the points that pay, and with those between them that do, in turn.
+
+    Of points that stand where little happens some go, and their neighbours get nearer to where much
+    does: a corner, or a bump that is narrower than points were at first.
+    """
+    best = h = _shaped(h, site, phi)
+    for _ in range(REFINED):
+        more = _finer(h, site)
+        if more is h:
+            break
+        phi = against(more, h).phi
+        h = _shaped(more, site, phi)
+        best = min((best, more, h), key=lambda one: tempered(one, phi))
+    return best
+
+
+def _as_the_file_counts(h: Hypothesis, site: Site) -> Hypothesis:
+    """The same law over the position of a mass on a spring, as the device file counts positions.
+
+    Over q = y - d, d another origin, k the spring: -k q + f(q) = -k y + (f(y - d) + k d), so that
+    the curve moves by d with a constant k d, and nothing tells which is so. Limits: of the first
+    mass, with nothing beside the law that may follow a position.
+    """
+    law, swings = h.model.effects_at(h.x)[-1], {e.swing for e in h.experiments}
+    k = h.model.build(h.x).chain.ground_spring
+    moves = site.effect == "free_spring" and site.at == "m1" and k > 0.0 and not is_odd(law)
+    if not moves or len(h.model.effects) > 1 or len(swings) > 1:
+        return h
+    by = h.model.reads(h.x).origin * swings.pop()
+    s, f = np.array(points_of(law.values)).T
+    moved = table(site.effect, site.at, s + by, f + k * by, False, law.values["period"])
+    model, x = h.model.less(h.x, len(h.model.effects) - 1)
+    x = np.where([p.kind == "origin" for p in model.parameters], 0.0, x)
+    model, x = beside(model, x, site, moved)
+    near = h.family.near(h.ratio)
+    other = judged(h.experiments, model, model.within(x), h.family, near, h.prices)
+    return priced(other) if abs(other.cost.misfit - h.cost.misfit) < SAME else h
+
+
 def _shaped(h: Hypothesis, site: Site, phi: float) -> Hypothesis:
     """The same law with the points that pay, odd where that is likelier."""
     best = h
@@ -336,13 +430,15 @@ def as_learned(h: Hypothesis, site: Site, without: Hypothesis, found: Search) ->
         if p.kind == "effect" and p.index == index and p.key in FORCE
     ]
     which, points, scales = (np.array(column) for column in zip(*own, strict=True))
-    spread = _spread(h, site, which, scales)
+    states = np.array([law.values[key] for key in AT[:count]])
+    spread = _spread(h, site, which, scales, states[points])
     known = np.zeros((count, count))
     known[np.ix_(points, points)] = spread
     known += np.diag(left_out(law) ** 2)
     half = Z95 * np.sqrt(np.diag(known))
-    states = np.array([law.values[key] for key in AT[:count]])
     forces = np.array([law.values[key] for key in FORCE[:count]])
+    if site.floats and not is_odd(law):  # any constant is as good, and a formula may have its own
+        known += float(np.ptp(forces)) ** 2
     beside = {f"{p.effect.name} at {p.at}" for p in h.model.effects[:-1]}
     names = tuple(sorted(beside))
     gone = [p for p in found.best.model.effects if f"{p.effect.name} at {p.at}" not in beside]
@@ -351,12 +447,15 @@ def as_learned(h: Hypothesis, site: Site, without: Hypothesis, found: Search) ->
     )
     return Learned(
         law, states, forces, forces - half, forces + half, known, seen, names, absorbed,
+        tuple(f"{p.effect.name} at {p.at}" for p in gone),
         _together(h, law, seen), without.cost.total - h.cost.total, h,
     )  # fmt: skip
 
 
-def _spread(h: Hypothesis, site: Site, which: NDArray[np.int64], scales: Floats) -> Floats:
-    """Covariance (points, points) of what is free of a law.
+def _spread(
+    h: Hypothesis, site: Site, which: NDArray[np.int64], scales: Floats, s: Floats
+) -> Floats:
+    """Covariance (points, points) of what is free of a law, at states s (points,).
 
     A law u + f(u) over the command is known but for a scale c, c u + c f(u) = u + g(u): its bends
     are said for the m1 that was fitted, and what c adds to it is a straight line.
@@ -365,8 +464,6 @@ def _spread(h: Hypothesis, site: Site, which: NDArray[np.int64], scales: Floats)
     if site.effect != "free_amplifier":
         return told
     own = covariance_of_scale(h.fitted, 0)[np.ix_(which, which)] * np.outer(scales, scales)
-    law = h.model.effects_at(h.x)[-1]
-    s = np.array(points_of(law.values))[int(is_odd(law)) :, 0]
     slope = float(s @ told @ s) / float(s @ s) ** 2
     return own + slope * np.outer(s, s)
 

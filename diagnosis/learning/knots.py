@@ -16,7 +16,7 @@ otherwise follows what has nothing to do with its state.
 A law that only rises, or only falls, has steps of one sign: its numbers are its first and its
 steps, as likely in every octave as all magnitudes are. Steps are smaller than levels, so such a law
 costs less where it holds, 2 sum ln |g_k| / |g_k - g_(k-1)|. What holds it to that is solved for in
-the same second order.
+the same second order. Limit: not asked where a constant in the law is another origin.
 """
 
 import math
@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from zwidth.diagnosis.learning.tables import basis, is_odd, points_over, table
+from zwidth.diagnosis.learning.where import held
 from zwidth.diagnosis.selection.evidence import freedom
 from zwidth.diagnosis.selection.hypothesis import SWEEP, Hypothesis, judged, priced
 from zwidth.sim.physics.effect import Physics
@@ -41,7 +42,10 @@ JUDGED = 1e-9  # of the largest of P, that is added to its diagonal: a sum of fo
 
 @dataclass(frozen=True)
 class Known:
-    """What a fit knows of the table that it has last: places in x, scales, forces, precision P."""
+    """What a fit knows of the table that it has last: places in x, scales, forces, precision P.
+
+    held: whether one of its points is, as a constant is another origin; P is of differences then.
+    """
 
     which: NDArray[np.int64]
     scales: Floats
@@ -49,6 +53,7 @@ class Known:
     precision: Floats
     others: NDArray[np.int64]
     follows: Floats
+    held: bool = False
 
 
 def tempered(h: Hypothesis, phi: float) -> float:
@@ -83,7 +88,15 @@ def known(h: Hypothesis, phi: float = 1.0) -> Known:
     p = a[np.ix_(which, which)] + a[np.ix_(which, others)] @ follows
     p = 0.5 * (p + p.T) / np.outer(scales, scales) / phi
     p = p + JUDGED * float(np.diag(p).max()) * np.eye(which.size)
-    return Known(which, scales, forces, p, others, follows / scales)
+    follows = follows / scales
+    count = len(points_of(law.values))
+    if which.size == count - int(is_odd(law)):
+        return Known(which, scales, forces, p, others, follows)
+    apart = np.eye(count)
+    apart[:, held(count)] -= 1.0  # of all points from the one that is held
+    apart = np.delete(apart, held(count), axis=0)
+    every = np.array([f for _, f in points_of(law.values)])
+    return Known(which, scales, every, apart.T @ p @ apart, others, follows, held=True)
 
 
 @dataclass(frozen=True)
@@ -144,6 +157,10 @@ class _Priced(NamedTuple):
 def _priced(law: Physics, there: Known, states: Floats, at: Floats, odd: bool) -> _Priced:
     """A table with points at some states, as near to what is known as it can be."""
     columns = basis(law, at, odd, states[int(is_odd(law)) :])
+    free = np.arange(columns.shape[1])
+    if there.held and not odd:
+        free = np.delete(free, held(at.size))
+        columns = columns[:, free]
     a = columns.T @ there.precision @ columns
     pull = columns.T @ there.precision @ there.forces
     g = np.asarray(np.linalg.lstsq(a, pull, rcond=1e-12)[0], dtype=np.float64)
@@ -152,13 +169,15 @@ def _priced(law: Physics, there: Known, states: Floats, at: Floats, odd: bool) -
     ranges = SWEEP * np.maximum(np.abs(g), deviation)
     cost = float(off @ there.precision @ off)
     cost += freedom(a, ranges.tolist()) if np.all(ranges > 0.0) else math.inf
-    return _Priced(at, g, cost)
+    every = np.zeros(at.size - int(odd))
+    every[free] = g
+    return _Priced(at, every, cost)
 
 
 def one_way(h: Hypothesis, phi: float = 1.0) -> Hypothesis:
     """Return a hypothesis with its last table made to rise or fall only, where that costs less."""
     law, there = h.model.effects_at(h.x)[-1], known(h, phi)
-    if law.values["period"] > 0.0:
+    if law.values["period"] > 0.0 or there.held:
         return h
     first = 0.0 if is_odd(law) else None
     free = _ranges(there, there.forces, np.eye(there.forces.size))

@@ -41,7 +41,8 @@ class Site:
     """Where a law may stand: effect and place, the states seen there (samples,), its period.
 
     scale: of the period as a parameter, 0 for one that is known. makes: how much a point of its
-    table is likely to be.
+    table is likely to be. floats: whether another origin of positions does the same as a constant
+    in the table, of which one point is then held.
     """
 
     effect: str
@@ -50,6 +51,7 @@ class Site:
     period: float = 0.0
     scale: float = 0.0
     makes: float = 1.0
+    floats: bool = False
 
 
 def sites(base: Hypothesis, most: int) -> list[tuple[Site, Hypothesis]]:
@@ -85,7 +87,31 @@ def site_at(base: Hypothesis, moved: Sequence[Floats], effect: str, at: str) -> 
     gain = base.model.reads(base.x).gain
     sizes = sizes_of(base.model.build(base.x), base.experiments, gain)
     made = max(e.swing for e in base.experiments) if effect == "free_sensor" else sizes.force
-    return Site(effect, at, states_of(base, moved, effect, at), makes=SHARE * made)
+    states = states_of(base, moved, effect, at)
+    return Site(effect, at, states, makes=SHARE * made, floats=_floats(base, effect, at))
+
+
+def _floats(base: Hypothesis, effect: str, at: str) -> bool:
+    """Whether a constant in a law is the same as another origin.
+
+    A constant force on a mass that a spring ties to the ground is, as far as positions show: on
+    the first mass, and on others where one position alone is measured. So is one in the command,
+    which acts on the first mass, and one in the reading.
+    Of a law over a position another origin moves the states as well: no point of it is held.
+    """
+    tied = base.model.build(base.x).chain.ground_spring > 0.0
+    if not tied or effect == "free_spring":
+        return False
+    if effect in ("free_sensor", "free_amplifier"):
+        return True
+    place = place_at(at)
+    alone = sum(o.tells_position for o in base.experiments[0].outputs) == 1
+    return place.kind == "mass" and (place.index == 0 or alone)
+
+
+def held(count: int) -> int:
+    """Return which point of a table is held where a constant in it is another origin."""
+    return count // 2
 
 
 def states_of(base: Hypothesis, moved: Sequence[Floats], effect: str, at: str) -> Floats:
@@ -108,8 +134,11 @@ def law_over(site: Site, count: int, odd: bool) -> Physics | None:
 
 def beside(base: Model, x: Floats, site: Site, law: Physics) -> tuple[Model, Floats]:
     """Return a model with a law, and its x where the law is as it is given."""
-    free = FORCE[int(is_odd(law)) : len(points_of(law.values))]
+    count = len(points_of(law.values))
+    free = FORCE[int(is_odd(law)) : count]
     scales = dict.fromkeys(free, site.makes)
+    if site.floats and not is_odd(law):
+        scales.pop(FORCE[held(count)])
     scales |= {"period": site.scale} if site.scale > 0.0 and law.values["period"] > 0.0 else {}
     lasting = sum(not base.is_found(p) for p in base.parameters)  # changes come last
     start = np.concatenate([x[:lasting], np.zeros(len(scales)), x[lasting:]])

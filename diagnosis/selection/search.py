@@ -282,19 +282,23 @@ def _unfolded(found: Search, h: Hypothesis, new: Sequence[Hypothesis]) -> list[H
     """Of what has a simpler law in the place of a richer one, what one effect more makes of it.
 
     A law with more numbers takes the place of two that act together as soon as it explains more
-    than one of them alone: friction that falls with speed that of dry friction beside a drag.
+    than one of them alone: friction that falls with speed that of dry friction beside a drag. Asked
+    of the likeliest of them, since each asks for every effect.
     """
-    found_more: list[Hypothesis] = []
-    for n in new:
-        as_many = len(n.model.effects) == len(h.model.effects)
-        if not as_many or n.x.size >= h.x.size or n.labels in found.grown:
-            continue
-        if len(n.model.effects) >= found.effort.effects:
-            continue
-        found.grown.add(n.labels)
-        asked = [p for move in found.moves.adding for p in _proposed(move, n, found.effort)]
-        found_more += fitted(found, asked, found.effort.ended)
-    return found_more
+    asked = [
+        n
+        for n in new
+        if len(n.model.effects) == len(h.model.effects) < found.effort.effects
+        and n.x.size < h.x.size
+        and n.labels not in found.grown
+    ]
+    if not asked:
+        return []
+    likeliest = min(asked, key=lambda n: n.cost.total)
+    found.grown.add(likeliest.labels)
+    moves = found.moves.adding
+    more = [p for move in moves for p in _proposed(move, likeliest, found.effort)]
+    return fitted(found, more, found.effort.ended)
 
 
 def _worth(more: Hypothesis, less: Hypothesis) -> bool:

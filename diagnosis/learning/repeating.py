@@ -1,0 +1,72 @@
+"""Whether a law of no name repeats over its state, and by what.
+
+A table of some thirty points holds few periods of what repeats; one turn of it holds them all. So
+of a law that was fitted with forces f at points s, of precision P, it is asked which period L makes
+
+    g(s) = c + d s + a sin(2 pi s / L) + b cos(2 pi s / L)
+
+nearest to f in (f - g)' P (f - g), over all L of which the range holds one turn and a half or more,
+down to twice the least distance of points. Where it holds half of what is not straight in f, tables
+of one turn begin there (the straight part is left to damper, spring or scale), their period free as
+well, and cost what every hypothesis costs.
+
+Limit: points further apart than half a turn leave several L that are alike, of which the nearest
+few are fitted.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.diagnosis.learning.knots import known
+from zwidth.diagnosis.learning.tables import is_odd, table
+from zwidth.diagnosis.selection.hypothesis import Hypothesis
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.physics.free_law import points_of
+
+Floats = NDArray[np.float64]
+FEWEST, MOST = 1.5, 60.0  # turns over the range of the points, that are asked
+FINE = 8  # of them for each turn more
+OF_A_TURN = 12  # points of what repeats: six harmonics
+BEGUN = 2  # periods that are fitted
+HALF = 0.5  # of what bends in a law, that a sine must hold
+QUARTER = 0.25  # of a turn over the range, by which a period's scale changes how many there are
+
+
+def turns_of(h: Hypothesis) -> list[tuple[Physics, float]]:
+    """Return laws of one turn that are near the table that a fit has last, the nearest first.
+
+    Each with the scale of its period. Empty of a table that is odd, or repeats already.
+    """
+    law = h.model.effects_at(h.x)[-1]
+    if is_odd(law) or law.values["period"] > 0.0:
+        return []
+    s, there = np.array(points_of(law.values))[:, 0], known(h)
+    span, least = float(s[-1] - s[0]), float(np.diff(s).min())
+    own, ways = np.linalg.eigh(there.precision)
+    root = np.sqrt(np.maximum(own, 0.0))[:, None] * ways.T
+    turns = np.arange(FEWEST, max(FEWEST, min(MOST, 0.5 * span / least)) + 1.0 / FINE, 1.0 / FINE)
+    fits = [_sine(root, s, there.forces, span / n) for n in turns]
+    off = np.array([distance for distance, _ in fits])
+    padded = np.concatenate([[np.inf], off, [np.inf]])
+    lowest = np.flatnonzero((off <= padded[:-2]) & (off <= padded[2:]))
+    found: list[tuple[Physics, float]] = []
+    straight = _sine(root, s, there.forces, math.inf)[0]
+    likely = lowest[off[lowest] < (1.0 - HALF) * straight]
+    for k in likely[np.argsort(off[likely])][:BEGUN]:
+        period, (c, _, a, b) = span / float(turns[k]), fits[k][1]
+        angle = 2.0 * np.pi * np.arange(OF_A_TURN) / OF_A_TURN
+        at, c = period * angle / (2.0 * np.pi), 0.0 if there.held else c
+        turn = table(law.effect.name, law.at, at, c + a * np.sin(angle) + b * np.cos(angle), False,
+                     period)  # fmt: skip
+        found.append((turn, QUARTER * period**2 / span))
+    return found
+
+
+def _sine(root: Floats, s: Floats, f: Floats, period: float) -> tuple[float, Floats]:
+    """How far the nearest sine of a period with a straight line is from a law, and its numbers."""
+    angle = 2.0 * np.pi * s / period
+    columns = root @ np.column_stack([np.ones_like(s), s, np.sin(angle), np.cos(angle)])
+    numbers = np.asarray(np.linalg.lstsq(columns, root @ f, rcond=1e-12)[0], dtype=np.float64)
+    return float(np.sum((root @ f - columns @ numbers) ** 2)), numbers
