@@ -7,8 +7,10 @@ import pytest
 from numpy.typing import NDArray
 
 from zwidth.controllers.recorded import recorded
-from zwidth.diagnosis.answer.levels import one_level
+from zwidth.diagnosis.answer.headline import Answer, headline
+from zwidth.diagnosis.answer.levels import NextLevel, one_level
 from zwidth.diagnosis.answer.result import Diagnosis, Verdict
+from zwidth.diagnosis.answer.verdict import Left
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.diagnosis.selection.effort import QUICK
@@ -92,3 +94,27 @@ def test_with_a_second_level_no_other_is_asked_for() -> None:
     found = answer(LEVEL, 0.6 * LEVEL)
     assert found.next_level is None
     assert found.verdict is Verdict.IDENTIFIED
+
+
+def test_an_answer_that_errs_more_than_its_rivals_differ_promises_no_name() -> None:
+    """But not where another level would tell no more, nor where readings' noise is the error.
+
+    Mutations: the error as recorded alone; that noise left in it (friction that is found exactly,
+    and is that of a load as well at one level, is undecided then).
+    """
+    level = NextLevel(2.0, "N", 0.3, 0.087, 0.003)
+    assert level.undecides(0.04, 0.001)
+    assert not level.undecides(0.04, 0.035)
+    assert not level.undecides(0.002, 0.0)
+    assert not level.undecides(0.1, 0.0)
+    assert not level.undecides(float("nan"), 0.0)
+    found = answer(LEVEL)
+    assert found.verdict is Verdict.CONFUSABLE
+    said = headline(
+        Answer(
+            Verdict.UNDECIDED, found.findings, {}, (), 1, Left(0.0, ""), None, None,
+            found.free_run, record=level.advice,
+        )
+    )  # fmt: skip
+    assert said.startswith("Undecided: Coulomb friction of")
+    assert said.endswith("and so would others: record the same at 600 mN (0.3 times)")

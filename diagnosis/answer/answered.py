@@ -71,6 +71,14 @@ def answered(
     refit = attempt("intervals", "linear parameters", intervals) or {}
     bounds = {} if findings else attempt("limits", "", partial(upper_bounds, found)) or {}
     verdict, sentence = _verdict(stands, findings, refit, mishaps, seen.free)
+    to_tell = partial(next_level, found, taken.fit_on, taken.judge_by)
+    level = attempt("next level", "", to_tell)
+    record = ""
+    error, noise = seen.free.after, seen.free.noise_floor
+    if level is not None and verdict in NAMED and level.undecides(error, noise):
+        names = " and ".join(f"{f.effect} at {f.at}" for f in findings)
+        verdict, sentence = Verdict.UNDECIDED, level.undecided(names, error)
+        record = level.advice
     law, rather, halted = _law(device, stands, seen, verdict, findings, mishaps, say)
     augment = partial(_augmented, taken, found, findings)
     if verdict is Verdict.UNKNOWN_PHYSICS:
@@ -90,7 +98,8 @@ def answered(
         changes = outlived(changes, law.found)
         runs = attempt("whole runs", "", partial(_whole_runs, device, stands, law.found))
         seen = replace(seen, runs=runs or seen.runs)
-    first = headline(_to_be_said(stands, findings, refit, verdict, seen.free, mishaps, law))
+    said = _to_be_said(stands, findings, refit, verdict, seen.free, mishaps, law)
+    first = headline(replace(said, record=record))
     also = _changed_and_happened(verdict, changes, events)
     first, sentence = f"{first}{also}", f"{sentence}{also}"
     verdict, sentence = _with_faults(verdict, sentence, stands.faults)
@@ -99,8 +108,6 @@ def answered(
         taken.whole[0].period, found.refit.white.reshape(shape), found.final.white.reshape(shape)
     )
     masses = device.chain.masses.size
-    to_tell = partial(next_level, found, taken.fit_on, taken.judge_by)
-    level = attempt("next level", "", to_tell)
     return Diagnosis(
         verdict, sentence, findings, refit,
         replace(seen.located, sentence=where(seen.located, findings, masses)),

@@ -186,7 +186,7 @@ class Answer:
     refit: name -> (device file's, refitted); masses: of the device's chain; left: what no effect of
     the library explains beside what was found, other: the same in its place; sound and free: what
     held-out data say; lost: what an error took from the verdict, "" for nothing; learned: a law of
-    no name in words, "" for none.
+    no name in words, "" for none; record: which level to, where that of the command cannot decide.
     """
 
     verdict: Verdict
@@ -200,6 +200,7 @@ class Answer:
     free: HeldOut
     lost: str = ""
     learned: str = ""
+    record: str = ""
 
 
 def headline(answer: Answer) -> str:
@@ -272,7 +273,7 @@ def _unknown(a: Answer) -> str:
 
 def _of_no_name(a: Answer, other: Instead) -> str:
     at = place_in_words(place_at(other.place), a.masses)
-    how = other.follows
+    how = other.follows.rstrip(",")  # which the sentence goes on after
     how = how if how.startswith(("repeats", "follows")) else f"follows {how}"
     return f"a force {at} that {how}, and is not {other.name.replace('_', ' ')}"
 
@@ -325,6 +326,11 @@ def _nothing(a: Answer) -> str:
 def _undecided(a: Answer) -> str:
     if a.lost:
         return f"undecided: an error left out {a.lost}"
+    if a.findings and a.record:
+        return (
+            f"undecided: {all_in_words(a.findings, a.masses)} would explain what the one level of"
+            f" the command shows, and so would others: {a.record}"
+        )
     if a.findings:
         return (
             f"undecided: {all_in_words(a.findings, a.masses)} would explain what is missing, and"

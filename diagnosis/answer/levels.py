@@ -10,6 +10,10 @@ answer and by what comes nearest to it, each as it was fitted. Over the motion t
 
 and the share is best where d is largest among those at which the device still moves.
 
+What free runs err on held-out data, over the motion, is how well the answer holds. Where that is no
+noise of readings, more than d(1) and less than d(share), another hypothesis is as good at this
+level and is not at another: of such an answer no name is promised, however much likelier it is.
+
 Limits: the others are those that the search fitted; a law that nothing asked for may need more.
 """
 
@@ -54,12 +58,32 @@ class NextLevel:
         return {**vars(self), "sentence": self.sentence}
 
     @property
+    def advice(self) -> str:
+        """Which level to record."""
+        level = with_unit(self.share * self.level, self.unit, 3)
+        return f"record the same at {level} ({plain(self.share, 2)} times)"
+
+    def undecides(self, error: float, noise: float) -> bool:
+        """Whether names are not to be promised; error: of free runs, noise: of readings in it.
+
+        Both over the motion. Where noise makes most of the error, nothing is left to doubt by.
+        """
+        return self.now < error < self.differs and noise**2 < 0.5 * error**2
+
+    def undecided(self, names: str, error: float) -> str:
+        """Say of names that a second level decides about them."""
+        return (
+            f"{names} would explain what is missing, at the one level that the command has; free"
+            f" runs on held-out data err {percent(error)} of the motion, by which what comes"
+            " nearest cannot be told from it there"
+        )
+
+    @property
     def sentence(self) -> str:
         """Say what to record, without a full stop."""
         return (
             f"the command has one level, {with_unit(self.level, self.unit, 3)}, at which friction"
-            " is little else than a weaker command: record the same at"
-            f" {with_unit(self.share * self.level, self.unit, 3)} ({plain(self.share, 2)} times)"
+            f" is little else than a weaker command: {self.advice}"
             " and diagnose both together; there this answer and what comes nearest to it differ by"
             f" {percent(self.differs)} of the motion, and here by {percent(self.now)}"
         )

@@ -12,6 +12,7 @@ from zwidth.sim.readable import scaled
 CURVE, SAMPLES = "#004488", "0.72"
 SHOWN = 4000  # samples, at most
 TALL = 2.5  # times the curve's height, within which samples are shown
+WIDE = 75  # letters of a legend that one line holds
 
 
 def friction_curve_figure(curve: FrictionCurve, rotary: bool) -> Figure:
@@ -42,5 +43,7 @@ def friction_curve_figure(curve: FrictionCurve, rotary: bool) -> Figure:
         axes.set_xlabel(f"velocity of {curve.at} [{speed}]")
         axes.set_ylabel(f"resistance at {curve.at} [{force}]")
         axes.set_title("The friction that was found, over velocity")
-        figure.legend(loc="outside lower center", ncols=2, markerscale=4.0)
+        words = sum(len(str(label)) for label in axes.get_legend_handles_labels()[1])
+        columns = 1 if words > WIDE else 2
+        figure.legend(loc="outside lower center", ncols=columns, markerscale=4.0)
     return figure
