@@ -67,6 +67,7 @@ Floats = NDArray[np.float64]
 FEW = 7  # points, where the recordings do not tell all of a table's
 REFINED = 3  # times that points are put between those that pay
 SAME = 1.0  # -2 ln, within which the same law as another origin has it is the same
+NARROWEST = 1e-6  # of the range of a table, below which nothing is put between two points
 FEWER = 2  # names, that a law must stand for to replace them where they explain a recording
 ASKED = 3  # places and states that are fitted, beside each set of names
 HOPE = 20.0  # -2 ln, that a law may cost more than names before these are asked beside it
@@ -334,10 +335,11 @@ def _finer(h: Hypothesis, site: Site) -> Hypothesis:
     law = h.model.effects_at(h.x)[-1]
     s = np.array(points_of(law.values))[:, 0]
     ends = np.append(s, s[0] + site.period) if site.period > 0.0 else s
-    at = np.sort(np.concatenate([s, 0.5 * (ends[1:] + ends[:-1])]))
-    if at.size > KNOTS:
+    wide = np.diff(ends) > NARROWEST * (ends[-1] - ends[0])
+    at = np.sort(np.concatenate([s, (0.5 * (ends[1:] + ends[:-1]))[wide]]))
+    if at.size > KNOTS or at.size == s.size:
         return h
-    more = table(site.effect, site.at, at, law_at(law, at), False, site.period)
+    more = table(site.effect, site.at, at, law_at(law, at), is_odd(law), site.period)
     other = _in_its_place(h, site, more)
     if other is None or not np.isfinite(other.cost.total):
         return h

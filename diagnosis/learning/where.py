@@ -33,6 +33,7 @@ Floats = NDArray[np.float64]
 SHARE = 0.1  # of the force that moves a recording, or of the motion: scale of a point
 RATIOS = (1.0, 1e-3)  # of the likeliest one, under which laws are begun
 ROUNDS = 4
+CLOSES, LONGEST = 1e-3, 2.0  # of a turn: beyond its last point at least, and of its own at most
 MANY = 16  # points that a law begins with
 
 
@@ -139,10 +140,15 @@ def beside(base: Model, x: Floats, site: Site, law: Physics) -> tuple[Model, Flo
     scales = dict.fromkeys(free, site.makes)
     if site.floats and not is_odd(law):
         scales.pop(FORCE[held(count)])
-    scales |= {"period": site.scale} if site.scale > 0.0 and law.values["period"] > 0.0 else {}
+    bounds: dict[str, tuple[float, float]] = {}
+    if site.scale > 0.0 and law.values["period"] > 0.0:
+        states = [s for s, _ in points_of(law.values)]
+        least = states[-1] - states[0]  # the table is of one turn, and none of its points of two
+        scales["period"] = site.scale
+        bounds["period"] = ((1.0 + CLOSES) * least, LONGEST * law.values["period"])
     lasting = sum(not base.is_found(p) for p in base.parameters)  # changes come last
     start = np.concatenate([x[:lasting], np.zeros(len(scales)), x[lasting:]])
-    return base.with_effect(law, scales), start
+    return base.with_effect(law, scales, bounds), start
 
 
 def _every(base: Hypothesis) -> list[Site]:
