@@ -29,7 +29,7 @@ def friction_curve_figure(curve: FrictionCurve, rotary: bool) -> Figure:
         figure = Figure(figsize=(6.4, 4.2), layout="constrained")
         axes = figure.subplots()
         axes.axhline(0.0, color="0.6", linewidth=0.8)
-        axes.plot(x * v, y * asked, ".", color=SAMPLES, markersize=1.6, rasterized=True,
+        axes.plot(x * v, y * asked, ".", color=SAMPLES, markersize=3.2, rasterized=True,
                   label="what each sample asks for")  # fmt: skip
         for side in (whole.states < 0.0, whole.states > 0.0):
             if not side.any():
@@ -45,5 +45,5 @@ def friction_curve_figure(curve: FrictionCurve, rotary: bool) -> Figure:
         axes.set_title("The friction that was found, over velocity")
         words = sum(len(str(label)) for label in axes.get_legend_handles_labels()[1])
         columns = 1 if words > WIDE else 2
-        figure.legend(loc="outside lower center", ncols=columns, markerscale=4.0)
+        figure.legend(loc="outside lower center", ncols=columns, markerscale=2.0)
     return figure
