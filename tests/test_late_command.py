@@ -10,7 +10,7 @@ from zwidth.controllers.excitation import noise
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.answer.result import Verdict
 from zwidth.diagnosis.diagnose import diagnose
-from zwidth.diagnosis.intake.late import in_time, late_by, shifted_by
+from zwidth.diagnosis.intake.late import Shift, in_time, late_by, shifted_by
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.sim.chain import make_chain
@@ -122,3 +122,15 @@ def test_what_was_shifted_is_explained_as_if_it_had_not_been() -> None:
     assert found.verdict is Verdict.RECORDING_FAULT
     assert not found.findings
     assert "written down 6 samples" in found.sentence
+
+
+def test_a_single_sample_needs_errors_that_are_clearly_smaller() -> None:
+    """What a device file gets wrong draws the command by a sample, and blocks agree about it.
+
+    On a cart under steps two observers say 1 and 2 samples at 5 and 7 sigma where errors are 0.4
+    and 0.7 % smaller. Mutation: the scatter of blocks asked by the farther of the two.
+    """
+    far, near = Shift(2, 127.8, 1.004, 5.3), Shift(1, 218.5, 1.007, 7.5)
+    assert not any(shift.sure(100, single=True) for shift in (far, near))
+    assert far.sure(100, single=False)
+    assert Shift(1, 218.5, 1.6, 7.5).sure(100, single=True)

@@ -7,7 +7,7 @@ import numpy as np
 from tests.diagnosis_examples import phantom, record, shifted
 from zwidth.controllers.excitation import noise
 from zwidth.controllers.recorded import recorded
-from zwidth.diagnosis.intake.swapped import EXCHANGED, in_place
+from zwidth.diagnosis.intake.swapped import EXCHANGED, in_place, one_tone
 from zwidth.diagnosis.intake.take_in import readings
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.sim.chain import make_chain
@@ -69,3 +69,11 @@ def test_what_was_exchanged_is_said_and_nothing_else_suspected() -> None:
     wrong = [f for f in taken.faults if f.wrong]
     assert [f.kind for f in wrong] == [EXCHANGED]
     assert wrong[0].sentence.startswith("the command of recording moves like a mass")
+
+
+def test_a_command_of_one_tone_does_not_tell_which_is_which() -> None:
+    """Mutation: asked of any command; of a slow sine the velocity, rough by its encoder, drives."""
+    t = 1e-3 * np.arange(8000)
+    assert one_tone(2.5 * np.sin(2.0 * np.pi * 4.0 * t))
+    assert not one_tone(np.sign(np.sin(2.0 * np.pi * 0.5 * t)))
+    assert not one_tone(np.random.default_rng(0).standard_normal(t.size))

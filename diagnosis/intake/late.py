@@ -10,10 +10,10 @@ before it is driven. Where it comes later than the device file says (n < 0) that
 What a device file gets wrong draws n by a sample or some, and the farther ahead an observer looks,
 the more. So two are asked that look differently far: both have to know an answer, alike to a third,
 and the less of the two counts; only a true shift is the same to both. An answer counts where the
-errors are 1.5 times smaller by it, or where it is more than a sample and five sigma of blocks clear
-of none (`evidence.compared`): a hold that is none (`intake.hold`) is half a sample. The scale is
-free since a device file knows it badly, and its sign is not: a feedback tells of what is measured
-later, but by the other sign, u = -K y.
+errors are 1.5 times smaller by it, or where both observers say more than a sample and one is five
+sigma of blocks clear of none (`evidence.compared`): a hold that is none (`intake.hold`) is half a
+sample. The scale is free since a device file knows it badly, and its sign is not: a feedback tells
+of what is measured later, but by the other sign, u = -K y.
 
 Sown in recordings of machines: docs/machines/README.md.
 """
@@ -78,9 +78,11 @@ def shifted_by(device: Device, e: Experiment) -> int:
         except (NoObserver, np.linalg.LinAlgError, ValueError):  # sizes that no number holds
             continue
         known += [shift] if shift is not None and shift.gained > KNOWN else []
-    if len(known) < len(RATIOS) or not any(shift.sure(most) for shift in known):
+    if len(known) < len(RATIOS):
         return 0
     least, largest = sorted((shift.samples for shift in known), key=abs)
+    if not any(shift.sure(most, abs(least) == 1) for shift in known):
+        return 0
     return least if abs(largest - least) <= max(1.0, ALIKE * abs(least)) else 0
 
 
@@ -96,9 +98,12 @@ class Shift:
     better: float
     sigma: float
 
-    def sure(self, most: int) -> bool:
-        """Whether it counts. At the end of what was asked nothing is told: it may lie beyond."""
-        clear = self.better > BETTER or (abs(self.samples) > 1 and self.sigma > SIGMA)
+    def sure(self, most: int, single: bool) -> bool:
+        """Whether it counts. At the end of what was asked nothing is told: it may lie beyond.
+
+        single: whether both observers agree on one sample only.
+        """
+        clear = self.better > BETTER or (not single and self.sigma > SIGMA)
         return 0 < abs(self.samples) < most and self.gained > SURELY and clear
 
 

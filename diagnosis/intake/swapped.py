@@ -8,7 +8,8 @@ and y exchanged and any scale,
 
     what the command leaves of the squares of e, over what is left without any command,
 
-is less than half of what it is as described. Outputs are exchanged again; a command and a motion
+is less than half of what it is as described. Of a command of one tone nothing tells: each of two
+sines is the other, scaled and late. Outputs are exchanged again; a command and a motion
 are not, since each was converted by the other's unit.
 """
 
@@ -20,6 +21,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import periodogram
 
 from zwidth.diagnosis.intake.answering import Answering, resisting
 from zwidth.diagnosis.intake.driven import FOLLOWING
@@ -35,6 +37,7 @@ LOOKED_AT = 20_000  # ticks
 RATIOS = (1e-4, 1e-2, 1.0)
 BETTER = 2.0  # rms error over that of the outputs as they were described
 SURELY = 100.0  # -2 ln likelihood over it
+ONE_TONE = 0.95  # of the power of a command, in one line
 HALF = 0.5  # of what a command leaves as described, that it leaves the other way round
 ANSWERED = (1e-4, 1e-2)  # ratios of the observers under which a command is asked for
 
@@ -101,7 +104,7 @@ def _errors(device: Device, e: Experiment, outputs: Sequence[int]) -> list[float
 def _driven_by_motion(device: Device, e: Experiment) -> bool:
     """Whether the first output drives the command rather than the other way round."""
     y, u = e.measured[:, 0], e.command
-    if np.ptp(u) == 0.0:
+    if np.ptp(u) == 0.0 or one_tone(u):
         return False
     alone = replace(e, measured=y[:, None].copy(), outputs=e.outputs[:1], start=None)
     size = float(np.std(u)) / max(float(np.std(y)), 1e-300)
@@ -110,6 +113,13 @@ def _driven_by_motion(device: Device, e: Experiment) -> bool:
     if not turned < HALF * as_is:
         return False
     return (e.ticks - SETTLING) * math.log(as_is / max(turned, 1e-300)) > SURELY
+
+
+def one_tone(u: Floats) -> bool:
+    """Whether nearly all of the power of a signal lies in one line."""
+    _, power = periodogram(u, window="hann")
+    line = slice(max(0, int(np.argmax(power)) - 2), int(np.argmax(power)) + 3)  # the window's own
+    return float(power[line].sum()) > ONE_TONE * float(power.sum())
 
 
 def _unanswered(device: Device, e: Experiment) -> float:
