@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import zwidth.diagnosis.answer.answered
+import zwidth.diagnosis.answer.stands
 import zwidth.diagnosis.diagnose
 import zwidth.diagnosis.intake.take_in
 from zwidth.cli import run
@@ -107,7 +107,7 @@ def searched(output: Output = POSITION) -> Searched:
 
 def _ending_at_once(patch: pytest.MonkeyPatch) -> None:
     """Let a diagnosis end at once with what `searched` gives, and find nothing left."""
-    at = zwidth.diagnosis.answer.answered
+    at = zwidth.diagnosis.answer.stands
     patch.setattr(
         zwidth.diagnosis.diagnose, "searched", lambda _, e, *__: searched(e[0].outputs[0])
     )
@@ -154,12 +154,12 @@ def answered(line: list[str], status: int) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("stage", "where", "verdict"),
     [
-        ("detect", "answered.left_over", Verdict.UNDECIDED),
-        ("detect", "answered.instead_of", Verdict.UNDECIDED),
+        ("detect", "stands.left_over", Verdict.UNDECIDED),
+        ("detect", "stands.instead_of", Verdict.UNDECIDED),
         ("separation", "findings.without", Verdict.UNDECIDED),
         ("separation", "findings.rivals", Verdict.UNDECIDED),
         ("held out", "answered.held_out", Verdict.UNDECIDED),
-        ("adequacy", "answered.adequacy", Verdict.UNDECIDED),
+        ("adequacy", "stands.adequacy", Verdict.UNDECIDED),
         ("locate", "answered.locate", Verdict.CONFUSABLE),
         ("intervals", "findings.standard_errors", Verdict.CONFUSABLE),
         ("augmented device", "answered._augmented", Verdict.CONFUSABLE),
@@ -190,7 +190,7 @@ def test_an_upper_bound_that_fails_costs_that_one(short: pytest.MonkeyPatch):
     alone = unnamed(searched())
     short.setattr(zwidth.diagnosis.diagnose, "searched", lambda *_: alone)
     short.setattr(Model, "with_effect", _failing_with("dead_band", Model.with_effect))
-    at = zwidth.diagnosis.answer.answered
+    at = zwidth.diagnosis.answer.stands
     short.setattr(at, "named_only_whole", lambda *_: False)
     short.setattr(at, "farther", lambda _, found, *__: found)
     short.setattr(at, "next_believed", lambda _: ())
@@ -281,8 +281,8 @@ def test_a_search_that_fails_keeps_what_it_had(
     failed, to which friction without a name is a wrong unit.
     """
     monkeypatch.setattr(f"zwidth.diagnosis.selection.search.{where}", throw)
-    monkeypatch.setattr(zwidth.diagnosis.answer.answered, "left_over", lambda *_: Left(0.0, ""))
-    monkeypatch.setattr(zwidth.diagnosis.answer.answered, "instead_of", nothing)
+    monkeypatch.setattr(zwidth.diagnosis.answer.stands, "left_over", lambda *_: Left(0.0, ""))
+    monkeypatch.setattr(zwidth.diagnosis.answer.stands, "instead_of", nothing)
     found = diagnose(MASS, [recorded()], effort=ONE)
     assert found.verdict is Verdict.UNDECIDED
     assert found.sentence.startswith("an error left out a part of the search")

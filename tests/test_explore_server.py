@@ -373,6 +373,7 @@ quantity = "position"
 at = "m1"
 """
 TABLE = b"u,y\n" + b"".join(b"%d,%d\n" % (k % 3, k % 5) for k in range(40))
+UNNAMED = b"a,b\n" + b"".join(b"%d,%d\n" % (k * k % 7, k * k % 11) for k in range(40))
 
 
 def test_a_recording_is_read_from_what_was_dropped(port: int, tmp_path: Path):
@@ -409,7 +410,7 @@ def test_a_dropped_description_opens_no_other_file(named: str):
         ([], [], "no file arrived"),
         (["run.csv"], ["!"], "did not arrive whole"),
         (["a.csv", "b.csv"], [encoded(TABLE)] * 2, "drop one recording"),
-        (["data.csv"], [encoded(b"a,b\n3,1\n1,2\n2,0\n0,4\n")], "does not say which of"),
+        (["data.csv"], [encoded(UNNAMED)], "does not say which of"),
         ([".."], [encoded(TABLE)], "is no name of a file"),
     ],
 )

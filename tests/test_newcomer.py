@@ -74,7 +74,11 @@ TRUTH = {"friction": FRICTION, "gravity": WEIGHT, "saturation": LIMIT}
 def test_one_command_from_a_file_to_an_answer(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
-    """Mutations: the degrees read as radians; friction and gravity left in the fit's damper."""
+    """Mutations: the degrees read as radians; friction and gravity left in the fit's damper.
+
+    Friction that another simulator makes smooth rises with speed, and may be named so, beside dry
+    friction that cannot be told from it.
+    """
     monkeypatch.chdir(tmp_path)
     effect, load, clipped = RIGS[name]
     u = command(3.0)
@@ -84,11 +88,15 @@ def test_one_command_from_a_file_to_an_answer(
     assert run(line) == Status.DONE
     out, err = capsys.readouterr()
     answer = json.loads(Path("runs/answer.json").read_text())
-    assert [finding["effect"] for finding in answer["findings"]] == [effect]
+    (found,) = answer["findings"]
+    named = {found["effect"]}
+    if found["effect"] == "rising_friction" and answer["verdict"] == "confusable":
+        named |= {one["effect"] for one in found["rivals"]}
+    assert effect in named
     values = answer["findings"][0]["parameters"]
     assert next(iter(values.values()))["value"] == pytest.approx(TRUTH[name], rel=0.03)
     assert answer["linear_refit"]["m1"]["value"] == pytest.approx(MASS, rel=0.01)
-    assert effect in out
+    assert effect.replace("_", " ") in out.lower().replace("_", " ")
     for said in ("time [s], 500 samples a second", "torque_Nm [Nm]", "angle_deg [deg]", "one mass"):
         assert said in err
     fitted = load_device("runs/data.device.toml").chain.masses  # what rubs may pass for a mode

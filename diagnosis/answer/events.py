@@ -23,7 +23,7 @@ from zwidth.diagnosis.fitting.uncertainty import Z95
 from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.learning.event_edges import edges
 from zwidth.diagnosis.learning.event_force import Happened
-from zwidth.diagnosis.learning.events import FitOn, happenings, highest, with_events
+from zwidth.diagnosis.learning.events import FitOn, Peak, happenings, highest, with_events
 from zwidth.diagnosis.mishaps import Say, attempt
 from zwidth.diagnosis.noise.predictor import followed
 from zwidth.diagnosis.noise.steady import NoObserver
@@ -242,7 +242,7 @@ def _named_in_all(
     if not taken.whole_unopened:
         return False
     try:
-        peak = highest(every, found.tried.best)
+        peak = _peak(every, found)
     except NoObserver:
         return False
     if peak is None or peak.first < taken.fit_on[peak.recording].ticks:
@@ -259,10 +259,23 @@ def _named_in_all(
 def _happened(taken: Taken, every: Sequence[Experiment], found: Searched) -> tuple[Happened, ...]:
     """What happens as the best hypothesis sees it; nothing where none of them can be followed."""
     try:
+        if _peak(every, found) is None:
+            return ()
         seen = happenings(every, found.tried.best, lambda known: _with(taken, every, known).fit_on)
     except NoObserver:
         return ()
     return tuple(one for one in seen if one.source.lasting or _ends(one, every[one.recording]))
+
+
+def _peak(every: Sequence[Experiment], found: Searched) -> Peak | None:
+    """What stands out most of chance, None where nothing does.
+
+    Names come first: an answer that was chosen for its free runs leaves what the next sample shows
+    and names (a ripple, how friction sets in), which would seem to happen at each turn.
+    """
+    if found.near is not None and highest(every, found.near) is None:
+        return None
+    return highest(every, found.tried.best)
 
 
 def _ends(one: Happened, e: Experiment) -> bool:

@@ -50,6 +50,7 @@ from zwidth.diagnosis.learning.where import (
     states_of,
 )
 from zwidth.diagnosis.mishaps import Say, attempt
+from zwidth.diagnosis.model.parameters import effect_labels
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.selection.evidence import ALPHA, believed
 from zwidth.diagnosis.selection.hypothesis import (
@@ -159,8 +160,37 @@ def replacing(found: Search, say: Say) -> Iterator[Learned]:
     for curve in _believed_laws(found, bases, say, False):
         h = curve.hypothesis
         less = len(curve.replaced) >= FEWER
-        if less and believed(h.cost, found.best.cost, against(h, found.best).phi):
+        believable = less and believed(h.cost, found.best.cost, against(h, found.best).phi)
+        if believable and not _is_a_name(found, curve, say):
             yield curve
+
+
+def _is_a_name(found: Search, curve: Learned, say: Say) -> bool:
+    """Whether one of the names beside a law of what it leaves costs less than a law without it.
+
+    Names come first: a cubic spring that is not quite cubic is one, and what it leaves is another
+    matter. Of a law that is in no library a name leaves as much to say as there was.
+    """
+    h, law = curve.hypothesis, curve.physics
+    for one in found.best.model.effects:
+        alone = found.tried.get(frozenset(effect_labels((one,))))
+        if alone is None or alone.slopes is None or not follows(one, law.effect.name, law.place):
+            continue
+        moved = predicted_states(alone.problem, alone.fitted)
+        site = site_at(alone, moved, law.effect.name, law.at)
+        at = points_over(site.states, MANY, False)
+        given = None if at is None else along(*alone.model.effects_at(alone.x), law.effect.name, at)
+        if at is None or given is None or curve.period > 0.0:
+            continue
+        rest = table(law.effect.name, law.at, at, law_at(law, at) - given, False)
+        full = _fitted(alone, site, rest)
+        if full is None or not np.isfinite(full.cost.total):
+            continue
+        both = _shaped(full, site, against(full, alone).phi)
+        if both.cost.total < h.cost.total:
+            say(f"{one.effect.name} with what it leaves costs less: it is that")
+            return True
+    return False
 
 
 def laws(found: Search, say: Say, turns: bool = False) -> Iterator[Learned]:

@@ -47,7 +47,8 @@ class Searched:
     problem: the recordings under the noise of the best hypothesis; judge: the observer by which the
     answer is held against held-out data, which is its own likeliest one. held: whether its free
     runs err no farther than its noise makes them on the recordings that it was fitted to. far:
-    whether it was asked what shows over a longer horizon.
+    whether it was asked what shows over a longer horizon. near: what the next sample told, where
+    that did not decide.
     """
 
     problem: Problem
@@ -57,6 +58,7 @@ class Searched:
     judge: Observer
     held: bool = False
     far: bool = False
+    near: Hypothesis | None = None
 
     @property
     def interrupted(self) -> bool:
@@ -105,7 +107,7 @@ def farther(device: Device, found: Searched, say: Say) -> Searched:
     pair = (second.final, second.judge), (found.final, found.judge)
     if freer(*pair, near.best.experiments):
         say(f"over a longer horizon rather: {far.best.model.label}")
-        return replace(second, far=True)
+        return replace(second, far=True, near=near.best)
     return replace(found, tried=replace(near, interrupted=far.interrupted), far=True)
 
 
