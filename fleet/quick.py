@@ -34,6 +34,7 @@ from zwidth.sim.device import Device
 Floats = NDArray[np.float64]
 NUISANCE = ("origin", "jitter", "gain", "change")  # of a run, and no parameter of a device
 QUIET = 0.05  # of what a command goes through, within which it stands still
+STARTS, JUMPS = 6, 2.0  # samples of setting out, and how often their steps what is no jump
 DRAWN = 160  # points of a recording that are kept to be drawn
 UNTOLD = 0.98  # of the prior's variance, above which a recording says nothing of a parameter
 
@@ -201,15 +202,24 @@ def estimates(h: Hypothesis) -> tuple[Floats, Floats, Floats]:
 def held(e: Experiment) -> float:
     """Return for how much of a recording its first output stands still longest.
 
-    Where the command stands still as well, as of a servo that holds its goal, it may.
+    Where the command stands still as well, as of a servo that holds its goal, it may; and where it
+    sets out again from where it stood, as what sticks does: a sensor that gives no new readings
+    comes back where the device is by then.
     """
     moves = np.flatnonzero(np.diff(e.measured[:, 0], prepend=np.nan, append=np.nan) != 0.0)
     asks = QUIET * float(np.ptp(e.command))
     for k in np.argsort(-np.diff(moves)).tolist():
         stretch = slice(int(moves[k]), int(moves[k + 1]))
-        if float(np.ptp(e.command[stretch])) > asks:
+        if float(np.ptp(e.command[stretch])) > asks and not _sets_out(e.measured[:, 0], stretch):
             return (stretch.stop - stretch.start - 1) / e.ticks
     return 0.0
+
+
+def _sets_out(reading: Floats, stretch: slice) -> bool:
+    """Whether a reading moves on after a standstill by no more than in what follows, or usually."""
+    steps = np.abs(np.diff(reading[stretch.stop - 1 : stretch.stop + STARTS]))
+    usual = float(np.sqrt(np.mean(np.diff(reading) ** 2)))
+    return steps.size > 1 and float(steps[0]) <= JUMPS * max(usual, float(steps[1:].max()))
 
 
 def to_arrays(q: Quick) -> Mapping[str, object]:

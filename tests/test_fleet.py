@@ -222,6 +222,22 @@ def test_a_reading_may_stand_still_where_the_command_does():
     assert held(replace(e, measured=stuck[:, None])) == pytest.approx(49 / 400)
 
 
+def test_what_sticks_is_no_sensor_without_new_readings():
+    """Friction holds it while the command rises, and it sets out from where it stood.
+
+    Mutation: `_sets_out` always False.
+    """
+    command = np.sin(np.linspace(0.0, 6.0, 400))
+    reading = np.sin(np.linspace(-0.5, 5.5, 400))
+    begins = 60 + int(np.argmax(reading[60:] > reading[60] + 0.3))
+    stuck = np.concatenate([reading[:60], np.full(50, reading[60]), reading[60:350]])
+    e = Experiment(0.01, command, stuck[:, None], (Output("position", 0),))
+    assert held(e) <= 1 / 400
+    stale = reading.copy()
+    stale[60:begins] = reading[60]
+    assert held(replace(e, measured=stale[:, None])) == pytest.approx((begins - 61) / 400)
+
+
 def test_what_is_known_of_a_drive_stays_as_it_is():
     """Mutations: the drive's numbers free like a friction's; a drive lost with what is free."""
     servo = make_physics("position_servo", "m1", stiffness=20.0, damping=0.0, back_emf=1.0)
