@@ -37,6 +37,7 @@ from zwidth.watch.wall import Wall, renders, wall
 
 Floats = NDArray[np.float64]
 SURELY = 2.0 * math.log(1.0 / ALPHA)
+MUCH = 2.0  # times their noise, that free runs err where a sentence says why that refuses nothing
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,10 @@ class Quick:
         names = " and ".join(s.replace("_", " ").replace("@", " at ") for s in self.structure)
         if self.structure and self.gained <= SURELY:
             return f"{names} no longer explains more than chance would"
-        far = "" if self.ahead is None else f" (free runs err {self.ahead:.3g} times their noise)"
+        much = "" if self.ahead is None else f"free runs err {self.ahead:.3g} times their noise"
+        if self.stands and self.ahead is not None and self.ahead > MUCH:
+            much += ", as so few may by chance"
+        far = f" ({much})" if much else ""
         if self.stands:
             return (f"{names} explains it" if names else "nothing is seen to be missing") + far
         return f"something is missing beyond {names or 'what is known of the device'}{far}"
