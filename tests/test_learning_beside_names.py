@@ -237,6 +237,23 @@ def test_no_law_replaces_names_that_are_there() -> None:
     assert next(replacing(found, silent), None) is not None
 
 
+def test_a_name_stays_that_is_not_quite_its_law() -> None:
+    """A quadratic drag beside a bump: what the drag leaves costs fewer points than all of it.
+
+    Mutation that breaks it: `_is_a_name` always False.
+    """
+    v = np.linspace(-3.0, 3.0, 31)
+    drag = make_physics("quadratic_drag", "m1", coefficient=0.3)
+    bump = table("free_damper", "m1", v, 0.3 * np.clip(v - 1.5, 0.0, 0.4), odd=False)
+    found = two_named(drag, bump)
+    model = Model(DEVICE).with_effect(drag, {"coefficient": 0.1})
+    first = found.plain
+    alone = settled(judged(first.experiments, model, np.append(first.x, 0.0)))
+    assert next(replacing(found, silent), None) is not None
+    found.keep(alone)
+    assert next(replacing(found, silent), None) is None
+
+
 def test_a_change_goes_that_a_law_explains() -> None:
     """Mutations that break it: a change beside a law kept; its x taken for a point of the table."""
     e = recording(CUBES)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.answer.result import HeldOut
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import (
+    Observer,
     begun,
     deviation,
     free_run_errors,
@@ -56,6 +57,16 @@ def held_out(
         HeldOut(one[0], one[1], one[2], noise / swing),
         HeldOut(free[0], free[1], free[2], noise / windows),
     )
+
+
+def free_share(
+    model: Model, x: Floats, observer: Observer, judge_by: Sequence[Experiment]
+) -> float:
+    """Return what free runs of a model err by over the motion, as `held_out` counts it."""
+    built = model.acting(x)
+    seen = [begun(built, model.seen(e, x), observer) for e in judge_by]
+    runs = [free_run_errors(built, e, observer.gain, window(e)) for e in seen]
+    return _rms([e[:, 0] for e, _ in runs]) / _rms([signal[:, 0] for _, signal in runs])
 
 
 def _about_mean(signal: Floats) -> Floats:

@@ -4,6 +4,7 @@ import itertools
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.answer.adequacy import oftener_freer
 from zwidth.diagnosis.answer.friction_curve import asked_beyond, read_beyond
 from zwidth.diagnosis.answer.headline import place_in_words
-from zwidth.diagnosis.answer.held_out import held_out
+from zwidth.diagnosis.answer.held_out import free_share, held_out
 from zwidth.diagnosis.answer.result import HeldOut
 from zwidth.diagnosis.fitting.fit import Fitted
 from zwidth.diagnosis.learning.curves import Learned, laws, replacing
@@ -24,9 +25,9 @@ from zwidth.diagnosis.noise.family import as_far_as
 from zwidth.diagnosis.noise.predictor import Observer
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
-from zwidth.diagnosis.selection.hypothesis import independent, judged, settled
+from zwidth.diagnosis.selection.hypothesis import Hypothesis, independent, judged, settled
 from zwidth.diagnosis.selection.search import Search
-from zwidth.diagnosis.selection.searched import FAR_S, Searched, as_found
+from zwidth.diagnosis.selection.searched import FAR_S, Searched, as_found, judge_of
 from zwidth.sim.device import Device
 from zwidth.sim.readable import with_unit
 
@@ -221,7 +222,8 @@ def learned(
     named.
     """
     say("learning what repeats" if turns else "no name explains it: learning a law")
-    horizons = [(search, laws(search, say, turns)) for search in _horizons(found)]
+    hopeful = partial(_hopeful, judge_by, names)
+    horizons = [(search, laws(search, say, turns, hopeful)) for search in _horizons(found)]
     for _ in range(LAWS):
         told = [
             one
@@ -249,11 +251,17 @@ def replacement(
     if len(found.tried.best.model.effects) < 2:
         return None
     say("asking whether one law of no name explains it as well as these names together")
-    for curve in itertools.islice(replacing(found.tried, say), LAWS):
+    hopeful = partial(_hopeful, judge_by, names)
+    for curve in itertools.islice(replacing(found.tried, say, hopeful), LAWS):
         law = _judged(device, found.tried, curve, found, judge_by, names, say)
         if law is not None:
             return law
     return None
+
+
+def _hopeful(judge_by: Sequence[Experiment], names: HeldOut, h: Hypothesis) -> bool:
+    """Whether free runs of a table of all its points err as little as those of a law must."""
+    return free_share(h.model, h.x, judge_of(h), judge_by) < BETTER * names.after
 
 
 def _judged(

@@ -25,7 +25,7 @@ is a damper, that of a table of position a spring: what of it is which, only the
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -140,6 +140,12 @@ class Learned:
 
 
 Begun = tuple[Hypothesis, Site]
+Hopeful = Callable[[Hypothesis], bool]
+
+
+def always(_: Hypothesis) -> bool:
+    """Whatever a table does for free runs."""
+    return True
 
 
 def learn(found: Search, say: Say) -> Learned | None:
@@ -147,17 +153,17 @@ def learn(found: Search, say: Say) -> Learned | None:
     return next(laws(found, say), None)
 
 
-def replacing(found: Search, say: Say) -> Iterator[Learned]:
+def replacing(found: Search, say: Say, hopeful: Hopeful = always) -> Iterator[Learned]:
     """Yield laws that are believed over names of which they need two or more no longer.
 
     Each in the place of all names; beside them as well, and then of those that pay, where there are
-    so many that one may stay.
+    so many that one may stay. hopeful: as of `laws`.
     """
     many = len(found.best.model.effects)
     if many < FEWER:
         return
     bases = [found.best] * (many > FEWER) + [found.plain]
-    for curve in _believed_laws(found, bases, say, False):
+    for curve in _believed_laws(found, bases, say, False, hopeful):
         h = curve.hypothesis
         less = len(curve.replaced) >= FEWER
         believable = less and believed(h.cost, found.best.cost, against(h, found.best).phi)
@@ -193,18 +199,21 @@ def _is_a_name(found: Search, curve: Learned, say: Say) -> bool:
     return False
 
 
-def laws(found: Search, say: Say, turns: bool = False) -> Iterator[Learned]:
+def laws(
+    found: Search, say: Say, turns: bool = False, hopeful: Hopeful = always
+) -> Iterator[Learned]:
     """Yield laws of no name that are believed over the names, each of another place or state.
 
     The order is that of what the points that pay promise. turns: only what repeats, in a ripple's
-    place.
+    place. hopeful: whether a table of all its points is worth the search for those that pay, which
+    takes some twenty fits.
     """
     bases = [found.best] + [found.plain] * bool(found.best.model.effects)
-    yield from _believed_laws(found, bases, say, turns)
+    yield from _believed_laws(found, bases, say, turns, hopeful)
 
 
 def _believed_laws(
-    found: Search, bases: Sequence[Hypothesis], say: Say, turns: bool
+    found: Search, bases: Sequence[Hypothesis], say: Say, turns: bool, hopeful: Hopeful
 ) -> Iterator[Learned]:
     """The same beside what each of some bases has."""
     least = min((found.best, found.plain), key=lambda h: h.cost.total)
@@ -217,7 +226,11 @@ def _believed_laws(
     for each in sorted(begun.values(), key=_promise):
         if _promise(each) > least.cost.total + HOPE:
             break
-        likely = [one for one in each if _promise([one]) < _promise(each) + BEHIND]
+        near = [one for one in each if _promise([one]) < _promise(each) + BEHIND]
+        likely = [one for one in near if hopeful(one[0])]
+        if not likely:
+            say(f"a law over {_at_what(each[0][1])} gives free runs nothing: not sought further")
+            continue
         full = [(_without_changes(_without_names(found, h)), site) for h, site in likely]
         alike = {h.labels: (h, site) for h, site in sorted(full, key=_costs, reverse=True)}
         full = [_turning(_finer(h, site), site) for h, site in alike.values()]
@@ -229,6 +242,10 @@ def _believed_laws(
             continue
         law = _as_the_file_counts(one_way(best[0], phi), best[1])
         yield as_learned(law, best[1], least, found)
+
+
+def _at_what(site: Site) -> str:
+    return f"{site.effect.removeprefix('free_')} at {site.at}"
 
 
 def _costs(begun: Begun) -> float:

@@ -162,11 +162,11 @@ def as_found(device: Device, found: Search) -> Searched:
     bare = Model(device, varying=tuple(own))
     baseline = problem.fit(bare, found.plain.x[: len(bare.parameters)])
     final = with_rate(problem, _final(problem, best))
-    return Searched(problem, baseline, final, found, _judge(best))
+    return Searched(problem, baseline, final, found, judge_of(best))
 
 
-def _judge(best: Hypothesis) -> Observer:
-    """The likeliest observer of a hypothesis, whatever it was found under."""
+def judge_of(best: Hypothesis) -> Observer:
+    """Return the likeliest observer of a hypothesis, whatever it was found under."""
     if best.family.whitening:
         return best.noise.observer
     try:
@@ -202,7 +202,7 @@ def unnamed(found: Searched) -> Searched:
     problem = Problem(plain.problem.experiments, plain.noise.observer, FINAL)
     refit = problem.fit(plain.model, plain.x)
     tried = replace(found.tried, plain=plain, best=plain)
-    return Searched(problem, refit, refit, tried, _judge(plain), far=found.far)
+    return Searched(problem, refit, refit, tried, judge_of(plain), far=found.far)
 
 
 def _by_the_next_sample(h: Hypothesis) -> Hypothesis:
