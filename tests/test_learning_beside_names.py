@@ -16,6 +16,7 @@ from zwidth.diagnosis.learning.energy import makes_energy, powers
 from zwidth.diagnosis.learning.knots import known, one_way, shapes
 from zwidth.diagnosis.learning.steady import along
 from zwidth.diagnosis.learning.tables import basis, law_at, table
+from zwidth.diagnosis.learning.together import together
 from zwidth.diagnosis.learning.where import Site, beside
 from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.model.parameters import Model, Varying
@@ -30,6 +31,7 @@ from zwidth.sim.interface import Interface
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.free_law import FORCE, points_of
+from zwidth.sim.place import place_at
 from zwidth.sim.run import simulate
 from zwidth.sim.uncertainty import Uncertainty
 
@@ -305,6 +307,23 @@ def test_friction_is_shown_as_a_curve_with_what_the_samples_ask_for() -> None:
     named = -level * np.sign(curve.velocities)
     asked, wrong = curve.forces - named, law_at(SATURATES, curve.velocities) - named
     assert np.corrcoef(asked, wrong)[0, 1] > 0.2  # 0.36; of what damper and noise leave
+
+
+def test_the_band_of_a_friction_curve_is_beside_the_damper() -> None:
+    """Dampers by direction and the device's own are one: what is known is their sum.
+
+    Mutation that breaks it: `bends` without effect.
+    """
+    rubs = make_physics(
+        "directional_friction", "m1", level_plus=0.4, level_minus=0.5, viscous_plus=0.05,
+        viscous_minus=0.1,
+    )  # fmt: skip
+    model = Model(DEVICE).with_effect(rubs, dict.fromkeys(rubs.values, 0.1))
+    fitted = settled(judged([recording(rubs)], model, np.zeros(len(model.parameters)))).fitted
+    states = np.array([-2.0, 2.0])
+    both = [together(fitted, "free_damper", place_at("m1"), states, bends=b) for b in (False, True)]
+    apart, bends = (one.upper - one.lower for one in both if one is not None)
+    assert np.all(bends < 0.3 * apart)
 
 
 def test_what_repeats_is_learned_in_the_place_of_a_ripple() -> None:

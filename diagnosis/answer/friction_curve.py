@@ -5,6 +5,9 @@ over its velocity, in steady sliding, beside what the recording asks for at each
 the curve at the velocity that is predicted and the force that the innovations ask for beyond it
 (`diagnosis_log.missing_force`), under an observer a hundred times slower than the likeliest, which
 takes less of it for disturbance. Where the samples lie apart from the curve, the law is another.
+
+A straight part is the damper of the device as well, and a constant the origin of its spring, so the
+band is that of the curve beside both as they were fitted.
 """
 
 from contextlib import suppress
@@ -56,7 +59,7 @@ def friction_curve(found: Searched) -> FrictionCurve | None:
     if not low < high:
         return None
     at = np.linspace(low, high, POINTS)
-    whole = together(final, OVER, place, at[at != 0.0])
+    whole = together(final, OVER, place, at[at != 0.0], bends=True)
     if whole is None:
         return None
     given = [g for p in laws if follows(p, OVER, place) and (g := along(p, OVER, v)) is not None]

@@ -1,6 +1,7 @@
 """How sure a fit is where its residual is not white."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,13 +42,14 @@ def covariance(fitted: Fitted) -> Floats:
     return _covariance(fitted, fitted.jacobian)
 
 
-def covariance_of_scale(fitted: Fitted, gauge: int) -> Floats:
-    """Return `covariance` (p, p) where the scale of command, masses and all forces is a convention.
+def covariance_beside(fitted: Fitted, gauges: Sequence[int]) -> Floats:
+    """Return `covariance` (p, p) beside parameters (places in x) that are as they were fitted.
 
-    A law over the command leaves that scale open, and with it every other number: twice of all is
-    the same motion. So one parameter (its place in x) is taken as it was fitted, and has none.
+    Which is a convention, and no knowledge: of a law over the command the scale of command, masses
+    and all forces, since twice of all is the same motion; of one over velocity the damper, which
+    its straight part is as well, and the origin of positions, which its constant is.
     """
-    others = np.array([i != gauge for i in range(fitted.x.size)])
+    others = ~np.isin(np.arange(fitted.x.size), gauges)
     found = np.zeros((fitted.x.size, fitted.x.size))
     found[np.ix_(others, others)] = _covariance(fitted, fitted.jacobian[:, others])
     return found

@@ -33,7 +33,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.fitting.uncertainty import Z95, covariance, covariance_of_scale
+from zwidth.diagnosis.fitting.uncertainty import Z95, covariance, covariance_beside
 from zwidth.diagnosis.forces.leftover import predicted_states
 from zwidth.diagnosis.learning.knots import one_way, shapes, spared, tempered
 from zwidth.diagnosis.learning.repeating import OF_A_TURN, turns_of
@@ -512,7 +512,7 @@ def _spread(
     told = covariance(h.fitted)[np.ix_(which, which)] * np.outer(scales, scales)
     if site.effect != "free_amplifier":
         return told
-    own = covariance_of_scale(h.fitted, 0)[np.ix_(which, which)] * np.outer(scales, scales)
+    own = covariance_beside(h.fitted, [0])[np.ix_(which, which)] * np.outer(scales, scales)
     slope = float(s @ told @ s) / float(s @ s) ** 2
     return own + slope * np.outer(s, s)
 

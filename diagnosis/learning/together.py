@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.fitting.fit import Fitted
-from zwidth.diagnosis.fitting.uncertainty import Z95, covariance
+from zwidth.diagnosis.fitting.uncertainty import Z95, covariance, covariance_beside
 from zwidth.diagnosis.learning.steady import along
+from zwidth.diagnosis.model.parameters import Model
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.free_law import is_table
 from zwidth.sim.place import Place
@@ -47,10 +48,14 @@ def follows(law: Physics, curve: str, place: Place) -> bool:
     return there and along(law, curve, np.array([-1.0, 0.5])) is not None
 
 
-def together(fitted: Fitted, curve: str, place: Place, states: Floats) -> Together | None:
+def together(
+    fitted: Fitted, curve: str, place: Place, states: Floats, bends: bool = False
+) -> Together | None:
     """Return what the laws of a fit that follow a curve's state at a place give at some states.
 
     None where no name does. states (points,): none of them rest, where friction has no value.
+    bends: whether the band is that of the bends alone, beside damper, spring and origin as they
+    were fitted, which a line and a constant are as well.
     """
     model, x = fitted.model, fitted.x
     effects = model.effects_at(x)
@@ -72,8 +77,21 @@ def together(fitted: Fitted, curve: str, place: Place, states: Floats) -> Togeth
             moved = x.copy()
             moved[j] += STEP
             slopes[:, j] = (whole(moved) - forces) / STEP
-    spread = covariance(fitted)
+    held = _elsewhere(model, curve, place) if bends else []
+    spread = covariance_beside(fitted, held) if held else covariance(fitted)
     spread[~np.isfinite(spread)] = 0.0
     known = slopes @ spread @ slopes.T
     half = Z95 * np.sqrt(np.maximum(np.diag(known), 0.0))
     return Together(names, states, forces, forces - half, forces + half, known)
+
+
+def _elsewhere(model: Model, curve: str, place: Place) -> list[int]:
+    """The places in x of what a line and a constant over a curve's state are as well."""
+    link = place.kind == "link"
+    kinds = {"free_damper": ("damper", "link"), "free_spring": ("k0", "spring")}
+    kind = kinds[curve][int(link)] if curve in kinds else ""
+    return [
+        j
+        for j, p in enumerate(model.parameters)
+        if p.kind == "origin" or (p.kind == kind and p.index == place.index)
+    ]
