@@ -185,7 +185,8 @@ def _is_a_name(found: Search, curve: Learned, say: Say) -> bool:
         moved = predicted_states(alone.problem, alone.fitted)
         site = site_at(alone, moved, law.effect.name, law.at)
         at = points_over(site.states, MANY, False)
-        given = None if at is None else along(*alone.model.effects_at(alone.x), law.effect.name, at)
+        named = alone.model.effects_at(alone.x)[0]
+        given = None if at is None else along(named, law.effect.name, at)
         if at is None or given is None or curve.period > 0.0:
             continue
         rest = table(law.effect.name, law.at, at, law_at(law, at) - given, False)
