@@ -10,7 +10,7 @@ from zwidth.diagnosis.mishaps import Say, collecting, debugging, silent
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment, ExperimentError
 from zwidth.diagnosis.selection.effort import NORMAL, Effort
-from zwidth.diagnosis.selection.searched import Searched, searched
+from zwidth.diagnosis.selection.searched import Searched, Searches, searched
 from zwidth.sim.device import Device
 
 
@@ -34,16 +34,17 @@ def diagnose(
         for fault in taken.faults:
             say(fault.sentence)
         say("refitting the linear parameters, then trying every effect")
-        found = _sought(device, taken, say, effort)
+        search = Searches(lambda those: searched(device, those, say, effort))
+        found = _sought(taken, search)
         say("asking whether something happened once")
-        taken, found, events = knowing_events(device, taken, found, say, effort)
-        return answered(device, taken, found, mishaps, say, effort, events)
+        taken, found, events = knowing_events(taken, found, search, say)
+        return answered(device, taken, found, mishaps, search, say, events)
 
 
-def _sought(device: Device, taken: Taken, say: Say, effort: Effort) -> Searched:
+def _sought(taken: Taken, search: Searches) -> Searched:
     """What a search of the recordings finds; without a refit there is nothing to say."""
     try:
-        return searched(device, taken.fit_on, say, effort)
+        return search(taken.fit_on)
     except NoObserver as error:
         raise ExperimentError(str(error)) from error
     except Exception as error:

@@ -19,7 +19,6 @@ from tests.diagnosis_examples import (
 )
 from zwidth.controllers.excitation import noise
 from zwidth.controllers.recorded import recorded
-from zwidth.diagnosis.answer import second_look as looking
 from zwidth.diagnosis.answer.adequacy import Adequacy, Ahead
 from zwidth.diagnosis.answer.held_out import held_out
 from zwidth.diagnosis.answer.result import (
@@ -39,10 +38,10 @@ from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.recording.experiment import Experiment, Output
-from zwidth.diagnosis.selection.effort import NORMAL, QUICK
+from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.diagnosis.selection.hypothesis import judged, settled
 from zwidth.diagnosis.selection.search import Search
-from zwidth.diagnosis.selection.searched import Searched, as_found
+from zwidth.diagnosis.selection.searched import Searched, Searches, as_found
 from zwidth.diagnosis_report import Commands, save_report
 from zwidth.sim.device import Device, known
 from zwidth.sim.device_file import device_from_text, device_to_text
@@ -286,7 +285,7 @@ def test_no_name_is_promised_beside_disturbances_that_do_a_fifth_of_the_motion()
 
 
 @pytest.mark.parametrize("at_once", [True, False])
-def test_an_interrupted_second_look_is_said(monkeypatch: pytest.MonkeyPatch, at_once: bool):
+def test_an_interrupted_second_look_is_said(at_once: bool):
     """What was found before stays, and is not passed off as all that could be found.
 
     Mutation that breaks it: the first search's own word for it.
@@ -302,10 +301,9 @@ def test_an_interrupted_second_look_is_said(monkeypatch: pytest.MonkeyPatch, at_
             raise KeyboardInterrupt
         return replace(found, tried=replace(search, interrupted=True))
 
-    monkeypatch.setattr(looking, "searched", interrupted)
     left = Left(100.0, "a force", True)
     assert not found.interrupted
-    kept, same, note = second_look(phantom(), found, left, [], silent, NORMAL)
+    kept, same, note = second_look(found, left, [], Searches(interrupted), silent)
     assert kept.interrupted
     assert kept.final is found.final
     assert (same, note) == (left, None)

@@ -33,8 +33,7 @@ from zwidth.diagnosis.forces.locate import NOWHERE, Located, locate
 from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.mishaps import Mishaps, Say, attempt
-from zwidth.diagnosis.selection.effort import Effort
-from zwidth.diagnosis.selection.searched import Searched
+from zwidth.diagnosis.selection.searched import Searched, Searches
 from zwidth.sim.device import Device
 
 # Stages without which no verdict stands, and what an error in them takes from it.
@@ -55,15 +54,15 @@ def answered(
     taken: Taken,
     found: Searched,
     mishaps: Mishaps,
+    search: Searches,
     say: Say,
-    effort: Effort,
     events: tuple[Event, ...] = (),
 ) -> Diagnosis:
     """Return the answer; opens the held-out data. events: what happened in the recordings.
 
     An error in one part costs that part, and the verdict where it rests on it.
     """
-    stands = what_stands(device, taken, found, say, effort)
+    stands = what_stands(device, taken, found, search, say)
     seen = _seen(device, stands, say)
     found, taken, changes = stands.found, stands.taken, stands.changes
     findings = all_findings(device, taken, found)

@@ -28,10 +28,8 @@ from zwidth.diagnosis.mishaps import Say, attempt
 from zwidth.diagnosis.noise.predictor import followed
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
-from zwidth.diagnosis.selection.effort import Effort
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
-from zwidth.diagnosis.selection.searched import Searched, searched
-from zwidth.sim.device import Device
+from zwidth.diagnosis.selection.searched import Searched, Searches
 from zwidth.sim.place import place_at
 from zwidth.sim.readable import with_unit
 
@@ -174,7 +172,7 @@ def _time(at: float, between: tuple[float, float]) -> str:
 
 
 def knowing_events(
-    device: Device, taken: Taken, found: Searched, say: Say, effort: Effort
+    taken: Taken, found: Searched, search: Searches, say: Say
 ) -> tuple[Taken, Searched, tuple[Event, ...]]:
     """Return recordings that know what happened in them, what a search of them finds, the events.
 
@@ -184,7 +182,7 @@ def knowing_events(
         return taken, found, ()
     every = (*taken.whole, *(() if taken.whole_unopened else taken.judge_by))
     try:
-        there, found, known = _searched_anew(device, taken, every, found, say, effort)
+        there, found, known = _searched_anew(taken, every, found, search, say)
         said_of = partial(_all_said, every, found.tried.best, known)
         events = attempt("events", "what they brought", said_of) or ()
     except KeyboardInterrupt:
@@ -196,17 +194,12 @@ def knowing_events(
 
 
 def _searched_anew(
-    device: Device,
-    taken: Taken,
-    every: Sequence[Experiment],
-    found: Searched,
-    say: Say,
-    effort: Effort,
+    taken: Taken, every: Sequence[Experiment], found: Searched, search: Searches, say: Say
 ) -> tuple[Taken, Searched, tuple[Happened, ...]]:
     """Recordings with events known, a search of them, and the events as it sees them."""
     known: tuple[Happened, ...] = ()
     there = taken
-    if attempt("events", "", partial(_named_in_all, device, taken, every, found, say, effort)):
+    if attempt("events", "", partial(_named_in_all, taken, every, found, search, say)):
         return there, found, ()
     for _ in range(TURNS):
         new = attempt("events", "", partial(_happened, taken, every, found))
@@ -216,7 +209,7 @@ def _searched_anew(
         for one in new:
             say(f"something happened at {_seconds(one, every):.3g} s: searching with it known")
         try:
-            searching = searched(device, again.fit_on, say, effort)
+            searching = search(again.fit_on)
         except NoObserver:
             break
         known, there, found = new, again, searching
@@ -226,12 +219,7 @@ def _searched_anew(
 
 
 def _named_in_all(
-    device: Device,
-    taken: Taken,
-    every: Sequence[Experiment],
-    found: Searched,
-    say: Say,
-    effort: Effort,
+    taken: Taken, every: Sequence[Experiment], found: Searched, search: Searches, say: Say
 ) -> bool:
     """Whether what seems to happen where nothing was searched yet is physics with a name.
 
@@ -249,7 +237,7 @@ def _named_in_all(
         return False
     say("something may happen in what was held out: all that was recorded is searched for a name")
     try:
-        whole = searched(device, taken.whole, say, effort)
+        whole = search(taken.whole)
     except NoObserver:
         return False
     more = len(whole.final.model.effects) > len(found.final.model.effects)

@@ -13,9 +13,7 @@ from zwidth.diagnosis.model.parameters import effect_labels
 from zwidth.diagnosis.noise.predictor import FINAL
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
-from zwidth.diagnosis.selection.effort import Effort
-from zwidth.diagnosis.selection.searched import Searched, searched
-from zwidth.sim.device import Device
+from zwidth.diagnosis.selection.searched import Searched, Searches
 from zwidth.sim.physics import richer_at
 from zwidth.sim.place import label_of, of_label
 
@@ -34,12 +32,7 @@ def named_only_whole(
 
 
 def second_look(
-    device: Device,
-    found: Searched,
-    left: Left,
-    acted: Sequence[Experiment],
-    say: Say,
-    effort: Effort,
+    found: Searched, left: Left, acted: Sequence[Experiment], search: Searches, say: Say
 ) -> tuple[Searched, Left, Fault | None]:
     """Search all that was recorded, where a force is seen there that has no name in the first part.
 
@@ -50,18 +43,19 @@ def second_look(
     """
     say("what was held out shows more than was named: all that was recorded is searched")
     try:
-        again = searched(device, acted, say, effort)
+        again = search(acted)
     except NoObserver:
         return found, left, None
     except KeyboardInterrupt:
         return _interrupted(found), left, None
     if again.interrupted:
         return _interrupted(found), left, None
+    rotary = found.final.model.nominal.rotary
     known, labels = (effect_labels(s.final.model.effects) for s in (found, again))
 
     def akin(one: str, others: Sequence[str]) -> bool:
-        within = [o for o in others if one in _containing(o, device.rotary)]
-        return one in others or bool(within) or bool({*others} & {*_containing(one, device.rotary)})
+        within = [o for o in others if one in _containing(o, rotary)]
+        return one in others or bool(within) or bool({*others} & {*_containing(one, rotary)})
 
     new = [label for label in labels if not akin(label, known)]
     if not new or not all(akin(label, labels) for label in known):

@@ -13,8 +13,7 @@ from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.mishaps import Say, attempt, isolated
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.selection.effort import Effort
-from zwidth.diagnosis.selection.searched import Searched, farther, next_believed, unnamed
+from zwidth.diagnosis.selection.searched import Searched, Searches, farther, next_believed, unnamed
 from zwidth.sim.device import Device
 
 
@@ -38,7 +37,9 @@ class Stands:
     halted: bool
 
 
-def what_stands(device: Device, taken: Taken, found: Searched, say: Say, effort: Effort) -> Stands:
+def what_stands(
+    device: Device, taken: Taken, found: Searched, search: Searches, say: Say
+) -> Stands:
     """Return the answer that stands of what was searched; opens the held-out data.
 
     Where it does not explain them, what shows over a longer horizon is asked too, and then all that
@@ -63,7 +64,7 @@ def what_stands(device: Device, taken: Taken, found: Searched, say: Say, effort:
     by, faults = found, taken.faults
     if taken.whole_unopened and named_only_whole(found, left, other, sound):
         with isolated("search", "all that was recorded"):
-            again, beyond, note = second_look(device, found, left, taken.whole, say, effort)
+            again, beyond, note = second_look(found, left, taken.whole, search, say)
             if note is not None:
                 by, faults = on_first_part(again), (*faults, note)
                 taken = _knowing_losses(asked, by)

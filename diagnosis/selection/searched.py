@@ -13,10 +13,11 @@ away nothing is foretold; so there both are always asked for. Where an answer ho
 fitted to and is `unknown_physics` for another reason, `answer.answered` asks.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import is_
 
 from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy, freer, wandering
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
@@ -64,6 +65,27 @@ class Searched:
     def interrupted(self) -> bool:
         """Whether the search was."""
         return self.tried.interrupted
+
+
+class Searches:
+    """The searches of one diagnosis: of the same recordings there is one, whoever asks for it.
+
+    Whether something happened and what has no name are both asked of all that was recorded, before
+    either is known.
+    """
+
+    def __init__(self, search: Callable[[Sequence[Experiment]], Searched]) -> None:
+        self._search = search
+        self._made: list[tuple[tuple[Experiment, ...], Searched]] = []
+
+    def __call__(self, experiments: Sequence[Experiment]) -> Searched:
+        """Search recordings, or return what a search of just these found; as `searched` raises."""
+        for those, found in self._made:
+            if len(those) == len(experiments) and all(map(is_, those, experiments)):
+                return found
+        found = self._search(experiments)
+        self._made.append((tuple(experiments), found))
+        return found
 
 
 def searched(
