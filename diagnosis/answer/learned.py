@@ -40,6 +40,7 @@ LETTERS = {"free_spring": "q", "free_damper": "v", "free_amplifier": "u", "free_
 # A spring, a damper, a scale, a constant force or an origin, which are parameters or have names.
 STRAIGHT = ("straight line", "line", "offset")
 LAWS = 3  # of each horizon, that are held against held-out data
+ALIKE = 2  # forms that are not told apart, that a headline says
 QUANTILES = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 
 
@@ -87,7 +88,8 @@ class LearnedLaw:
         }.get(curve.physics.effect.name, f"a force acts {place_in_words(at, masses)}")
         unit = _length(rotary) if sensor else ("N m" if rotary else "N")
         most = with_unit(float(np.abs(curve.forces).max()), unit, 2)
-        looks = f", {self._looks(self.formulas[0].form.name)}" if self.formulas else ""
+        alike = " or ".join(_a(f.form.name) for f in self.formulas[:ALIKE])
+        looks = f", {self._looks(alike)}" if self.formulas else ""
         own, other = 100.0 * self.law.after, 100.0 * self.names.after
         over = self.over.rstrip(",")
         return (
@@ -97,12 +99,10 @@ class LearnedLaw:
         )
 
     def _looks(self, like: str) -> str:
-        first = like.split(" ")[0]
-        article = {"friction": "", "sum": "the "}.get(first, "an " if first[0] in "aeiou" else "a ")
         together = self.curve.together
         if not self.whole or together is None:
-            return f"which looks like {article}{like}"
-        return f"which together with {' and '.join(together.names)} looks like {article}{like}"
+            return f"which looks like {like}"
+        return f"which together with {' and '.join(together.names)} looks like {like}"
 
     @property
     def sentence(self) -> str:
@@ -112,7 +112,7 @@ class LearnedLaw:
             "free_amplifier": "what is added to the command",
             "free_sensor": "what the reading errs by",
         }.get(curve.physics.effect.name, f"a force at {curve.physics.at}")
-        looks = f", {self._looks(self.formula).replace(' a ', ' ', 1)}," if self.formula else ""
+        looks = f", {self._looks(self.formula)}," if self.formula else ""
         own, other = 100.0 * self.law.after, 100.0 * self.names.after
         return (
             f"learned from it: {what} over {self.over}{looks} with which free runs on held-out"
@@ -186,6 +186,13 @@ class LearnedLaw:
 def _points(*columns: Floats) -> list[dict[str, float]]:
     rows = np.column_stack(columns).tolist()
     return [dict(zip(("state", "force", "lower", "upper"), row, strict=True)) for row in rows]
+
+
+def _a(form: str) -> str:
+    """The name of a form with its article."""
+    first = form.split(" ")[0]
+    article = {"friction": "", "sum": "the "}.get(first, "an " if first[0] in "aeiou" else "a ")
+    return f"{article}{form}"
 
 
 def _length(rotary: bool) -> str:

@@ -9,7 +9,8 @@ least over theta by weighted least squares. What else the fit cannot tell from t
 table of velocity the straight part is the damper's as well, so that forms are told apart by what
 bends, and a form may have any straight part that C allows. A form costs d^2 + k ln m of its k
 numbers, m points; it is within the band where chance makes d^2 as large in one of a hundred fits.
-The cheapest is said, with those it cannot be told from (`CLOSE`).
+The cheapest is said, with those it cannot be told from (`CLOSE`); of those that cost the same
+(`EVEN`) that of the fewest numbers, and of these the plainest, in the order of `FORMS`.
 
 The forms are those of the field: straight lines, powers, a drag of two powers, saturations (tanh,
 arctangent, a clipped line), dead zones and stops, exponentials, bumps, sines, magnets; of what acts
@@ -30,7 +31,7 @@ from scipy.stats import chi2
 
 Floats = NDArray[np.float64]
 WITHIN = 0.01  # chance of a distance as large, above which a form is within the band
-CLOSE = 6.0  # of cost, within which forms are not told apart
+CLOSE, EVEN = 6.0, 2.0  # of cost, within which forms are not told apart, and within which even
 COARSE = 5e-3  # of the largest point: what the curve between points errs by, they carry
 POWERS = (0.1, 10.0)  # within which a power, a place (of the range) and a width are sought
 PLACES = 2.0
@@ -250,7 +251,7 @@ def formulas(
     period: float = 0.0,
     rubs: bool = False,
 ) -> list[Formula]:
-    """Return what a law looks like, the cheapest first: that, and what it is not told from.
+    """Return what a law looks like, the likeliest first: that, and what it is not told from.
 
     states, forces (points,): of the law, covariance (points, points) of the forces. odd: of |s|.
     period: of one that repeats, which looks like harmonics; rubs: whether friction is part of it.
@@ -272,8 +273,13 @@ def formulas(
         and (fitted := _fitted(form, states, forces, weigh, period)) is not None
         and fitted.within
     ]
-    found.sort(key=lambda f: f.cost)
-    return [f for f in found if f.cost < found[0].cost + CLOSE]
+    if not found:
+        return []
+    least = min(f.cost for f in found)
+    even = [f for f in found if f.cost < least + EVEN]  # in the order of `FORMS`
+    first = min(even, key=lambda f: len(f.numbers))
+    others = sorted((f for f in found if f is not first), key=lambda f: f.cost)
+    return [first, *(f for f in others if f.cost < least + CLOSE)]
 
 
 def _fitted(
