@@ -114,7 +114,7 @@ def _ending_at_once(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(at, "left_over", lambda *_: Left(0.0, ""))
     patch.setattr(at, "instead_of", nothing)
     patch.setattr(
-        zwidth.diagnosis.diagnose, "knowing_events", lambda _, taken, found, *__: (taken, found, ())
+        zwidth.diagnosis.diagnose, "knowing_events", lambda taken, found, *_: (taken, found, ())
     )
 
 
