@@ -17,7 +17,7 @@ from zwidth.diagnosis.learning.knots import known, one_way, shapes
 from zwidth.diagnosis.learning.steady import along
 from zwidth.diagnosis.learning.tables import basis, law_at, table
 from zwidth.diagnosis.learning.together import together
-from zwidth.diagnosis.learning.where import Site, beside
+from zwidth.diagnosis.learning.where import Site, beside, comes_back
 from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.model.parameters import Model, Varying
 from zwidth.diagnosis.recording.experiment import Experiment, Output
@@ -324,6 +324,16 @@ def test_the_band_of_a_friction_curve_is_beside_the_damper() -> None:
     both = [together(fitted, "free_damper", place_at("m1"), states, bends=b) for b in (False, True)]
     apart, bends = (one.upper - one.lower for one in both if one is not None)
     assert np.all(bends < 0.3 * apart)
+
+
+def test_a_state_that_never_comes_back_tells_time() -> None:
+    """A motor that turns one way. Mutation: the way between two recordings counted as a return."""
+    t = np.linspace(0.0, 10.0, 500)
+    forwards, swings = 20.0 * t + np.sin(3.0 * t), np.sin(3.0 * t)
+    assert not comes_back([forwards])
+    assert not comes_back([forwards, -forwards])
+    assert comes_back([forwards, forwards])
+    assert comes_back([swings])
 
 
 def test_what_repeats_is_learned_in_the_place_of_a_ripple() -> None:

@@ -7,6 +7,10 @@ likelier then, each under the likeliest noise of its own, tells where a law may 
 nothing is told of it: where much is missing a residual is far from white, its slow part is what the
 recording began with as well, and any state seems to lead it.
 
+Of a state that never comes back (the position of a motor that turns one way) a law over it is one
+of time, and of anything else that happens in that order: no law is sought there, but for what
+repeats (`repeating`).
+
 Limits: a law that turns the motion over is not reached in so few rounds.
 """
 
@@ -35,6 +39,7 @@ RATIOS = (1.0, 1e-3)  # of the likeliest one, under which laws are begun
 ROUNDS = 4
 CLOSES, LONGEST = 1e-3, 2.0  # of a turn: beyond its last point at least, and of its own at most
 MANY = 16  # points that a law begins with
+COMES_BACK = 1.5  # times that each state is met on the mean, or it tells time
 
 
 @dataclass(frozen=True)
@@ -117,13 +122,23 @@ def held(count: int) -> int:
 
 def states_of(base: Hypothesis, moved: Sequence[Floats], effect: str, at: str) -> Floats:
     """Return the states (samples,) that a law would follow, as the model predicts them."""
+    return np.concatenate(_states_in(base, moved, effect, at))
+
+
+def _states_in(base: Hypothesis, moved: Sequence[Floats], effect: str, at: str) -> list[Floats]:
+    """The same in each recording."""
     n = base.model.build(base.x).chain.masses.size
     if effect == "free_amplifier":
-        return np.concatenate([e.command[SETTLING:] for e in base.experiments])
+        return [e.command[SETTLING:] for e in base.experiments]
     i, j = (0, -1) if effect == "free_sensor" else place_at(at).ends
     first = n if effect == "free_damper" else 0
-    own = [x[SETTLING:, first + i] - (x[SETTLING:, first + j] if j >= 0 else 0.0) for x in moved]
-    return np.concatenate(own)
+    return [x[SETTLING:, first + i] - (x[SETTLING:, first + j] if j >= 0 else 0.0) for x in moved]
+
+
+def comes_back(each: Sequence[Floats]) -> bool:
+    """Whether the states of recordings are met again, and do not only tell time."""
+    way = sum(float(np.abs(np.diff(states)).sum()) for states in each)
+    return way > COMES_BACK * float(np.ptp(np.concatenate(each)))
 
 
 def law_over(site: Site, count: int, odd: bool) -> Physics | None:
@@ -162,6 +177,10 @@ def _every(base: Hypothesis) -> list[Site]:
         asked.append(("free_sensor", "sensor"))
     present = {(p.effect.name, p.at) for p in base.model.effects}
     moved = predicted_states(base.problem, base.fitted)
-    every = [site_at(base, moved, *one) for one in asked if one not in present]
+    every = [
+        site_at(base, moved, *one)
+        for one in asked
+        if one not in present and comes_back(_states_in(base, moved, *one))
+    ]
     # Where nothing drives there is no force to measure a law by.
     return [site for site in every if np.ptp(site.states) > 0.0 and site.makes > 0.0]
