@@ -12,6 +12,7 @@ from zwidth.sim.readable import scaled
 CURVE, SAMPLES = "#004488", "0.72"
 SHOWN = 4000  # samples, at most
 TALL = 2.5  # times the curve's height, within which samples are shown
+TALL_FRAME = 1.05  # times the tallest that is shown, where samples lie beyond it
 WIDE = 75  # letters of a legend that one line holds
 
 
@@ -24,13 +25,15 @@ def friction_curve_figure(curve: FrictionCurve, rotary: bool) -> Figure:
     every = max(1, curve.velocities.size // SHOWN)
     inside = (curve.velocities >= whole.states[0]) & (curve.velocities <= whole.states[-1])
     v = curve.velocities[inside][::every]
-    asked = np.clip(-curve.forces[inside][::every], -tall, tall)
+    asked = -curve.forces[inside][::every]
+    outside = float(np.mean(np.abs(asked) > tall)) if asked.size else 0.0
+    beyond = f", {100.0 * outside:.0f} % of them beyond the frame" if outside > 0.0 else ""
     with rc_context(STYLE):
         figure = Figure(figsize=(6.4, 4.2), layout="constrained")
         axes = figure.subplots()
         axes.axhline(0.0, color="0.6", linewidth=0.8)
         axes.plot(x * v, y * asked, ".", color=SAMPLES, markersize=3.2, rasterized=True,
-                  label="what each sample asks for")  # fmt: skip
+                  label=f"what each sample asks for{beyond}")  # fmt: skip
         for side in (whole.states < 0.0, whole.states > 0.0):
             if not side.any():
                 continue
@@ -40,6 +43,8 @@ def friction_curve_figure(curve: FrictionCurve, rotary: bool) -> Figure:
             axes.plot(at, -y * whole.forces[side], color=CURVE, linewidth=1.4)
         names = " and ".join(effect_in_words(name) for name in whole.names)
         axes.plot([], [], color=CURVE, linewidth=1.4, label=f"{names}, with its 95 % band")
+        if outside > 0.0:
+            axes.set_ylim(-TALL_FRAME * y * tall, TALL_FRAME * y * tall)
         axes.set_xlabel(f"velocity of {curve.at} [{speed}]")
         axes.set_ylabel(f"resistance at {curve.at} [{force}]")
         axes.set_title("The friction that was found, over velocity")
