@@ -10,17 +10,21 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import zwidth.diagnosis.answer.events as answers
 from benchmarks.events import HIT, JAM, KINDS, NOTHING, SLIP, STOP, TOUCH, T, moved
-from zwidth.diagnosis.answer.events import Event, events_in
+from zwidth.diagnosis.answer.events import Event, _peak, events_in
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.learning.event_edges import Polylines
 from zwidth.diagnosis.learning.event_force import Happened, Source
-from zwidth.diagnosis.learning.events import happenings, with_events
+from zwidth.diagnosis.learning.events import Peak, happenings, with_events
+from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import free_run_errors, innovations
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
+from zwidth.diagnosis.selection.search import Search
+from zwidth.diagnosis.selection.searched import as_found
 from zwidth.figures.events import events_figure
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
@@ -261,3 +265,16 @@ def test_a_diagnosis_says_what_happened_and_bends_no_parameter():
     assert event.sentence in found.headline
     (friction,) = found.findings
     assert friction.parameters["level"].value == pytest.approx(0.02, rel=0.03)
+
+
+def test_what_either_answer_names_does_not_happen(monkeypatch: pytest.MonkeyPatch):
+    """Of an answer chosen for its free runs, what the next sample's names leave is asked as well.
+
+    Three "hits on a stop" of a real drive were how its friction sets in. Mutation: `near` unasked.
+    """
+    sees, blind = fitted(HIT), fitted(NOTHING)
+    peak = Peak(0, Source("m1"), 2500, 3, 300.0)
+    monkeypatch.setattr(answers, "highest", lambda _, h: peak if h is sees else None)
+    found = as_found(DEVICE, Search(sees, sees, QUICK, silent))
+    for near, happens in ((None, True), (sees, True), (blind, False)):
+        assert bool(_peak(sees.experiments, replace(found, near=near))) is happens

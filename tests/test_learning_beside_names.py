@@ -331,7 +331,7 @@ def test_a_state_that_never_comes_back_tells_time() -> None:
     t = np.linspace(0.0, 10.0, 500)
     forwards, swings = 20.0 * t + np.sin(3.0 * t), np.sin(3.0 * t)
     assert not comes_back([forwards])
-    assert not comes_back([forwards, -forwards])
+    assert not comes_back([forwards, forwards - 200.0])  # begins where the other has not been
     assert comes_back([forwards, forwards])
     assert comes_back([swings])
 

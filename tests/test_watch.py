@@ -507,3 +507,14 @@ def test_the_terminal_has_the_last_of_each_kind():
     text = screen.export_text()
     assert "log.csv: 3.0 s" in text or "log.csv: 2.5 s, 2500 samples" in text
     assert text.count("quick fit") == 1
+
+
+def test_an_error_that_refuses_nothing_says_why():
+    """Mutation: said of every ratio, or of none."""
+    x = np.zeros(2)
+
+    def said(ahead: float, stands: bool) -> str:
+        return Quick(900, 0.0, 1.0, (), {}, stands, 0.0, ahead, x, None, 0.1).sentence
+
+    assert "3.29 times their noise, as so few may by chance" in said(3.29, True)
+    assert "by chance" not in said(1.2, True) + said(3.29, False)

@@ -47,9 +47,8 @@ def held_out(
         # Each begins where it fits best: an observer that trusts its model forgets slowly.
         scaled = [begun(built, model.seen(e, x), found.judge) for e in judge_by]
         one.append(_rms([innovations(built, e, gain)[settling(e) :, 0] for e in scaled]) / swing)
-        runs = [free_run_errors(built, e, gain, window(e)) for e in scaled]
-        windows = _rms([signal[:, 0] for _, signal in runs])
-        free.append(_rms([error[:, 0] for error, _ in runs]) / windows)
+        error, windows = _free(built, scaled, gain)
+        free.append(error / windows)
     model, x = models[-1]
     fitted_on = [model.seen(e, x) for e in found.problem.experiments]
     noise = float(deviation(model.acting(x), fitted_on, gain)[0])
@@ -65,8 +64,14 @@ def free_share(
     """Return what free runs of a model err by over the motion, as `held_out` counts it."""
     built = model.acting(x)
     seen = [begun(built, model.seen(e, x), observer) for e in judge_by]
-    runs = [free_run_errors(built, e, observer.gain, window(e)) for e in seen]
-    return _rms([e[:, 0] for e, _ in runs]) / _rms([signal[:, 0] for _, signal in runs])
+    error, windows = _free(built, seen, observer.gain)
+    return error / windows
+
+
+def _free(device: Device, seen: Sequence[Experiment], gain: Floats) -> tuple[float, float]:
+    """What free runs err by in the first output, and the motion in their windows; both rms."""
+    runs = [free_run_errors(device, e, gain, window(e)) for e in seen]
+    return _rms([error[:, 0] for error, _ in runs]), _rms([signal[:, 0] for _, signal in runs])
 
 
 def _about_mean(signal: Floats) -> Floats:

@@ -175,7 +175,8 @@ def _is_a_name(found: Search, curve: Learned, say: Say) -> bool:
     """Whether one of the names beside a law of what it leaves costs less than a law without it.
 
     Names come first: a cubic spring that is not quite cubic is one, and what it leaves is another
-    matter. Of a law that is in no library a name leaves as much to say as there was.
+    matter. Of a law that is in no library a name leaves as much to say as there was. Asked of names
+    that were fitted alone, as a search begins.
     """
     h, law = curve.hypothesis, curve.physics
     for one in found.best.model.effects:
@@ -230,7 +231,7 @@ def _believed_laws(
         near = [one for one in each if _promise([one]) < _promise(each) + BEHIND]
         likely = [one for one in near if hopeful(one[0])]
         if not likely:
-            say(f"a law over {_at_what(each[0][1])} gives free runs nothing: not sought further")
+            say(f"a law over {_at_what(each[0][1])} gains free runs too little: not sought further")
             continue
         full = [(_without_changes(_without_names(found, h)), site) for h, site in likely]
         alike = {h.labels: (h, site) for h, site in sorted(full, key=_costs, reverse=True)}

@@ -10,7 +10,8 @@ table of velocity the straight part is the damper's as well, so that forms are t
 bends, and a form may have any straight part that C allows. A form costs d^2 + k ln m of its k
 numbers, m points; it is within the band where chance makes d^2 as large in one of a hundred fits.
 The cheapest is said, with those it cannot be told from (`CLOSE`); of those that cost the same
-(`EVEN`) that of the fewest numbers, and of these the plainest, in the order of `FORMS`.
+(`EVEN`: "not worth more than a bare mention", Kass & Raftery 1995) that of the fewest numbers, and
+of these the plainest, in the order of `FORMS`.
 
 The forms are those of the field: straight lines, powers, a drag of two powers, saturations (tanh,
 arctangent, a clipped line), dead zones and stops, exponentials, bumps, sines, magnets; of what acts

@@ -39,7 +39,7 @@ RATIOS = (1.0, 1e-3)  # of the likeliest one, under which laws are begun
 ROUNDS = 4
 CLOSES, LONGEST = 1e-3, 2.0  # of a turn: beyond its last point at least, and of its own at most
 MANY = 16  # points that a law begins with
-COMES_BACK = 1.5  # times that each state is met on the mean, or it tells time
+COMES_BACK = 1.5  # times that each state is met on the mean: half of them twice, or it tells time
 
 
 @dataclass(frozen=True)
