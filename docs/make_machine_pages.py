@@ -20,7 +20,7 @@ from zwidth.diagnosis.selection.effort import EFFORTS
 from zwidth.diagnosis_report import estimate
 from zwidth.figures.diagnosis import whole_run_figure
 from zwidth.figures.friction_curve import friction_curve_figure
-from zwidth.figures.learned import learned_figure
+from zwidth.figures.learned_surface import law_figure
 from zwidth.files.protection import writing_as
 from zwidth.files.whole import write_text, write_with
 from zwidth.logs.recording import read_recording
@@ -200,7 +200,7 @@ def main() -> None:
                     lambda file, f=drawn: f.savefig(file, format="png", dpi=120),
                 )
             if found.learned is not None:
-                law = learned_figure(found.learned, found.device.rotary)
+                law = law_figure(found.learned, found.device.rotary)
                 write_with(
                     PAGES / f"{name}_law.png",
                     lambda file, f=law: f.savefig(file, format="png", dpi=120),

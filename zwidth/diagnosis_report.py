@@ -38,7 +38,7 @@ from zwidth.figures.diagnosis import (
 )
 from zwidth.figures.events import events_figure
 from zwidth.figures.friction_curve import friction_curve_figure
-from zwidth.figures.learned import learned_figure
+from zwidth.figures.learned_surface import law_figure
 from zwidth.figures.style import STYLE
 from zwidth.files.whole import write_text
 from zwidth.report_page import embedded, page
@@ -162,7 +162,7 @@ def _pictures(
         if rubs is not None:
             draw["friction"] = partial(friction_curve_figure, rubs, rotary)
     if (law := diagnosis.learned) is not None:
-        draw["law"] = lambda: learned_figure(law, rotary)
+        draw["law"] = partial(law_figure, law, rotary)
     for i, change in enumerate(diagnosis.changes):
         draw[f"change {i + 1}"] = partial(changes_figure, change)
     for i, event in enumerate(diagnosis.events):

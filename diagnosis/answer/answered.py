@@ -14,7 +14,8 @@ from zwidth.diagnosis.answer.findings import all_findings, linear, upper_bounds
 from zwidth.diagnosis.answer.headline import Answer, headline
 from zwidth.diagnosis.answer.held_out import held_out
 from zwidth.diagnosis.answer.inverse import ForceError, force_errors
-from zwidth.diagnosis.answer.learned import LearnedLaw, learned, replacement
+from zwidth.diagnosis.answer.learned import LearnedLaw, learned, learned_over_two, replacement
+from zwidth.diagnosis.answer.learned_surface import LearnedSurface
 from zwidth.diagnosis.answer.levels import next_level
 from zwidth.diagnosis.answer.result import (
     UNKNOWN_FIT,
@@ -46,6 +47,7 @@ WHAT_IS_LOST = {
     "regimes": "where it holds",
 }
 DECISIVE = tuple(WHAT_IS_LOST)
+Law = LearnedLaw | LearnedSurface
 NAMED = (Verdict.IDENTIFIED, Verdict.CONFUSABLE)
 
 
@@ -160,7 +162,7 @@ def _law(
     findings: Sequence[Finding],
     mishaps: Mishaps,
     say: Say,
-) -> tuple[LearnedLaw | None, bool, bool]:
+) -> tuple[Law | None, bool, bool]:
     """A law without a name, whether it is said rather than names, and whether it was interrupted.
 
     Where names do not explain it all, or chance alone explains what free runs err by; rather than
@@ -189,7 +191,7 @@ def _to_be_said(
     verdict: Verdict,
     free: HeldOut,
     mishaps: Mishaps,
-    law: LearnedLaw | None,
+    law: Law | None,
 ) -> Answer:
     """What the headline is made of."""
     device = stands.found.final.model.nominal
@@ -217,23 +219,28 @@ def _changed_and_happened(
 
 def _law_of_no_name(
     device: Device, found: Searched, taken: Taken, free: HeldOut, say: Say, turns: bool = False
-) -> tuple[LearnedLaw | None, bool]:
+) -> tuple[Law | None, bool]:
     """A law that is learned where no name is adequate, and whether it was interrupted.
 
     turns: where names are, but one of them is a ripple, which is one sine of whatever repeats.
     """
     if found.interrupted:
         return None, True
+    law: Law | None = None
     try:
         learning = partial(learned, device, found, taken.judge_by, free, say, turns)
-        return attempt("learn", "a law of no name", learning), False
+        law = one = attempt("learn", "a law of no name", learning)
+        if not turns:
+            over_two = partial(learned_over_two, device, found, taken.judge_by, free, one, say)
+            law = attempt("learn", "a law over two states", over_two) or one
     except KeyboardInterrupt:
-        return None, True
+        return law, True
+    return law, False
 
 
 def _law_for_names(
     device: Device, found: Searched, taken: Taken, free: HeldOut, say: Say
-) -> tuple[LearnedLaw | None, bool]:
+) -> tuple[Law | None, bool]:
     """A law that explains better what several names do, and whether it was interrupted."""
     if found.interrupted:
         return None, True
@@ -244,7 +251,7 @@ def _law_for_names(
         return None, True
 
 
-def _rather_than(findings: Sequence[Finding], law: LearnedLaw) -> str:
+def _rather_than(findings: Sequence[Finding], law: Law) -> str:
     """Say which names a law stands for."""
     gone = law.curve.replaced
     names = [n for f in findings if (n := f"{f.effect} at {f.at}") in gone]

@@ -10,15 +10,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.answer.adequacy import oftener_freer
+from zwidth.diagnosis.answer.adequacy import oftener_freer, wander
 from zwidth.diagnosis.answer.friction_curve import asked_beyond, read_beyond
 from zwidth.diagnosis.answer.headline import place_in_words
 from zwidth.diagnosis.answer.held_out import free_share, held_out
+from zwidth.diagnosis.answer.learned_surface import LearnedSurface, factors
 from zwidth.diagnosis.answer.result import HeldOut
 from zwidth.diagnosis.fitting.fit import Fitted
 from zwidth.diagnosis.learning.curves import Learned, laws, replacing
 from zwidth.diagnosis.learning.energy import makes_energy
 from zwidth.diagnosis.learning.formulas import Formula, formulas
+from zwidth.diagnosis.learning.surfaces import surfaces
 from zwidth.diagnosis.learning.tables import law_at
 from zwidth.diagnosis.mishaps import Say
 from zwidth.diagnosis.noise.family import as_far_as
@@ -127,6 +129,31 @@ class LearnedLaw:
             return ""
         was = "was" if len(gone) == 1 else "were"
         return f"{' and '.join(gone)} {was} part of this curve, and not needed beside it"
+
+    @property
+    def size(self) -> str:
+        """How it stands in a device file."""
+        return f"a table of {self.curve.states.size} points"
+
+    @property
+    def caption(self) -> str:
+        """What its picture shows."""
+        whole = self.curve.together
+        both = "" if whole is None else (
+            " The second curve is all that follows the same state there: the table and"
+            f" {' and '.join(whole.names)}."
+        )  # fmt: skip
+        return (
+            "The curve through its points with the 95 % band of each, and behind it what each"
+            " sample of the recording asks for beyond it; below, how often the recording was there."
+            " The band also covers what a damper, a spring or another position of rest could take"
+            f" over from the curve.{both}"
+        )
+
+    @property
+    def others(self) -> list[str]:
+        """Formulas that its band does not tell from the first."""
+        return [f"{f.form.name} ({f.text(self.letter)})" for f in self.formulas[1:4]]
 
     @property
     def energy(self) -> str:
@@ -244,6 +271,54 @@ def learned(
     return None
 
 
+def learned_over_two(
+    device: Device,
+    found: Searched,
+    judge_by: Sequence[Experiment],
+    names: HeldOut,
+    one: LearnedLaw | None,
+    say: Say,
+) -> LearnedSurface | None:
+    """Learn a law over two states; None where none holds on other data.
+
+    Where free runs stray beyond their noise still, with a law of one state where one was learned.
+    As `learned`, and held against that law as well.
+    """
+    left = names if one is None else one.law
+    if not wander(left.after, left.noise_floor):
+        return None
+    say("asking whether what is left follows two states together")
+    hopeful = partial(_hopeful, judge_by, left)
+    told: list[LearnedSurface] = []
+    for search in _horizons(found):
+        than = [search.best, search.plain]
+        if one is not None and (h := _alike(search, one.curve.hypothesis)) is not None:
+            than.append(h)
+        places: set[tuple[str, tuple[str, str]]] = set()  # of those that hold: each has two forms
+        for surface in surfaces(search, than, say, hopeful):
+            place = surface.physics.at, surface.states
+            if places and place not in places:
+                break
+            with_law = as_found(device, replace(search, best=surface.hypothesis))
+            free = held_out(device, with_law, judge_by)[1]
+            if not _better(surface.hypothesis, with_law, found, judge_by, left, free):
+                say("the law that was learned does not hold on held-out data")
+                continue
+            places.add(place)
+            told.append(LearnedSurface(surface, factors(surface), left, free, with_law))
+    return min(told, key=lambda law: law.law.after, default=None)
+
+
+def _alike(search: Search, h: Hypothesis) -> Hypothesis | None:
+    """A hypothesis under the noise of another search's family, fitted; None where none follows."""
+    family = search.best.family
+    if h.family == family:
+        return h
+    with suppress(NoObserver):
+        return settled(judged(h.experiments, h.model, h.x, family))
+    return None
+
+
 def replacement(
     device: Device,
     found: Searched,
@@ -283,7 +358,7 @@ def _judged(
     """A law as held-out data judge it; None where they speak against it, or it is a line."""
     with_law = as_found(device, replace(search, best=curve.hypothesis))
     free = held_out(device, with_law, judge_by)[1]
-    if not _holds(curve, with_law, found, judge_by, names, free):
+    if not _better(curve.hypothesis, with_law, found, judge_by, names, free):
         say("the law that was learned does not hold on held-out data")
         return None
     looks, both = like_what(curve)
@@ -293,8 +368,8 @@ def _judged(
     return LearnedLaw(curve, looks, both, names, free, with_law)
 
 
-def _holds(
-    curve: Learned,
+def _better(
+    h: Hypothesis,
     with_law: Searched,
     found: Searched,
     judge_by: Sequence[Experiment],
@@ -302,7 +377,7 @@ def _holds(
     free: HeldOut,
 ) -> bool:
     """Whether free runs on held-out data are better with a law than without."""
-    near = curve.hypothesis.family.whitening
+    near = h.family.whitening
     ratio = free.after / names.after if names.after > 0.0 else 1.0
     if ratio >= BETTER:
         return False

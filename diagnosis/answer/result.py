@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from zwidth.diagnosis.answer.changes import Change
     from zwidth.diagnosis.answer.events import Event
     from zwidth.diagnosis.answer.learned import LearnedLaw
+    from zwidth.diagnosis.answer.learned_surface import LearnedSurface
     from zwidth.diagnosis.answer.levels import NextLevel
 
 Floats = NDArray[np.float64]
@@ -199,7 +200,7 @@ class Diagnosis(Shown):
     adequacy: Adequacy | None = None
     whole_runs: tuple[WholeRun, ...] = ()
     force_errors: tuple[ForceError, ...] = ()
-    learned: "LearnedLaw | None" = None
+    learned: "LearnedLaw | LearnedSurface | None" = None
     headline: str = ""
     cautions: tuple[str, ...] = ()
     changes: "tuple[Change, ...]" = ()

@@ -233,7 +233,7 @@ def _believed_laws(
         if not likely:
             say(f"a law over {_at_what(each[0][1])} gains free runs too little: not sought further")
             continue
-        full = [(_without_changes(_without_names(found, h)), site) for h, site in likely]
+        full = [(_without_changes(without_names(found, h)), site) for h, site in likely]
         alike = {h.labels: (h, site) for h, site in sorted(full, key=_costs, reverse=True)}
         full = [_turning(_finer(h, site), site) for h, site in alike.values()]
         phi = against(min((h for h, _ in full), key=lambda h: h.cost.total), least).phi
@@ -340,7 +340,7 @@ def _in_its_place(h: Hypothesis, site: Site, law: Physics) -> Hypothesis | None:
     return _fitted(replace(h, model=model, x=own), site, law, own)
 
 
-def _without_names(found: Search, h: Hypothesis) -> Hypothesis:
+def without_names(found: Search, h: Hypothesis) -> Hypothesis:
     """The same without names that are not believed over their absence, one after the other."""
     while len(h.model.effects) > 1:
         fewer: list[Hypothesis] = []

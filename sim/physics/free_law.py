@@ -145,17 +145,17 @@ def table_law(s, p):
         after, slope_after = _interval(p, j + 1)
         ends = cyclic & (width > 0.0) & (after <= 0.0)
         next_width, next_slope = select(ends, close, after), select(ends, slope_close, slope_after)
-        first = select(odd, slope, _end(width, slope, after, slope_after))
-        left = select(before > 0.0, _tangent(before, slope_before, width, slope), first)
-        last = _end(width, slope, before, slope_before)
-        right = select(next_width > 0.0, _tangent(width, slope, next_width, next_slope), last)
+        first = select(odd, slope, tangent_at_end(width, slope, after, slope_after))
+        left = select(before > 0.0, tangent_inside(before, slope_before, width, slope), first)
+        last = tangent_at_end(width, slope, before, slope_before)
+        right = select(next_width > 0.0, tangent_inside(width, slope, next_width, next_slope), last)
         total += _bend(x - p[j], width, slope, left, right)
         last_width = select(width > 0.0, width, last_width)
         last_slope = select(width > 0.0, slope, last_slope)
         before, slope_before, width, slope = width, slope, after, slope_after
     if any_lane(cyclic):
-        left = _tangent(last_width, last_slope, close, slope_close)
-        right = _tangent(close, slope_close, first_width, first_slope)
+        left = tangent_inside(last_width, last_slope, close, slope_close)
+        right = tangent_inside(close, slope_close, first_width, first_slope)
         total += _bend(x - p[LAST_AT], close, slope_close, left, right)
     return select(odd & (s < 0.0), -total, total)
 
@@ -180,7 +180,7 @@ def _interval(p, j):
 
 
 @part
-def _tangent(before, slope_before, after, slope_after):
+def tangent_inside(before, slope_before, after, slope_after):
     """The parabola's through a point and its neighbours, at that point."""
     both = before + after
     wide = select(both > 0.0, both, 1.0)
@@ -188,7 +188,7 @@ def _tangent(before, slope_before, after, slope_after):
 
 
 @part
-def _end(width, slope, beside, slope_beside):
+def tangent_at_end(width, slope, beside, slope_beside):
     """The parabola's through an end and the two points next to it, at that end."""
     both = width + beside
     wide = select(both > 0.0, both, 1.0)
