@@ -27,6 +27,7 @@ from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.physics import LIBRARY, make_physics
 from zwidth.sim.physics.effect import Physics
+from zwidth.sim.physics.free_force import grid_values
 from zwidth.sim.physics.free_law import table_values
 from zwidth.sim.run import simulate
 
@@ -80,6 +81,15 @@ def with_effect(name: str, moves: Motion) -> Device:
               "free_damper": moves.speed, "free_amplifier": moves.force}[name]  # fmt: skip
         to = moves.position if name == "free_sensor" else moves.force
         values = table_values([(s * by, f * to) for s, f in TABLES[name]])
+        return device.with_physics(make_physics(name, place, **values))
+    if name == "free_force":
+        rows, columns = moves.position * np.array([-1.0, 0.0, 1.0]), [-moves.speed, moves.speed]
+        values = grid_values(
+            ["position", "velocity"],
+            rows.tolist(),
+            columns,
+            moves.force * np.array([[0.2, 0.1], [0.1, 0.0], [-0.1, -0.3]]),
+        )
         return device.with_physics(make_physics(name, place, **values))
     if name.startswith("servo_"):
         device = device.with_physics(servo(moves))

@@ -6,6 +6,7 @@ The text of every page is checked by the tests (tests/test_reference.py); pictur
 where they are asked for (`zwidth/figures/effect.py`).
 """
 
+import json
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -19,6 +20,7 @@ from zwidth.sim.device_keys import DEVICE_KEYS
 from zwidth.sim.keys import Key
 from zwidth.sim.physics import EFFECTS
 from zwidth.sim.physics.effect import Effect
+from zwidth.sim.physics.free_force import MOST, SIZE, STATES, VALUE, grid_of, is_grid, state_unit
 from zwidth.sim.physics.free_law import AT, FORCE, KNOTS, is_table, points_of
 
 FOLDER = Path(__file__).parent / "reference"
@@ -118,6 +120,11 @@ def _effect_page(effect: Effect) -> str:
     )
     if table:
         values = f"a table of {len(points_of(shown.values))} points"
+    grid = grid_of(shown.values) if is_grid(effect.parameters) else None
+    if grid is not None:
+        first, second = (f"{len(points)} {states}" for points, states in (
+            (grid.rows, "rows"), (grid.columns, "columns")))  # fmt: skip
+        values = f"a table of {first} and {second}"
     parts = [
         f"{MADE}# {effect.name}\n\n{_sentence(effect.summary)}\n",
         f"![{effect.name}]({effect.name}.png)\n",
@@ -135,6 +142,18 @@ def _effect_page(effect: Effect) -> str:
             " from [0, 0] on |\n"
             f"| `period` | {state} | of a law that repeats: the table is of one turn, and its"
             " first point follows its last; left out for none |\n"
+        )
+    elif grid is not None:
+        parts.append(
+            "| key | unit | what it is |\n|---|---|---|\n"
+            f"| `over` | one or two of {_states()} | what it depends on; in a link how far it"
+            " gives way, and how fast |\n"
+            f"| `rows` | that of the first | its states, rising: 2 to {SIZE}, or to {MOST} where"
+            " it is the only one |\n"
+            f"| `columns` | that of the second | its states, rising: 1 to {SIZE}; left out where"
+            " there is no second |\n"
+            f"| `table` | {_cell(units(effect, VALUE[0]))} | the force: for each row a list of one"
+            " number for each column, without a second state one number for each row |\n"
         )
     elif effect.parameters:
         rows = "\n".join(
@@ -155,10 +174,21 @@ def _effect_page(effect: Effect) -> str:
     if table:
         rows = [list(point) for point in points_of(shown.values)]
         entry += [f"odd = {str(shown.values['odd'] > 0.5).lower()}", f"table = {rows}"]
+    elif grid is not None:
+        entry += [
+            f"over = {json.dumps(grid.over)}", f"rows = {list(grid.rows)}",
+            f"columns = {list(grid.columns)}", f"table = {[list(row) for row in grid.table]}",
+        ]  # fmt: skip
     else:
         entry += [f"{name} = {value!r}" for name, value in shown.values.items()]
     parts.append("```toml\n[[physics]]\n" + "\n".join(entry) + "\n```\n")
     return "\n".join(part for part in parts if part)
+
+
+def _states() -> str:
+    """The states of a force of no formula with their units."""
+    both = ((state, *(state_unit(state, turns) for turns in (True, False))) for state in STATES)
+    return ", ".join(f'"{s}" [{_cell(" or ".join(dict.fromkeys((a, b))))}]' for s, a, b in both)
 
 
 def _law(effect: Effect) -> str:

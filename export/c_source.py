@@ -3,7 +3,7 @@
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from zwidth.export.translate import Array, Translator, Untranslatable, Value, li
 from zwidth.sim.device import Device
 from zwidth.sim.equations import Equations
 from zwidth.sim.kernel import LOCKED, MAX_MASSES, Memory
+from zwidth.sim.physics.free_force import OVER, STATES, free_force
 from zwidth.sim.run import prepare
 
 HELPERS = {
@@ -233,6 +234,8 @@ def _functions(eq: Equations, name: str) -> list[str]:
     told = step.call(sent, eq, Value("s->tick", "i"), x, Value("command"), Value("s->command"))
     step.emit(f"s->command = {told.text if isinstance(told, Value) else literal(told)};")
     size = eq.whole_delay + 2
+    timed = _asks_for_time(eq)
+    t: Any = Value(f"(s->tick * {literal(eq.period)})") if timed else 0.0
     step.emit("s->line[s->head] = s->command;")
     step.emit(f"s->head = s->head == {size - 1} ? 0 : s->head + 1;")
     step.emit("const double earlier = s->line[s->head];")
@@ -241,14 +244,23 @@ def _functions(eq: Equations, name: str) -> list[str]:
     for segment, held in enumerate(("earlier", "current")):
         if eq.substeps[segment] > 0:
             tables = eq._replace(propagators=Array(f"{name}_P", eq.propagators.shape))  # pyright: ignore[reportArgumentType]
-            step.call(
-                moved, tables, segment, Value(held), external, memory, _Scratch(*room.values())
-            )
+            t = step.call(
+                moved, tables, segment, Value(held), timed, t, external, memory,
+                _Scratch(*room.values()),
+            )  # fmt: skip
     step.emit("s->tick++;")
     return [
         text_of_reading,
         _function(f"double {name}_step({name}_state *s, double command)", step, "measured"),
     ]
+
+
+def _asks_for_time(eq: Equations) -> bool:
+    """Whether a force is a law over time."""
+    forces = eq.forces
+    states = (p[: len(OVER)] for c, p in zip(forces.codes, forces.parameters, strict=True)
+              if c == free_force.code)  # fmt: skip
+    return any(STATES[int(code) - 1] == "time" for own in states for code in own if code > 0.0)
 
 
 def _function(head: str, made: Translator, returned: str) -> str:

@@ -5,17 +5,20 @@ remembers, here is the differential equation that it solves.
 """
 
 import itertools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
-from zwidth.export.settable import numbers_of
+from zwidth.export.settable import numbers_of, of_points
 from zwidth.sim.following import FASTEST
 from zwidth.sim.physics.effect import Physics
-from zwidth.sim.physics.free_law import is_table, points_of, table_law
+from zwidth.sim.physics.free_force import Grid, force_at, grid_of
+from zwidth.sim.physics.free_law import points_of, table_law
 from zwidth.sim.physics.moving_average import BESSEL
 
+Floats = NDArray[np.float64]
 TABLE = """\
   function table "A law through points: cubic in each interval, and its ends beyond them"
     input Real s "state";
@@ -37,6 +40,38 @@ TABLE = """\
     f := c[k, 1] + t * (c[k, 2] + t * (c[k, 3] + t * c[k, 4]));
     f := if odd and s < 0.0 then -f else f;
   end table;
+"""
+SURFACE = """\
+  function surface "A force through rows and columns: cubic in either, and at its edges beyond them"
+    input Real a "state of the rows";
+    input Real b "state of the columns";
+    input Real rows[:];
+    input Real columns[:];
+    input Real c[:, 16] "of each cell, row by row, from its beginning";
+    output Real f;
+  protected
+    Real t;
+    Real u;
+    Integer i;
+    Integer j;
+    Integer k;
+  algorithm
+    i := 1;
+    for n in 2:size(rows, 1) - 1 loop
+      i := if a > rows[n] then n else i;
+    end for;
+    j := 1;
+    for n in 2:size(columns, 1) - 1 loop
+      j := if b > columns[n] then n else j;
+    end for;
+    t := min(max((a - rows[i]) / (rows[i + 1] - rows[i]), 0.0), 1.0);
+    u := min(max((b - columns[j]) / (columns[j + 1] - columns[j]), 0.0), 1.0);
+    k := (i - 1) * (size(columns, 1) - 1) + j;
+    f := c[k, 1] + u * (c[k, 2] + u * (c[k, 3] + u * c[k, 4]))
+      + t * (c[k, 5] + u * (c[k, 6] + u * (c[k, 7] + u * c[k, 8]))
+      + t * (c[k, 9] + u * (c[k, 10] + u * (c[k, 11] + u * c[k, 12]))
+      + t * (c[k, 13] + u * (c[k, 14] + u * (c[k, 15] + u * c[k, 16])))));
+  end surface;
 """
 NEAREST = """\
   function nearest "The nearest multiple of a step, ties away from zero"
@@ -136,7 +171,7 @@ def add(model: Model, p: Physics, all_of: Mapping[str, Physics]) -> None:
     if write is _nothing or p.place.kind == "velocity":
         return  # of velocities, since none is read from a model
     names: dict[str, str] = {}
-    if not is_table(p.effect.parameters):
+    if not of_points(p):
         for one in numbers_of(p, model.rotary):
             name = one.name.replace(".", "_")
             names[one.name.split(".")[1]] = name
@@ -421,22 +456,71 @@ def _free_sensor(model: Model, p: Physics, _: Names, __: All) -> None:
     model.reading = f"{y} + {_table(model, p, y)}"
 
 
+def _free_force(model: Model, p: Physics, _: Names, __: All) -> None:
+    grid = grid_of(p.values)
+    q, v = way(p)
+    words = {"position": q, "velocity": v, "command": "drive", "time": "time"}
+    states = [words[state] for state in grid.over]
+    if len(grid.columns) < 2:  # a single column is a force over the first state alone
+        rows, vector = list(grid.rows), grid.values[:, 0]
+        alone = Grid(grid.over[:1], grid.rows, (), tuple((f,) for f in vector.tolist()))
+        model.force(p, _curve(model, p, states[0], rows, lambda s: force_at(alone, s), "false"))
+    else:
+        model.force(p, _surface(model, p, grid, *states))
+
+
 def _table(model: Model, p: Physics, state: str) -> str:
-    """Return the law of a table at a state: its cubics, one an interval, from four values each."""
+    """Return the law of a table at a state."""
+    vector, at = p.vector(), [s for s, _ in points_of(p.values)]
+
+    def law(states: Floats) -> Floats:
+        return np.array([float(table_law(s, vector)) for s in states.tolist()])
+
+    return _curve(model, p, state, at, law, "true" if p.values["odd"] > 0.5 else "false")
+
+
+THIRDS = np.array([0.0, 1.0, 2.0, 3.0]) / 3.0
+TO_CUBIC = np.linalg.inv(np.vander(THIRDS, increasing=True))
+
+
+def _curve(
+    model: Model, p: Physics, state: str, at: list[float], law: Callable[[Floats], Floats], odd: str
+) -> str:
+    """Return a law at a state: its cubics, one an interval, from four values each."""
     model.function(TABLE)
     name = f"{p.effect.name}_{p.at}"
-    at = [s for s, _ in points_of(p.values)]
-    rows: list[str] = []
-    for low, high in itertools.pairwise(at):
-        t = np.array([0.0, 1.0, 2.0, 3.0]) / 3.0
-        values = [float(table_law(low + share * (high - low), p.vector())) for share in t]
-        cubic = np.linalg.solve(np.vander(t, increasing=True), values)
-        rows.append("{" + ", ".join(repr(c) for c in cubic.tolist()) + "}")
-    points = "{" + ", ".join(repr(s) for s in at) + "}"
-    model.parameters.append(f"parameter Real {name}_at[{len(at)}] = {points};")
-    model.parameters.append(f"parameter Real {name}_c[{len(rows)}, 4] = {{{', '.join(rows)}}};")
-    odd = "true" if p.values["odd"] > 0.5 else "false"
+    rows = [TO_CUBIC @ law(low + THIRDS * (high - low)) for low, high in itertools.pairwise(at)]
+    _array(model, f"{name}_at[{len(at)}]", _list(at))
+    _array(model, f"{name}_c[{len(rows)}, 4]", _matrix(rows))
     return f"table({state}, {name}_at, {name}_c, {odd})"
+
+
+def _surface(model: Model, p: Physics, grid: Grid, first: str, second: str) -> str:
+    """Return a force at two states: its bicubics, one a cell, from sixteen values each."""
+    model.function(SURFACE)
+    name = f"{p.effect.name}_{p.at}"
+    cells = itertools.product(itertools.pairwise(grid.rows), itertools.pairwise(grid.columns))
+    rows: list[Floats] = []
+    for (low, high), (left, right) in cells:
+        a, b = low + THIRDS * (high - low), left + THIRDS * (right - left)
+        values = force_at(grid, a[:, None], b[None, :])
+        rows.append((TO_CUBIC @ values @ TO_CUBIC.T).ravel())
+    _array(model, f"{name}_rows[{len(grid.rows)}]", _list(grid.rows))
+    _array(model, f"{name}_columns[{len(grid.columns)}]", _list(grid.columns))
+    _array(model, f"{name}_c[{len(rows)}, 16]", _matrix(rows))
+    return f"surface({first}, {second}, {name}_rows, {name}_columns, {name}_c)"
+
+
+def _array(model: Model, declared: str, values: str) -> None:
+    model.parameters.append(f"parameter Real {declared} = {values};")
+
+
+def _list(numbers: Iterable[float]) -> str:
+    return "{" + ", ".join(repr(float(n)) for n in numbers) + "}"
+
+
+def _matrix(rows: Iterable[Floats]) -> str:
+    return "{" + ", ".join(_list(row.tolist()) for row in rows) + "}"
 
 
 LAWS: Mapping[str, Callable[[Model, Physics, Names, All], None]] = {
@@ -450,7 +534,8 @@ LAWS: Mapping[str, Callable[[Model, Physics, Names, All], None]] = {
     "actuator_lag": _lag, "dead_band": _band, "gain_asymmetry": _gains,
     "encoder_eccentricity": _eccentric, "rectified_sensor": _rectified,
     "free_spring": _free_spring, "free_damper": _free_damper, "free_amplifier": _free_amplifier,
-    "free_sensor": _free_sensor, "servo_integral": _integral, "falling_limit": _falling,
+    "free_sensor": _free_sensor, "free_force": _free_force,
+    "servo_integral": _integral, "falling_limit": _falling,
     "open_winding": _nothing, "rate_limit": _rate, "goal_rate_limit": _goal_rate,
     "sensor_lag": _reads_late, "sensor_filter": _reads_filtered, "moving_average": _reads_mean,
 }  # fmt: skip

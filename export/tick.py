@@ -20,7 +20,13 @@ def sent(eq, tick, x, command, before):
 
 
 @part
-def moved(eq, segment, held, external, memory, scratch):
-    """Move through a segment of the tick under a held command."""
+def moved(eq, segment, held, timed, t, external, memory, scratch):
+    """Move from time t through a segment of the tick under a held command; return the time then.
+
+    timed: whether a force asks for the time.
+    """
     for _ in range(eq.substeps[segment]):
-        substep(eq, segment, held, 1.0, external, memory, scratch)
+        substep(eq, segment, held, 1.0, t, external, memory, scratch)
+        if timed:
+            t += eq.durations[segment]
+    return t

@@ -26,7 +26,7 @@ SIGNALS = {"external": "disturbance", "parameters": "controller's signal"}
 # Relative to the largest entry of an array. Processors differ by 1e-13 or so, more where modes lie
 # close; another device differs by more than this in something.
 AGREE = 1e-8
-READ_BEFORE = 4  # scalars of the memory up to version 0.2
+READ_BEFORE = (4, 7)  # scalars of the memory up to version 0.2, and before forces over time
 
 
 class NotTheSame(ValueError):
@@ -120,8 +120,8 @@ def _fill(kept: dict[str, Floats], own: dict[str, Floats]) -> None:
     for name in ("filter", "force_row", "force_gain"):
         kept.setdefault(name, own[name])
     scalars = kept.get("start_scalars")
-    if scalars is not None and scalars.shape == (READ_BEFORE,):
-        kept["start_scalars"] = np.append(scalars, own["start_scalars"][READ_BEFORE:])
+    if scalars is not None and scalars.ndim == 1 and scalars.size in READ_BEFORE:
+        kept["start_scalars"] = np.append(scalars, own["start_scalars"][scalars.size :])
 
 
 def _check_shape(name: str, own: Floats, kept: Floats | None) -> None:

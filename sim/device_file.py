@@ -32,6 +32,7 @@ from zwidth.sim.modal import ModalModel, Mode, to_chain
 from zwidth.sim.nearest import nearest
 from zwidth.sim.physics import EFFECTS, unknown_effect
 from zwidth.sim.physics.effect import Parameter, Physics
+from zwidth.sim.physics.free_force import grid_of, grid_values, is_grid, state_unit
 from zwidth.sim.physics.free_law import is_table, points_of, table_values
 from zwidth.sim.table import Table, TableError
 from zwidth.sim.uncertainty import UNCERTAINTY_FIELDS, Uncertainty
@@ -213,9 +214,20 @@ def commented_text(device: Device) -> str:
     texts = [commented(head, comments)]
     for physics, entry in zip(device.physics, entries, strict=True):
         own = {("", p.name): _meaning(p, device.rotary) for p in physics.effect.parameters}
+        if is_grid(physics.effect.parameters):
+            own |= _grid_comments(physics, device.rotary)
         own[("", "effect")] = physics.effect.summary
         texts.append(commented(entry, own))
     return "[[physics]]\n".join(texts)
+
+
+def _grid_comments(physics: Physics, rotary: bool) -> dict[tuple[str, str], str]:
+    """What the keys of a force over one or two states are, by those states."""
+    grid, force = grid_of(physics.values), "N m" if rotary else "N"
+    axes = zip(("rows", "columns"), grid.over, strict=False)
+    found = {("", key): f"[{state_unit(over, rotary)}] {over} of each" for key, over in axes}
+    said = f"[{force}] force at each row" + (" and column" if len(grid.over) > 1 else "")
+    return found | {("", "over"): "states that it depends on", ("", "table"): said}
 
 
 def template_text(masses: int) -> str:
@@ -383,6 +395,8 @@ def _physics(table: Table) -> Physics:
     parameters = [parameter.name for parameter in EFFECTS[name].parameters]
     if is_table(EFFECTS[name].parameters):
         return _free_law(table)
+    if is_grid(EFFECTS[name].parameters):
+        return _free_force(table)
     table.only(("effect", "at", *parameters))
     with _as_in_the_file({}, f"{table.path}: "):
         values = {key: table.number(key) for key in parameters}
@@ -400,13 +414,44 @@ def _free_law(table: Table) -> Physics:
         return Physics(EFFECTS[table.text("effect")], table.text("at"), values)
 
 
+def _free_force(table: Table) -> Physics:
+    """A force over one or two states, given as a table of rows and columns."""
+    table.only(("effect", "at", "over", "rows", "columns", "table"))
+    over, rows = table.texts("over"), table.numbers("rows")
+    columns = table.numbers("columns") if "columns" in table or len(over) == 2 else []
+    forces = _forces(table, 1 if len(over) == 1 else len(columns))
+    with _as_in_the_file({}, f"{table.path}: "):
+        values = grid_values(over, rows, columns, forces)
+        return Physics(EFFECTS[table.text("effect")], table.text("at"), values)
+
+
+def _forces(table: Table, width: int) -> list[list[float]]:
+    """The rows of a table; of a force over one state its numbers alone are rows as well."""
+    given = table.values.get("table")
+    plain = width == 1 and isinstance(given, list) and not any(isinstance(g, list) for g in given)  # pyright: ignore[reportUnknownVariableType]
+    if plain:
+        return [[force] for force in table.numbers("table")]
+    return table.rows("table", width)
+
+
 def _numbers(physics: Physics) -> dict[str, object]:
-    """The values of an effect as a file has them: a free law as its table."""
+    """The values of an effect as a file has them: a law of no formula as its table."""
+    if is_grid(physics.effect.parameters):
+        return _grid(physics.values)
     if not is_table(physics.effect.parameters):
         return dict(physics.values)
     rows = [list(point) for point in points_of(physics.values)]
     repeats = {"period": physics.values["period"]} if physics.values["period"] > 0.0 else {}
     return {"odd": physics.values["odd"] > 0.5, **repeats, "table": rows}
+
+
+def _grid(values: Mapping[str, float]) -> dict[str, object]:
+    """A force over one or two states as a file has it."""
+    grid = grid_of(values)
+    axes: dict[str, object] = {"over": list(grid.over), "rows": list(grid.rows)}
+    if len(grid.over) == 1:
+        return axes | {"table": [force for (force,) in grid.table]}
+    return axes | {"columns": list(grid.columns), "table": [list(row) for row in grid.table]}
 
 
 @contextmanager

@@ -58,8 +58,8 @@ DONE, ESCAPED, NOT_FINITE = 0, 1, 2
 MOTOR, WALL, DISTURBANCE, LAG, DAMPERS = 0, 1, 2, 3, 4
 MAX_COLUMNS, MAX_MASSES = 32, 10
 MAX_SWEEPS = 200
-# Of scalars; the last three only where the interface has several rates or a second-order filter.
-READ, VELOCITY, COMMAND, APPLIED, EARLIER, SLOPE, GIVEN, SCALARS = 0, 1, 2, 3, 4, 5, 6, 7
+# Of scalars; EARLIER to GIVEN only where the interface has several rates or a second-order filter.
+READ, VELOCITY, COMMAND, APPLIED, EARLIER, SLOPE, GIVEN, BEGAN, SCALARS = 0, 1, 2, 3, 4, 5, 6, 7, 8
 LOWER, UPPER, LOWER_AT_REST, UPPER_AT_REST, LOCKED = 0, 1, 2, 3, 4  # rows of limits
 
 
@@ -67,10 +67,10 @@ class Memory(NamedTuple):
     """All that survives a tick, changed in place; copy it to resume from here.
 
     x (32,): states, then held command and forces on the masses, which every substep writes anew;
-    line (d + 2,) delay line; controller (its memory,); internal (force effects,); scalars (7,):
+    line (d + 2,) delay line; controller (its memory,); internal (force effects,); scalars (8,):
     last reading, velocity estimate, last command, last applied, reading of the last estimate, slope
-    of the filter, position that the law was given; counters (2,): tick, head of the line; totals
-    (entries,) of the ledger.
+    of the filter, position that the law was given, time [s] of tick 0 since the run or the
+    recording began; counters (2,): tick, head of the line; totals (entries,) of the ledger.
     """
 
     x: Floats
@@ -123,15 +123,15 @@ def with_integral(eq, held, internal):
 
 
 @part
-def held_forces(eq, x, held, whole, strength, internal, values):
-    """Value of each smooth force at state x under the held command; whole: `with_integral`."""
+def held_forces(eq, x, held, whole, strength, t, internal, values):
+    """Value of each smooth force at state x and time t; whole: held command, `with_integral`."""
     table = eq.forces
     for e in range(table.codes.size):
         i, j = table.first[e], table.origin[e]
         q = across(x, 0, i, j)
         v = across(x, eq.dof, i, j)
         p = table.parameters[e]
-        values[e] = smooth_force(table.codes[e], q, v, internal[e], held, whole, strength, p)
+        values[e] = smooth_force(table.codes[e], q, v, internal[e], held, whole, strength, t, p)
 
 
 @part
@@ -317,11 +317,12 @@ def turn(p, dof, states, limits, friction, x0, x, own, more):
 
 
 @part
-def substep(eq, segment, held, strength, external, memory, scratch):
+def substep(eq, segment, held, strength, t, external, memory, scratch):
     """Advance the chain by one substep of a segment under a held command; return the locked set.
 
     strength: how much of the drive's force counts in this tick. A loop on the position is linear
-    at full strength and its `servo_limit` takes off what is less; else it scales what is held.
+    at full strength and its `servo_limit` takes off what is less; else it scales what is held. t:
+    time at the beginning of the substep.
 
     A first look goes with the forces at the start; where they depend on the state, a second one
     with the mean of those and the ones at the end of the first.
@@ -340,7 +341,8 @@ def substep(eq, segment, held, strength, external, memory, scratch):
     for look in range(2 if values.size > 0 or eq.bounds_vary else 1):
         inside = internal if look == 0 else after
         whole = with_integral(eq, held, inside)
-        held_forces(eq, x, held, whole, strength, inside, ahead)
+        at = t if look == 0 else t + h
+        held_forces(eq, x, held, whole, strength, at, inside, ahead)
         for e in range(values.size):
             values[e] = ahead[e] if look == 0 else 0.5 * (values[e] + ahead[e])
         load(eq, values, external, before)
@@ -559,6 +561,7 @@ def advance(
             else:
                 scalars[3] = earlier if eq.substeps[0] > 0 else current
             write(eq, memory, energy, record[done])
+        t = scalars[BEGAN] + tick * eq.period
         for segment in range(2):
             held = earlier if segment == 0 else current
             for _ in range(eq.substeps[segment]):
@@ -567,7 +570,8 @@ def advance(
                     propagate(eq.propagators[segment, 0], x, eq.states + 1, x)
                 else:
                     force = external[done] if external.shape[0] > 0 else no_force
-                    members = substep(eq, segment, held, 1.0, force, memory, scratch)
+                    members = substep(eq, segment, held, 1.0, t, force, memory, scratch)
+                    t += eq.durations[segment]
                     if memory.totals.size > 0:
                         add_work(eq, segment, members, force, x, scratch, memory.totals)
                 if fine.shape[0] > 0:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from zwidth.sim.device import Device
 from zwidth.sim.equations import Equations
 from zwidth.sim.group import Group, Stack, group, member, stack
-from zwidth.sim.kernel import MAX_COLUMNS, Memory, across
+from zwidth.sim.kernel import BEGAN, MAX_COLUMNS, SCALARS, Memory, across
 from zwidth.sim.lane_type import WIDTH
 from zwidth.sim.members import Members, Stacked, stacks
 from zwidth.sim.physics.dispatch import first_internal
@@ -116,11 +116,13 @@ class Population:
         self.batches = [_Batch(*found) for found in laid_out]
         self.reads, self.followers, _ = like.reading()
 
-    def start(self, positions: Floats, velocities: Floats) -> tuple[Memory, ...]:
-        """Return each member's memory at t = 0; positions and velocities (members, masses).
+    def start(
+        self, positions: Floats, velocities: Floats, began: float = 0.0
+    ) -> tuple[Memory, ...]:
+        """Return each member's memory at tick 0; positions and velocities (members, masses).
 
         Masses as many as there are, those of effects included; what follows them as a reading has
-        followed for long.
+        followed for long. began [s]: how long the recording has gone on by then.
 
         The encoder's earlier reading, which only a controller asks for, is the true position's.
         Raises ValueError for numbers that are not finite.
@@ -137,7 +139,8 @@ class Population:
             eq = batch.coarse.eq
             codes, firsts, _, origins, parameters = eq.forces
             rows = np.ascontiguousarray(np.moveaxis(parameters, -1, 0))
-            scalars = np.zeros((batch.members.size, 4))
+            scalars = np.zeros((batch.members.size, SCALARS))
+            scalars[:, BEGAN] = began
             for m, i in enumerate(batch.members.tolist()):
                 let_follow(x[i], self.dof, eq.followers, eq.behind[:, m])
                 speed = x[i, self.dof + eq.read]

@@ -26,6 +26,7 @@ from zwidth.sim.equations import Equations
 from zwidth.sim.group import VIEWS, seen
 from zwidth.sim.jit import jit, part
 from zwidth.sim.kernel import (
+    BEGAN,
     MAX_COLUMNS,
     Memory,
     Scratch,
@@ -256,9 +257,9 @@ def predict(
     of each. strengths (ticks,): how much of the drive's force counts, or (0,) for all of it.
     external (ticks, n) forces to add, (ticks, n + 1) with the acceleration of the base after them,
     or (0, n). state goes on from where it is, so that
-    a recording may be taken in parts; its scalars[3] is 1 where the state has overflowed, after
-    which innovations are infinite. Of a group, arrays of its members' numbers have a last axis of
-    lanes; what is of the recording has none.
+    a recording may be taken in parts, and knows the time of its tick 0 (`BEGAN`); its scalars[3] is
+    1 where the state has overflowed, after which innovations are infinite. Of a group, arrays of
+    its members' numbers have a last axis of lanes; what is of the recording has none.
     """
     eq, fine = seen(device), seen(finer_device)
     memory, coarse_space, fine_space = seen(state), seen(spaces[0]), seen(spaces[1])
@@ -313,10 +314,12 @@ def predict(
                 copy(saved.x, x, eq.states)
                 copy(saved.internal, pins, pins.size)
             now, space = at_work(eq, fine, coarse_space, fine_space, look)
+            t = memory.scalars[BEGAN] + tick * eq.period
             for segment in range(2):
                 held = before if segment == 0 else current
                 for _ in range(now.substeps[segment]):
-                    substep(now, segment, held, strength, force, memory, space)
+                    substep(now, segment, held, strength, t, force, memory, space)
+                    t += now.durations[segment]
             if look == 1:
                 for i in range(eq.states):
                     x[i] = select(again, x[i], saved.coarse_x[i])

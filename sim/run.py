@@ -100,10 +100,13 @@ def let_follow(x: Floats, dof: int, followers: NDArray[np.int64], behind: Floats
         x[place] = x[source] - late * x[dof + source]
 
 
-def start_memory(eq: Equations, start: Start, memory: int = 1, entries: int = 0) -> Memory:
-    """Return the memory at t = 0: nothing commanded yet, the encoder consistent with the start.
+def start_memory(
+    eq: Equations, start: Start, memory: int = 1, entries: int = 0, began: float = 0.0
+) -> Memory:
+    """Return the memory at tick 0: nothing commanded yet, the encoder consistent with the start.
 
-    memory: how many values the controller keeps; entries: of the ledger.
+    memory: how many values the controller keeps; entries: of the ledger; began [s]: how long the
+    recording has gone on by then, of which this is a part.
     """
     x = start.state(eq.dof - eq.followers.shape[0], eq.dof)
     let_follow(x, eq.dof, eq.followers, eq.behind)
@@ -119,7 +122,7 @@ def start_memory(eq: Equations, start: Start, memory: int = 1, entries: int = 0)
         line=np.zeros(eq.whole_delay + 2),
         controller=np.zeros(memory),
         internal=np.array(internal, dtype=np.float64),
-        scalars=np.array([before, x[eq.dof], 0.0, 0.0, earlier, 0.0, before]),
+        scalars=np.array([before, x[eq.dof], 0.0, 0.0, earlier, 0.0, before, began]),
         counters=np.zeros(2, dtype=np.int64),
         totals=np.zeros(entries),
     )

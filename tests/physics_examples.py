@@ -8,6 +8,7 @@ from zwidth.sim.device_file import load_device
 from zwidth.sim.interface import Interface
 from zwidth.sim.physics import EFFECTS, make_physics
 from zwidth.sim.physics.effect import Effect, Physics
+from zwidth.sim.physics.free_force import grid_of, grid_values
 from zwidth.sim.physics.free_law import points_of, table_values
 from zwidth.sim.place import place_at
 
@@ -57,6 +58,12 @@ EXAMPLES: dict[str, dict[str, float]] = {
     "free_damper": table_values([(0.0, 0.0), (0.2, -1e-3), (1.0, -2e-3)], odd=True),
     "free_amplifier": table_values([(-0.05, 3e-3), (0.0, 0.0), (0.05, 2e-3)]),
     "free_sensor": table_values([(-0.01, 1e-5), (0.0, 0.0), (0.01, 2e-5)]),
+    "free_force": grid_values(
+        ["velocity", "time"],
+        [-0.5, 0.0, 0.3],
+        [0.0, 0.02, 0.05, 0.2],
+        [[2e-3, 1e-3, 4e-3, 0.0], [0.0, 1e-3, -1e-3, 2e-3], [-3e-3, 0.0, -2e-3, 1e-3]],
+    ),
 }
 
 MASSES = 3  # of the PHANToM
@@ -118,5 +125,11 @@ def entry_of(name: str, place: str) -> list[str]:
     entry = [f'effect = "{name}"', f'at = "{place}"']
     if EFFECTS[name].sought != "learned":
         return entry + [f"{key} = {value!r}" for key, value in values.items()]
+    if name == "free_force":
+        grid = grid_of(values)
+        return [
+            *entry, f"over = {list(grid.over)}", f"rows = {list(grid.rows)}",
+            f"columns = {list(grid.columns)}", f"table = {[list(row) for row in grid.table]}",
+        ]  # fmt: skip
     rows = [list(point) for point in points_of(values)]
     return [*entry, f"odd = {str(values['odd'] > 0.5).lower()}", f"table = {rows}"]

@@ -107,7 +107,8 @@ def varied(device: Device, physics: Physics | None, members: int) -> list[Device
             same = physics.effect.name == "loop_delay"  # which changes the substeps, too
             scale = 1.0 if same else 1.0 + 0.1 * rng.uniform(-1.0, 1.0)
             values = {name: scale * value for name, value in physics.values.items()}
-            values |= {"odd": physics.values["odd"]} if "odd" in values else {}
+            kept = {"odd", "over_1", "over_2"} & set(values)  # which say what the others are
+            values |= {name: physics.values[name] for name in kept}
             own = own.with_physics(replace(physics, values=values))
         found.append(own)
     return found

@@ -9,6 +9,7 @@ from physics_examples import EVERYWHERE, EXAMPLES, phantom
 from zwidth.controllers.none import none
 from zwidth.sim.device import Device
 from zwidth.sim.physics import EFFECTS, make_physics
+from zwidth.sim.physics.free_force import grid_values
 from zwidth.sim.run import Start, simulate
 
 SMOOTH = [
@@ -20,11 +21,20 @@ SMOOTH = [
         "force_ripple",
         "cubic_stiffness",
         "hysteresis",
+        "free_force",
     )
     for place in EFFECTS[name].places
     if (name, place) in EVERYWHERE
 ]
-LARGER = {"quadratic_drag": {"coefficient": 0.03}, "cubic_stiffness": {"coefficient": 2e6}}
+WIDE = grid_values(  # nothing goes beyond it: at an edge a force has a corner
+    ["velocity", "time"], [-9.0, 0.0, 9.0], [0.0, 0.03, 0.06],
+    [[0.09, 0.02, 0.05], [0.0, 0.03, -0.02], [-0.03, 0.01, -0.09]],
+)  # fmt: skip
+LARGER: dict[str, dict[str, float]] = {
+    "quadratic_drag": {"coefficient": 0.03},
+    "cubic_stiffness": {"coefficient": 2e6},
+    "free_force": WIDE,
+}
 COARSE, FINEST = (4, 8, 16, 32, 64), 2048
 
 

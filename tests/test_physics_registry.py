@@ -16,6 +16,7 @@ from zwidth.sim.device_file import device_from_text, device_to_text
 from zwidth.sim.equations import enough_substeps
 from zwidth.sim.physics import EFFECTS, PROBES
 from zwidth.sim.physics.effect import Effect, Physics
+from zwidth.sim.physics.free_force import COLUMN, OVER, ROW, VALUE
 from zwidth.sim.physics.free_law import AT, FORCE
 from zwidth.sim.run import Run, Start, simulate
 
@@ -63,6 +64,7 @@ TABLE = {
     "free_damper": ((*MASSES, *LINKS), POINTS),
     "free_amplifier": (("command",), POINTS),
     "free_sensor": (("sensor",), POINTS),
+    "free_force": ((*MASSES, *LINKS), " ".join([*OVER, *ROW, *COLUMN, *VALUE])),
 }
 SEVERAL = ("coulomb_friction", "cubic_stiffness", "backlash", "actuator_lag", "dead_band")
 
@@ -87,7 +89,10 @@ def _row(effect: Effect) -> str:
     for every, words in ((MASSES, "any mass"), (LINKS, "any link")):
         places = places.replace(" ".join(every), words)
     parameters = [f"{p.name} [{p.unit}]" if p.unit else p.name for p in effect.parameters]
-    if effect.name.startswith("free_"):
+    if effect.name == "free_force":
+        unit = effect.parameter(VALUE[0]).unit
+        parameters = ["over", "rows", "columns", f"table of forces ([{unit}])"]
+    elif effect.name.startswith("free_"):
         state, makes = effect.parameter(AT[0]), effect.parameter(FORCE[0])
         parameters = ["odd", "period", f"table of points ([{state.unit}], [{makes.unit}])"]
     prior = f"{effect.prior:g}"

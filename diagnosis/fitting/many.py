@@ -136,9 +136,10 @@ class Many:
                 origins[which],
                 jitters[which],
             )
+            memories = observer_memories(population, motions, own, experiment.begins)
             yield which, population.follow(
-                recorded, observer_memories(population, motions, own), readings, filters, skip,
-                keep, run_all=lambda tasks: in_parallel(tasks, threads()),
+                recorded, memories, readings, filters, skip, keep,
+                run_all=lambda tasks: in_parallel(tasks, threads()),
             )  # fmt: skip
 
 

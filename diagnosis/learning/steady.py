@@ -60,4 +60,4 @@ def _gives(
         case "sensor":
             return float(sensed(code, q, p)) - q
         case _:
-            return float(smooth_force(code, q, v, 0.0, u, u, 1.0, p))
+            return float(smooth_force(code, q, v, 0.0, u, u, 1.0, 0.0, p))

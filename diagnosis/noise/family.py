@@ -201,7 +201,7 @@ class _Observed:
         )  # fmt: skip
         motion = np.array(first_motion(experiment.outputs, experiment.measured, period))
         motions = np.tile(motion, (population.size, 1))
-        memories = observer_memories(population, motions, starts)
+        memories = observer_memories(population, motions, starts, experiment.begins)
         readings = Readings(np.stack([padded(g, device, population, experiment) for g in gains]))
         with np.errstate(all="ignore"):  # infinite after an overflow
             return population.follow(

@@ -215,7 +215,7 @@ def observer_memory(eq: Equations, experiment: Experiment) -> Memory:
     What the recording is known to begin with besides (`begun`) is added.
     """
     position, velocity = first_motion(experiment.outputs, experiment.measured, eq.period)
-    memory = start_memory(eq, Start(position, velocity))
+    memory = start_memory(eq, Start(position, velocity), began=experiment.begins)
     if experiment.start is not None:
         n = experiment.start.size // 2
         memory.x[:n] += experiment.start[:n]
@@ -256,15 +256,16 @@ def first_motion(outputs: Sequence[Output], measured: Floats, period: float) -> 
 
 
 def observer_memories(
-    population: Population, motions: Floats, starts: Floats | None
+    population: Population, motions: Floats, starts: Floats | None, began: float
 ) -> tuple[Memory, ...]:
     """Return the memories of `observer_memory` for all members.
 
-    motions (members, 2): of `first_motion`; starts: what is added, (2n,) or (members, 2n).
+    motions (members, 2): of `first_motion`; starts: what is added, (2n,) or (members, 2n); began
+    [s]: how long the recording has gone on by then.
     """
     dof = population.dof
     whole = np.ones((population.size, dof - population.followers.shape[0]))
-    memories = population.start(motions[:, :1] * whole, motions[:, 1:] * whole)
+    memories = population.start(motions[:, :1] * whole, motions[:, 1:] * whole, began)
     if starts is not None:
         n = starts.shape[-1] // 2
         for memory, own in zip(

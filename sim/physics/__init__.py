@@ -51,6 +51,7 @@ NAMES = (
     "free_damper",
     "free_amplifier",
     "free_sensor",
+    "free_force",
 )
 
 # Laws of no library: no device file names them, the diagnosis asks with them (`forces.probes`).

@@ -17,6 +17,7 @@ from zwidth.sim.physics.encoder_eccentricity import off_centre
 from zwidth.sim.physics.falling_limit import beyond_falling_limit
 from zwidth.sim.physics.force_ripple import ripple_force
 from zwidth.sim.physics.free_amplifier import amplified_freely
+from zwidth.sim.physics.free_force import grid_law
 from zwidth.sim.physics.free_law import table_law
 from zwidth.sim.physics.free_sensor import read_freely
 from zwidth.sim.physics.gain_asymmetry import two_gains
@@ -41,11 +42,11 @@ INTEGRAL = 18  # the force whose state is the integral part of a servo
 
 
 @part
-def smooth_force(code, q, v, z, u, w, s, p):
+def smooth_force(code, q, v, z, u, w, s, t, p):
     """Force on the first place: relative position q and velocity v, internal z, held command u.
 
     w: the command with what a loop's integral adds to it; s: how much of the drive's force counts,
-    0 where it is off.
+    0 where it is off; t: time since the run or the recording began.
     """
     if code == 1:
         return cubic_force(q, p)
@@ -73,16 +74,16 @@ def smooth_force(code, q, v, z, u, w, s, p):
         return beyond_limit(w, q, v, s, p)
     if code == 13:
         return within_zone(u, q, s, p)
-    if code == 14:
-        return table_law(q, p)
-    if code == 15:
-        return table_law(v, p)
+    if code == 14 or code == 15:  # one place, so that the law is compiled once
+        return table_law(q if code == 14 else v, p)
     if code == 16:
         return lost_damping(v, s, p)
     if code == 17:
         return beyond_falling_limit(w, q, v, s, p)
     if code == INTEGRAL:
         return z
+    if code == 19:
+        return grid_law(q, v, u, t, p)
     return own_force(code, q, v, u, p)
 
 

@@ -21,6 +21,7 @@ from zwidth.sim.equations import equations
 from zwidth.sim.interface import Interface
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Effect
+from zwidth.sim.physics.free_force import grid_values
 from zwidth.sim.physics.free_law import table_values
 from zwidth.sim.predict import GROUND, Outputs, alone
 from zwidth.sim.run import Outcome, Run, Start, simulate, start_memory
@@ -92,6 +93,10 @@ SHOWN: dict[str, Shown] = {
                                                      (0.1, -0.05)]), "command"),
     "free_sensor": Shown("sensor", table_values([(-1.0, 0.1), (0.0, -0.1), (1.0, 0.2)]),
                          "reading"),
+    "free_force": Shown("m1", grid_values(
+        ["position", "velocity"], [-1.0, 0.0, 1.0, 2.0], [-10.0, 0.0, 10.0],
+        [[0.03, 0.0, -0.03], [0.0, 0.0, 0.0], [0.03, 0.0, -0.03], [0.06, 0.0, -0.06]]),
+        "velocity"),
 }  # fmt: skip
 
 
