@@ -52,6 +52,7 @@ NAMES = (
     "free_amplifier",
     "free_sensor",
     "free_force",
+    "free_product",
 )
 
 # Laws of no library: no device file names them, the diagnosis asks with them (`forces.probes`).

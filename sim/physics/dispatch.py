@@ -19,6 +19,7 @@ from zwidth.sim.physics.force_ripple import ripple_force
 from zwidth.sim.physics.free_amplifier import amplified_freely
 from zwidth.sim.physics.free_force import grid_law
 from zwidth.sim.physics.free_law import table_law
+from zwidth.sim.physics.free_product import product_law
 from zwidth.sim.physics.free_sensor import read_freely
 from zwidth.sim.physics.gain_asymmetry import two_gains
 from zwidth.sim.physics.gravity_pendulum import pendulum_force
@@ -84,6 +85,8 @@ def smooth_force(code, q, v, z, u, w, s, t, p):
         return z
     if code == 19:
         return grid_law(q, v, u, t, p)
+    if code == 20:
+        return product_law(q, v, u, t, p)
     return own_force(code, q, v, u, p)
 
 

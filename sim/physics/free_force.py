@@ -141,7 +141,7 @@ def grid_values(
     or (rows, 1). Raises ValueError with one sentence for anything else.
     """
     over, rows, columns = tuple(over), [float(r) for r in rows], [float(c) for c in columns]
-    _check_states(over)
+    check_states(over)
     alone = len(over) == 1
     if alone and columns:
         raise ValueError(
@@ -176,7 +176,8 @@ def grid_values(
     )
 
 
-def _check_states(over: tuple[str, ...]) -> None:
+def check_states(over: tuple[str, ...]) -> None:
+    """Raise ValueError unless a law follows one or two different states that there are."""
     if len(over) not in (1, 2):
         raise ValueError(f"over has {len(over)} states; name one or two of {', '.join(STATES)}")
     for state in over:
@@ -279,7 +280,7 @@ def force_at(grid: Grid, first: ArrayLike, second: ArrayLike = 0.0) -> Floats:
 @part
 def grid_law(q, v, u, t, p):
     """The force at position q, velocity v, under the held command u, at time t."""
-    first, second = _state(p[0], q, v, u, t), _state(p[1], q, v, u, t)
+    first, second = state_of(p[0], q, v, u, t), state_of(p[1], q, v, u, t)
     alone = p[1] < 0.5
     force = 0.0 * p[0]
     if any_lane(alone):
@@ -291,7 +292,8 @@ def grid_law(q, v, u, t, p):
 
 
 @part
-def _state(code, q, v, u, t):
+def state_of(code, q, v, u, t):
+    """The state of a code: its place in `STATES`, from 1 on."""
     return select(code < 1.5, q, select(code < 2.5, v, select(code < 3.5, u, t)))
 
 
