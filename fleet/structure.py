@@ -37,6 +37,7 @@ from zwidth.sim.device import Device
 from zwidth.sim.device_file import device_from_text, device_to_text
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
+from zwidth.sim.physics.free_force import grid_of, is_grid
 from zwidth.sim.uncertainty import Uncertainty
 
 Floats = NDArray[np.float64]
@@ -106,6 +107,13 @@ def structure_from(text: str) -> Structure:
         raise ValueError(f"this is no structure of a fleet: {error}") from None
 
 
+def _kept(physics: Physics) -> set[str]:
+    """What stays as it is of an effect: of a force over two states all but its forces."""
+    if not is_grid(physics.effect.parameters):
+        return set()
+    return set(physics.values) - {n for row in grid_of(physics.values).names for n in row}
+
+
 def known_structure(device: Device) -> Structure:
     """Return the structure of a device file: its own effects but the drive are free."""
     free = [
@@ -114,7 +122,11 @@ def known_structure(device: Device) -> Structure:
         if not (p.effect.sought == "lattice" or p.effect.in_recording or p.effect.of_drive)
     ]
     scales = [
-        {k: SHARE * abs(v) for k, v in p.values.items() if v != 0.0 and math.isfinite(v)}
+        {
+            k: SHARE * abs(v)
+            for k, v in p.values.items()
+            if v != 0.0 and math.isfinite(v) and k not in _kept(p)
+        }
         for p in free
     ]
     # Asked for none by name, it takes all.

@@ -26,11 +26,14 @@ from zwidth.sim.device_file import (
     device_to_text,
     load_device,
     other_kind,
+    read_physics,
     shipped_devices,
 )
 from zwidth.sim.nearest import nearest
 from zwidth.sim.physics import effect_named
 from zwidth.sim.physics.effect import Physics
+from zwidth.sim.physics.free_force import is_grid
+from zwidth.sim.physics.free_law import is_table
 from zwidth.sim.run import Start
 from zwidth.sim.table import Table, TableError
 
@@ -177,6 +180,8 @@ def _with_interface(device: Device, table: Table) -> Device:
 
 def _physics(table: Table) -> Physics:
     effect = effect_named(table.text("effect"))
+    if is_table(effect.parameters) or is_grid(effect.parameters):
+        return read_physics(table)
     parameters = [parameter.name for parameter in effect.parameters]
     table.only(("effect", "at", *parameters))
     return Physics(effect, table.text("at"), {key: table.number(key) for key in parameters})

@@ -308,7 +308,7 @@ def _device(top: Table) -> Device:
         raise TableError(f"{given} in the file; give either [modal] or [chain]")
     rotary = top.boolean("rotary")
     modal = _modal(top.table("modal"), rotary) if "modal" in top else None
-    entries = [_physics(table) for table in top.tables("physics")]
+    entries = [read_physics(table) for table in top.tables("physics")]
     labels = [place_label(physics) for physics in entries]
     for i, label in enumerate(labels):
         if label in labels[:i]:
@@ -388,7 +388,8 @@ def _uncertainty(table: Table) -> Uncertainty:
     return Uncertainty(**given)
 
 
-def _physics(table: Table) -> Physics:
+def read_physics(table: Table) -> Physics:
+    """Return the effect that a [[physics]] of a device file gives; raises TableError."""
     name = table.text("effect")
     if name not in EFFECTS:
         raise TableError(f"{table.path}.effect is {name!r}; {unknown_effect(name)}")
@@ -419,7 +420,7 @@ def _free_force(table: Table) -> Physics:
     table.only(("effect", "at", "over", "rows", "columns", "table"))
     over, rows = table.texts("over"), table.numbers("rows")
     columns = table.numbers("columns") if "columns" in table or len(over) == 2 else []
-    forces = _forces(table, 1 if len(over) == 1 else len(columns))
+    forces = _forces(table, len(columns) if len(over) > 1 else 1)
     with _as_in_the_file({}, f"{table.path}: "):
         values = grid_values(over, rows, columns, forces)
         return Physics(EFFECTS[table.text("effect")], table.text("at"), values)

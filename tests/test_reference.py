@@ -126,6 +126,8 @@ def test_effects_are_listed_and_described(tmp_path: Path, capsys: pytest.Capture
     assert "0 within gap" in said
     found = json.loads((tmp_path / "e.json").read_text())
     assert found["parameters"][0]["unit"] == {"rotary": "rad", "linear": "m"}
+    assert run(["effects", "free_force"]) == Status.DONE
+    assert "force_1_1 to force_8_8" in capsys.readouterr().out
     assert run(["effects", "backlach"]) == Status.BAD_INPUT
     assert "did you mean 'backlash'" in capsys.readouterr().err
 

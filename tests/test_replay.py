@@ -9,10 +9,12 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 import pytest
+from physics_examples import example
 
 from zwidth import cli
 from zwidth.controllers.none import none
@@ -67,6 +69,9 @@ SCENARIOS = {
     "random": Scenario(
         PHANTOM.with_physics(make_physics("dropped_samples", "clock", rate=0.2)),
         wall(10.0, 0.02), 0.3, Start(1e-3), seed=2**40 + 3,
+    ),
+    "over time": Scenario(
+        PHANTOM.with_physics(example("free_force", "m2")), wall(10.0, 0.02), 0.3, Start(1e-3)
     ),
     "escaping": Scenario(PHANTOM, wall(80.0, 0.0), 9.0, Start(1e-3), bound=10.0),
     "overflowing": Scenario(PHANTOM, wall(300.0, 0.0), 9.0, Start(1e-3), bound=np.inf),
@@ -355,6 +360,18 @@ def test_what_cannot_be_replayed_is_one_sentence(tmp_path: Path):
     write_log(recording, log.tick.with_channels(fewer), attachments=log.attachments)
     with pytest.raises(ReplayError, match=r"/tick has no applied, which its scenario records"):
         replay(recording)
+
+
+@pytest.mark.parametrize("scalars", [4, 7])
+def test_a_log_of_an_earlier_version_is_replayed(scalars: int, tmp_path: Path):
+    """Its memory had fewer numbers. Mutation: those that it lacks left out."""
+    path = log_of("wall", tmp_path)
+    with np.load(BytesIO(read_log(path).attachments["computed.npz"])) as file:
+        kept = {name: file[name] for name in file.files}
+    kept["start_scalars"] = kept["start_scalars"][:scalars]
+    np.savez_compressed(earlier := BytesIO(), **kept)  # pyright: ignore[reportArgumentType]
+    with_attachment(path, computed_npz=earlier.getvalue())
+    assert replay(path).identical
 
 
 def test_a_log_of_another_device_is_refused(tmp_path: Path):

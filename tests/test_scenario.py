@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from physics_examples import entry_of, example
 
 from zwidth.controllers.none import none
 from zwidth.controllers.recorded import recorded
@@ -122,6 +123,13 @@ def test_interface_and_physics_change_the_device():
     assert scenario.device.interface.encoder_rounding == "floor"
     assert scenario.device.physics == (make_physics("coulomb_friction", "m1", level=0.01),)
     assert scenario.substeps == 10  # friction is first order in the substep
+
+
+@pytest.mark.parametrize("name", ["free_damper", "free_force"])
+def test_a_law_of_no_formula_is_written_as_in_a_device_file(name: str):
+    """Mutation: its points asked for by the names of its parameters."""
+    text = "\n".join([MINIMAL, "[[physics]]", *entry_of(name, "m1")])
+    assert scenario_from_text(text).device.physics == (example(name),)
 
 
 def test_files_are_sought_beside_the_scenario(tmp_path: Path):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.learning.tables import law_at
 from zwidth.sim.physics.dispatch import amplified, friction_bounds, sensed, smooth_force
 from zwidth.sim.physics.effect import Physics
+from zwidth.sim.physics.free_force import follows_time, is_grid
 from zwidth.sim.physics.free_law import is_table
 
 Floats = NDArray[np.float64]
@@ -28,6 +29,8 @@ def along(law: Physics, curve: str, at: Floats) -> Floats | None:
     """
     if is_table(law.effect.parameters):
         return law_at(law, at) if law.effect.name == curve else None
+    if is_grid(law.effect.parameters) and follows_time(law.values):
+        return None
     force = law.effect.hook in ("force", "friction")
     if law.effect.borrows or (HOOKS.get(curve, "force") != law.effect.hook and not force):
         return None

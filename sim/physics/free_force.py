@@ -130,8 +130,8 @@ free_force = Effect(
 
 def grid_values(
     over: Sequence[str],
-    rows: Sequence[float],
-    columns: Sequence[float],
+    rows: Sequence[float] | Floats,
+    columns: Sequence[float] | Floats,
     table: ArrayLike,
 ) -> dict[str, float]:
     """Return the parameters of a force over one or two states.

@@ -22,6 +22,7 @@ from zwidth.sim.device_file import (
 )
 from zwidth.sim.modal import ModalModel, from_chain
 from zwidth.sim.passive import nearest_passive
+from zwidth.views.device import in_points
 
 TURN = 2.0 * math.pi
 
@@ -218,7 +219,7 @@ def _settings(console: Console, device: Device) -> None:
             console.say(f"{what} known to {100.0 * value:g} % (one sigma)")
     for physics in device.physics:
         values = ", ".join(f"{key} {value:g}" for key, value in physics.values.items())
-        console.say(f"{place_label(physics)}: {values}")
+        console.say(f"{place_label(physics)}: {in_points(physics) or values}")
 
 
 def _as_json(device: Device, modal: ModalModel | None) -> dict[str, Any]:

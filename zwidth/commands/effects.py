@@ -3,6 +3,7 @@
 import inspect
 import json
 from importlib import import_module
+from itertools import groupby
 from pathlib import Path
 from textwrap import indent
 from typing import Any
@@ -22,6 +23,7 @@ from zwidth.sim.physics import EFFECTS, LIBRARY, unknown_effect
 from zwidth.sim.physics.effect import Effect
 from zwidth.sim.physics.own import IDENTIFIER, OWN
 
+NUMBERED = 5  # parameters of one name and a number, from which on they are a row together
 LETTERS = (
     "in it, q is the position (of a link: what it gives way), v the velocity, u the command and f"
     " the force on the mass or link"
@@ -74,11 +76,7 @@ def command(
     if effect.parameters:
         columns = [Column("parameter", False), Column("unit", False), Column("from")]
         columns += [Column("to"), Column("what it is", False)]
-        rows = [
-            [p.name, units(effect, p.name), f"{p.lower:g}", f"{p.upper:g}", p.meaning]
-            for p in effect.parameters
-        ]
-        console.table("", columns, rows)
+        console.table("", columns, _listed(effect))
     console.say(f"\nat: {places(effect)}")
     if effect.mistaken_for:
         console.say(f"mistaken for: {', '.join(effect.mistaken_for)}")
@@ -132,6 +130,22 @@ def _keep(console: Console, name: str | None, file: Path) -> None:
         names = " and ".join(found["together"]["names"])
         console.say(f"it holds {names} too, which the curve was read together with")
     console.result({"file": str(path), "effect": name, "formula": found["formula"]})
+
+
+def _listed(effect: Effect) -> list[list[str]]:
+    """A row for each parameter, one for all the points of a table: "row_1 to row_32"."""
+    found: list[list[str]] = []
+    for _, each in groupby(effect.parameters, lambda p: p.name.rstrip("0123456789_")):
+        alike = list(each)
+        runs = [alike] if len(alike) > NUMBERED else [[p] for p in alike]
+        for run in runs:
+            first, last = run[0], run[-1]
+            many = first is not last
+            named = f"{first.name} to {last.name}" if many else first.name
+            said = f"{first.meaning} to {last.meaning}" if many else first.meaning
+            found.append([named, units(effect, first.name), f"{first.lower:g}",
+                          f"{first.upper:g}", said])  # fmt: skip
+    return found
 
 
 def formula(effect: Effect) -> str:

@@ -6,6 +6,9 @@ from typing import TYPE_CHECKING
 
 from zwidth.sim.device import Device, place_label
 from zwidth.sim.interface import Interface
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.physics.free_force import grid_of, is_grid
+from zwidth.sim.physics.free_law import is_table, points_of
 from zwidth.views.table import Table, number
 from zwidth.views.units import Units, rows, units
 
@@ -28,7 +31,7 @@ def table(device: Device) -> Table:
         for name, *values in zip(_masses(device), *_columns(device), strict=True)
     ]
     said = [_interface(device, unit)]
-    said += [f"{place_label(p)}: {_values(p.values)}" for p in device.physics]
+    said += [f"{place_label(p)}: {in_points(p) or _values(p.values)}" for p in device.physics]
     return Table(f"Device {device.name} ({device.source})", said, headings, grid)
 
 
@@ -52,6 +55,18 @@ def _interface(device: Device, unit: Units) -> str:
         if value != neutral
     ]
     return ", ".join([sampled, *more])
+
+
+def in_points(physics: Physics) -> str:
+    """What a law of no formula has in place of a few numbers; "" for all other effects."""
+    if is_table(physics.effect.parameters):
+        return f"a table of {len(points_of(physics.values))} points"
+    if not is_grid(physics.effect.parameters):
+        return ""
+    grid = grid_of(physics.values)
+    sizes = (len(grid.rows), len(grid.columns))
+    axes = [f"{n} states of {s}" for s, n in zip(grid.over, sizes, strict=False)]
+    return f"over {' and '.join(axes)}"
 
 
 def _values(values: Mapping[str, float]) -> str:
