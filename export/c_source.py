@@ -3,7 +3,7 @@
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,8 +14,8 @@ from zwidth.export.tick import moved, reading, sent
 from zwidth.export.translate import Array, Translator, Untranslatable, Value, literal
 from zwidth.sim.device import Device
 from zwidth.sim.equations import Equations
-from zwidth.sim.kernel import LOCKED, MAX_MASSES, Memory
-from zwidth.sim.physics.free_force import OVER, STATES, free_force
+from zwidth.sim.kernel import LOCKED, MAX_MASSES, SCALARS, Memory
+from zwidth.sim.physics.dispatch import is_over_states
 from zwidth.sim.run import prepare
 
 HELPERS = {
@@ -34,6 +34,7 @@ static double zwidth_exponent(double x)
 class _Memory(NamedTuple):
     x: Array
     internal: Array
+    scalars: np.ndarray = np.zeros(SCALARS)  # where the time begins
 
 
 class _Scratch(NamedTuple):
@@ -234,8 +235,7 @@ def _functions(eq: Equations, name: str) -> list[str]:
     told = step.call(sent, eq, Value("s->tick", "i"), x, Value("command"), Value("s->command"))
     step.emit(f"s->command = {told.text if isinstance(told, Value) else literal(told)};")
     size = eq.whole_delay + 2
-    timed = _asks_for_time(eq)
-    t: Any = Value(f"(s->tick * {literal(eq.period)})") if timed else 0.0
+    timed = any(is_over_states(code) for code in eq.forces.codes.tolist())
     step.emit("s->line[s->head] = s->command;")
     step.emit(f"s->head = s->head == {size - 1} ? 0 : s->head + 1;")
     step.emit("const double earlier = s->line[s->head];")
@@ -244,23 +244,15 @@ def _functions(eq: Equations, name: str) -> list[str]:
     for segment, held in enumerate(("earlier", "current")):
         if eq.substeps[segment] > 0:
             tables = eq._replace(propagators=Array(f"{name}_P", eq.propagators.shape))  # pyright: ignore[reportArgumentType]
-            t = step.call(
-                moved, tables, segment, Value(held), timed, t, external, memory,
-                _Scratch(*room.values()),
+            step.call(
+                moved, tables, Value("s->tick", "i"), segment, Value(held), timed, external,
+                memory, _Scratch(*room.values()),
             )  # fmt: skip
     step.emit("s->tick++;")
     return [
         text_of_reading,
         _function(f"double {name}_step({name}_state *s, double command)", step, "measured"),
     ]
-
-
-def _asks_for_time(eq: Equations) -> bool:
-    """Whether a force is a law over time."""
-    forces = eq.forces
-    states = (p[: len(OVER)] for c, p in zip(forces.codes, forces.parameters, strict=True)
-              if c == free_force.code)  # fmt: skip
-    return any(STATES[int(code) - 1] == "time" for own in states for code in own if code > 0.0)
 
 
 def _function(head: str, made: Translator, returned: str) -> str:

@@ -20,13 +20,13 @@ def sent(eq, tick, x, command, before):
 
 
 @part
-def moved(eq, segment, held, timed, t, external, memory, scratch):
-    """Move from time t through a segment of the tick under a held command; return the time then.
+def moved(eq, tick, segment, held, timed, external, memory, scratch):
+    """Move through a segment of the tick under a held command.
 
-    timed: whether a force asks for the time.
+    timed: whether a force may ask for the time, and so which of the substeps it is.
     """
+    step = 0
     for _ in range(eq.substeps[segment]):
-        substep(eq, segment, held, 1.0, t, external, memory, scratch)
+        substep(eq, tick, segment, step, held, 1.0, external, memory, scratch)
         if timed:
-            t += eq.durations[segment]
-    return t
+            step += 1

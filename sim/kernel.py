@@ -42,7 +42,9 @@ from zwidth.sim.physics.dispatch import (
     INTEGRAL,
     amplified,
     delivered,
+    force_over_states,
     friction_bounds,
+    is_over_states,
     next_internal,
     sensed,
     smooth_force,
@@ -123,15 +125,34 @@ def with_integral(eq, held, internal):
 
 
 @part
-def held_forces(eq, x, held, whole, strength, t, internal, values):
-    """Value of each smooth force at state x and time t; whole: held command, `with_integral`."""
+def time_at(eq, began, tick, segment, step):
+    """Time at the beginning of a substep of a segment, where tick 0 was at `began`."""
+    t = began + tick * eq.period
+    if segment == 1:
+        t += eq.substeps[0] * eq.durations[0]
+    return t + step * eq.durations[segment]
+
+
+@part
+def held_forces(eq, x, held, whole, strength, tick, segment, step, memory, inside, values):
+    """Value of each smooth force at state x under the held command; whole: `with_integral`.
+
+    At the beginning of a substep; inside: internal states there.
+    """
     table = eq.forces
     for e in range(table.codes.size):
         i, j = table.first[e], table.origin[e]
         q = across(x, 0, i, j)
         v = across(x, eq.dof, i, j)
         p = table.parameters[e]
-        values[e] = smooth_force(table.codes[e], q, v, internal[e], held, whole, strength, t, p)
+        values[e] = smooth_force(table.codes[e], q, v, inside[e], held, whole, strength, p)
+    for e in range(table.codes.size):  # apart from the others, which would be slower with them
+        if is_over_states(table.codes[e]):
+            i, j = table.first[e], table.origin[e]
+            q = across(x, 0, i, j)
+            v = across(x, eq.dof, i, j)
+            t = time_at(eq, memory.scalars[BEGAN], tick, segment, step)
+            values[e] = force_over_states(table.codes[e], q, v, held, t, table.parameters[e])
 
 
 @part
@@ -317,12 +338,11 @@ def turn(p, dof, states, limits, friction, x0, x, own, more):
 
 
 @part
-def substep(eq, segment, held, strength, t, external, memory, scratch):
-    """Advance the chain by one substep of a segment under a held command; return the locked set.
+def substep(eq, tick, segment, step, held, strength, external, memory, scratch):
+    """Advance the chain by a substep of a segment under a held command; return the locked set.
 
     strength: how much of the drive's force counts in this tick. A loop on the position is linear
-    at full strength and its `servo_limit` takes off what is less; else it scales what is held. t:
-    time at the beginning of the substep.
+    at full strength and its `servo_limit` takes off what is less; else it scales what is held.
 
     A first look goes with the forces at the start; where they depend on the state, a second one
     with the mean of those and the ones at the end of the first.
@@ -341,8 +361,8 @@ def substep(eq, segment, held, strength, t, external, memory, scratch):
     for look in range(2 if values.size > 0 or eq.bounds_vary else 1):
         inside = internal if look == 0 else after
         whole = with_integral(eq, held, inside)
-        at = t if look == 0 else t + h
-        held_forces(eq, x, held, whole, strength, at, inside, ahead)
+        there = step + look
+        held_forces(eq, x, held, whole, strength, tick, segment, there, memory, inside, ahead)
         for e in range(values.size):
             values[e] = ahead[e] if look == 0 else 0.5 * (values[e] + ahead[e])
         load(eq, values, external, before)
@@ -561,17 +581,15 @@ def advance(
             else:
                 scalars[3] = earlier if eq.substeps[0] > 0 else current
             write(eq, memory, energy, record[done])
-        t = scalars[BEGAN] + tick * eq.period
         for segment in range(2):
             held = earlier if segment == 0 else current
-            for _ in range(eq.substeps[segment]):
+            for step in range(eq.substeps[segment]):
                 if linear:
                     x[eq.states] = held
                     propagate(eq.propagators[segment, 0], x, eq.states + 1, x)
                 else:
                     force = external[done] if external.shape[0] > 0 else no_force
-                    members = substep(eq, segment, held, 1.0, t, force, memory, scratch)
-                    t += eq.durations[segment]
+                    members = substep(eq, tick, segment, step, held, 1.0, force, memory, scratch)
                     if memory.totals.size > 0:
                         add_work(eq, segment, members, force, x, scratch, memory.totals)
                 if fine.shape[0] > 0:

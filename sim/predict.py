@@ -26,7 +26,6 @@ from zwidth.sim.equations import Equations
 from zwidth.sim.group import VIEWS, seen
 from zwidth.sim.jit import jit, part
 from zwidth.sim.kernel import (
-    BEGAN,
     MAX_COLUMNS,
     Memory,
     Scratch,
@@ -314,12 +313,10 @@ def predict(
                 copy(saved.x, x, eq.states)
                 copy(saved.internal, pins, pins.size)
             now, space = at_work(eq, fine, coarse_space, fine_space, look)
-            t = memory.scalars[BEGAN] + tick * eq.period
             for segment in range(2):
                 held = before if segment == 0 else current
-                for _ in range(now.substeps[segment]):
-                    substep(now, segment, held, strength, t, force, memory, space)
-                    t += now.durations[segment]
+                for step in range(now.substeps[segment]):
+                    substep(now, tick, segment, step, held, strength, force, memory, space)
             if look == 1:
                 for i in range(eq.states):
                     x[i] = select(again, x[i], saved.coarse_x[i])

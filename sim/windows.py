@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from zwidth.sim.group import VIEWS, seen
 from zwidth.sim.jit import jit, part
 from zwidth.sim.kernel import (
-    BEGAN,
     Memory,
     amplify,
     arrives,
@@ -149,16 +148,14 @@ def run_windows(device, space, banks, weights, results):
                 head = 0 if head == last else head + 1
                 earlier = line[head]
                 current = line[0 if head == last else head + 1]
-                t = scalars[BEGAN] + tick * eq.period
                 for segment in range(2):
                     held = earlier if segment == 0 else current
-                    for _ in range(eq.substeps[segment]):
+                    for step in range(eq.substeps[segment]):
                         if linear:
                             x[eq.states] = held
                             propagate(eq.propagators[segment, 0], x, eq.states + 1, x)
                             continue
-                        substep(eq, segment, held, 1.0, t, none, memory, scratch)
-                        t += eq.durations[segment]
+                        substep(eq, tick, segment, step, held, 1.0, none, memory, scratch)
                 tick += 1
                 alive = alive & (abs(x[0]) <= bank.bounds[g])
             measures[window, SLOW_ENERGY, g] = select(alive, slow, np.inf)

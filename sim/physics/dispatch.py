@@ -43,11 +43,11 @@ INTEGRAL = 18  # the force whose state is the integral part of a servo
 
 
 @part
-def smooth_force(code, q, v, z, u, w, s, t, p):
+def smooth_force(code, q, v, z, u, w, s, p):
     """Force on the first place: relative position q and velocity v, internal z, held command u.
 
     w: the command with what a loop's integral adds to it; s: how much of the drive's force counts,
-    0 where it is off; t: time since the run or the recording began.
+    0 where it is off. Nothing of laws over states, which are `force_over_states`.
     """
     if code == 1:
         return cubic_force(q, p)
@@ -83,11 +83,23 @@ def smooth_force(code, q, v, z, u, w, s, t, p):
         return beyond_falling_limit(w, q, v, s, p)
     if code == INTEGRAL:
         return z
+    if is_over_states(code):
+        return 0.0
+    return own_force(code, q, v, u, p)
+
+
+@part
+def is_over_states(code):
+    """Whether a force is one of `force_over_states`."""
+    return code == 19 or code == 20
+
+
+@part
+def force_over_states(code, q, v, u, t, p):
+    """Force of a law over any of its states; t: time since the run or the recording began."""
     if code == 19:
         return grid_law(q, v, u, t, p)
-    if code == 20:
-        return product_law(q, v, u, t, p)
-    return own_force(code, q, v, u, p)
+    return product_law(q, v, u, t, p)
 
 
 @part
