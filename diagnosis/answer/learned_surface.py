@@ -73,9 +73,8 @@ class LearnedSurface:
         """Which names were part of it: of a surface, those are said to be replaced."""
         return ""
 
-    def headline(self, masses: int, _: bool) -> str:
+    def headline(self, masses: int, rotary: bool) -> str:
         """Say it as the first line of an answer: where, over what, of which form, its worth."""
-        rotary = self.found.final.model.nominal.rotary
         curve = self.curve
         most = with_unit(float(np.abs(curve.at(*curve.seen.T)).max()), "N m" if rotary else "N", 2)
         looks = f", which is {self.form}" if self.forms else ""
