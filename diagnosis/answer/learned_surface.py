@@ -165,7 +165,7 @@ class LearnedSurface:
                 for state, row in zip(curve.states, quantiles, strict=True)
             },
             "formula": self.formula or None,
-            "formulas": [],
+            "formulas": [_formula_json(self)] if self.formula else [],
             "beside": list(curve.names),
             "absorbed": [],
             "replaced": list(curve.replaced),
@@ -186,6 +186,19 @@ def factors(curve: Surface) -> tuple[tuple[Formula, ...], ...]:
         states, laws = np.array(table).T
         found.append(tuple(formulas(states, laws, curve.of(names[: len(table)]), odd=False)))
     return tuple(found)
+
+
+def _formula_json(law: LearnedSurface) -> dict[str, Any]:
+    """The likeliest formula of a product, of its two parts."""
+    each = zip(law.curve.states, law.forms, strict=True)
+    return {
+        "form": "product",
+        "text": law.formula,
+        "factors": [
+            {"state": state, "form": form[0].form.name, "numbers": form[0].numbers}
+            for state, form in each
+        ],
+    }
 
 
 def _product_json(law: LearnedSurface) -> dict[str, Any]:
