@@ -14,7 +14,7 @@ import pytest
 
 from zwidth.cli import run
 from zwidth.diagnosis.learning.formulas import LAWS
-from zwidth.diagnosis.learning.own_effect import effect_text
+from zwidth.diagnosis.learning.own_effect import effect_text, product_text
 from zwidth.errors import Status
 from zwidth.sim.own_files import VARIABLE, own_files, source_hash
 from zwidth.sim.physics.own import FIRST_CODE, PLAIN, OwnEffect, compiled, read_own, translated
@@ -138,6 +138,25 @@ def test_whatever_formula_was_learned_is_a_file_that_is_read(effect: str, form: 
     assert all(p.unit_for(True) is not None for p in own.effect.parameters)
 
 
+@pytest.mark.parametrize("second", list(LAWS))
+@pytest.mark.parametrize("states", [("position", "velocity"), ("velocity", "command")])
+def test_a_product_that_was_learned_is_a_file_that_is_read(states: tuple[str, str], second: str):
+    """Its law is that of both formulas; mutation that breaks it: numbers of one for the other."""
+    letters = "abcdefghijklmnopqrstuvwxyz"
+    first = dict.fromkeys(letters, 0.5)
+    numbers = dict.fromkeys(letters, 0.25)
+    own, law = read(product_text("mine", states, [("cube", first), (second, numbers)], "a test"))
+    assert own.effect.hook == "force"
+    assert {"a", *(p.name for p in own.effect.parameters if p.name.endswith("_2"))} == {
+        p.name for p in own.effect.parameters
+    }
+    letter = {"position": "q", "velocity": "v", "command": "u"}
+    assert all(letter[state] in law for state in states if second != "offset" or state != states[1])
+    found = {p.name: p.meaning for p in own.effect.parameters}
+    assert found["a"] == "found as 0.5"
+    assert all(value == "found as 0.25" for name, value in found.items() if name != "a")
+
+
 def test_what_was_learned_is_kept_as_a_file_of_ones_own(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
@@ -152,6 +171,15 @@ def test_what_was_learned_is_kept_as_a_file_of_ones_own(
     own, _ = read(Path("effects/mine.toml").read_text())
     assert own.effect.name == "mine"
     assert "shake" in own.effect.reference
+    numbers = {"a": -0.1, "w": 0.2, "c": 0.0, "m": 0.1}
+    parts = [{"state": "position", "form": "bump", "numbers": numbers},
+             {"state": "velocity", "form": "saturation", "numbers": numbers}]  # fmt: skip
+    learned = {"effect": "free_product", "formula": "f(q) g(v)",
+               "formulas": [{"form": "product", "factors": parts}]}  # fmt: skip
+    Path("both.json").write_text(json.dumps({"learned": learned}))
+    assert run(["effects", "both", "--learned", "both.json"]) == 0
+    own, _ = read(Path("effects/both.toml").read_text())
+    assert own.effect.summary == "bump of the position times saturation of the velocity"
     capsys.readouterr()
     assert run(["effects", "coulomb_friction", "--learned", "answer.json"]) == Status.BAD_INPUT
     assert "no name of the library" in capsys.readouterr().err

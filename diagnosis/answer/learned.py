@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.answer.adequacy import oftener_freer, wander
+from zwidth.diagnosis.answer.adequacy import oftener_freer
 from zwidth.diagnosis.answer.friction_curve import asked_beyond, read_beyond
 from zwidth.diagnosis.answer.headline import place_in_words
 from zwidth.diagnosis.answer.held_out import free_share, held_out
@@ -20,7 +20,7 @@ from zwidth.diagnosis.fitting.fit import Fitted
 from zwidth.diagnosis.learning.curves import Learned, laws, replacing
 from zwidth.diagnosis.learning.energy import makes_energy
 from zwidth.diagnosis.learning.formulas import Formula, formulas
-from zwidth.diagnosis.learning.surfaces import surfaces
+from zwidth.diagnosis.learning.surfaces import Surface, surfaces
 from zwidth.diagnosis.learning.tables import law_at
 from zwidth.diagnosis.mishaps import Say
 from zwidth.diagnosis.noise.family import as_far_as
@@ -41,6 +41,7 @@ BETTER = 0.8
 LETTERS = {"free_spring": "q", "free_damper": "v", "free_amplifier": "u", "free_sensor": "q"}
 # A spring, a damper, a scale, a constant force or an origin, which are parameters or have names.
 STRAIGHT = ("straight line", "line", "offset")
+BEYOND = 2.0  # times the noise's square, where half of an error's square is something else
 LAWS = 3  # of each horizon, that are held against held-out data
 ALIKE = 2  # forms that are not told apart, that a headline says
 QUANTILES = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
@@ -281,11 +282,11 @@ def learned_over_two(
 ) -> LearnedSurface | None:
     """Learn a law over two states; None where none holds on other data.
 
-    Where free runs stray beyond their noise still, with a law of one state where one was learned.
-    As `learned`, and held against that law as well.
+    Where free runs err more by what is missing than by noise still, with a law of one state where
+    one was learned. As `learned`, and held against that law as well.
     """
     left = names if one is None else one.law
-    if not wander(left.after, left.noise_floor):
+    if not left.after**2 > BEYOND * left.noise_floor**2:
         return None
     say("asking whether what is left follows two states together")
     hopeful = partial(_hopeful, judge_by, left)
@@ -294,19 +295,35 @@ def learned_over_two(
         than = [search.best, search.plain]
         if one is not None and (h := _alike(search, one.curve.hypothesis)) is not None:
             than.append(h)
-        places: set[tuple[str, tuple[str, str]]] = set()  # of those that hold: each has two forms
-        for surface in surfaces(search, than, say, hopeful):
-            place = surface.physics.at, surface.states
-            if places and place not in places:
+        for forms in surfaces(search, than, say, hopeful):
+            held = False
+            for surface in forms:
+                law = _judged_surface(device, search, surface, found, judge_by, left, say)
+                if law is not None and law.law.after < law.law.noise_floor:
+                    return law  # nothing is left to be said
+                held = held or law is not None
+                told += [] if law is None else [law]
+            if held:
                 break
-            with_law = as_found(device, replace(search, best=surface.hypothesis))
-            free = held_out(device, with_law, judge_by)[1]
-            if not _better(surface.hypothesis, with_law, found, judge_by, left, free):
-                say("the law that was learned does not hold on held-out data")
-                continue
-            places.add(place)
-            told.append(LearnedSurface(surface, factors(surface), left, free, with_law))
     return min(told, key=lambda law: law.law.after, default=None)
+
+
+def _judged_surface(
+    device: Device,
+    search: Search,
+    surface: Surface,
+    found: Searched,
+    judge_by: Sequence[Experiment],
+    left: HeldOut,
+    say: Say,
+) -> LearnedSurface | None:
+    """A surface as held-out data judge it; None where they speak against it."""
+    with_law = as_found(device, replace(search, best=surface.hypothesis))
+    free = held_out(device, with_law, judge_by)[1]
+    if not _better(surface.hypothesis, with_law, found, judge_by, left, free):
+        say("the law that was learned does not hold on held-out data")
+        return None
+    return LearnedSurface(surface, factors(surface), left, free, with_law)
 
 
 def _alike(search: Search, h: Hypothesis) -> Hypothesis | None:

@@ -73,9 +73,8 @@ class LearnedSurface:
         """Which names were part of it: of a surface, those are said to be replaced."""
         return ""
 
-    def headline(self, masses: int, _: bool) -> str:
+    def headline(self, masses: int, rotary: bool) -> str:
         """Say it as the first line of an answer: where, over what, of which form, its worth."""
-        rotary = self.found.final.model.nominal.rotary
         curve = self.curve
         most = with_unit(float(np.abs(curve.at(*curve.seen.T)).max()), "N m" if rotary else "N", 2)
         looks = f", which is {self.form}" if self.forms else ""
@@ -166,7 +165,7 @@ class LearnedSurface:
                 for state, row in zip(curve.states, quantiles, strict=True)
             },
             "formula": self.formula or None,
-            "formulas": [],
+            "formulas": [_formula_json(self)] if self.formula else [],
             "beside": list(curve.names),
             "absorbed": [],
             "replaced": list(curve.replaced),
@@ -187,6 +186,19 @@ def factors(curve: Surface) -> tuple[tuple[Formula, ...], ...]:
         states, laws = np.array(table).T
         found.append(tuple(formulas(states, laws, curve.of(names[: len(table)]), odd=False)))
     return tuple(found)
+
+
+def _formula_json(law: LearnedSurface) -> dict[str, Any]:
+    """The likeliest formula of a product, of its two parts."""
+    each = zip(law.curve.states, law.forms, strict=True)
+    return {
+        "form": "product",
+        "text": law.formula,
+        "factors": [
+            {"state": state, "form": form[0].form.name, "numbers": form[0].numbers}
+            for state, form in each
+        ],
+    }
 
 
 def _product_json(law: LearnedSurface) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """A formula that was learned, kept as an effect of the user's own (`sim/physics/own.py`)."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from tomli_w import dumps
 
@@ -14,21 +14,77 @@ OVER = {"free_spring": "position", "free_damper": "velocity", "free_amplifier": 
 WIDER = 100.0  # times what was found, between which it is sought
 
 
+OF_STATE = {"position": "free_spring", "velocity": "free_damper", "command": "free_amplifier"}
+SECOND = "_2"  # after the names of the second formula of a product
+
+
 def effect_text(name: str, effect: str, form: str, numbers: Mapping[str, float], said: str) -> str:
     """Return the file of an effect `name`, of a law of no name and the formula it looks like.
 
     effect: the law's ("free_damper"); form, numbers: of the formula; said: where it is from.
     Raises ValueError for a form that there is not.
     """
+    made = _length if effect == "free_sensor" else _force
+    formula, parameters = _part(effect, form, numbers, made)
+    enters = ENTERS.get(effect, "force")
+    return _text(name, f"{form} of the {OVER[effect]}", enters, formula, said, parameters)
+
+
+def product_text(
+    name: str,
+    states: Sequence[str],
+    forms: Sequence[tuple[str, Mapping[str, float]]],
+    said: str,
+) -> str:
+    """Return the file of an effect that is one formula over a state times one over another.
+
+    states: two of position, velocity and command; forms: form and numbers of each, the first of
+    which makes the force. Raises ValueError for a form that there is not.
+    """
+    formulas: list[str] = []
+    parameters: dict[str, dict[str, object]] = {}
+    for state, (form, numbers), made, after in zip(
+        states, forms, (_force, _number), ("", SECOND), strict=True
+    ):
+        formula, own = _part(OF_STATE[state], form, numbers, made)
+        for key in own:
+            formula = re.sub(rf"\b{key}\b", f"{key}{after}", formula)
+        formulas.append(f"({formula})")
+        parameters |= {f"{key}{after}": value for key, value in own.items()}
+    each = zip(forms, states, strict=True)
+    summary = " times ".join(f"{form} of the {state}" for (form, _), state in each)
+    return _text(name, summary, "force", " * ".join(formulas), said, parameters)
+
+
+def _text(
+    name: str,
+    summary: str,
+    enters: str,
+    formula: str,
+    said: str,
+    parameters: Mapping[str, Mapping[str, object]],
+) -> str:
+    table = {
+        "name": name, "summary": summary, "enters": enters, "formula": formula, "reference": said,
+        "parameters": parameters,
+    }  # fmt: skip
+    return (
+        f"# An effect of one's own: docs/own_effects.md says what may stand here.\n{dumps(table)}"
+    )
+
+
+def _part(
+    effect: str, form: str, numbers: Mapping[str, float], made: Callable[[bool], str]
+) -> tuple[str, dict[str, dict[str, object]]]:
+    """A formula over the state of a law, and its parameters. made: unit of what it makes."""
     if form not in LAWS:
         raise ValueError(f"form is {form!r}; allowed is {', '.join(LAWS)}")
     own = next(f for f in FORMS if f.name == form)
     law, powers = LAWS[form]
-    state = STATES[effect]
     parameters: dict[str, dict[str, object]] = {}
     for key, power in zip(own.factors, powers, strict=True):
         most = WIDER * abs(numbers[key]) or 1.0
-        rotary, linear = (_unit(effect, power, r) for r in (True, False))
+        rotary, linear = (_unit(effect, power, r, made(r)) for r in (True, False))
         parameters[key] = {
             "unit": rotary, "linear_unit": linear, "lower": -most, "upper": most,
             "meaning": f"found as {numbers[key]:.4g}",
@@ -43,37 +99,39 @@ def effect_text(name: str, effect: str, form: str, numbers: Mapping[str, float],
             "unit": rotary, "linear_unit": linear, "lower": least, "upper": most, "start": value,
             "meaning": f"found as {value:.4g}",
         }  # fmt: skip
-    table = {
-        "name": name,
-        "summary": f"{form} of the {OVER[effect]}",
-        "enters": ENTERS.get(effect, "force"),
-        "formula": re.sub(r"\bs\b", state, law),
-        "reference": said,
-        "parameters": parameters,
-    }
-    return (
-        f"# An effect of one's own: docs/own_effects.md says what may stand here.\n{dumps(table)}"
-    )
+    return re.sub(r"\bs\b", STATES[effect], law), parameters
+
+
+def _length(rotary: bool) -> str:
+    return "rad" if rotary else "m"
+
+
+def _force(rotary: bool) -> str:
+    return "N m" if rotary else "N"
+
+
+def _number(_: bool) -> str:
+    return ""
 
 
 def _state(effect: str, rotary: bool) -> str:
     """Unit of the state."""
     if effect == "free_amplifier":
-        return "N m" if rotary else "N"
-    length = "rad" if rotary else "m"
-    return f"{length}/s" if effect == "free_damper" else length
+        return _force(rotary)
+    return f"{_length(rotary)}/s" if effect == "free_damper" else _length(rotary)
 
 
-def _unit(effect: str, power: int, rotary: bool) -> str:
-    """Unit of a law over a power of its state."""
-    length = "rad" if rotary else "m"
-    force = "N m" if rotary else "N"
-    made = length if effect == "free_sensor" else force
+def _unit(effect: str, power: int, rotary: bool, made: str) -> str:
+    """Unit of what makes `made` of a power of a law's state."""
+    length, force = _length(rotary), _force(rotary)
     if power == 0:
         return made
     n = "" if abs(power) == 1 else str(abs(power))
     if effect == "free_amplifier":
+        if made == "":
+            return f"1/({force}){n}" if power > 0 else f"({force}){n}"
         return "" if power == 1 else f"{made}/({force}){power}" if power > 0 else f"({force})2"
     if effect == "free_damper":
-        return f"{made} s{n}/{length}{n}" if power > 0 else f"{made} {length}/s"
-    return f"{made}/{length}{n}" if power > 0 else f"{made} {length}"
+        own = made or "1"
+        return f"{made} s{n}/{length}{n}".strip() if power > 0 else f"{own} {length}/s".strip()
+    return f"{made or '1'}/{length}{n}" if power > 0 else f"{made} {length}".strip()

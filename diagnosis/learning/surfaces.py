@@ -192,33 +192,38 @@ def in_words(over: Sequence[str], at: str) -> tuple[str, ...]:
 
 def surfaces(
     found: Search, than: Sequence[Hypothesis], say: Say, hopeful: Hopeful
-) -> Iterator[Surface]:
-    """Yield surfaces that are believed over names and over what else was learned, the best first.
+) -> Iterator[Iterator[Surface]]:
+    """Yield, of each place and pair of states, surfaces that are believed, the likeliest first.
 
-    than: what a surface is held against, the names and laws of one state. hopeful: whether a grid
-    of all its points is worth the search for those that pay.
+    Over names, and over what else was learned: of either form one, worked out when it is asked for.
+    than: what a surface is held against, the names and laws of one state. hopeful: whether all the
+    points of a form are worth the search for those that pay.
     """
     bases = [found.best] + [found.plain] * bool(found.best.model.effects)
-    least = min(than, key=lambda h: h.cost.total)
     begun: list[tuple[Field, Hypothesis]] = []
     for base in bases:
         asked = partial(_begun_everywhere, base)
         begun += attempt("learn", "where two states lead", asked) or []
     begun.sort(key=lambda one: one[1].cost.misfit)
-    asked_of: set[tuple[str, tuple[str, str]]] = set()
+    likeliest: dict[tuple[str, tuple[str, str]], tuple[Field, Hypothesis]] = {}
     for field, first in begun:
-        if len(asked_of) == ASKED:
-            return
-        if (field.at, field.over) in asked_of:
-            continue
-        asked_of.add((field.at, field.over))
+        likeliest.setdefault((field.at, field.over), (field, first))
+    least = min(than, key=lambda h: h.cost.total)
+    for field, first in itertools.islice(likeliest.values(), ASKED):
         say(f"learning a law over {field.name}")
-        for make in (_as_product, _as_grid):
-            shaping = partial(_shaped, make, first, field, least, hopeful)
-            h = attempt("learn", field.at, shaping)
-            h = None if h is None else without_names(found, h)
-            if h is not None and believed(h.cost, least.cost, against(h, least).phi):
-                yield _as_learned(h, least, found)
+        yield _of_either_form(found, field, first, least, hopeful)
+
+
+def _of_either_form(
+    found: Search, field: Field, first: Hypothesis, least: Hypothesis, hopeful: Hopeful
+) -> Iterator[Surface]:
+    """Yield a product and a grid that are believed."""
+    for make in (_as_product, _as_grid):
+        shaping = partial(_shaped, make, first, field, least, hopeful)
+        h = attempt("learn", field.at, shaping)
+        h = None if h is None else without_names(found, h)
+        if h is not None and believed(h.cost, least.cost, against(h, least).phi):
+            yield _as_learned(h, least, found)
 
 
 def _shaped(
@@ -267,9 +272,7 @@ def _fields(base: Hypothesis) -> Iterator[Field]:
             yield Field(str(place), over, states, makes, tied and place.index == 0)
 
 
-def _states_at(
-    moved: Sequence[Floats], commands: list[Floats], at: str
-) -> dict[str, list[Floats]]:
+def _states_at(moved: Sequence[Floats], commands: list[Floats], at: str) -> dict[str, list[Floats]]:
     """What a law at a place may follow, in each recording (samples,), by name."""
     n = moved[0].shape[1] // 2
     i, j = place_at(at).ends

@@ -12,7 +12,7 @@ import click
 
 from zwidth.compiling import announce
 from zwidth.console import Column, Console
-from zwidth.diagnosis.learning.own_effect import effect_text
+from zwidth.diagnosis.learning.own_effect import effect_text, product_text
 from zwidth.figures.names import picture_files
 from zwidth.files.protection import reading
 from zwidth.files.whole import write_text
@@ -117,7 +117,12 @@ def _keep(console: Console, name: str | None, file: Path) -> None:
         )
     best = found["formulas"][0]
     said = f"learned from {result['recordings'][0] if result.get('recordings') else file.name}"
-    text = effect_text(name, found["effect"], best["form"], best["numbers"], said)
+    if "factors" in best:
+        parts = best["factors"]
+        forms = [(part["form"], part["numbers"]) for part in parts]
+        text = product_text(name, [part["state"] for part in parts], forms, said)
+    else:
+        text = effect_text(name, found["effect"], best["form"], best["numbers"], said)
     path = Path(FOLDER) / f"{name}.toml"
     console.will_write(path)
     path.parent.mkdir(exist_ok=True)

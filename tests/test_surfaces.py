@@ -1,0 +1,132 @@
+"""A law of no name over two states: learned as a product of two, or as a grid, and said so."""
+
+from functools import cache, partial
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from test_learning import DEVICE, Law, nothing, recording, without_names
+
+from zwidth.diagnosis.answer.held_out import held_out
+from zwidth.diagnosis.answer.learned import learned_over_two
+from zwidth.diagnosis.answer.learned_surface import LearnedSurface
+from zwidth.diagnosis.learning.surfaces import filled, told
+from zwidth.diagnosis.mishaps import silent
+from zwidth.diagnosis.selection.searched import as_found
+from zwidth.figures.learned_surface import law_figure
+from zwidth.sim.physics.free_force import counts_at
+
+Floats = NDArray[np.float64]
+
+
+def rubs_here(q: float, v: float) -> float:
+    """A saturation of the velocity, where a bump of the position says."""
+    return -2.4 * float(np.exp(-0.5 * ((q - 0.02) / 0.06) ** 2)) * float(np.tanh(3.0 * v))
+
+
+def leans(q: float, v: float) -> float:
+    """A sine of the position whose place moves with the velocity: no product."""
+    return 1.5 * float(np.sin(9.0 * q + 2.0 * np.tanh(2.0 * v)))
+
+
+@cache
+def surface_of(law: Law) -> LearnedSurface | None:
+    search = without_names(law)
+    found = as_found(DEVICE, search)
+    judge = [recording(law).split()[1]]
+    return learned_over_two(DEVICE, found, judge, held_out(DEVICE, found, judge)[1], None, silent)
+
+
+def errs(law: Law, found: LearnedSurface) -> float:
+    """By how much a surface errs along the samples over the law, both without a plane."""
+    seen = found.curve.seen
+    truth = np.array([law(q, v) for q, v in seen.tolist()])
+    flat = np.column_stack([np.ones(truth.size), seen])
+    off = [x - flat @ np.linalg.lstsq(flat, x, rcond=None)[0]
+           for x in (found.curve.at(*seen.T) - truth, truth)]  # fmt: skip
+    return float(np.std(off[0]) / np.std(off[1]))
+
+
+def test_a_product_of_two_laws_is_learned_with_the_formula_of_each() -> None:
+    """Mutations that break it: no product; its points are not chosen; a plane is not taken off."""
+    found = surface_of(rubs_here)
+    assert found is not None
+    assert found.curve.is_product
+    assert (found.curve.physics.at, found.curve.states) == ("m1", ("position", "velocity"))
+    assert errs(rubs_here, found) < 0.03
+    assert found.law.after < 0.05 * found.names.after
+    (bump, *_), (turns, *_) = found.forms
+    assert (bump.form.name, turns.form.name) == ("bump", "saturation")
+    assert bump.numbers["m"] == pytest.approx(0.02, abs=0.002)
+    assert abs(bump.numbers["w"]) == pytest.approx(0.06, rel=0.05)
+    assert turns.numbers["w"] == pytest.approx(1.0 / 3.0, rel=0.05)
+    assert abs(bump.numbers["a"] * turns.numbers["a"]) == pytest.approx(2.4, rel=0.05)
+    assert "a bump of position times a saturation of velocity" in found.headline(1, rotary=False)
+    assert "makes energy at no time" in found.energy
+
+
+def test_the_band_of_a_product_holds_it() -> None:
+    """Mutation that breaks it: the band of one of the tables alone."""
+    found = surface_of(rubs_here)
+    assert found is not None
+    seen = found.curve.seen
+    truth = np.array([rubs_here(q, v) for q, v in seen.tolist()])
+    flat = np.column_stack([np.ones(truth.size), seen])
+    off = found.curve.at(*seen.T) - truth
+    off -= flat @ np.linalg.lstsq(flat, off, rcond=None)[0]
+    half = found.curve.half(*seen.T) + 0.01 * np.abs(truth).max()
+    assert np.mean(np.abs(off) < half) > 0.9
+
+
+def test_what_is_no_product_is_learned_as_a_grid() -> None:
+    """Mutation that breaks it: no grid."""
+    found = surface_of(leans)
+    assert found is not None
+    assert not found.curve.is_product
+    assert found.formula == ""
+    assert found.law.after < 0.2 * found.names.after
+    said = found.as_json()
+    rows, columns = len(said["rows"]), len(said["columns"])
+    assert np.shape(said["table"]) == np.shape(said["lower"]) == (rows, columns)
+    assert any(force is None for row in said["lower"] for force in row)  # corners nobody was in
+
+
+def test_nothing_is_learned_where_nothing_is_missing() -> None:
+    assert surface_of(nothing) is None
+
+
+@pytest.mark.parametrize("law", [rubs_here, leans])
+def test_its_picture_has_titles_and_units(law: Law) -> None:
+    found = surface_of(law)
+    assert found is not None
+    figure = law_figure(found, rotary=False)
+    texts = {axes.get_xlabel() for axes in figure.axes} | {a.get_ylabel() for a in figure.axes}
+    assert {"position [mm]", "velocity [m/s]", "law [N]"} <= texts
+    assert figure.axes[0].get_title() == "What follows position and velocity at m1 and has no name"
+
+
+def test_what_a_grid_does_not_see_is_laid_smoothly() -> None:
+    """Of a plane of which a corner is not known that corner goes on evenly.
+
+    Mutation that breaks it: unknown forces left as they are.
+    """
+    forces = np.add.outer(np.arange(4.0), np.arange(4.0))
+    known = np.ones((4, 4), dtype=bool)
+    known[1, 1] = known[2, 2] = False
+    laid = filled(np.where(known, forces, 99.0), known)
+    np.testing.assert_allclose(laid, forces, atol=1e-12)  # inside, a plane is its neighbours' mean
+    assert np.array_equal(filled(forces, known)[known], forces[known])
+
+
+def test_only_points_that_enough_samples_are_nearest_to_are_told() -> None:
+    axis = np.array([0.0, 1.0, 2.0])
+    near = partial(np.tile, reps=(12, 1))
+    seen = np.concatenate([near(np.array([[0.1, 1.9]])), np.array([[2.0, 0.0]] * 3)])
+    expected = np.zeros((3, 3), dtype=bool)
+    expected[0, 2] = True
+    assert np.array_equal(told(seen, axis, axis), expected)
+
+
+def test_points_of_an_axis_count_one_together() -> None:
+    counts = counts_at(np.array([-1.0, 0.2, 3.0]), np.linspace(-2.0, 4.0, 31))
+    np.testing.assert_allclose(counts.sum(axis=-1), 1.0, atol=1e-12)
