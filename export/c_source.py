@@ -15,7 +15,6 @@ from zwidth.export.translate import Array, Translator, Untranslatable, Value, li
 from zwidth.sim.device import Device
 from zwidth.sim.equations import Equations
 from zwidth.sim.kernel import LOCKED, MAX_MASSES, SCALARS, Memory
-from zwidth.sim.physics.dispatch import is_over_states
 from zwidth.sim.run import prepare
 
 HELPERS = {
@@ -235,7 +234,6 @@ def _functions(eq: Equations, name: str) -> list[str]:
     told = step.call(sent, eq, Value("s->tick", "i"), x, Value("command"), Value("s->command"))
     step.emit(f"s->command = {told.text if isinstance(told, Value) else literal(told)};")
     size = eq.whole_delay + 2
-    timed = any(is_over_states(code) for code in eq.forces.codes.tolist())
     step.emit("s->line[s->head] = s->command;")
     step.emit(f"s->head = s->head == {size - 1} ? 0 : s->head + 1;")
     step.emit("const double earlier = s->line[s->head];")
@@ -245,8 +243,8 @@ def _functions(eq: Equations, name: str) -> list[str]:
         if eq.substeps[segment] > 0:
             tables = eq._replace(propagators=Array(f"{name}_P", eq.propagators.shape))  # pyright: ignore[reportArgumentType]
             step.call(
-                moved, tables, Value("s->tick", "i"), segment, Value(held), timed, external,
-                memory, _Scratch(*room.values()),
+                moved, tables, Value("s->tick", "i"), segment, Value(held), external, memory,
+                _Scratch(*room.values()),
             )  # fmt: skip
     step.emit("s->tick++;")
     return [

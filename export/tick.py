@@ -20,13 +20,9 @@ def sent(eq, tick, x, command, before):
 
 
 @part
-def moved(eq, tick, segment, held, timed, external, memory, scratch):
-    """Move through a segment of the tick under a held command.
-
-    timed: whether a force may ask for the time, and so which of the substeps it is.
-    """
+def moved(eq, tick, segment, held, external, memory, scratch):
+    """Move through a segment of the tick under a held command."""
     step = 0
     for _ in range(eq.substeps[segment]):
         substep(eq, tick, segment, step, held, 1.0, external, memory, scratch)
-        if timed:
-            step += 1
+        step += 1  # noqa: SIM113, a loop in C has no name for it

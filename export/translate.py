@@ -153,7 +153,10 @@ class Translator:
             asked: set[str] = set()
             for line in self.lines:
                 target, equals, rest = line.strip().partition(" = ")
-                asked |= set(NAMES.findall(rest if equals and target in self.declared else line))
+                if equals and target in self.declared:
+                    asked |= set(NAMES.findall(rest)) - {target}  # a count is no reader of itself
+                else:
+                    asked |= set(NAMES.findall(line))
             unread = self.declared.keys() - asked
             if not unread:
                 return
