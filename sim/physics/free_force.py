@@ -50,7 +50,7 @@ from zwidth.sim.jit import part
 from zwidth.sim.lane_type import any_lane, greatest, least, negated, select
 from zwidth.sim.nearest import nearest
 from zwidth.sim.physics.effect import Effect, Parameter
-from zwidth.sim.physics.free_law import check_rising, interval, numbered, per, risen, row_values
+from zwidth.sim.physics.free_law import check_rising, interval, numbered, per, rising, row_values
 from zwidth.sim.place import LINKS, MASSES
 
 Floats = NDArray[np.float64]
@@ -224,7 +224,7 @@ def grid_of(values: Mapping[str, float]) -> Grid:
     over = states_over(values)
     alone = len(over) == 1
     rows, columns = (
-        tuple(float(values[name]) for name in names[: risen(values, names)])
+        tuple(float(values[names[i]]) for i in rising(values, names))
         for names in (ROW if alone else ROW[:SIZE], COLUMN)
     )
     columns = () if alone else columns

@@ -125,10 +125,13 @@ def row_values(names: Sequence[str], numbers: Sequence[float]) -> dict[str, floa
     return dict(zip(names, map(float, padded), strict=True))
 
 
-def risen(values: Mapping[str, float], names: Sequence[str]) -> int:
-    """Return how many states of a row there are, without the last one's repetitions."""
-    states = [values[name] for name in names]
-    return 1 + sum(after > before for before, after in itertools.pairwise(states))
+def rising(values: Mapping[str, float], names: Sequence[str]) -> list[int]:
+    """Return which states of a row stand above all before them: not the last one's repetitions."""
+    found = [0]
+    for j, name in enumerate(names):
+        if values[name] > values[names[found[-1]]]:
+            found.append(j)
+    return found
 
 
 def points_of(
@@ -138,8 +141,7 @@ def points_of(
 
     at, laws: the names of its states and of what it makes of them.
     """
-    n = risen(values, at)
-    return [(values[s], values[f]) for s, f in zip(at[:n], laws[:n], strict=True)]
+    return [(values[at[j]], values[laws[j]]) for j in rising(values, at)]
 
 
 def is_table(parameters: Sequence[Parameter]) -> bool:
@@ -198,7 +200,7 @@ def interval(p, at, laws, count, j):
     if j == count:
         return 0.0 * p[at], 0.0 * p[at]
     width = p[at + j + 1] - p[at + j]
-    return width, per(p[laws + j + 1] - p[laws + j], width)
+    return select(width > 0.0, width, 0.0), per(p[laws + j + 1] - p[laws + j], width)
 
 
 @part
