@@ -16,6 +16,7 @@ from zwidth.sim.device import Device
 from zwidth.sim.equations import Equations
 from zwidth.sim.kernel import LOCKED, MAX_MASSES, Memory
 from zwidth.sim.physics.free_force import OVER, STATES, free_force
+from zwidth.sim.physics.free_product import free_product
 from zwidth.sim.run import prepare
 
 HELPERS = {
@@ -257,9 +258,9 @@ def _functions(eq: Equations, name: str) -> list[str]:
 
 def _asks_for_time(eq: Equations) -> bool:
     """Whether a force is a law over time."""
-    forces = eq.forces
+    forces, named = eq.forces, (free_force.code, free_product.code)
     states = (p[: len(OVER)] for c, p in zip(forces.codes, forces.parameters, strict=True)
-              if c == free_force.code)  # fmt: skip
+              if c in named)  # fmt: skip
     return any(STATES[int(code) - 1] == "time" for own in states for code in own if code > 0.0)
 
 

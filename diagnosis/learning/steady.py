@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.learning.tables import law_at
 from zwidth.sim.physics.dispatch import amplified, friction_bounds, sensed, smooth_force
 from zwidth.sim.physics.effect import Physics
-from zwidth.sim.physics.free_force import follows_time, is_grid
 from zwidth.sim.physics.free_law import is_table
+from zwidth.sim.physics.points import named_states
 
 Floats = NDArray[np.float64]
 STATES = {"free_spring": "q", "free_damper": "v", "free_amplifier": "u", "free_sensor": "q"}
@@ -29,7 +29,8 @@ def along(law: Physics, curve: str, at: Floats) -> Floats | None:
     """
     if is_table(law.effect.parameters):
         return law_at(law, at) if law.effect.name == curve else None
-    if is_grid(law.effect.parameters) and follows_time(law.values):
+    over = named_states(law)
+    if len(over) > 1 or "time" in over:
         return None
     force = law.effect.hook in ("force", "friction")
     if law.effect.borrows or (HOOKS.get(curve, "force") != law.effect.hook and not force):
