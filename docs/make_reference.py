@@ -22,6 +22,7 @@ from zwidth.sim.physics import EFFECTS
 from zwidth.sim.physics.effect import Effect
 from zwidth.sim.physics.free_force import MOST, SIZE, STATES, VALUE, grid_of, is_grid, state_unit
 from zwidth.sim.physics.free_law import AT, FORCE, KNOTS, is_table, points_of
+from zwidth.sim.physics.free_product import FORCE_FIRST, POINTS, is_product, product_of
 
 FOLDER = Path(__file__).parent / "reference"
 MADE = "<!-- made by docs/make_reference.py -->\n"
@@ -125,6 +126,9 @@ def _effect_page(effect: Effect) -> str:
         first, second = (f"{len(points)} {states}" for points, states in (
             (grid.rows, "rows"), (grid.columns, "columns")))  # fmt: skip
         values = f"a table of {first} and {second}"
+    product = product_of(shown.values) if is_product(effect.parameters) else None
+    if product is not None:
+        values = f"tables of {len(product.first)} and {len(product.second)} points"
     parts = [
         f"{MADE}# {effect.name}\n\n{_sentence(effect.summary)}\n",
         f"![{effect.name}]({effect.name}.png)\n",
@@ -155,6 +159,17 @@ def _effect_page(effect: Effect) -> str:
             f"| `table` | {_cell(units(effect, VALUE[0]))} | the force: for each row a list of one"
             " number for each column, without a second state one number for each row |\n"
         )
+    elif product is not None:
+        parts.append(
+            "| key | unit | what it is |\n|---|---|---|\n"
+            f"| `over` | two of {_states()} | what it depends on; in a link how far it gives way,"
+            " and how fast |\n"
+            "| `first` | rows of that of the first state,"
+            f" [{_cell(units(effect, FORCE_FIRST[0]))}] | the force: 2 to {POINTS} points, the"
+            " states rising |\n"
+            "| `second` | rows of that of the second state, a number | what the force is taken"
+            f" times: 2 to {POINTS} points, the states rising |\n"
+        )
     elif effect.parameters:
         rows = "\n".join(
             f"| `{p.name}` | {p.symbol} | {_cell(units(effect, p.name))} | {p.meaning} |"
@@ -179,6 +194,12 @@ def _effect_page(effect: Effect) -> str:
             f"over = {json.dumps(grid.over)}", f"rows = {list(grid.rows)}",
             f"columns = {list(grid.columns)}", f"table = {[list(row) for row in grid.table]}",
         ]  # fmt: skip
+    elif product is not None:
+        entry += [f"over = {json.dumps(product.over)}"]
+        entry += [
+            f"{key} = {[list(point) for point in table]}"
+            for key, table in (("first", product.first), ("second", product.second))
+        ]
     else:
         entry += [f"{name} = {value!r}" for name, value in shown.values.items()]
     parts.append("```toml\n[[physics]]\n" + "\n".join(entry) + "\n```\n")

@@ -24,11 +24,12 @@ from zwidth.export.c_source import c_source, settable_source
 from zwidth.export.compiled import compiler
 from zwidth.export.description import TOKEN, Variables, build_description, description
 from zwidth.export.model import Exported, Floats
-from zwidth.export.settable import Number, numbers_of, of_points, units
+from zwidth.export.settable import Number, numbers_of, units
 from zwidth.export.translate import literal
 from zwidth.files.protection import reading
 from zwidth.files.whole import write_bytes
 from zwidth.sim.device import Device
+from zwidth.sim.physics.points import of_points
 
 HEADERS = ("fmi3PlatformTypes.h", "fmi3FunctionTypes.h", "fmi3Functions.h")
 NEEDS = "writing an FMU needs fmpy, which is not installed; pip install 'zwidth[fmu]'"
@@ -234,6 +235,6 @@ def _constants(device: Device, settable: set[str]) -> list[Number]:
     found.append(Number("interface.period", face.period, "s"))
     found.append(Number("interface.delay", face.delay, "s"))
     for p in device.physics:
-        if not of_points(p) and p.effect.in_interface is None:
+        if not of_points(p.effect.parameters) and p.effect.in_interface is None:
             found += [n for n in numbers_of(p, device.rotary) if n.name not in settable]
     return found

@@ -7,16 +7,19 @@ remembers, here is the differential equation that it solves.
 import itertools
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.export.settable import numbers_of, of_points
+from zwidth.export.settable import numbers_of
 from zwidth.sim.following import FASTEST
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.free_force import Grid, force_at, grid_of
 from zwidth.sim.physics.free_law import points_of, table_law
+from zwidth.sim.physics.free_product import factor_at, product_of
 from zwidth.sim.physics.moving_average import BESSEL
+from zwidth.sim.physics.points import named_states, of_points
 
 Floats = NDArray[np.float64]
 TABLE = """\
@@ -171,7 +174,7 @@ def add(model: Model, p: Physics, all_of: Mapping[str, Physics]) -> None:
     if write is _nothing or p.place.kind == "velocity":
         return  # of velocities, since none is read from a model
     names: dict[str, str] = {}
-    if not of_points(p):
+    if not of_points(p.effect.parameters):
         for one in numbers_of(p, model.rotary):
             name = one.name.replace(".", "_")
             names[one.name.split(".")[1]] = name
@@ -457,16 +460,31 @@ def _free_sensor(model: Model, p: Physics, _: Names, __: All) -> None:
 
 
 def _free_force(model: Model, p: Physics, _: Names, __: All) -> None:
-    grid = grid_of(p.values)
-    q, v = way(p)
-    words = {"position": q, "velocity": v, "command": "drive", "time": "time"}
-    states = [words[state] for state in grid.over]
+    grid, states = grid_of(p.values), _states(p)
     if len(grid.columns) < 2:  # a single column is a force over the first state alone
         rows, vector = list(grid.rows), grid.values[:, 0]
         alone = Grid(grid.over[:1], grid.rows, (), tuple((f,) for f in vector.tolist()))
         model.force(p, _curve(model, p, states[0], rows, lambda s: force_at(alone, s), "false"))
     else:
         model.force(p, _surface(model, p, grid, *states))
+
+
+def _free_product(model: Model, p: Physics, _: Names, __: All) -> None:
+    product = product_of(p.values)
+    laws = [
+        _curve(model, p, state, [s for s, _ in table], partial(factor_at, table), "false", of)
+        for state, table, of in zip(
+            _states(p), (product.first, product.second), ("_first", "_second"), strict=True
+        )
+    ]
+    model.force(p, " * ".join(laws))
+
+
+def _states(p: Physics) -> list[str]:
+    """The states that a grid or a product names, as they stand in the model."""
+    q, v = way(p)
+    words = {"position": q, "velocity": v, "command": "drive", "time": "time"}
+    return [words[state] for state in named_states(p)]
 
 
 def _table(model: Model, p: Physics, state: str) -> str:
@@ -484,11 +502,20 @@ TO_CUBIC = np.linalg.inv(np.vander(THIRDS, increasing=True))
 
 
 def _curve(
-    model: Model, p: Physics, state: str, at: list[float], law: Callable[[Floats], Floats], odd: str
+    model: Model,
+    p: Physics,
+    state: str,
+    at: list[float],
+    law: Callable[[Floats], Floats],
+    odd: str,
+    of: str = "",
 ) -> str:
-    """Return a law at a state: its cubics, one an interval, from four values each."""
+    """Return a law at a state: its cubics, one an interval, from four values each.
+
+    of: which of an effect's laws it is, by the end of its name.
+    """
     model.function(TABLE)
-    name = f"{p.effect.name}_{p.at}"
+    name = f"{p.effect.name}_{p.at}{of}"
     rows = [TO_CUBIC @ law(low + THIRDS * (high - low)) for low, high in itertools.pairwise(at)]
     _array(model, f"{name}_at[{len(at)}]", _list(at))
     _array(model, f"{name}_c[{len(rows)}, 4]", _matrix(rows))
@@ -535,6 +562,7 @@ LAWS: Mapping[str, Callable[[Model, Physics, Names, All], None]] = {
     "encoder_eccentricity": _eccentric, "rectified_sensor": _rectified,
     "free_spring": _free_spring, "free_damper": _free_damper, "free_amplifier": _free_amplifier,
     "free_sensor": _free_sensor, "free_force": _free_force,
+    "free_product": _free_product,
     "servo_integral": _integral, "falling_limit": _falling,
     "open_winding": _nothing, "rate_limit": _rate, "goal_rate_limit": _goal_rate,
     "sensor_lag": _reads_late, "sensor_filter": _reads_filtered, "moving_average": _reads_mean,

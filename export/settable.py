@@ -15,8 +15,7 @@ from zwidth.export.translate import Value
 from zwidth.sim.device import Device
 from zwidth.sim.equations import EffectTable, Equations
 from zwidth.sim.physics.effect import Physics
-from zwidth.sim.physics.free_force import is_grid
-from zwidth.sim.physics.free_law import is_table
+from zwidth.sim.physics.points import of_points
 
 TABLES = {
     "force": "forces", "friction": "frictions", "sensor": "sensors", "command": "amplifiers",
@@ -76,15 +75,10 @@ def may_be_set(device: Device) -> list[str]:
 
 def _free(p: Physics, all_of: Sequence[Physics]) -> bool:
     """Whether nobody else has a copy of an effect's parameters, as of a servo's limit."""
-    if p.effect.hook not in TABLES or of_points(p):
+    if p.effect.hook not in TABLES or of_points(p.effect.parameters):
         return False
     copied = any("servo" in other.effect.borrows for other in all_of if other is not p)
     return not (p.effect.name == "servo_limit" and copied)
-
-
-def of_points(p: Physics) -> bool:
-    """Whether an effect is a table or a grid of points, whose states must rise."""
-    return is_table(p.effect.parameters) or is_grid(p.effect.parameters)
 
 
 def numbers_of(p: Physics, rotary: bool) -> list[Number]:

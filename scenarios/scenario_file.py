@@ -32,8 +32,7 @@ from zwidth.sim.device_file import (
 from zwidth.sim.nearest import nearest
 from zwidth.sim.physics import effect_named
 from zwidth.sim.physics.effect import Physics
-from zwidth.sim.physics.free_force import is_grid
-from zwidth.sim.physics.free_law import is_table
+from zwidth.sim.physics.points import of_points
 from zwidth.sim.run import Start
 from zwidth.sim.table import Table, TableError
 
@@ -180,7 +179,7 @@ def _with_interface(device: Device, table: Table) -> Device:
 
 def _physics(table: Table) -> Physics:
     effect = effect_named(table.text("effect"))
-    if is_table(effect.parameters) or is_grid(effect.parameters):
+    if of_points(effect.parameters):
         return read_physics(table)
     parameters = [parameter.name for parameter in effect.parameters]
     table.only(("effect", "at", *parameters))

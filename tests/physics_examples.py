@@ -10,6 +10,7 @@ from zwidth.sim.physics import EFFECTS, make_physics
 from zwidth.sim.physics.effect import Effect, Physics
 from zwidth.sim.physics.free_force import grid_of, grid_values
 from zwidth.sim.physics.free_law import points_of, table_values
+from zwidth.sim.physics.free_product import TABLES, product_of, product_values
 from zwidth.sim.place import place_at
 
 EXAMPLES: dict[str, dict[str, float]] = {
@@ -63,6 +64,11 @@ EXAMPLES: dict[str, dict[str, float]] = {
         [-0.5, 0.0, 0.3],
         [0.0, 0.02, 0.05, 0.2],
         [[2e-3, 1e-3, 4e-3, 0.0], [0.0, 1e-3, -1e-3, 2e-3], [-3e-3, 0.0, -2e-3, 1e-3]],
+    ),
+    "free_product": product_values(
+        ["velocity", "time"],
+        [(-0.5, 2e-3), (0.0, 0.0), (0.3, -3e-3)],
+        [(0.0, 1.0), (0.02, 0.4), (0.05, 1.5), (0.2, -0.2)],
     ),
 }
 
@@ -130,6 +136,13 @@ def entry_of(name: str, place: str) -> list[str]:
         return [
             *entry, f"over = {list(grid.over)}", f"rows = {list(grid.rows)}",
             f"columns = {list(grid.columns)}", f"table = {[list(row) for row in grid.table]}",
+        ]  # fmt: skip
+    if name == "free_product":
+        over, *tables = product_of(values)
+        rows = [[list(point) for point in table] for table in tables]
+        return [
+            *entry, f"over = {list(over)}",
+            *(f"{key} = {points}" for key, points in zip(TABLES, rows, strict=True)),
         ]  # fmt: skip
     rows = [list(point) for point in points_of(values)]
     return [*entry, f"odd = {str(values['odd'] > 0.5).lower()}", f"table = {rows}"]

@@ -18,8 +18,7 @@ from zwidth.sim.device_file import commented_text, device_from_text, load_device
 from zwidth.sim.device_keys import DEVICE_KEYS
 from zwidth.sim.drive import NEEDED, POSSIBLE
 from zwidth.sim.physics import EFFECTS, make_physics
-from zwidth.sim.physics.free_force import is_grid
-from zwidth.sim.physics.free_law import is_table
+from zwidth.sim.physics.points import of_points
 from zwidth.sim.uncertainty import UNCERTAINTY_FIELDS
 
 ROOT = Path(__file__).parents[1]
@@ -82,8 +81,7 @@ def test_every_law_is_a_formula_in_the_names_of_its_parameters():
     """Mutation: `static_level` left out of Stribeck's. A table has no numbers to name."""
     for effect in EFFECTS.values():
         assert effect.formula, effect.name
-        pointed = is_table(effect.parameters) or is_grid(effect.parameters)
-        names = set() if pointed else {p.name for p in effect.parameters}
+        names = set() if of_points(effect.parameters) else {p.name for p in effect.parameters}
         assert {n for n in names if n not in effect.formula} == set(), effect.name
 
 
@@ -128,6 +126,8 @@ def test_effects_are_listed_and_described(tmp_path: Path, capsys: pytest.Capture
     assert found["parameters"][0]["unit"] == {"rotary": "rad", "linear": "m"}
     assert run(["effects", "free_force"]) == Status.DONE
     assert "force_1_1 to force_8_8" in capsys.readouterr().out
+    assert run(["effects", "free_product"]) == Status.DONE
+    assert "second_at_1 to second_at_16" in capsys.readouterr().out
     assert run(["effects", "backlach"]) == Status.BAD_INPUT
     assert "did you mean 'backlash'" in capsys.readouterr().err
 

@@ -71,7 +71,8 @@ SCENARIOS = {
         wall(10.0, 0.02), 0.3, Start(1e-3), seed=2**40 + 3,
     ),
     "over time": Scenario(
-        PHANTOM.with_physics(example("free_force", "m2")), wall(10.0, 0.02), 0.3, Start(1e-3)
+        PHANTOM.with_physics(example("free_force", "m2"), example("free_product", "m2")),
+        wall(10.0, 0.02), 0.3, Start(1e-3),
     ),
     "escaping": Scenario(PHANTOM, wall(80.0, 0.0), 9.0, Start(1e-3), bound=10.0),
     "overflowing": Scenario(PHANTOM, wall(300.0, 0.0), 9.0, Start(1e-3), bound=np.inf),

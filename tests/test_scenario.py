@@ -125,7 +125,7 @@ def test_interface_and_physics_change_the_device():
     assert scenario.substeps == 10  # friction is first order in the substep
 
 
-@pytest.mark.parametrize("name", ["free_damper", "free_force"])
+@pytest.mark.parametrize("name", ["free_damper", "free_force", "free_product"])
 def test_a_law_of_no_formula_is_written_as_in_a_device_file(name: str):
     """Mutation: its points asked for by the names of its parameters."""
     text = "\n".join([MINIMAL, "[[physics]]", *entry_of(name, "m1")])

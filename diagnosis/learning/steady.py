@@ -19,14 +19,13 @@ from zwidth.sim.physics.dispatch import (
 )
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.free_law import is_table
+from zwidth.sim.physics.points import named_states
 
 Floats = NDArray[np.float64]
 STATES = {"free_spring": "q", "free_damper": "v", "free_amplifier": "u", "free_sensor": "q"}
 HOOKS = {"free_amplifier": "command", "free_sensor": "sensor"}
 SLIDES = ("presliding_friction",)  # of memory, which sliding exhausts
-Aside = tuple[float, float, float, float]
-# What the other states are: position, velocity, command, time.
-ASIDE: tuple[Aside, ...] = ((0.0, 0.0, 0.0, 0.0), (0.7, -0.4, 0.9, 0.3), (-1.3, 0.8, -0.5, 20.0))
+ASIDE = ((0.0, 0.0, 0.0), (0.7, -0.4, 0.9), (-1.3, 0.8, -0.5))  # what the other states are
 SAME = 1e-9
 
 
@@ -37,6 +36,9 @@ def along(law: Physics, curve: str, at: Floats) -> Floats | None:
     """
     if is_table(law.effect.parameters):
         return law_at(law, at) if law.effect.name == curve else None
+    over = named_states(law)
+    if len(over) > 1 or "time" in over:
+        return None
     force = law.effect.hook in ("force", "friction")
     if law.effect.borrows or (HOOKS.get(curve, "force") != law.effect.hook and not force):
         return None
@@ -54,11 +56,11 @@ def along(law: Physics, curve: str, at: Floats) -> Floats | None:
     return found[0] if alike else None
 
 
-def _gives(law: Physics, state: str, value: float, aside: Aside, p: Floats) -> float:
+def _gives(
+    law: Physics, state: str, value: float, aside: tuple[float, float, float], p: Floats
+) -> float:
     """A law at one state, the others aside."""
-    q, v, u, t = (
-        value if name == state else other for name, other in zip("qvut", aside, strict=True)
-    )
+    q, v, u = (value if name == state else other for name, other in zip("qvu", aside, strict=True))
     code = law.effect.code
     match law.effect.hook:
         case "friction":
@@ -68,7 +70,7 @@ def _gives(law: Physics, state: str, value: float, aside: Aside, p: Floats) -> f
             return float(amplified(code, u, p)) - u
         case "sensor":
             return float(sensed(code, q, p)) - q
-        case _ if is_over_states(code):
-            return float(force_over_states(code, q, v, u, t, p))
+        case _ if is_over_states(code):  # over one state that is no time
+            return float(force_over_states(code, q, v, u, 0.0, p))
         case _:
             return float(smooth_force(code, q, v, 0.0, u, u, 1.0, p))

@@ -61,11 +61,19 @@ from zwidth.diagnosis.selection.hypothesis import (
 from zwidth.diagnosis.selection.search import Search
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
-from zwidth.sim.physics.free_force import SIZE, counts_at, force_at, grid_of, grid_values
+from zwidth.sim.physics.free_force import (
+    SIZE,
+    counts_at,
+    force_at,
+    grid_of,
+    grid_values,
+    states_over,
+)
 from zwidth.sim.physics.free_product import (
     FORCE_FIRST,
     POINTS,
     SHARE_SECOND,
+    held,
     is_product,
     product_at,
     product_of,
@@ -131,7 +139,7 @@ class Surface:
     @property
     def states(self) -> tuple[str, str]:
         """Its two states by their names in a device file."""
-        first, second = (product_of if self.is_product else grid_of)(self.physics.values).over
+        first, second = states_over(self.physics.values)
         return first, second
 
     @property
@@ -371,11 +379,6 @@ def _beside(base: Model, x: Floats, field: Field, law: Physics) -> tuple[Model, 
     lasting = sum(not base.is_found(p) for p in base.parameters)  # changes come last
     start = np.concatenate([x[:lasting], np.zeros(len(scales)), x[lasting:]])
     return base.with_effect(law, scales), start
-
-
-def held(shares: Sequence[float]) -> int:
-    """Return which number of a product's second table is held, since only the product is known."""
-    return int(np.argmax(np.abs(shares)))
 
 
 def _begun(base: Hypothesis, field: Field, law: Physics) -> Hypothesis | None:
@@ -626,8 +629,7 @@ def _as_learned(h: Hypothesis, without: Hypothesis, found: Search) -> Surface:
     gone = tuple(
         n for p in found.best.model.effects if (n := f"{p.effect.name} at {p.at}") not in names
     )
-    over = (product_of if is_product(law.effect.parameters) else grid_of)(law.values).over
-    seen = _seen(h, law.at, over)
+    seen = _seen(h, law.at, states_over(law.values))
     return Surface(law, tuple(keys), known, seen, names, gone, without.cost.total - h.cost.total, h)
 
 

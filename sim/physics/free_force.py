@@ -50,6 +50,7 @@ from zwidth.sim.jit import part
 from zwidth.sim.lane_type import any_lane, greatest, least, negated, select
 from zwidth.sim.nearest import nearest
 from zwidth.sim.physics.effect import Effect, Parameter
+from zwidth.sim.physics.free_law import check_rising, interval, numbered, per, rising, row_values
 from zwidth.sim.place import LINKS, MASSES
 
 Floats = NDArray[np.float64]
@@ -89,20 +90,23 @@ class Grid(NamedTuple):
         return [list(VALUE[SIZE * i : SIZE * i + width]) for i in range(len(self.rows))]
 
 
-def _parameters() -> tuple[Parameter, ...]:
+def over_parameters(first: str, second: str, alone: bool) -> tuple[Parameter, Parameter]:
+    """Return which states a law is over, by what has them; alone: the second may be none."""
     last = len(STATES)
     codes = ", ".join(f"{i + 1} {name}" for i, name in enumerate(STATES))
+    none, least_of = ("0 none, ", 0.0) if alone else ("", 1.0)
     return (
-        Parameter("over_1", "a", "", 1.0, last, None, meaning=f"state of the rows: {codes}"),
-        Parameter("over_2", "b", "", 0.0, last, None, meaning=f"of the columns: 0 none, {codes}"),
-        *(
-            Parameter(name, f"a_{i + 1}", "", -1e9, 1e9, None, meaning=f"state of row {i + 1}")
-            for i, name in enumerate(ROW)
-        ),
-        *(
-            Parameter(name, f"b_{j + 1}", "", -1e9, 1e9, None, meaning=f"state of column {j + 1}")
-            for j, name in enumerate(COLUMN)
-        ),
+        Parameter("over_1", "a", "", 1.0, last, None, meaning=f"state of the {first}: {codes}"),
+        Parameter("over_2", "b", "", least_of, last, None,
+                  meaning=f"of the {second}: {none}{codes}"),
+    )  # fmt: skip
+
+
+def _parameters() -> tuple[Parameter, ...]:
+    return (
+        *over_parameters("rows", "columns", alone=True),
+        *numbered(ROW, "a", "", "state of row"),
+        *numbered(COLUMN, "b", "", "state of column"),
         *(
             Parameter(
                 name, f"F_{i + 1}_{j + 1}", "N m", -1e9, 1e9, 0.0, role="magnitude",
@@ -141,7 +145,7 @@ def grid_values(
     or (rows, 1). Raises ValueError with one sentence for anything else.
     """
     over, rows, columns = tuple(over), [float(r) for r in rows], [float(c) for c in columns]
-    check_states(over)
+    check_states(over, (1, 2))
     alone = len(over) == 1
     if alone and columns:
         raise ValueError(
@@ -153,7 +157,6 @@ def grid_values(
         _check_axis("columns", columns, 1, SIZE, over[1])
     width = 1 if alone else len(columns)
     forces = _forces(table, len(rows), width, alone)
-    codes = [float(STATES.index(state) + 1) for state in over]
     places = np.zeros(SIZE * SIZE)
     if alone:
         places[: len(rows)] = forces[:, 0]
@@ -161,32 +164,37 @@ def grid_values(
     else:
         filled = np.pad(forces, ((0, SIZE - len(rows)), (0, SIZE - width)), mode="edge")
         places[:] = filled.ravel()
-    columns = columns or [0.0]
-    axes = ((ROW, rows, MOST), (COLUMN, columns, SIZE))
     return (
-        dict(zip(OVER, (*codes, 0.0)[:2], strict=True))
-        | {
-            name: value
-            for names, states, most in axes
-            for name, value in zip(
-                names, [*states, *[states[-1]] * (most - len(states))], strict=True
-            )
-        }
+        over_values(over)
+        | row_values(ROW, rows)
+        | row_values(COLUMN, columns or [0.0])
         | dict(zip(VALUE, places.tolist(), strict=True))
     )
 
 
-def check_states(over: tuple[str, ...]) -> None:
-    """Raise ValueError unless a law follows one or two different states that there are."""
-    if len(over) not in (1, 2):
-        raise ValueError(f"over has {len(over)} states; name one or two of {', '.join(STATES)}")
+def over_values(over: Sequence[str]) -> dict[str, float]:
+    """Return the parameters that say which states a law is over."""
+    codes = [float(STATES.index(state) + 1) for state in over]
+    return dict(zip(OVER, (*codes, 0.0)[:2], strict=True))
+
+
+def states_over(values: Mapping[str, float]) -> tuple[str, ...]:
+    """Return what `over_values` was given; () for the parameters of another kind of effect."""
+    codes = [round(float(values[name])) for name in OVER if name in values]
+    return tuple(STATES[code - 1] for code in codes if code > 0)
+
+
+def check_states(over: tuple[str, ...], allowed: tuple[int, ...]) -> None:
+    """Raise ValueError unless a law follows different states that there are, so many of them."""
+    if len(over) not in allowed:
+        many = " or ".join(("one", "two")[n - 1] for n in allowed)
+        raise ValueError(f"over has {len(over)} states; name {many} of {', '.join(STATES)}")
     for state in over:
         if state not in STATES:
             raise ValueError(f"over has {state!r}; {nearest(state, STATES)}")
     if len(set(over)) < len(over):
-        raise ValueError(
-            f"over names {over[0]!r} twice; name another state, or it alone and leave columns out"
-        )
+        alone = ", or it alone and leave columns out" if 1 in allowed else " for one of them"
+        raise ValueError(f"over names {over[0]!r} twice; name another state{alone}")
 
 
 def _check_axis(name: str, states: list[float], least_of: int, most: int, over: str) -> None:
@@ -194,12 +202,7 @@ def _check_axis(name: str, states: list[float], least_of: int, most: int, over: 
         raise ValueError(
             f"{name} has {len(states)} states of {over}; allowed is {least_of} to {most}"
         )
-    for before, after in itertools.pairwise(states):
-        if not after > before:
-            raise ValueError(
-                f"{name} has the {over} {after:g} after {before:g}; states must rise from one to"
-                " the next"
-            )
+    check_rising(name, over, states, "one to the next")
 
 
 def _forces(table: ArrayLike, rows: int, width: int, alone: bool) -> Floats:
@@ -218,39 +221,27 @@ def _forces(table: ArrayLike, rows: int, width: int, alone: bool) -> Floats:
 
 def grid_of(values: Mapping[str, float]) -> Grid:
     """Return a force of no formula by its parameters: what `grid_values` was given."""
-    codes = [round(float(values[name])) for name in OVER]
-    over = tuple(STATES[code - 1] for code in codes if code > 0)
+    over = states_over(values)
     alone = len(over) == 1
-    rows = _rising([values[name] for name in (ROW if alone else ROW[:SIZE])])
-    columns = () if alone else _rising([values[name] for name in COLUMN])
+    rows, columns = (
+        tuple(float(values[names[i]]) for i in rising(values, names))
+        for names in (ROW if alone else ROW[:SIZE], COLUMN)
+    )
+    columns = () if alone else columns
     grid = Grid(over, rows, columns, ())
     table = tuple(tuple(float(values[name]) for name in line) for line in grid.names)
     return grid._replace(table=table)
 
 
-def _rising(states: Sequence[float]) -> tuple[float, ...]:
-    """The states of an axis without the last one's repetitions."""
-    found = [float(states[0])]
-    for state in states[1:]:
-        if state > found[-1]:
-            found.append(float(state))
-    return tuple(found)
-
-
 def is_grid(parameters: Sequence[Parameter]) -> bool:
     """Whether an effect is a law of this kind."""
-    return any(p.name == OVER[0] for p in parameters)
+    return any(p.name == ROW[0] for p in parameters)
 
 
 def state_unit(state: str, rotary: bool) -> str:
     """Return the unit of one of `STATES` on a rotary or a linear device."""
     unit = STATE_UNITS[STATES.index(state)]
     return unit if rotary else unit.replace("N m", "N").replace("rad", "m")
-
-
-def follows_time(values: Mapping[str, float]) -> bool:
-    """Whether a force of no formula depends on time."""
-    return "time" in grid_of(values).over
 
 
 def counts_at(points: Sequence[float] | Floats, states: ArrayLike) -> Floats:
@@ -284,7 +275,7 @@ def grid_law(q, v, u, t, p):
     alone = p[1] < 0.5
     force = 0.0 * p[0]
     if any_lane(alone):
-        force = select(alone, _along(first, p), force)
+        force = select(alone, curve(first, p, ROWS, VALUES, MOST), force)
     both = negated(alone)
     if any_lane(both):
         force = select(both, _across(first, second, p), force)
@@ -298,27 +289,21 @@ def state_of(code, q, v, u, t):
 
 
 @part
-def _along(s, p):
-    """The curve through up to `MOST` points, their forces in order."""
-    none = 0.0 * p[ROWS]
-    total = p[VALUES] + none
+def curve(s, p, at, laws, most):
+    """The curve at s through so many points, states from p[at] on and laws from p[laws] on.
+
+    That of `free_law.table_law` where it is neither odd nor repeats.
+    """
+    none = 0.0 * p[at]
+    total = p[laws] + none
     before, slope_before = none, none
-    width, slope = _interval(p, 0)
-    for j in range(MOST - 1):
-        after, slope_after = _interval(p, j + 1)
-        own, back, on = _bend(s - p[ROWS + j], before, width, after)
+    width, slope = interval(p, at, laws, most - 1, 0)
+    for j in range(most - 1):
+        after, slope_after = interval(p, at, laws, most - 1, j + 1)
+        own, back, on = _bend(s - p[at + j], before, width, after)
         total += own * slope + back * slope_before + on * slope_after
         before, slope_before, width, slope = width, slope, after, slope_after
     return total
-
-
-@part
-def _interval(p, j):
-    """Width and slope of the interval from row j on; nothing beyond the last."""
-    if j == MOST - 1:
-        return 0.0 * p[ROWS], 0.0 * p[ROWS]
-    width = p[ROWS + j + 1] - p[ROWS + j]
-    return width, _per(p[VALUES + j + 1] - p[VALUES + j], width)
 
 
 @part
@@ -356,7 +341,7 @@ def _counts(s, p, k):
     for j in range(1, SIZE):
         beyond = none if j >= SIZE - 2 else p[k + j + 2] - p[k + j + 1]
         next_own, back, next_on = _bend(s - p[k + j], width, after, beyond)
-        before, share = share, _per(behind + own + back, width)
+        before, share = share, per(behind + own + back, width)
         c0, c1, c2, c3, c4, c5, c6 = c1, c2, c3, c4, c5, c6, before - share
         behind, own, on = on, next_own, next_on
         width, after = after, beyond
@@ -371,7 +356,7 @@ def _bend(x, before, width, after):
     whose tangents are the parabola's: inside, a share of both neighbours' slopes; at an end, its
     own slope and by how much the neighbour's differs from it. Widths are 0 where there is none.
     """
-    t = least(greatest(_per(x, width), 0.0), 1.0)
+    t = least(greatest(per(x, width), 0.0), 1.0)
     rest = 1.0 - t
     left, right = width * (t * rest * rest), width * (t * t * rest)
     behind, ahead = _share(width, before), _share(width, after)
@@ -385,10 +370,3 @@ def _share(width, beside):
     """The share that the slope beside an interval has of the tangent between them."""
     there = (width > 0.0) & (beside > 0.0)
     return select(there, width / select(there, width + beside, 1.0), 0.0)
-
-
-@part
-def _per(x, width):
-    """Return x over a width, nothing where there is none."""
-    there = width > 0.0
-    return select(there, x / select(there, width, 1.0), 0.0)

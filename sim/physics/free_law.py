@@ -53,25 +53,23 @@ def table_parameters(state: str, makes: str) -> tuple[Parameter, ...]:
         Parameter(
             "odd", "odd", "", 0.0, 1.0, None, meaning="whether f(-s) = -f(s): a table of |s|"
         ),
-        *(
-            Parameter(name, f"s_{j + 1}", state, -1e9, 1e9, None, meaning=f"state of point {j + 1}")
-            for j, name in enumerate(AT)
-        ),
-        *(
-            Parameter(
-                name,
-                f"f_{j + 1}",
-                makes,
-                -1e9,
-                1e9,
-                0.0,
-                role="magnitude",
-                meaning=f"law at point {j + 1}",
-            )
-            for j, name in enumerate(FORCE)
-        ),
+        *numbered(AT, "s", state, "state of point"),
+        *numbered(FORCE, "f", makes, "law at point", magnitude=True),
         Parameter("period", "P", state, 0.0, 1e9, None, meaning="of a law that repeats; 0: none"),
     )
+
+
+def numbered(
+    names: Sequence[str], symbol: str, unit: str, meaning: str, magnitude: bool = False
+) -> list[Parameter]:
+    """Return the parameters of a row of numbers: states, or (magnitude) what is made of them."""
+    return [
+        Parameter(
+            name, f"{symbol}_{j + 1}", unit, -1e9, 1e9, 0.0 if magnitude else None,
+            role="magnitude" if magnitude else "shape", meaning=f"{meaning} {j + 1}",
+        )
+        for j, name in enumerate(names)
+    ]  # fmt: skip
 
 
 def table_values(
@@ -83,14 +81,8 @@ def table_values(
     for fewer than two points, more than `KNOTS`, states that do not rise, of an odd law a table
     that does not begin at (0, 0), and of one that repeats points a period or more apart.
     """
-    if not 2 <= len(points) <= KNOTS:
-        raise ValueError(f"table has {len(points)} points; allowed is 2 to {KNOTS}")
+    check_points("table", points, KNOTS)
     states = [s for s, _ in points]
-    for before, after in itertools.pairwise(states):
-        if not after > before:
-            raise ValueError(
-                f"table has the state {after:g} after {before:g}; states must rise from row to row"
-            )
     if odd and tuple(points[0]) != (0.0, 0.0):
         raise ValueError(
             f"table of an odd law begins at {list(points[0])}; it must begin at [0, 0], where an"
@@ -103,22 +95,53 @@ def table_values(
         )
     if period > 0.0 and odd:
         raise ValueError(f"period is {period:g} and odd is true; a law that repeats gives its turn")
-    padded = [*points, *[points[-1]] * (KNOTS - len(points))]
     return (
         {"odd": float(odd)}
-        | dict(zip(AT, (float(s) for s, _ in padded), strict=True))
-        | dict(zip(FORCE, (float(f) for _, f in padded), strict=True))
+        | row_values(AT, states)
+        | row_values(FORCE, [f for _, f in points])
         | {"period": float(period)}
     )
 
 
-def points_of(values: Mapping[str, float]) -> list[tuple[float, float]]:
-    """Return the points of a law, in the order of their states."""
-    found = [(values[AT[0]], values[FORCE[0]])]
-    for s, f in zip(AT[1:], FORCE[1:], strict=True):
-        if values[s] > found[-1][0]:
-            found.append((values[s], values[f]))
+def check_points(name: str, points: Sequence[tuple[float, float]], most: int) -> None:
+    """Raise ValueError unless a table has 2 to so many points (state, law), their states rising."""
+    if not 2 <= len(points) <= most:
+        raise ValueError(f"{name} has {len(points)} points; allowed is 2 to {most}")
+    check_rising(name, "state", [s for s, _ in points], "row to row")
+
+
+def check_rising(name: str, what: str, states: Sequence[float], along: str) -> None:
+    """Raise ValueError unless states rise, which are named what in the sentence."""
+    for before, after in itertools.pairwise(states):
+        if not after > before:
+            raise ValueError(
+                f"{name} has the {what} {after:g} after {before:g}; states must rise from {along}"
+            )
+
+
+def row_values(names: Sequence[str], numbers: Sequence[float]) -> dict[str, float]:
+    """Return a row of numbers by the names of its places, the last one in those left over."""
+    padded = [*numbers, *[numbers[-1]] * (len(names) - len(numbers))]
+    return dict(zip(names, map(float, padded), strict=True))
+
+
+def rising(values: Mapping[str, float], names: Sequence[str]) -> list[int]:
+    """Return which states of a row stand above all before them: not the last one's repetitions."""
+    found = [0]
+    for j, name in enumerate(names):
+        if values[name] > values[names[found[-1]]]:
+            found.append(j)
     return found
+
+
+def points_of(
+    values: Mapping[str, float], at: Sequence[str] = AT, laws: Sequence[str] = FORCE
+) -> list[tuple[float, float]]:
+    """Return the points of a law, in the order of their states.
+
+    at, laws: the names of its states and of what it makes of them.
+    """
+    return [(values[at[j]], values[laws[j]]) for j in rising(values, at)]
 
 
 def is_table(parameters: Sequence[Parameter]) -> bool:
@@ -139,23 +162,23 @@ def table_law(s, p):
     slope_close = (p[FIRST_FORCE] - p[LAST_FORCE]) / select(cyclic, close, 1.0)
     total = p[FIRST_FORCE] + 0.0 * x
     before, slope_before = close, slope_close
-    width, slope = _interval(p, 1)
+    width, slope = interval(p, 1, KNOTS + 1, KNOTS - 1, 0)
     first_width, first_slope, last_width, last_slope = width, slope, width, slope
     for j in range(1, KNOTS):
-        after, slope_after = _interval(p, j + 1)
+        after, slope_after = interval(p, 1, KNOTS + 1, KNOTS - 1, j)
         ends = cyclic & (width > 0.0) & (after <= 0.0)
         next_width, next_slope = select(ends, close, after), select(ends, slope_close, slope_after)
-        first = select(odd, slope, tangent_at_end(width, slope, after, slope_after))
-        left = select(before > 0.0, tangent_inside(before, slope_before, width, slope), first)
-        last = tangent_at_end(width, slope, before, slope_before)
-        right = select(next_width > 0.0, tangent_inside(width, slope, next_width, next_slope), last)
+        first = select(odd, slope, _at_end(width, slope, after, slope_after))
+        left = select(before > 0.0, _inside(before, slope_before, width, slope), first)
+        last = _at_end(width, slope, before, slope_before)
+        right = select(next_width > 0.0, _inside(width, slope, next_width, next_slope), last)
         total += _bend(x - p[j], width, slope, left, right)
         last_width = select(width > 0.0, width, last_width)
         last_slope = select(width > 0.0, slope, last_slope)
         before, slope_before, width, slope = width, slope, after, slope_after
     if any_lane(cyclic):
-        left = tangent_inside(last_width, last_slope, close, slope_close)
-        right = tangent_inside(close, slope_close, first_width, first_slope)
+        left = _inside(last_width, last_slope, close, slope_close)
+        right = _inside(close, slope_close, first_width, first_slope)
         total += _bend(x - p[LAST_AT], close, slope_close, left, right)
     return select(odd & (s < 0.0), -total, total)
 
@@ -169,18 +192,26 @@ def _bend(x, width, slope, left, right):
 
 
 @part
-def _interval(p, j):
-    """Width and slope of the interval from point j on; nothing beyond the last."""
-    if j == KNOTS:
-        return 0.0 * p[1], 0.0 * p[1]
-    width = p[j + 1] - p[j]
-    there = width > 0.0
-    rise = p[KNOTS + 1 + j] - p[KNOTS + j]
-    return select(there, width, 0.0), select(there, rise / select(there, width, 1.0), 0.0)
+def interval(p, at, laws, count, j):
+    """Width and slope of an interval of a table, of count of them; nothing beyond the last.
+
+    Its states stand from p[at] on, what is made of them from p[laws] on.
+    """
+    if j == count:
+        return 0.0 * p[at], 0.0 * p[at]
+    width = p[at + j + 1] - p[at + j]
+    return select(width > 0.0, width, 0.0), per(p[laws + j + 1] - p[laws + j], width)
 
 
 @part
-def tangent_inside(before, slope_before, after, slope_after):
+def per(x, width):
+    """Return x over a width, nothing where there is none."""
+    there = width > 0.0
+    return select(there, x / select(there, width, 1.0), 0.0)
+
+
+@part
+def _inside(before, slope_before, after, slope_after):
     """The parabola's through a point and its neighbours, at that point."""
     both = before + after
     wide = select(both > 0.0, both, 1.0)
@@ -188,7 +219,7 @@ def tangent_inside(before, slope_before, after, slope_after):
 
 
 @part
-def tangent_at_end(width, slope, beside, slope_beside):
+def _at_end(width, slope, beside, slope_beside):
     """The parabola's through an end and the two points next to it, at that end."""
     both = width + beside
     wide = select(both > 0.0, both, 1.0)

@@ -19,7 +19,6 @@ Limits: as `free_law.py`, `POINTS` points a table. Only the product is a force: 
 table and half the second are the same.
 """
 
-import itertools
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -27,10 +26,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from zwidth.sim.jit import part
-from zwidth.sim.lane_type import greatest, least, select
 from zwidth.sim.physics.effect import Effect, Parameter
-from zwidth.sim.physics.free_force import OVER, STATES, check_states, counts_at, state_of
-from zwidth.sim.physics.free_law import tangent_at_end, tangent_inside
+from zwidth.sim.physics.free_force import (
+    OVER,
+    check_states,
+    counts_at,
+    curve,
+    over_parameters,
+    over_values,
+    state_of,
+    states_over,
+)
+from zwidth.sim.physics.free_law import check_points, numbered, points_of, row_values
 from zwidth.sim.place import LINKS, MASSES
 
 Floats = NDArray[np.float64]
@@ -40,6 +47,7 @@ AT_FIRST = tuple(f"first_at_{i + 1}" for i in range(POINTS))
 FORCE_FIRST = tuple(f"first_{i + 1}" for i in range(POINTS))
 AT_SECOND = tuple(f"second_at_{i + 1}" for i in range(POINTS))
 SHARE_SECOND = tuple(f"second_{i + 1}" for i in range(POINTS))
+TABLES = {"first": (AT_FIRST, FORCE_FIRST), "second": (AT_SECOND, SHARE_SECOND)}
 FIRST, SECOND = len(OVER), len(OVER) + 2 * POINTS  # where the tables begin
 
 
@@ -51,46 +59,18 @@ class Product(NamedTuple):
     second: Points
 
 
-def _parameters() -> tuple[Parameter, ...]:
-    codes = ", ".join(f"{i + 1} {name}" for i, name in enumerate(STATES))
-    last = len(STATES)
-    found = [
-        Parameter("over_1", "a", "", 1.0, last, None, meaning=f"state of the first: {codes}"),
-        Parameter("over_2", "b", "", 1.0, last, None, meaning=f"state of the second: {codes}"),
-    ]
-    for letter, unit, states, laws in (
-        ("f", "N m", AT_FIRST, FORCE_FIRST),
-        ("g", "", AT_SECOND, SHARE_SECOND),
-    ):
-        found += [
-            Parameter(
-                name,
-                f"s_{letter}{i + 1}",
-                "",
-                -1e9,
-                1e9,
-                None,
-                meaning=f"state of {letter}_{i + 1}",
-            )
-            for i, name in enumerate(states)
-        ]
-        found += [
-            Parameter(
-                name, f"{letter}_{i + 1}", unit, -1e9, 1e9, 0.0 if letter == "f" else None,
-                role="magnitude" if letter == "f" else "shape",
-                meaning=f"{letter} at point {i + 1}",
-            )
-            for i, name in enumerate(laws)
-        ]  # fmt: skip
-    return tuple(found)
-
-
 free_product = Effect(
     name="free_product",
     summary="a force over one state times a number over another, as two tables",
     formula="f = f(a) g(b), smooth curves through the points of both tables",
     places=(*MASSES, *LINKS),
-    parameters=_parameters(),
+    parameters=(
+        *over_parameters("first", "second", alone=False),
+        *numbered(AT_FIRST, "s_f", "", "state of first at point"),
+        *numbered(FORCE_FIRST, "f", "N m", "first at point", magnitude=True),
+        *numbered(AT_SECOND, "s_g", "", "state of second at point"),
+        *numbered(SHARE_SECOND, "g", "", "second at point"),
+    ),
     hook="force",
     code=20,
     reference="tables of what was measured; Catmull & Rom, Computer Aided Geometric Design, 1974",
@@ -108,46 +88,30 @@ def product_values(
     first, second: rows (state, law) whose states rise, two to `POINTS` of them. Raises ValueError
     with one sentence for anything else.
     """
-    over = tuple(over)
-    check_states(over)
-    if len(over) != 2:
-        raise ValueError(f"over is {list(over)}; name the two states of first and second")
-    found = {name: float(STATES.index(s) + 1) for name, s in zip(OVER, over, strict=True)}
-    for name, table, states, laws in (
-        ("first", first, AT_FIRST, FORCE_FIRST),
-        ("second", second, AT_SECOND, SHARE_SECOND),
-    ):
-        if not 2 <= len(table) <= POINTS:
-            raise ValueError(f"{name} has {len(table)} points; allowed is 2 to {POINTS}")
-        rows = [tuple(float(v) for v in row) for row in table]
-        for row in rows:
+    check_states(tuple(over), (2,))
+    found = over_values(over)
+    for (name, (states, laws)), table in zip(TABLES.items(), (first, second), strict=True):
+        for row in table:
             if len(row) != 2:
                 raise ValueError(
                     f"{name} has a row of {len(row)} numbers; a row is a state and a law"
                 )
-        for (before, _), (after, _) in itertools.pairwise(rows):
-            if not after > before:
-                raise ValueError(
-                    f"{name} has the state {after:g} after {before:g}; states must rise from row to"
-                    " row"
-                )
-        rows += [rows[-1]] * (POINTS - len(rows))
-        found |= dict(zip(states, (s for s, _ in rows), strict=True))
-        found |= dict(zip(laws, (f for _, f in rows), strict=True))
+        points = [(float(s), float(f)) for s, f in table]
+        check_points(name, points, POINTS)
+        found |= row_values(states, [s for s, _ in points]) | row_values(
+            laws, [f for _, f in points]
+        )
     return found
 
 
 def product_of(values: Mapping[str, float]) -> Product:
     """Return a product by its parameters: what `product_values` was given."""
-    over = tuple(STATES[round(float(values[name])) - 1] for name in OVER)
-    tables: list[Points] = []
-    for states, laws in ((AT_FIRST, FORCE_FIRST), (AT_SECOND, SHARE_SECOND)):
-        rows = [(float(values[states[0]]), float(values[laws[0]]))]
-        for s, f in zip(states[1:], laws[1:], strict=True):
-            if values[s] > rows[-1][0]:
-                rows.append((float(values[s]), float(values[f])))
-        tables.append(tuple(rows))
-    return Product((over[0], over[1]), tables[0], tables[1])
+    first, second = (
+        tuple((float(s), float(f)) for s, f in points_of(values, states, laws))
+        for states, laws in TABLES.values()
+    )
+    a, b = states_over(values)
+    return Product((a, b), first, second)
 
 
 def is_product(parameters: Sequence[Parameter]) -> bool:
@@ -155,56 +119,25 @@ def is_product(parameters: Sequence[Parameter]) -> bool:
     return any(p.name == AT_FIRST[0] for p in parameters)
 
 
+def held(shares: Sequence[float]) -> int:
+    """Return which number of a second table is held where others vary: the largest."""
+    return int(np.argmax(np.abs(shares)))
+
+
 def product_at(product: Product, first: ArrayLike, second: ArrayLike) -> Floats:
     """Return the force [N m | N] at states of a product, which broadcast together."""
-    found = np.ones(np.broadcast_shapes(np.shape(first), np.shape(second)))
-    for table, states in ((product.first, first), (product.second, second)):
-        at, laws = np.array(table).T
-        found = found * (counts_at(at, states) @ laws)
-    return found
+    return np.asarray(factor_at(product.first, first) * factor_at(product.second, second))
+
+
+def factor_at(table: Points, states: ArrayLike) -> Floats:
+    """Return one of a product's laws at states (...)."""
+    at, laws = np.array(table).T
+    return np.asarray(counts_at(at, states) @ laws)
 
 
 @part
 def product_law(q, v, u, t, p):
     """The force at position q, velocity v, under the held command u, at time t."""
-    return _curve(state_of(p[0], q, v, u, t), p, FIRST) * _curve(
-        state_of(p[1], q, v, u, t), p, SECOND
-    )
-
-
-@part
-def _curve(s, p, k):
-    """The curve at s through the points whose states stand from p[k] on, their laws after them.
-
-    As `free_law.table_law`: a sum over intervals, each nothing before it and all of it after.
-    """
-    total = p[k + POINTS] + 0.0 * s
-    width, slope = _interval(p, k, 0)
-    before, slope_before = 0.0 * width, 0.0 * slope
-    for j in range(POINTS - 1):
-        after, slope_after = _interval(p, k, j + 1)
-        left = select(
-            before > 0.0, tangent_inside(before, slope_before, width, slope),
-            tangent_at_end(width, slope, after, slope_after),
-        )  # fmt: skip
-        right = select(
-            after > 0.0, tangent_inside(width, slope, after, slope_after),
-            tangent_at_end(width, slope, before, slope_before),
-        )  # fmt: skip
-        t = least(greatest((s - p[k + j]) / select(width > 0.0, width, 1.0), 0.0), 1.0)
-        rest = 1.0 - t
-        bend = slope * t * t * (3.0 - 2.0 * t) + left * t * rest * rest - right * t * t * rest
-        total += width * bend
-        before, slope_before, width, slope = width, slope, after, slope_after
-    return total
-
-
-@part
-def _interval(p, k, j):
-    """Width and slope of the interval from point j on; nothing beyond the last."""
-    if j == POINTS - 1:
-        return 0.0 * p[k], 0.0 * p[k]
-    width = p[k + j + 1] - p[k + j]
-    there = width > 0.0
-    rise = p[k + POINTS + j + 1] - p[k + POINTS + j]
-    return select(there, width, 0.0), select(there, rise / select(there, width, 1.0), 0.0)
+    first, second = state_of(p[0], q, v, u, t), state_of(p[1], q, v, u, t)
+    force = curve(first, p, FIRST, FIRST + POINTS, POINTS)
+    return force * curve(second, p, SECOND, SECOND + POINTS, POINTS)

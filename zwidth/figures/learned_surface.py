@@ -44,7 +44,7 @@ def learned_surface_figure(law: LearnedSurface, rotary: bool) -> Figure:
     with rc_context(STYLE):
         figure = Figure(figsize=(6.4, 7.4), layout="constrained")
         above, below = cast(
-            tuple[SubFigure, SubFigure], figure.subfigures(2, 1, height_ratios=(1.15, 1.0))
+            tuple[SubFigure, SubFigure], figure.subfigures(2, 1, height_ratios=(1.0, 1.0))
         )
         whole = above.subplots()
         a, b = (np.linspace(float(s.min()), float(s.max()), FINE) for s in seen.T)
@@ -123,5 +123,6 @@ def _cuts(
             axes.plot(x, made * form, color=colour, linestyle=":", linewidth=1.0)
     title = "with 95 % band; dotted: formula" if law.formula else "with 95 % band"
     axes.legend(
-        loc="upper center", bbox_to_anchor=(0.5, -0.24), title=title, title_fontsize="small"
-    )
+        loc="upper center", bbox_to_anchor=(0.5, -0.26), title=title, title_fontsize="small",
+        fontsize="small", frameon=False,
+    )  # fmt: skip

@@ -1,0 +1,301 @@
+"""A force over one state times a number over another: closed forms, an integrator, all ways out."""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from engine_examples import phantom
+from numpy.typing import NDArray
+from physics_examples import example
+from test_export_c import COMMANDS, assert_same_bits, needs_compiler
+from test_export_modelica import finely, needs_translator
+from test_export_modelica import run as run_as_modelica
+from test_free_force import COMMAND, SEEN, T, errors, free, integrated, mass
+from test_lanes import assert_equal_runs
+
+from zwidth.controllers.none import none
+from zwidth.controllers.recorded import recorded
+from zwidth.diagnosis.learning.steady import along
+from zwidth.export.c_source import c_source
+from zwidth.export.model import loss
+from zwidth.export.settable import may_be_set
+from zwidth.fleet.structure import known_structure
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import commented_text, device_from_text, device_to_text
+from zwidth.sim.equations import equations
+from zwidth.sim.jit import jit
+from zwidth.sim.physics import make_physics
+from zwidth.sim.physics.effect import Physics
+from zwidth.sim.physics.free_force import STATES, force_at, grid_of, grid_values, is_grid
+from zwidth.sim.physics.free_law import table_law, table_values
+from zwidth.sim.physics.free_product import (
+    FORCE_FIRST,
+    POINTS,
+    SHARE_SECOND,
+    Product,
+    is_product,
+    product_at,
+    product_law,
+    product_of,
+    product_values,
+)
+from zwidth.sim.population import Population, Readings, Recorded
+from zwidth.sim.predict import alone
+from zwidth.sim.run import Start, simulate, start_memory
+from zwidth.views.device import in_points
+
+Floats = NDArray[np.float64]
+Points = tuple[tuple[float, float], ...]
+
+
+@jit
+def _law(q: Any, v: Any, u: Any, t: Any, p: Any, found: Any) -> None:
+    for i in range(q.size):
+        found[i] = product_law(q[i], v[i], u[i], t[i], p)
+
+
+def law(values: dict[str, float], *states: Floats) -> Floats:
+    """Return the kernel's force at positions, velocities, commands and times."""
+    found = np.zeros(states[0].size)
+    q, v, u, t = states
+    _law(q, v, u, t, np.array(list(values.values())), found)
+    return found
+
+
+def drawn(count: int, seed: int, wide: float = 1.0, high: float = 1.0) -> Points:
+    random = np.random.default_rng(seed)
+    states = wide * np.sort(random.normal(size=count))
+    laws = high * random.normal(size=count)
+    return tuple(zip(states.tolist(), laws.tolist(), strict=True))
+
+
+def times(over: Sequence[str], first: Any, second: Any, at: str = "m1") -> Physics:
+    return make_physics("free_product", at, **product_values(over, first, second))
+
+
+@pytest.mark.parametrize(("first", "second"), [(2, 2), (3, POINTS), (POINTS, POINTS)])
+@pytest.mark.parametrize("over", [("position", "velocity"), ("time", "command")])
+def test_it_is_the_product_of_two_tables(first: int, second: int, over: tuple[str, str]) -> None:
+    """Each that of a table's law, at its ends beyond them.
+
+    Mutations that break it: the states exchanged; the last interval left out; one curve for both.
+    """
+    f, g = drawn(first, 1), drawn(second, 2)
+    states = np.random.default_rng(6).normal(0.0, 2.0, (4, 200))
+    a, b = (states[STATES.index(name)] for name in over)
+    tables = [np.array(list(table_values(points).values())) for points in (f, g)]
+    each = [
+        [float(table_law(x, table)) for x in s.tolist()]
+        for s, table in zip((a, b), tables, strict=True)
+    ]
+    values = product_values(over, f, g)
+    expected = np.prod(each, axis=0)
+    np.testing.assert_allclose(law(values, *states), expected, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(product_at(product_of(values), a, b), expected, rtol=1e-9, atol=1e-9)
+
+
+def test_a_product_of_straight_lines_is_exact() -> None:
+    """(1 + 2 q)(3 - v), to rounding, and a grid of their products the same."""
+    r, c = np.linspace(-1.0, 0.8, 6), np.linspace(-0.8, 1.0, 7) ** 3
+    first, second = (list(zip(s, f, strict=True)) for s, f in ((r, 1.0 + 2.0 * r), (c, 3.0 - c)))
+    q, v = np.random.default_rng(8).uniform(-0.3, 0.3, (2, 100))
+    still = np.zeros(q.size)
+    over = ["position", "velocity"]
+    found = law(product_values(over, first, second), q, v, still, still)
+    np.testing.assert_allclose(found, (1.0 + 2.0 * q) * (3.0 - v), rtol=1e-13)
+    grid = grid_of(grid_values(over, r, c, np.outer(1.0 + 2.0 * r, 3.0 - c)))
+    np.testing.assert_allclose(found, force_at(grid, q, v), rtol=1e-12)
+
+
+@pytest.mark.parametrize(("first", "second"), [(2, 5), (POINTS, 2)])
+def test_what_was_given_is_read_back(first: int, second: int) -> None:
+    """Mutation: a product taken for a grid, since both name their states."""
+    f, g = drawn(first, 3), drawn(second, 4)
+    physics = times(("velocity", "time"), f, g)
+    assert product_of(physics.values) == Product(("velocity", "time"), f, g)
+    assert is_product(physics.effect.parameters)
+    assert not is_grid(physics.effect.parameters)
+    assert not is_product(example("free_force").effect.parameters)
+    assert in_points(physics) == f"{first} points over velocity times {second} over time"
+
+
+@pytest.mark.parametrize(
+    "physics",
+    [
+        times(["position", "time"], drawn(3, 5), drawn(4, 6)),
+        times(["command", "velocity"], drawn(POINTS, 7), drawn(POINTS, 8), "link12"),
+    ],
+)
+def test_it_goes_through_a_device_file(physics: Physics) -> None:
+    """Commented too. Mutation: the second table written in the place of the first."""
+    device = phantom().with_physics(physics)
+    for text in (device_to_text(device), commented_text(device)):
+        assert device_from_text(text) == device
+
+
+def test_a_device_file_says_the_units_of_its_states() -> None:
+    """Mutation: the unit of the first state for both."""
+    physics = times(["velocity", "time"], drawn(2, 1), drawn(3, 2))
+    text = commented_text(phantom().with_physics(physics))
+    assert "first = [  # rows of [rad/s] velocity, [N m] force" in text
+    assert "second = [  # rows of [s] time, what it is taken times" in text
+
+
+TWO = 'over = ["position", "velocity"]\n'
+ONES = "[[0.0, 1.0], [1.0, 1.0]]"
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        (f"first = {ONES}\nsecond = {ONES}", "over is missing; add it"),
+        (f'over = ["time"]\nfirst = {ONES}\nsecond = {ONES}',
+         "over has 1 states; name two of position, velocity, command, time"),
+        (f'over = ["time", "sped"]\nfirst = {ONES}\nsecond = {ONES}', "over has 'sped'; "),
+        (f'over = ["time", "time"]\nfirst = {ONES}\nsecond = {ONES}',
+         "over names 'time' twice; name another state for one of them"),
+        (f"{TWO}first = {ONES}", "second is missing; add it"),
+        (f"{TWO}first = [[0.0, 1.0]]\nsecond = {ONES}",
+         "first has 1 points; allowed is 2 to 16"),
+        (f"{TWO}first = {ONES}\nsecond = {[[float(i), 1.0] for i in range(17)]}",
+         "second has 17 points; allowed is 2 to 16"),
+        (f"{TWO}first = {ONES}\nsecond = [[1.0, 1.0], [0.5, 1.0]]",
+         "second has the state 0.5 after 1; states must rise from row to row"),
+        (f"{TWO}first = [[0.0, 1.0], [1.0]]\nsecond = {ONES}",
+         r"first\[1\] is \[1.0\]; allowed is a list of rows of 2 numbers"),
+        (f"{TWO}first = [[0.0, 1.0], [1.0, 2e9]]\nsecond = {ONES}",
+         "free_product.first_2 is 2e.09; allowed is -1e.09 to 1e.09"),
+        (f"{TWO}first = {ONES}\nsecond = {ONES}\nrows = [0.0]", "unknown key 'physics.0..rows'"),
+    ],
+)  # fmt: skip
+def test_tables_that_are_none_are_refused(table: str, said: str) -> None:
+    head, _, _ = device_to_text(mass()).partition("[[physics]]")
+    text = f'{head}\n[[physics]]\neffect = "free_product"\nat = "m1"\n{table}\n'
+    with pytest.raises(ValueError, match=said):
+        device_from_text(text)
+
+
+def test_rows_of_three_numbers_are_refused() -> None:
+    """From Python, where no reader counts a row first."""
+    with pytest.raises(ValueError, match="second has a row of 3 numbers; a row is a state and a"):
+        product_values(["position", "time"], drawn(2, 1), [(0.0, 1.0, 2.0), (1.0, 1.0, 1.0)])
+
+
+def test_damping_that_depends_on_where_it_moves() -> None:
+    """-v (1 + 8 q), against scipy; second order in the substep.
+
+    Mutation: the velocity that of the beginning in the second look.
+    """
+    physics = times(
+        ["velocity", "position"], [(-9.0, 9.0), (9.0, -9.0)], [(-1.0, -7.0), (1.0, 9.0)]
+    )
+    truth = integrated(lambda q, v, u, t: -(1.0 + 8.0 * q) * v, COMMAND)
+    coarse, _, fine = errors(mass(physics), truth, COMMAND, (1, 2, 4))
+    assert coarse < 1e-3
+    assert coarse / fine > 12.0
+
+
+def test_its_work_is_the_energy_that_is_there() -> None:
+    """Of a spring that time stiffens, to rounding. Mutation: the ledger without the time."""
+    physics = times(["position", "time"], [(-1.0, 15.0), (1.0, -15.0)], drawn(POINTS, 9, 0.1))
+    run = simulate(
+        mass(physics), none(), duration=0.4, substeps=3, ledger=True, start=Start(0.02, 0.3)
+    )
+    began = 0.5 * 0.5 * 0.3**2 + 0.5 * 20.0 * 0.02**2
+    there = run.trace["stored_energy"][-1]
+    taken = {name: run.trace[f"work_{name}"][-1] for name in run.ledger}
+    assert abs(taken["free_product_m1"]) > 0.01 * began
+    assert there + taken["b1"] + taken["free_product_m1"] == pytest.approx(began, rel=1e-12)
+
+
+def test_a_part_of_a_recording_knows_its_own_time() -> None:
+    """A free run from the middle on goes on as it does, alone and in lanes.
+
+    Mutations: a memory that begins at 0; members that do.
+    """
+    physics = times(["position", "time"], [(-2.0, 5.0), (2.0, -5.0)], drawn(8, 3, 0.2))
+    device, cut, ticks = mass(physics), 37, 100
+    run = simulate(device, recorded(COMMAND), duration=ticks * T, start=Start(0.02, 0.3))
+    q, v = run.trace["position_m1"], run.trace["velocity_m1"]
+    eq, still, blind = equations(device), np.zeros((ticks - cut, 1)), np.zeros((2, 1))
+
+    def on(began: float) -> Floats:
+        memory = start_memory(eq, Start(float(q[cut]), float(v[cut])), began=began)
+        none_of = np.zeros((0, 1))
+        return -alone(eq, eq, SEEN, COMMAND[cut:], still, blind, none_of, memory)[:, 0]
+
+    np.testing.assert_allclose(on(cut * T), q[cut:], rtol=0.0, atol=1e-12)
+    assert np.abs(on(0.0) - q[cut:]).max() > 1e-3
+    population = Population([device, device], 1, 1)
+    begun = population.start(np.full((2, 1), q[cut]), np.full((2, 1), v[cut]), cut * T)
+    found = population.follow(
+        Recorded(COMMAND[cut:], still, SEEN), begun, Readings(blind), keep=True
+    )
+    np.testing.assert_array_equal(-found.innovations[:, :, 0], [on(cut * T)] * 2)
+
+
+@pytest.mark.parametrize("physics", [
+    times(["velocity", "position"], [(-1.0, 1.0), (1.0, -1.0)],
+          [(0.0, 1.0), (0.05, 1.4), (0.1, 1.0)]),
+    times(["velocity", "time"], [(-1.0, 1.0), (1.0, -1.0)], [(0.0, 1.0), (1.0, 1.0)]),
+    free(["velocity", "position"], [-1.0, 1.0], [0.0, 0.05, 0.1],
+         [[1.0, 1.4, 1.0], [-1.0, -1.4, -1.0]]),
+])  # fmt: skip
+def test_it_is_no_curve_of_one_state(physics: Physics) -> None:
+    """Mutation: looked at beyond the second table alone, at whose ends the force is the same."""
+    assert along(physics, "free_damper", np.linspace(-1.0, 1.0, 5)) is None
+
+
+def test_a_fleet_frees_its_numbers_but_one() -> None:
+    """Its axes must rise, and only the product counts. Mutation: all of the second table free."""
+    physics = times(["velocity", "position"], [(-1.0, 2.0), (1.0, -1.0)],
+                    [(0.0, 1.0), (0.5, 1.5), (1.0, 0.5)])  # fmt: skip
+    (scales,) = known_structure(mass(physics)).scales
+    assert set(scales) == {*FORCE_FIRST[:2], SHARE_SECOND[0], SHARE_SECOND[2]}
+
+
+ALL_STATES = [*itertools.combinations(STATES, 2), ("time", "position")]
+
+
+def over(states: tuple[str, str]) -> Device:
+    """Return the PHANToM with a product over two states, drawn, in its first link or at m1."""
+    size = {"position": 0.01, "velocity": 0.3, "command": 0.05, "time": 0.1}
+    a, b = (size[state] for state in states)
+    at = "m1" if "position" in states else "link12"
+    return phantom().with_physics(times(states, drawn(5, 1, a, 2e-3), drawn(4, 2, b), at))
+
+
+@pytest.mark.parametrize("states", ALL_STATES, ids="-".join)
+def test_in_lanes_it_is_that_of_a_run_alone(states: tuple[str, str]) -> None:
+    """Members of other states and sizes, under walls, to the bit.
+
+    Mutation: `curve` of the first member's points for all.
+    """
+    at = over(states).physics[0].at
+    other = times(("velocity", "time"), drawn(3, 3, 0.3, 2e-3), drawn(POINTS, 4, 0.1), at)
+    assert_equal_runs([over(states), replace(over(states), physics=(other,))] * 11, 2,
+                      range(0, 21, 4))  # fmt: skip
+
+
+@needs_compiler
+@pytest.mark.parametrize("states", ALL_STATES, ids="-".join)
+def test_in_c_it_has_the_bits_of_the_simulation(states: tuple[str, str]) -> None:
+    """With a delay inside the tick. Mutation: time asked for by a grid alone."""
+    device = over(states).with_interface(delay=4e-4)
+    made = c_source(device, "dev", seed=3)
+    assert made.lost == ()
+    assert_same_bits(device, made)
+    assert ("s->tick *" in made.text()) == ("time" in states)
+    assert may_be_set(device) == []
+
+
+@needs_translator
+@pytest.mark.parametrize("states", ALL_STATES, ids="-".join)
+def test_in_modelica_it_moves_alike(states: tuple[str, str]) -> None:
+    """Within 1 % of what it does. Mutation: both tables by one name."""
+    device = over(states)
+    ours, bare = finely(device, 32), finely(replace(device, physics=()), 1)
+    assert loss(ours, run_as_modelica(device, COMMANDS)) < 0.01 * loss(ours, bare)
