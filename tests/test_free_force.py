@@ -310,11 +310,12 @@ def test_a_spring_that_is_stiffened_over_time() -> None:
 def test_a_force_over_time_alone_and_its_work() -> None:
     """Over 32 points, against scipy; its work is the energy that is there, to rounding.
 
-    Mutation: the force of the tick's beginning held over all of its substeps.
+    Mutations: the force of the tick's beginning held over all of its substeps; the second segment
+    of a tick at the time of the first.
     """
     times = np.sort(np.random.default_rng(3).uniform(0.0, 0.4, MOST))
     force = np.random.default_rng(4).normal(size=MOST)
-    device = mass(free(["time"], times, [], force))
+    device = mass(free(["time"], times, [], force), delay=0.4 * T)  # ticks of two segments
     through = CubicHermiteSpline(times, force, np.gradient(force, times, edge_order=2))
 
     def over_time(q: float, v: float, u: float, t: float) -> float:
