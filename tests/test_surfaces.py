@@ -66,7 +66,7 @@ def test_a_product_of_two_laws_is_learned_with_the_formula_of_each() -> None:
 
 
 def test_the_band_of_a_product_holds_it() -> None:
-    """Mutation that breaks it: the band of one of the tables alone."""
+    """Mutations that break it: the band of either table alone; nothing for what points are few."""
     found = surface_of(rubs_here)
     assert found is not None
     seen = found.curve.seen
@@ -74,7 +74,7 @@ def test_the_band_of_a_product_holds_it() -> None:
     flat = np.column_stack([np.ones(truth.size), seen])
     off = found.curve.at(*seen.T) - truth
     off -= flat @ np.linalg.lstsq(flat, off, rcond=None)[0]
-    half = found.curve.half(*seen.T) + 0.01 * np.abs(truth).max()
+    half = found.curve.half(*seen.T) + 0.001 * np.abs(truth).max()
     assert np.mean(np.abs(off) < half) > 0.9
 
 

@@ -19,9 +19,10 @@ than either.
 The band of a curve is what the fit does not know of its points, and what a curve through so few
 points cannot be (`tables.left_out`).
 
-Limits: one state at one place; a law of two, or of time, is found as far as one shows it. What is
-steep near rest no table holds, and friction stays a name. The straight part of a table of velocity
-is a damper, that of a table of position a spring: what of it is which, only the device file says.
+Limits: one state at one place; a law of two is found as far as one shows it, and then asked for
+(`surfaces`). What is steep near rest no table holds, and friction stays a name. The straight part
+of a table of velocity is a damper, that of a table of position a spring: what of it is which, only
+the device file says.
 """
 
 import math

@@ -25,9 +25,10 @@ A recording does not see all of a grid: of two states that swing, the corners ar
 forces that samples lie nearest to are free; the others are laid smoothly between and beyond them
 (the discrete Laplace equation, `filled`), and say nothing.
 
-Of a surface a plane is no law: it is a spring, a damper and a scale of the command. Limits: two
-states of one place, `POINTS` points a table and `SIZE` rows and columns; nothing over time, which a
-recording meets once and held-out data never.
+Its band is what the fit does not know of its numbers, and what so few points cannot be, as of
+tables (`tables.left_out`). Of a surface a plane is no law: it is a spring, a damper and a scale of
+the command. Limits: two states of one place, `POINTS` points a table and `SIZE` rows and columns;
+nothing over time, which a recording meets once and held-out data never.
 """
 
 import itertools
@@ -44,6 +45,7 @@ from zwidth.diagnosis.fitting.uncertainty import Z95, covariance
 from zwidth.diagnosis.forces.leftover import predicted_states
 from zwidth.diagnosis.learning.curves import without_names
 from zwidth.diagnosis.learning.knots import JUDGED, tempered
+from zwidth.diagnosis.learning.tables import left_out_of
 from zwidth.diagnosis.learning.where import RATIOS, ROUNDS, SHARE, comes_back
 from zwidth.diagnosis.mishaps import Say, attempt
 from zwidth.diagnosis.model.parameters import Model
@@ -625,12 +627,29 @@ def _as_learned(h: Hypothesis, without: Hypothesis, found: Search) -> Surface:
     law = _last(h)
     places, keys, scales = (list(column) for column in zip(*_own(h), strict=True))
     known = covariance(h.fitted)[np.ix_(places, places)] * np.outer(scales, scales)
+    known += np.diag([_left_out(law)[key] ** 2 for key in keys])
     names = tuple(sorted(f"{p.effect.name} at {p.at}" for p in h.model.effects[:-1]))
     gone = tuple(
         n for p in found.best.model.effects if (n := f"{p.effect.name} at {p.at}") not in names
     )
     seen = _seen(h, law.at, states_over(law.values))
     return Surface(law, tuple(keys), known, seen, names, gone, without.cost.total - h.cost.total, h)
+
+
+def _left_out(law: Physics) -> dict[str, float]:
+    """By how much a surface through so few points is likely to err at each (`tables.left_out`)."""
+    if is_product(law.effect.parameters):
+        product = product_of(law.values)
+        found: dict[str, float] = {}
+        for table, names in ((product.first, FORCE_FIRST), (product.second, SHARE_SECOND)):
+            states, laws = np.array(table).T
+            found |= dict(zip(names, left_out_of(states, laws).tolist(), strict=False))
+        return found
+    grid = grid_of(law.values)
+    along = left_out_of(np.array(grid.rows), grid.values)
+    across = left_out_of(np.array(grid.columns), grid.values.T).T
+    names = np.array(grid.names).ravel().tolist()
+    return dict(zip(names, np.hypot(along, across).ravel().tolist(), strict=True))
 
 
 def _seen(h: Hypothesis, at: str, over: Sequence[str]) -> Floats:

@@ -34,22 +34,26 @@ def _through(s: Floats, f: Floats, odd: bool, period: float, states: Floats) -> 
 
 
 def left_out(law: Physics) -> Floats:
-    """Return by how much a table is likely to err at each of its points (points,).
+    """Return by how much a table is likely to err at each of its points (points,)."""
+    s, f = np.array(points_of(law.values)).T
+    return left_out_of(s, f, is_odd(law), law.values["period"])
+
+
+def left_out_of(s: Floats, f: Floats, odd: bool = False, period: float = 0.0) -> Floats:
+    """Return by how much a curve through laws f (points, ...) at states s is likely to err at each.
 
     A cubic through points h apart with tangents from differences errs as h^3, so that of every
     other point an eighth of what the curve through its neighbours misses it by is left: that is
     told by leaving each point out. Ends err as their neighbours do; what an odd law is at nothing
     is known.
     """
-    s, f = np.array(points_of(law.values)).T
-    odd, period = is_odd(law), law.values["period"]
+    found = np.zeros_like(f)
     if s.size < (3 if odd or period > 0.0 else 4):
-        return np.zeros(s.size)
+        return found
     inner = range(s.size) if period > 0.0 else range(1, s.size - 1)
-    found = np.zeros(s.size)
     for k in inner:
-        at, forces = np.delete(s, k), np.delete(f, k)
-        found[k] = abs(float(_through(at, forces, odd, period, s[k])) - f[k]) / 8.0
+        at, forces = np.delete(s, k), np.delete(f, k, axis=0)
+        found[k] = np.abs(_through(at, forces, odd, period, s[k]) - f[k]) / 8.0
     if period == 0.0:
         found[0], found[-1] = 0.0 if odd else found[1], found[-2]
     return found
