@@ -10,7 +10,7 @@ from test_learning import DEVICE, Law, nothing, recording, without_names
 from zwidth.diagnosis.answer.held_out import held_out
 from zwidth.diagnosis.answer.learned import learned_over_two
 from zwidth.diagnosis.answer.learned_surface import LearnedSurface
-from zwidth.diagnosis.learning.surfaces import filled, told
+from zwidth.diagnosis.learning.surface_forms import Field, filled, form_of, grid, product, told
 from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.selection.searched import as_found
 from zwidth.figures.learned_surface import law_figure
@@ -125,6 +125,57 @@ def test_only_points_that_enough_samples_are_nearest_to_are_told() -> None:
     expected = np.zeros((3, 3), dtype=bool)
     expected[0, 2] = True
     assert np.array_equal(told(seen, axis, axis), expected)
+
+
+def field_of(rows: Floats, columns: Floats, floats: bool) -> Field:
+    """Where every point of a grid but its last corner was visited often."""
+    every = np.array([(a, b) for a in rows for b in columns][:-1])
+    return Field("m1", ("velocity", "command"), np.repeat(every, 12, axis=0), 1.0, floats)
+
+
+@pytest.mark.parametrize("floats", [False, True])
+@pytest.mark.parametrize("times", [False, True])
+def test_a_law_of_fewer_points_has_the_numbers_that_are_said_of_it(
+    times: bool, floats: bool
+) -> None:
+    """Numbers z = c + B y of the law of y, at what is free, are what that law gives there.
+
+    Mutations that break it: the largest share at the end of a fit taken for the one that was held;
+    a force that is held laid smoothly; what a grid does not see left as it was.
+    """
+    random = np.random.default_rng(5)
+    rows, columns = np.sort(random.uniform(-1.0, 1.0, 6)), np.sort(random.uniform(-2.0, 2.0, 5))
+    field = field_of(rows, columns, floats)
+    if times:
+        law = product(
+            field, rows, random.normal(size=6), columns, np.array([0.2, 1.0, 0.5, 3.0, 0.1])
+        )
+        free = [name for name in form_of(law).names if name != "second_2"]  # held, and outgrown
+    else:
+        law = grid(field, rows, columns, random.normal(size=(6, 5)))
+        free = list(form_of(law).scales(field))
+        assert len(free) == 29 - int(floats)
+    form = form_of(law)
+    kept = form.kept(field, free)
+    first = np.unique([0, 2, 3, 5, max(kept[0], 0)])
+    second = np.unique([0, 2, 4, max(kept[1], 0)])
+    few = form.fewer(field, free, first, second)
+    y = random.normal(size=few.basis.shape[1])
+    if times:
+        other = form_of(few.law(y))
+        told_by = few.offset + few.basis @ y
+        np.testing.assert_allclose(other.at(rows, np.full(6, columns[1])), told_by[:6], atol=1e-12)
+        share = other.at(np.full(5, rows[0]), columns) / other.at(rows[:1], columns[1:2])
+        np.testing.assert_allclose(np.delete(share, 1), told_by[6:], atol=1e-12)
+    else:
+        a, b = np.meshgrid(rows, columns, indexing="ij")
+        cells = np.isin(np.array(form.names), free)
+        given = form_of(few.law(y)).at(a, b).ravel()
+        np.testing.assert_allclose(given[cells], few.offset + few.basis @ y, atol=1e-12)
+        if floats:
+            assert given.reshape(6, 5)[kept] == pytest.approx(
+                law.values[form.names[kept[0] * 5 + kept[1]]]
+            )
 
 
 def test_points_of_an_axis_count_one_together() -> None:

@@ -318,12 +318,9 @@ def _judged_surface(
     say: Say,
 ) -> LearnedSurface | None:
     """A surface as held-out data judge it; None where they speak against it."""
-    with_law = as_found(device, replace(search, best=surface.hypothesis))
-    free = held_out(device, with_law, judge_by)[1]
-    if not _better(surface.hypothesis, with_law, found, judge_by, left, free):
-        say("the law that was learned does not hold on held-out data")
-        return None
-    return LearnedSurface(surface, factors(surface), left, free, with_law)
+    h = surface.hypothesis
+    fit = _held_out_fit(device, search, h, found, judge_by, left, say)
+    return None if fit is None else LearnedSurface(surface, factors(surface), left, *fit)
 
 
 def _alike(search: Search, h: Hypothesis) -> Hypothesis | None:
@@ -373,16 +370,32 @@ def _judged(
     say: Say,
 ) -> LearnedLaw | None:
     """A law as held-out data judge it; None where they speak against it, or it is a line."""
-    with_law = as_found(device, replace(search, best=curve.hypothesis))
-    free = held_out(device, with_law, judge_by)[1]
-    if not _better(curve.hypothesis, with_law, found, judge_by, names, free):
-        say("the law that was learned does not hold on held-out data")
+    fit = _held_out_fit(device, search, curve.hypothesis, found, judge_by, names, say)
+    if fit is None:
         return None
     looks, both = like_what(curve)
     if looks and looks[0].form.name in STRAIGHT:  # within a band that holds anything
         say("what was learned looks like a straight line: that is no law")
         return None
-    return LearnedLaw(curve, looks, both, names, free, with_law)
+    return LearnedLaw(curve, looks, both, names, *fit)
+
+
+def _held_out_fit(
+    device: Device,
+    search: Search,
+    h: Hypothesis,
+    found: Searched,
+    judge_by: Sequence[Experiment],
+    names: HeldOut,
+    say: Say,
+) -> tuple[HeldOut, Searched] | None:
+    """Free runs on held-out data with a law, and the fit; None where they are no better by it."""
+    with_law = as_found(device, replace(search, best=h))
+    free = held_out(device, with_law, judge_by)[1]
+    if _better(h, with_law, found, judge_by, names, free):
+        return free, with_law
+    say("the law that was learned does not hold on held-out data")
+    return None
 
 
 def _better(

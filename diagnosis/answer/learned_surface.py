@@ -16,6 +16,7 @@ from zwidth.diagnosis.answer.result import HeldOut
 from zwidth.diagnosis.fitting.uncertainty import Z95
 from zwidth.diagnosis.forces.leftover import predicted_states
 from zwidth.diagnosis.learning.formulas import Formula, formulas
+from zwidth.diagnosis.learning.surface_forms import told
 from zwidth.diagnosis.learning.surfaces import Surface
 from zwidth.diagnosis.noise.predictor import SETTLING
 from zwidth.diagnosis.selection.searched import Searched
@@ -77,7 +78,7 @@ class LearnedSurface:
         """Say it as the first line of an answer: where, over what, of which form, its worth."""
         curve = self.curve
         most = with_unit(float(np.abs(curve.at(*curve.seen.T)).max()), "N m" if rotary else "N", 2)
-        looks = f", which is {self.form}" if self.forms else ""
+        looks = f", which looks like {self.form}" if self.forms else ""
         return (
             f"a force acts {place_in_words(curve.physics.place, masses)} that has no name in the"
             f" library: up to {most} over {self.over} together{looks}; {self._worth}"
@@ -229,10 +230,10 @@ def _grid_json(curve: Surface) -> dict[str, Any]:
     grid = grid_of(curve.physics.values)
     first, second = np.meshgrid(np.array(grid.rows), np.array(grid.columns), indexing="ij")
     half = curve.half(first, second)
-    told = np.isin(np.array(grid.names), curve.free)
+    seen = told(curve.seen, np.array(grid.rows), np.array(grid.columns))
 
     def of_what_is_told(values: Floats) -> list[list[float | None]]:
-        return np.where(told, values, None).tolist()  # pyright: ignore[reportArgumentType,reportCallIssue]
+        return np.where(seen, values, None).tolist()  # pyright: ignore[reportArgumentType,reportCallIssue]
 
     return {
         "rows": list(grid.rows),

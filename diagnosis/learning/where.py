@@ -62,18 +62,20 @@ class Site:
 
 def sites(base: Hypothesis, most: int) -> list[tuple[Site, Hypothesis]]:
     """Return where a law would gain most, so many, and each begun there, the likeliest first."""
-    begun: list[tuple[Site, Hypothesis]] = []
+    found: list[tuple[Site, Hypothesis]] = []
     for site in _every(base):
         law = law_over(site, MANY, False)
-        h = None if law is None else _begun(base, site, law)
+        h = None if law is None else begun(base, *beside(base.model, base.x, site, law))
         if h is not None and h.cost.misfit < base.cost.misfit:
-            begun.append((site, h))
-    return sorted(begun, key=lambda one: one[1].cost.misfit)[:most]
+            found.append((site, h))
+    return sorted(found, key=lambda one: one[1].cost.misfit)[:most]
 
 
-def _begun(base: Hypothesis, site: Site, law: Physics) -> Hypothesis | None:
-    """A law of nothing, some rounds downhill under two observers; the likelier of both ends."""
-    model, x = beside(base.model, base.x, site, law)
+def begun(base: Hypothesis, model: Model, x: Floats) -> Hypothesis | None:
+    """Return a model with a law, some rounds downhill under two observers: the likelier end.
+
+    None where no observer follows the recordings of the base.
+    """
     with suppress(NoObserver):
         first = judged(base.experiments, model, model.within(x), base.family)
         found = [first]
