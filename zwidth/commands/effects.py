@@ -2,6 +2,7 @@
 
 import inspect
 import json
+from collections.abc import Mapping
 from importlib import import_module
 from itertools import groupby
 from pathlib import Path
@@ -115,14 +116,11 @@ def _keep(console: Console, name: str | None, file: Path) -> None:
             f"{file} has a law that looks like no formula; as a table it stands in the augmented"
             f" device ({found['effect']})"
         )
-    best = found["formulas"][0]
     said = f"learned from {result['recordings'][0] if result.get('recordings') else file.name}"
-    if "factors" in best:
-        parts = best["factors"]
-        forms = [(part["form"], part["numbers"]) for part in parts]
-        text = product_text(name, [part["state"] for part in parts], forms, said)
-    else:
-        text = effect_text(name, found["effect"], best["form"], best["numbers"], said)
+    try:
+        text = _effect_of(name, found, said)
+    except (KeyError, TypeError):  # numbers or states that somebody left out
+        raise ValueError(f"{file} is no result of 'zwidth diagnose --json FILE'") from None
     path = Path(FOLDER) / f"{name}.toml"
     console.will_write(path)
     path.parent.mkdir(exist_ok=True)
@@ -135,6 +133,16 @@ def _keep(console: Console, name: str | None, file: Path) -> None:
         names = " and ".join(found["together"]["names"])
         console.say(f"it holds {names} too, which the curve was read together with")
     console.result({"file": str(path), "effect": name, "formula": found["formula"]})
+
+
+def _effect_of(name: str, learned: Mapping[str, Any], said: str) -> str:
+    """The file of an effect that has the likeliest formula of what was learned."""
+    best = learned["formulas"][0]
+    if "factors" not in best:
+        return effect_text(name, learned["effect"], best["form"], best["numbers"], said)
+    parts = best["factors"]
+    forms = [(part["form"], part["numbers"]) for part in parts]
+    return product_text(name, [part["state"] for part in parts], forms, said)
 
 
 def _listed(effect: Effect) -> list[list[str]]:

@@ -7,6 +7,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
 
 from zwidth.diagnosis.answer.learned import LearnedLaw
 from zwidth.diagnosis.answer.learned_surface import LearnedSurface
@@ -81,11 +82,7 @@ def _seen(samples: Floats, a: Floats, b: Floats) -> NDArray[np.bool_]:
     bins = 40
     edges = [np.linspace(s[0], s[-1], bins + 1) for s in (a, b)]
     count, _, _ = np.histogram2d(*samples.T, bins=edges)
-    met = count > 0
-    near = met.copy()
-    for axis in (0, 1):
-        for by in (1, -1):
-            near |= np.roll(met, by, axis)
+    near = binary_dilation(count > 0)
     i, j = (np.clip(np.searchsorted(e, s, "right") - 1, 0, bins - 1)
             for e, s in zip(edges, (a, b), strict=True))  # fmt: skip
     return near[np.ix_(i, j)]
