@@ -34,6 +34,7 @@ def diagnose(
         for fault in taken.faults:
             say(fault.sentence)
         say("refitting the linear parameters, then trying every effect")
+        device = taken.device
         search = Searches(lambda those: searched(device, those, say, effort))
         found = _sought(taken, search)
         say("asking whether something happened once")

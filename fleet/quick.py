@@ -22,6 +22,7 @@ from zwidth.diagnosis.answer.findings import UNITS
 from zwidth.diagnosis.answer.whole_run import simulated
 from zwidth.diagnosis.fitting.uncertainty import covariance
 from zwidth.diagnosis.intake.gate import oddities
+from zwidth.diagnosis.model.own_values import first_x
 from zwidth.diagnosis.model.parameters import Model, Parameter
 from zwidth.diagnosis.noise.predictor import free_run_errors, window
 from zwidth.diagnosis.noise.steady import NoObserver
@@ -32,7 +33,7 @@ from zwidth.fleet.structure import Structure
 from zwidth.sim.device import Device
 
 Floats = NDArray[np.float64]
-NUISANCE = ("origin", "jitter", "gain", "change")  # of a run, and no parameter of a device
+NUISANCE = ("origin", "zero", "jitter", "gain", "change")  # of a run, and no parameter of a device
 QUIET = 0.05  # of what a command goes through, within which it stands still
 STARTS, JUMPS = 6, 2.0  # samples of setting out, and how often their steps what is no jump
 DRAWN = 160  # points of a recording that are kept to be drawn
@@ -149,7 +150,7 @@ def quick(e: Experiment, structure: Structure) -> Quick:
 def fit(e: Experiment, structure: Structure) -> Hypothesis:
     """Return the fit of a recording with the fleet's structure; raises NoObserver."""
     model = structure.model
-    return settled(judged([e], model, model.within(np.zeros(len(model.parameters)))))
+    return settled(judged([e], model, model.within(first_x(model, [e]))))
 
 
 def summed_up(e: Experiment, h: Hypothesis, remarks: Sequence[str] = ()) -> Quick:

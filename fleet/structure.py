@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.mishaps import Say
+from zwidth.diagnosis.model.own_values import first_x
 from zwidth.diagnosis.model.parameters import Model, effect_labels, linear_parameters
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
@@ -146,7 +147,8 @@ def known_structure(device: Device) -> Structure:
 
 
 def _open(device: Device) -> Uncertainty:
-    return replace(OPEN, command_scale=device.uncertainty.command_scale)
+    known = device.uncertainty
+    return replace(OPEN, command_scale=known.command_scale, zeros=known.zeros)
 
 
 def informative(
@@ -160,11 +162,11 @@ def informative(
     told: list[tuple[int, float, Floats]] = []
     for place, e in enumerate(experiments):
         with suppress(NoObserver):
-            h = settled(judged([e], model, np.zeros(len(model.parameters))), turns=1)
+            h = settled(judged([e], model, first_x(model, [e])), turns=1)
             assert h.slopes is not None
             own = h.slopes[: h.samples]
             log_det = float(np.linalg.slogdet(own.T @ own + np.eye(own.shape[1]))[1])
-            linear = [p.kind not in ("origin", "jitter") for p in model.parameters]
+            linear = [p.kind not in ("origin", "zero", "jitter") for p in model.parameters]
             told.append((place, log_det, h.x[np.array(linear)]))
     if not told:
         raise NoObserver("no recording of the fleet can be followed with the device")
@@ -216,7 +218,7 @@ def sought(
                     found[one.labels] = one.model, one.x, one.cost.total
     if not wanting:
         raise NoObserver("no recording of the fleet can be followed with the device")
-    plain = [_fitted(e, bare, np.zeros(len(bare.parameters))) for e in experiments]
+    plain = [_fitted(e, bare, first_x(bare, [e])) for e in experiments]
     costs = {frozenset[str](): sum(h.cost.total for h in plain if h is not None)}
     fits: dict[frozenset[str], list[Hypothesis | None]] = {frozenset(): plain}
     for labels, (structure, x, _) in found.items():

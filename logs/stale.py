@@ -70,6 +70,18 @@ def _stale(values: Floats) -> NDArray[np.bool_]:
     step = float(np.quantile(moved, 0.01))
     noise = float(np.median(np.abs(np.diff(values, 2))))
     wide = np.abs(values[2 * AROUND :] - values[: -2 * AROUND]) / (2 * AROUND)
-    runs = np.concatenate([np.zeros(AROUND), wide, np.zeros(AROUND)]) > RUNS * max(step, noise)
+    around = np.concatenate([np.zeros(AROUND), wide, np.zeros(AROUND)])
+    runs = np.minimum(around, _across(values)) > RUNS * max(step, noise)
     stale[1:] = (steps == 0.0) & runs[1:]
     return stale
+
+
+def _across(values: Floats) -> Floats:
+    """How fast (samples,) a position runs from before equal readings to after them, per sample.
+
+    Where a mass sets out or turns, it is slower there than around.
+    """
+    firsts = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
+    count = np.diff(firsts, append=values.size)
+    jump = np.abs(np.diff(values[firsts], append=values[-1]))
+    return np.repeat(jump / count, count)

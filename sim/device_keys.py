@@ -92,14 +92,16 @@ DEVICE_KEYS: tuple[Key, ...] = (
     _drive("damping", "force for a speed", *_DAMPER, default="0"),
     _drive("limit", "largest force of the loop", *_FORCE, default="inf"),
     *(
-        Key("uncertainty", field.name, meaning, "share", default=f"{getattr(_USUAL, field.name):g}")
-        for field, meaning in zip(
+        Key("uncertainty", field.name, meaning, *units, default=f"{getattr(_USUAL, field.name):g}")
+        for field, (meaning, *units) in zip(
             fields(Uncertainty),
             (
-                "how well the scale of the command is known (one sigma); 0: exactly",
-                "how well masses are known (one sigma)",
-                "how well springs are known (one sigma)",
-                "how well dampers are known (one sigma)",
+                ("how well the scale of the command is known (one sigma); 0: exactly", "share"),
+                ("how well masses are known (one sigma)", "share"),
+                ("how well springs are known (one sigma)", "share"),
+                ("how well dampers are known (one sigma)", "share"),
+                ("by how much the sensors of further masses may read another position than that of"
+                 " m1 where links are at rest (one sigma); 0: all count from there", "rad", "m"),
             ),
             strict=True,
         )

@@ -5,17 +5,19 @@ from dataclasses import dataclass, fields
 # Three of them are as far as a fit goes: at 2 already a factor of 400, no knowledge at all.
 MOST = 2.0
 MOST_OF_A_DAMPER = 100.0
+FARTHEST_ZERO = 1e3  # m or rad
 LEAST = 1e-6  # as good as exact; nothing at all would leave a fit no scale to count in
 
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Relative standard deviations (one sigma), without a dimension, of what a device file says.
+    """Standard deviations (one sigma) of what a device file says, relative ones but for `zeros`.
 
     command_scale: of what a command counts by, 0 where it is known: motion alone cannot tell it
     from masses, springs, dampers and forces all at once. masses; springs, that to ground among
     them; dampers, which are known worst: few are measured, and they change with temperature and
-    wear.
+    wear. zeros [m or rad]: by how much the sensors of further masses may read another position
+    than that of m1 does where links are at rest; 0 where all count from there.
 
     Raises ValueError with a sentence that names the field, the value and what is allowed.
     """
@@ -24,6 +26,7 @@ class Uncertainty:
     masses: float = 0.3
     springs: float = 0.3
     dampers: float = 0.5
+    zeros: float = 0.0
 
     def __post_init__(self) -> None:
         for field, least, most in (
@@ -31,12 +34,14 @@ class Uncertainty:
             ("masses", LEAST, MOST),
             ("springs", LEAST, MOST),
             ("dampers", LEAST, MOST_OF_A_DAMPER),
+            ("zeros", 0.0, FARTHEST_ZERO),
         ):
             value = getattr(self, field)
             if not least <= value <= most:  # nor is what is not a number
+                what = "in m or rad" if field == "zeros" else "as a share of the value"
                 raise ValueError(
                     f"uncertainty.{field} is {value}; allowed is {least:g} to {most:g}, the"
-                    " standard deviation as a share of the value"
+                    f" standard deviation {what}"
                 )
 
 

@@ -203,7 +203,7 @@ def test_a_change_competes_with_names_that_were_refused():
     suspect = suspected(plain)
     assert suspect is not None  # something seems to change
     assert varied(plain, suspect) is not None
-    taken = Taken((e,), (first,), (rest,), (), 1.0, False, ())
+    taken = Taken(device, (e,), (first,), (rest,), (), 1.0, False, ())
     found, _, changes = changing(device, as_found(device, search), taken, silent)
     assert changes == ()
     assert found.tried.best is plain

@@ -102,7 +102,6 @@ def one_by_one(
         np.full((len(xs), o, o), np.inf),
     )
     plain, place = model.plain(e), first_velocity(e)
-    still = np.array([out.quantity == "position" for out in e.outputs], dtype=np.float64)
     for i, x in enumerate(xs):
         device, reads = model.acting(x), model.reads(x)
         try:
@@ -115,7 +114,7 @@ def one_by_one(
             jitters[:, place] = reads.jitter
         readings = Readings(
             padded(gain, device, eq, e), np.array([reads.gain]),
-            (reads.origin * e.swing * still)[None], jitters,
+            reads.offsets(e)[None], jitters,
         )  # fmt: skip
         recorded = Recorded(
             plain.command, plain.measured, e.places(eq), None,

@@ -162,7 +162,7 @@ def test_a_motion_to_one_side_is_not_folded_out():
 def taken_of(e: Experiment, channels: tuple[str, ...], factor: float) -> Taken:
     fault = misread(e, channels, factor)
     whole = (corrected(e, [fault]),)
-    return Taken(whole, whole, (), (fault,), 1.0, False, (), ((0, fault),))
+    return Taken(motor(), whole, whole, (), (fault,), 1.0, False, (), ((0, fault),))
 
 
 @pytest.mark.parametrize("factor", [1e3, 1e-2])
@@ -200,7 +200,7 @@ def test_the_rarity_of_a_fault():
 def test_the_least_cost_is_kept_and_what_costs_as_much_is_said():
     """Mutations that break it: the price left out; a reading that no observer follows kept."""
     e = position_alone(driven_motor(400))
-    plain = Taken((e,), (e,), (), (), 1.0, False, ())
+    plain = Taken(motor(), (e,), (e,), (), (), 1.0, False, ())
     command, output = taken_of(e, COMMAND, -1.0), taken_of(e, ("position_m1",), -1.0)
 
     def costs(*values: float) -> tuple[Taken, int]:

@@ -114,6 +114,22 @@ def test_stale_readings_are_filled_in_from_the_others() -> None:
     assert renewed(trace(q), ["position_m1"], "bus")[1] == ""
 
 
+def test_what_stands_while_it_sets_out_is_no_stale_reading() -> None:
+    """As fast as four steps a sample around it, and slower where two readings are equal.
+
+    Mutation: the speed around alone.
+    """
+    t = np.arange(6000)
+    thrown = 2.0 * np.maximum(0, t % 600 - 300) ** 2  # stands, then is thrown
+    assert renewed(trace(thrown), ["position_m1"], "bus")[1] == ""
+    for seed in range(60):
+        random = np.random.default_rng(seed)
+        size, period, noisy = 10.0 ** random.uniform((1.0, 1.5, -1.0), (4.0, 3.5, 0.5))
+        q = size * (np.sin(2 * np.pi * t / period) + 0.3 * np.sin(17.0 * t / period + 1.0))
+        counts = np.rint(q + noisy * random.standard_normal(t.size))
+        assert renewed(trace(counts), ["position_m1"], "bus")[1] == ""
+
+
 def test_a_sensor_that_is_read_slowly_is_refused_with_the_period_to_take() -> None:
     q = motion(9)
     held = np.repeat(q[::5], 5)

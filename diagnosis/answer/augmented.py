@@ -76,7 +76,8 @@ def free_run(model: Model, x: Floats, taken: Experiment, substeps: int) -> Float
         observer_memory(eq, seen), seen.strengths,
     )  # fmt: skip
     positions = np.array([o.tells_position for o in seen.outputs])
-    return -errors + _origin(model, x, taken.swing) * positions
+    known = model.nominal.interface.position_origin
+    return -errors + known * positions + model.reads(model.there(x, taken)).offsets(taken)
 
 
 def scenario_of(

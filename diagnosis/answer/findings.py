@@ -26,7 +26,7 @@ from zwidth.diagnosis.model.parameters import (
     Model,
     chain_values,
     effect_labels,
-    first_velocity,
+    is_read,
     linear_parameters,
     values_of,
 )
@@ -43,6 +43,7 @@ DAMPER, SPRING = ("N m s/rad", "N s/m"), ("N m/rad", "N/m")
 UNITS = {
     "mass": ("kg m2", "kg"), "damper": DAMPER, "link": DAMPER, "spring": SPRING, "k0": SPRING,
     "gain": ("", ""), "origin": ("rms motions", "rms motions"), "jitter": ("s", "s"),
+    "zero": ("rad", "m"),
 }  # fmt: skip
 SAME_STEP = 0.01  # relative difference of steps that are the same
 NOTICED = 0.1  # of the noise: a step below is a way to write numbers
@@ -189,7 +190,7 @@ def linear(
     spread = standard_errors(final)
     result: dict[str, tuple[float, Estimate]] = {}
     for j, p in enumerate(linear_parameters(device)):
-        if p.kind == "jitter" and all(first_velocity(e) is None for e in experiments):
+        if not is_read(p, experiments):
             continue
         own, value = nominal[p.name], fitted[p.name]
         half = Z95 * abs(p.slope(own, float(final.x[j]))) * float(spread[j])
@@ -232,7 +233,7 @@ def _on(e: Experiment, model: Model, x: Floats, index: int, more: float, name: s
     there = model.there(x, e).copy()
     there[index] += more
     moved = model.within(there)
-    if name in ("origin", "gain", "jitter"):
+    if name in ("origin", "gain", "jitter") or name.startswith("zero_"):
         return values_of(model, moved)[name]
     return chain_values(e.on(model.build(moved)).chain)[name]
 

@@ -152,7 +152,9 @@ def judged(
     moved = [
         name
         for name, (nominal, e) in refit.items()
-        if abs(e.value - nominal) > SHIFTED / Z95 * 0.5 * (e.upper - e.lower) and name != "jitter"
+        if abs(e.value - nominal) > SHIFTED / Z95 * 0.5 * (e.upper - e.lower)
+        and name != "jitter"
+        and not name.startswith("zero_")
     ]
     if moved:
         return Verdict.LINEAR_PARAMETERS, (

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from zwidth.diagnosis.fitting.many import Many
-from zwidth.diagnosis.model.parameters import Model, first_velocity
+from zwidth.diagnosis.model.parameters import Model, is_read
 from zwidth.diagnosis.noise.predictor import (
     SEARCHING,
     SETTLING,
@@ -194,13 +194,11 @@ class Problem:
             for p, xi in zip(model.parameters, x, strict=True)
         ]
         parameters = model.parameters
-        reads_speed = any(first_velocity(e) is not None for e in self.experiments)
         priors = [i for i, p in enumerate(parameters) if p.prior]
         samples = base.size - len(priors)
         least = _enough(model, x, self.experiments)
 
-        unseen = {i for i, p in enumerate(parameters) if p.kind == "jitter" and not reads_speed}
-        asked = [i for i in range(x.size) if i not in unseen]
+        asked = [i for i, p in enumerate(parameters) if is_read(p, self.experiments)]
         moved = [x + steps[i] * np.eye(1, x.size, i)[0] for i in asked]
         slopes = np.zeros((base.size, x.size))
         for i, found in zip(asked, self.weighted_each(model, moved, least), strict=True):

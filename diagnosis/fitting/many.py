@@ -108,12 +108,13 @@ class Many:
         keep: bool = False,
     ) -> Iterator[tuple[NDArray[np.int64], Followed]]:
         plain = self.model.plain(experiment)
-        still = np.array([o.tells_position for o in experiment.outputs], dtype=np.float64)
         place = first_velocity(experiment)
         first = self.model.plain(experiment.part(0, min(BEGINNING, experiment.ticks)))
         change = None if place is None else self.model.arriving_change(first)
-        gains, at, jitter = self.model.reads_each(self.model.there(self.xs, experiment))
-        origins = at[:, None] * experiment.swing * still
+        gains, at, jitter, zeros = self.model.reads_each(self.model.there(self.xs, experiment))
+        still = np.array([o.tells_position for o in experiment.outputs], dtype=np.float64)
+        own = zeros[:, [o.mass for o in experiment.outputs]]
+        origins = (at[:, None] * experiment.swing + own) * still
         jitters = np.zeros((self.size, still.size))
         if place is not None:
             jitters[:, place] = jitter

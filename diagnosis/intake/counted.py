@@ -13,7 +13,9 @@ drive measures by its own clock, or rounds to steps of a velocity, is no differe
 step that no device file vouches for has to show errors that turn with every sample, as differences
 of a position do.
 
-Limits: a position so found has an origin of its own in every recording, where nothing tells it.
+Limits: a position so found has an origin of its own in every recording, where nothing tells it. Of
+two masses the difference of both is a stretch of their link that is always there, which two
+constant forces would be as well: it is a number of its own (`open_zeros`).
 Filters of higher order, and means, are left as they are.
 """
 
@@ -89,6 +91,20 @@ def as_counted(device: Device, experiments: Sequence[Experiment]) -> list[Experi
         if len(kept) == len(each) and _alike([c.step for c in kept]) and _turning(kept):
             found[o] = kept
     return [_with(e, {o: each[i] for o, each in found.items()}) for i, e in enumerate(experiments)]
+
+
+def open_zeros(device: Device, experiments: Sequence[Experiment]) -> Device:
+    """Return the device whose zeros are as open as positions that were counted leave them.
+
+    A link is stretched where a recording begins by as much as it is later on, or by about that.
+    """
+    apart = [device.uncertainty.zeros]
+    for e in experiments:
+        at = [k for k, o in enumerate(e.outputs) if o.tells_position]
+        if any(e.outputs[k] in e.differenced for k in at[1:]):
+            apart += list(np.std(e.measured[:, at[1:]] - e.measured[:, at[:1]], axis=0))
+    zeros = float(max(apart))
+    return replace(device, uncertainty=replace(device.uncertainty, zeros=zeros))
 
 
 def _with(e: Experiment, counted: dict[Output, Counted]) -> Experiment:

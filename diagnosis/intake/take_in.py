@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from zwidth.diagnosis.answer.result import NotDiagnosed, Unanswered
-from zwidth.diagnosis.intake.counted import as_counted
+from zwidth.diagnosis.intake.counted import as_counted, open_zeros
 from zwidth.diagnosis.intake.derived import measured_alone
 from zwidth.diagnosis.intake.gate import (
     COMMAND,
@@ -54,9 +54,11 @@ class Taken:
     faults: what is odd about them; folded: by which factor they are better folded out, or 1.
     whole_unopened: the held-out data are a part of them, and not other recordings. left_out: places
     of those that an error cost. misread: place in fit_on and fault of each correction that another
-    way to read them does without; doubted: whether a recording to judge by is suspected.
+    way to read them does without; doubted: whether a recording to judge by is suspected. device:
+    what they are of, its zeros as open as they leave them.
     """
 
+    device: Device
     whole: tuple[Experiment, ...]
     fit_on: tuple[Experiment, ...]
     judge_by: tuple[Experiment, ...]
@@ -82,7 +84,7 @@ def take_in(
         return every[0]
 
     def quick(taken: Taken) -> tuple[float, Device]:
-        best = search(device, taken.fit_on, QUICK).best
+        best = search(taken.device, taken.fit_on, QUICK).best
         return best.cost.total, best.model.build(best.x)
 
     with isolated("gate", "which reading is likeliest"), suppress(NoObserver):
@@ -128,6 +130,7 @@ def readings(
         measured = measured_alone(measured)
     with isolated("gate", "velocities that are counts"):
         measured = as_counted(device, measured)
+        device = open_zeros(device, measured)
     experiments, judging = measured[: len(experiments)], measured[len(experiments) :]
     passed = _each(experiments, looked_at)
     others = _each(judging, looked_at) if judging else []
@@ -203,8 +206,9 @@ def _taken(
         fit_on, judge_by = whole_ones, tuple(e for _, (e, _) in _each(turned, acted))
     odd = [fault for one in looked for fault in one.odd]
     return Taken(
-        whole_ones, fit_on, judge_by, (*wrong, *odd, *notes), max(one.factor for one in looked),
-        whole, tuple(sorted({*range(asked)} - {places[place] for place, _ in kept})),
+        device, whole_ones, fit_on, judge_by, (*wrong, *odd, *notes),
+        max(one.factor for one in looked), whole,
+        tuple(sorted({*range(asked)} - {places[place] for place, _ in kept})),
         misread, any(one.ways for one in judges),
     )  # fmt: skip
 

@@ -50,8 +50,8 @@ MARGIN = 1e-9  # of x, by which a start keeps off a bound
 class Parameter:
     """One number; index in its array.
 
-    kind: "mass", "spring", "damper", "link", "k0", "origin", "gain", "jitter", "effect", or
-    "change": of the parameter at `index` of all, in its x.
+    kind: "mass", "spring", "damper", "link", "k0", "origin", "zero", "gain", "jitter", "effect",
+    or "change": of the parameter at `index` of all, in its x.
 
     scale: of x. lower, upper: bounds of x. prior: whether x has a unit Gaussian prior. key: of an
     effect's parameter its name; ends: at which of its bounds a fit is no physics, "lower", "upper".
@@ -117,12 +117,20 @@ class Reads(NamedTuple):
     """How a model reads a recording.
 
     The command counts times gain; origin, in units of the rms motion, is taken from positions, and
-    jitter times the change of the arriving command from the velocity of m1.
+    jitter times the change of the arriving command from the velocity of m1. zeros (n,): what the
+    positions of each mass are read by more than that of m1.
     """
 
     gain: float
     origin: float
     jitter: float
+    zeros: tuple[float, ...]
+
+    def offsets(self, experiment: Experiment) -> Floats:
+        """Return what the outputs (o,) of a recording read where the device is at rest."""
+        positions = np.array([o.tells_position for o in experiment.outputs])
+        own = np.array([self.zeros[o.mass] for o in experiment.outputs])
+        return (self.origin * experiment.swing + own) * positions
 
 
 @dataclass(frozen=True)
@@ -362,6 +370,7 @@ class Model:
     def reads(self, x: Floats) -> "Reads":
         """Return how the model at x reads a recording."""
         gain, origin, jitter = 1.0, 0.0, 0.0
+        zeros = [0.0] * self.nominal.chain.masses.size
         for p, xi in zip(self.parameters, x, strict=True):
             if p.kind == "gain":
                 gain = float(np.exp(p.scale * xi))
@@ -369,12 +378,19 @@ class Model:
                 origin = p.scale * float(xi)
             elif p.kind == "jitter":
                 jitter = p.scale * float(xi)
+            elif p.kind == "zero":
+                zeros[p.index] = p.scale * float(xi)
         counts = gain * self.nominal.interface.command_gain
-        return Reads(gain, origin, 0.5 * jitter * counts / self.nominal.chain.masses[0])
+        jitter = 0.5 * jitter * counts / self.nominal.chain.masses[0]
+        return Reads(gain, origin, jitter, tuple(zeros))
 
-    def reads_each(self, xs: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return gain, origin and jitter of `reads` at many x (members, parameters), (members,)."""
+    def reads_each(self, xs: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return gain, origin, jitter and zeros of `reads` at many x (members, parameters).
+
+        Zeros are (members, n), the others (members,).
+        """
         gain, origin, jitter = np.ones(xs.shape[0]), np.zeros(xs.shape[0]), np.zeros(xs.shape[0])
+        zeros = np.zeros((xs.shape[0], self.nominal.chain.masses.size))
         for p, x in zip(self.parameters, np.ascontiguousarray(xs.T), strict=True):
             if p.kind == "gain":
                 gain = np.exp(p.scale * x)
@@ -382,8 +398,10 @@ class Model:
                 origin = p.scale * x
             elif p.kind == "jitter":
                 jitter = p.scale * x
+            elif p.kind == "zero":
+                zeros[:, p.index] = p.scale * x
         counts = gain * self.nominal.interface.command_gain
-        return gain, origin, 0.5 * jitter * counts / self.nominal.chain.masses[0]
+        return gain, origin, 0.5 * jitter * counts / self.nominal.chain.masses[0], zeros
 
     def plain(self, experiment: Experiment) -> Experiment:
         """Return a recording as the model sees it at every x alike.
@@ -418,9 +436,8 @@ class Model:
         own, x = x, self.there(x, experiment)
         plain, reads = self.plain(experiment), self.reads(x)
         measured = plain.measured
-        if reads.origin != 0.0:
-            still = np.array([o.tells_position for o in experiment.outputs])
-            measured = measured - reads.origin * experiment.swing * still
+        if (offsets := reads.offsets(experiment)).any():
+            measured = measured - offsets
         if reads.jitter != 0.0 and (place := first_velocity(experiment)) is not None:
             measured = measured.copy()
             measured[:, place] -= reads.jitter * self.arriving_change(plain)
@@ -478,6 +495,16 @@ def first_velocity(experiment: Experiment) -> int | None:
     """Return which output is the velocity of m1, None for none."""
     named = [o.name for o in experiment.outputs]
     return named.index("velocity_m1") if "velocity_m1" in named else None
+
+
+def is_read(parameter: Parameter, experiments: Sequence[Experiment]) -> bool:
+    """Whether any output turns on a parameter; all do on those of what acts."""
+    if parameter.kind == "jitter":
+        return any(first_velocity(e) is not None for e in experiments)
+    if parameter.kind == "zero":
+        outputs = (o for e in experiments for o in e.outputs)
+        return any(o.tells_position and o.mass == parameter.index for o in outputs)
+    return True
 
 
 def arriving(device: Device, command: Floats) -> Floats:
@@ -545,6 +572,8 @@ def linear_parameters(device: Device) -> list[Parameter]:
     if chain.ground_spring > 0.0:
         found.append(Parameter("k0", "k0", 0, known.springs, -FARTHEST, FARTHEST))
         found.append(Parameter("origin", "origin", 0, ORIGIN_SCALE, prior=False))
+    if known.zeros > 0.0:
+        found += [Parameter(f"zero_m{i + 1}", "zero", i, known.zeros) for i in range(1, n)]
     if known.command_scale > 0.0:
         found.append(Parameter("gain", "gain", 0, known.command_scale, -FARTHEST, FARTHEST))
     if device.interface.delay_ticks[1] == 0.0:  # else no command arrives while one reads
@@ -574,9 +603,7 @@ def values_of(model: Model, x: Floats) -> dict[str, float]:
             values[p.name] = float(np.exp(p.scale * x[j]))
         elif p.kind == "k0":
             values[p.name] = chain.ground_spring
-        elif p.kind == "origin":
-            values[p.name] = p.scale * float(x[j])  # in units of the rms motion
-        elif p.kind == "jitter":
+        elif p.kind in ("origin", "jitter", "zero"):  # an origin in units of the rms motion
             values[p.name] = p.scale * float(x[j])
         else:
             values[p.name] = float(arrays[p.kind][p.index])

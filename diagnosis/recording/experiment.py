@@ -145,7 +145,10 @@ class Experiment:
     @property
     def own_names(self) -> list[str]:
         """Names of the values that are its own (`model.own_values`): of parameters, of origins."""
-        return [*(f"{target} in {word}" for target, word in self.own), f"origin in {self.name}"]
+        own = [f"{target} in {word}" for target, word in self.own]
+        further = [o.mass + 1 for o in self.outputs if o.tells_position and o.mass > 0]
+        zeros = [f"zero_m{mass} in {self.name}" for mass in dict.fromkeys(further)]
+        return [*own, f"origin in {self.name}", *zeros]
 
     @property
     def switched_off(self) -> bool:

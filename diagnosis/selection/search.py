@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.fitting.evolve import Generations, evolve
 from zwidth.diagnosis.mishaps import Say, attempt, isolated, silent
-from zwidth.diagnosis.model.own_values import varying
+from zwidth.diagnosis.model.own_values import first_x, varying
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.family import NEXT_SAMPLE, Family
 from zwidth.diagnosis.noise.steady import NoObserver
@@ -116,7 +116,7 @@ def search(
     family: the models of the noise under which all hypotheses are held against each other.
     """
     model = Model(device, varying=varying(device, experiments))
-    plain = settled(judged(experiments, model, np.zeros(len(model.parameters)), family))
+    plain = settled(judged(experiments, model, first_x(model, experiments), family))
     found = Search(plain, plain, effort, say, moves)
     found.keep(plain)
     say(f"the device as refitted costs {plain.cost.misfit:.0f}; trying every effect")

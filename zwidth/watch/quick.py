@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy
 from zwidth.diagnosis.intake.gate import corrected
 from zwidth.diagnosis.intake.take_in import readings
+from zwidth.diagnosis.model.own_values import first_x
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment, ExperimentError
@@ -130,14 +131,17 @@ def quick(order: Order) -> Quick:
     assert trace is not None
     with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # numpy's, on 1e300
         last = latest(trace, order.device, order.name, order.samples)
-        taken = list(readings(order.device, last, None)[0].whole)
+        first = readings(order.device, last, None)[0]
+        taken = list(first.whole)
+        # What a search found is of its own device, whose zeros it may have left open.
+        device = first.device if order.found is None else order.found.model.nominal
         if order.found is not None:
             taken = [corrected(e, order.found.misread) for e in taken]
         try:
-            h, refit = _fits(order, taken)
+            h, refit = _fits(order, device, taken)
         except NoObserver as error:
             raise ExperimentError(str(error)) from error
-        sound = adequacy(Model(order.device), refit.fitted, h.fitted, h.noise.observer, taken)
+        sound = adequacy(Model(device), refit.fitted, h.fitted, h.noise.observer, taken)
         built = h.model.build(h.x)
         drawn = wall(built, order.damping) if renders(built, taken, order.walls) else None
     gained = refit.cost.total - h.cost.total if h.model.effects else 0.0
@@ -149,14 +153,16 @@ def quick(order: Order) -> Quick:
     )  # fmt: skip
 
 
-def _fits(order: Order, taken: Sequence[Experiment]) -> tuple[Hypothesis, Hypothesis]:
+def _fits(
+    order: Order, device: Device, taken: Sequence[Experiment]
+) -> tuple[Hypothesis, Hypothesis]:
     """The structure that was found, and the device's own physics alone."""
-    bare = Model(order.device)
-    refit = settled(judged(taken, bare, np.zeros(len(bare.parameters))))
+    bare = Model(device)
+    refit = settled(judged(taken, bare, first_x(bare, taken)))
     if order.found is None or not order.found.model.effects:
         return refit, refit
     model = Model(
-        order.device, order.found.model.effects, order.found.model.scales,
+        device, order.found.model.effects, order.found.model.scales,
         bounds=order.found.model.bounds,
     )  # fmt: skip
     x = order.found.x[: len(model.parameters)] if order.x is None else order.x
