@@ -106,8 +106,12 @@ def searched(output: Output = POSITION) -> Searched:
 
 
 def _ending_at_once(patch: pytest.MonkeyPatch) -> None:
-    """Let a diagnosis end at once with what `searched` gives, and find nothing left."""
+    """Let a diagnosis end at once with what `searched` gives, and find nothing left.
+
+    Nor is a reading suspected: which one is likeliest takes a search of its own.
+    """
     at = zwidth.diagnosis.answer.stands
+    patch.setattr("zwidth.diagnosis.intake.take_in.suspicion", lambda *_: Suspicion())
     patch.setattr(
         zwidth.diagnosis.diagnose, "searched", lambda _, e, *__: searched(e[0].outputs[0])
     )
@@ -194,7 +198,7 @@ def test_an_upper_bound_that_fails_costs_that_one(short: pytest.MonkeyPatch):
     short.setattr(at, "named_only_whole", lambda *_: False)
     short.setattr(at, "farther", lambda _, found, *__: found)
     short.setattr(at, "next_believed", lambda _: ())
-    short.setattr("zwidth.diagnosis.intake.take_in.suspicion", lambda *_: Suspicion())  # no search
+    short.setattr("zwidth.diagnosis.answer.answered._law", lambda *_: (None, False, False))
     answer = diagnose(MASS, [recorded()])
     assert {(m.stage, m.what) for m in answer.errors} == {("limits", "dead_band@command")}
     assert "coulomb_friction@m1" in answer.upper_bounds
@@ -318,10 +322,9 @@ def test_one_recording_of_several_that_fails_costs_itself_alone(
     write(tmp_path)
     write(tmp_path, "odd")
     (tmp_path / "gone.toml").write_text('file = "gone.csv"')
-    real = zwidth.diagnosis.intake.take_in.suspicion
 
-    def suspected(device: Device, e: Experiment) -> Any:
-        return throw() if e.name == "odd" else real(device, e)
+    def suspected(_: Device, e: Experiment) -> Any:
+        return throw() if e.name == "odd" else Suspicion()
 
     short.setattr("zwidth.diagnosis.intake.take_in.suspicion", suspected)
     short.setattr("zwidth.commands.diagnose.separating", nothing)
@@ -468,6 +471,7 @@ def test_a_recording_of_no_use_is_the_user_s_to_change(monkeypatch: pytest.Monke
     def none(*_: Any) -> Any:
         raise NoObserver("no observer follows this recording")
 
+    monkeypatch.setattr("zwidth.diagnosis.intake.take_in.suspicion", lambda *_: Suspicion())
     monkeypatch.setattr(zwidth.diagnosis.diagnose, "searched", none)
     with pytest.raises(ExperimentError, match="no observer follows"):
         diagnose(MASS, [recorded()])
