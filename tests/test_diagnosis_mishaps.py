@@ -12,7 +12,6 @@ import pytest
 
 import zwidth.diagnosis.answer.stands
 import zwidth.diagnosis.diagnose
-import zwidth.diagnosis.intake.take_in
 from zwidth.cli import run
 from zwidth.diagnosis.answer.result import Diagnosis, NotDiagnosed, Verdict
 from zwidth.diagnosis.answer.verdict import Left
