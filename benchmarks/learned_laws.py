@@ -22,7 +22,7 @@ holds (that is a spring's, a damper's or a gain's) and, of a law over the comman
 (u + f(u) on m is the motion of c u + c f(u) on c m), and by how much it errs together with the
 names beside it that follow the same state; whether the truth lies within its band; and the share of
 the refit's held-out free-run error that is gone, of what the true device would take away from its
-own true states (where positions that were counted are judged, of what noise of readings leaves). A
+own true states. A
 form is recovered
 where the truth lies in the band or the curve errs by less than a tenth, by itself or together with
 the names; how often by itself is said too.
@@ -54,6 +54,7 @@ from zwidth.exam.stages import LEAST_STEPS
 from zwidth.exam.windows import cut, window_of, window_starts
 from zwidth.planning.rehearsal import Noise
 from zwidth.scenarios.concealed.integrator import NO_LAWS
+from zwidth.scenarios.concealed.rig import Made
 from zwidth.sim.device import Device
 from zwidth.sim.trace import Trace
 
@@ -72,14 +73,15 @@ MOST_OFF = 1.5  # that a device file's numbers are, and with them the scale of a
 class Drawn:
     """A recording with a law or none, the device file for it, and the law's states (samples,).
 
-    floor: what the true device's free runs on the held-out part err by, over the motion there.
+    floors: what the true device's free runs on the held-out part err by, over the motion there, in
+    the first output, and in the position that it was counted from.
     """
 
     trace: Trace
     device: Device
     law: Law | None
     states: Floats
-    floor: float = 0.0
+    floors: tuple[float, float] = (0.0, 0.0)
 
 
 def drawn(seed: int, index: int, two: bool = False) -> Drawn:
@@ -137,8 +139,17 @@ def _try(random: np.random.Generator, with_law: bool, two: bool) -> Drawn | None
     states = motion_at(law.at, t, again.states, played)
     factors = [law.first] if law.second is None else [law.first, law.second]
     seen = np.column_stack([states[factor.argument] for factor in factors])
-    share = floor([again], 1) / _motion(again.trace)
-    return Drawn(again.trace, nominal, law, seen[:, 0] if law.second is None else seen, share)
+    (first, *_) = (name for name in again.trace.channels if name != "command")
+    mass = int(first[-1]) - 1
+    channels = {"command": played, f"position_m{mass + 1}": again.states[:, mass]}
+    units = dict.fromkeys(channels, "")
+    truly = replace(again, trace=Trace(again.trace.t, channels, units, "recorded"))
+    floors = (_floor(again), _floor(truly))
+    return Drawn(again.trace, nominal, law, seen[:, 0] if law.second is None else seen, floors)
+
+
+def _floor(made: Made) -> float:
+    return floor([made], 1) / _motion(made.trace)
 
 
 def _motion(trace: Trace) -> float:
@@ -280,8 +291,8 @@ def main() -> None:
             false.append(law is not None)
         else:
             (first, *_) = (name for name in one.trace.channels if name != "command")
-            as_read = found.searched.problem.experiments[0].outputs[0].name == first
-            least = max(one.floor, fit.noise_floor) if as_read else fit.noise_floor
+            counted = found.searched.problem.experiments[0].outputs[0].name != first
+            least = max(one.floors[counted], fit.noise_floor)
             share = (fit.refit - after) / max(fit.refit - least, 1e-12)
             gone.append(share)
             line += f" gone {100.0 * share:.1f} %"

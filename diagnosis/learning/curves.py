@@ -240,7 +240,7 @@ def _believed_laws(
         phi = against(min((h for h, _ in full), key=lambda h: h.cost.total), least).phi
         shaped = [(_refined(h, site, phi), site) for h, site in full]
         best = min(shaped, key=lambda one: tempered(one[0], phi))
-        best = _absorbing(*best, phi), best[1]
+        best = _alone(found, _absorbing(*best, phi), best[1], phi), best[1]
         if not found.ahead(best[0], least) or _is_line(*best, say):
             continue
         law = _as_the_file_counts(one_way(best[0], phi), best[1])
@@ -378,6 +378,16 @@ def _absorbing(h: Hypothesis, site: Site, phi: float) -> Hypothesis:
         if other is not None and not believed(h.cost, other.cost, against(h, other).phi):
             h = other
     return h
+
+
+def _alone(found: Search, h: Hypothesis, site: Site, phi: float) -> Hypothesis:
+    """The same without names that its own points have made needless.
+
+    Beside a table too coarse for a law a name pays for what the table cannot hold, whatever state
+    it follows: a corner over velocity looks like a gain that differs by direction.
+    """
+    fewer = without_names(found, h)
+    return h if fewer is h else _refined(fewer, site, phi)
 
 
 def _finer(h: Hypothesis, site: Site) -> Hypothesis:
