@@ -130,7 +130,8 @@ class Reads(NamedTuple):
         """Return what the outputs (o,) of a recording read where the device is at rest."""
         positions = np.array([o.tells_position for o in experiment.outputs])
         own = np.array([self.zeros[o.mass] for o in experiment.outputs])
-        return (self.origin * experiment.swing + own) * positions
+        origin = self.origin * experiment.swing if self.origin else 0.0  # a swing may be infinite
+        return (origin + own) * positions
 
 
 @dataclass(frozen=True)
