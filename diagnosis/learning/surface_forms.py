@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.learning.tables import left_out_of
+from zwidth.diagnosis.learning.tables import MET, left_out_of
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.free_force import counts_at, force_at, grid_of, grid_values
@@ -38,7 +38,6 @@ Floats = NDArray[np.float64]
 Places = NDArray[np.int64]
 Seen = NDArray[np.bool_]
 OF_A_SHARE = 0.3  # scale of a number that a force is taken times, of which the largest is one
-MET = 10  # samples nearest to a point of a grid, of which fewer say nothing of the force there
 
 
 @dataclass(frozen=True)

@@ -51,6 +51,7 @@ from zwidth.diagnosis.learning.surface_forms import (
     in_words,
     product,
 )
+from zwidth.diagnosis.learning.tables import points_over
 from zwidth.diagnosis.learning.where import SHARE, begun, comes_back
 from zwidth.diagnosis.mishaps import Say, attempt
 from zwidth.diagnosis.model.parameters import Model
@@ -76,6 +77,9 @@ PAIRS = (("position", "velocity"), ("position", "command"), ("velocity", "comman
 FEW = 5  # rows and columns that a surface begins with
 ASKED = 2  # places and pairs that are fitted to their end
 Hopeful = Callable[[Hypothesis], bool]
+
+
+Begun = tuple[Field, Hypothesis]
 
 
 @dataclass(frozen=True)
@@ -142,28 +146,35 @@ def surfaces(
     points of a form are worth the search for those that pay.
     """
     bases = [found.best] + [found.plain] * bool(found.best.model.effects)
-    everywhere: list[tuple[Field, Hypothesis]] = []
+    everywhere: list[Begun] = []
     for base in bases:
         asked = partial(_begun_everywhere, base)
         everywhere += attempt("learn", "where two states lead", asked) or []
     everywhere.sort(key=lambda one: one[1].cost.misfit)
-    likeliest: dict[tuple[str, tuple[str, str]], tuple[Field, Hypothesis]] = {}
-    for field, first in everywhere:
-        likeliest.setdefault((field.at, field.over), (field, first))
+    likeliest: dict[tuple[str, tuple[str, str]], list[Begun]] = {}
+    for one in everywhere:
+        likeliest.setdefault((one[0].at, one[0].over), []).append(one)
     least = min(than, key=lambda h: h.cost.total)
-    for field, first in itertools.islice(likeliest.values(), ASKED):
-        say(f"learning a law over {field.name}")
-        yield _of_either_form(found, field, first, least, hopeful)
+    for each in itertools.islice(likeliest.values(), ASKED):
+        say(f"learning a law over {each[0][0].name}")
+        yield _of_either_form(found, each, least, hopeful)
 
 
 def _of_either_form(
-    found: Search, field: Field, first: Hypothesis, least: Hypothesis, hopeful: Hopeful
+    found: Search, each: Sequence[Begun], least: Hypothesis, hopeful: Hopeful
 ) -> Iterator[Surface]:
-    """Yield a product and a grid that are believed."""
+    """Yield a product and a grid that are believed, beside names or in the place of all.
+
+    Names that were found without a law have taken what they can of it, so that beside them it may
+    look like another; the likelier of both is said.
+    """
     for make in (_as_product, _as_grid):
-        shaping = partial(_shaped, make, first, field, least, hopeful)
-        h = attempt("learn", field.at, shaping)
-        h = None if h is None else without_names(found, h)
+        ends: list[Hypothesis] = []
+        for field, first in each:
+            shaping = partial(_shaped, make, first, field, least, hopeful)
+            h = attempt("learn", field.at, shaping)
+            ends += [] if h is None else [without_names(found, h)]
+        h = min(ends, key=lambda end: end.cost.total, default=None)
         if h is not None and believed(h.cost, least.cost, against(h, least).phi):
             yield _as_learned(h, least, found)
 
@@ -182,14 +193,14 @@ def _shaped(
     return _of_those_that_pay(full, field, against(full, least).phi)
 
 
-def _begun_everywhere(base: Hypothesis) -> list[tuple[Field, Hypothesis]]:
+def _begun_everywhere(base: Hypothesis) -> list[Begun]:
     """Small surfaces of nothing at every place and pair, some rounds downhill."""
     if base.slopes is None:
         return []
-    found: list[tuple[Field, Hypothesis]] = []
+    found: list[Begun] = []
     for field in _fields(base):
         axes = _axes(field, FEW)
-        law = None if axes is None else grid(field, *axes, np.zeros((FEW, FEW)))
+        law = None if axes is None else grid(field, *axes, np.zeros([axis.size for axis in axes]))
         h = None if law is None else begun(base, *_beside(base.model, base.x, field, law))
         if h is not None and h.cost.misfit < base.cost.misfit:
             found.append((field, h))
@@ -229,16 +240,9 @@ def _states_at(moved: Sequence[Floats], commands: list[Floats], at: str) -> dict
 
 
 def _axes(field: Field, count: int) -> tuple[Floats, Floats] | None:
-    """So many states of either: half by where it was, half evenly; None where one has no range."""
-    share = np.linspace(0.0, 1.0, count)
-    found: list[Floats] = []
-    for seen in field.states.T:
-        low, high = float(seen.min()), float(seen.max())
-        at = 0.5 * (np.quantile(seen, share) + low + share * (high - low))
-        at[0], at[-1] = low, high
-        found.append(at)
-    first, second = found
-    return (first, second) if np.all(np.diff(found) > 0.0) else None
+    """So many states of either, or as many as are met; None where one has no range."""
+    first, second = (points_over(seen, count, False) for seen in field.states.T)
+    return None if first is None or second is None else (first, second)
 
 
 def _beside(base: Model, x: Floats, field: Field, law: Physics) -> tuple[Model, Floats]:

@@ -12,6 +12,7 @@ from zwidth.sim.physics.free_law import points_of, table_values
 
 Floats = NDArray[np.float64]
 BOTH_WAYS = 0.3  # of the largest state on one side, that the other must reach for an odd law
+MET = 10  # samples nearest to a point, of which fewer say nothing of the force there
 
 
 def law_at(law: Physics, states: Floats) -> Floats:
@@ -68,7 +69,9 @@ def points_over(seen: Floats, count: int, odd: bool, period: float = 0.0) -> Flo
     """Return so many states for a table over those seen (samples,); None where it has no sense.
 
     An odd law must have been seen on both sides. Half by where it was, half evenly: the ends are
-    where a law shows, and are seldom visited. One that repeats has them evenly over its turn.
+    where a law shows, and are seldom visited. Fewer where a state takes few values, as a command of
+    some levels does: points between these would say nothing. One that repeats has them evenly over
+    its turn.
     """
     if period > 0.0:
         return period * np.arange(count) / count
@@ -77,9 +80,22 @@ def points_over(seen: Floats, count: int, odd: bool, period: float = 0.0) -> Flo
         return None
     share = np.linspace(0.0, 1.0, count)
     even = (0.0 if odd else low) + share * (max(-low, high) if odd else high - low)
-    at = 0.5 * (np.quantile(np.abs(seen) if odd else seen, share) + even)
+    where = np.sort(np.abs(seen) if odd else seen)
+    at = 0.5 * (np.quantile(where, share) + even)
     at[0], at[-1] = even[0], even[-1]
-    return None if np.any(np.diff(at) <= 0.0) else at
+    return None if np.any(np.diff(at) <= 0.0) else _met(at, where)
+
+
+def _met(at: Floats, where: Floats) -> Floats:
+    """Those of some states that enough samples lie nearest to, and the ends; where: sorted."""
+    while at.size > 2:
+        edges = np.searchsorted(where, 0.5 * (at[1:] + at[:-1]))
+        nearest = np.diff(edges)
+        k = int(np.argmin(nearest))
+        if nearest[k] >= MET:
+            break
+        at = np.delete(at, k + 1)
+    return at
 
 
 def table(
