@@ -45,7 +45,8 @@ class Proposal:
 
     under: None where it needs no first fit. family: of its noise; near: ratio about which that is
     sought, None for all of the family. prices: as a hypothesis has them. akin: whether it differs
-    from a hypothesis in the place of an effect, or in a simpler law of the same kind there.
+    from a hypothesis in the place of an effect, or in a simpler law of the same kind there. blind:
+    whether nothing but a fit tells what it is worth, where no start stands out.
     """
 
     experiments: Sequence[Experiment]
@@ -56,6 +57,7 @@ class Proposal:
     near: float | None = None
     prices: Prices = ()
     akin: bool = False
+    blind: bool = False
 
     def judged(self, x: Floats) -> Hypothesis:
         """Return it at x under its likeliest noise; raises NoObserver where none follows.
@@ -65,9 +67,10 @@ class Proposal:
         """
         among = None if self.near is None else self.family.near(self.near)
         h = judged(self.experiments, self.model, x, self.family, among, self.prices)
-        if among is not None or self.under is None:
+        rounds = Effort.first_rounds if self.blind else Effort.own_rounds
+        if not self.blind and (among is not None or self.under is None):
             return h
-        moved = h.moved(descend(h.far_ground, h.x, Effort.own_rounds, h.creased).x)
+        moved = h.moved(descend(h.far_ground, h.x, rounds, h.creased).x)
         return moved if moved.cost.misfit < h.cost.misfit else h
 
     @property
@@ -114,10 +117,30 @@ def added(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
             starts = _together(near, shown_starts(seen))
         count = effort.near if seen.own else effort.far
         for rank, one in enumerate(screened(seen, starts)):
-            # Of what ends in the valley where it began, the first order says nothing.
-            blind = seen.own and any(p.valleys for p in one.start.physics.effect.parameters)
-            if blind or (rank < count and one.score > NO_SIGN):
+            if rank < count and one.score > NO_SIGN:
                 yield _with(h, seen, one)
+
+
+def scattered(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
+    """Yield the hypothesis with what ends in the valley where it begins, from each of its starts.
+
+    The first order says nothing of it: under the noise that a play was taken for, no gap is a gain
+    before masses and noise have followed it.
+    """
+    sizes = sizes_of(h.model.build(h.x), h.experiments, h.model.reads(h.x).gain)
+    where = [
+        (effect, place)
+        for effect, place in open_places(h.model.build(h.x))
+        if any(p.valleys for p in effect.parameters)
+    ]
+    for starts in starts_at(where, sizes, far=False).values():
+        for start in starts:
+            model = h.model.with_effect(start.physics, start.scales, start.bounds)
+            own = [p.name for p in model.parameters[h.x.size :]]
+            x = np.concatenate([h.x, start.beyond(own, start.scales)])
+            yield Proposal(
+                h.experiments, model, model.within(x), h.family, prices=h.prices, blind=True
+            )
 
 
 def stepped(h: Hypothesis, _: Effort) -> Iterator[Proposal]:

@@ -41,6 +41,7 @@ from zwidth.diagnosis.selection.moves import (
     merged,
     removed,
     replaced,
+    scattered,
     simpler,
     split,
     stepped,
@@ -61,7 +62,7 @@ FAR_SPREAD, NEAR_SPREADS = 0.5, (0.3, 0.1)  # in x, of which one is a file's own
 class Moves:
     """What a search tries: to add, to put in place of a hypothesis, and of one of its effects."""
 
-    adding: Sequence[Move] = (added, stepped)
+    adding: Sequence[Move] = (added, scattered, stepped)
     exchanging: Sequence[Move] = (removed, simpler, split, merged)
     replacing: Callable[[int], Move] = replaced
 
@@ -398,7 +399,9 @@ def fitted(found: Search, proposals: Iterable[Proposal], ended: int) -> list[Hyp
     for group in views.values():
         order = sorted(group, key=lambda b: b.cost)
         count = max(ended, found.effort.judged)
-        promising += [b for i, b in enumerate(order) if i < count or b.proposal.akin]
+        promising += [
+            b for i, b in enumerate(order) if i < count or b.proposal.akin or b.proposal.blind
+        ]
     begun: dict[frozenset[str], Hypothesis] = {}
     first = [(b.proposal.label, partial(_judged, b)) for b in promising]
     for h in _each("candidates", first):

@@ -21,6 +21,7 @@ ledger, what the link's damper books inside the gap this effect books back: read
 Other effects in the same link act beside it, between its two masses.
 """
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -32,11 +33,14 @@ from zwidth.sim.physics.effect import Bounds, Effect, Parameter, Scaled, Values
 from zwidth.sim.physics.sizes import SMALLEST, Sizes, up_to
 from zwidth.sim.place import LINKS, Place
 
+APART = 3.0  # times as wide is the next start: its valley is no wider
+
 
 def _starts(z: Sizes, place: Place) -> Iterator[Scaled]:
-    """From a part of what the spring gives way to what a lightly driven device rattles in."""
-    reach = z.reach(place)
-    for gap in np.geomspace(0.003 * reach, max(0.3 * reach, 0.03 * z.position), 6).tolist():
+    """From a part of what the spring gives way to a good part of the travel, as a worn gear has."""
+    least, most = 0.003 * z.reach(place), 0.3 * max(z.reach(place), z.position)
+    count = math.ceil(math.log(most / least) / math.log(APART)) + 1
+    for gap in np.geomspace(least, most, count).tolist():
         yield {"gap": gap}, {"gap": gap}
 
 
