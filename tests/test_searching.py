@@ -34,6 +34,7 @@ from zwidth.diagnosis.selection.moves import (
     merged,
     removed,
     replaced,
+    scattered,
     simpler,
     split,
 )
@@ -308,6 +309,18 @@ def test_the_valley_of_play_is_found_from_another() -> None:
     look_for_valleys(found)
     assert found.best.cost.misfit < h.cost.misfit - 500.0
     assert model.effects_at(found.best.x)[0].values["gap"] == pytest.approx(0.01, rel=0.1)
+
+
+def test_play_far_wider_than_what_a_link_gives_way_is_found() -> None:
+    """0.3 rad where the link gives way by milliradians, both masses measured.
+
+    Mutation: `scattered` left out. To first order every such gap is a loss.
+    """
+    made = [recording(drive().with_physics(play(0.3)), 1000, 8, (0, 1))]
+    moves = Moves(adding=(scattered,), exchanging=(), replacing=lambda _: lambda *_: iter(()))
+    found = search(drive(), made, replace(QUICK, effects=1), moves=moves)
+    (gap,) = found.best.model.effects_at(found.best.x)
+    assert gap.values["gap"] == pytest.approx(0.3, rel=0.01)
 
 
 def test_what_was_looked_for_tick_by_tick_is_paid(rubbed: list[Experiment]):
