@@ -13,19 +13,19 @@ new along the motion that it makes, and stands as clearly in the recording as th
 With --two the law follows two states: A f(a) g(b) or A f(a + d g(b)), of position, velocity and
 command at a mass, of a link's stretch, its rate and the command, or of the command and m1's
 position or velocity. Its form is recovered where nine samples of ten lie in the band, or the
-surface errs by less than a tenth, both without a plane, which is a spring's, a damper's and a
-scale's.
+surface errs by less than a tenth, of those between the ends of what was fitted: without a plane,
+which is a spring's, a damper's and a scale's, and without the scale of a law over the command where
+that acts, as below.
 
 Columns: what acts, the verdict, what was learned and where; by how much the curve errs over the
-range that holds 98 % of the samples, as a share of the law's rms, both without what a straight line
-holds (that is a spring's, a damper's or a gain's) and, of a law over the command, without its scale
-(u + f(u) on m is the motion of c u + c f(u) on c m), and by how much it errs together with the
-names beside it that follow the same state; whether the truth lies within its band; and the share of
-the refit's held-out free-run error that is gone, of what the true device would take away from its
-own true states. A
-form is recovered
-where the truth lies in the band or the curve errs by less than a tenth, by itself or together with
-the names; how often by itself is said too.
+range that was fitted and holds 98 % of the samples, as a share of the law's rms, without what a
+straight line holds (that is a spring's, a damper's or a gain's) and, of a law over the command,
+without its scale (u + f(u) on m is the motion of c u + c f(u) on c m), and by how much it errs
+together with the names beside it that follow the same state; whether the truth lies within its
+band; and the share of the refit's held-out free-run error that is gone, of what the true device
+would take away from its own true states. A form is recovered where the truth lies in the band or
+the curve errs by less than a tenth, by itself or together with the names; how often by itself is
+said too.
 """
 
 import argparse
@@ -186,9 +186,14 @@ def bent(values: Floats, states: Floats) -> Floats:
     return values - np.polynomial.polynomial.polyval(states, line)
 
 
+def _ends(seen: Floats) -> tuple[Floats, Floats]:
+    """Between which states a law was fitted: nothing is known of it beyond."""
+    return np.asarray(seen.min(axis=0)), np.asarray(seen.max(axis=0))
+
+
 def apart(one: Drawn, law: Law, curve: Learned) -> tuple[float, float]:
     """Return by how much a curve errs over the law's rms, and together with names beside it."""
-    low, high = np.quantile(one.states, (0.01, 0.99))
+    low, high = np.clip(np.quantile(one.states, (0.01, 0.99)), *_ends(curve.seen))
     s = np.linspace(low, high, 100)
     truth = bent(law.along({law.first.argument: s}), s)
     named = curve.named_at(s)
@@ -204,18 +209,27 @@ def apart(one: Drawn, law: Law, curve: Learned) -> tuple[float, float]:
 
 def apart_over_two(one: Drawn, law: Law, surface: Surface) -> tuple[float, bool]:
     """Return by how much a surface errs over the law's rms along the samples, and whether nine of
-    ten lie in its band; both without a plane."""
+    ten lie in its band; both without a plane, and of a law over the command where that acts without
+    its scale."""
     assert law.second is not None
     arguments = (law.first.argument, law.second.argument)
-    truth = law.along(dict(zip(arguments, one.states.T, strict=True)))
-    first, second = (one.states[:, [NAMED[a] for a in arguments].index(s)] for s in surface.states)
+    order = [[NAMED[a] for a in arguments].index(s) for s in surface.states]
+    low, high = _ends(surface.seen)
+    states = one.states[np.all((one.states[:, order] >= low) & (one.states[:, order] <= high), 1)]
+    truth = law.along(dict(zip(arguments, states.T, strict=True)))
+    first, second = states[:, order].T
     ours, half = surface.at(first, second), surface.half(first, second)
-    flat = np.column_stack([np.ones(truth.size), one.states])
+    flat = np.column_stack([np.ones(truth.size), states])
 
     def off(values: Floats) -> Floats:
         return values - flat @ np.linalg.lstsq(flat, values, rcond=None)[0]
 
-    errs = np.abs(off(ours - truth))
+    scale = 1.0
+    if "command" in arguments and law.at in ("m1", "command"):
+        bend = off(truth)
+        scale = _likely_scale(float(bend @ off(ours)) / max(float(bend @ bend), 1e-300))
+    errs = np.abs(off(ours / scale - truth))
+    half, ours = half / scale, ours / scale
     size = float(np.std(off(truth)))
     inside = float(np.mean(errs < half + COARSE * float(np.abs(ours).max())))
     return float(np.sqrt(np.mean(errs**2))) / size, inside > INSIDE
@@ -223,7 +237,11 @@ def apart_over_two(one: Drawn, law: Law, surface: Surface) -> tuple[float, bool]
 
 def _scale(law: Law, told: float) -> float:
     """By what a law is larger that no motion tells: of one over the command, as masses may be."""
-    return float(np.clip(told, 1.0 / MOST_OFF, MOST_OFF)) if law.at == "command" else 1.0
+    return _likely_scale(told) if law.at == "command" else 1.0
+
+
+def _likely_scale(told: float) -> float:
+    return float(np.clip(told, 1.0 / MOST_OFF, MOST_OFF))
 
 
 def within(law: Law, curve: Learned) -> bool:

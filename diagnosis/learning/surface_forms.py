@@ -280,6 +280,20 @@ class ProductForm(Form):
         (fixed,) = (k for k in range(self.beside.size) if SHARE_SECOND[k] not in free)
         return -1, fixed
 
+    def coarser(self) -> int:
+        """Return which of its tables, 0 or 1, misses most of its law between its points."""
+        misses = [
+            float(np.sum(left_out_of(at, laws) ** 2) / max(np.sum(laws**2), 1e-300))
+            for at, laws in ((self.states, self.laws), (self.beside, self.shares))
+        ]
+        return int(np.argmax(misses))
+
+    def on(self, field: Field, first: Floats, second: Floats) -> Physics:
+        """Return the same product with tables of other states, each (points,)."""
+        f = counts_at(self.states, first) @ self.laws
+        g = counts_at(self.beside, second) @ self.shares
+        return product(field, first, f, second, g)
+
     def fewer(self, field: Field, free: Collection[str], first: Places, second: Places) -> Fewer:
         """Return a product of some points of either table."""
         _, fixed = self.kept(field, free)

@@ -4,10 +4,11 @@ Where a law of one state leaves much, what is missing may follow two: friction t
 shapes, a motor whose torque falls with speed, a detent that grows with the command. So a small grid
 of forces (`sim/physics/free_force`) is let in at every place over every pair of position, velocity
 and command there (in a link, of how far it gives way, how fast, and the command), beside what
-hypotheses have, and goes some rounds downhill as laws of one state do (`where`). The likeliest are
-fitted to their end in two forms (`surface_forms`),
+hypotheses have, and goes some rounds downhill as laws of one state do (`where`), and so does a
+product that is begun at the first singular vectors of that grid. The likeliest are fitted to their
+end in two forms (`surface_forms`),
 
-    a product f(a) g(b) of two tables (`free_product`), begun at the first singular vectors,
+    a product f(a) g(b) of two tables (`free_product`), with more points where these pay,
     a grid F(a, b) of as many points as it has,
 
 each with the points that pay: of the precision P with which a fit knows the numbers z of a law, any
@@ -28,6 +29,7 @@ columns; nothing over time, which a recording meets once and held-out data never
 """
 
 import itertools
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -51,14 +53,14 @@ from zwidth.diagnosis.learning.surface_forms import (
     in_words,
     product,
 )
-from zwidth.diagnosis.learning.tables import points_over
-from zwidth.diagnosis.learning.where import SHARE, begun, comes_back
+from zwidth.diagnosis.learning.tables import between, points_over
+from zwidth.diagnosis.learning.where import MANY, SHARE, begun, comes_back
 from zwidth.diagnosis.mishaps import Say, attempt
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import SETTLING
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.seeking.sizes import sizes_of
-from zwidth.diagnosis.selection.evidence import believed, freedom
+from zwidth.diagnosis.selection.evidence import ALPHA, believed, freedom
 from zwidth.diagnosis.selection.hypothesis import (
     SWEEP,
     Hypothesis,
@@ -75,11 +77,25 @@ from zwidth.sim.place import masses_and_links, place_at
 Floats = NDArray[np.float64]
 PAIRS = (("position", "velocity"), ("position", "command"), ("velocity", "command"))
 FEW = 5  # rows and columns that a surface begins with
-ASKED = 2  # places and pairs that are fitted to their end
+REFINED = 3  # times that points are put between those that pay
+BEGUN = 4  # places and pairs at which a product is begun
+ASKED = 2  # of these, that are fitted to their end
 Hopeful = Callable[[Hypothesis], bool]
 
 
-Begun = tuple[Field, Hypothesis]
+@dataclass(frozen=True)
+class Begun:
+    """Both forms of a surface, some rounds downhill; no product where none is to be had."""
+
+    field: Field
+    grid: Hypothesis
+    product: Hypothesis | None
+
+    @property
+    def misfit(self) -> float:
+        """What the likelier of both costs."""
+        known = (self.grid, self.product)
+        return min(h.cost.misfit for h in known if h is not None)
 
 
 @dataclass(frozen=True)
@@ -150,13 +166,13 @@ def surfaces(
     for base in bases:
         asked = partial(_begun_everywhere, base)
         everywhere += attempt("learn", "where two states lead", asked) or []
-    everywhere.sort(key=lambda one: one[1].cost.misfit)
+    everywhere.sort(key=lambda one: one.misfit)
     likeliest: dict[tuple[str, tuple[str, str]], list[Begun]] = {}
     for one in everywhere:
-        likeliest.setdefault((one[0].at, one[0].over), []).append(one)
+        likeliest.setdefault((one.field.at, one.field.over), []).append(one)
     least = min(than, key=lambda h: h.cost.total)
     for each in itertools.islice(likeliest.values(), ASKED):
-        say(f"learning a law over {each[0][0].name}")
+        say(f"learning a law over {each[0].field.name}")
         yield _of_either_form(found, each, least, hopeful)
 
 
@@ -170,9 +186,8 @@ def _of_either_form(
     """
     for make in (_as_product, _as_grid):
         ends: list[Hypothesis] = []
-        for field, first in each:
-            shaping = partial(_shaped, make, first, field, least, hopeful)
-            h = attempt("learn", field.at, shaping)
+        for one in each:
+            h = attempt("learn", one.field.at, partial(_shaped, make, one, least, hopeful))
             ends += [] if h is None else [without_names(found, h)]
         h = min(ends, key=lambda end: end.cost.total, default=None)
         if h is not None and believed(h.cost, least.cost, against(h, least).phi):
@@ -180,31 +195,64 @@ def _of_either_form(
 
 
 def _shaped(
-    make: Callable[[Hypothesis, Field], Hypothesis | None],
-    first: Hypothesis,
-    field: Field,
-    least: Hypothesis,
-    hopeful: Hopeful,
+    make: Callable[[Begun], Hypothesis | None], one: Begun, least: Hypothesis, hopeful: Hopeful
 ) -> Hypothesis | None:
     """A form with the points that pay; None where free runs of all its points give no hope."""
-    full = make(first, field)
+    full = make(one)
     if full is None or not hopeful(full):
         return None
-    return _of_those_that_pay(full, field, against(full, least).phi)
+    return _refined(full, one.field, against(full, least).phi)
+
+
+def _refined(h: Hypothesis, field: Field, phi: float) -> Hypothesis:
+    """The same with the points that pay, and with those between them that do, in turn."""
+    best = h = _of_those_that_pay(h, field, phi)
+    for _ in range(REFINED):
+        more = _finer(h, field)
+        if more is None:
+            break
+        phi = against(more, h).phi
+        h = _of_those_that_pay(more, field, phi)
+        best = min((best, more, h), key=lambda one: tempered(one, phi))
+    return best
+
+
+def _finer(h: Hypothesis, field: Field) -> Hypothesis | None:
+    """A product with a point between each two of one table, where those of them that pay do.
+
+    Of that which its points hold least. None for a grid, which has all of its points.
+    """
+    form = form_of(_last(h))
+    if not isinstance(form, ProductForm):
+        return None
+    axes = [form.states, form.beside]
+    k = form.coarser()
+    more = between(axes[k], field.states[:, k])
+    if not axes[k].size < more.size <= POINTS:
+        return None
+    axes[k] = more
+    first, second = axes
+    other = _in_its_place(h, field, form.on(field, first, second))
+    if other is None:
+        return None
+    gained = h.cost.total - other.cost.total + _spared(other, field) - _spared(h, field)
+    phi = against(other, h).phi
+    return other if gained > 2.0 * phi * math.log(1.0 / ALPHA) else None
 
 
 def _begun_everywhere(base: Hypothesis) -> list[Begun]:
-    """Small surfaces of nothing at every place and pair, some rounds downhill."""
+    """Small surfaces of nothing at every place and pair, some rounds downhill: the likeliest."""
     if base.slopes is None:
         return []
-    found: list[Begun] = []
+    grids: list[tuple[Field, Hypothesis]] = []
     for field in _fields(base):
         axes = _axes(field, FEW)
         law = None if axes is None else grid(field, *axes, np.zeros([axis.size for axis in axes]))
         h = None if law is None else begun(base, *_beside(base.model, base.x, field, law))
         if h is not None and h.cost.misfit < base.cost.misfit:
-            found.append((field, h))
-    return found
+            grids.append((field, h))
+    grids.sort(key=lambda one: one[1].cost.misfit)
+    return [Begun(field, h, _product_begun(h, field)) for field, h in grids[:BEGUN]]
 
 
 def _fields(base: Hypothesis) -> Iterator[Field]:
@@ -275,12 +323,12 @@ def _last(h: Hypothesis) -> Physics:
     return h.model.effects_at(h.x)[-1]
 
 
-def _as_product(h: Hypothesis, field: Field) -> Hypothesis | None:
-    """A product with all the points that its tables have, fitted, from a grid that was begun.
+def _product_begun(h: Hypothesis, field: Field) -> Hypothesis | None:
+    """A product of many points, some rounds downhill from a grid that was begun.
 
     Of the grid less its plane, which is a spring's, a damper's and a scale's, or of it as it is.
     """
-    few, axes = GridForm(_last(h)), _axes(field, POINTS)
+    few, axes = GridForm(_last(h)), _axes(field, MANY)
     if axes is None:
         return None
     forces = few.smooth(field)
@@ -300,12 +348,17 @@ def _as_product(h: Hypothesis, field: Field) -> Hypothesis | None:
         law = product(field, axes[0], top * f, axes[1], g / top)
         other = begun(h, *_exchanged(h, field, law))
         each += [] if other is None else [other]
-    likeliest = min(each, key=lambda one: one.cost.misfit, default=None)
-    return None if likeliest is None else _finite(settled(likeliest))
+    return min(each, key=lambda one: one.cost.misfit, default=None)
 
 
-def _as_grid(h: Hypothesis, field: Field) -> Hypothesis | None:
+def _as_product(one: Begun) -> Hypothesis | None:
+    """A product with as many points as one begins with, fitted."""
+    return None if one.product is None else _finite(settled(one.product))
+
+
+def _as_grid(one: Begun) -> Hypothesis | None:
     """A grid with all the points that it has, fitted, from one of fewer that was begun."""
+    h, field = one.grid, one.field
     few, axes = GridForm(_last(h)), _axes(field, SIZE)
     if axes is None:
         return None
@@ -383,15 +436,15 @@ def _priced(there: _Known, form: Form, field: Field, first: Places, second: Plac
     return _Fewer(first, second, law(y), cost)
 
 
-def _of_those_that_pay(h: Hypothesis, field: Field, phi: float) -> Hypothesis:
-    """The same law with the points that pay along either state, where that costs less.
+def _cheapest(h: Hypothesis, field: Field, phi: float) -> tuple[_Fewer, float]:
+    """What a law of the points that pay along either state is, and what less it costs.
 
     Its ends stay, and so does the point of a number that is held.
     """
     there, form = _known(h, phi), form_of(_last(h))
     kept = form.kept(field, there.names)
     priced = partial(_priced, there, form, field)
-    best = cheapest = priced(*(np.arange(size) for size in form.sizes))
+    full = best = cheapest = priced(*(np.arange(size) for size in form.sizes))
     while True:
         both = best.first, best.second
         go = [[k for k in range(1, b.size - 1) if b[k] != kept[i]] for i, b in enumerate(both)]
@@ -401,7 +454,22 @@ def _of_those_that_pay(h: Hypothesis, field: Field, phi: float) -> Hypothesis:
             break
         best = min(itertools.starmap(priced, fewer), key=lambda one: one.cost)
         cheapest = best if best.cost < cheapest.cost else cheapest
-    if cheapest.law is None or (cheapest.first.size, cheapest.second.size) == form.sizes:
+    return cheapest, full.cost - cheapest.cost
+
+
+def _spared(h: Hypothesis, field: Field) -> float:
+    """What a law of the points that pay costs less, to second order; 0.0 where nothing is told."""
+    _, spared = _cheapest(h, field, 1.0)
+    return spared if math.isfinite(spared) else 0.0
+
+
+def _of_those_that_pay(h: Hypothesis, field: Field, phi: float) -> Hypothesis:
+    """The same law with the points that pay along either state, where that costs less."""
+    cheapest, _ = _cheapest(h, field, phi)
+    if (
+        cheapest.law is None
+        or (cheapest.first.size, cheapest.second.size) == form_of(_last(h)).sizes
+    ):
         return h
     other = _in_its_place(h, field, cheapest.law)
     if other is None:

@@ -86,6 +86,11 @@ def points_over(seen: Floats, count: int, odd: bool, period: float = 0.0) -> Flo
     return None if np.any(np.diff(at) <= 0.0) else _met(at, where)
 
 
+def between(at: Floats, seen: Floats) -> Floats:
+    """Return states of a table (points,) with one more between each two, where samples tell it."""
+    return _met(np.sort(np.concatenate([at, 0.5 * (at[1:] + at[:-1])])), np.sort(seen))
+
+
 def _met(at: Floats, where: Floats) -> Floats:
     """Those of some states that enough samples lie nearest to, and the ends; where: sorted."""
     while at.size > 2:

@@ -42,7 +42,7 @@ from zwidth.sim.place import LINKS, MASSES
 
 Floats = NDArray[np.float64]
 Points = tuple[tuple[float, float], ...]
-POINTS = 16
+POINTS = 32
 AT_FIRST = tuple(f"first_at_{i + 1}" for i in range(POINTS))
 FORCE_FIRST = tuple(f"first_{i + 1}" for i in range(POINTS))
 AT_SECOND = tuple(f"second_at_{i + 1}" for i in range(POINTS))
