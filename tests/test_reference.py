@@ -127,7 +127,7 @@ def test_effects_are_listed_and_described(tmp_path: Path, capsys: pytest.Capture
     assert run(["effects", "free_force"]) == Status.DONE
     assert "force_1_1 to force_8_8" in capsys.readouterr().out
     assert run(["effects", "free_product"]) == Status.DONE
-    assert "second_at_1 to second_at_16" in capsys.readouterr().out
+    assert "second_at_1 to second_at_32" in capsys.readouterr().out
     assert run(["effects", "backlach"]) == Status.BAD_INPUT
     assert "did you mean 'backlash'" in capsys.readouterr().err
 
