@@ -55,7 +55,8 @@ class Start:
     def as_strong_as(self, other: Physics) -> "Start | None":
         """Return the start with the strength of another effect; None where theirs do not compare.
 
-        A law that contains another, or is contained in it, begins best where the other ended.
+        A law that contains another, or is contained in it, begins best where the other ended. Of
+        one with several strengths (friction that differs by direction) the largest counts.
         """
         own, its = self.physics.effect, other.effect
         if own.strength is None or its.strength is None:
@@ -64,7 +65,10 @@ class Start:
         if mine.unit != theirs.unit:
             return None
         size = abs(self.physics.values[mine.name] - mine.none_of_it())
-        wanted = abs(other.values[theirs.name] - theirs.none_of_it())
+        alike = [
+            p for p in map(its.parameter, {theirs.name, *its.magnitudes}) if p.unit == mine.unit
+        ]
+        wanted = max(abs(other.values[p.name] - p.none_of_it()) for p in alike)
         return self.scaled(wanted / size) if size > 0.0 and wanted > 0.0 else None
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -190,7 +190,8 @@ def simpler(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
                 continue
             groups = starts_at([(effect, place)], sizes, far=True)
             for starts in groups.values():
-                yield from _among(h, model, x, [*starts, *_as_strong(starts, fitted[i])])
+                every = [*starts, *_as_strong(starts, fitted[i])]
+                yield from _among(h, model, x, [(start,) for start in every])
 
 
 def split(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
@@ -213,12 +214,11 @@ def split(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
         for pair in combinations(held, 2):
             if pair[0][0].family == pair[1][0].family != "":  # two laws of the same thing
                 continue
-            whole = Proposal(h.experiments, model, x, h.family, h.problem, h.ratio, h.prices)
+            each: list[list[Start]] = []
             for one in pair:
                 (starts,) = starts_at([one], sizes, far=True).values()
-                every = [*starts, *_as_strong(starts, fitted[i])]
-                (whole,) = _among(h, whole.model, whole.x, every)
-            yield whole
+                each.append([*starts, *_as_strong(starts, fitted[i])])
+            yield from _among(h, model, x, list(product(*each)))
 
 
 def _shares(effect: Effect, whole: Effect) -> bool:
@@ -246,7 +246,8 @@ def merged(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
             if both and place.acts_on == one.place.acts_on:
                 (starts,) = starts_at([(effect, place)], sizes, far=True).values()
                 alike = [*_as_strong(starts, one), *_as_strong(starts, other)]
-                yield from (replace(p, akin=True) for p in _among(h, model, x, [*starts, *alike]))
+                every = [(start,) for start in (*starts, *alike)]
+                yield from (replace(p, akin=True) for p in _among(h, model, x, every))
 
 
 def replaced(index: int) -> Move:
@@ -331,20 +332,30 @@ def _with(h: Hypothesis, seen: View, one: Screened) -> Proposal:
     return Proposal(h.experiments, model, x, h.family, seen.problem, near, h.prices)
 
 
-def _among(h: Hypothesis, model: Model, x: Floats, starts: Sequence[Start]) -> Iterator[Proposal]:
-    """The best of some starts of one effect under the noise of a hypothesis."""
+def _among(
+    h: Hypothesis, model: Model, x: Floats, starts: Sequence[tuple[Start, ...]]
+) -> Iterator[Proposal]:
+    """The best of some starts of one effect, or of several together, under a hypothesis's noise."""
     problem = h.problem
-    first = starts[0]
-    names = [p.name for p in first.physics.effect.parameters]
-    tried = model.with_effect(first.physics, dict.fromkeys(names, 1.0))
-    none = np.zeros(len(tried.parameters) - x.size - len(names))  # of what recordings have of it
-    asked = [
-        np.concatenate([x, [s.physics.values[k] - first.physics.values[k] for k in names], none])
-        for s in starts
-    ]
+    tried = model
+    for first in starts[0]:
+        names = [p.name for p in first.physics.effect.parameters]
+        tried = tried.with_effect(first.physics, dict.fromkeys(names, 1.0))
+    asked: list[Floats] = []
+    for together in starts:
+        own = np.zeros(len(tried.parameters))
+        own[: x.size] = x
+        for k, (start, first) in enumerate(zip(together, starts[0], strict=True)):
+            index = len(model.effects) + k
+            for j, p in enumerate(tried.parameters):
+                if p.kind == "effect" and p.index == index:
+                    own[j] = start.physics.values[p.key] - first.physics.values[p.key]
+        asked.append(own)
     costs = Landscape(problem.experiments, problem.observer, tried, SCREENING).costs(asked)
     best = starts[int(np.argmin(np.nan_to_num(costs, nan=np.inf)))]
-    other = model.with_effect(best.physics, best.scales, best.bounds)
+    other = model
+    for start in best:
+        other = other.with_effect(start.physics, start.scales, start.bounds)
     extra = np.zeros(len(other.parameters) - x.size)
     begin = other.within(np.concatenate([x, extra]))
     yield Proposal(h.experiments, other, begin, h.family, problem, h.ratio, h.prices)
