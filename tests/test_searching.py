@@ -311,26 +311,20 @@ def test_the_valley_of_play_is_found_from_another() -> None:
     assert model.effects_at(found.best.x)[0].values["gap"] == pytest.approx(0.01, rel=0.1)
 
 
-def test_friction_one_way_alone_is_split_into_friction_and_a_force() -> None:
-    """Friction of 0 forwards and 0.06 N m backwards is 0.03 N m of either.
+def test_a_law_begins_as_strong_as_the_strongest_of_another() -> None:
+    """Friction of 0 forwards and 0.06 N m backwards is no weak one.
 
-    Mutation: the strength of a law by one of its levels alone, which is 0 here; each begun alone.
+    Mutation: the strength of a law by the level that stands for it alone, which is 0 here.
     """
-    push = make_physics("constant_force", "m1", level=0.03)
-    made = [recording(drive().with_physics(FRICTION, push), 3000, 1)]
     law = make_physics(
-        "directional_friction", "m1", level_plus=0.0, level_minus=0.06, viscous_plus=0.0,
+        "directional_friction", "m1", level_plus=5e-13, level_minus=0.06, viscous_plus=0.0,
         viscous_minus=0.0,
     )  # fmt: skip
-    scales = {"level_plus": 0.01, "level_minus": 0.01, "viscous_plus": 1e-3, "viscous_minus": 1e-3}
-    model = Model(drive()).with_effect(law, scales)
-    h = settled(judged(made, model, np.zeros(len(model.parameters))))
-    pair = frozenset(("coulomb_friction@m1", "constant_force@m1"))
-    (both,) = (one for one in split(h, QUICK) if one.labels == pair)
-    found = settled(both.judged(both.x), turns=2)
-    assert found.cost.misfit == pytest.approx(h.cost.misfit, abs=10.0)
-    for physics in found.model.effects_at(found.x):
-        assert abs(physics.values["level"]) == pytest.approx(0.03, rel=0.1)
+    begun = Start(make_physics("constant_force", "m1", level=-0.01), {"level": 0.01})
+    alike = begun.as_strong_as(law)
+    assert alike is not None
+    assert alike.physics.values["level"] == pytest.approx(-0.06)
+    assert alike.scales["level"] == pytest.approx(0.06)
 
 
 def test_play_far_wider_than_what_a_link_gives_way_is_found() -> None:
