@@ -280,13 +280,16 @@ class ProductForm(Form):
         (fixed,) = (k for k in range(self.beside.size) if SHARE_SECOND[k] not in free)
         return -1, fixed
 
-    def coarser(self) -> int:
-        """Return which of its tables, 0 or 1, misses most of its law between its points."""
+    def coarser(self) -> tuple[int, float]:
+        """Return which of its tables, 0 or 1, misses most of its law between points, and how much.
+
+        As a share of the law's rms.
+        """
         misses = [
-            float(np.sum(left_out_of(at, laws) ** 2) / max(np.sum(laws**2), 1e-300))
+            float(np.sqrt(np.sum(left_out_of(at, laws) ** 2) / max(np.sum(laws**2), 1e-300)))
             for at, laws in ((self.states, self.laws), (self.beside, self.shares))
         ]
-        return int(np.argmax(misses))
+        return int(np.argmax(misses)), max(misses)
 
     def on(self, field: Field, first: Floats, second: Floats) -> Physics:
         """Return the same product with tables of other states, each (points,)."""

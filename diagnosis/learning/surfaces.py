@@ -77,7 +77,8 @@ from zwidth.sim.place import masses_and_links, place_at
 Floats = NDArray[np.float64]
 PAIRS = (("position", "velocity"), ("position", "command"), ("velocity", "command"))
 FEW = 5  # rows and columns that a surface begins with
-REFINED = 3  # times that points are put between those that pay
+REFINED = 2  # times that points are put between those that pay
+SEEN = 0.05  # of a law's rms, that its points miss at least where more are put between them
 BEGUN = 4  # places and pairs at which a product is begun
 ASKED = 2  # of these, that are fitted to their end
 Hopeful = Callable[[Hypothesis], bool]
@@ -226,9 +227,9 @@ def _finer(h: Hypothesis, field: Field) -> Hypothesis | None:
     if not isinstance(form, ProductForm):
         return None
     axes = [form.states, form.beside]
-    k = form.coarser()
+    k, misses = form.coarser()
     more = between(axes[k], field.states[:, k])
-    if not axes[k].size < more.size <= POINTS:
+    if misses < SEEN or not axes[k].size < more.size <= POINTS:
         return None
     axes[k] = more
     first, second = axes
