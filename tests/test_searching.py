@@ -37,6 +37,7 @@ from zwidth.diagnosis.selection.moves import (
     scattered,
     simpler,
     split,
+    swapped,
 )
 from zwidth.diagnosis.selection.search import Moves, Search, _exchanged, look_for_valleys, search
 from zwidth.sim.physics import make_physics
@@ -325,6 +326,28 @@ def test_a_law_begins_as_strong_as_the_strongest_of_another() -> None:
     assert alike is not None
     assert alike.physics.values["level"] == pytest.approx(-0.06)
     assert alike.scales["level"] == pytest.approx(0.06)
+
+
+def test_two_laws_are_held_against_themselves_in_each_others_place() -> None:
+    """A drag at m1 and friction at m2, called friction at m1 and a drag at m2.
+
+    Mutation: `swapped` yields the places as they are.
+    """
+
+    def pair(friction: str, drag: str) -> tuple[Physics, Physics]:
+        return (
+            make_physics("coulomb_friction", friction, level=0.02),
+            make_physics("quadratic_drag", drag, coefficient=2e-4),
+        )
+
+    made = [recording(drive().with_physics(*pair("m2", "m1")), 2000, 1, (0, 1))]
+    model = Model(drive(), pair("m1", "m2"), ({"level": 0.01}, {"coefficient": 1e-4}))
+    h = settled(judged(made, model, np.zeros(len(model.parameters))))
+    (other,) = swapped(h, QUICK)
+    assert other.akin
+    found = settled(other.judged(other.x), turns=2)
+    assert found.labels == {"coulomb_friction@m2", "quadratic_drag@m1"}
+    assert found.cost.total < h.cost.total - 100.0
 
 
 def test_play_far_wider_than_what_a_link_gives_way_is_found() -> None:

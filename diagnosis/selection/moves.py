@@ -250,6 +250,31 @@ def merged(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
                 yield from (replace(p, akin=True) for p in _among(h, model, x, every))
 
 
+def swapped(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
+    """Yield the hypothesis with two of its effects each in the place of the other.
+
+    Of two frictions which is whose: one at a time they would pass through two laws at one place.
+    """
+    fitted = h.model.effects_at(h.x)
+    for i, j in combinations(range(len(fitted)), 2):
+        one, other = fitted[i], fitted[j]
+        alike = one.effect is other.effect or one.place.acts_on == other.place.acts_on
+        places = str(other.place) in one.effect.places and str(one.place) in other.effect.places
+        if alike or not places:
+            continue
+        model, x = h.model.less(h.x, j)
+        model, x = model.less(x, i)
+        room = {(effect.name, place.acts_on) for effect, place in open_places(model.build(x))}
+        there = ((one.effect.name, other.place.acts_on), (other.effect.name, one.place.acts_on))
+        if not room.issuperset(there):
+            continue
+        pair = tuple(
+            Start(replace(a, at=b.at), h.model.scales[k])
+            for a, b, k in ((one, other, i), (other, one, j))
+        )
+        yield from (replace(p, akin=True) for p in _among(h, model, x, [pair]))
+
+
 def replaced(index: int) -> Move:
     """Return the move that puts another effect in the place of one."""
 

@@ -45,6 +45,7 @@ from zwidth.diagnosis.selection.moves import (
     simpler,
     split,
     stepped,
+    swapped,
 )
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import Device
@@ -63,7 +64,7 @@ class Moves:
     """What a search tries: to add, to put in place of a hypothesis, and of one of its effects."""
 
     adding: Sequence[Move] = (added, scattered, stepped)
-    exchanging: Sequence[Move] = (removed, simpler, split, merged)
+    exchanging: Sequence[Move] = (removed, simpler, split, merged, swapped)
     replacing: Callable[[int], Move] = replaced
 
 
