@@ -144,10 +144,11 @@ def comes_back(each: Sequence[Floats]) -> bool:
 
 
 def law_over(site: Site, count: int, odd: bool) -> Physics | None:
-    """Return a law of so many points, all nothing; None where an odd one has no sense."""
+    """Return a law of so many points at most, all nothing; None where an odd one has no sense."""
     at = points_over(site.states, count, odd, site.period)
-    return None if at is None else table(site.effect, site.at, at, np.zeros(count), odd,
-                                         site.period)  # fmt: skip
+    if at is None:
+        return None
+    return table(site.effect, site.at, at, np.zeros(at.size), odd, site.period)
 
 
 def beside(base: Model, x: Floats, site: Site, law: Physics) -> tuple[Model, Floats]:
