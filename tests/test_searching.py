@@ -39,7 +39,14 @@ from zwidth.diagnosis.selection.moves import (
     split,
     swapped,
 )
-from zwidth.diagnosis.selection.search import Moves, Search, _exchanged, look_for_valleys, search
+from zwidth.diagnosis.selection.search import (
+    Moves,
+    Search,
+    _exchanged,
+    fitted,
+    look_for_valleys,
+    search,
+)
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.uncertainty import Uncertainty
@@ -360,6 +367,20 @@ def test_play_far_wider_than_what_a_link_gives_way_is_found() -> None:
     found = search(drive(), made, replace(QUICK, effects=1), moves=moves)
     (gap,) = found.best.model.effects_at(found.best.x)
     assert gap.values["gap"] == pytest.approx(0.3, rel=0.01)
+
+
+def test_what_is_tried_blind_takes_no_turn_of_what_is_ranked(rubbed: list[Experiment]):
+    """Play from each of its gaps beside a friction that needs no first fit: both are fitted.
+
+    Mutation: the blind in the group of those, of which the first few go on.
+    """
+    plain = settled(judged(rubbed, Model(drive()), np.zeros(len(Model(drive()).parameters))))
+    blind = list(scattered(plain, QUICK))
+    assert len(blind) > QUICK.judged
+    model = with_friction(0.02)
+    rest = Proposal(rubbed, model, np.append(plain.x, 0.0), plain.family)
+    done = fitted(Search(plain, plain, QUICK, silent), [*blind, rest], QUICK.ended)
+    assert {"coulomb_friction@m1"} in [set(h.labels) for h in done]
 
 
 def test_what_was_looked_for_tick_by_tick_is_paid(rubbed: list[Experiment]):

@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.fitting.uncertainty import Z95, covariance, covariance_beside
 from zwidth.diagnosis.forces.leftover import predicted_states
-from zwidth.diagnosis.learning.knots import one_way, shapes, spared, tempered
+from zwidth.diagnosis.learning.knots import one_way, refined, shapes, spared, tempered
 from zwidth.diagnosis.learning.repeating import OF_A_TURN, turns_of
 from zwidth.diagnosis.learning.steady import along
 from zwidth.diagnosis.learning.tables import is_odd, law_at, left_out, points_over, table
@@ -67,7 +67,6 @@ from zwidth.sim.physics.free_law import AT, FORCE, KNOTS, points_of
 
 Floats = NDArray[np.float64]
 FEW = 7  # points, where the recordings do not tell all of a table's
-REFINED = 3  # times that points are put between those that pay
 SAME = 1.0  # -2 ln, within which the same law as another origin has it is the same
 NARROWEST = 1e-6  # of the range of a table, below which nothing is put between two points
 FEWER = 2  # names, that a law must stand for to replace them where they explain a recording
@@ -195,7 +194,7 @@ def _is_a_name(found: Search, curve: Learned, say: Say) -> bool:
         full = _fitted(alone, site, rest)
         if full is None or not np.isfinite(full.cost.total):
             continue
-        both = _shaped(full, site, against(full, alone).phi)
+        both = _shaped(full, against(full, alone).phi, site)
         if both.cost.total < h.cost.total:
             say(f"{one.effect.name} with what it leaves costs less: it is that")
             return True
@@ -374,7 +373,7 @@ def _absorbing(h: Hypothesis, site: Site, phi: float) -> Hypothesis:
         force = law_at(h.model.effects_at(h.x)[-1], at) + given
         law = table(site.effect, site.at, at, force, False)
         whole = _fitted(replace(h, model=bare, x=own), site, law, own)
-        other = None if whole is None else _shaped(whole, site, phi)
+        other = None if whole is None else _shaped(whole, phi, site)
         if other is not None and not believed(h.cost, other.cost, against(h, other).phi):
             h = other
     return h
@@ -431,20 +430,7 @@ def _turning(h: Hypothesis, site: Site) -> Begun:
 
 
 def _refined(h: Hypothesis, site: Site, phi: float) -> Hypothesis:
-    """The same with the points that pay, and with those between them that do, in turn.
-
-    Of points that stand where little happens some go, and their neighbours get nearer to where much
-    does: a corner, or a bump that is narrower than points were at first.
-    """
-    best = h = _shaped(h, site, phi)
-    for _ in range(REFINED):
-        more = _finer(h, site)
-        if more is h:
-            break
-        phi = against(more, h).phi
-        h = _shaped(more, site, phi)
-        best = min((best, more, h), key=lambda one: tempered(one, phi))
-    return best
+    return refined(h, phi, partial(_shaped, site=site), partial(_finer, site=site))
 
 
 def _as_the_file_counts(h: Hypothesis, site: Site) -> Hypothesis:
@@ -470,7 +456,7 @@ def _as_the_file_counts(h: Hypothesis, site: Site) -> Hypothesis:
     return priced(other) if abs(other.cost.misfit - h.cost.misfit) < SAME else h
 
 
-def _shaped(h: Hypothesis, site: Site, phi: float) -> Hypothesis:
+def _shaped(h: Hypothesis, phi: float, site: Site) -> Hypothesis:
     """The same law with the points that pay, odd where that is likelier."""
     best = h
     for shape in shapes(h, site.states, phi):

@@ -20,6 +20,7 @@ the same second order. Limit: not asked where a constant in the law is another o
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -30,12 +31,13 @@ from scipy.optimize import lsq_linear
 from zwidth.diagnosis.learning.tables import basis, is_odd, points_over, table
 from zwidth.diagnosis.learning.where import held
 from zwidth.diagnosis.selection.evidence import freedom
-from zwidth.diagnosis.selection.hypothesis import SWEEP, Hypothesis, judged, priced
+from zwidth.diagnosis.selection.hypothesis import SWEEP, Hypothesis, against, judged, priced
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.free_law import FORCE, points_of
 
 Floats = NDArray[np.float64]
 FEWEST = {False: 3, True: 2}  # points, of laws that are not odd and of those that are
+REFINED = 3  # times that points are put between those that pay
 ODD = 12  # points of an odd law at least, of which those that pay stay
 JUDGED = 1e-9  # of the largest of P, that is added to its diagonal: a sum of forces may be unknown
 
@@ -62,6 +64,29 @@ def tempered(h: Hypothesis, phi: float) -> float:
     Misfit and information, and so ln det A of all its parameters, are phi times less.
     """
     return h.cost.total - (1.0 - 1.0 / phi) * h.cost.misfit - h.x.size * math.log(phi)
+
+
+def refined(
+    h: Hypothesis,
+    phi: float,
+    pays: Callable[[Hypothesis, float], Hypothesis],
+    finer: Callable[[Hypothesis], Hypothesis],
+) -> Hypothesis:
+    """Return a law with the points that pay, and with those between them that do, in turn.
+
+    Of points that stand where little happens some go, and their neighbours get nearer to where much
+    does: a corner, or a bump that is narrower than points were at first. pays: the law of those
+    that pay under some phi; finer: one of more points, the same where these are not believed.
+    """
+    best = h = pays(h, phi)
+    for _ in range(REFINED):
+        more = finer(h)
+        if more is h:
+            break
+        phi = against(more, h).phi
+        h = pays(more, phi)
+        best = min((best, more, h), key=lambda one: tempered(one, phi))
+    return best
 
 
 def known(h: Hypothesis, phi: float = 1.0) -> Known:

@@ -41,7 +41,7 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.fitting.uncertainty import Z95, covariance
 from zwidth.diagnosis.forces.leftover import predicted_states
 from zwidth.diagnosis.learning.curves import without_names
-from zwidth.diagnosis.learning.knots import JUDGED, tempered
+from zwidth.diagnosis.learning.knots import JUDGED, refined, tempered
 from zwidth.diagnosis.learning.surface_forms import (
     Field,
     Form,
@@ -77,7 +77,6 @@ from zwidth.sim.place import masses_and_links, place_at
 Floats = NDArray[np.float64]
 PAIRS = (("position", "velocity"), ("position", "command"), ("velocity", "command"))
 FEW = 5  # rows and columns that a surface begins with
-REFINED = 2  # times that points are put between those that pay
 SEEN = 0.05  # of a law's rms, that its points miss at least where more are put between them
 BEGUN = 4  # places and pairs at which a product is begun
 ASKED = 2  # of these, that are fitted to their end
@@ -202,43 +201,29 @@ def _shaped(
     full = make(one)
     if full is None or not hopeful(full):
         return None
-    return _refined(full, one.field, against(full, least).phi)
+    pays = partial(_of_those_that_pay, field=one.field)
+    return refined(full, against(full, least).phi, pays, partial(_finer, field=one.field))
 
 
-def _refined(h: Hypothesis, field: Field, phi: float) -> Hypothesis:
-    """The same with the points that pay, and with those between them that do, in turn."""
-    best = h = _of_those_that_pay(h, field, phi)
-    for _ in range(REFINED):
-        more = _finer(h, field)
-        if more is None:
-            break
-        phi = against(more, h).phi
-        h = _of_those_that_pay(more, field, phi)
-        best = min((best, more, h), key=lambda one: tempered(one, phi))
-    return best
+def _finer(h: Hypothesis, field: Field) -> Hypothesis:
+    """The same with a point between each two of one table, where these are believed.
 
-
-def _finer(h: Hypothesis, field: Field) -> Hypothesis | None:
-    """A product with a point between each two of one table, where those of them that pay do.
-
-    Of that which its points hold least. None for a grid, which has all of its points.
+    Of the table whose points hold least of their law; a grid has all of its points.
     """
     form = form_of(_last(h))
     if not isinstance(form, ProductForm):
-        return None
+        return h
     axes = [form.states, form.beside]
     k, misses = form.coarser()
     more = between(axes[k], field.states[:, k])
     if misses < SEEN or not axes[k].size < more.size <= POINTS:
-        return None
+        return h
     axes[k] = more
-    first, second = axes
-    other = _in_its_place(h, field, form.on(field, first, second))
+    other = _in_its_place(h, field, form.on(field, *axes))
     if other is None:
-        return None
+        return h
     gained = h.cost.total - other.cost.total + _spared(other, field) - _spared(h, field)
-    phi = against(other, h).phi
-    return other if gained > 2.0 * phi * math.log(1.0 / ALPHA) else None
+    return other if gained > 2.0 * against(other, h).phi * math.log(1.0 / ALPHA) else h
 
 
 def _begun_everywhere(base: Hypothesis) -> list[Begun]:
@@ -464,13 +449,11 @@ def _spared(h: Hypothesis, field: Field) -> float:
     return spared if math.isfinite(spared) else 0.0
 
 
-def _of_those_that_pay(h: Hypothesis, field: Field, phi: float) -> Hypothesis:
+def _of_those_that_pay(h: Hypothesis, phi: float, field: Field) -> Hypothesis:
     """The same law with the points that pay along either state, where that costs less."""
     cheapest, _ = _cheapest(h, field, phi)
-    if (
-        cheapest.law is None
-        or (cheapest.first.size, cheapest.second.size) == form_of(_last(h)).sizes
-    ):
+    sizes = cheapest.first.size, cheapest.second.size
+    if cheapest.law is None or sizes == form_of(_last(h)).sizes:
         return h
     other = _in_its_place(h, field, cheapest.law)
     if other is None:

@@ -127,10 +127,11 @@ def scattered(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
     The first order says nothing of it: under the noise that a play was taken for, no gap is a gain
     before masses and noise have followed it.
     """
-    sizes = sizes_of(h.model.build(h.x), h.experiments, h.model.reads(h.x).gain)
+    device = h.model.build(h.x)
+    sizes = sizes_of(device, h.experiments, h.model.reads(h.x).gain)
     where = [
         (effect, place)
-        for effect, place in open_places(h.model.build(h.x))
+        for effect, place in open_places(device)
         if any(p.valleys for p in effect.parameters)
     ]
     for starts in starts_at(where, sizes, far=False).values():
@@ -191,7 +192,7 @@ def simpler(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
             groups = starts_at([(effect, place)], sizes, far=True)
             for starts in groups.values():
                 every = [*starts, *_as_strong(starts, fitted[i])]
-                yield from _among(h, model, x, [(start,) for start in every])
+                yield _among(h, model, x, [(start,) for start in every])
 
 
 def split(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
@@ -218,7 +219,7 @@ def split(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
             for one in pair:
                 (starts,) = starts_at([one], sizes, far=True).values()
                 each.append([*starts, *_as_strong(starts, fitted[i])])
-            yield from _among(h, model, x, list(product(*each)))
+            yield _among(h, model, x, list(product(*each)))
 
 
 def _shares(effect: Effect, whole: Effect) -> bool:
@@ -247,7 +248,7 @@ def merged(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
                 (starts,) = starts_at([(effect, place)], sizes, far=True).values()
                 alike = [*_as_strong(starts, one), *_as_strong(starts, other)]
                 every = [(start,) for start in (*starts, *alike)]
-                yield from (replace(p, akin=True) for p in _among(h, model, x, every))
+                yield replace(_among(h, model, x, every), akin=True)
 
 
 def swapped(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
@@ -256,6 +257,7 @@ def swapped(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
     Of two frictions which is whose: one at a time they would pass through two laws at one place.
     """
     fitted = h.model.effects_at(h.x)
+    sizes = sizes_of(h.model.build(h.x).bare(), h.experiments, h.model.reads(h.x).gain)
     for i, j in combinations(range(len(fitted)), 2):
         one, other = fitted[i], fitted[j]
         alike = one.effect is other.effect or one.place.acts_on == other.place.acts_on
@@ -269,10 +271,10 @@ def swapped(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
         if not room.issuperset(there):
             continue
         pair = tuple(
-            Start(replace(a, at=b.at), h.model.scales[k])
+            Start(replace(a, at=b.at), h.model.scales[k], a.effect.within(sizes, b.place))
             for a, b, k in ((one, other, i), (other, one, j))
         )
-        yield from (replace(p, akin=True) for p in _among(h, model, x, [pair]))
+        yield replace(_among(h, model, x, [pair]), akin=True)
 
 
 def replaced(index: int) -> Move:
@@ -357,9 +359,7 @@ def _with(h: Hypothesis, seen: View, one: Screened) -> Proposal:
     return Proposal(h.experiments, model, x, h.family, seen.problem, near, h.prices)
 
 
-def _among(
-    h: Hypothesis, model: Model, x: Floats, starts: Sequence[tuple[Start, ...]]
-) -> Iterator[Proposal]:
+def _among(h: Hypothesis, model: Model, x: Floats, starts: Sequence[tuple[Start, ...]]) -> Proposal:
     """The best of some starts of one effect, or of several together, under a hypothesis's noise."""
     problem = h.problem
     tried = model
@@ -383,4 +383,4 @@ def _among(
         other = other.with_effect(start.physics, start.scales, start.bounds)
     extra = np.zeros(len(other.parameters) - x.size)
     begin = other.within(np.concatenate([x, extra]))
-    yield Proposal(h.experiments, other, begin, h.family, problem, h.ratio, h.prices)
+    return Proposal(h.experiments, other, begin, h.family, problem, h.ratio, h.prices)

@@ -394,15 +394,16 @@ def fitted(found: Search, proposals: Iterable[Proposal], ended: int) -> list[Hyp
         each = found.spent / found.fits
         found.say(f"fitting {len(asked)} hypotheses, about {each * len(asked):.0f} s")
     views: dict[int, list[Begun]] = {}
-    for start in _each("candidates", [(p.label, p.begun) for p in asked]):
-        views.setdefault(id(start.proposal.under), []).append(start)
     promising: list[Begun] = []
+    for start in _each("candidates", [(p.label, p.begun) for p in asked]):
+        if start.proposal.blind:  # no first fit ranks it
+            promising.append(start)
+        else:
+            views.setdefault(id(start.proposal.under), []).append(start)
     for group in views.values():
         order = sorted(group, key=lambda b: b.cost)
         count = max(ended, found.effort.judged)
-        promising += [
-            b for i, b in enumerate(order) if i < count or b.proposal.akin or b.proposal.blind
-        ]
+        promising += [b for i, b in enumerate(order) if i < count or b.proposal.akin]
     begun: dict[frozenset[str], Hypothesis] = {}
     first = [(b.proposal.label, partial(_judged, b)) for b in promising]
     for h in _each("candidates", first):
