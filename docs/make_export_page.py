@@ -29,7 +29,7 @@ from zwidth.sim.physics import LIBRARY, make_physics
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.free_force import grid_values
 from zwidth.sim.physics.free_law import table_values
-from zwidth.sim.physics.free_product import product_values
+from zwidth.sim.physics.two_tables import two_tables_values
 from zwidth.sim.run import simulate
 
 PAGE = Path(__file__).parent / "export.md"
@@ -95,7 +95,12 @@ def with_effect(name: str, moves: Motion) -> Device:
     if name == "free_product":
         first = [(share * moves.speed, -0.1 * share * moves.force) for share in (-1.0, 0.0, 1.0)]
         second = [(-moves.position, 2.0), (0.0, 0.5), (moves.position, 1.0)]
-        values = product_values(["velocity", "position"], first, second)
+        values = two_tables_values(["velocity", "position"], first, second)
+        return device.with_physics(make_physics(name, place, **values))
+    if name == "free_shift":
+        first = [(share * moves.speed, -0.1 * share * moves.force) for share in (-1.0, 0.0, 1.0)]
+        second = [(-moves.position, 0.2 * moves.speed), (0.0, 0.0), (moves.position, 0.0)]
+        values = two_tables_values(["velocity", "position"], first, second)
         return device.with_physics(make_physics(name, place, **values))
     if name.startswith("servo_"):
         device = device.with_physics(servo(moves))

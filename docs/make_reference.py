@@ -22,9 +22,13 @@ from zwidth.sim.physics import EFFECTS
 from zwidth.sim.physics.effect import Effect
 from zwidth.sim.physics.free_force import MOST, SIZE, STATES, VALUE, grid_of, is_grid, state_unit
 from zwidth.sim.physics.free_law import AT, FORCE, KNOTS, is_table, points_of
-from zwidth.sim.physics.free_product import FORCE_FIRST, POINTS, is_product, product_of
+from zwidth.sim.physics.two_tables import LAW_FIRST, POINTS, is_two_tables, two_tables_of
 
 FOLDER = Path(__file__).parent / "reference"
+OF_SECOND = {  # of the second table of a law of two: its unit, and what it does
+    "free_product": ("a number", "what the force is taken times"),
+    "free_shift": ("in the unit of the first", "what is added to the first state"),
+}
 MADE = "<!-- made by docs/make_reference.py -->\n"
 
 
@@ -126,7 +130,7 @@ def _effect_page(effect: Effect) -> str:
         first, second = (f"{len(points)} {states}" for points, states in (
             (grid.rows, "rows"), (grid.columns, "columns")))  # fmt: skip
         values = f"a table of {first} and {second}"
-    product = product_of(shown.values) if is_product(effect.parameters) else None
+    product = two_tables_of(shown.values) if is_two_tables(effect.parameters) else None
     if product is not None:
         values = f"tables of {len(product.first)} and {len(product.second)} points"
     parts = [
@@ -160,15 +164,16 @@ def _effect_page(effect: Effect) -> str:
             " number for each column, without a second state one number for each row |\n"
         )
     elif product is not None:
+        second, does = OF_SECOND[effect.name]
         parts.append(
             "| key | unit | what it is |\n|---|---|---|\n"
             f"| `over` | two of {_states()} | what it depends on; in a link how far it gives way,"
             " and how fast |\n"
             "| `first` | rows of that of the first state,"
-            f" [{_cell(units(effect, FORCE_FIRST[0]))}] | the force: 2 to {POINTS} points, the"
+            f" [{_cell(units(effect, LAW_FIRST[0]))}] | the force: 2 to {POINTS} points, the"
             " states rising |\n"
-            "| `second` | rows of that of the second state, a number | what the force is taken"
-            f" times: 2 to {POINTS} points, the states rising |\n"
+            f"| `second` | rows of that of the second state, {second} | {does}: 2 to {POINTS}"
+            " points, the states rising |\n"
         )
     elif effect.parameters:
         rows = "\n".join(

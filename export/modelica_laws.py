@@ -17,9 +17,9 @@ from zwidth.sim.following import FASTEST
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.free_force import Grid, force_at, grid_of
 from zwidth.sim.physics.free_law import points_of, table_law
-from zwidth.sim.physics.free_product import factor_at, product_of
 from zwidth.sim.physics.moving_average import BESSEL
 from zwidth.sim.physics.points import named_states, of_points
+from zwidth.sim.physics.two_tables import table_at, two_tables_of
 
 Floats = NDArray[np.float64]
 TABLE = """\
@@ -470,9 +470,9 @@ def _free_force(model: Model, p: Physics, _: Names, __: All) -> None:
 
 
 def _free_product(model: Model, p: Physics, _: Names, __: All) -> None:
-    product = product_of(p.values)
+    product = two_tables_of(p.values)
     laws = [
-        _curve(model, p, state, [s for s, _ in table], partial(factor_at, table), "false", of)
+        _curve(model, p, state, [s for s, _ in table], partial(table_at, table), "false", of)
         for state, table, of in zip(
             _states(p), (product.first, product.second), ("_first", "_second"), strict=True
         )
@@ -480,8 +480,21 @@ def _free_product(model: Model, p: Physics, _: Names, __: All) -> None:
     model.force(p, " * ".join(laws))
 
 
+def _free_shift(model: Model, p: Physics, _: Names, __: All) -> None:
+    law, (first, second) = two_tables_of(p.values), _states(p)
+    by = _curve(
+        model, p, second, [s for s, _ in law.second], partial(table_at, law.second), "false",
+        "_second",
+    )  # fmt: skip
+    along = [s for s, _ in law.first]
+    force = _curve(
+        model, p, f"({first} + {by})", along, partial(table_at, law.first), "false", "_first"
+    )
+    model.force(p, force)
+
+
 def _states(p: Physics) -> list[str]:
-    """The states that a grid or a product names, as they stand in the model."""
+    """The states that a law of two states names, as they stand in the model."""
     q, v = way(p)
     words = {"position": q, "velocity": v, "command": "drive", "time": "time"}
     return [words[state] for state in named_states(p)]
@@ -563,6 +576,7 @@ LAWS: Mapping[str, Callable[[Model, Physics, Names, All], None]] = {
     "free_spring": _free_spring, "free_damper": _free_damper, "free_amplifier": _free_amplifier,
     "free_sensor": _free_sensor, "free_force": _free_force,
     "free_product": _free_product,
+    "free_shift": _free_shift,
     "servo_integral": _integral, "falling_limit": _falling,
     "open_winding": _nothing, "rate_limit": _rate, "goal_rate_limit": _goal_rate,
     "sensor_lag": _reads_late, "sensor_filter": _reads_filtered, "moving_average": _reads_mean,

@@ -39,7 +39,9 @@ from zwidth.sim.device_file import device_from_text, device_to_text
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.free_force import grid_of, is_grid
-from zwidth.sim.physics.free_product import FORCE_FIRST, SHARE_SECOND, held, is_product, product_of
+from zwidth.sim.physics.free_product import free_product, held
+from zwidth.sim.physics.free_shift import unshifted
+from zwidth.sim.physics.two_tables import LAW_FIRST, LAW_SECOND, is_two_tables, two_tables_of
 from zwidth.sim.uncertainty import Uncertainty
 
 Floats = NDArray[np.float64]
@@ -112,16 +114,18 @@ def structure_from(text: str) -> Structure:
 def _kept(physics: Physics) -> set[str]:
     """What stays as it is of an effect: of a force over two states all but its forces.
 
-    Of a product all but the numbers of its laws, one of which is held: only the product counts.
+    Of two tables all but the numbers of their laws, one of which is held: only the product counts,
+    and of a shift another origin of what is shifted is the same.
     """
     if is_grid(physics.effect.parameters):
         return set(physics.values) - {n for row in grid_of(physics.values).names for n in row}
-    if not is_product(physics.effect.parameters):
+    if not is_two_tables(physics.effect.parameters):
         return set()
-    product = product_of(physics.values)
-    shares = SHARE_SECOND[: len(product.second)]
-    one = shares[held([share for _, share in product.second])]
-    return set(physics.values) - {*FORCE_FIRST[: len(product.first)], *shares} | {one}
+    tables = two_tables_of(physics.values)
+    others = LAW_SECOND[: len(tables.second)]
+    still = held if physics.effect is free_product else unshifted
+    one = others[still([law for _, law in tables.second])]
+    return set(physics.values) - {*LAW_FIRST[: len(tables.first)], *others} | {one}
 
 
 def known_structure(device: Device) -> Structure:

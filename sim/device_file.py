@@ -34,7 +34,7 @@ from zwidth.sim.physics import EFFECTS, unknown_effect
 from zwidth.sim.physics.effect import Parameter, Physics
 from zwidth.sim.physics.free_force import grid_of, grid_values, is_grid, state_unit
 from zwidth.sim.physics.free_law import is_table, points_of, table_values
-from zwidth.sim.physics.free_product import TABLES, is_product, product_of, product_values
+from zwidth.sim.physics.two_tables import TABLES, is_two_tables, two_tables_of, two_tables_values
 from zwidth.sim.table import Table, TableError
 from zwidth.sim.uncertainty import UNCERTAINTY_FIELDS, Uncertainty
 
@@ -218,7 +218,7 @@ def commented_text(device: Device) -> str:
         own = {("", p.name): _meaning(p, device.rotary) for p in physics.effect.parameters}
         if is_grid(physics.effect.parameters):
             own |= _grid_comments(physics, device.rotary)
-        if is_product(physics.effect.parameters):
+        if is_two_tables(physics.effect.parameters):
             own |= _product_comments(physics, device.rotary)
         own[("", "effect")] = physics.effect.summary
         texts.append(commented(entry, own))
@@ -237,7 +237,7 @@ def _grid_comments(physics: Physics, rotary: bool) -> dict[tuple[str, str], str]
 def _product_comments(physics: Physics, rotary: bool) -> dict[tuple[str, str], str]:
     """What the keys of a product are, by its states."""
     made = (f"[{'N m' if rotary else 'N'}] force", "what it is taken times")
-    over = product_of(physics.values).over
+    over = two_tables_of(physics.values).over
     return {("", "over"): OVER_SAID} | {
         ("", key): f"rows of [{state_unit(state, rotary)}] {state}, {makes}"
         for key, state, makes in zip(TABLES, over, made, strict=True)
@@ -412,8 +412,8 @@ def read_physics(table: Table) -> Physics:
         return _free_law(table)
     if is_grid(EFFECTS[name].parameters):
         return _free_force(table)
-    if is_product(EFFECTS[name].parameters):
-        return _free_product(table)
+    if is_two_tables(EFFECTS[name].parameters):
+        return _two_tables(table)
     table.only(("effect", "at", *parameters))
     with _as_in_the_file({}, f"{table.path}: "):
         values = {key: table.number(key) for key in parameters}
@@ -442,12 +442,12 @@ def _free_force(table: Table) -> Physics:
         return Physics(EFFECTS[table.text("effect")], table.text("at"), values)
 
 
-def _free_product(table: Table) -> Physics:
-    """A force over one state times a number over another, given as two tables."""
+def _two_tables(table: Table) -> Physics:
+    """A law of two tables, one over either of two states."""
     table.only(("effect", "at", "over", *TABLES))
     over, (first, second) = table.texts("over"), (table.rows(key, 2) for key in TABLES)
     with _as_in_the_file({}, f"{table.path}: "):
-        values = product_values(over, first, second)
+        values = two_tables_values(over, first, second)
         return Physics(EFFECTS[table.text("effect")], table.text("at"), values)
 
 
@@ -464,8 +464,8 @@ def _numbers(physics: Physics) -> dict[str, object]:
     """The values of an effect as a file has them: a law of no formula as its table."""
     if is_grid(physics.effect.parameters):
         return _grid(physics.values)
-    if is_product(physics.effect.parameters):
-        over, *tables = product_of(physics.values)
+    if is_two_tables(physics.effect.parameters):
+        over, *tables = two_tables_of(physics.values)
         rows_of = ([list(point) for point in table] for table in tables)
         return {"over": list(over), **dict(zip(TABLES, rows_of, strict=True))}
     if not is_table(physics.effect.parameters):

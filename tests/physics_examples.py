@@ -10,7 +10,7 @@ from zwidth.sim.physics import EFFECTS, make_physics
 from zwidth.sim.physics.effect import Effect, Physics
 from zwidth.sim.physics.free_force import grid_of, grid_values
 from zwidth.sim.physics.free_law import points_of, table_values
-from zwidth.sim.physics.free_product import TABLES, product_of, product_values
+from zwidth.sim.physics.two_tables import TABLES, two_tables_of, two_tables_values
 from zwidth.sim.place import place_at
 
 EXAMPLES: dict[str, dict[str, float]] = {
@@ -65,10 +65,15 @@ EXAMPLES: dict[str, dict[str, float]] = {
         [0.0, 0.02, 0.05, 0.2],
         [[2e-3, 1e-3, 4e-3, 0.0], [0.0, 1e-3, -1e-3, 2e-3], [-3e-3, 0.0, -2e-3, 1e-3]],
     ),
-    "free_product": product_values(
+    "free_product": two_tables_values(
         ["velocity", "time"],
         [(-0.5, 2e-3), (0.0, 0.0), (0.3, -3e-3)],
         [(0.0, 1.0), (0.02, 0.4), (0.05, 1.5), (0.2, -0.2)],
+    ),
+    "free_shift": two_tables_values(
+        ["velocity", "time"],
+        [(-0.5, 2e-3), (0.0, 0.0), (0.3, -3e-3)],
+        [(0.0, 0.1), (0.02, 0.0), (0.05, -0.15), (0.2, 0.2)],
     ),
 }
 
@@ -137,8 +142,8 @@ def entry_of(name: str, place: str) -> list[str]:
             *entry, f"over = {list(grid.over)}", f"rows = {list(grid.rows)}",
             f"columns = {list(grid.columns)}", f"table = {[list(row) for row in grid.table]}",
         ]  # fmt: skip
-    if name == "free_product":
-        over, *tables = product_of(values)
+    if name in ("free_product", "free_shift"):
+        over, *tables = two_tables_of(values)
         rows = [[list(point) for point in table] for table in tables]
         return [
             *entry, f"over = {list(over)}",

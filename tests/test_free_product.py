@@ -31,16 +31,15 @@ from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.free_force import STATES, force_at, grid_of, grid_values, is_grid
 from zwidth.sim.physics.free_law import table_law, table_values
-from zwidth.sim.physics.free_product import (
-    FORCE_FIRST,
+from zwidth.sim.physics.free_product import product_at, product_law
+from zwidth.sim.physics.two_tables import (
+    LAW_FIRST,
+    LAW_SECOND,
     POINTS,
-    SHARE_SECOND,
-    Product,
-    is_product,
-    product_at,
-    product_law,
-    product_of,
-    product_values,
+    TwoTables,
+    is_two_tables,
+    two_tables_of,
+    two_tables_values,
 )
 from zwidth.sim.population import Population, Readings, Recorded
 from zwidth.sim.predict import alone
@@ -73,7 +72,7 @@ def drawn(count: int, seed: int, wide: float = 1.0, high: float = 1.0) -> Points
 
 
 def times(over: Sequence[str], first: Any, second: Any, at: str = "m1") -> Physics:
-    return make_physics("free_product", at, **product_values(over, first, second))
+    return make_physics("free_product", at, **two_tables_values(over, first, second))
 
 
 @pytest.mark.parametrize(("first", "second"), [(2, 2), (3, POINTS), (POINTS, POINTS)])
@@ -91,10 +90,12 @@ def test_it_is_the_product_of_two_tables(first: int, second: int, over: tuple[st
         [float(table_law(x, table)) for x in s.tolist()]
         for s, table in zip((a, b), tables, strict=True)
     ]
-    values = product_values(over, f, g)
+    values = two_tables_values(over, f, g)
     expected = np.prod(each, axis=0)
     np.testing.assert_allclose(law(values, *states), expected, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(product_at(product_of(values), a, b), expected, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        product_at(two_tables_of(values), a, b), expected, rtol=1e-9, atol=1e-9
+    )
 
 
 def test_a_product_of_straight_lines_is_exact() -> None:
@@ -104,7 +105,7 @@ def test_a_product_of_straight_lines_is_exact() -> None:
     q, v = np.random.default_rng(8).uniform(-0.3, 0.3, (2, 100))
     still = np.zeros(q.size)
     over = ["position", "velocity"]
-    found = law(product_values(over, first, second), q, v, still, still)
+    found = law(two_tables_values(over, first, second), q, v, still, still)
     np.testing.assert_allclose(found, (1.0 + 2.0 * q) * (3.0 - v), rtol=1e-13)
     grid = grid_of(grid_values(over, r, c, np.outer(1.0 + 2.0 * r, 3.0 - c)))
     np.testing.assert_allclose(found, force_at(grid, q, v), rtol=1e-12)
@@ -115,10 +116,10 @@ def test_what_was_given_is_read_back(first: int, second: int) -> None:
     """Mutation: a product taken for a grid, since both name their states."""
     f, g = drawn(first, 3), drawn(second, 4)
     physics = times(("velocity", "time"), f, g)
-    assert product_of(physics.values) == Product(("velocity", "time"), f, g)
-    assert is_product(physics.effect.parameters)
+    assert two_tables_of(physics.values) == TwoTables(("velocity", "time"), f, g)
+    assert is_two_tables(physics.effect.parameters)
     assert not is_grid(physics.effect.parameters)
-    assert not is_product(example("free_force").effect.parameters)
+    assert not is_two_tables(example("free_force").effect.parameters)
     assert in_points(physics) == f"{first} points over velocity times {second} over time"
 
 
@@ -181,7 +182,7 @@ def test_tables_that_are_none_are_refused(table: str, said: str) -> None:
 def test_rows_of_three_numbers_are_refused() -> None:
     """From Python, where no reader counts a row first."""
     with pytest.raises(ValueError, match="second has a row of 3 numbers; a row is a state and a"):
-        product_values(["position", "time"], drawn(2, 1), [(0.0, 1.0, 2.0), (1.0, 1.0, 1.0)])
+        two_tables_values(["position", "time"], drawn(2, 1), [(0.0, 1.0, 2.0), (1.0, 1.0, 1.0)])
 
 
 def test_damping_that_depends_on_where_it_moves() -> None:
@@ -254,7 +255,7 @@ def test_a_fleet_frees_its_numbers_but_one() -> None:
     physics = times(["velocity", "position"], [(-1.0, 2.0), (1.0, -1.0)],
                     [(0.0, 1.0), (0.5, 1.5), (1.0, 0.5)])  # fmt: skip
     (scales,) = known_structure(mass(physics)).scales
-    assert set(scales) == {*FORCE_FIRST[:2], SHARE_SECOND[0], SHARE_SECOND[2]}
+    assert set(scales) == {*LAW_FIRST[:2], LAW_SECOND[0], LAW_SECOND[2]}
 
 
 ALL_STATES = [*itertools.combinations(STATES, 2), ("time", "position")]

@@ -14,7 +14,7 @@ import pytest
 
 from zwidth.cli import run
 from zwidth.diagnosis.learning.formulas import LAWS
-from zwidth.diagnosis.learning.own_effect import effect_text, product_text
+from zwidth.diagnosis.learning.own_effect import effect_text, law_of_two_text
 from zwidth.errors import Status
 from zwidth.sim.own_files import VARIABLE, own_files, source_hash
 from zwidth.sim.physics.own import FIRST_CODE, PLAIN, OwnEffect, compiled, read_own, translated
@@ -145,7 +145,7 @@ def test_a_product_that_was_learned_is_a_file_that_is_read(states: tuple[str, st
     letters = "abcdefghijklmnopqrstuvwxyz"
     first = dict.fromkeys(letters, 0.5)
     numbers = dict.fromkeys(letters, 0.25)
-    own, law = read(product_text("mine", states, [("cube", first), (second, numbers)], "a test"))
+    own, law = read(law_of_two_text("mine", states, [("cube", first), (second, numbers)], "a test"))
     assert own.effect.hook == "force"
     assert {"a", *(p.name for p in own.effect.parameters if p.name.endswith("_2"))} == {
         p.name for p in own.effect.parameters

@@ -10,7 +10,7 @@ from zwidth.controllers.none import none
 from zwidth.sim.device import Device
 from zwidth.sim.physics import EFFECTS, make_physics
 from zwidth.sim.physics.free_force import grid_values
-from zwidth.sim.physics.free_product import product_values
+from zwidth.sim.physics.two_tables import two_tables_values
 from zwidth.sim.run import Start, simulate
 
 SMOOTH = [
@@ -24,6 +24,7 @@ SMOOTH = [
         "hysteresis",
         "free_force",
         "free_product",
+        "free_shift",
     )
     for place in EFFECTS[name].places
     if (name, place) in EVERYWHERE
@@ -32,15 +33,20 @@ WIDE = grid_values(  # nothing goes beyond it: at an edge a force has a corner
     ["velocity", "time"], [-9.0, 0.0, 9.0], [0.0, 0.03, 0.06],
     [[0.09, 0.02, 0.05], [0.0, 0.03, -0.02], [-0.03, 0.01, -0.09]],
 )  # fmt: skip
-TIMES = product_values(
+TIMES = two_tables_values(
     ["velocity", "time"], [(-9.0, 0.09), (0.0, 0.02), (9.0, -0.09)],
     [(0.0, 1.0), (0.03, 0.4), (0.06, 1.2)],
+)  # fmt: skip
+MOVED = two_tables_values(
+    ["velocity", "time"], [(-9.0, 0.09), (-1.0, 0.05), (0.5, -0.02), (9.0, -0.09)],
+    [(0.0, 0.1), (0.03, -0.3), (0.06, 0.5)],
 )  # fmt: skip
 LARGER: dict[str, dict[str, float]] = {
     "quadratic_drag": {"coefficient": 0.03},
     "cubic_stiffness": {"coefficient": 2e6},
     "free_force": WIDE,
     "free_product": TIMES,
+    "free_shift": MOVED,
 }
 COARSE, FINEST = (4, 8, 16, 32, 64), 2048
 

@@ -18,7 +18,7 @@ from zwidth.sim.physics import EFFECTS, PROBES
 from zwidth.sim.physics.effect import Effect, Physics
 from zwidth.sim.physics.free_force import COLUMN, OVER, ROW, VALUE
 from zwidth.sim.physics.free_law import AT, FORCE
-from zwidth.sim.physics.free_product import AT_FIRST, AT_SECOND, FORCE_FIRST, SHARE_SECOND
+from zwidth.sim.physics.two_tables import AT_FIRST, AT_SECOND, LAW_FIRST, LAW_SECOND
 from zwidth.sim.run import Run, Start, simulate
 
 MASSES = ("m1", "m2", "m3", "m4", "m5")
@@ -68,7 +68,11 @@ TABLE = {
     "free_force": ((*MASSES, *LINKS), " ".join([*OVER, *ROW, *COLUMN, *VALUE])),
     "free_product": (
         (*MASSES, *LINKS),
-        " ".join([*OVER, *AT_FIRST, *FORCE_FIRST, *AT_SECOND, *SHARE_SECOND]),
+        " ".join([*OVER, *AT_FIRST, *LAW_FIRST, *AT_SECOND, *LAW_SECOND]),
+    ),
+    "free_shift": (
+        (*MASSES, *LINKS),
+        " ".join([*OVER, *AT_FIRST, *LAW_FIRST, *AT_SECOND, *LAW_SECOND]),
     ),
 }
 SEVERAL = ("coulomb_friction", "cubic_stiffness", "backlash", "actuator_lag", "dead_band")
@@ -98,8 +102,11 @@ def _row(effect: Effect) -> str:
         unit = effect.parameter(VALUE[0]).unit
         parameters = ["over", "rows", "columns", f"table of forces ([{unit}])"]
     elif effect.name == "free_product":
-        unit = effect.parameter(FORCE_FIRST[0]).unit
+        unit = effect.parameter(LAW_FIRST[0]).unit
         parameters = ["over", f"first: table of forces ([{unit}])", "second: table of numbers"]
+    elif effect.name == "free_shift":
+        unit = effect.parameter(LAW_FIRST[0]).unit
+        parameters = ["over", f"first: table of forces ([{unit}])", "second: table of shifts"]
     elif effect.name.startswith("free_"):
         state, makes = effect.parameter(AT[0]), effect.parameter(FORCE[0])
         parameters = ["odd", "period", f"table of points ([{state.unit}], [{makes.unit}])"]

@@ -51,7 +51,7 @@ def test_a_product_of_two_laws_is_learned_with_the_formula_of_each() -> None:
     """Mutations that break it: no product; its points are not chosen; a plane is not taken off."""
     found = surface_of(rubs_here)
     assert found is not None
-    assert found.curve.is_product
+    assert found.curve.physics.effect.name == "free_product"
     assert (found.curve.physics.at, found.curve.states) == ("m1", ("position", "velocity"))
     assert errs(rubs_here, found) < 0.03
     assert found.law.after < 0.05 * found.names.after
@@ -78,17 +78,26 @@ def test_the_band_of_a_product_holds_it() -> None:
     assert np.mean(np.abs(off) < half) > 0.9
 
 
-def test_what_is_no_product_is_learned_as_a_grid() -> None:
-    """Mutation that breaks it: no grid."""
+def test_a_law_that_another_state_shifts_is_learned_with_the_formula_of_each() -> None:
+    """Mutations that break it: no shift; one along straight lines alone; positions from anywhere.
+
+    The bands hold it where it was.
+    """
     found = surface_of(leans)
     assert found is not None
-    assert not found.curve.is_product
-    assert found.formula == ""
-    assert found.law.after < 0.2 * found.names.after
-    said = found.as_json()
-    rows, columns = len(said["rows"]), len(said["columns"])
-    assert np.shape(said["table"]) == np.shape(said["lower"]) == (rows, columns)
-    assert any(force is None for row in said["lower"] for force in row)  # corners nobody was in
+    assert found.curve.physics.effect.name == "free_shift"
+    assert found.curve.states == ("position", "velocity")
+    assert errs(leans, found) < 0.03
+    assert found.law.after < 0.02 * found.names.after
+    (sine, *_), (turns, *_) = found.forms
+    assert (sine.form.name, turns.form.name) == ("sine", "saturation")
+    assert sine.numbers["w"] == pytest.approx(1.0 / 9.0, rel=0.05)
+    assert np.hypot(sine.numbers["a"], sine.numbers["b"]) == pytest.approx(1.5, rel=0.05)
+    assert turns.numbers["a"] == pytest.approx(2.0 / 9.0, rel=0.05)
+    assert turns.numbers["w"] == pytest.approx(0.5, rel=0.05)
+    said = "a sine of position shifted by a saturation of velocity"
+    assert said in found.headline(1, rotary=False)
+    assert found.as_json()["formulas"][0]["form"] == "shift"
 
 
 def test_nothing_is_learned_where_nothing_is_missing() -> None:

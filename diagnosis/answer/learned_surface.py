@@ -1,8 +1,8 @@
 """A law of no name over two states, as an answer says it: its surface, its form, its worth.
 
-Of a product each of its two laws is known with the covariance of the fit, and looks like a formula
-of its own (`learning/formulas`): "a sine of the position times a parabola of the velocity". A grid
-is of no form.
+Of two tables each law is known with the covariance of the fit, and looks like a formula of its own
+(`learning/formulas`): "a sine of the position times a parabola of the velocity", or "shifted by"
+it. A grid is of no form.
 """
 
 from dataclasses import dataclass
@@ -16,24 +16,25 @@ from zwidth.diagnosis.answer.result import HeldOut
 from zwidth.diagnosis.fitting.uncertainty import Z95
 from zwidth.diagnosis.forces.leftover import predicted_states
 from zwidth.diagnosis.learning.formulas import Formula, formulas
-from zwidth.diagnosis.learning.surface_forms import told
+from zwidth.diagnosis.learning.surface_forms import TablesForm, told
 from zwidth.diagnosis.learning.surfaces import Surface
 from zwidth.diagnosis.noise.predictor import SETTLING
 from zwidth.diagnosis.selection.searched import Searched
 from zwidth.sim.physics.free_force import grid_of
-from zwidth.sim.physics.free_product import FORCE_FIRST, SHARE_SECOND, product_of
+from zwidth.sim.physics.two_tables import LAW_FIRST, LAW_SECOND, two_tables_of
 from zwidth.sim.readable import with_unit
 
 Floats = NDArray[np.float64]
 QUANTILES = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 LETTERS = {"position": "q", "velocity": "v", "command": "u"}
 ALIKE = 3  # formulas of either law, that are not told apart and said
+ANYWHERE = 10.0  # of what a shift varies by, that its constant may be
 LITTLE = 1e-3  # of the largest power, below which none is made
 
 
 @dataclass(frozen=True)
 class LearnedSurface:
-    """A surface, what the laws of a product look like (cheapest first), and held-out fits.
+    """A surface, what the laws of its tables look like (cheapest first), and held-out fits.
 
     forms: of the first and of the second state; () for a grid, and empty for a law of no form.
     names, law: errors over the motion of free runs on held-out data, with the names and the law of
@@ -56,16 +57,27 @@ class LearnedSurface:
         """What it looks like, "" for no form."""
         if not self.forms or not all(self.forms):
             return ""
-        each = zip(self.forms, self.curve.states, strict=True)
-        return " ".join(f"({form[0].text(LETTERS[state])})" for form, state in each)
+        first, second = (LETTERS[state] for state in self.curve.states)
+        law, other = self.forms[0][0], self.forms[1][0].text(second)
+        if self.curve.shifts:
+            return f"{law.text('s')}, s = {first} + {other}".replace("+ -", "- ")
+        return f"({law.text(first)}) ({other})"
+
+    def formula_at(self, first: Floats, second: Floats) -> Floats:
+        """Return what the formula makes of states (...,), where there is one."""
+        law, other = (form[0] for form in self.forms)
+        if self.curve.shifts:
+            return law.at(first + other.at(second))
+        return law.at(first) * other.at(second)
 
     @property
     def form(self) -> str:
-        """Its form in words: of which laws it is the product, "" for a grid."""
+        """Its form in words: of which laws it is made, "" for a grid."""
         if not self.forms:
             return ""
         each = [f"a {form[0].form.name}" if form else "a law" for form in self.forms]
-        return " times ".join(
+        does = " shifted by " if self.curve.shifts else " times "
+        return does.join(
             f"{law} of {state}" for law, state in zip(each, self.curve.over, strict=True)
         )
 
@@ -104,8 +116,8 @@ class LearnedSurface:
     @property
     def size(self) -> str:
         """How it stands in a device file."""
-        if self.curve.is_product:
-            product = product_of(self.curve.physics.values)
+        if isinstance(self.curve.form, TablesForm):
+            product = two_tables_of(self.curve.physics.values)
             return f"two tables of {len(product.first)} and {len(product.second)} points"
         grid = grid_of(self.curve.physics.values)
         return f"a table of {len(grid.rows)} rows and {len(grid.columns)} columns"
@@ -160,7 +172,7 @@ class LearnedSurface:
             "at": curve.physics.at,
             "over": self.over,
             "states": list(curve.states),
-            **(_product_json(self) if curve.is_product else _grid_json(curve)),
+            **(_tables_json(self) if isinstance(curve.form, TablesForm) else _grid_json(curve)),
             "seen": {
                 state: dict(zip(map(str, QUANTILES), row, strict=True))
                 for state, row in zip(curve.states, quantiles, strict=True)
@@ -177,23 +189,28 @@ class LearnedSurface:
 
 
 def factors(curve: Surface) -> tuple[tuple[Formula, ...], ...]:
-    """Return what either law of a product looks like, () for a grid."""
-    if not curve.is_product:
+    """Return what either law of two tables looks like, () for a grid.
+
+    A shift may have another constant, since nothing tells from where it is counted.
+    """
+    if not isinstance(curve.form, TablesForm):
         return ()
-    product = product_of(curve.physics.values)
-    both = ((product.first, FORCE_FIRST), (product.second, SHARE_SECOND))
+    tables = curve.form.tables
     found: list[tuple[Formula, ...]] = []
-    for table, names in both:
+    for k, (table, names) in enumerate(((tables.first, LAW_FIRST), (tables.second, LAW_SECOND))):
         states, laws = np.array(table).T
-        found.append(tuple(formulas(states, laws, curve.of(names[: len(table)]), odd=False)))
+        known = curve.of(names[: len(table)])
+        if curve.shifts and k == 1:
+            known = known + (ANYWHERE * np.ptp(laws)) ** 2
+        found.append(tuple(formulas(states, laws, known, odd=False)))
     return tuple(found)
 
 
 def _formula_json(law: LearnedSurface) -> dict[str, Any]:
-    """The likeliest formula of a product, of its two parts."""
+    """The likeliest formula of two tables, of its two parts."""
     each = zip(law.curve.states, law.forms, strict=True)
     return {
-        "form": "product",
+        "form": "shift" if law.curve.shifts else "product",
         "text": law.formula,
         "factors": [
             {"state": state, "form": form[0].form.name, "numbers": form[0].numbers}
@@ -202,12 +219,12 @@ def _formula_json(law: LearnedSurface) -> dict[str, Any]:
     }
 
 
-def _product_json(law: LearnedSurface) -> dict[str, Any]:
+def _tables_json(law: LearnedSurface) -> dict[str, Any]:
     """Both tables with their bands, and what they look like."""
     curve = law.curve
-    product = product_of(curve.physics.values)
+    product = two_tables_of(curve.physics.values)
     found: dict[str, Any] = {}
-    both = zip(("first", "second"), (product.first, product.second), (FORCE_FIRST, SHARE_SECOND),
+    both = zip(("first", "second"), (product.first, product.second), (LAW_FIRST, LAW_SECOND),
                law.forms, curve.states, strict=True)  # fmt: skip
     for key, table, names, form, state in both:
         half = Z95 * np.sqrt(np.maximum(np.diag(curve.of(names[: len(table)])), 0.0))

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 from tomli_w import dumps
 
@@ -14,8 +15,9 @@ OVER = {"free_spring": "position", "free_damper": "velocity", "free_amplifier": 
 WIDER = 100.0  # times what was found, between which it is sought
 
 
+LETTERS = {"position": "q", "velocity": "v", "command": "u"}
 OF_STATE = {"position": "free_spring", "velocity": "free_damper", "command": "free_amplifier"}
-SECOND = "_2"  # after the names of the second formula of a product
+SECOND = "_2"  # after the names of the second formula of a law of two
 
 
 def effect_text(name: str, effect: str, form: str, numbers: Mapping[str, float], said: str) -> str:
@@ -30,30 +32,37 @@ def effect_text(name: str, effect: str, form: str, numbers: Mapping[str, float],
     return _text(name, f"{form} of the {OVER[effect]}", enters, formula, said, parameters)
 
 
-def product_text(
+def law_of_two_text(
     name: str,
     states: Sequence[str],
     forms: Sequence[tuple[str, Mapping[str, float]]],
     said: str,
+    shifts: bool = False,
 ) -> str:
     """Return the file of an effect that is one formula over a state times one over another.
 
     states: two of position, velocity and command; forms: form and numbers of each, the first of
-    which makes the force. Raises ValueError for a form that there is not.
+    which makes the force. shifts: the second is added to the first one's state instead. Raises
+    ValueError for a form that there is not.
     """
+    makes = partial(_state, OF_STATE[states[0]]) if shifts else _number
     formulas: list[str] = []
     parameters: dict[str, dict[str, object]] = {}
     for state, (form, numbers), made, after in zip(
-        states, forms, (_force, _number), ("", SECOND), strict=True
+        states, forms, (_force, makes), ("", SECOND), strict=True
     ):
         formula, own = _part(OF_STATE[state], form, numbers, made)
         for key in own:
             formula = re.sub(rf"\b{key}\b", f"{key}{after}", formula)
         formulas.append(f"({formula})")
         parameters |= {f"{key}{after}": value for key, value in own.items()}
-    each = zip(forms, states, strict=True)
-    summary = " times ".join(f"{form} of the {state}" for (form, _), state in each)
-    return _text(name, summary, "force", " * ".join(formulas), said, parameters)
+    each = [f"{form} of the {state}" for (form, _), state in zip(forms, states, strict=True)]
+    if not shifts:
+        formula = " * ".join(formulas)
+        return _text(name, " times ".join(each), "force", formula, said, parameters)
+    first = LETTERS[states[0]]
+    formula = re.sub(rf"\b{first}\b", f"({first} + {formulas[1]})", formulas[0])
+    return _text(name, " shifted by a ".join(each), "force", formula, said, parameters)
 
 
 def _text(

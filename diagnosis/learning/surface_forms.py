@@ -1,4 +1,4 @@
-"""The two forms of a law over two states: a grid of forces, and a product of two tables.
+"""The forms of a law over two states: a grid of forces, and two tables, as product or as shift.
 
 A surface is begun, fitted, spared points and drawn in the same way, whichever it is; what differs
 stands here: which of its numbers are free, what each adds to the force, and what a law of fewer
@@ -8,7 +8,8 @@ A recording does not see all of a grid: of two states that swing, the corners ar
 forces that samples lie nearest to are free; the others are laid smoothly between and beyond them
 (the discrete Laplace equation, `filled`), and say nothing. Where another origin of positions does
 the same as a constant, one force is held. Of a product only the product is known, so that one
-number of its second table is held.
+number of its second table is held; of a shift another origin of what is shifted is the same, so
+that one shift is held.
 """
 
 from abc import ABC, abstractmethod
@@ -18,19 +19,21 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from zwidth.diagnosis.learning.tables import MET, left_out_of
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.free_force import counts_at, force_at, grid_of, grid_values
-from zwidth.sim.physics.free_product import (
-    FORCE_FIRST,
-    SHARE_SECOND,
-    held,
-    is_product,
-    product_at,
-    product_of,
-    product_values,
+from zwidth.sim.physics.free_product import held, product_at
+from zwidth.sim.physics.free_shift import shifted_at, unshifted
+from zwidth.sim.physics.two_tables import (
+    LAW_FIRST,
+    LAW_SECOND,
+    TwoTables,
+    table_at,
+    two_tables_of,
+    two_tables_values,
 )
 from zwidth.sim.place import place_at
 
@@ -38,6 +41,8 @@ Floats = NDArray[np.float64]
 Places = NDArray[np.int64]
 Seen = NDArray[np.bool_]
 OF_A_SHARE = 0.3  # scale of a number that a force is taken times, of which the largest is one
+OF_A_RANGE = 0.1  # of the range of what is shifted: scale of a shift
+NARROW = 1e-4  # of the range of a table, over which its slope is told
 
 
 @dataclass(frozen=True)
@@ -58,6 +63,11 @@ class Field:
     def name(self) -> str:
         """The pair and the place, as people read them."""
         return f"{' and '.join(in_words(self.over, self.at))} at {self.at}"
+
+    def along(self, over: tuple[str, str]) -> tuple[Floats, Floats]:
+        """Return the states that were seen (samples,) in the order of two names."""
+        first, second = (self.states[:, self.over.index(name)] for name in over)
+        return first, second
 
 
 def in_words(over: Sequence[str], at: str) -> tuple[str, ...]:
@@ -88,6 +98,9 @@ class Form(ABC):
     names: tuple[str, ...]
     sizes: tuple[int, int]
 
+    def __init__(self, law: Physics) -> None:
+        self.law = law
+
     @abstractmethod
     def at(self, first: Floats, second: Floats) -> Floats:
         """Return the force at states (...,)."""
@@ -112,10 +125,21 @@ class Form(ABC):
     def fewer(self, field: Field, free: Collection[str], first: Places, second: Places) -> Fewer:
         """Return a law of some of its points along either state, what `kept` names among them."""
 
+    def centred(self, field: Field) -> Physics:
+        """Return the same law, what nothing tells of it as people would say it."""
+        return self.law
+
+    @abstractmethod
+    def moved(self, field: Field, by: float, more: float) -> Physics | None:
+        """Return it where positions are counted from `by` below, with a constant force more.
+
+        None where it is over no position, or has no place for a constant.
+        """
+
 
 def form_of(law: Physics) -> Form:
-    """Return the form of a grid or a product."""
-    return ProductForm(law) if is_product(law.effect.parameters) else GridForm(law)
+    """Return the form of a law over two states."""
+    return FORMS[law.effect.name](law)
 
 
 def grid(field: Field, rows: Floats, columns: Floats, forces: Floats) -> Physics:
@@ -126,8 +150,22 @@ def grid(field: Field, rows: Floats, columns: Floats, forces: Floats) -> Physics
 
 def product(field: Field, a: Floats, f: Floats, b: Floats, g: Floats) -> Physics:
     """Return a product of laws f at states a and numbers g at states b."""
-    tables = (np.column_stack(pair).tolist() for pair in ((a, f), (b, g)))
-    return make_physics("free_product", field.at, **product_values(field.over, *tables))
+    tables = tables_of(field.over, a, f, b, g)
+    return make_physics("free_product", field.at, **two_tables_values(*tables))
+
+
+def shift(
+    field: Field, over: tuple[str, str], a: Floats, f: Floats, b: Floats, g: Floats
+) -> Physics:
+    """Return laws f at states a that g at states b shifts along them; over: which is which."""
+    tables = tables_of(over, a, f, b, g)
+    return make_physics("free_shift", field.at, **two_tables_values(*tables))
+
+
+def tables_of(over: tuple[str, str], a: Floats, f: Floats, b: Floats, g: Floats) -> TwoTables:
+    """Return two tables over two states."""
+    first = tuple(zip(a.tolist(), f.tolist(), strict=True))
+    return TwoTables(over, first, tuple(zip(b.tolist(), g.tolist(), strict=True)))
 
 
 def told(states: Floats, rows: Floats, columns: Floats) -> Seen:
@@ -168,6 +206,7 @@ class GridForm(Form):
     """A grid of forces at rows and columns."""
 
     def __init__(self, law: Physics) -> None:
+        super().__init__(law)
         self.grid = grid_of(law.values)
         self.rows, self.columns = np.array(self.grid.rows), np.array(self.grid.columns)
         self.cells = np.array(self.grid.names)
@@ -189,6 +228,16 @@ class GridForm(Form):
         along = left_out_of(self.rows, self.grid.values)
         across = left_out_of(self.columns, self.grid.values.T).T
         return np.hypot(along, across).ravel()
+
+    def moved(self, field: Field, by: float, more: float) -> Physics | None:
+        """Return it where positions are counted from `by` below, with a constant force more."""
+        if "position" not in self.grid.over:
+            return None
+        rows, columns = (
+            axis + by * (name == "position")
+            for axis, name in zip((self.rows, self.columns), self.grid.over, strict=True)
+        )
+        return grid(field, rows, columns, self.grid.values + more)
 
     def told(self, field: Field) -> Seen:
         """Return of which of its forces the recordings say something."""
@@ -240,78 +289,202 @@ class GridForm(Form):
         return Fewer(np.einsum("nkl,ukl->nu", each, laid), np.einsum("nkl,kl->n", each, fixed), law)
 
 
-class ProductForm(Form):
-    """Two tables: a force over one state, and what it is taken times over the other."""
+class TablesForm(Form):
+    """Two tables: of a force over one state, and of what the other state makes of it."""
 
     def __init__(self, law: Physics) -> None:
-        self.product = product_of(law.values)
-        self.states, self.laws = np.array(self.product.first).T
-        self.beside, self.shares = np.array(self.product.second).T
+        super().__init__(law)
+        self.tables = two_tables_of(law.values)
+        self.states, self.laws = np.array(self.tables.first).T
+        self.beside, self.others = np.array(self.tables.second).T
         self.sizes = self.states.size, self.beside.size
-        self.names = (*FORCE_FIRST[: self.states.size], *SHARE_SECOND[: self.beside.size])
+        self.names = (*LAW_FIRST[: self.states.size], *LAW_SECOND[: self.beside.size])
 
-    def at(self, first: Floats, second: Floats) -> Floats:
-        """Return the force at states (...,)."""
-        return product_at(self.product, first, second)
+    @abstractmethod
+    def of(self, field: Field, tables: TwoTables) -> Physics:
+        """Return a law of this form of other tables."""
 
-    def slopes(self, first: Floats, second: Floats) -> Floats:
-        """Return what each number adds to the force at states (...,): (..., numbers)."""
-        a, b = counts_at(self.states, first), counts_at(self.beside, second)
-        of_laws, of_shares = a * (b @ self.shares)[..., None], b * (a @ self.laws)[..., None]
-        return np.concatenate([of_laws, of_shares], axis=-1)
+    @abstractmethod
+    def seen(self, field: Field) -> tuple[Floats, Floats]:
+        """Return where samples are along either table (samples,)."""
 
     def left_out(self) -> Floats:
         """Return by how much either table is likely to err at each number."""
-        both = ((self.states, self.laws), (self.beside, self.shares))
+        both = ((self.states, self.laws), (self.beside, self.others))
         return np.concatenate([left_out_of(states, laws) for states, laws in both])
 
-    def scales(self, field: Field) -> dict[str, float]:
-        """Return the numbers that a fit may move: all but the largest of the second table."""
-        found = dict.fromkeys(FORCE_FIRST[: self.states.size], field.makes)
-        found |= dict.fromkeys(SHARE_SECOND[: self.beside.size], OF_A_SHARE)
-        found.pop(SHARE_SECOND[held(self.shares.tolist())])
-        return found
-
     def kept(self, field: Field, free: Collection[str]) -> tuple[int, int]:
-        """Return that of the first table none is held, and which of the second is.
+        """Return which number of either table is held; -1 for none.
 
-        It was the largest when the fit began, and need not be at its end.
+        Of a product it was the largest when the fit began, and need not be at its end.
         """
-        (fixed,) = (k for k in range(self.beside.size) if SHARE_SECOND[k] not in free)
-        return -1, fixed
+        both = (LAW_FIRST[: self.states.size], LAW_SECOND[: self.beside.size])
+        each = [next((k for k, n in enumerate(names) if n not in free), -1) for names in both]
+        return each[0], each[1]
+
+    @abstractmethod
+    def varies(self) -> tuple[float, float]:
+        """Return by how much either table's law varies, in its own unit."""
 
     def coarser(self) -> tuple[int, float]:
         """Return which of its tables, 0 or 1, misses most of its law between points, and how much.
 
-        As a share of the law's rms.
+        As a share of what the law varies by.
         """
+        both = ((self.states, self.laws), (self.beside, self.others))
         misses = [
-            float(np.sqrt(np.sum(left_out_of(at, laws) ** 2) / max(np.sum(laws**2), 1e-300)))
-            for at, laws in ((self.states, self.laws), (self.beside, self.shares))
+            float(np.sqrt(np.mean(left_out_of(at, laws) ** 2))) / max(varies, 1e-300)
+            for (at, laws), varies in zip(both, self.varies(), strict=True)
         ]
         return int(np.argmax(misses)), max(misses)
 
     def on(self, field: Field, first: Floats, second: Floats) -> Physics:
-        """Return the same product with tables of other states, each (points,)."""
+        """Return the same law with tables of other states, each (points,)."""
         f = counts_at(self.states, first) @ self.laws
-        g = counts_at(self.beside, second) @ self.shares
-        return product(field, first, f, second, g)
+        g = counts_at(self.beside, second) @ self.others
+        return self.of(field, tables_of(self.tables.over, first, f, second, g))
 
     def fewer(self, field: Field, free: Collection[str], first: Places, second: Places) -> Fewer:
-        """Return a product of some points of either table."""
-        _, fixed = self.kept(field, free)
-        a = counts_at(self.states[first], self.states)
-        b = counts_at(self.beside[second], self.beside)
-        known = np.delete(np.arange(self.beside.size), fixed)
-        place = int(np.flatnonzero(second == fixed)[0])
-        moved = np.delete(np.arange(second.size), place)
-        basis = np.zeros((len(free), first.size + moved.size))
-        basis[: self.states.size, : first.size] = a
-        basis[self.states.size :, first.size :] = b[np.ix_(known, moved)]
-        still = b[known, place] * self.shares[fixed]
+        """Return a law of some points of either table."""
+        parts = [
+            _fewer_of(at, laws, some, fixed)
+            for at, laws, some, fixed in zip(
+                (self.states, self.beside), (self.laws, self.others), (first, second),
+                self.kept(field, free), strict=True,
+            )
+        ]  # fmt: skip
+        split = parts[0].basis.shape[1]
 
         def law(y: Floats) -> Physics:
-            shares = np.insert(y[first.size :], place, self.shares[fixed])
-            return product(field, self.states[first], y[: first.size], self.beside[second], shares)
+            f, g = parts[0].whole(y[:split]), parts[1].whole(y[split:])
+            tables = tables_of(self.tables.over, self.states[first], f, self.beside[second], g)
+            return self.of(field, tables)
 
-        return Fewer(basis, np.concatenate([np.zeros(self.states.size), still]), law)
+        offset = np.concatenate([one.offset for one in parts])
+        return Fewer(block_diag(*(one.basis for one in parts)), offset, law)
+
+
+class _Table(NamedTuple):
+    """What numbers y of fewer points make of the free ones of a table: offset + basis y.
+
+    whole: all laws of the fewer points, what is held among them.
+    """
+
+    basis: Floats
+    offset: Floats
+    whole: Callable[[Floats], Floats]
+
+
+def _fewer_of(at: Floats, laws: Floats, some: Places, fixed: int) -> _Table:
+    still, free = some == fixed, np.arange(at.size) != fixed
+    counts = counts_at(at[some], at)[free]
+
+    def whole(y: Floats) -> Floats:
+        found = laws[some]
+        found[~still] = y
+        return found
+
+    return _Table(counts[:, ~still], counts[:, still] @ laws[some][still], whole)
+
+
+class ProductForm(TablesForm):
+    """A force over one state, taken times a number over the other."""
+
+    def of(self, field: Field, tables: TwoTables) -> Physics:
+        """Return a product of other tables."""
+        return make_physics("free_product", field.at, **two_tables_values(*tables))
+
+    def seen(self, field: Field) -> tuple[Floats, Floats]:
+        """Return where samples are along either table (samples,)."""
+        return field.along(self.tables.over)
+
+    def varies(self) -> tuple[float, float]:
+        """Return the rms of either law: a product is nothing where either is."""
+        return float(np.sqrt(np.mean(self.laws**2))), float(np.sqrt(np.mean(self.others**2)))
+
+    def moved(self, field: Field, by: float, more: float) -> Physics | None:
+        """None: a constant is no product of laws, so that it knows where positions begin."""
+        return None
+
+    def at(self, first: Floats, second: Floats) -> Floats:
+        """Return the force at states (...,)."""
+        return product_at(self.tables, first, second)
+
+    def slopes(self, first: Floats, second: Floats) -> Floats:
+        """Return what each number adds to the force at states (...,): (..., numbers)."""
+        a, b = counts_at(self.states, first), counts_at(self.beside, second)
+        of_laws, of_others = a * (b @ self.others)[..., None], b * (a @ self.laws)[..., None]
+        return np.concatenate([of_laws, of_others], axis=-1)
+
+    def scales(self, field: Field) -> dict[str, float]:
+        """Return the numbers that a fit may move: all but the largest of the second table."""
+        found = dict.fromkeys(LAW_FIRST[: self.states.size], field.makes)
+        found |= dict.fromkeys(LAW_SECOND[: self.beside.size], OF_A_SHARE)
+        found.pop(LAW_SECOND[held(self.others.tolist())])
+        return found
+
+
+class ShiftForm(TablesForm):
+    """A force over one state, which the other shifts along it."""
+
+    def centred(self, field: Field) -> Physics:
+        """Return the same law with no shift where the other state is nothing, or in its middle."""
+        _, second = field.along(self.tables.over)
+        rest = 0.0 if second.min() < 0.0 < second.max() else float(np.median(second))
+        none = float(table_at(self.tables.second, rest))
+        return shift(
+            field, self.tables.over, self.states - none, self.laws, self.beside, self.others - none
+        )
+
+    def of(self, field: Field, tables: TwoTables) -> Physics:
+        """Return a shift of other tables."""
+        return make_physics("free_shift", field.at, **two_tables_values(*tables))
+
+    def seen(self, field: Field) -> tuple[Floats, Floats]:
+        """Return where samples are along either table (samples,): the first one's are shifted."""
+        first, second = field.along(self.tables.over)
+        return first + table_at(self.tables.second, second), second
+
+    def varies(self) -> tuple[float, float]:
+        """Return the scatter of either law: a constant in either is another origin."""
+        return float(np.std(self.laws)), float(np.std(self.others))
+
+    def moved(self, field: Field, by: float, more: float) -> Physics | None:
+        """Return it where positions are counted from `by` below, with a constant force more."""
+        if "position" not in self.tables.over:
+            return None
+        a, b = (
+            states + by * (name == "position")
+            for states, name in zip((self.states, self.beside), self.tables.over, strict=True)
+        )
+        return shift(field, self.tables.over, a, self.laws + more, b, self.others)
+
+    def at(self, first: Floats, second: Floats) -> Floats:
+        """Return the force at states (...,)."""
+        return shifted_at(self.tables, first, second)
+
+    def slopes(self, first: Floats, second: Floats) -> Floats:
+        """Return what each number adds to the force at states (...,): (..., numbers)."""
+        b = counts_at(self.beside, second)
+        along = first + b @ self.others
+        step = NARROW * float(np.ptp(self.states))
+        rise = table_at(self.tables.first, along + step)
+        rise = (rise - table_at(self.tables.first, along - step)) / (2.0 * step)
+        return np.concatenate([counts_at(self.states, along), rise[..., None] * b], axis=-1)
+
+    def scales(self, field: Field) -> dict[str, float]:
+        """Return the numbers that a fit may move: all but one shift, and one force if it floats."""
+        along = OF_A_RANGE * float(np.ptp(field.along(self.tables.over)[0]))
+        found = dict.fromkeys(LAW_FIRST[: self.states.size], field.makes)
+        found |= dict.fromkeys(LAW_SECOND[: self.beside.size], along)
+        found.pop(LAW_SECOND[unshifted(self.others.tolist())])
+        if field.floats:
+            found.pop(LAW_FIRST[self.states.size // 2])
+        return found
+
+
+FORMS: dict[str, type[GridForm] | type[ProductForm] | type[ShiftForm]] = {
+    "free_force": GridForm,
+    "free_product": ProductForm,
+    "free_shift": ShiftForm,
+}

@@ -30,7 +30,7 @@ columns; nothing over time, which a recording meets once and held-out data never
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -38,26 +38,30 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.diagnosis.fitting.descend import descend
+from zwidth.diagnosis.fitting.landscape import Landscape
 from zwidth.diagnosis.fitting.uncertainty import Z95, covariance
 from zwidth.diagnosis.forces.leftover import predicted_states
-from zwidth.diagnosis.learning.curves import without_names
+from zwidth.diagnosis.learning.curves import SAME, without_names
 from zwidth.diagnosis.learning.knots import JUDGED, refined, tempered
 from zwidth.diagnosis.learning.surface_forms import (
     Field,
     Form,
     GridForm,
     Places,
-    ProductForm,
+    ShiftForm,
+    TablesForm,
     form_of,
     grid,
     in_words,
     product,
+    shift,
 )
 from zwidth.diagnosis.learning.tables import between, points_over
-from zwidth.diagnosis.learning.where import MANY, SHARE, begun, comes_back
+from zwidth.diagnosis.learning.where import MANY, RATIOS, SHARE, begun, comes_back
 from zwidth.diagnosis.mishaps import Say, attempt
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.noise.predictor import SETTLING
+from zwidth.diagnosis.noise.predictor import SCREENING, SETTLING
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.seeking.sizes import sizes_of
 from zwidth.diagnosis.selection.evidence import ALPHA, believed, freedom
@@ -66,18 +70,20 @@ from zwidth.diagnosis.selection.hypothesis import (
     Hypothesis,
     against,
     judged,
+    priced,
     settled,
 )
 from zwidth.diagnosis.selection.search import Search
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.free_force import SIZE, counts_at, states_over
-from zwidth.sim.physics.free_product import POINTS
+from zwidth.sim.physics.two_tables import LAW_FIRST, POINTS
 from zwidth.sim.place import masses_and_links, place_at
 
 Floats = NDArray[np.float64]
 PAIRS = (("position", "velocity"), ("position", "command"), ("velocity", "command"))
 FEW = 5  # rows and columns that a surface begins with
 SEEN = 0.05  # of a law's rms, that its points miss at least where more are put between them
+DRIFTS = (0.0, -1.0, -0.5, -0.25, -0.125, -0.0625, 0.0625, 0.125, 0.25, 0.5, 1.0)  # of a range
 BEGUN = 4  # places and pairs at which a product is begun
 ASKED = 2  # of these, that are fitted to their end
 Hopeful = Callable[[Hypothesis], bool]
@@ -85,16 +91,17 @@ Hopeful = Callable[[Hypothesis], bool]
 
 @dataclass(frozen=True)
 class Begun:
-    """Both forms of a surface, some rounds downhill; no product where none is to be had."""
+    """All forms of a surface, some rounds downhill; None where one is not to be had."""
 
     field: Field
     grid: Hypothesis
     product: Hypothesis | None
+    shift: Hypothesis | None
 
     @property
     def misfit(self) -> float:
-        """What the likelier of both costs."""
-        known = (self.grid, self.product)
+        """What the likeliest of them costs."""
+        known = (self.grid, self.product, self.shift)
         return min(h.cost.misfit for h in known if h is not None)
 
 
@@ -118,9 +125,14 @@ class Surface:
     hypothesis: Hypothesis
 
     @property
-    def is_product(self) -> bool:
-        """Whether it is a law of one state times one of the other."""
-        return isinstance(form_of(self.physics), ProductForm)
+    def form(self) -> Form:
+        """The form that it has."""
+        return form_of(self.physics)
+
+    @property
+    def shifts(self) -> bool:
+        """Whether it is a law of one state that the other shifts."""
+        return isinstance(self.form, ShiftForm)
 
     @property
     def states(self) -> tuple[str, str]:
@@ -136,11 +148,11 @@ class Surface:
 
     def at(self, first: Floats, second: Floats) -> Floats:
         """Return the force at states (...,)."""
-        return form_of(self.physics).at(first, second)
+        return self.form.at(first, second)
 
     def half(self, first: Floats, second: Floats) -> Floats:
         """Return the half width of its 95 % band at states (...,)."""
-        form = form_of(self.physics)
+        form = self.form
         slopes = form.slopes(first, second)[..., [form.names.index(name) for name in self.free]]
         variance = np.einsum("...i,ij,...j->...", slopes, self.covariance, slopes)
         return Z95 * np.sqrt(np.maximum(variance, 0.0))
@@ -179,19 +191,42 @@ def surfaces(
 def _of_either_form(
     found: Search, each: Sequence[Begun], least: Hypothesis, hopeful: Hopeful
 ) -> Iterator[Surface]:
-    """Yield a product and a grid that are believed, beside names or in the place of all.
+    """Yield a product, a shift and a grid that are believed, beside names or in the place of all.
 
     Names that were found without a law have taken what they can of it, so that beside them it may
     look like another; the likelier of both is said.
     """
-    for make in (_as_product, _as_grid):
+    for make in (_as_product, _as_shift, _as_grid):
         ends: list[Hypothesis] = []
         for one in each:
             h = attempt("learn", one.field.at, partial(_shaped, make, one, least, hopeful))
-            ends += [] if h is None else [without_names(found, h)]
+            ends += [] if h is None else [_as_the_file_counts(without_names(found, h), one.field)]
         h = min(ends, key=lambda end: end.cost.total, default=None)
         if h is not None and believed(h.cost, least.cost, against(h, least).phi):
             yield _as_learned(h, least, found)
+
+
+def _as_the_file_counts(h: Hypothesis, field: Field) -> Hypothesis:
+    """The same law as the device file counts positions, and a shift from none where it rests.
+
+    As of laws of one state: over a position of the first mass on a spring another origin d moves
+    the law by d with a constant k d, and nothing tells which is so. Limits: with nothing beside the
+    law that may follow a position.
+    """
+    swings, k = {e.swing for e in h.experiments}, h.model.build(h.x).chain.ground_spring
+    tied = field.at == "m1" and k > 0.0 and len(h.model.effects) == 1 and len(swings) == 1
+    by = h.model.reads(h.x).origin * swings.pop() if tied else 0.0
+    law = _last(h)
+    centred = form_of(law).centred(field)
+    moved = form_of(centred).moved(field, by, k * by) if tied else None
+    if moved is None and centred is law:
+        return h
+    model, x = _exchanged(h, field, moved or centred)
+    if moved is not None:
+        x = np.where([p.kind == "origin" for p in model.parameters], 0.0, x)
+    near = h.family.near(h.ratio)
+    other = judged(h.experiments, model, model.within(x), h.family, near, h.prices)
+    return priced(other) if abs(other.cost.misfit - h.cost.misfit) < SAME else h
 
 
 def _shaped(
@@ -211,11 +246,11 @@ def _finer(h: Hypothesis, field: Field) -> Hypothesis:
     Of the table whose points hold least of their law; a grid has all of its points.
     """
     form = form_of(_last(h))
-    if not isinstance(form, ProductForm):
+    if not isinstance(form, TablesForm):
         return h
     axes = [form.states, form.beside]
     k, misses = form.coarser()
-    more = between(axes[k], field.states[:, k])
+    more = between(axes[k], form.seen(field)[k])
     if misses < SEEN or not axes[k].size < more.size <= POINTS:
         return h
     axes[k] = more
@@ -238,7 +273,10 @@ def _begun_everywhere(base: Hypothesis) -> list[Begun]:
         if h is not None and h.cost.misfit < base.cost.misfit:
             grids.append((field, h))
     grids.sort(key=lambda one: one[1].cost.misfit)
-    return [Begun(field, h, _product_begun(h, field)) for field, h in grids[:BEGUN]]
+    return [
+        Begun(field, h, _product_begun(h, field), _shift_begun(base, field))
+        for field, h in grids[:BEGUN]
+    ]
 
 
 def _fields(base: Hypothesis) -> Iterator[Field]:
@@ -279,9 +317,12 @@ def _axes(field: Field, count: int) -> tuple[Floats, Floats] | None:
     return None if first is None or second is None else (first, second)
 
 
-def _beside(base: Model, x: Floats, field: Field, law: Physics) -> tuple[Model, Floats]:
-    """Return a model with a surface, and its x where it is as given."""
+def _beside(
+    base: Model, x: Floats, field: Field, law: Physics, only: Collection[str] = ()
+) -> tuple[Model, Floats]:
+    """Return a model with a surface, and its x where it is as given; only: which may move."""
     scales = form_of(law).scales(field)
+    scales = {name: scales[name] for name in scales if not only or name in only}
     lasting = sum(not base.is_found(p) for p in base.parameters)  # changes come last
     start = np.concatenate([x[:lasting], np.zeros(len(scales)), x[lasting:]])
     return base.with_effect(law, scales), start
@@ -335,6 +376,55 @@ def _product_begun(h: Hypothesis, field: Field) -> Hypothesis | None:
         other = begun(h, *_exchanged(h, field, law))
         each += [] if other is None else [other]
     return min(each, key=lambda one: one.cost.misfit, default=None)
+
+
+def _shift_begun(base: Hypothesis, field: Field) -> Hypothesis | None:
+    """A shift of many points, some rounds downhill: either state by the other.
+
+    Along any straight line of its states, a + d b, a shift is a table of one state, of which one
+    round downhill from nothing tells how likely it is, under two observers; from the line that each
+    finds likeliest both tables go on.
+    """
+    each: list[Hypothesis] = []
+    for share in RATIOS if base.family.whitening else RATIOS[:1]:
+        with suppress(NoObserver):
+            law = _likeliest_line(base.under(share * base.ratio), field)
+            h = None if law is None else begun(base, *_beside(base.model, base.x, field, law))
+            each += [] if h is None else [h]
+    return min(each, key=lambda one: one.cost.misfit, default=None)
+
+
+def _likeliest_line(under: Hypothesis, field: Field) -> Physics | None:
+    """The shift in proportion to the other state with which one round downhill gains most."""
+    problem, least, likeliest = under.problem, math.inf, None
+    for line in _lines(field):
+        model, x = _beside(under.model, under.x, field, line, LAW_FIRST)
+        ground = Landscape(problem.experiments, problem.observer, model, SCREENING)
+        end = descend(ground, x, 1, under.creased)
+        if end.cost < least:
+            least, likeliest = end.cost, model.effects_at(end.x)[-1]
+    return likeliest
+
+
+def _lines(field: Field) -> Iterator[Physics]:
+    """Yield shifts of nothing, in proportion to the other state."""
+    a, b = field.over
+    for over in ((a, b), (b, a)):
+        first, second = field.along(over)
+        beside, middle = points_over(second, MANY, False), float(np.median(second))
+        if beside is None:
+            continue
+        for drift in DRIFTS:
+            per = drift * float(np.ptp(first)) / float(np.ptp(second))
+            along = points_over(first + per * (second - middle), MANY, False)
+            if along is not None:
+                shifts = per * (beside - middle)
+                yield shift(field, over, along, np.zeros(along.size), beside, shifts)
+
+
+def _as_shift(one: Begun) -> Hypothesis | None:
+    """A shift with as many points as one begins with, fitted."""
+    return None if one.shift is None else _finite(settled(one.shift))
 
 
 def _as_product(one: Begun) -> Hypothesis | None:

@@ -71,7 +71,7 @@ def sites(base: Hypothesis, most: int) -> list[tuple[Site, Hypothesis]]:
     return sorted(found, key=lambda one: one[1].cost.misfit)[:most]
 
 
-def begun(base: Hypothesis, model: Model, x: Floats) -> Hypothesis | None:
+def begun(base: Hypothesis, model: Model, x: Floats, rounds: int = ROUNDS) -> Hypothesis | None:
     """Return a model with a law, some rounds downhill under two observers: the likelier end.
 
     None where no observer follows the recordings of the base.

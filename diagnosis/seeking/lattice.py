@@ -1,7 +1,9 @@
 """Steps and lost commands: effects that no slope leads to, found by what they repeat.
 
 command_step: c = step round(u / step) is known for every step, so its signature is F (c - u), and
-the periods of the missing force over u (`diagnosis.forces.spatial`) say which steps to try.
+the periods of the missing force over u (`diagnosis.forces.spatial`) say which steps to try. The
+best of N steps explains 2 ln N of chance, that is as many independent numbers; whatever follows a
+command of fewer levels than that is as few numbers, and some step explains anything.
 
 encoder_step: y = x + s(x) + noise, s(x) = step round(x / step) - x. The observer predicts x only
 within some spread, so what is taken off is the mean of s over that spread,
@@ -84,8 +86,6 @@ def command_step(problem: Problem, fitted: Fitted) -> Stepped | None:
     over = [e.command for e in problem.experiments]
     span = max(float(np.ptp(u)) for u in over)
     levels = max(np.unique(u).size for u in over)
-    if levels < 50:  # a command of few levels shows no lattice
-        return None
     size = float(np.sqrt(np.mean(np.concatenate(over) ** 2)))
     found, lines = step_peaks(pulls(problem, fitted, "command"), over, 1e-3 * size, -1.0)
     moved = _Moved(fitted)
@@ -95,6 +95,8 @@ def command_step(problem: Problem, fitted: Fitted) -> Stepped | None:
         return moved.chi2(problem.weighted(tried, x))
 
     price = 2.0 * np.log(max(lines, 1))
+    if price > levels:
+        return None
     best = _best([p.period for p in found if p.gained > price + PROMISING], span, chi2)
     if best is None or chi2(best) > moved.chi2(fitted.white):
         return None

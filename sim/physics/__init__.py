@@ -53,6 +53,7 @@ NAMES = (
     "free_sensor",
     "free_force",
     "free_product",
+    "free_shift",
 )
 
 # Laws of no library: no device file names them, the diagnosis asks with them (`forces.probes`).

@@ -21,6 +21,7 @@ from zwidth.sim.physics.free_force import grid_law
 from zwidth.sim.physics.free_law import table_law
 from zwidth.sim.physics.free_product import product_law
 from zwidth.sim.physics.free_sensor import read_freely
+from zwidth.sim.physics.free_shift import shifted_law
 from zwidth.sim.physics.gain_asymmetry import two_gains
 from zwidth.sim.physics.gravity_pendulum import pendulum_force
 from zwidth.sim.physics.hysteresis import bouc_wen_force, next_yield
@@ -91,7 +92,7 @@ def smooth_force(code, q, v, z, u, w, s, p):
 @part
 def is_over_states(code):
     """Whether a force is one of `force_over_states`."""
-    return code == 19 or code == 20
+    return code == 19 or code == 20 or code == 21
 
 
 @part
@@ -99,7 +100,9 @@ def force_over_states(code, q, v, u, t, p):
     """Force of a law over any of its states; t: time since the run or the recording began."""
     if code == 19:
         return grid_law(q, v, u, t, p)
-    return product_law(q, v, u, t, p)
+    if code == 20:
+        return product_law(q, v, u, t, p)
+    return shifted_law(q, v, u, t, p)
 
 
 @part

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from zwidth.sim.physics.effect import Parameter, Physics
 from zwidth.sim.physics.free_force import is_grid, states_over
 from zwidth.sim.physics.free_law import is_table
-from zwidth.sim.physics.free_product import is_product
+from zwidth.sim.physics.two_tables import is_two_tables
 
 
 def of_points(parameters: Sequence[Parameter]) -> bool:
@@ -15,7 +15,7 @@ def of_points(parameters: Sequence[Parameter]) -> bool:
 
 def is_over(parameters: Sequence[Parameter]) -> bool:
     """Whether an effect is a law that names its states, time among them: a grid or a product."""
-    return is_grid(parameters) or is_product(parameters)
+    return is_grid(parameters) or is_two_tables(parameters)
 
 
 def named_states(physics: Physics) -> tuple[str, ...]:

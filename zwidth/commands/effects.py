@@ -13,7 +13,7 @@ import click
 
 from zwidth.compiling import announce
 from zwidth.console import Column, Console
-from zwidth.diagnosis.learning.own_effect import effect_text, product_text
+from zwidth.diagnosis.learning.own_effect import effect_text, law_of_two_text
 from zwidth.figures.names import picture_files
 from zwidth.files.protection import reading
 from zwidth.files.whole import write_text
@@ -142,7 +142,8 @@ def _effect_of(name: str, learned: Mapping[str, Any], said: str) -> str:
         return effect_text(name, learned["effect"], best["form"], best["numbers"], said)
     parts = best["factors"]
     forms = [(part["form"], part["numbers"]) for part in parts]
-    return product_text(name, [part["state"] for part in parts], forms, said)
+    states = [part["state"] for part in parts]
+    return law_of_two_text(name, states, forms, said, shifts=best["form"] == "shift")
 
 
 def _listed(effect: Effect) -> list[list[str]]:

@@ -23,7 +23,7 @@ from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Effect
 from zwidth.sim.physics.free_force import grid_values
 from zwidth.sim.physics.free_law import table_values
-from zwidth.sim.physics.free_product import product_values
+from zwidth.sim.physics.two_tables import two_tables_values
 from zwidth.sim.predict import GROUND, Outputs, alone
 from zwidth.sim.run import Outcome, Run, Start, simulate, start_memory
 from zwidth.sim.trace import Trace
@@ -98,9 +98,13 @@ SHOWN: dict[str, Shown] = {
         ["position", "velocity"], [-1.0, 0.0, 1.0, 2.0], [-10.0, 0.0, 10.0],
         [[0.03, 0.0, -0.03], [0.0, 0.0, 0.0], [0.03, 0.0, -0.03], [0.06, 0.0, -0.06]]),
         "velocity"),
-    "free_product": Shown("m1", product_values(
+    "free_product": Shown("m1", two_tables_values(
         ["velocity", "position"], [(-10.0, 0.03), (-2.0, 0.02), (2.0, -0.02), (10.0, -0.03)],
         [(-2.0, 2.0), (-1.0, 1.0), (0.0, 0.0), (1.0, 1.0), (2.0, 2.0)]), "velocity"),
+    "free_shift": Shown("m1", two_tables_values(
+        ["position", "velocity"],
+        [(-2.0, 0.0), (-1.0, 0.03), (0.0, 0.0), (1.0, -0.03), (2.0, 0.0), (3.0, 0.03)],
+        [(-10.0, -0.5), (0.0, 0.0), (10.0, 0.5)])),
 }  # fmt: skip
 
 

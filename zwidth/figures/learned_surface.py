@@ -116,7 +116,7 @@ def _cuts(
         label = f"{law.curve.over[other]} {plain(factors[other] * value, 3)} {units[other]}"
         axes.plot(x, made * f, color=colour, linestyle=style, linewidth=1.3, label=label)
         if law.formula:
-            form = law.forms[0][0].at(first) * law.forms[1][0].at(second)
+            form = law.formula_at(first, second)
             axes.plot(x, made * form, color=colour, linestyle=":", linewidth=1.0)
     title = "with 95 % band; dotted: formula" if law.formula else "with 95 % band"
     axes.legend(

@@ -9,7 +9,8 @@ from zwidth.sim.interface import Interface
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.free_force import grid_of, is_grid
 from zwidth.sim.physics.free_law import is_table, points_of
-from zwidth.sim.physics.free_product import is_product, product_of
+from zwidth.sim.physics.free_product import free_product
+from zwidth.sim.physics.two_tables import is_two_tables, two_tables_of
 from zwidth.views.table import Table, number
 from zwidth.views.units import Units, rows, units
 
@@ -62,9 +63,10 @@ def in_points(physics: Physics) -> str:
     """What a law of no formula has in place of a few numbers; "" for all other effects."""
     if is_table(physics.effect.parameters):
         return f"a table of {len(points_of(physics.values))} points"
-    if is_product(physics.effect.parameters):
-        (a, b), first, second = product_of(physics.values)
-        return f"{len(first)} points over {a} times {len(second)} over {b}"
+    if is_two_tables(physics.effect.parameters):
+        (a, b), first, second = two_tables_of(physics.values)
+        does = "times" if physics.effect is free_product else "shifted by"
+        return f"{len(first)} points over {a} {does} {len(second)} over {b}"
     if not is_grid(physics.effect.parameters):
         return ""
     grid = grid_of(physics.values)
