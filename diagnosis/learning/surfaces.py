@@ -5,10 +5,12 @@ shapes, a motor whose torque falls with speed, a detent that grows with the comm
 of forces (`sim/physics/free_force`) is let in at every place over every pair of position, velocity
 and command there (in a link, of how far it gives way, how fast, and the command), beside what
 hypotheses have, and goes some rounds downhill as laws of one state do (`where`), and so does a
-product that is begun at the first singular vectors of that grid. The likeliest are fitted to their
-end in two forms (`surface_forms`),
+product that is begun at the first singular vectors of that grid, and a law of one state that the
+other shifts, begun along the likeliest straight line of both. The likeliest are fitted to their end
+in three forms (`surface_forms`),
 
     a product f(a) g(b) of two tables (`free_product`), with more points where these pay,
+    a shift f(a + g(b)) of two tables (`free_shift`), likewise,
     a grid F(a, b) of as many points as it has,
 
 each with the points that pay: of the precision P with which a fit knows the numbers z of a law, any
@@ -18,9 +20,9 @@ second order
     (z - c - B y)' P (z - c - B y) + what y costs (`knots`),
 
 so that points of the tables, rows and columns of the grid, go one at a time, that which costs least
-by going, and what was cheapest is fitted. Either form stands over names and over any law of one of
+by going, and what was cheapest is fitted. A form stands over names and over any law of one of
 its states only where it is believed over them by the one criterion of `selection.evidence`; which
-of both is said, held-out data decide (`answer.learned`).
+is said, held-out data decide (`answer.learned`).
 
 Its band is what the fit does not know of its numbers, and what so few points cannot be, as of
 tables (`tables.left_out_of`). Of a surface a plane is no law: it is a spring, a damper and a scale
