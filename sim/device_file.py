@@ -34,6 +34,7 @@ from zwidth.sim.physics import EFFECTS, unknown_effect
 from zwidth.sim.physics.effect import Parameter, Physics
 from zwidth.sim.physics.free_force import grid_of, grid_values, is_grid, state_unit
 from zwidth.sim.physics.free_law import is_table, points_of, table_values
+from zwidth.sim.physics.free_product import free_product
 from zwidth.sim.physics.two_tables import TABLES, is_two_tables, two_tables_of, two_tables_values
 from zwidth.sim.table import Table, TableError
 from zwidth.sim.uncertainty import UNCERTAINTY_FIELDS, Uncertainty
@@ -219,7 +220,7 @@ def commented_text(device: Device) -> str:
         if is_grid(physics.effect.parameters):
             own |= _grid_comments(physics, device.rotary)
         if is_two_tables(physics.effect.parameters):
-            own |= _product_comments(physics, device.rotary)
+            own |= _tables_comments(physics, device.rotary)
         own[("", "effect")] = physics.effect.summary
         texts.append(commented(entry, own))
     return "[[physics]]\n".join(texts)
@@ -234,10 +235,12 @@ def _grid_comments(physics: Physics, rotary: bool) -> dict[tuple[str, str], str]
     return found | {("", "over"): OVER_SAID, ("", "table"): said}
 
 
-def _product_comments(physics: Physics, rotary: bool) -> dict[tuple[str, str], str]:
-    """What the keys of a product are, by its states."""
-    made = (f"[{'N m' if rotary else 'N'}] force", "what it is taken times")
+def _tables_comments(physics: Physics, rotary: bool) -> dict[tuple[str, str], str]:
+    """What the keys of a law of two tables are, by its states."""
     over = two_tables_of(physics.values).over
+    shift = f"[{state_unit(over[0], rotary)}] what is added to the {over[0]}"
+    does = "what it is taken times" if physics.effect is free_product else shift
+    made = (f"[{'N m' if rotary else 'N'}] force", does)
     return {("", "over"): OVER_SAID} | {
         ("", key): f"rows of [{state_unit(state, rotary)}] {state}, {makes}"
         for key, state, makes in zip(TABLES, over, made, strict=True)

@@ -82,6 +82,8 @@ def test_it_goes_through_a_device_file_and_is_said() -> None:
     device = phantom().with_physics(physics)
     for text in (device_to_text(device), commented_text(device)):
         assert device_from_text(text) == device
+    text = commented_text(phantom().with_physics(physics))
+    assert "second = [  # rows of [s] time, [rad] what is added to the position" in text
     assert in_points(physics) == "3 points over position shifted by 4 over time"
 
 
