@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import binomtest
 
 from tests.diagnosis_examples import ENCODER_NOISE, FORCE_NOISE, OUTPUTS, phantom, record
-from zwidth.controllers.excitation import noise
+from zwidth.controllers.excitation import noise, random_steps
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.answer.lost import knowing_losses
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
@@ -85,6 +85,29 @@ def test_steps_of_the_command_are_found_by_what_they_repeat():
     assert trial.gained > 30.0 + trial.price
     step = next(p for p in trial.fitted.model.effects).values["step"]
     assert step == pytest.approx(5e-3, rel=1e-3)
+
+
+@pytest.mark.parametrize(("hold", "found"), [(0.1, True), (0.15, True), (0.4, False)])
+def test_steps_of_a_command_that_is_held_are_sought_where_its_levels_tell(
+    hold: float, found: bool
+) -> None:
+    """40 and 27 levels, and 10, of which some of 3500 steps would explain anything.
+
+    Mutations that break it: never below 50 levels; whatever they are.
+    """
+    command = 0.05 * random_steps(1.0, hold, SECONDS, 0.001, 3)
+    truth = phantom().with_physics(make_physics("command_step", "command", step=5e-3))
+    random = np.random.default_rng(14)
+    push = FORCE_NOISE * random.standard_normal(command.size)
+    run = simulate(truth, recorded(command), duration=SECONDS, disturbance=push)
+    position = run.trace["position_m1"] + ENCODER_NOISE * random.standard_normal(command.size)
+    problem, fitted = refit(phantom(), [Experiment(0.001, command, position[:, None], OUTPUTS)])
+    trial = command_step(problem, fitted)
+    assert (trial is not None) == found
+    if trial is not None:
+        assert trial.gained > 30.0 + trial.price
+        step = next(p for p in trial.fitted.model.effects).values["step"]
+        assert step == pytest.approx(5e-3, rel=0.02)
 
 
 def test_steps_of_the_sensor_are_found_under_noise():
