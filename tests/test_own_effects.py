@@ -157,6 +157,32 @@ def test_a_product_that_was_learned_is_a_file_that_is_read(states: tuple[str, st
     assert all(value == "found as 0.25" for name, value in found.items() if name != "a")
 
 
+@pytest.mark.parametrize("form", list(LAWS))
+def test_whatever_formula_shifts_another_is_a_file_that_is_read(form: str):
+    """Each as what shifts and as what is shifted. Mutation that breaks it: factors of no start."""
+    numbers = dict.fromkeys("abcdefghijklmnopqrstuvwxyz", 0.5)
+    for forms in ((form, "cube"), ("cube", form)):
+        each = [(name, numbers) for name in forms]
+        own, _ = read(law_of_two_text("mine", ("velocity", "command"), each, "a test", shifts=True))
+        assert all(p.unit_for(True) is not None for p in own.effect.parameters)
+
+
+@pytest.mark.parametrize("states", [("position", "velocity"), ("command", "position")])
+def test_a_shift_that_was_learned_is_a_file_that_is_read(states: tuple[str, str]):
+    """Mutations that break it: the shift taken off; added to the wrong state; a force's unit."""
+    forms = [("cube", {"a": 3.0}), ("saturation", {"a": 0.2, "w": 0.5})]
+    own, law = read(law_of_two_text("mine", states, forms, "a test", shifts=True))
+    plain = eval(f"lambda q, v, u, p: {law}", dict(PLAIN))
+    numbers = {"a": 3.0, "a_2": 0.2, "w_2": 0.5}
+    at = {states[0]: 0.3, states[1]: 0.7}
+    q, v, u = (at.get(state, 99.0) for state in ("position", "velocity", "command"))
+    found = plain(q, v, u, [numbers[p.name] for p in own.effect.parameters])
+    assert found == pytest.approx(3.0 * (0.3 + 0.2 * math.tanh(0.7 / 0.5)) ** 3)
+    unit = own.effect.parameter("a_2").unit
+    assert unit == ("rad" if states[0] == "position" else "N m")
+    assert own.effect.summary.startswith(f"cube of the {states[0]} shifted by a saturation of")
+
+
 def test_what_was_learned_is_kept_as_a_file_of_ones_own(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
@@ -180,6 +206,11 @@ def test_what_was_learned_is_kept_as_a_file_of_ones_own(
     assert run(["effects", "both", "--learned", "both.json"]) == 0
     own, _ = read(Path("effects/both.toml").read_text())
     assert own.effect.summary == "bump of the position times saturation of the velocity"
+    moved = {**learned, "formulas": [{"form": "shift", "factors": parts}]}
+    Path("moved.json").write_text(json.dumps({"learned": moved}))
+    assert run(["effects", "moved", "--learned", "moved.json"]) == 0
+    own, _ = read(Path("effects/moved.toml").read_text())
+    assert own.effect.summary == "bump of the position shifted by a saturation of the velocity"
     capsys.readouterr()
     assert run(["effects", "coulomb_friction", "--learned", "answer.json"]) == Status.BAD_INPUT
     assert "no name of the library" in capsys.readouterr().err

@@ -54,6 +54,8 @@ def law_of_two_text(
         formula, own = _part(OF_STATE[state], form, numbers, made)
         for key in own:
             formula = re.sub(rf"\b{key}\b", f"{key}{after}", formula)
+        if shifts and after:  # within another formula none of them is a strength
+            own = {key: {"start": numbers[key], **value} for key, value in own.items()}
         formulas.append(f"({formula})")
         parameters |= {f"{key}{after}": value for key, value in own.items()}
     each = [f"{form} of the {state}" for (form, _), state in zip(forms, states, strict=True)]
