@@ -51,7 +51,7 @@ from zwidth.diagnosis.learning.where import (
     states_of,
 )
 from zwidth.diagnosis.mishaps import Say, attempt
-from zwidth.diagnosis.model.parameters import effect_labels
+from zwidth.diagnosis.model.parameters import Model, effect_labels
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.selection.evidence import ALPHA, believed
 from zwidth.diagnosis.selection.hypothesis import (
@@ -449,8 +449,16 @@ def _as_the_file_counts(h: Hypothesis, site: Site) -> Hypothesis:
     s, f = np.array(points_of(law.values)).T
     moved = table(site.effect, site.at, s + by, f + k * by, False, law.values["period"])
     model, x = h.model.less(h.x, len(h.model.effects) - 1)
-    x = np.where([p.kind == "origin" for p in model.parameters], 0.0, x)
-    model, x = beside(model, x, site, moved)
+    return said_as(h, *beside(model, from_nothing(model, x), site, moved))
+
+
+def from_nothing(model: Model, x: Floats) -> Floats:
+    """Return x with positions counted as the device file counts them."""
+    return np.where([p.kind == "origin" for p in model.parameters], 0.0, x)
+
+
+def said_as(h: Hypothesis, model: Model, x: Floats) -> Hypothesis:
+    """Return a hypothesis as a model at x that does the same; as it is where that does not."""
     near = h.family.near(h.ratio)
     other = judged(h.experiments, model, model.within(x), h.family, near, h.prices)
     return priced(other) if abs(other.cost.misfit - h.cost.misfit) < SAME else h

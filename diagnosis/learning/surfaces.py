@@ -44,7 +44,7 @@ from zwidth.diagnosis.fitting.descend import descend
 from zwidth.diagnosis.fitting.landscape import Landscape
 from zwidth.diagnosis.fitting.uncertainty import Z95, covariance
 from zwidth.diagnosis.forces.leftover import predicted_states
-from zwidth.diagnosis.learning.curves import SAME, without_names
+from zwidth.diagnosis.learning.curves import from_nothing, said_as, without_names
 from zwidth.diagnosis.learning.knots import JUDGED, refined, tempered
 from zwidth.diagnosis.learning.surface_forms import (
     Field,
@@ -72,7 +72,6 @@ from zwidth.diagnosis.selection.hypothesis import (
     Hypothesis,
     against,
     judged,
-    priced,
     settled,
 )
 from zwidth.diagnosis.selection.search import Search
@@ -224,11 +223,7 @@ def _as_the_file_counts(h: Hypothesis, field: Field) -> Hypothesis:
     if moved is None and centred is law:
         return h
     model, x = _exchanged(h, field, moved or centred)
-    if moved is not None:
-        x = np.where([p.kind == "origin" for p in model.parameters], 0.0, x)
-    near = h.family.near(h.ratio)
-    other = judged(h.experiments, model, model.within(x), h.family, near, h.prices)
-    return priced(other) if abs(other.cost.misfit - h.cost.misfit) < SAME else h
+    return said_as(h, model, from_nothing(model, x) if moved is not None else x)
 
 
 def _shaped(
