@@ -119,6 +119,7 @@ def test_the_exam_draws_every_effect_at_every_place() -> None:
         "free_sensor",
         "free_force",
         "free_product",
+        "free_shift",
     }
     assert {n for n, e in EFFECTS.items() if not e.odds} == without
     drawn = [choose(random, device, []) for _ in range(4000)]
