@@ -15,7 +15,6 @@ OVER = {"free_spring": "position", "free_damper": "velocity", "free_amplifier": 
 WIDER = 100.0  # times what was found, between which it is sought
 
 
-LETTERS = {"position": "q", "velocity": "v", "command": "u"}
 OF_STATE = {"position": "free_spring", "velocity": "free_damper", "command": "free_amplifier"}
 SECOND = "_2"  # after the names of the second formula of a law of two
 
@@ -62,7 +61,7 @@ def law_of_two_text(
     if not shifts:
         formula = " * ".join(formulas)
         return _text(name, " times ".join(each), "force", formula, said, parameters)
-    first = LETTERS[states[0]]
+    first = STATES[OF_STATE[states[0]]]
     formula = re.sub(rf"\b{first}\b", f"({first} + {formulas[1]})", formulas[0])
     return _text(name, " shifted by a ".join(each), "force", formula, said, parameters)
 

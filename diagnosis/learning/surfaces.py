@@ -34,7 +34,7 @@ import itertools
 import math
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -84,7 +84,8 @@ Floats = NDArray[np.float64]
 PAIRS = (("position", "velocity"), ("position", "command"), ("velocity", "command"))
 FEW = 5  # rows and columns that a surface begins with
 SEEN = 0.05  # of a law's rms, that its points miss at least where more are put between them
-DRIFTS = (0.0, -1.0, -0.5, -0.25, -0.125, -0.0625, 0.0625, 0.125, 0.25, 0.5, 1.0)  # of a range
+# Straight shifts that are begun with: of the range of what is shifted, over that of what shifts it.
+DRIFTS = (0.0, -1.0, -0.5, -0.25, -0.125, -0.0625, 0.0625, 0.125, 0.25, 0.5, 1.0)
 BEGUN = 4  # places and pairs at which a product is begun
 ASKED = 2  # of these, that are fitted to their end
 Hopeful = Callable[[Hypothesis], bool]
@@ -186,10 +187,10 @@ def surfaces(
     least = min(than, key=lambda h: h.cost.total)
     for each in itertools.islice(likeliest.values(), ASKED):
         say(f"learning a law over {each[0].field.name}")
-        yield _of_either_form(found, each, least, hopeful)
+        yield _of_each_form(found, each, least, hopeful)
 
 
-def _of_either_form(
+def _of_each_form(
     found: Search, each: Sequence[Begun], least: Hypothesis, hopeful: Hopeful
 ) -> Iterator[Surface]:
     """Yield a product, a shift and a grid that are believed, beside names or in the place of all.
@@ -222,8 +223,14 @@ def _as_the_file_counts(h: Hypothesis, field: Field) -> Hypothesis:
     moved = form_of(centred).moved(field, by, k * by) if tied else None
     if moved is None and centred is law:
         return h
-    model, x = _exchanged(h, field, moved or centred)
+    there = replace(field, states=_states_seen(h, field.at, field.over) + by * _counts(field.over))
+    model, x = _exchanged(h, there, moved or centred)
     return said_as(h, model, from_nothing(model, x) if moved is not None else x)
+
+
+def _counts(over: tuple[str, str]) -> Floats:
+    """Return 1.0 of the two states that is a position, which has an origin, and 0.0 of others."""
+    return np.array([float(name == "position") for name in over])
 
 
 def _shaped(
@@ -306,6 +313,13 @@ def _states_at(moved: Sequence[Floats], commands: list[Floats], at: str) -> dict
         ]
 
     return {"position": across(0), "velocity": across(n), "command": commands}
+
+
+def _states_seen(h: Hypothesis, at: str, over: Sequence[str]) -> Floats:
+    """Return the states at a place (samples, 2) as a fitted hypothesis predicts them."""
+    moved = predicted_states(h.problem, h.fitted)
+    each = _states_at(moved, [e.command[SETTLING:] for e in h.experiments], at)
+    return np.column_stack([np.concatenate(each[name]) for name in over])
 
 
 def _axes(field: Field, count: int) -> tuple[Floats, Floats] | None:
@@ -560,8 +574,5 @@ def _as_learned(h: Hypothesis, without: Hypothesis, found: Search) -> Surface:
     gone = tuple(
         n for p in found.best.model.effects if (n := f"{p.effect.name} at {p.at}") not in names
     )
-    each = _states_at(
-        predicted_states(h.problem, h.fitted), [e.command[SETTLING:] for e in h.experiments], law.at
-    )
-    seen = np.column_stack([np.concatenate(each[name]) for name in states_over(law.values)])
+    seen = _states_seen(h, law.at, states_over(law.values))
     return Surface(law, tuple(keys), known, seen, names, gone, without.cost.total - h.cost.total, h)

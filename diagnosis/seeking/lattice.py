@@ -85,7 +85,7 @@ def command_step(problem: Problem, fitted: Fitted) -> Stepped | None:
         return None
     over = [e.command for e in problem.experiments]
     span = max(float(np.ptp(u)) for u in over)
-    levels = max(np.unique(u).size for u in over)
+    levels = np.unique(np.concatenate(over)).size
     size = float(np.sqrt(np.mean(np.concatenate(over) ** 2)))
     found, lines = step_peaks(pulls(problem, fitted, "command"), over, 1e-3 * size, -1.0)
     moved = _Moved(fitted)
