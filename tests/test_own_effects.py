@@ -214,6 +214,10 @@ def test_what_was_learned_is_kept_as_a_file_of_ones_own(
     capsys.readouterr()
     assert run(["effects", "coulomb_friction", "--learned", "answer.json"]) == Status.BAD_INPUT
     assert "no name of the library" in capsys.readouterr().err
+    Path("half.json").write_text(json.dumps({"learned": {**learned, "formulas": [
+        {"form": "shift", "factors": parts[:1]}]}}))  # fmt: skip
+    assert run(["effects", "half", "--learned", "half.json"]) == Status.BAD_INPUT
+    assert "half.json is no result of" in capsys.readouterr().err
     del parts[1]["numbers"]
     Path("both.json").write_text(json.dumps({"learned": learned}))
     assert run(["effects", "less", "--learned", "both.json"]) == Status.BAD_INPUT

@@ -141,6 +141,8 @@ def _effect_of(name: str, learned: Mapping[str, Any], said: str) -> str:
     if "factors" not in best:
         return effect_text(name, learned["effect"], best["form"], best["numbers"], said)
     parts = best["factors"]
+    if len(parts) != 2:
+        raise KeyError("factors")
     forms = [(part["form"], part["numbers"]) for part in parts]
     states = [part["state"] for part in parts]
     return law_of_two_text(name, states, forms, said, shifts=best["form"] == "shift")
