@@ -85,12 +85,13 @@ class Noise:
     """A model of the noise for a hypothesis: its observer, and where that begins.
 
     starts: for each recording, what is added to positions and velocities (2n,) at its beginning.
-    cost: -2 log likelihood under it, up to a constant.
+    cost: -2 log likelihood under it, up to a constant. weighed: the innovations so (samples,).
     """
 
     observer: Observer
     starts: tuple[Floats, ...]
     cost: float
+    weighed: Floats
 
     def problem(self, experiments: Sequence[Experiment], fineness: Fineness = SEARCHING) -> Problem:
         """Return the recordings under this model of their noise."""
@@ -140,7 +141,7 @@ def noises(
         starts = tuple(begins[i] for begins, _ in followed)
         cost = white.cost(weighed)
         if np.isfinite(cost):
-            found.append(Noise(white, starts, cost))
+            found.append(Noise(white, starts, cost, weighed))
     return found
 
 

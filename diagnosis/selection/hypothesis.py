@@ -155,7 +155,7 @@ def judged(
     noise = likeliest(experiments, model, x, among or family)
     there = noise.problem(experiments)
     ground = Landscape(there.experiments, there.observer, model, SEARCHING)
-    (residual,) = ground.residuals([x])
+    residual = np.concatenate([noise.weighed, x[ground.priors]])
     own = {p.name for p in model.parameters if p.kind == "change"}
     changes = sum(v.price for v in model.varying if v.name in own)
     searched = sum(price for _, price in paid) + changes
