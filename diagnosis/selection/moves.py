@@ -34,6 +34,7 @@ Floats = NDArray[np.float64]
 SLOWEST = 1e-6  # ratio of an observer that hardly corrects the model
 SLOWER = 1e-2  # of the own ratio
 NO_SIGN = 10.0  # score below which a start says nothing: the noise of a few samples
+GROWN_TICKS = 3000  # of all recordings together: twice as many, and half, arrived no more often
 FAR_TICKS = 6000  # of all recordings together, in far views: what is strong shows in as many
 BENT = 0.05  # in x, from which a fit has left its device file, which may lie nearer the truth
 GIVEN_WAY = 2.0  # in x, that parameters give way at most before a fit
@@ -67,11 +68,9 @@ class Proposal:
         """
         among = None if self.near is None else self.family.near(self.near)
         h = judged(self.experiments, self.model, x, self.family, among, self.prices)
-        rounds = Effort.first_rounds if self.blind else Effort.own_rounds
         if not self.blind and (among is not None or self.under is None):
             return h
-        moved = h.moved(descend(h.far_ground, h.x, rounds, h.creased).x)
-        return moved if moved.cost.misfit < h.cost.misfit else h
+        return _on_its_way(h, Effort.own_rounds)
 
     @property
     def label(self) -> str:
@@ -83,8 +82,19 @@ class Proposal:
         """effect@place of each effect."""
         return frozenset(effect_labels(self.model.effects))
 
-    def begun(self) -> "Begun":
-        """Return where a first fit under the problem in which it stood out leads."""
+    def begun(self) -> "Begun | None":
+        """Return where a first fit under the problem in which it stood out leads.
+
+        One that is blind is fitted to the beginnings of the recordings, under its own noise there;
+        None where none follows.
+        """
+        if self.blind:
+            with suppress(NoObserver):
+                short = beginnings(self.experiments, GROWN_TICKS)
+                h = judged(short, self.model, self.x, self.family, None, self.prices)
+                h = _on_its_way(h, Effort.first_rounds)
+                return Begun(self, h.x, h.cost.misfit)
+            return None
         if self.under is None:
             return Begun(self, self.x, 0.0)
         ground = Landscape(self.under.experiments, self.under.observer, self.model, SCREENING)
@@ -100,6 +110,11 @@ class Begun:
     proposal: Proposal
     x: Floats
     cost: float
+
+
+def _on_its_way(h: Hypothesis, rounds: int) -> Hypothesis:
+    moved = h.moved(descend(h.far_ground, h.x, rounds, h.creased).x)
+    return moved if moved.cost.misfit < h.cost.misfit else h
 
 
 Move = Callable[[Hypothesis, Effort], Iterator[Proposal]]
@@ -121,12 +136,14 @@ def added(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
                 yield _with(h, seen, one)
 
 
-def scattered(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
+def scattered(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
     """Yield the hypothesis with what ends in the valley where it begins, from each of its starts.
 
     The first order says nothing of it: under the noise that a play was taken for, no gap is a gain
-    before masses and noise have followed it.
+    before masses and noise have followed it. Not where no valley is looked for.
     """
+    if not effort.generations:
+        return
     device = h.model.build(h.x)
     sizes = sizes_of(device, h.experiments, h.model.reads(h.x).gain)
     where = [

@@ -34,6 +34,7 @@ from zwidth.diagnosis.selection.hypothesis import (
     settled,
 )
 from zwidth.diagnosis.selection.moves import (
+    GROWN_TICKS,
     Begun,
     Move,
     Proposal,
@@ -54,7 +55,6 @@ Floats = NDArray[np.float64]
 Result = TypeVar("Result")
 LADDER = (1.0, 1e-1, 1e-2, 1e-3, 1e-4)  # ratios under which populations grow
 LEADING = 2  # of what arrived, that grow on
-GROWN_TICKS = 3000  # of all recordings together: twice as many, and half, arrived no more often
 AGAIN, STILL = 6, 10.0  # turns about the best, and what one must gain in misfit for another
 FAR_SPREAD, NEAR_SPREADS = 0.5, (0.3, 0.1)  # in x, of which one is a file's own uncertainty
 
@@ -386,20 +386,23 @@ def fitted(found: Search, proposals: Iterable[Proposal], ended: int) -> list[Hyp
     """Fit proposals, so many of them to their end; return these, the cheapest first.
 
     Costs under one observer compare, so of each view the first fits that cost least go on; their
-    own noise then decides which are fitted to their end. What ends where physics does not allow it
-    is no answer and no rival.
+    own noise then decides which are fitted to their end; of blind starts of one structure those
+    that led farthest. What ends where physics does not allow it is no answer and no rival.
     """
     asked, begun_at = list(proposals), time.monotonic()
     if found.fits and asked:
         each = found.spent / found.fits
         found.say(f"fitting {len(asked)} hypotheses, about {each * len(asked):.0f} s")
     views: dict[int, list[Begun]] = {}
-    promising: list[Begun] = []
+    blind: dict[frozenset[str], list[Begun]] = {}
     for start in _each("candidates", [(p.label, p.begun) for p in asked]):
-        if start.proposal.blind:  # no first fit ranks it
-            promising.append(start)
+        if start.proposal.blind:
+            blind.setdefault(start.proposal.labels, []).append(start)
         else:
             views.setdefault(id(start.proposal.under), []).append(start)
+    promising = [
+        b for group in blind.values() for b in sorted(group, key=lambda b: b.cost)[:LEADING]
+    ]
     for group in views.values():
         order = sorted(group, key=lambda b: b.cost)
         count = max(ended, found.effort.judged)
