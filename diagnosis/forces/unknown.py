@@ -353,6 +353,8 @@ def _with_force(view: Problem, fitted: Fitted, one: Gained, base: float) -> Forc
             return Forced(found, fitted, ratio, forced)
         off = Complement(fitted.jacobian)
         shape = shape.rebuilt(problem, fitted)
+        if not all(np.isfinite(c).all() for c in shape.columns):
+            raise NoObserver(f"the motion beside a force at {shape.place} overflows")
         strength = strength + _solved(problem, fitted, off, shape)[0]
     assert ratio is not None
     return Forced(found, fitted, ratio, forced)
@@ -371,8 +373,13 @@ def _gains(problem: Problem, fitted: Fitted) -> list[Gained]:
 def _solved(
     problem: Problem, fitted: Fitted, off: Complement, shape: Shape
 ) -> tuple[Floats, float]:
-    """Return the strengths that explain most off the refit's span, and the chi-square gained."""
+    """Return the strengths that explain most off the refit's span, and the chi-square gained.
+
+    None of it where the model answers a force by an overflow.
+    """
     left, matrix = off(fitted.residual), _signatures(problem, fitted, off, shape)
+    if not np.isfinite(matrix).all():
+        return np.zeros(matrix.shape[1]), 0.0
     size = np.linalg.norm(matrix, axis=0)
     size[size == 0.0] = 1.0
     solved = np.linalg.lstsq(matrix / size, -left, rcond=1e-6)[0] / size
