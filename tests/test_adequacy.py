@@ -10,7 +10,9 @@ from test_fitting import drive, recording
 
 from zwidth.diagnosis.answer import adequacy as judging
 from zwidth.diagnosis.answer.adequacy import Adequacy, Believed, adequacy
-from zwidth.diagnosis.answer.stands import standing
+from zwidth.diagnosis.answer.stands import standing, what_stands
+from zwidth.diagnosis.forces import unknown
+from zwidth.diagnosis.forces.unknown import Gained, Shape
 from zwidth.diagnosis.intake.take_in import Taken, take_in
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.family import as_far_as
@@ -24,11 +26,20 @@ from zwidth.diagnosis.noise.predictor import (
     observer_for,
     whitened,
 )
+from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.seeking.screen import Complement
 from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.diagnosis.selection.hypothesis import against, independent, judged, settled
 from zwidth.diagnosis.selection.search import Search
-from zwidth.diagnosis.selection.searched import FAR_S, Searched, as_found, searched, unnamed
+from zwidth.diagnosis.selection.searched import (
+    FAR_S,
+    Searched,
+    Searches,
+    as_found,
+    searched,
+    unnamed,
+)
 from zwidth.sim.device import Device
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
@@ -116,6 +127,39 @@ def test_a_name_that_held_out_data_do_not_bear_out_is_not_given(
     assert left.tried.best is left.tried.plain
     assert "predicts held-out data no better" in said[0]
     assert of(left, clean.judge_by).useful  # nothing is named
+
+
+def test_held_out_data_choose_between_the_answers_of_two_judges(
+    rubbed: Taken, found: Searched
+) -> None:
+    """Mutation: the answer of the other judge is forgotten once another was chosen."""
+    bare = replace(unnamed(found), far=True)
+    search = Searches(lambda _: found)
+
+    def stands(first: Searched, beside: Searched) -> Searched:
+        asked = replace(first, far=True, beside=beside)
+        return what_stands(drive(), rubbed, asked, search, lambda _: None).by
+
+    right, wrong = found.final.model.label, bare.final.model.label
+    assert right != wrong
+    assert stands(bare, found).final.model.label == right
+    assert stands(found, bare).final.model.label == right
+    assert stands(bare, bare).final.model.label == wrong
+
+
+def test_a_force_whose_answer_overflows_explains_nothing(found: Searched) -> None:
+    """On two carts a filter that was fitted without its force oscillated, and all that was left
+    had an SVD of infinities. Mutation: it is solved for all the same."""
+    problem, fitted = found.problem, found.refit
+    (e,) = problem.experiments
+    columns = [np.full((e.ticks, 1), np.inf)]
+    beyond = Shape("m1", "velocity", np.ones(1), columns, lambda *_: beyond)
+    with np.errstate(all="ignore"):
+        strength, gained = unknown._solved(problem, fitted, Complement(fitted.jacobian), beyond)
+        asked = Gained(replace(beyond, columns=[np.ones((e.ticks, 1))]), np.full(1, 1e-3), 1.0)
+        with pytest.raises(NoObserver, match="overflows"):
+            unknown._with_force(problem, fitted, asked, np.inf)
+    assert (strength.tolist(), gained) == ([0.0], 0.0)
 
 
 def test_a_search_without_effects_stands(rubbed: Taken) -> None:

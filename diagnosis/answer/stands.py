@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from functools import partial
 
-from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy, freer
+from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy
 from zwidth.diagnosis.answer.changes import Change, changing, outlived
 from zwidth.diagnosis.answer.lost import knowing_losses
 from zwidth.diagnosis.answer.second_look import named_only_whole, on_first_part, second_look
@@ -13,7 +13,14 @@ from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.mishaps import Say, attempt, isolated
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.selection.searched import Searched, Searches, farther, next_believed, unnamed
+from zwidth.diagnosis.selection.searched import (
+    Searched,
+    Searches,
+    farther,
+    next_believed,
+    runs_freer,
+    unnamed,
+)
 from zwidth.sim.device import Device
 
 
@@ -50,17 +57,14 @@ def what_stands(
     asked, taken = taken, _knowing_losses(taken, found)
     found, sound = standing(device, taken, found, say)
     left, other = _what_is_left(found, taken)
-    asked_far = found.far or found.interrupted
-    if not asked_far and unexplained(found, left, other, sound):
-        again = farther(device, found, say)
-        pair = (again.final, again.judge), (found.final, found.judge)
-        if again.final is found.final:
-            found = again
-        elif freer(*pair, taken.judge_by):  # nothing is promised, so the better of two is said
-            found, sound = standing(device, taken, again, say)
-            left, other = _what_is_left(found, taken)
-        else:
-            found = replace(found, far=True)
+    if not found.interrupted and unexplained(found, left, other, sound):
+        first, second = _both(found if found.far else farther(device, found, say), found)
+        # Nothing is promised, so the better of two is said.
+        if second is not None and runs_freer(second, first, taken.judge_by):
+            say(f"freer on held-out data: {second.final.model.label}")
+            first, sound = standing(device, taken, second, say)
+            left, other = _what_is_left(first, taken)
+        found = first
     by, faults = found, taken.faults
     if taken.whole_unopened and named_only_whole(found, left, other, sound):
         with isolated("search", "all that was recorded"):
@@ -74,6 +78,13 @@ def what_stands(
         taken = _knowing_losses(before, found)  # a part of it, where something changes
     halted = halted or found.interrupted
     return Stands(found, by, taken, sound, left, other, changes, faults, halted)
+
+
+def _both(asked: Searched, stood: Searched) -> tuple[Searched, Searched | None]:
+    """What stood, knowing the longer horizon, and the answer of the other judge, None for none."""
+    if asked.final is stood.final or asked.beside is None:
+        return asked, asked.beside
+    return asked.beside, asked
 
 
 def _what_changes(

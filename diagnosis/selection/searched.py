@@ -9,8 +9,8 @@ search is made once more under noise that counts errors as far ahead as free run
 (`noise.family.as_far_as`), and the two answers are held against each other by what their free runs
 err over every horizon, stretch by stretch: the horizon that tells most clearly decides. A recording
 of half a second has too few free runs to refuse anything, and of an answer whose rehearsals run
-away nothing is foretold; so there both are always asked for. Where an answer holds on what it was
-fitted to and is `unknown_physics` for another reason, `answer.answered` asks.
+away nothing is foretold; so there both are always asked for. Where the answer that stands then does
+not explain held-out data, the other is held against it there (`answer.stands`).
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -49,7 +49,8 @@ class Searched:
     answer is held against held-out data, which is its own likeliest one. held: whether its free
     runs err no farther than its noise makes them on the recordings that it was fitted to. far:
     whether it was asked what shows over a longer horizon. near: what the next sample told, where
-    that did not decide.
+    that did not decide. beside: the answer that the other of the two judges gave, whose free runs
+    on what was fitted are not clearly better; None for none.
     """
 
     problem: Problem
@@ -60,6 +61,7 @@ class Searched:
     held: bool = False
     far: bool = False
     near: Hypothesis | None = None
+    beside: "Searched | None" = None
 
     @property
     def interrupted(self) -> bool:
@@ -125,12 +127,17 @@ def farther(device: Device, found: Searched, say: Say) -> Searched:
     far = attempt("search", "over a longer horizon", partial(_farther, device, near))
     if far is None:
         return replace(found, far=True)
-    second = as_found(device, far)
-    pair = (second.final, second.judge), (found.final, found.judge)
-    if freer(*pair, near.best.experiments):
+    second = replace(as_found(device, far), far=True, near=near.best)
+    first = replace(found, tried=replace(near, interrupted=far.interrupted), far=True)
+    if runs_freer(second, first, near.best.experiments):
         say(f"over a longer horizon rather: {far.best.model.label}")
-        return replace(second, far=True, near=near.best)
-    return replace(found, tried=replace(near, interrupted=far.interrupted), far=True)
+        return replace(second, beside=first)
+    return replace(first, beside=second)
+
+
+def runs_freer(new: Searched, old: Searched, experiments: Sequence[Experiment]) -> bool:
+    """Whether one answer runs free clearly better than another (`adequacy.freer`)."""
+    return freer((new.final, new.judge), (old.final, old.judge), experiments)
 
 
 def holds(device: Device, found: Searched) -> Adequacy | None:
@@ -212,7 +219,8 @@ def next_believed(found: Searched) -> Iterator[Searched]:
     for h in sorted(left, key=lambda h: h.cost.total)[:NEXT]:
         ended = attempt("search", h.model.label, partial(settled, h))
         if ended is not None and not ended.against_physics and search.ahead(ended, plain):
-            yield replace(as_found(plain.model.nominal, replace(search, best=ended)), far=found.far)
+            answer = as_found(plain.model.nominal, replace(search, best=ended))
+            yield replace(answer, far=found.far, beside=found.beside)
 
 
 def unnamed(found: Searched) -> Searched:
@@ -224,7 +232,9 @@ def unnamed(found: Searched) -> Searched:
     problem = Problem(plain.problem.experiments, plain.noise.observer, FINAL)
     refit = problem.fit(plain.model, plain.x)
     tried = replace(found.tried, plain=plain, best=plain)
-    return Searched(problem, refit, refit, tried, judge_of(plain), far=found.far)
+    return Searched(
+        problem, refit, refit, tried, judge_of(plain), far=found.far, beside=found.beside
+    )
 
 
 def _by_the_next_sample(h: Hypothesis) -> Hypothesis:
