@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from tests.diagnosis_examples import phantom, record, shifted
 from zwidth.controllers.excitation import noise
@@ -63,12 +64,51 @@ def test_a_command_in_the_place_of_a_motion_is_named() -> None:
     assert not in_place(phantom(), deaf)[1]
 
 
+@pytest.mark.parametrize("o", [0, 1])
+def test_a_command_in_the_place_of_either_motion_is_no_exchange_of_the_two(o: int) -> None:
+    """Of two carts' velocities m1's was exchanged with m2's. Mutation: outputs are asked first."""
+    e = both()
+    measured = e.measured.copy()
+    command, measured[:, o] = measured[:, o].copy(), e.command
+    _, (fault,) = in_place(CARTS, replace(e, command=command, measured=measured))
+    assert fault.kind == EXCHANGED
+    assert f"position_m{o + 1} jumps" in fault.sentence
+
+
 def test_what_was_exchanged_is_said_and_nothing_else_suspected() -> None:
     e = record(phantom(), 3.0)
     (taken,) = readings(phantom(), [for_the_command(e)], None)
     wrong = [f for f in taken.faults if f.wrong]
     assert [f.kind for f in wrong] == [EXCHANGED]
     assert wrong[0].sentence.startswith("the command of recording moves like a mass")
+
+
+def test_outputs_in_another_unit_are_not_exchanged() -> None:
+    """In inches or millimetres one of the two fits the other's place better, and has another shape.
+
+    Mutation: sizes alone decide.
+    """
+    e = both()
+    for factor in (1.0 / 0.0254, 1e3, 1e-3):
+        for o in (0, 1):
+            measured = e.measured.copy()
+            measured[:, o] *= factor
+            assert not in_place(CARTS, replace(e, measured=measured))[1]
+
+
+def test_a_slow_motion_in_the_place_of_a_command_is_named_though_it_is_nearly_one_line() -> None:
+    """Half a second of a rack drive. Mutation: nothing is asked where the command is one line."""
+    device = CARTS.with_chain(make_chain([20.0], [50.0], 0.0, [], []))
+    command = 20.0 * np.repeat([1.0, -1.0, 0.3, 0.0], [120, 100, 60, 120])
+    run = simulate(device, recorded(command), duration=0.8)
+    q = run.trace["position_m1"]
+    q = q + 1e-3 * q.std() * np.random.default_rng(0).standard_normal(q.size)
+    e = Experiment(0.002, command, q[:, None], (Output("position", 0),), "r", float(q.std()))
+    assert one_tone(q)
+    assert not in_place(device, e)[1]
+    assert [f.kind for f in in_place(device, for_the_command(e))[1]] == [EXCHANGED]
+    off = replace(for_the_command(e), strengths=np.where(np.arange(400) < 200, 1.0, 0.0))
+    assert not in_place(device, off)[1]  # it did not act
 
 
 def test_a_command_of_one_tone_does_not_tell_which_is_which() -> None:

@@ -8,8 +8,9 @@ and y exchanged and any scale,
 
     what the command leaves of the squares of e, over what is left without any command,
 
-is less than half of what it is as described. Of a command of one tone nothing tells: each of two
-sines is the other, scaled and late. Outputs are exchanged again; a command and a motion
+is less than half of what it is as described. Of a command and a motion of one tone nothing tells:
+each of two sines is the other, scaled and late; nor of a drive that was switched off meanwhile.
+Outputs are exchanged again; a command and a motion
 are not, since each was converted by the other's unit.
 """
 
@@ -37,7 +38,7 @@ LOOKED_AT = 20_000  # ticks
 RATIOS = (1e-4, 1e-2, 1.0)
 BETTER = 2.0  # rms error over that of the outputs as they were described
 SURELY = 100.0  # -2 ln likelihood over it
-ONE_TONE = 0.95  # of the power of a command, in one line
+ONE_TONE, ROUGHLY = 0.95, 0.9  # of the power, in one line: of a command, and of what was read
 HALF = 0.5  # of what a command leaves as described, that it leaves the other way round
 ANSWERED = (1e-4, 1e-2)  # ratios of the observers under which a command is asked for
 
@@ -51,7 +52,18 @@ def in_place(device: Device, e: Experiment) -> tuple[Experiment, list[Fault]]:
         held = np.sum(part.measured**2), np.sum(part.command**2)
     if not np.all(np.isfinite(held)):
         return e, []
-    faults: list[Fault] = []
+    # First of all: outputs beside a command that stands for one of them look exchanged as well.
+    # Of several that would drive the command, since each also moves the others, the one by which
+    # it is explained best.
+    leaves = [_left_by_motion(bare, part, o) for o in range(len(e.outputs))]
+    if min(leaves) < HALF:
+        output = e.outputs[int(np.argmin(leaves))]
+        sentence = (
+            f"the command of {e.name} moves like a mass, and {output.name} jumps like a command:"
+            " the signals of [input] and [[output]] stand for one another; exchange them in the"
+            " recording's TOML"
+        )
+        return e, [Fault(EXCHANGED, sentence, True, 0.0, e.name)]
     for a, b in itertools.combinations(range(len(e.outputs)), 2):
         if e.outputs[a].quantity == e.outputs[b].quantity and _exchanged(bare, part, a, b):
             order = list(range(len(e.outputs)))
@@ -62,28 +74,36 @@ def in_place(device: Device, e: Experiment) -> tuple[Experiment, list[Fault]]:
                 " predicts them by far better, and they are taken so; exchange their signals in"
                 " the recording's TOML"
             )
-            faults.append(Fault("outputs_exchanged", sentence, True, 0.0, e.name))
-            e = replace(e, measured=np.ascontiguousarray(e.measured[:, order]))
-            break
-    if not faults and _driven_by_motion(bare, part):
-        sentence = (
-            f"the command of {e.name} moves like a mass, and {e.outputs[0].name} jumps like a"
-            " command: the signals of [input] and [[output]] stand for one another; exchange them"
-            " in the recording's TOML"
-        )
-        faults.append(Fault(EXCHANGED, sentence, True, 0.0, e.name))
-    return e, faults
+            turned = replace(e, measured=np.ascontiguousarray(e.measured[:, order]))
+            return turned, [Fault("outputs_exchanged", sentence, True, 0.0, e.name)]
+    return e, []
 
 
 def _exchanged(device: Device, e: Experiment, a: int, b: int) -> bool:
     order = list(range(len(e.outputs)))
     order[a], order[b] = b, a
     other = replace(e, measured=np.ascontiguousarray(e.measured[:, order]))
-    as_is, turned = (_errors(device, one, (a, b)) for one in (e, other))
-    better = min((t - s for s, t in zip(as_is, turned, strict=True)), default=0.0)
-    least = min(turned, default=math.inf) - min(as_is, default=math.inf)
-    samples = 2 * (e.ticks - SETTLING)
-    return max(better, least) < -math.log(BETTER) and -2.0 * samples * least > SURELY
+    gain = _gain(device, (e, other), (a, b))
+    # A wrong unit of one of the two makes the other way round look better; their shapes do not.
+    alike = _gain(device, (_evened(e, a, b), _evened(other, a, b)), (a, b))
+    surely = 2.0 * 2.0 * (e.ticks - SETTLING) * gain > SURELY
+    return gain > math.log(BETTER) and alike > 0.0 and surely
+
+
+def _gain(device: Device, both: tuple[Experiment, Experiment], outputs: Sequence[int]) -> float:
+    """By how much the second of two errs less than the first, in mean log rms innovation."""
+    as_is, turned = (_errors(device, one, outputs) for one in both)
+    every = min((s - t for s, t in zip(as_is, turned, strict=True)), default=0.0)
+    return min(every, min(as_is, default=math.inf) - min(turned, default=math.inf))
+
+
+def _evened(e: Experiment, a: int, b: int) -> Experiment:
+    """A recording with two outputs scaled to the same motion."""
+    size = np.std(e.measured, axis=0)
+    measured = e.measured.copy()
+    if size[a] > 0.0 and size[b] > 0.0:
+        measured[:, [a, b]] *= math.sqrt(float(size[a] * size[b])) / size[[a, b]]
+    return replace(e, measured=measured)
 
 
 def _errors(device: Device, e: Experiment, outputs: Sequence[int]) -> list[float]:
@@ -101,25 +121,32 @@ def _errors(device: Device, e: Experiment, outputs: Sequence[int]) -> list[float
     return found
 
 
-def _driven_by_motion(device: Device, e: Experiment) -> bool:
-    """Whether the first output drives the command rather than the other way round."""
-    y, u = e.measured[:, 0], e.command
-    if np.ptp(u) == 0.0 or one_tone(u):
-        return False
-    alone = replace(e, measured=y[:, None].copy(), outputs=e.outputs[:1], start=None)
+def _left_by_motion(device: Device, e: Experiment, o: int) -> float:
+    """What an output, as the command, leaves of the command, over what that leaves of it.
+
+    1 where nothing tells.
+    """
+    y, u = e.measured[:, o], e.command
+    tones = one_tone(u) and one_tone(y, ROUGHLY)
+    off = e.strengths is not None and not np.all(e.strengths)
+    if np.ptp(u) == 0.0 or tones or off:
+        return 1.0
+    alone = replace(e, measured=y[:, None].copy(), outputs=(e.outputs[o],), start=None)
     size = float(np.std(u)) / max(float(np.std(y)), 1e-300)
     other = replace(alone, command=y * size, measured=(u / size)[:, None])
     as_is, turned = _unanswered(device, alone), _unanswered(device, other)
-    if not turned < HALF * as_is:
-        return False
-    return (e.ticks - SETTLING) * math.log(as_is / max(turned, 1e-300)) > SURELY
+    if not as_is > 0.0:
+        return 1.0
+    ratio = turned / as_is
+    surely = -(e.ticks - SETTLING) * math.log(max(ratio, 1e-300)) > SURELY
+    return ratio if surely else 1.0
 
 
-def one_tone(u: Floats) -> bool:
+def one_tone(u: Floats, share: float = ONE_TONE) -> bool:
     """Whether nearly all of the power of a signal lies in one line."""
     _, power = periodogram(u, window="hann")
     line = slice(max(0, int(np.argmax(power)) - 2), int(np.argmax(power)) + 3)  # the window's own
-    return float(power[line].sum()) > ONE_TONE * float(power.sum())
+    return float(power[line].sum()) > share * float(power.sum())
 
 
 def _unanswered(device: Device, e: Experiment) -> float:
