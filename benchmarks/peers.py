@@ -57,10 +57,9 @@ class Peer:
     needs: tuple[tuple[str, str], ...] = ()
 
 
+COMES_ALONG = (by_zwidth.LAW, by_zwidth.LINEAR)
 PEERS = {
-    "zwidth": Peer(
-        (Form("zwidth diagnose", by_zwidth.foretold, by_zwidth.KNOWN, (by_zwidth.LINEAR,)),)
-    ),
+    "zwidth": Peer((Form("zwidth diagnose", by_zwidth.foretold, by_zwidth.KNOWN, COMES_ALONG),)),
     "pysindy": Peer(
         (
             Form("PySINDy", by_pysindy.foretold, by_pysindy.KNOWN),
@@ -88,8 +87,8 @@ KNOWN = {
     for name, said in form.known.items()
 }
 ORDER = (
-    "zwidth diagnose", "MuJoCo sysid", "PySINDy", "SysIdentPy", by_pysindy.TOLD, by_sysidentpy.TOLD,
-    by_zwidth.LINEAR,
+    "zwidth diagnose", by_zwidth.LAW, "MuJoCo sysid", "PySINDy", "SysIdentPy", by_pysindy.TOLD,
+    by_sysidentpy.TOLD, by_zwidth.LINEAR,
 )  # fmt: skip
 
 
@@ -171,7 +170,9 @@ def draw() -> None:
             f"nothing is kept in {RESULTS}; compute first, with the recordings' folder"
         )
     page = DOCS / "peers.md"
-    made = table(rows, ORDER, KNOWN) + "\n" + not_computed(rows, KNOWN) + found(rows, ORDER)
+    # A law is learned on some sets alone.
+    expected = {key: said for key, said in KNOWN.items() if key[1] != by_zwidth.LAW}
+    made = table(rows, ORDER, KNOWN) + "\n" + not_computed(rows, expected) + found(rows, ORDER)
     measured = {row.set: kept_run(RESULTS, f"{row.set}.{MEASURED}") for row in rows}
     runs = {(r.set, r.method): kept_run(RESULTS, f"{r.set}.{r.method}") for r in rows}
     periods = {name: KINDS[name].period for name in measured}

@@ -12,6 +12,7 @@ from zwidth.diagnosis.recording.experiment import ExperimentError
 from zwidth.diagnosis.selection.effort import QUICK
 
 LINEAR = "linear refit by zwidth"
+LAW = "zwidth diagnose, and a law it learned"
 SAME = 1e-3  # of the motion, within which two readings of a sample are the same
 KNOWN = {
     "emps": "a device file: one mass and its damper, as published; no friction, no offset",
@@ -34,10 +35,11 @@ def foretold(s: Set) -> Foretold:
     fit, judge = s.recordings
     found = diagnose(s.device, fit, judge, effort=QUICK)
     named = ", ".join(f"{f.effect} at {f.at}" for f in found.findings) or "no effect"
-    return Foretold(
-        _held(s, found, "after"), f"`{found.verdict.value}`: {named}",
-        {LINEAR: _held(s, found, "refit")},
-    )  # fmt: skip
+    also = {LINEAR: _held(s, found, "refit")}
+    if found.learned is not None:
+        also[LAW] = _held(s, found, "law")
+        named += f"; learned: a law over {found.learned.over}"
+    return Foretold(_held(s, found, "after"), f"`{found.verdict.value}`: {named}", also)
 
 
 def _held(s: Set, found: Diagnosis, which: str) -> Floats:
