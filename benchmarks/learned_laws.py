@@ -6,7 +6,8 @@ laws of the library come near (`grammar.novelty`): of position or velocity at a 
 stretch or its rate, of the command. One or two masses of the exam's sizes, encoders and noise, a
 device file whose every number is off by 10 to 50 %, a law of 10 to 50 % of the force that is as
 new along the motion that it makes, and stands as clearly in the recording as those of the exam
-(25 sigma). Every other recording has no law. Diagnosed with `--effort quick`.
+(25 sigma). Every other recording has no law. Diagnosed with `--effort quick`, and with --two also
+asked for laws over two states, as `--effort normal` does.
 
     python -m benchmarks.learned_laws --count 40 --seed 1 [--two]
 
@@ -298,7 +299,7 @@ def main() -> None:
         one = drawn(asked.seed, index, asked.two)
         since = time.perf_counter()
         recordings = stretches(one.trace, one.device, "run")
-        found = diagnose(one.device, recordings, effort=QUICK)
+        found = diagnose(one.device, recordings, effort=replace(QUICK, surfaces=asked.two))
         spent = time.perf_counter() - since
         law, fit = found.learned, found.free_run
         what = "nothing" if one.law is None else one.law.text

@@ -1,5 +1,6 @@
 """A law of no name over two states: learned as a product of two, or as a grid, and said so."""
 
+from dataclasses import replace
 from functools import cache, partial
 
 import numpy as np
@@ -31,9 +32,13 @@ def leans(q: float, v: float) -> float:
 
 @cache
 def surface_of(law: Law) -> LearnedSurface | None:
-    search = without_names(law)
-    found = as_found(DEVICE, search)
+    quick = without_names(law)
     judge = [recording(law).split()[1]]
+    found = as_found(DEVICE, quick)
+    free = held_out(DEVICE, found, judge)[1]
+    assert learned_over_two(DEVICE, found, judge, free, None, silent) is None  # nobody asked
+    search = replace(quick, effort=replace(quick.effort, surfaces=True))
+    found = as_found(DEVICE, search)
     return learned_over_two(DEVICE, found, judge, held_out(DEVICE, found, judge)[1], None, silent)
 
 

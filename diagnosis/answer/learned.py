@@ -280,11 +280,13 @@ def learned_over_two(
     one: LearnedLaw | None,
     say: Say,
 ) -> LearnedSurface | None:
-    """Learn a law over two states; None where none holds on other data.
+    """Learn a law over two states; None where none holds on other data, or `Effort` asks for none.
 
     Where free runs err more by what is missing than by noise still, with a law of one state where
     one was learned. As `learned`, and held against that law as well.
     """
+    if not found.tried.effort.surfaces:
+        return None
     left = names if one is None else one.law
     if not left.after**2 > BEYOND * left.noise_floor**2:
         return None

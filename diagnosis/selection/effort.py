@@ -12,7 +12,8 @@ class Effort:
     what stands out in a view under the likeliest noise, and in a far one; judged: of each view,
     under their own noise; ended: of a round, fitted to their end. rivals: begun in the place of
     each effect, beside: of them, fitted to their end. generations, members: of a population that
-    looks for the valley anew. rounds: of adding and exchanging.
+    looks for the valley anew. rounds: of adding and exchanging. surfaces: whether laws of no name
+    over two states are asked for.
     """
 
     effects: int = 5
@@ -26,6 +27,7 @@ class Effort:
     generations: int = 80
     members: int = 16
     rounds: int = 3
+    surfaces: bool = True
     first_rounds: ClassVar[int] = 4
     own_rounds: ClassVar[int] = 2
     most_ended: ClassVar[int] = 2  # times as many as `ended`, where laws differ in places alone
@@ -33,7 +35,7 @@ class Effort:
     hopeless: ClassVar[float] = 200.0  # -2 ln from the best, at which what is akin is not ended
 
 
-QUICK = Effort(effects=3, near=3, far=2, rivals=2, ended=2, generations=0, rounds=1)
+QUICK = Effort(effects=3, near=3, far=2, rivals=2, ended=2, generations=0, rounds=1, surfaces=False)
 NORMAL = Effort()
 THOROUGH = Effort(beam=3, near=8, far=6, rivals=8, ended=8, generations=200, members=32, rounds=5)
 EFFORTS = {"quick": QUICK, "normal": NORMAL, "thorough": THOROUGH}

@@ -92,7 +92,8 @@ RESULTS = ("diagnosis.html", "augmented.toml", "next.toml", "next.npy")
     type=click.Choice(list(EFFORTS)),
     default="normal",
     show_default=True,
-    help="How much to try: quick looks for three effects at most, and for no play.",
+    help="How much to try: quick looks for three effects at most, for no play and for no law of no"
+    " name over two states.",
 )
 @click.option(
     "--wall/--no-wall",
