@@ -2,6 +2,8 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -364,7 +366,7 @@ def test_play_far_wider_than_what_a_link_gives_way_is_found() -> None:
     """
     made = [recording(drive().with_physics(play(0.3)), 1000, 8, (0, 1))]
     moves = Moves(adding=(scattered,), exchanging=(), replacing=lambda _: lambda *_: iter(()))
-    found = search(drive(), made, replace(QUICK, effects=1), moves=moves)
+    found = search(drive(), made, replace(QUICK, effects=1, generations=1), moves=moves)
     (gap,) = found.best.model.effects_at(found.best.x)
     assert gap.values["gap"] == pytest.approx(0.3, rel=0.01)
 
@@ -375,8 +377,9 @@ def test_what_is_tried_blind_takes_no_turn_of_what_is_ranked(rubbed: list[Experi
     Mutation: the blind in the group of those, of which the first few go on.
     """
     plain = settled(judged(rubbed, Model(drive()), np.zeros(len(Model(drive()).parameters))))
-    blind = list(scattered(plain, QUICK))
+    blind = list(scattered(plain, NORMAL))
     assert len(blind) > QUICK.judged
+    assert not list(scattered(plain, QUICK))  # which looks for no play
     model = with_friction(0.02)
     rest = Proposal(rubbed, model, np.append(plain.x, 0.0), plain.family)
     done = fitted(Search(plain, plain, QUICK, silent), [*blind, rest], QUICK.ended)
@@ -541,3 +544,37 @@ def test_what_is_removed_may_hand_its_strength_over(rubbed: list[Experiment]) ->
         [("m1", pytest.approx(0.022))],
         [("m1", pytest.approx(0.03))],
     ]
+
+
+def test_what_gains_and_is_not_believed_may_stand_for_what_is(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A ripple stood for the gravity of an arm, whose own fit had ended in another valley.
+
+    Mutations: nothing is put in its place; something in the place of what is believed.
+    """
+    best, ripple, gravity, worse = (
+        SimpleNamespace(
+            model=SimpleNamespace(effects=effects, label="+".join(effects)),
+            labels=frozenset(effects), cost=SimpleNamespace(total=total),
+        )
+        for effects, total in ((("play",), 0.0), (("play", "ripple"), -3.0),
+                               (("play", "gravity"), -90.0), (("play", "ripple"), 3.0))
+    )  # fmt: skip
+    asked: list[int] = []
+
+    def replacing(index: int) -> Any:
+        asked.append(index)
+        return lambda *_: []
+
+    found: Any = SimpleNamespace(
+        best=best, effort=QUICK, moves=SimpleNamespace(replacing=replacing), say=silent,
+        ahead=lambda new, old: new.cost.total < old.cost.total - 22.0,
+    )  # fmt: skip
+    monkeypatch.setattr(searching, "effect_labels", list)
+    monkeypatch.setattr(searching, "_proposed", lambda *_: [])
+    monkeypatch.setattr(searching, "fitted", lambda *_: [gravity, ripple])
+    assert searching._in_place_of(found, cast(Any, ripple)) == [gravity]
+    assert asked == [1]
+    assert searching._in_place_of(found, cast(Any, worse)) == []
+    assert asked == [1]

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.fitting.evolve import Generations, evolve
 from zwidth.diagnosis.mishaps import Say, attempt, isolated, silent
 from zwidth.diagnosis.model.own_values import first_x, varying
-from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.model.parameters import Model, effect_labels
 from zwidth.diagnosis.noise.family import NEXT_SAMPLE, Family
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment, beginnings
@@ -243,11 +243,30 @@ def _grown(found: Search) -> None:
         found.say(f"best of {len(proposals)}: {new[0].model.label}")
         accepted = [h for h in new if found.ahead(h, found.best)]
         if not accepted:
+            accepted = _in_place_of(found, new[0])
+        if not accepted:
             return
         found.best, beam = accepted[0], accepted[: found.effort.beam]
         found.say(f"taken: {found.best.model.label}")
         look_for_valleys(found)
         beam = [found.best, *(h for h in beam if h.labels != found.best.labels)]
+
+
+def _in_place_of(found: Search, doubtful: Hypothesis) -> list[Hypothesis]:
+    """What is believed over the best in the place of an effect that gains, and is not believed.
+
+    A ripple that hardly gains may stand for a gravity whose own fit ended in another valley.
+    """
+    if not doubtful.cost.total < found.best.cost.total:
+        return []
+    (index,) = (
+        i
+        for i, label in enumerate(effect_labels(doubtful.model.effects))
+        if label not in found.best.labels
+    )
+    found.say(f"what may stand in the place of the last of {doubtful.model.label}")
+    others = _proposed(found.moves.replacing(index), doubtful, found.effort)
+    return [h for h in fitted(found, others, found.effort.beside) if found.ahead(h, found.best)]
 
 
 def _exchanged(found: Search) -> None:
