@@ -19,7 +19,7 @@ HEAD: tuple[str, ...] = (
     "|---|---|---|---|---|---|---|",
 )
 SMALL = {"m": ("mm", 1e3), "V": ("mV", 1e3), "m/s": ("mm/s", 1e3)}
-COLOURS = ("#004488", "#bb5566", "#ddaa33", "#228833", "#66ccee", "#aa3377", "0.6")
+COLOURS = ("#004488", "#bb5566", "#ddaa33", "#228833", "#66ccee", "#aa3377", "0.6", "#994400")
 
 
 def shown_unit(kind: Kind, unit: str) -> tuple[str, float]:
