@@ -576,5 +576,27 @@ def test_what_gains_and_is_not_believed_may_stand_for_what_is(
     monkeypatch.setattr(searching, "fitted", lambda *_: [gravity, ripple])
     assert searching._in_place_of(found, cast(Any, ripple)) == [gravity]
     assert asked == [1]
-    assert searching._in_place_of(found, cast(Any, worse)) == []
+    other = SimpleNamespace(
+        model=SimpleNamespace(effects=("friction", "ripple"), label=""),
+        labels=frozenset(("friction", "ripple")), cost=SimpleNamespace(total=-3.0),
+    )  # fmt: skip
+    for no in (worse, other):  # of a beam, one that lacks what the best has
+        assert searching._in_place_of(found, cast(Any, no)) == []
     assert asked == [1]
+
+
+def test_a_device_that_waits_is_begun_blind_all_the_same() -> None:
+    """It stands still for as long as starts are ranked by. Mutation: nothing is begun then."""
+    made = recording(drive().with_physics(play(0.3)), 1000, 8, (0, 1))
+    wait = 4000
+    still = replace(
+        made,
+        command=np.concatenate([np.zeros(wait), made.command]),
+        measured=np.vstack([np.repeat(made.measured[:1], wait, axis=0), made.measured]),
+    )
+    model = Model(drive())
+    plain = judged([still], model, np.zeros(len(model.parameters)))
+    start, *_ = scattered(plain, NORMAL)
+    begun = start.begun()
+    assert begun is not None
+    assert np.isfinite(begun.cost)

@@ -22,11 +22,11 @@ CARTS = Device(
 )  # fmt: skip
 
 
-def both(device: Device = CARTS) -> Experiment:
+def both(device: Device = CARTS, noise_of: float = 1e-3) -> Experiment:
     command = noise(duration=4.0, to_hz=60.0, period=0.002, seed=1)
     run = simulate(device, recorded(command), duration=4.0)
     q = np.column_stack([run.trace["position_m1"], run.trace["position_m2"]])
-    q += 1e-3 * q.std() * np.random.default_rng(0).standard_normal(q.shape)
+    q += noise_of * q.std() * np.random.default_rng(0).standard_normal(q.shape)
     outputs = (Output("position", 0), Output("position", 1))
     return Experiment(0.002, command, q, outputs, "r", float(q[:, 0].std()))
 
@@ -44,14 +44,15 @@ def test_two_outputs_are_put_back_where_they_belong() -> None:
     """Mutation: BETTER below one (sound ones are exchanged)."""
     masses = CARTS.chain._replace(masses=np.array([1.0, 0.3]))
     for device in (CARTS, CARTS.with_chain(masses)):
-        there, (fault,) = in_place(device, exchanged(both()))
-        assert fault.kind == "outputs_exchanged"
-        assert fault.wrong
-        np.testing.assert_array_equal(there.measured, both().measured)
-        same, faults = in_place(device, both())
-        assert not faults
-        assert same.measured is not None
-        np.testing.assert_array_equal(same.measured, both().measured)
+        for made in (both(), both(noise_of=1e-2)):
+            there, (fault,) = in_place(device, exchanged(made))
+            assert fault.kind == "outputs_exchanged"
+            assert fault.wrong
+            np.testing.assert_array_equal(there.measured, made.measured)
+            same, faults = in_place(device, made)
+            assert not faults
+            assert same.measured is not None
+            np.testing.assert_array_equal(same.measured, made.measured)
 
 
 def test_a_command_in_the_place_of_a_motion_is_named() -> None:
@@ -109,6 +110,19 @@ def test_a_slow_motion_in_the_place_of_a_command_is_named_though_it_is_nearly_on
     assert [f.kind for f in in_place(device, for_the_command(e))[1]] == [EXCHANGED]
     off = replace(for_the_command(e), strengths=np.where(np.arange(400) < 200, 1.0, 0.0))
     assert not in_place(device, off)[1]  # it did not act
+
+
+@pytest.mark.parametrize("hz", [2.0, 5.0, 10.0])
+@pytest.mark.parametrize("noise_of", [1e-3, 1e-2, 0.2])
+def test_a_free_mass_that_drifts_under_a_sine_is_sound(hz: float, noise_of: float) -> None:
+    """Its motion is no tone. Mutation: asked where the motion is not one, whatever the command."""
+    device = CARTS.with_chain(make_chain([1.0], [2.0], 0.0, [], []))
+    command = np.sin(2.0 * np.pi * hz * 0.002 * np.arange(2000))
+    run = simulate(device, recorded(command), duration=4.0)
+    q = run.trace["position_m1"]
+    q = q + noise_of * q.std() * np.random.default_rng(1).standard_normal(q.size)
+    e = Experiment(0.002, command, q[:, None], (Output("position", 0),), "r", float(q.std()))
+    assert not in_place(device, e)[1]
 
 
 def test_a_command_of_one_tone_does_not_tell_which_is_which() -> None:

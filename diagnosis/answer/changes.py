@@ -280,7 +280,7 @@ def _one_more(
         return None
     change = change_of(new, best.experiments, (without.after, with_it.after))
     with_rivals = as_found(device, tried)
-    again = replace(with_rivals, held=found.held, far=found.far)
+    again = replace(with_rivals, held=found.held, far=found.far, beside=found.beside)
     return again, replace(taken, judge_by=judge_by), change
 
 

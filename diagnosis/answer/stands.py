@@ -62,8 +62,10 @@ def what_stands(
         # Nothing is promised, so the better of two is said.
         if second is not None and runs_freer(second, first, taken.judge_by):
             say(f"freer on held-out data: {second.final.model.label}")
-            first, sound = standing(device, taken, second, say)
-            left, other = _what_is_left(first, taken)
+            again, how = standing(device, taken, second, say)
+            if again is second or not first.final.model.effects:  # and not refused itself
+                first, sound = again, how
+                left, other = _what_is_left(first, taken)
         found = first
     by, faults = found, taken.faults
     if taken.whole_unopened and named_only_whole(found, left, other, sound):

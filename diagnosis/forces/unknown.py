@@ -335,6 +335,7 @@ def _with_force(view: Problem, fitted: Fitted, one: Gained, base: float) -> Forc
     """
     found, strength, shape, ratio = np.inf, one.strength, one.shape, None
     x, forced = fitted.x + _moved(view, fitted, one), list(view.experiments)
+    _refuse_overflow(shape)
     for turn in range(TURNS):
         forced = [
             replace(e, force=f if e.force is None else e.force + f)
@@ -353,11 +354,15 @@ def _with_force(view: Problem, fitted: Fitted, one: Gained, base: float) -> Forc
             return Forced(found, fitted, ratio, forced)
         off = Complement(fitted.jacobian)
         shape = shape.rebuilt(problem, fitted)
-        if not all(np.isfinite(c).all() for c in shape.columns):
-            raise NoObserver(f"the motion beside a force at {shape.place} overflows")
+        _refuse_overflow(shape)
         strength = strength + _solved(problem, fitted, off, shape)[0]
     assert ratio is not None
     return Forced(found, fitted, ratio, forced)
+
+
+def _refuse_overflow(shape: Shape) -> None:
+    if not all(np.isfinite(c).all() for c in shape.columns):
+        raise NoObserver(f"the motion beside a force at {shape.place} overflows")
 
 
 def _gains(problem: Problem, fitted: Fitted) -> list[Gained]:

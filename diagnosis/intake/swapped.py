@@ -8,10 +8,10 @@ and y exchanged and any scale,
 
     what the command leaves of the squares of e, over what is left without any command,
 
-is less than half of what it is as described. Of a command and a motion of one tone nothing tells:
-each of two sines is the other, scaled and late; nor of a drive that was switched off meanwhile.
-Outputs are exchanged again; a command and a motion
-are not, since each was converted by the other's unit.
+is less than half of what it is as described. Of a command of one tone nothing tells: each of two
+sines is the other, scaled and late. Less than two periods are no tone, but what moves once to and
+fro. Nor does anything tell of a drive that was switched off meanwhile. Outputs are exchanged again;
+a command and a motion are not, since each was converted by the other's unit.
 """
 
 import itertools
@@ -39,6 +39,7 @@ RATIOS = (1e-4, 1e-2, 1.0)
 BETTER = 2.0  # rms error over that of the outputs as they were described
 SURELY = 100.0  # -2 ln likelihood over it
 ONE_TONE, ROUGHLY = 0.95, 0.9  # of the power, in one line: of a command, and of what was read
+PERIODS = 2  # in a recording, of what is a tone
 HALF = 0.5  # of what a command leaves as described, that it leaves the other way round
 ANSWERED = (1e-4, 1e-2)  # ratios of the observers under which a command is asked for
 
@@ -83,18 +84,26 @@ def _exchanged(device: Device, e: Experiment, a: int, b: int) -> bool:
     order = list(range(len(e.outputs)))
     order[a], order[b] = b, a
     other = replace(e, measured=np.ascontiguousarray(e.measured[:, order]))
-    gain = _gain(device, (e, other), (a, b))
+    most, best = _gains(device, (e, other), (a, b))
     # A wrong unit of one of the two makes the other way round look better; their shapes do not.
-    alike = _gain(device, (_evened(e, a, b), _evened(other, a, b)), (a, b))
-    surely = 2.0 * 2.0 * (e.ticks - SETTLING) * gain > SURELY
-    return gain > math.log(BETTER) and alike > 0.0 and surely
+    alike = min(_gains(device, (_evened(e, a, b), _evened(other, a, b)), (a, b)))
+    surely = 2.0 * 2.0 * (e.ticks - SETTLING) * best > SURELY
+    return min(most, best) > math.log(BETTER) and alike > 0.0 and surely
 
 
-def _gain(device: Device, both: tuple[Experiment, Experiment], outputs: Sequence[int]) -> float:
-    """By how much the second of two errs less than the first, in mean log rms innovation."""
+def _gains(
+    device: Device, both: tuple[Experiment, Experiment], outputs: Sequence[int]
+) -> tuple[float, float]:
+    """By how much the second of two errs less than the first, in mean log rms innovation.
+
+    Under the observer under which that is most, and each under its best; 0 where none follows both.
+    """
     as_is, turned = (_errors(device, one, outputs) for one in both)
-    every = min((s - t for s, t in zip(as_is, turned, strict=True)), default=0.0)
-    return min(every, min(as_is, default=math.inf) - min(turned, default=math.inf))
+    common = as_is.keys() & turned.keys()
+    if not common:
+        return 0.0, 0.0
+    most = max(as_is[ratio] - turned[ratio] for ratio in common)
+    return most, min(as_is.values()) - min(turned.values())
 
 
 def _evened(e: Experiment, a: int, b: int) -> Experiment:
@@ -106,9 +115,9 @@ def _evened(e: Experiment, a: int, b: int) -> Experiment:
     return replace(e, measured=measured)
 
 
-def _errors(device: Device, e: Experiment, outputs: Sequence[int]) -> list[float]:
-    """Mean log rms innovation of two outputs, under each observer."""
-    found: list[float] = []
+def _errors(device: Device, e: Experiment, outputs: Sequence[int]) -> dict[float, float]:
+    """Mean log rms innovation of two outputs, under each observer that follows, by its ratio."""
+    found: dict[float, float] = {}
     for ratio in RATIOS:
         try:
             with np.errstate(all="ignore"):  # not finite after an overflow
@@ -117,7 +126,7 @@ def _errors(device: Device, e: Experiment, outputs: Sequence[int]) -> list[float
         except NoObserver:
             continue
         if np.all(np.isfinite(size)):
-            found.append(float(size.mean()))
+            found[ratio] = float(size.mean())
     return found
 
 
@@ -127,7 +136,7 @@ def _left_by_motion(device: Device, e: Experiment, o: int) -> float:
     1 where nothing tells.
     """
     y, u = e.measured[:, o], e.command
-    tones = one_tone(u) and one_tone(y, ROUGHLY)
+    tones = one_tone(u) and (periods(u) >= PERIODS or one_tone(y, ROUGHLY))
     off = e.strengths is not None and not np.all(e.strengths)
     if np.ptp(u) == 0.0 or tones or off:
         return 1.0
@@ -145,8 +154,14 @@ def _left_by_motion(device: Device, e: Experiment, o: int) -> float:
 def one_tone(u: Floats, share: float = ONE_TONE) -> bool:
     """Whether nearly all of the power of a signal lies in one line."""
     _, power = periodogram(u, window="hann")
-    line = slice(max(0, int(np.argmax(power)) - 2), int(np.argmax(power)) + 3)  # the window's own
+    most = int(np.argmax(power))
+    line = slice(max(0, most - 2), most + 3)  # the window's own
     return float(power[line].sum()) > share * float(power.sum())
+
+
+def periods(u: Floats) -> int:
+    """How many periods of its strongest line a signal has."""
+    return int(np.argmax(periodogram(u, window="hann")[1]))
 
 
 def _unanswered(device: Device, e: Experiment) -> float:

@@ -13,7 +13,7 @@ from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.fitting.landscape import Landscape
 from zwidth.diagnosis.model.parameters import Model, effect_labels
 from zwidth.diagnosis.noise.family import Family
-from zwidth.diagnosis.noise.predictor import SCREENING
+from zwidth.diagnosis.noise.predictor import SCREENING, SETTLING
 from zwidth.diagnosis.noise.settle import prepared_for
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment, beginnings
@@ -35,6 +35,7 @@ SLOWEST = 1e-6  # ratio of an observer that hardly corrects the model
 SLOWER = 1e-2  # of the own ratio
 NO_SIGN = 10.0  # score below which a start says nothing: the noise of a few samples
 GROWN_TICKS = 3000  # of all recordings together: twice as many, and half, arrived no more often
+TELLING_TICKS = 10 * SETTLING  # of a recording at least, by which starts are ranked
 FAR_TICKS = 6000  # of all recordings together, in far views: what is strong shows in as many
 BENT = 0.05  # in x, from which a fit has left its device file, which may lie nearer the truth
 GIVEN_WAY = 2.0  # in x, that parameters give way at most before a fit
@@ -85,15 +86,16 @@ class Proposal:
     def begun(self) -> "Begun | None":
         """Return where a first fit under the problem in which it stood out leads.
 
-        One that is blind is fitted to the beginnings of the recordings, under its own noise there;
-        None where none follows.
+        One that is blind is fitted to the beginnings of the recordings, under its own noise there,
+        or to all of them where these tell nothing (a device that waits); None where none follows.
         """
         if self.blind:
-            with suppress(NoObserver):
-                short = beginnings(self.experiments, GROWN_TICKS)
-                h = judged(short, self.model, self.x, self.family, None, self.prices)
-                h = _on_its_way(h, Effort.first_rounds)
-                return Begun(self, h.x, h.cost.misfit)
+            ticks = max(GROWN_TICKS, TELLING_TICKS * len(self.experiments))
+            for seen in (beginnings(self.experiments, ticks), self.experiments):
+                with suppress(NoObserver):
+                    h = judged(seen, self.model, self.x, self.family, None, self.prices)
+                    h = _on_its_way(h, Effort.first_rounds)
+                    return Begun(self, h.x, h.cost.misfit)
             return None
         if self.under is None:
             return Begun(self, self.x, 0.0)

@@ -257,14 +257,16 @@ def _in_place_of(found: Search, doubtful: Hypothesis) -> list[Hypothesis]:
 
     A ripple that hardly gains may stand for a gravity whose own fit ended in another valley.
     """
-    if not doubtful.cost.total < found.best.cost.total:
-        return []
-    (index,) = (
+    more = [
         i
         for i, label in enumerate(effect_labels(doubtful.model.effects))
         if label not in found.best.labels
-    )
-    found.say(f"what may stand in the place of the last of {doubtful.model.label}")
+    ]
+    beyond = found.best.labels < doubtful.labels and len(more) == 1  # of a beam, not all are
+    if not beyond or not doubtful.cost.total < found.best.cost.total:
+        return []
+    (index,) = more
+    found.say(f"what may stand in the place of what {doubtful.model.label} has more")
     others = _proposed(found.moves.replacing(index), doubtful, found.effort)
     return [h for h in fitted(found, others, found.effort.beside) if found.ahead(h, found.best)]
 

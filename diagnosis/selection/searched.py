@@ -49,8 +49,7 @@ class Searched:
     answer is held against held-out data, which is its own likeliest one. held: whether its free
     runs err no farther than its noise makes them on the recordings that it was fitted to. far:
     whether it was asked what shows over a longer horizon. near: what the next sample told, where
-    that did not decide. beside: the answer that the other of the two judges gave, whose free runs
-    on what was fitted are not clearly better; None for none.
+    that did not decide. beside: the answer that the other of the two judges gave.
     """
 
     problem: Problem
