@@ -417,6 +417,12 @@ def test_a_growing_mcap_ends_by_itself_with_the_offline_answer(
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Ctrl-C reaches a whole console there")
+def test_a_ctrl_c_that_a_callback_swallowed_ends_it_all_the_same(tmp_path: Path) -> None:
+    """Mutation: nobody asks whether one came."""
+    with pytest.raises(KeyboardInterrupt):
+        follow(asked(Pipe(), tmp_path), lambda _: None, (Idle(), Idle()), lambda: True)
+
+
 def test_ctrl_c_ends_it_quietly(folder: Path, lines: list[str]):
     (folder / "log.csv").write_text(HEAD + "".join(lines[:1000]))
     followed = Followed(folder, "log.csv")

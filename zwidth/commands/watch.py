@@ -3,12 +3,14 @@
 import json
 import math
 import shlex
+import signal
 import sys
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from threading import Event, current_thread, main_thread
 from typing import Any
 
 import click
@@ -133,13 +135,33 @@ def _followed(asked: Asked, tell: Tell) -> Read | None:
     """Follow the log to its end, and return what it held; None where Ctrl-C stopped it."""
     workers: list[Worker] = []
     try:
-        workers += [Worker(), Worker(nice=GIVES_WAY)]
-        return follow(asked, tell, (workers[0], workers[1]))
+        with _halting() as halted:
+            workers += [Worker(), Worker(nice=GIVES_WAY)]
+            return follow(asked, tell, (workers[0], workers[1]), halted)
     except KeyboardInterrupt:
         return None
     finally:
         for worker in workers:
             worker.close()
+
+
+@contextmanager
+def _halting() -> Generator[Callable[[], bool]]:
+    """Yield what says whether Ctrl-C came, which interrupts as ever."""
+    came = Event()
+
+    def interrupted(*_: object) -> None:
+        came.set()
+        raise KeyboardInterrupt
+
+    if current_thread() is not main_thread():  # no signal reaches another
+        yield came.is_set
+        return
+    before = signal.signal(signal.SIGINT, interrupted)
+    try:
+        yield came.is_set
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _finished(console: Console, log: Path, growing: Growing, out: Path) -> Path | None:

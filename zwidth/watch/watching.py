@@ -54,13 +54,22 @@ class Asked:
     idle: float | None
 
 
-def follow(asked: Asked, tell: Tell, workers: tuple[Works, Works]) -> Read:
+def follow(
+    asked: Asked,
+    tell: Tell,
+    workers: tuple[Works, Works],
+    halted: Callable[[], bool] = lambda: False,
+) -> Read:
     """Follow a log until its source ends, tell what it says, and return what it held at the end.
 
-    workers: that fit and that search. Raises LogError, OSError.
+    workers: that fit and that search. halted: whether Ctrl-C came, since an interrupt that is
+    raised inside a callback of a library is swallowed there. Raises LogError, OSError and
+    KeyboardInterrupt.
     """
     watch = _Watch(asked, tell, *workers)
     while not watch.over():
+        if halted():
+            raise KeyboardInterrupt
         watch.look()
         time.sleep(LOOK)
     return watch.found
