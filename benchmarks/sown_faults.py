@@ -6,6 +6,10 @@ output exchanged, and with the command late or early by some samples. Looked at 
 at recordings before it searches (`intake.take_in`), by the device file of the page.
 
     python -m benchmarks.sown_faults RECORDINGS [NAME...]
+    python -m benchmarks.sown_faults --drawn FOLDER
+
+FOLDER: what `zwidth conceal --out FOLDER` made. Of its recordings it is counted how often columns
+are said to be exchanged, as they are and where they are.
 
 One line a fault: what was sown, and all that was said. The recording as it is
 comes first, and what is said of it there is no finding of ours.
@@ -13,6 +17,7 @@ comes first, and what is said of it there is no finding of ours.
 
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -27,9 +32,11 @@ from make_machine_pages import (  # pyright: ignore[reportMissingImports]
 )
 
 from zwidth.diagnosis.intake.late import EARLY
+from zwidth.diagnosis.intake.swapped import in_place
 from zwidth.diagnosis.intake.take_in import take_in
 from zwidth.diagnosis.mishaps import collecting, silent
-from zwidth.diagnosis.recording.experiment import Experiment, ExperimentError
+from zwidth.diagnosis.recording.experiment import Experiment, ExperimentError, stretches
+from zwidth.logs.recording import read_recording
 from zwidth.sim.device_file import load_device
 
 LATE = 8  # samples
@@ -85,8 +92,38 @@ FAULTS: dict[str, Callable[[Experiment], Experiment]] = {
 }
 
 
+def others_exchanged(e: Experiment) -> Experiment | None:
+    """The first two outputs one in the place of the other, None where they are not of a kind."""
+    if len(e.outputs) < 2 or e.outputs[0].quantity != e.outputs[1].quantity:
+        return None
+    measured = e.measured.copy()
+    measured[:, :2] = measured[:, 1::-1]
+    return replace(e, measured=measured)
+
+
+def drawn(folder: Path) -> None:
+    """Print how often columns of recordings of an exam are said to be exchanged."""
+    sow = {"as it is": as_it_is, "command and output": exchanged, "two outputs": others_exchanged}
+    said: dict[str, Counter[str]] = {name: Counter() for name in sow}
+    for file in sorted((folder / "recordings").glob("r*.device.toml")):
+        device = load_device(file)
+        trace = read_recording(file.with_name(file.name.replace(".device.toml", ".toml")))
+        for name, how in sow.items():
+            with collecting(silent):
+                made = how(stretches(trace, device, "r")[0])
+                if made is not None:
+                    kinds = [f.kind for f in in_place(device, made)[1]]
+                    said[name][kinds[0] if kinds else "nothing"] += 1
+    for name, count in said.items():
+        each = ", ".join(f"{kind} {times}" for kind, times in count.most_common())
+        print(f"{name:20s} of {count.total()}: {each}")
+
+
 def main() -> None:
     """Print what is said of each."""
+    if sys.argv[1] == "--drawn":
+        drawn(Path(sys.argv[2]))
+        return
     data = Path(sys.argv[1])
     names = sys.argv[2:] or [name for name in MACHINES if name not in LEFT_OUT]
     for name in names:
