@@ -105,7 +105,10 @@ def drawn(folder: Path) -> None:
     """Print how often columns of recordings of an exam are said to be exchanged."""
     sow = {"as it is": as_it_is, "command and output": exchanged, "two outputs": others_exchanged}
     said: dict[str, Counter[str]] = {name: Counter() for name in sow}
-    for file in sorted((folder / "recordings").glob("r*.device.toml")):
+    files = sorted((folder / "recordings").glob("r*.device.toml"))
+    if not files:
+        sys.exit(f"{folder} has no recordings of an exam; make some with `zwidth conceal --out`")
+    for file in files:
         device = load_device(file)
         trace = read_recording(file.with_name(file.name.replace(".device.toml", ".toml")))
         for name, how in sow.items():

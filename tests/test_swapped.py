@@ -85,16 +85,23 @@ def test_what_was_exchanged_is_said_and_nothing_else_suspected() -> None:
 
 
 def test_outputs_in_another_unit_are_not_exchanged() -> None:
-    """In inches or millimetres one of the two fits the other's place better, and has another shape.
+    """In inches the first fits the other's place better by its size, and not by its shape.
 
-    Mutation: sizes alone decide.
+    Two carts on springs by a device file that is off by up to a half. Mutation: sizes alone decide.
     """
-    e = both()
-    for factor in (1.0 / 0.0254, 1e3, 1e-3):
-        for o in (0, 1):
-            measured = e.measured.copy()
-            measured[:, o] *= factor
-            assert not in_place(CARTS, replace(e, measured=measured))[1]
+    told = CARTS.with_chain(make_chain([0.755, 0.755], [5.0, 5.0], 706.0, [302.0], [1.0]))
+    true = CARTS.with_chain(make_chain([0.85, 0.4], [2.2, 0.93], 829.0, [338.0], [0.03]))
+    period = 0.005
+    told, true = (d.with_interface(period=period) for d in (told, true))
+    command = 1.5 * np.repeat(np.random.default_rng(1).standard_normal(60), 20)
+    run = simulate(true, recorded(command), duration=6.0)
+    q = np.column_stack([run.trace["position_m1"], run.trace["position_m2"]])
+    q = 1.8e-5 * np.round(q / 1.8e-5)
+    outputs = (Output("position", 0), Output("position", 1))
+    for factor in (1.0, 1.0 / 0.0254, 1e3, 1e-3):
+        measured = q * np.array([factor, 1.0])
+        e = Experiment(period, command, measured, outputs, "r", float(measured[:, 0].std()))
+        assert not in_place(told, e)[1]
 
 
 def test_a_slow_motion_in_the_place_of_a_command_is_named_though_it_is_nearly_one_line() -> None:
@@ -108,7 +115,7 @@ def test_a_slow_motion_in_the_place_of_a_command_is_named_though_it_is_nearly_on
     assert one_tone(q)
     assert not in_place(device, e)[1]
     assert [f.kind for f in in_place(device, for_the_command(e))[1]] == [EXCHANGED]
-    off = replace(for_the_command(e), strengths=np.where(np.arange(400) < 200, 1.0, 0.0))
+    off = replace(for_the_command(e), strengths=np.where(np.arange(400) < 395, 1.0, 0.0))
     assert not in_place(device, off)[1]  # it did not act
 
 
