@@ -8,8 +8,9 @@
 What is believed, `evidence` says; what is tried, `moves` say; how much, `Effort`.
 """
 
+import math
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
@@ -274,31 +275,48 @@ def _in_place_of(found: Search, doubtful: Hypothesis) -> list[Hypothesis]:
 def _exchanged(found: Search) -> None:
     """Put simpler, other and fewer effects in place while that costs less.
 
-    What is tried in the place of each is its rival where it stays.
+    What is tried in the place of each is its rival where it stays. What costs less is gone on with
+    at once: what else might stand in its place is asked of that.
     """
-    for _ in range(2 * found.effort.effects):
-        h, effort = found.best, found.effort
+    for _ in range(4 * found.effort.effects):
+        h = found.best
         if not h.model.effects or h.labels in found.exchanged:
             return
         found.exchanged.add(h.labels)
         found.say(f"what may stand in the place of {h.model.label}")
-        many = max(effort.ended, len(h.model.effects))
-        new = [n for move in found.moves.exchanging for n in _tried(found, move, many)]
-        if effort.generations:  # held against a law that it contains, in the valley of both
-            less = [
-                n for n in new if n.has_valleys and len(n.model.effects) == len(h.model.effects)
-            ]
-            new += [n for n in (_grown_on(found, [one]) for one in less) if n is not None]
-        new += _unfolded(found, h, new)
-        for i in range(len(h.model.effects)):
-            new += _tried(found, found.moves.replacing(i), effort.beside)
-        # An effect must be believed over its absence, not only cost less.
-        idle = [n for n in new if n.labels < h.labels and not _worth(h, n)]
-        better = [n for n in new if n.cost.total < h.cost.total]
-        if not idle and not better:
+        for some in _instead(found):
+            # An effect must be believed over its absence, not only cost less.
+            idle = [n for n in some if n.labels < h.labels and not _worth(h, n)]
+            better = idle or [n for n in some if n.cost.total < h.cost.total]
+            if better:
+                found.best = min(better, key=lambda n: n.cost.total)
+                found.say(f"rather: {found.best.model.label}")
+                break
+        else:
             return
-        found.best = min(idle or better, key=lambda n: n.cost.total)
-        found.say(f"rather: {found.best.model.label}")
+
+
+def _instead(found: Search) -> Iterator[list[Hypothesis]]:
+    """Yield what may stand in the place of the best, move by move, fitted as it is asked for.
+
+    In the place of what explains least first: that is what most often stands for something else.
+    """
+    h, effort = found.best, found.effort
+    many = max(effort.ended, len(h.model.effects))
+    new: list[Hypothesis] = []
+    for move in found.moves.exchanging:
+        new += _tried(found, move, many)
+        yield new
+    without = {next(iter(h.labels - n.labels)): n.cost.total for n in new if n.labels < h.labels}
+    labels = effect_labels(h.model.effects)
+    for i in sorted(range(len(labels)), key=lambda i: without.get(labels[i], math.inf)):
+        yield _tried(found, found.moves.replacing(i), effort.beside)
+    if effort.generations:  # held against a law that it contains, in the valley of both
+        less = [n for n in new if n.has_valleys and len(n.model.effects) == len(h.model.effects)]
+        grown = [n for n in (_grown_on(found, [one]) for one in less) if n is not None]
+        new += grown
+        yield grown
+    yield _unfolded(found, h, new)
 
 
 def _unfolded(found: Search, h: Hypothesis, new: Sequence[Hypothesis]) -> list[Hypothesis]:
