@@ -281,6 +281,59 @@ def test_an_effect_that_explains_nothing_is_taken_out_again(rubbed: list[Experim
     assert found.best.labels == {"coulomb_friction@m1"}
 
 
+def test_an_exchange_goes_on_with_what_costs_less_and_asks_what_is_weak_first(
+    rubbed: list[Experiment],
+) -> None:
+    """Mutations: all moves are asked of what is beaten; effects are asked as they stand."""
+    drag = make_physics("quadratic_drag", "m1", coefficient=1e-5), {"coefficient": 1e-5}
+    friction = make_physics("coulomb_friction", "m1", level=0.03), {"level": 0.03}
+    asked: list[tuple[frozenset[str], str]] = []
+
+    def put(h: Hypothesis, *those: tuple[Physics, dict[str, float]]) -> Proposal:
+        model = put_model(*those)
+        return Proposal(h.experiments, model, np.zeros(len(model.parameters)), h.family, h.problem)
+
+    def rubs(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
+        asked.append((h.labels, "rubs"))
+        yield put(h, friction)
+
+    def last(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
+        asked.append((h.labels, "last"))
+        yield from ()
+
+    def replacing(index: int) -> Move:
+        def move(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
+            asked.append((h.labels, f"replace {index}"))
+            yield from ()
+
+        return move
+
+    dragged = settled(judged(rubbed, put_model(drag), np.zeros(len(put_model(drag).parameters))))
+    moves = Moves(adding=(), exchanging=(rubs, last), replacing=replacing)
+    found = Search(dragged, dragged, QUICK, silent, moves)
+    _exchanged(found)
+    first, then = frozenset({"quadratic_drag@m1"}), frozenset({"coulomb_friction@m1"})
+    assert asked == [(first, "rubs"), *((then, what) for what in ("rubs", "last", "replace 0"))]
+
+    truth = drive().with_physics(FRICTION, make_physics("quadratic_drag", "m2", coefficient=5e-6))
+    both = [recording(truth, 3000, 1)]
+    weak = make_physics("quadratic_drag", "m2", coefficient=5e-6), {"coefficient": 5e-6}
+    model = put_model(friction, weak)
+    h = settled(judged(both, model, np.zeros(len(model.parameters))))
+    asked.clear()
+    found = Search(h, h, QUICK, silent, replace(moves, exchanging=(removed,)))
+    _exchanged(found)
+    assert [what for _, what in asked] == ["replace 1", "replace 0"]
+
+
+def put_model(*those: tuple[Physics, dict[str, float]]) -> Model:
+    """The drive with effects."""
+    model = Model(drive())
+    for physics, scales in those:
+        model = model.with_effect(physics, scales)
+    return model
+
+
 def test_a_bound_of_the_recording_is_no_answer_and_one_of_shape_is(
     rubbed: list[Experiment],
 ) -> None:

@@ -284,15 +284,18 @@ def _exchanged(found: Search) -> None:
             return
         found.exchanged.add(h.labels)
         found.say(f"what may stand in the place of {h.model.label}")
+        less: list[Hypothesis] = []
         for some in _instead(found):
             # An effect must be believed over its absence, not only cost less.
             idle = [n for n in some if n.labels < h.labels and not _worth(h, n)]
-            better = idle or [n for n in some if n.cost.total < h.cost.total]
+            less += [n for n in some if n.cost.total < h.cost.total]
+            better = idle or [n for n in less if n.labels not in found.exchanged]
             if better:
                 found.best = min(better, key=lambda n: n.cost.total)
                 found.say(f"rather: {found.best.model.label}")
                 break
-        else:
+        else:  # of what was asked before, nothing more is asked
+            found.best = min([h, *less], key=lambda n: n.cost.total)
             return
 
 
