@@ -11,7 +11,13 @@ import pytest
 from numba import njit
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.answer.changes import Change, change_of, changing, outlived
+from zwidth.diagnosis.answer.changes import (
+    Change,
+    _as_it_goes_on,
+    change_of,
+    changing,
+    outlived,
+)
 from zwidth.diagnosis.answer.result import Verdict
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.intake.take_in import Taken
@@ -264,6 +270,44 @@ def test_every_recording_has_its_own():
                for (_, e), level in zip(change.each, levels, strict=True))  # fmt: skip
     assert "differs from recording to recording" in change.sentence
     assert set(change.as_json()["recordings"]) == {"r0", "r1", "r2", "r3", "r4"}
+
+
+@pytest.mark.parametrize(
+    ("levels", "shape", "when"),
+    [
+        ((1.1, 1.0), STEP, "from r1 on"),
+        ((1.0, 1.0, 0.9, 0.9), STEP, "from r2 on"),
+        ((1.0, 1.1, 1.0, 1.0), RUN, "in r1"),
+        ((1.2, 0.9, 1.3, 1.0, 0.8), EACH, "from recording to recording"),
+    ],
+)
+def test_the_rest_of_a_recording_is_judged_by_what_it_was_then(
+    levels: tuple[float, ...], shape: str, when: str
+):
+    """Mutations: all are judged as the last one was; the observer begins as at last; a step that
+    is dated a little before an end is from the recording on that ends there.
+    """
+    runs = [recording(6.0, 70 + i, {"friction": np.full(1500, level)}, f"r{i}")
+            for i, level in enumerate(levels)]  # fmt: skip
+    parts = [e.split() for e in runs]
+    h = fitted(*(first for first, _ in parts))
+    suspect = suspected(h)
+    assert suspect is not None
+    assert suspect.shape == shape
+    if shape == STEP:  # blocks do not end where recordings do
+        suspect = replace(suspect, at=suspect.at - 20.0)
+    new = varied(h, suspect)
+    assert new is not None
+    own = new.hypothesis
+    for (first, rest), level in zip(parts, levels, strict=True):
+        (judge,) = _as_it_goes_on(rest, own.experiments, new)
+        assert judge.before is not None
+        for e in (judge, judge.before):
+            there = own.model.effects_at(own.model.there(own.x, e))[0].values["level"]
+            assert there == pytest.approx(0.02 * level, rel=0.02)
+        (apart,) = _as_it_goes_on(first, own.experiments, new)
+        assert apart is first  # has nothing before it: as the device was at last
+    assert when in change_of(new, [first for first, _ in parts]).sentence
 
 
 def test_a_parameter_follows_what_was_recorded_beside():

@@ -31,6 +31,7 @@ from zwidth.diagnosis.answer.result import Estimate
 from zwidth.diagnosis.fitting.uncertainty import Z95, covariance
 from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.learning.changing import (
+    CUT,
     DRIFT,
     EACH,
     FOLLOWS,
@@ -314,6 +315,8 @@ def outlived(changes: Sequence[Change], found: Searched) -> tuple[Change, ...]:
 
 def _as_it_goes_on(e: Experiment, fitted: Sequence[Experiment], new: Varied) -> list[Experiment]:
     """A recording to judge by: in parts, where what drifts goes on as it did."""
+    if new.suspect.shape in CUT:
+        return [_as_its_first_part(e, new)]
     follows = new.suspect.shape == FOLLOWS
     followed = new.suspect.covariate
     if followed is not None and not any(c.name == followed.name for c in e.covariates):
@@ -334,6 +337,23 @@ def _as_it_goes_on(e: Experiment, fitted: Sequence[Experiment], new: Varied) -> 
         found.append(part)
         before = part
     return found
+
+
+def _as_its_first_part(e: Experiment, new: Varied) -> Experiment:
+    """The rest of a recording, with as much of a change as its first part had at its end.
+
+    A step from one recording to the next, or one run that is unlike the others, is so to their ends
+    as well. What stands by itself is judged by the device as it was at last.
+    """
+    if (first := e.before) is None:
+        return e
+    end = first.begins + (first.ticks - 0.5) * first.period
+    alike = [p for p in new.hypothesis.experiments if p.name == first.name and p.begins < end]
+    last = max(alike, key=lambda p: p.begins, default=None)
+    own = () if last is None else tuple(s for s in last.shares if s[0] in new.names)
+    if not own:
+        return e
+    return replace(e, shares=(*e.shares, *own), before=replace(first, shares=(*first.shares, *own)))
 
 
 def _rivals_anew(tried: Search, new: Varied) -> Search:
@@ -519,18 +539,17 @@ def _when(
     suspect: Suspect, experiments: Sequence[Experiment]
 ) -> tuple[str, float | None, tuple[float, float] | None]:
     """The recording, and when in it [s]; no time where a change is from one to the next."""
-    before = 0
-    for e in experiments:
-        if suspect.shape in (STEP, RUN) and suspect.at >= before + e.ticks:
-            before += e.ticks
-            continue
-        low, high = suspect.between
-        inside = before + 2 * SETTLING < suspect.at < before + e.ticks - 2 * SETTLING
-        if suspect.shape != STEP or not inside:
-            return e.name, None, None
-        at, low, high = (e.begins + (t - before) * e.period for t in (suspect.at, low, high))
-        return e.name, at, (low, high)
-    return experiments[-1].name, None, None
+    near = 2 * SETTLING if suspect.shape == STEP else 0  # to an end, which is that end
+    place, before = 0, 0
+    for e in experiments[:-1]:
+        if suspect.shape not in (STEP, RUN) or suspect.at < before + e.ticks - near:
+            break
+        place, before = place + 1, before + e.ticks
+    e = experiments[place]
+    if suspect.shape != STEP or not before + near < suspect.at < before + e.ticks - near:
+        return e.name, None, None
+    at, low, high = (e.begins + (t - before) * e.period for t in (suspect.at, *suspect.between))
+    return e.name, at, (low, high)
 
 
 def _value(model: Model, x: Floats, index: int) -> float:
