@@ -326,6 +326,32 @@ def test_an_exchange_goes_on_with_what_costs_less_and_asks_what_is_weak_first(
     assert [what for _, what in asked] == ["replace 1", "replace 0"]
 
 
+def test_what_was_left_for_an_effect_that_is_idle_is_asked_whole_when_it_comes_back(
+    rubbed: list[Experiment], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Mutations: what is left counts as asked; what was left is gone on with again, for ever."""
+    friction = make_physics("coulomb_friction", "m1", level=0.03), {"level": 0.03}
+    drag = make_physics("quadratic_drag", "m2", coefficient=1e-6), {"coefficient": 1e-6}
+    bare, both = (
+        judged(rubbed, put_model(*those), np.zeros(len(put_model(*those).parameters)))
+        for those in ((friction,), (friction, drag))
+    )
+    rise = bare.cost.total - both.cost.total - 1.0  # costs less, and is not believed
+    both = replace(both, cost=replace(both.cost, searched=both.cost.searched + rise))
+    whole: list[frozenset[str]] = []
+
+    def instead(found: Search) -> Iterator[list[Hypothesis]]:
+        of = found.best
+        yield [both] if of is bare else [bare]
+        whole.append(of.labels)
+
+    monkeypatch.setattr(searching, "_instead", instead)
+    found = Search(bare, bare, QUICK, silent, only())
+    _exchanged(found)
+    assert found.best is bare
+    assert whole == [bare.labels]
+
+
 def put_model(*those: tuple[Physics, dict[str, float]]) -> Model:
     """The drive with effects."""
     model = Model(drive())

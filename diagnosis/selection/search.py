@@ -278,25 +278,26 @@ def _exchanged(found: Search) -> None:
     What is tried in the place of each is its rival where it stays. What costs less is gone on with
     at once: what else might stand in its place is asked of that.
     """
+    left: set[frozenset[str]] = set()  # for what costs less, before all was asked
     for _ in range(4 * found.effort.effects):
         h = found.best
         if not h.model.effects or h.labels in found.exchanged:
             return
-        found.exchanged.add(h.labels)
         found.say(f"what may stand in the place of {h.model.label}")
+        left.add(h.labels)
         less: list[Hypothesis] = []
         for some in _instead(found):
             # An effect must be believed over its absence, not only cost less.
             idle = [n for n in some if n.labels < h.labels and not _worth(h, n)]
             less += [n for n in some if n.cost.total < h.cost.total]
-            better = idle or [n for n in less if n.labels not in found.exchanged]
+            better = idle or [n for n in less if n.labels not in found.exchanged | left]
             if better:
                 found.best = min(better, key=lambda n: n.cost.total)
                 found.say(f"rather: {found.best.model.label}")
                 break
         else:  # of what was asked before, nothing more is asked
+            found.exchanged.add(h.labels)
             found.best = min([h, *less], key=lambda n: n.cost.total)
-            return
 
 
 def _instead(found: Search) -> Iterator[list[Hypothesis]]:
