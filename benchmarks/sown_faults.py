@@ -124,6 +124,9 @@ def drawn(folder: Path) -> None:
 
 def main() -> None:
     """Print what is said of each."""
+    if sys.argv[1:] in ([], ["--drawn"]):
+        print(f"no folder was named\n\n{__doc__}", file=sys.stderr)
+        sys.exit(2)
     if sys.argv[1] == "--drawn":
         drawn(Path(sys.argv[2]))
         return

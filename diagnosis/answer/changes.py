@@ -6,7 +6,7 @@ not only over the answer without it (a damper that settles may stand for frictio
 and where free runs on held-out data, which come after it, err no more with it than without. One in
 the held-out data themselves is dated by the whole recording, and what comes after it judges no
 more. With a change the device is as it was at the end: that is what the augmented device says, and
-what later recordings are held against.
+what later recordings are held against; the rest of a recording is held against what it was in that.
 """
 
 import itertools

@@ -295,7 +295,7 @@ def _exchanged(found: Search) -> None:
                 found.best = min(better, key=lambda n: n.cost.total)
                 found.say(f"rather: {found.best.model.label}")
                 break
-        else:  # of what was asked before, nothing more is asked
+        else:  # what is left costs no less, or was gone on from before
             found.exchanged.add(h.labels)
             found.best = min([h, *less], key=lambda n: n.cost.total)
 
@@ -309,8 +309,9 @@ def _instead(found: Search) -> Iterator[list[Hypothesis]]:
     many = max(effort.ended, len(h.model.effects))
     new: list[Hypothesis] = []
     for move in found.moves.exchanging:
-        new += _tried(found, move, many)
-        yield new
+        some = _tried(found, move, many)
+        new += some
+        yield some
     without = {next(iter(h.labels - n.labels)): n.cost.total for n in new if n.labels < h.labels}
     labels = effect_labels(h.model.effects)
     for i in sorted(range(len(labels)), key=lambda i: without.get(labels[i], math.inf)):
