@@ -17,7 +17,8 @@ from zwidth.diagnosis.intake.gate import encoder_step_seen
 from zwidth.diagnosis.intake.rectified import as_known, unfolded
 from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.model.parameters import Model, delivered
-from zwidth.diagnosis.noise.predictor import Observer, begun, innovations, whitened
+from zwidth.diagnosis.noise.beginning import begun
+from zwidth.diagnosis.noise.predictor import Observer, innovations, whitened
 from zwidth.diagnosis.noise.settle import refit
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.diagnosis.seeking.lattice import (

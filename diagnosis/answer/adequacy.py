@@ -52,11 +52,10 @@ from zwidth.diagnosis.answer.led import Span, span
 from zwidth.diagnosis.fitting.fit import Fitted
 from zwidth.diagnosis.intake.gate import encoder_step_seen
 from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.beginning import begun, begun_as
 from zwidth.diagnosis.noise.predictor import (
     FreeRuns,
     Observer,
-    begun,
-    begun_as,
     deviation,
     driven,
     free_run_errors,

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.answer.result import HeldOut
 from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.beginning import begun
 from zwidth.diagnosis.noise.predictor import (
     Observer,
-    begun,
     deviation,
     free_run_errors,
     innovations,

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from zwidth.diagnosis.fitting.fit import Problem
-from zwidth.diagnosis.noise.predictor import begun, begun_as
+from zwidth.diagnosis.noise.beginning import begun, begun_as
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.seeking.lattice import losses
 from zwidth.diagnosis.selection.searched import Searched

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.beginning import begun
 from zwidth.diagnosis.noise.predictor import (
     Observer,
-    begun,
     memory_at,
     prepared,
 )

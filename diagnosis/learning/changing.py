@@ -38,10 +38,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.model.parameters import Model, Varying
+from zwidth.diagnosis.noise.beginning import begun
 from zwidth.diagnosis.noise.predictor import (
     SEARCHING,
     SETTLING,
-    begun,
     copied,
     memory_at,
     prepared,

@@ -5,7 +5,7 @@ measurement variance) and what colour and spread are left in each output (the fi
 the innovations, their covariance). For one device at one x the members of the family differ in
 their observers alone, so they are lanes of one population: the same device, a gain each.
 
-Each observer begins where the first ticks say that it should (`predictor.begun`): e = e_0 + C x_0,
+Each observer begins where the first ticks say that it should (`noise.beginning`): e = e_0 + C x_0,
 linear in the beginning, C by the device without its nonlinear physics, a lane for every state.
 """
 
@@ -18,24 +18,23 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.beginning import by_own_slopes, innovations_each, with_play
 from zwidth.diagnosis.noise.predictor import (
     BEGINNING,
     SEARCHING,
     SETTLING,
     Fineness,
     Observer,
-    first_motion,
-    observer_memories,
-    padded,
+    innovations,
+    prepared_each,
     substeps_of,
     whitened,
 )
 from zwidth.diagnosis.noise.steady import NoObserver, steady_gains
 from zwidth.diagnosis.recording.experiment import Experiment
-from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import Device
 from zwidth.sim.members import alike
-from zwidth.sim.population import Population, Readings, Recorded
+from zwidth.sim.population import Population
 
 Floats = NDArray[np.float64]
 # From a device that is nearly believed to one that is hardly. At 1e-10 an observer of positions
@@ -109,7 +108,9 @@ def likeliest(
             f"no observer follows the recordings with this device ({model.label}); check sign,"
             " scale and units of the command, of forces that were recorded, and of the outputs"
         )
-    return min(found, key=lambda noise: noise.cost)
+    best = min(found, key=lambda noise: noise.cost)
+    own = _by_own_slopes(experiments, model, x, family, best)
+    return best if own is None or own.cost > best.cost else own
 
 
 def noises(
@@ -126,23 +127,50 @@ def noises(
         return []
     each = {id(e.changes): _Observed(e.on(device), e.on(bare), gains[usable]) for e in seen}
     followed = [each[id(e.changes)].followed(e) for e in seen]
-    found: list[Noise] = []
+    found: list[Noise | None] = []
     for i, ratio in enumerate(ratios[usable].tolist()):
-        errors = [innovations[i] for _, innovations in followed]
-        if not all(np.all(np.isfinite(e)) for e in errors):
-            continue
-        far = _deviation(errors) / math.sqrt(family.counts)
-        plain = Observer(gains[usable][i], far, ratio, counts=family.counts)
-        try:
-            white = whitened(plain, errors) if family.whitening else plain
-        except NoObserver:
-            continue
-        weighed = np.concatenate([white.weigh(e)[SETTLING:].ravel() for e in errors])
-        starts = tuple(begins[i] for begins, _ in followed)
-        cost = white.cost(weighed)
-        if np.isfinite(cost):
-            found.append(Noise(white, starts, cost, weighed))
-    return found
+        starts, errors = [b[i] for b, _ in followed], [e[i] for _, e in followed]
+        found.append(_noise(gains[usable][i], ratio, family, starts, errors))
+    return [noise for noise in found if noise is not None]
+
+
+def _noise(
+    gain: Floats, ratio: float, family: Family, starts: Sequence[Floats], errors: Sequence[Floats]
+) -> Noise | None:
+    """The noise that an observer leaves so of recordings; None where it does not follow them."""
+    if not all(np.all(np.isfinite(e)) for e in errors):
+        return None
+    far = _deviation(errors) / math.sqrt(family.counts)
+    plain = Observer(gain, far, ratio, counts=family.counts)
+    try:
+        white = whitened(plain, errors) if family.whitening else plain
+    except NoObserver:
+        return None
+    weighed = np.concatenate([white.weigh(e)[SETTLING:].ravel() for e in errors])
+    cost = white.cost(weighed)
+    return Noise(white, tuple(starts), cost, weighed) if np.isfinite(cost) else None
+
+
+def _by_own_slopes(
+    experiments: Sequence[Experiment], model: Model, x: Floats, family: Family, noise: Noise
+) -> Noise | None:
+    """The noise of an observer that begins where a device with play does; None where that is it."""
+    if not with_play((*model.nominal.physics, *model.effects)):
+        return None
+    device = model.acting(x)
+    seen = [model.seen(e, x) for e in experiments]
+    observer = noise.observer
+    starts = [
+        by_own_slopes(device, e, observer, s) for e, s in zip(seen, noise.starts, strict=True)
+    ]
+    if all(now is before for now, before in zip(starts, noise.starts, strict=True)):
+        return None
+    ready = prepared_each(device, seen, SEARCHING)
+    errors = [
+        innovations(device, replace(e, start=start), observer.gain, ready=one)
+        for e, start, one in zip(seen, starts, ready, strict=True)
+    ]
+    return _noise(observer.gain, observer.ratio, family, starts, errors)
 
 
 def _deviation(errors: Sequence[Floats]) -> Floats:
@@ -164,7 +192,7 @@ class _Observed:
         count = self.gains.shape[0]
         first = replace(experiment.part(0, min(BEGINNING, experiment.ticks)), start=None)
         nothing = np.zeros((count, 2 * self.dof))
-        own = self._innovations(self.own, first, self.device, nothing, self.gains)
+        own = innovations_each(self.own, first, self.device, nothing, self.gains)
         with np.errstate(all="ignore"):  # infinite after an overflow
             scale = np.std(own, axis=1)
         unit = np.repeat([1.0, 1.0 / experiment.period], self.dof)
@@ -174,7 +202,7 @@ class _Observed:
             sensor_error=None, dropped=None, force=None,
         )  # fmt: skip
         repeated = np.repeat(self.gains, 2 * self.dof, axis=0)
-        answers = self._innovations(self.units, still, self.bare, units, repeated)
+        answers = innovations_each(self.units, still, self.bare, units, repeated)
         begins = nothing.copy()
         for i in range(count):
             mine = slice(2 * self.dof * i, 2 * self.dof * (i + 1))
@@ -184,28 +212,4 @@ class _Observed:
             if np.all(np.isfinite(matrix)) and np.all(np.isfinite(left)):
                 solved, *_ = np.linalg.lstsq(matrix, -left, rcond=NEGLIGIBLE)
                 begins[i] = units[mine].T @ solved
-        return begins, self._innovations(self.own, experiment, self.device, begins, self.gains)
-
-    def _innovations(
-        self,
-        population: Population,
-        experiment: Experiment,
-        device: Device,
-        starts: Floats,
-        gains: Floats,
-    ) -> Floats:
-        dof, period = population.dof, device.interface.period
-        force = experiment.external(dof)
-        recorded = Recorded(
-            experiment.command, experiment.measured, experiment.places(population), force,
-            strengths=experiment.strengths,
-        )  # fmt: skip
-        motion = np.array(first_motion(experiment.outputs, experiment.measured, period))
-        motions = np.tile(motion, (population.size, 1))
-        memories = observer_memories(population, motions, starts, experiment.begins)
-        readings = Readings(np.stack([padded(g, device, population, experiment) for g in gains]))
-        with np.errstate(all="ignore"):  # infinite after an overflow
-            return population.follow(
-                recorded, memories, readings, keep=True,
-                run_all=lambda tasks: in_parallel(tasks, threads()),
-            ).innovations  # fmt: skip
+        return begins, innovations_each(self.own, experiment, self.device, begins, self.gains)

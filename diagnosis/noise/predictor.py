@@ -342,48 +342,6 @@ def driven(device: Device, experiment: Experiment, gain: Floats, errors: Floats)
     return errors - found[:, o:]
 
 
-def begun(device: Device, experiment: Experiment, observer: "Observer") -> Experiment:
-    """Return the recording with the state that the observer should begin with.
-
-    An observer that trusts its model forgets a wrong beginning slowly, and the innovations until
-    then look like physics. They are linear in the beginning: e = e_0 + C x_0, solved for x_0 by
-    least squares over the first `BEGINNING` ticks, C by the device without its nonlinear physics.
-    """
-    if experiment.before is not None:
-        return replace(experiment, before=begun(device, experiment.before, observer))
-    first = replace(experiment.part(0, min(BEGINNING, experiment.ticks)), start=None)
-    own = innovations(device, first, observer.gain).ravel()
-    if not (np.all(np.isfinite(own)) and np.all(np.isfinite(observer.deviation))):
-        return replace(experiment, start=None)
-    own = (own.reshape(first.measured.shape) / observer.deviation).ravel()
-    linear = device.bare()
-    ready = prepared(experiment.on(linear))
-    dof = device.chain.masses.size
-    still = replace(
-        first.unmoved(), command=np.zeros(first.ticks), measured=np.zeros(first.measured.shape),
-        sensor_error=None, dropped=None, force=None,
-    )  # fmt: skip
-    columns: list[Floats] = []
-    scale = np.repeat([1.0, 1.0 / experiment.period], dof) * float(observer.deviation[0])
-    for i in range(2 * dof):
-        unit = np.zeros(2 * dof)
-        unit[i] = scale[i]
-        answer = innovations(linear, replace(still, start=unit), observer.gain, ready=ready)
-        columns.append((answer / observer.deviation).ravel())
-    matrix = np.column_stack(columns)
-    if not np.all(np.isfinite(matrix)):
-        return replace(experiment, start=None)
-    solved, *_ = np.linalg.lstsq(matrix, -own, rcond=1e-6)
-    return replace(experiment, start=scale * solved)
-
-
-def begun_as(e: Experiment, other: Experiment) -> Experiment:
-    """Return a recording that begins as the same one does elsewhere: no second search for it."""
-    if e.before is None or other.before is None:
-        return replace(e, start=other.start)
-    return replace(e, before=begun_as(e.before, other.before))
-
-
 def padded(
     gain: Floats, device: Device, eq: Equations | Population, experiment: Experiment
 ) -> Floats:

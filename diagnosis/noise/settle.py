@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.beginning import begun
 from zwidth.diagnosis.noise.predictor import (
     SETTLING,
     Observer,
-    begun,
     choose_observer,
     deviation,
     innovations,

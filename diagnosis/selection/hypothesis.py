@@ -14,6 +14,7 @@ from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.fitting.landscape import Landscape
 from zwidth.diagnosis.fitting.uncertainty import shared
 from zwidth.diagnosis.model.parameters import Model, effect_labels
+from zwidth.diagnosis.noise.beginning import with_play
 from zwidth.diagnosis.noise.family import NEXT_SAMPLE, Family, Noise, likeliest
 from zwidth.diagnosis.noise.predictor import SCREENING, SEARCHING, Fineness
 from zwidth.diagnosis.noise.steady import NoObserver
@@ -70,7 +71,7 @@ class Hypothesis:
     @property
     def has_valleys(self) -> bool:
         """Whether a fit of it ends in the valley where it began."""
-        return any(q.valleys for p in self.model.effects for q in p.effect.parameters)
+        return with_play(self.model.effects)
 
     @property
     def against_physics(self) -> str:
