@@ -1,7 +1,9 @@
 """Tasks here and in processes of their own: each comes back once, whatever dies on the way."""
 
 import os
+import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -54,6 +56,33 @@ def test_a_task_that_kills_every_process_is_named() -> None:
     """Mutation: losses borne without end."""
     with pytest.raises(ChildProcessError, match="processes died 4 times over 'a' and those beside"):
         list(Processes(1).run(die, {"a": 0}))
+
+
+@posix
+def test_workers_end_with_a_process_that_is_killed(tmp_path: Path) -> None:
+    """Which can end nobody itself. Mutation: `_end_with_parent` does nothing."""
+    beats = tmp_path / "beats"
+    script = (
+        "from executor_examples import beat\n"
+        "from zwidth.jobs.executor import Processes\n"
+        "if __name__ == '__main__':\n"
+        f"    list(Processes(1).run(beat, {{'a': {str(beats)!r}}}))\n"
+    )
+    (tmp_path / "main.py").write_text(script)
+    where = os.pathsep.join([str(Path(__file__).parent), *filter(None, sys.path)])
+    line = [sys.executable, str(tmp_path / "main.py")]
+    parent = subprocess.Popen(line, env={**os.environ, "PYTHONPATH": where})
+    until = time.monotonic() + 120.0
+    while not beats.exists():
+        assert time.monotonic() < until
+        time.sleep(0.05)
+    parent.kill()
+    parent.wait()
+    before, now = -1, beats.stat().st_size
+    while now > before:  # a beat is 20 ms; a minute of them is what the worker has to go
+        time.sleep(2.0)
+        before, now = now, beats.stat().st_size
+    assert now < 1500
 
 
 def test_choices_that_exclude_each_other_are_refused() -> None:
