@@ -9,7 +9,7 @@ Gauss and Newton's steps by its own slopes begin at the linear answer, and with 
 aside.
 
 Seen on two masses with play and friction in positions at 500 Hz, at the truth: -2 ln likelihood is
-less by 0 to 310 under the likeliest noise where the motor alone is measured, by 360 to 4500 over 50
+less by 3 to 310 under the likeliest noise where the motor alone is measured, by 380 to 4500 over 50
 ms; friction alone 0 to 40 (to 390 where it yields before it slides). On the friction damper fits
 that alternate between parameters and a linear beginning ended 80 above where they end so.
 
