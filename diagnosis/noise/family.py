@@ -109,7 +109,7 @@ def likeliest(
             " scale and units of the command, of forces that were recorded, and of the outputs"
         )
     best = min(found, key=lambda noise: noise.cost)
-    own = _by_own_slopes(experiments, model, x, family, best)
+    own = _begun_with_play(experiments, model, x, family, best)
     return best if own is None or own.cost > best.cost else own
 
 
@@ -151,7 +151,7 @@ def _noise(
     return Noise(white, tuple(starts), cost, weighed) if np.isfinite(cost) else None
 
 
-def _by_own_slopes(
+def _begun_with_play(
     experiments: Sequence[Experiment], model: Model, x: Floats, family: Family, noise: Noise
 ) -> Noise | None:
     """The noise of an observer that begins where a device with play does; None where that is it."""
