@@ -37,8 +37,11 @@ from zwidth.scenarios.concealed.handout import PARTS, VALIDATION, data_file, des
 from zwidth.sim.device_file import device_from_text
 
 SEED = 20261126
-SETS = (("none=7,single_2x=5,single_5x=7,single_any=6,two_5x=8,three_5x=6,unknown=5", 6.0, 0),
-        ("rigs=11,outside=5", 8.0, 1))  # classes, seconds, and what is added to the seed  # fmt: skip
+# Classes, seconds, and what is added to the seed.
+SETS = (
+    ("none=7,single_2x=5,single_5x=7,single_any=6,two_5x=8,three_5x=6,unknown=5", 6.0, 0),
+    ("rigs=11,outside=5", 8.0, 1),
+)
 LIMIT = 900.0  # CPU s after which a diagnosis is ended, and is no answer
 
 
@@ -54,9 +57,9 @@ class Question:
 def make(folder: Path) -> None:
     """Make the sealed recordings, those of each set in a folder of its own."""
     for strata, seconds, more in SETS:
-        line = [sys.executable, "-m", "zwidth", "conceal", "--strata", strata, "--seed", str(SEED + more),
-                "--seconds", str(seconds), "--processes", "2", "--out", str(folder / f"set{more}")]  # fmt: skip
-        subprocess.run(line, check=True)
+        asked = ["--strata", strata, "--seed", str(SEED + more), "--seconds", str(seconds)]
+        line = [sys.executable, "-m", "zwidth", "conceal", *asked, "--processes", "2"]
+        subprocess.run([*line, "--out", str(folder / f"set{more}")], check=True)
 
 
 def sealed(folder: Path) -> Iterator[tuple[Question, Path]]:
@@ -212,10 +215,10 @@ def compare(before: Mapping[str, Any], after: Mapping[str, Any]) -> None:
             f" {'WORSE: ' + ', '.join(down) if down else ''}"
             f" {'better: ' + ', '.join(up) if up else ''}"
         )
+    was, now = (sum(table[n]["cpu_s"] for n in both) for table in (before, after))
     print(
         f"{len(both)} pairs: {sums['worse']} worse, {sums['better']} better; CPU seconds"
-        f" x {statistics.median(ratios):.3f} in the median, sum"
-        f" {sum(before[n]['cpu_s'] for n in both):.0f} -> {sum(after[n]['cpu_s'] for n in both):.0f};"
+        f" x {statistics.median(ratios):.3f} in the median, sum {was:.0f} -> {now:.0f};"
         f" held-out errors x {statistics.median(fits):.4f} in the median"
     )
 

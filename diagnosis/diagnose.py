@@ -1,7 +1,9 @@
 """The pipeline, from recordings to an answer, in the order of docs/diagnosis.md."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
+from zwidth.diagnosis.account import keeping, stage
 from zwidth.diagnosis.answer.answered import answered
 from zwidth.diagnosis.answer.events import knowing_events
 from zwidth.diagnosis.answer.result import Diagnosis
@@ -29,8 +31,10 @@ def diagnose(
     effort: how much the search may try. Raises ExperimentError with one sentence where the
     recordings are no use with this device, and NotDiagnosed where an error leaves nothing to say.
     """
-    with collecting(say) as mishaps:
-        taken = take_in(device, experiments, validate)
+    with collecting(say) as mishaps, keeping() as account:
+        with stage("reading the recordings"):
+            taken = take_in(device, experiments, validate)
+        account.ticks = sum(e.ticks for e in taken.fit_on)
         for fault in taken.faults:
             say(fault.sentence)
         say("refitting the linear parameters, then trying every effect")
@@ -38,8 +42,11 @@ def diagnose(
         search = Searches(lambda those: searched(device, those, say, effort))
         found = _sought(taken, search)
         say("asking whether something happened once")
-        taken, found, events = knowing_events(taken, found, search, say)
-        return answered(device, taken, found, mishaps, search, say, events)
+        with stage("events"):
+            taken, found, events = knowing_events(taken, found, search, say)
+        with stage("answering"):
+            answer = answered(device, taken, found, mishaps, search, say, events)
+        return replace(answer, cost=account.as_json())
 
 
 def _sought(taken: Taken, search: Searches) -> Searched:

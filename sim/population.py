@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.sim.account import counted
 from zwidth.sim.device import Device
 from zwidth.sim.equations import Equations
 from zwidth.sim.group import Group, Stack, group, member, stack
@@ -197,14 +198,15 @@ class Population:
             memory = _together([starts[i] for i in which])
             judge = judge_of(_lanes(plain, which, 3), skipped, ticks if keep else 0, (WIDTH,))
             external = recorded.external
-            predict(
-                coarse.eq, fine.eq, recorded.outputs, recorded.command,
-                np.zeros(0) if recorded.strengths is None else recorded.strengths,
-                recorded.measured,
-                _reading(readings, which, recorded, coarse.eq.states),
-                np.zeros((0, coarse.eq.dof)) if external is None else external,
-                memory, (coarse.scratch, fine.scratch), saved_room(coarse.eq, (WIDTH,)), judge,
-            )  # fmt: skip
+            reading = _reading(readings, which, recorded, coarse.eq.states)
+            with counted(which.size, ticks):
+                predict(
+                    coarse.eq, fine.eq, recorded.outputs, recorded.command,
+                    np.zeros(0) if recorded.strengths is None else recorded.strengths,
+                    recorded.measured, reading,
+                    np.zeros((0, coarse.eq.dof)) if external is None else external,
+                    memory, (coarse.scratch, fine.scratch), saved_room(coarse.eq, (WIDTH,)), judge,
+                )  # fmt: skip
             for lane, i in enumerate(which):
                 memories[i] = _alone(memory, lane)
                 overflowed = memories[i].scalars[3] != 0.0

@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.sim.account import counted
 from zwidth.sim.equations import Equations
 from zwidth.sim.group import VIEWS, seen
 from zwidth.sim.jit import jit, part
@@ -130,10 +131,11 @@ def alone(
     reading = Reading(observer, np.ones(1), np.zeros(o), np.zeros(o), np.zeros(0))
     judge = judge_of(np.eye(o)[:, :, None], measured.shape[0], measured.shape[0])
     spaces = (scratch(eq), scratch(fine))
-    predict(
-        eq, fine, outputs, commands, np.zeros(0) if strengths is None else strengths, measured,
-        reading, external, memory, spaces, saved_room(eq), judge,
-    )  # fmt: skip
+    with counted(1, measured.shape[0]):
+        predict(
+            eq, fine, outputs, commands, np.zeros(0) if strengths is None else strengths, measured,
+            reading, external, memory, spaces, saved_room(eq), judge,
+        )  # fmt: skip
     return judge.kept
 
 

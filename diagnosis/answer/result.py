@@ -205,6 +205,7 @@ class Diagnosis(Shown):
     cautions: tuple[str, ...] = ()
     changes: "tuple[Change, ...]" = ()
     events: "tuple[Event, ...]" = ()
+    cost: dict[str, Any] = field(default_factory=dict[str, Any])
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON of `zwidth diagnose`."""
@@ -254,6 +255,7 @@ class Diagnosis(Shown):
             "next_level": self.next_level and self.next_level.as_json(),
             "interrupted": self.interrupted,
             "facts": self.facts,
+            "cost": self.cost,
             "errors": [m.as_json() for m in self.errors],
         }  # fmt: skip
 

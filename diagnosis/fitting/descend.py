@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.diagnosis.account import reason
 from zwidth.diagnosis.fitting.landscape import Landscape
 
 Floats = NDArray[np.float64]
@@ -64,7 +65,8 @@ def slopes_at(ground: Landscape, x: Floats, widths: Floats, both: bool) -> Slope
     backward = np.clip(x - forward, lower, upper)
     if both:
         asked += [np.where(np.arange(x.size) == i, backward, x) for i in range(x.size)]
-    residual, *found = ground.residuals([x, *asked])
+    with reason("slopes"):
+        residual, *found = ground.residuals([x, *asked])
     columns: list[Floats] = []
     for i in range(x.size):
         if both and backward[i] != x[i]:
@@ -90,7 +92,9 @@ def descend(
         slopes = np.nan_to_num(at.slopes, nan=0.0, posinf=0.0, neginf=0.0)
         steps = _steps(ground, x, at.residual, slopes)
         tried = [*steps, *at.beside]
-        costs = np.concatenate([ground.costs(steps) if steps else np.zeros(0), at.costs])
+        with reason("steps"):
+            own = ground.costs(steps) if steps else np.zeros(0)
+        costs = np.concatenate([own, at.costs])
         best = int(np.argmin(np.nan_to_num(costs, nan=np.inf)))
         gained = cost - float(costs[best])
         if not gained > 0.0:

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.diagnosis.account import reason
 from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.beginning import by_own_slopes, innovations_each, with_play
@@ -102,14 +103,16 @@ def likeliest(
     experiments: Sequence[Experiment], model: Model, x: Floats, family: Family = NEXT_SAMPLE
 ) -> Noise:
     """Return the likeliest model of the noise; raises NoObserver where none follows."""
-    found = noises(experiments, model, x, family)
+    with reason("noise"):
+        found = noises(experiments, model, x, family)
     if not found:
         raise NoObserver(
             f"no observer follows the recordings with this device ({model.label}); check sign,"
             " scale and units of the command, of forces that were recorded, and of the outputs"
         )
     best = min(found, key=lambda noise: noise.cost)
-    own = _begun_with_play(experiments, model, x, family, best)
+    with reason("beginnings"):
+        own = _begun_with_play(experiments, model, x, family, best)
     return best if own is None or own.cost > best.cost else own
 
 

@@ -20,6 +20,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.diagnosis.account import reason
 from zwidth.diagnosis.fitting.descend import CREASED, SMOOTH, slopes_at
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.fitting.landscape import Landscape
@@ -111,7 +112,9 @@ def _scored(seen: View, off: Complement, base: Floats, starts: Sequence[Start]) 
     energy, samples = float(base @ base), seen.samples
     none = np.zeros(seen.residual.size - samples)
     found: list[Screened] = []
-    for start, weighed in zip(starts, ground.weighted_each(model, asked), strict=True):
+    with reason("screening"):
+        each = ground.weighted_each(model, asked)
+    for start, weighed in zip(starts, each, strict=True):
         if not np.all(np.abs(weighed) < OVERFLOWED):
             continue
         whole = np.concatenate([weighed - seen.residual[:samples], none])

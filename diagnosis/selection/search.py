@@ -19,6 +19,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.diagnosis.account import stage
 from zwidth.diagnosis.fitting.evolve import Generations, evolve
 from zwidth.diagnosis.mishaps import Say, attempt, isolated, silent
 from zwidth.diagnosis.model.own_values import first_x, varying
@@ -119,7 +120,8 @@ def search(
     family: the models of the noise under which all hypotheses are held against each other.
     """
     model = Model(device, varying=varying(device, experiments))
-    plain = settled(judged(experiments, model, first_x(model, experiments), family))
+    with stage("refit"):
+        plain = settled(judged(experiments, model, first_x(model, experiments), family))
     found = Search(plain, plain, effort, say, moves)
     found.keep(plain)
     say(f"the device as refitted costs {plain.cost.misfit:.0f}; trying every effect")
@@ -191,8 +193,10 @@ def _until_nothing_gains(found: Search, work: Callable[[Search], None]) -> None:
 def _rounds(found: Search) -> None:
     for _ in range(found.effort.rounds):
         before = found.best
-        _grown(found)
-        _exchanged(found)
+        with stage("adding effects"):
+            _grown(found)
+        with stage("putting others in their place"):
+            _exchanged(found)
         look_for_valleys(found)  # from another structure another valley may be seen
         if found.best is before:
             break
@@ -214,7 +218,8 @@ def _ended(found: Search) -> None:
     if not near:
         return
     found.say(f"fitting what comes near {best.model.label} to its end")
-    again = _each("candidates", [(h.model.label, partial(settled, h)) for h in near])
+    with stage("ending rivals"):
+        again = _each("candidates", [(h.model.label, partial(settled, h)) for h in near])
     for h in again:
         if h.against_physics:  # no answer, and no rival either, however it stood before
             found.tried.pop(h.labels, None)

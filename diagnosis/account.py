@@ -1,0 +1,134 @@
+"""The account of a diagnosis: what was simulated, in which stage, and for which reason.
+
+    with keeping(ticks) as account:
+        with stage("adding effects"):
+            with reason("slopes"):
+                ...                 # each call of the kernel in here is booked on both
+
+A simulation is one device along all that was fitted: member-ticks over `ticks`. Counts are the same
+on every machine, so they may be asserted; CPU seconds are of the kernel alone and are not.
+"""
+
+import threading
+import time
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field
+from typing import Any
+
+from zwidth.sim.account import BOOK
+
+Key = tuple[str, str]
+
+
+@dataclass
+class Entry:
+    """Calls of the kernel, member-ticks, and its CPU seconds."""
+
+    calls: int = 0
+    member_ticks: int = 0
+    kernel_s: float = 0.0
+
+
+@dataclass
+class Account:
+    """What was simulated, by (stage, reason). ticks: of the recordings that are fitted."""
+
+    ticks: int = 0
+    entries: dict[Key, Entry] = field(default_factory=dict[Key, Entry])
+    stages: dict[str, float] = field(default_factory=dict[str, float])
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def book(self, members: int, ticks: int, seconds: float) -> None:
+        """Book a call of the kernel on the stage and the reason at hand."""
+        with self._lock:
+            entry = self.entries.setdefault((_STAGE.get(), _REASON.get()), Entry())
+            entry.calls += 1
+            entry.member_ticks += members * ticks
+            entry.kernel_s += seconds
+
+    @property
+    def total(self) -> Entry:
+        """All entries together."""
+        every = list(self.entries.values())
+        return Entry(
+            sum(e.calls for e in every),
+            sum(e.member_ticks for e in every),
+            sum(e.kernel_s for e in every),
+        )
+
+    @property
+    def simulations(self) -> float:
+        """How many times the recordings were simulated from the first sample to the last."""
+        return self.total.member_ticks / max(1, self.ticks)
+
+    def rows(self) -> Iterator[dict[str, Any]]:
+        """Yield the entries, the dearest first."""
+        for (at, why), e in sorted(self.entries.items(), key=lambda i: -i[1].member_ticks):
+            yield {
+                "stage": at,
+                "reason": why,
+                "calls": e.calls,
+                "member_ticks": e.member_ticks,
+                "simulations": e.member_ticks / max(1, self.ticks),
+                "kernel_cpu_s": e.kernel_s,
+            }
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        total = self.total
+        return {
+            "fitted_ticks": self.ticks,
+            "simulations": self.simulations,
+            "calls": total.calls,
+            "member_ticks": total.member_ticks,
+            "kernel_cpu_s": total.kernel_s,
+            "stages_cpu_s": self.stages,
+            "by": list(self.rows()),
+        }
+
+
+_ACCOUNT: ContextVar[Account | None] = ContextVar("account", default=None)
+_STAGE: ContextVar[str] = ContextVar("stage", default="other")
+_REASON: ContextVar[str] = ContextVar("reason", default="other")
+
+
+@contextmanager
+def keeping() -> Generator[Account]:
+    """Keep an account of what is simulated in the block; inside another, that one goes on."""
+    outer = _ACCOUNT.get()
+    if outer is not None:
+        yield outer
+        return
+    account = Account()
+    tokens = _ACCOUNT.set(account), BOOK.set(account.book)
+    try:
+        yield account
+    finally:
+        BOOK.reset(tokens[1])
+        _ACCOUNT.reset(tokens[0])
+
+
+@contextmanager
+def stage(name: str) -> Generator[None]:
+    """Book what the block asks for on a stage; its CPU seconds, of all threads, too."""
+    token, begun = _STAGE.set(name), time.process_time()
+    try:
+        yield
+    finally:
+        _STAGE.reset(token)
+        account = _ACCOUNT.get()
+        if account is not None:
+            spent = time.process_time() - begun
+            account.stages[name] = account.stages.get(name, 0.0) + spent
+
+
+@contextmanager
+def reason(name: str) -> Generator[None]:
+    """Book what the block asks for on a reason."""
+    token = _REASON.set(name)
+    try:
+        yield
+    finally:
+        _REASON.reset(token)

@@ -1,0 +1,27 @@
+"""What the kernel is asked for: each call is counted, for whoever wants to know what work costs.
+
+A member-tick is one tick of one device. Whoever counts sets `BOOK`; calls on other threads count
+too, since `jobs.parallel` hands the context on.
+"""
+
+import time
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from contextvars import ContextVar
+
+Book = Callable[[int, int, float], None]
+"""Takes members, ticks and CPU seconds of a call."""
+
+BOOK: ContextVar[Book | None] = ContextVar("book", default=None)
+
+
+@contextmanager
+def counted(members: int, ticks: int) -> Generator[None]:
+    """Count a call of the kernel for so many members over so many ticks."""
+    book = BOOK.get()
+    if book is None:
+        yield
+        return
+    begun = time.thread_time()
+    yield
+    book(members, ticks, time.thread_time() - begun)
