@@ -138,6 +138,17 @@ def added(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
                 yield _with(h, seen, one)
 
 
+def shown(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
+    """Yield the hypothesis with one effect more: those that stand out in the next sample."""
+    device = h.model.build(h.x)
+    sizes = sizes_of(device, h.experiments, h.model.reads(h.x).gain)
+    seen = view(h.problem, h.model, h.x, own=True)
+    starts = _together(starts_at(open_places(device), sizes, far=False), shown_starts(seen))
+    for rank, one in enumerate(screened(seen, starts)):
+        if rank < effort.near and one.score > NO_SIGN:
+            yield _with(h, seen, one)
+
+
 def scattered(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
     """Yield the hypothesis with what ends in the valley where it begins, from each of its starts.
 

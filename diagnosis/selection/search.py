@@ -12,7 +12,7 @@ import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TypeVar
 
@@ -86,6 +86,7 @@ class Search:
     grown: set[frozenset[str]] = field(default_factory=set)
     looked: set[frozenset[str]] = field(default_factory=set)
     exchanged: set[frozenset[str]] = field(default_factory=set)
+    carried: set[frozenset[str]] = field(default_factory=set)
     fits: int = 0
     spent: float = 0.0
     interrupted: bool = False
@@ -114,10 +115,12 @@ def search(
     say: Say = silent,
     moves: Moves = Moves(),
     family: Family = NEXT_SAMPLE,
+    begun: Search | None = None,
 ) -> Search:
     """Search for what explains recordings; raises NoObserver where none follows with the device.
 
-    family: the models of the noise under which all hypotheses are held against each other.
+    family: the models of the noise under which all hypotheses are held against each other. begun:
+    what a search at a slower rate found, to go on from (`selection.scales`).
     """
     model = Model(device, varying=varying(device, experiments))
     with stage("refit"):
@@ -125,8 +128,55 @@ def search(
     found = Search(plain, plain, effort, say, moves)
     found.keep(plain)
     say(f"the device as refitted costs {plain.cost.misfit:.0f}; trying every effect")
-    _until_nothing_gains(found, _rounds)
+
+    def work(found: Search) -> None:
+        if begun is not None:
+            with stage("going on at the recorded rate"):
+                _carried(found, begun)
+        _rounds(found)
+
+    _until_nothing_gains(found, work)
     return found
+
+
+def _carried(found: Search, begun: Search) -> None:
+    """Go on with what a search at a slower rate found, and with what came near it there.
+
+    What moves the machine shows at the slow rate at least as clearly as what might stand for it;
+    so what is far behind there is no rival here, and is not fitted again.
+    """
+    plain = found.plain
+    near = sorted(
+        (h for h in begun.tried.values() if h.model.effects and _reaches(h, begun.best)),
+        key=lambda h: h.cost.total,
+    )
+    fits: list[tuple[str, Callable[[], Hypothesis | None]]] = []
+    for h in near[: found.effort.carried]:
+        model = replace(h.model, nominal=plain.model.nominal, varying=plain.model.varying)
+        fits.append((model.label, partial(_at_this_rate, plain, model, h.x)))
+    for h in _each("candidates", fits):
+        kept = found.keep(h)
+        if found.ahead(kept, plain) and (found.best is plain or found.ahead(kept, found.best)):
+            found.best = kept
+    if begun.best.labels in begun.exchanged:
+        found.carried.add(begun.best.labels)
+    found.looked |= begun.looked
+    if found.best is not plain:
+        found.say(f"at the recorded rate too: {found.best.model.label}")
+
+
+def _reaches(h: Hypothesis, best: Hypothesis) -> bool:
+    return h.cost.total - best.cost.total < Effort.near_rival
+
+
+def _at_this_rate(plain: Hypothesis, model: Model, x: Floats) -> Hypothesis | None:
+    """A model found at another rate, fitted to recordings as they are."""
+    jitter = np.array([p.kind == "jitter" for p in model.parameters])  # counted in periods
+    with suppress(NoObserver):
+        h = judged(plain.experiments, model, model.within(np.where(jitter, 0.0, x)), plain.family)
+        ended = settled(h, turns=2)
+        return None if ended.against_physics else ended
+    return None
 
 
 def from_afar(found: Search) -> bool:
@@ -313,6 +363,9 @@ def _instead(found: Search) -> Iterator[list[Hypothesis]]:
     h, effort = found.best, found.effort
     many = max(effort.ended, len(h.model.effects))
     new: list[Hypothesis] = []
+    if h.labels in found.carried:  # what may stand in their place was asked at the slow rate
+        yield _tried(found, removed, many)
+        return
     for move in found.moves.exchanging:
         some = _tried(found, move, many)
         new += some
