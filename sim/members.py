@@ -7,7 +7,7 @@ numbers is bit for bit what follows from its `device`.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -28,7 +28,7 @@ from zwidth.sim.equations import (
     sure,
     too_few_substeps,
 )
-from zwidth.sim.group import NUMBERS, TABLES, Stack
+from zwidth.sim.group import NUMBERS, TABLES, Stack, Structure
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.plant import Plant, behind
 
@@ -92,8 +92,29 @@ class Members:
         What is allowed of a number is an interval, whatever the others are: all members are within
         it where the least and the largest number are.
         """
+        if self._plainly_sound():
+            return
         for extreme in (np.min, np.max):
             self._device(lambda numbers, of=extreme: of(numbers, axis=0, keepdims=False))
+
+    def _plainly_sound(self) -> bool:
+        """Whether every chain is one and every number within the bounds of its effect."""
+        c = self.chains
+        chained = (
+            bool(np.all(c.masses > 0.0) and np.all(c.link_springs > 0.0))
+            and bool(np.all(c.ground_dampers >= 0.0) and np.all(c.link_dampers >= 0.0))
+            and bool(np.all(c.ground_spring >= 0.0))
+        )
+        if not chained or not all(np.all(np.isfinite(numbers)) for numbers in c):
+            return False
+        if not all(np.all(numbers >= 0.0) for numbers in self.interface.values()):
+            return False
+        for p, own in zip(self.physics, self.values, strict=True):
+            bounds = [(q.lower, q.upper) for q in p.effect.parameters]
+            low, high = np.array(bounds, dtype=np.float64).reshape(-1, 2).T
+            if not (np.all(own >= low) and np.all(own <= high)):
+                return False
+        return True
 
     def taken(self, which: Ints | list[int]) -> "Members":
         """Return some of the members, in this order; themselves where it is all of them."""
@@ -287,7 +308,7 @@ def _stack(
     members: Members, plants: Plant, which: Ints, few: int, steps: tuple[Ints, Floats], seed: int
 ) -> Stack:
     """Lay out members of one structure; plants: of more, these among them."""
-    first, _ = frame(members.first, few, seed)
+    first = _framed(members, int(members.delay_ticks()[0][0]), few, seed)
     counts, durations = steps
     plant = Plant(
         plants.a[which], plants.b[which],
@@ -298,9 +319,9 @@ def _stack(
         "reaction": reaction(plant),
         "masses": np.diagonal(plant.matrices.mass, axis1=-2, axis2=-1),
         "smoothing": np.full(members.size, first.smoothing),
-        "force_row": np.broadcast_to(first.force_row, (members.size, first.force_row.size)),
+        "force_row": _rows(first.force_row, members.size),
         "behind": behind(plant, first.followers),
-        "filter": np.broadcast_to(first.filter, (members.size, first.filter.size)),
+        "filter": _rows(first.filter, members.size),
         "command_rate": command_rate(
             members.physics, members.values, members.like.interface.period, members.size
         ),
@@ -322,9 +343,33 @@ def _stack(
     return Stack(eq, _last(plant.a), _last(plant.b))
 
 
+def _rows(values: Floats, count: int) -> Floats:
+    return np.tile(values, (count, 1))
+
+
 def _last(values: Floats) -> Floats:
     """Return values (members, ...) with the members last."""
-    return np.ascontiguousarray(np.moveaxis(values, 0, -1))
+    axes = (*range(1, values.ndim), 0)
+    return np.ascontiguousarray(values.transpose(axes))
+
+
+# Frames by structure: of devices that a search asks for, a few hundred.
+_FRAMES: dict[Structure, Equations] = {}
+
+
+def _framed(members: Members, whole: int, few: int, seed: int) -> Equations:
+    """The frame of a structure, made once: all that is a member's own is put in later.
+
+    members: of one of the `kinds`, and of so many whole ticks of delay.
+    """
+    interface, plant = members.like.interface, members.plant
+    still = tuple(getattr(interface, f.name) for f in fields(interface) if f.name not in VARIES)
+    effects = tuple((p.effect.name, p.effect.code, p.at) for p in members.physics)
+    masses = members.chains.masses.shape[1]
+    key = (still, effects, masses, plant.size, plant.dof, whole, few, seed)
+    if key not in _FRAMES:
+        _FRAMES[key] = frame(members.first, few, seed)[0]
+    return _FRAMES[key]
 
 
 def chains_of(chain: Chain, count: int) -> Chains:

@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 from zwidth.sim.account import counted
 from zwidth.sim.device import Device
 from zwidth.sim.equations import Equations
-from zwidth.sim.group import Group, Stack, group, member, stack
+from zwidth.sim.group import Group, Stack, group, lanes_at, member, stack
 from zwidth.sim.kernel import BEGAN, MAX_COLUMNS, SCALARS, Memory, across
 from zwidth.sim.lane_type import WIDTH
 from zwidth.sim.members import Members, Stacked, stacks
 from zwidth.sim.physics.dispatch import first_internal
 from zwidth.sim.predict import Outputs, Reading, judge_of, predict, saved_room
+from zwidth.sim.propagation import lane_choice
 from zwidth.sim.run import Start, let_follow
 
 Floats = NDArray[np.float64]
@@ -253,7 +254,14 @@ class _Batch:
     def groups(self, chosen: NDArray[np.int64]) -> tuple[Group, Group]:
         """Return members in few and in many substeps, the same where there are no more."""
         coarse = group(self.coarse, chosen)
-        return coarse, coarse if self.fine is self.coarse else group(self.fine, chosen)
+        if self.fine is self.coarse:
+            return coarse, coarse
+        own, room = self.fine.eq, coarse.scratch.choice
+        choice, now = lane_choice(room.a, room.b, room.every.shape[1])
+        eq = coarse.eq._replace(
+            substeps=own.substeps, durations=lanes_at(own.durations, chosen), propagators=now
+        )
+        return coarse, Group(eq, coarse.scratch._replace(choice=choice))
 
 
 def _one_by_one(

@@ -44,7 +44,8 @@ class Hypothesis:
     an encoder's steps). blocks: -2 log likelihood by stretches of the recordings. residual: weighed
     innovations and priors under the noise; slopes: of it by x, None while it was only judged and
     not fitted. family: of the noise that it was chosen from; costs compare within one.
-    prices: of effects (effect@place) that were looked for tick by tick, in -2 ln.
+    prices: of effects (effect@place) that were looked for tick by tick, in -2 ln. ended: whether
+    another turn of fit and noise is known to gain nothing.
     """
 
     experiments: Sequence[Experiment]
@@ -57,6 +58,7 @@ class Hypothesis:
     slopes: Floats | None = None
     family: Family = NEXT_SAMPLE
     prices: Prices = ()
+    ended: bool = False
 
     @cached_property
     def labels(self) -> frozenset[str]:
@@ -224,8 +226,8 @@ def _settled(begun: Hypothesis, turns: int, rounds: int, worth: float) -> Hypoth
                 gained = best.cost.misfit - own.cost.misfit
         if gained > 0.0:
             best = own
-        if turn and gained < worth:
-            break
+        if gained < worth and (turn or gained <= 0.0):
+            return replace(best, ended=True)
     return best
 
 

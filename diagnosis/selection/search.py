@@ -45,6 +45,7 @@ from zwidth.diagnosis.selection.moves import (
     removed,
     replaced,
     scattered,
+    shown,
     simpler,
     split,
     stepped,
@@ -158,8 +159,7 @@ def _carried(found: Search, begun: Search) -> None:
         kept = found.keep(h)
         if found.ahead(kept, plain) and (found.best is plain or found.ahead(kept, found.best)):
             found.best = kept
-    if begun.best.labels in begun.exchanged:
-        found.carried.add(begun.best.labels)
+    found.carried |= {h.labels for h in near}
     found.looked |= begun.looked
     if found.best is not plain:
         found.say(f"at the recorded rate too: {found.best.model.label}")
@@ -263,7 +263,7 @@ def _ended(found: Search) -> None:
     near = [
         h
         for h in found.tried.values()
-        if h is not best and h.cost.total - best.cost.total < Effort.near_rival
+        if h is not best and not h.ended and h.cost.total - best.cost.total < Effort.near_rival
     ]
     if not near:
         return
@@ -400,9 +400,7 @@ def _unfolded(found: Search, h: Hypothesis, new: Sequence[Hypothesis]) -> list[H
         return []
     likeliest = min(asked, key=lambda n: n.cost.total)
     found.grown.add(likeliest.labels)
-    moves = found.moves.adding
-    more = [p for move in moves for p in _proposed(move, likeliest, found.effort)]
-    return fitted(found, more, found.effort.ended)
+    return fitted(found, _proposed(shown, likeliest, found.effort), found.effort.ended)
 
 
 def _worth(more: Hypothesis, less: Hypothesis) -> bool:
@@ -508,7 +506,11 @@ def fitted(found: Search, proposals: Iterable[Proposal], ended: int) -> list[Hyp
     for group in views.values():
         order = sorted(group, key=lambda b: b.cost)
         count = max(ended, found.effort.judged)
-        promising += [b for i, b in enumerate(order) if i < count or b.proposal.akin]
+        promising += [
+            b
+            for i, b in enumerate(order)
+            if (i < count and b.cost - order[0].cost < Effort.hopeless) or b.proposal.akin
+        ]
     begun: dict[frozenset[str], Hypothesis] = {}
     first = [(b.proposal.label, partial(_judged, b)) for b in promising]
     for h in _each("candidates", first):
@@ -535,7 +537,7 @@ def _likely(begun: Sequence[Hypothesis], ended: int, akin: set[frozenset[str]]) 
         laws = {_laws(other) for other in found}
         more = len(laws) < ended and len(found) < Effort.most_ended * ended
         near = h.cost.total - order[0].cost.total < Effort.hopeless
-        if more or (near and h.labels in akin):
+        if near and (more or h.labels in akin):
             found.append(h)
     return found
 
