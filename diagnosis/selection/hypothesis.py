@@ -130,7 +130,8 @@ class Hypothesis:
         return self._at(self.x, replace(self.family, ratios=(ratio,)))
 
     def _at(self, x: Floats, among: Family) -> "Hypothesis":
-        return judged(self.experiments, self.model, x, self.family, among, self.prices)
+        begun = self.noise.starts if self.has_valleys else None
+        return judged(self.experiments, self.model, x, self.family, among, self.prices, begun)
 
     @property
     def fitted(self) -> Fitted:
@@ -147,15 +148,16 @@ def judged(
     family: Family = NEXT_SAMPLE,
     among: Family | None = None,
     prices: Prices = (),
+    begun: Sequence[Floats] | None = None,
 ) -> Hypothesis:
     """Return a model at x under its likeliest noise; raises NoObserver where none follows.
 
     among: the members of the family that are looked at, None for all. prices: those of effects
-    that the model lacks are not paid.
+    that the model lacks are not paid. begun: as `likeliest` takes it.
     """
     labels = effect_labels(model.effects)
     paid = tuple((label, price) for label, price in prices if label in labels)
-    noise = likeliest(experiments, model, x, among or family)
+    noise = likeliest(experiments, model, x, among or family, begun)
     there = noise.problem(experiments)
     ground = Landscape(there.experiments, there.observer, model, SEARCHING)
     residual = np.concatenate([noise.weighed, x[ground.priors]])
@@ -207,6 +209,10 @@ def settled(begun: Hypothesis, turns: int = 3, rounds: int = 6, worth: float = 1
         near = best.family.near(best.ratio)
         again = judged(best.experiments, model, x, best.family, near, best.prices)
         best = _settled(again, turns, rounds, worth)
+    if best.has_valleys:  # where it begins was carried from turn to turn, and is sought once more
+        near = best.family.near(best.ratio)
+        anew = judged(best.experiments, best.model, best.x, best.family, near, best.prices)
+        best = replace(anew, ended=best.ended) if anew.cost.misfit < best.cost.misfit else best
     return priced(best)
 
 

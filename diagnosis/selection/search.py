@@ -64,9 +64,13 @@ FAR_SPREAD, NEAR_SPREADS = 0.5, (0.3, 0.1)  # in x, of which one is a file's own
 
 @dataclass(frozen=True)
 class Moves:
-    """What a search tries: to add, to put in place of a hypothesis, and of one of its effects."""
+    """What a search tries: to add, to put in place of a hypothesis, and of one of its effects.
 
-    adding: Sequence[Move] = (added, scattered, stepped)
+    last: to add, once nothing else is believed.
+    """
+
+    adding: Sequence[Move] = (added, stepped)
+    last: Sequence[Move] = (scattered,)
     exchanging: Sequence[Move] = (removed, simpler, split, merged, swapped)
     replacing: Callable[[int], Move] = replaced
 
@@ -148,7 +152,7 @@ def _carried(found: Search, begun: Search) -> None:
     """
     plain = found.plain
     near = sorted(
-        (h for h in begun.tried.values() if h.model.effects and _reaches(h, begun.best)),
+        (h for h in begun.tried.values() if _reaches(h, begun.best)),
         key=lambda h: h.cost.total,
     )
     fits: list[tuple[str, Callable[[], Hypothesis | None]]] = []
@@ -166,7 +170,9 @@ def _carried(found: Search, begun: Search) -> None:
 
 
 def _reaches(h: Hypothesis, best: Hypothesis) -> bool:
-    return h.cost.total - best.cost.total < Effort.near_rival
+    """Whether a hypothesis may stand in the place of the best: what has more is not believed."""
+    near = h.cost.total - best.cost.total < Effort.near_rival
+    return near and 0 < len(h.model.effects) <= len(best.model.effects)
 
 
 def _at_this_rate(plain: Hypothesis, model: Model, x: Floats) -> Hypothesis | None:
@@ -294,12 +300,16 @@ def _grown(found: Search) -> None:
             p for h in beam for move in found.moves.adding for p in _proposed(move, h, found.effort)
         ]
         new = fitted(found, proposals, found.effort.ended)
-        if not new:
+        if not new and not found.moves.last:
             return
-        found.say(f"best of {len(proposals)}: {new[0].model.label}")
+        if new:
+            found.say(f"best of {len(proposals)}: {new[0].model.label}")
         accepted = [h for h in new if found.ahead(h, found.best)]
-        if not accepted:
+        if new and not accepted:
             accepted = _in_place_of(found, new[0])
+        if not accepted:
+            last = [p for move in found.moves.last for p in _proposed(move, beam[0], found.effort)]
+            accepted = [h for h in fitted(found, last, 1) if found.ahead(h, found.best)]
         if not accepted:
             return
         found.best, beam = accepted[0], accepted[: found.effort.beam]
