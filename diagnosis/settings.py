@@ -24,7 +24,7 @@ EVIDENCE = Evidence()
 class Scales:
     """How slow a search begins."""
 
-    slower: int = 5
+    slower: int = int(__import__('os').environ.get('ZW_SLOW','1'))
     """Times the recorded period. Tuned: machines at 100 to 1000 Hz, read at a fifth of their rate,
     kept the names that move them and lost those of clocks and filters."""
     least_ticks: int = 1200
