@@ -12,9 +12,7 @@ from numpy.typing import NDArray
 from physics_examples import example
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
-from test_export_c import COMMANDS, assert_same_bits, needs_compiler
-from test_export_modelica import finely, needs_translator
-from test_export_modelica import run as run_as_modelica
+from test_export_c import assert_same_bits, needs_compiler
 from test_lanes import assert_equal_runs
 
 from zwidth.controllers.none import none
@@ -22,7 +20,6 @@ from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.noise.predictor import prepared
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.export.c_source import c_source
-from zwidth.export.model import loss
 from zwidth.export.settable import may_be_set
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
@@ -453,12 +450,3 @@ def test_in_c_it_has_the_bits_of_the_simulation(states: tuple[str, ...]) -> None
     assert_same_bits(device, made)
     assert ("= s->tick;" in made.text()) == ("time" in states)
     assert may_be_set(device) == []
-
-
-@needs_translator
-@pytest.mark.parametrize("states", ALL_STATES, ids="-".join)
-def test_in_modelica_it_moves_alike(states: tuple[str, ...]) -> None:
-    """Within 1 % of what it does. Mutations: cells column by column; the command not yet held."""
-    device = over(states)
-    ours, bare = finely(device, 32), finely(replace(device, physics=()), 1)
-    assert loss(ours, run_as_modelica(device, COMMANDS)) < 0.01 * loss(ours, bare)

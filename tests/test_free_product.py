@@ -10,9 +10,7 @@ import pytest
 from engine_examples import phantom
 from numpy.typing import NDArray
 from physics_examples import example
-from test_export_c import COMMANDS, assert_same_bits, needs_compiler
-from test_export_modelica import finely, needs_translator
-from test_export_modelica import run as run_as_modelica
+from test_export_c import assert_same_bits, needs_compiler
 from test_free_force import COMMAND, SEEN, T, errors, free, integrated, mass
 from test_lanes import assert_equal_runs
 
@@ -20,7 +18,6 @@ from zwidth.controllers.none import none
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.learning.steady import along
 from zwidth.export.c_source import c_source
-from zwidth.export.model import loss
 from zwidth.export.settable import may_be_set
 from zwidth.fleet.structure import known_structure
 from zwidth.sim.device import Device
@@ -291,12 +288,3 @@ def test_in_c_it_has_the_bits_of_the_simulation(states: tuple[str, str]) -> None
     assert_same_bits(device, made)
     assert ("= s->tick;" in made.text()) == ("time" in states)
     assert may_be_set(device) == []
-
-
-@needs_translator
-@pytest.mark.parametrize("states", ALL_STATES, ids="-".join)
-def test_in_modelica_it_moves_alike(states: tuple[str, str]) -> None:
-    """Within 1 % of what it does. Mutation: both tables by one name."""
-    device = over(states)
-    ours, bare = finely(device, 32), finely(replace(device, physics=()), 1)
-    assert loss(ours, run_as_modelica(device, COMMANDS)) < 0.01 * loss(ours, bare)

@@ -7,16 +7,13 @@ import numpy as np
 import pytest
 from engine_examples import phantom
 from numpy.typing import NDArray
-from test_export_c import COMMANDS, assert_same_bits, needs_compiler
-from test_export_modelica import finely, needs_translator
-from test_export_modelica import run as run_as_modelica
+from test_export_c import assert_same_bits, needs_compiler
 from test_free_force import COMMAND, errors, integrated, mass
 from test_free_product import ALL_STATES, drawn
 from test_lanes import assert_equal_runs
 
 from zwidth.diagnosis.learning.surface_forms import Field, ShiftForm, form_of
 from zwidth.export.c_source import c_source
-from zwidth.export.model import loss
 from zwidth.fleet.structure import known_structure
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import commented_text, device_from_text, device_to_text
@@ -135,15 +132,6 @@ def test_in_c_it_has_the_bits_of_the_simulation(states: tuple[str, str]) -> None
     made = c_source(device, "dev", seed=3)
     assert made.lost == ()
     assert_same_bits(device, made)
-
-
-@needs_translator
-@pytest.mark.parametrize("states", ALL_STATES, ids="-".join)
-def test_in_modelica_it_moves_alike(states: tuple[str, str]) -> None:
-    """Within 1 % of what it does. Mutation: the second table's law left out."""
-    device = over(states)
-    ours, bare = finely(device, 64), finely(replace(device, physics=()), 1)
-    assert loss(ours, run_as_modelica(device, COMMANDS)) < 0.01 * loss(ours, bare)
 
 
 def seen(floats: bool = False) -> Field:

@@ -7,7 +7,7 @@ import click
 
 from zwidth.compiling import announce
 from zwidth.console import Column, Console, progress
-from zwidth.figures.names import picture_files
+from zwidth.figures.style import picture_files
 from zwidth.identification.cycles import RelayCondition, relay_conditions
 from zwidth.identification.relay import RelayTest, waveform
 from zwidth.options import (

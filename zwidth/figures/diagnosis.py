@@ -1,14 +1,15 @@
 """Pictures of a diagnosis: the missing force against the state, the residual before and after."""
 
 import math
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullLocator
 from numpy.typing import NDArray
-from scipy.signal import welch
 
 from zwidth.diagnosis.answer.inverse import ForceError
 from zwidth.diagnosis.answer.result import Residuals
@@ -20,7 +21,7 @@ from zwidth.sim.readable import percent, plain, scaled, with_unit
 Floats = NDArray[np.float64]
 BEFORE, AFTER = "#bb5566", "#004488"
 SLICES = 60
-MOST_POINTS = 4000
+COLUMNS = 800  # of a picture, in each of which a line is its lowest and its highest value
 LEVEL = 0.02  # of its level, below which a map's shape is told and its level is not
 ROOM = 1.15  # of the motion
 CROWDED, SWINGS, CLOSE = 60, 12, 40  # crossings of the middle: too many, and shown; ticks at least
@@ -136,22 +137,19 @@ def force_error_figure(forces: ForceError, named: bool = True) -> Figure:
     t = forces.begins + forces.period * np.arange(commanded.size, dtype=np.float64)
     reach = ROOM * float(np.abs(commanded).max())
     factor, unit = scaled(reach, forces.unit)
-    shown = max(1, t.size // MOST_POINTS)
     with rc_context(STYLE):
         figure = Figure(figsize=(7.2, 4.6), layout="constrained")
         force, lacks = figure.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": (3, 2)})
-        force.plot(
-            t[::shown], factor * commanded[::shown], color="0.15", linewidth=1.8, label="commanded"
-        )
+        force.plot(*envelope(t, factor * commanded), color="0.15", linewidth=1.8, label="commanded")
         for name, (label, colour, dashes) in (WITH_NAMES if named else WITHOUT).items():
-            lacking = factor * forces.lacking[name][::shown]
+            lacking = factor * forces.lacking[name]
             size = forces.errors[name]
             rms = "runs away" if math.isinf(size) else f"lacks {with_unit(size, forces.unit, 3)}"
             said = f"{label}: {rms} ({percent(forces.shares[name])})"
             style: dict[str, Any] = {"color": colour, "linewidth": 1.1, "linestyle": dashes}
-            acting = factor * forces.acting[name][::shown]
-            force.plot(t[::shown], acting + lacking, label=said, **style)
-            lacks.plot(t[::shown], lacking, **style)
+            acting = factor * forces.acting[name]
+            force.plot(*envelope(t, acting + lacking), label=said, **style)
+            lacks.plot(*envelope(t, lacking), **style)
         lacks.axhline(0.0, color="0.6", linewidth=0.8)
         force.set_ylim(-factor * reach, factor * reach)
         most = 4.0 * min(min(forces.errors.values()), 0.25 * reach)
@@ -173,6 +171,27 @@ def force_error_figure(forces: ForceError, named: bool = True) -> Figure:
     return figure
 
 
+def envelope(t: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """Return a series (n) as what a picture can show of it: no swing of it is lost.
+
+    A series of more samples than twice `COLUMNS` becomes the lowest and the highest value of each
+    column, in the order in which they come; a shorter one stays as it is. What is not finite is
+    left out of a column that holds finite values.
+    """
+    if values.size <= 2 * COLUMNS:
+        return t, values
+    begins = np.linspace(0, values.size, COLUMNS, endpoint=False).astype(np.int64)
+    picked = np.empty((COLUMNS, 2), dtype=np.int64)
+    for k, (first, last) in enumerate(pairwise([*begins.tolist(), values.size])):
+        piece = values[first:last]
+        finite = np.isfinite(piece)
+        lowest = int(np.where(finite, piece, np.inf).argmin())
+        highest = int(np.where(finite, piece, -np.inf).argmax())
+        picked[k] = first + min(lowest, highest), first + max(lowest, highest)
+    chosen = picked.ravel()
+    return t[chosen], values[chosen]
+
+
 def _motion(
     column: NDArray[np.object_], t: Floats, run: WholeRun, span: slice, factor: float,
     words: dict[str, tuple[str, str, str]],
@@ -180,10 +199,7 @@ def _motion(
     """Draw one stretch: motions above, errors below."""
     motion, error = column
     measured = run.measured[span]
-    shown = max(1, t.size // MOST_POINTS)
-    motion.plot(
-        t[::shown], factor * measured[::shown], color="0.15", linewidth=1.8, label="measured"
-    )
+    motion.plot(*envelope(t, factor * measured), color="0.15", linewidth=1.8, label="measured")
     for name, (label, colour, dashes) in words.items():
         simulated = run.simulated[name][span]
         with np.errstate(all="ignore"):
@@ -193,8 +209,8 @@ def _motion(
         rms = "runs away" if math.isinf(size) else f"errs {with_unit(size, run.unit, 3)} rms"
         said = f"{label}: {rms} ({percent(run.shares[name])})"
         style: dict[str, Any] = {"color": colour, "linewidth": 1.1, "linestyle": dashes}
-        motion.plot(t[::shown], drawn[::shown], label=said, **style)
-        error.plot(t[::shown], off[::shown], **style)
+        motion.plot(*envelope(t, drawn), label=said, **style)
+        error.plot(*envelope(t, off), **style)
     error.axhline(0.0, color="0.6", linewidth=0.8)
     motion.margins(x=0.01)
 
@@ -230,6 +246,9 @@ def residual_figure(residuals: Residuals) -> Figure:
         over_time.set_xlabel("time [s]")
         over_time.set_ylabel("residual, rms over its noise")
         over_time.set_ylim(bottom=0.0)
+        for axis in (spectrum.xaxis, spectrum.yaxis):  # plain numbers: mathematics costs more
+            axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+            axis.set_minor_locator(NullLocator())
         spectrum.set_xlabel("frequency [Hz]")
         spectrum.set_ylabel("power over white noise")
         handles, labels = over_time.get_legend_handles_labels()
@@ -247,6 +266,8 @@ def _over_time(axes: Axes, values: Floats, period: float, colour: str, label: st
 
 
 def _spectrum(axes: Axes, values: Floats, period: float, colour: str) -> None:
+    from scipy.signal import welch  # with matplotlib, half of what the program loads
+
     size = min(1024, values.shape[0])
     frequency, power = welch(values, 1.0 / period, nperseg=size, axis=0)
     # A one-sided density has its first and its Nyquist bin once, all others twice.
