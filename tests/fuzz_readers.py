@@ -29,8 +29,8 @@ from typing import Any
 
 import numpy as np
 import recording_examples as examples
+from exported_examples import bare_log, full_log
 from log_examples import ATTACHMENTS, EPOCH, EVENTS, METADATA, UNITS, example
-from test_recordings_export import bare_log, full_log
 
 from zwidth.logs.export import WRITERS
 from zwidth.logs.guess import clock_faults, draft, look

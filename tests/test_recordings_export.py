@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from exported_examples import HERE, bare_log, full_log
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as nps
@@ -25,19 +26,6 @@ from zwidth.sim.trace import Trace
 
 READERS = {".csv": read_csv, ".parquet": read_parquet, ".npz": read_npz}
 SUFFIXES = list(WRITERS)
-HERE = Path("run")
-
-
-def full_log(samples: int = 30) -> Log:
-    """Return a log with everything that a log can hold."""
-    tick = example(samples)
-    fine = replace(example(4 * samples, seed=1), t=0.00025 * np.arange(4.0 * samples))
-    metadata = {"origin": "simulated", **METADATA}
-    return Log(HERE, tick, fine, EVENTS, metadata, ATTACHMENTS, "zwidth", EPOCH, ())
-
-
-def bare_log(trace: Trace) -> Log:
-    return Log(HERE, trace, None, (), {}, {}, "zwidth", 0, ())
 
 
 def through(suffix: str, log: Log) -> tuple[Log, list[str]]:

@@ -50,8 +50,9 @@ def force_map_figure(located: Located, rotary: bool) -> Figure:
     forces = [_about_its_level(m.force) for m in maps]
     push, pushed = scaled(max(float(np.abs(f).max()) for f in forces), force)
     with rc_context(STYLE):
-        figure = Figure(figsize=(7.2, 5.0), layout="constrained")
+        figure = Figure(figsize=(7.2, 5.0))
         panels = figure.subplots(2, 2, squeeze=False).ravel()
+        _within(figure, hspace=0.42, wspace=0.28)
         for axes in panels[len(maps) :]:  # of a free motion there is no command
             axes.remove()
         for axes, m, missing in zip(panels, maps, forces, strict=False):
@@ -68,6 +69,19 @@ def force_map_figure(located: Located, rotary: bool) -> Figure:
         for axes in panels[: len(maps) : 2]:
             axes.set_ylabel(f"missing {'torque' if rotary else 'force'} at {top.place} [{pushed}]")
     return figure
+
+
+def _within(figure: Figure, *, bottom: float = 0.5, top: float = 0.3, **gaps: float) -> None:
+    """Place the panels between margins [in]; gaps: as of `subplots_adjust`.
+
+    All numbers of an axis are scaled to a few digits, so that one margin fits them; a layout that
+    measures every text takes longer than the drawing.
+    """
+    wide, high = figure.get_size_inches()
+    figure.subplots_adjust(
+        left=0.85 / wide, right=1.0 - 0.12 / wide, bottom=bottom / high, top=1.0 - top / high,
+        **gaps,
+    )  # fmt: skip
 
 
 def _about_its_level(force: Floats) -> Floats:
@@ -95,7 +109,7 @@ def whole_run_figure(run: WholeRun, named: bool = True) -> Figure:
     words = words | LEARNED if "law" in run.simulated else words
     close = _close_look(run)
     with rc_context(STYLE):
-        figure = Figure(figsize=(7.2, 4.6), layout="constrained")
+        figure = Figure(figsize=(7.2, 4.6))
         columns = 1 if close is None else 2
         panels = figure.subplots(
             2, columns, sharex="col", sharey="row", squeeze=False,
@@ -121,9 +135,9 @@ def whole_run_figure(run: WholeRun, named: bool = True) -> Figure:
             f"{run.recording}, simulated freely from its first state; {held}", fontsize=9
         )
         handles, labels = motion.get_legend_handles_labels()
-        figure.legend(
-            handles, labels, loc="outside lower center", ncols=2, fontsize=8, frameon=False
-        )
+        figure.legend(handles, labels, loc="lower center", ncols=2, fontsize=8, frameon=False)
+        rows = -(-len(labels) // 2)
+        _within(figure, bottom=0.55 + 0.19 * rows, top=0.32, hspace=0.08, wspace=0.06)
     return figure
 
 
@@ -138,7 +152,7 @@ def force_error_figure(forces: ForceError, named: bool = True) -> Figure:
     reach = ROOM * float(np.abs(commanded).max())
     factor, unit = scaled(reach, forces.unit)
     with rc_context(STYLE):
-        figure = Figure(figsize=(7.2, 4.6), layout="constrained")
+        figure = Figure(figsize=(7.2, 4.6))
         force, lacks = figure.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": (3, 2)})
         force.plot(*envelope(t, factor * commanded), color="0.15", linewidth=1.8, label="commanded")
         for name, (label, colour, dashes) in (WITH_NAMES if named else WITHOUT).items():
@@ -165,9 +179,9 @@ def force_error_figure(forces: ForceError, named: bool = True) -> Figure:
             f" {forces.band:.3g} Hz", fontsize=9,
         )  # fmt: skip
         handles, labels = force.get_legend_handles_labels()
-        figure.legend(
-            handles, labels, loc="outside lower center", ncols=2, fontsize=8, frameon=False
-        )
+        figure.legend(handles, labels, loc="lower center", ncols=2, fontsize=8, frameon=False)
+        rows = -(-len(labels) // 2)
+        _within(figure, bottom=0.55 + 0.19 * rows, top=0.32, hspace=0.08, wspace=0.06)
     return figure
 
 
@@ -233,8 +247,9 @@ def residual_figure(residuals: Residuals) -> Figure:
     Both in units of the noise model: where nothing is missing they lie at one.
     """
     with rc_context(STYLE):
-        figure = Figure(figsize=(7.2, 3.0), layout="constrained")
+        figure = Figure(figsize=(7.2, 3.0))
         over_time, spectrum = figure.subplots(1, 2)
+        _within(figure, top=0.4, wspace=0.24)
         for values, colour, label in (
             (residuals.before, BEFORE, "linear refit"),
             (residuals.after, AFTER, "with what was found"),
@@ -252,9 +267,7 @@ def residual_figure(residuals: Residuals) -> Figure:
         spectrum.set_xlabel("frequency [Hz]")
         spectrum.set_ylabel("power over white noise")
         handles, labels = over_time.get_legend_handles_labels()
-        figure.legend(
-            handles, labels, loc="outside upper center", ncols=3, frameon=False, fontsize=8
-        )
+        figure.legend(handles, labels, loc="upper center", ncols=3, frameon=False, fontsize=8)
     return figure
 
 
