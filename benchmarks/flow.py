@@ -1,10 +1,10 @@
 """How many files of zwidth a command passes through: those of which at least one function ran.
 
-    python benchmarks/flow.py diagnose recording.csv --effort quick --out /tmp/runs
+    python -m benchmarks.flow diagnose recording.csv --effort quick --out /tmp/runs
 
 Runs the command in this process, as `zwidth` would, and prints the files by folder with how many of
-their functions ran. What is compiled is no function of Python and is not seen, nor is what runs while
-a module is imported.
+their functions ran. What is compiled is no function of Python and is not seen, nor is what runs
+while a module is imported.
 """
 
 import sys

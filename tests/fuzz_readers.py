@@ -36,8 +36,7 @@ from zwidth.logs.export import WRITERS
 from zwidth.logs.guess import clock_faults, draft, look
 from zwidth.logs.mcap_reader import Log
 from zwidth.logs.mcap_writer import write_log
-from zwidth.logs.open_source import open_source
-from zwidth.logs.own import read_own
+from zwidth.logs.open_source import open_source, read_own
 from zwidth.logs.recording import read_recording
 from zwidth.sim.trace import Trace
 

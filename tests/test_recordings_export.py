@@ -18,7 +18,7 @@ from zwidth.logs.export import WRITERS
 from zwidth.logs.mcap_reader import Log, read_log
 from zwidth.logs.mcap_writer import write_log
 from zwidth.logs.npz_file import read_npz
-from zwidth.logs.own import read_own
+from zwidth.logs.open_source import read_own
 from zwidth.logs.parquet_file import read_parquet
 from zwidth.logs.source import RecordingError
 from zwidth.logs.table_log import log_of

@@ -2,8 +2,7 @@
 
 from pathlib import Path
 
-from zwidth.compiling import announce
-from zwidth.console import Column, Console, progress
+from zwidth.console import Column, Console, announce, progress
 from zwidth.door import fitted
 from zwidth.figures.fleet import fleet_figure
 from zwidth.figures.style import picture_files, save_figure

@@ -6,8 +6,7 @@ from typing import Any
 
 import click
 
-from zwidth.compiling import announce
-from zwidth.console import Column, Console, progress
+from zwidth.console import Column, Console, announce, progress
 from zwidth.exam.conceal import conceal, orders
 from zwidth.exam.strata import counts
 from zwidth.exam.take import mark_all, result, sit_all

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import click
 
-from zwidth.compiling import announce
-from zwidth.console import Console, progress
+from zwidth.console import Console, announce, progress
 from zwidth.door import asker, fitted, taken
 from zwidth.options import device_argument
 from zwidth.sim.device_file import load_device, remarks_on, shipped_devices

@@ -6,8 +6,7 @@ from typing import Any, get_args
 import click
 from click.core import ParameterSource
 
-from zwidth.compiling import announce
-from zwidth.console import Column, Console, progress
+from zwidth.console import Column, Console, announce, progress
 from zwidth.figures.style import picture_files, save_figure
 from zwidth.jobs.choose import executor
 from zwidth.law_options import law_of, law_options

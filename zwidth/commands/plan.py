@@ -10,8 +10,7 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.compiling import announce
-from zwidth.console import Advance, Column, Console, progress
+from zwidth.console import Advance, Column, Console, announce, progress
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.figures.plan import named, plan_figure

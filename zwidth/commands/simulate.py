@@ -6,11 +6,10 @@ from pathlib import Path
 import click
 import numpy as np
 
-from zwidth.console import Column, Console, progress
+from zwidth.console import Column, Console, json_number, progress
 from zwidth.figures.run import run_figure
 from zwidth.figures.style import draw
 from zwidth.files.whole import replacing
-from zwidth.json_number import json_number
 from zwidth.options import force_option, json_option, out_option
 from zwidth.scenarios.logged_run import LoggedRun, logged_run
 from zwidth.scenarios.scenario import Scenario

@@ -15,8 +15,7 @@ from typing import Any
 
 import click
 
-from zwidth.compiling import announce
-from zwidth.console import Console
+from zwidth.console import Console, announce
 from zwidth.diagnose_files import RESULTS, diagnose_files
 from zwidth.diagnosis.selection.effort import EFFORTS
 from zwidth.files import protection
