@@ -73,7 +73,7 @@ def test_killed_at_any_moment_it_ends_the_same(tmp_path: Path, whole: FateMap) -
     """
     code = (
         "import sys; from pathlib import Path; sys.path[:0] = ['.', 'tests'];"
-        "import test_map_parts as t; from zwidth.stability import fate_map; fate_map.CHUNK = 16;"
+        "import map_examples as t; from zwidth.stability import fate_map; fate_map.CHUNK = 16;"
         "print('ready', flush=True);"
         "fate_map.make_map(t.plane(), t.COARSE, t.LEVELS, Path(sys.argv[1]))"
     )
