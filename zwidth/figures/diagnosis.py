@@ -1,7 +1,6 @@
 """Pictures of a diagnosis: the missing force against the state, the residual before and after."""
 
 import math
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -194,15 +193,15 @@ def envelope(t: Floats, values: Floats) -> tuple[Floats, Floats]:
     """
     if values.size <= 2 * COLUMNS:
         return t, values
-    begins = np.linspace(0, values.size, COLUMNS, endpoint=False).astype(np.int64)
-    picked = np.empty((COLUMNS, 2), dtype=np.int64)
-    for k, (first, last) in enumerate(pairwise([*begins.tolist(), values.size])):
-        piece = values[first:last]
-        finite = np.isfinite(piece)
-        lowest = int(np.where(finite, piece, np.inf).argmin())
-        highest = int(np.where(finite, piece, -np.inf).argmax())
-        picked[k] = first + min(lowest, highest), first + max(lowest, highest)
-    chosen = picked.ravel()
+    width = -(-values.size // COLUMNS)
+    columns = -(-values.size // width)
+    index = np.minimum(np.arange(columns * width), values.size - 1).reshape(columns, width)
+    piece = values[index]
+    finite = np.isfinite(piece)
+    lowest = np.where(finite, piece, np.inf).argmin(axis=1)
+    highest = np.where(finite, piece, -np.inf).argmax(axis=1)
+    both = np.sort(np.column_stack([lowest, highest]), axis=1)
+    chosen = np.take_along_axis(index, both, axis=1).ravel()
     return t[chosen], values[chosen]
 
 
