@@ -22,7 +22,7 @@ from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
 
 sys.path.append(str(Path(__file__).parents[1] / "tests"))
-from test_fitting import drive, recording  # pyright: ignore[reportMissingImports]
+from fitting_examples import drive, recording  # pyright: ignore[reportMissingImports]
 
 GAP, FROM, LEVEL = 0.01, 0.003, 0.03
 

@@ -2,7 +2,7 @@
 
     python docs/make_export_page.py
 
-Needs a C compiler, fmpy, rumoca or OpenModelica, and MuJoCo. Every effect is added to one device,
+Needs a C compiler, fmpy and MuJoCo. Every effect is added to one device,
 at a tenth of what the device is driven by, and exported; both then follow the same command.
 """
 
@@ -18,7 +18,6 @@ from zwidth.export.cost import cost_of, percent
 from zwidth.export.fmu import fmu
 from zwidth.export.mjcf import mjcf
 from zwidth.export.model import Exported, command_for
-from zwidth.export.modelica import modelica
 from zwidth.export.robots import sdf, urdf
 from zwidth.files.protection import writing_as
 from zwidth.files.whole import write_text
@@ -37,7 +36,6 @@ SECONDS, SHARE = 2.0, 0.1
 MAKERS: dict[str, Callable[[Device], Exported]] = {
     "c": lambda d: c_source(d, "dev"),
     "fmu": lambda d: fmu(d, "dev"),
-    "modelica": lambda d: modelica(d, "dev"),
     "mjcf": lambda d: mjcf(d, "dev"),
     "urdf": lambda d: urdf(d, "dev"),
     "sdf": lambda d: sdf(d, "dev"),
@@ -150,7 +148,7 @@ def cell(device: Device, to: str) -> str:
 def page() -> str:
     """Return the page."""
     moves = motion(base())
-    rows = ["| effect | C | FMU | Modelica | MJCF | URDF | SDF |", "|---|---|---|---|---|---|---|"]
+    rows = ["| effect | C | FMU | MJCF | URDF | SDF |", "|---|---|---|---|---|---|"]
     chosen = {"none": base()} | {name: with_effect(name, moves) for name in LIBRARY}
     for name, device in chosen.items():
         cells = " | ".join(cell(device, to) for to in MAKERS)
@@ -164,7 +162,6 @@ TEXT = """\
 
     zwidth export mine.toml --to c -o mine.c
     zwidth export mine.toml --to fmu -o mine.fmu
-    zwidth export mine.toml --to modelica -o mine.mo
     zwidth export mine.toml --to mjcf -o mine.xml
     zwidth export mine.toml --to urdf -o mine.urdf
     zwidth export mine.toml --to sdf -o mine.sdf
@@ -189,13 +186,6 @@ difference is given over the rms of the motion.
   again and written as bytes. It needs fmpy (`pip install 'zwidth[fmu]'`), which brings FMI's
   headers and builds the binary for this machine with CMake. Without a C compiler the archive has
   its sources and no binary, and the command says so; `fmpy compile mine.fmu` adds one elsewhere.
-- **Modelica** is one self-contained model in continuous time, with its parameters and units;
-  encoder, amplifier and delay are `when sample(...)`. Dry friction is a mode at each mass, at rest
-  exact. It is not our stepping but the limit of it: with 64 substeps in place of 4, what differs
-  falls a hundredfold (`tests/test_export_modelica.py`). OpenModelica runs it where `omc` is found,
-  else the rumoca compiler (`pip install rumoca`). The figures below are rumoca's; OpenModelica was
-  not there to be asked, neither for them nor for the tests. Lost samples are not held, since which
-  they are is drawn in words of 64 bits, and a command that is smooth between samples is not.
 - **MJCF** (MuJoCo 4 or later): slides or hinges, links as tendons, the drive as an actuator with
   gain, limit, delay and lag. The limit is one of the force, after the gain. Backlash is the slack
   of a tendon's spring; gravity an excentric mass; two levels of friction are their mean and a
@@ -207,7 +197,8 @@ difference is given over the rms of the motion.
   between a body farther on and the ground is held at the first. Nothing that reads SDF is asked
   here: the cost is of what the file says, simulated by zwidth.
 
-Neither MJCF, URDF nor SDF holds the steps of encoder and amplifier.
+Neither MJCF, URDF nor SDF holds the steps of encoder and amplifier. For a tool that reads Modelica,
+use the FMU.
 
 ## What survives where
 
@@ -220,7 +211,7 @@ docs/make_export_page.py`.
 [[table]]
 
 The belt is what URDF loses in every row. A device of one mass, a damper, dry friction and a limit
-is held by all six within 1 %.
+is held by all five within 1 %.
 
 ## A joint of a model as a device
 

@@ -1,1 +1,1 @@
-"""What was found, for other simulators: C, FMU, Modelica, MJCF, URDF, SDF, and what each loses."""
+"""What was found, for other simulators: C, FMU, MJCF, URDF, SDF, and what each loses."""

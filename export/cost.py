@@ -5,7 +5,6 @@ from typing import NamedTuple
 from zwidth.export.compiled import compiler, run_c
 from zwidth.export.fmu import Fmu, run_fmu
 from zwidth.export.model import Exported, Floats, command_for, free_run, loss
-from zwidth.export.modelica_run import run_modelica, translator
 from zwidth.export.mujoco_run import engine, run_mjcf, run_urdf
 from zwidth.sim.device import Device
 
@@ -27,10 +26,6 @@ def cost_of(
     commands = command_for(device, seconds)
     if to == "c" and compiler() is None:
         return Cost(None, "Not measured: there is no C compiler here; install one, or set CC.")
-    if to == "modelica" and not translator():
-        return Cost(
-            None, "Not measured: neither OpenModelica nor rumoca is here; pip install rumoca."
-        )
     if to in ("mjcf", "urdf") and engine() is None:
         return Cost(None, "Not measured: MuJoCo is not installed here; pip install mujoco.")
     if isinstance(exported, Fmu) and isinstance(exported.binary, str):
@@ -64,9 +59,6 @@ def _run(exported: Exported, to: str, name: str, commands: Floats) -> tuple[Floa
             return run_mjcf(exported.text(), commands, period), "in MuJoCo"
         case "fmu":
             return run_fmu(exported.content(), commands), "driven by fmpy"
-        case "modelica":
-            how = f"translated and run by {translator()}"
-            return run_modelica(exported.text(), name, commands, period), how
         case "urdf":
             limit = exported.held.interface.command_limit
             return run_urdf(exported.text(), commands, period, limit), "in MuJoCo"

@@ -48,7 +48,7 @@ class Quick:
     says nothing; covariance (q, q). noise: deviation of the innovations of the first output; free:
     rms error of free runs of half a second over the motion; swing: rms motion; held: longest time
     that a reading stands still under a command that does not, over the whole. drawn (2, points):
-    the first output as measured and as it runs freely, drawn_s its period. remarks: what is odd
+    the first output as measured and as it runs freely. remarks: what is odd
     about the recording. problem: why there is no fit; "" where there is one.
     """
 
@@ -65,7 +65,6 @@ class Quick:
     swing: float = 0.0
     held: float = 0.0
     drawn: Floats = field(default_factory=lambda: np.zeros((2, 0)))
-    drawn_s: float = 0.0
     remarks: tuple[str, ...] = ()
     problem: str = ""
 
@@ -170,7 +169,7 @@ def summed_up(e: Experiment, h: Hypothesis, remarks: Sequence[str] = ()) -> Quic
     return Quick(
         e.name, x, values, errors, spread, h.cost.misfit, h.samples, e.ticks * e.period,
         float(observer.deviation[0]), off / size if size > 0.0 else 0.0, e.swing, held(e), drawn,
-        every * e.period, tuple(remarks),
+        tuple(remarks),
     )  # fmt: skip
 
 

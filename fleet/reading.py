@@ -6,7 +6,7 @@ from pathlib import Path
 from zwidth.diagnosis.recording.experiment import Experiment, stretches
 from zwidth.files.protection import reading
 from zwidth.logs.assumed import assumed
-from zwidth.logs.own import own_log
+from zwidth.logs.open_source import own_log
 from zwidth.logs.recording import read_described, read_recording
 from zwidth.logs.recording_file import description_of, load_description
 from zwidth.logs.source import Source

@@ -72,7 +72,7 @@ STANDARD = RelayTest()
 class RelayResult:
     """What one run did. stiffness, frequency_hz and amplitude are None unless it oscillates.
 
-    rate: growth rate [1/s] of the oscillation at the end. settled_s: when the steady state began.
+    rate: growth rate [1/s] of the oscillation at the end.
     """
 
     verdict: RelayVerdict
@@ -80,7 +80,6 @@ class RelayResult:
     frequency_hz: float | None
     amplitude: float | None
     rate: float
-    settled_s: float | None
 
 
 @dataclass(frozen=True)
@@ -146,17 +145,17 @@ def _until_steady(eq: Equations, law: Controller, memory: Memory, test: RelayTes
     while len(stretches) * test.stretch_s < test.limit_s:
         record, whole = _stretch(eq, law, memory, ticks, test.bound)
         if not whole:
-            return RelayResult("diverges", None, None, None, np.inf, None)
+            return RelayResult("diverges", None, None, None, np.inf)
         stretches.append(record[:, 0])
         rate, error = _growth(stretches, eq)
         grown = rate > SIGNIFICANCE * error and rate * test.stretch_s * len(stretches) > 1.0
         looks.append((float(np.ptp(record[:, 0])), _energy(record[:, 1])))
         steady = len(looks) >= 3 and _agree(looks[-3:])
         if grown and len(looks) >= 3 and not steady:
-            return RelayResult("diverges", None, None, None, rate, None)
+            return RelayResult("diverges", None, None, None, rate)
         if steady:
-            return _measured(eq, law, memory, test, rate, len(stretches) * test.stretch_s)
-    return RelayResult("undecided", None, None, None, _growth(stretches, eq)[0], None)
+            return _measured(eq, law, memory, test, rate)
+    return RelayResult("undecided", None, None, None, _growth(stretches, eq)[0])
 
 
 def _energy(velocity: Floats) -> float:
@@ -170,15 +169,15 @@ def _agree(looks: Sequence[tuple[float, float]]) -> bool:
 
 
 def _measured(
-    eq: Equations, law: Controller, memory: Memory, test: RelayTest, rate: float, settled: float
+    eq: Equations, law: Controller, memory: Memory, test: RelayTest, rate: float
 ) -> RelayResult:
     ticks = round(test.steady_s / eq.period)
     record, whole = _stretch(eq, law, memory, ticks, test.bound)
     if not whole:
-        return RelayResult("diverges", None, None, None, np.inf, None)
+        return RelayResult("diverges", None, None, None, np.inf)
     stiffness, frequency = critical_point(test.force * record[:, 2], record[:, 0], eq.period)
     amplitude = 0.5 * float(np.ptp(record[:, 0]))
-    return RelayResult("oscillates", stiffness, frequency, amplitude, rate, settled)
+    return RelayResult("oscillates", stiffness, frequency, amplitude, rate)
 
 
 def _stretch(

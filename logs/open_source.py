@@ -1,4 +1,7 @@
-"""A recorded file of any known format, told by its first bytes rather than by its name."""
+"""A recorded file of any known format, told by its first bytes rather than by its name.
+
+It is a log that zwidth wrote, or holds the signals of another tool.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -8,12 +11,15 @@ from mcap.writer import MCAP0_MAGIC
 
 from zwidth.logs.csv_file import read_csv
 from zwidth.logs.csv_form import NOTHING_SAID, CsvOptions
+from zwidth.logs.errors import ForeignLog, LogEmpty
 from zwidth.logs.foreign_mcap import read_foreign_mcap
 from zwidth.logs.mat_file import read_hdf5, read_mat
+from zwidth.logs.mcap_reader import Log, read_log
 from zwidth.logs.npz_file import read_npy, read_npz
 from zwidth.logs.opening import opened
 from zwidth.logs.parquet_file import read_parquet
 from zwidth.logs.source import RecordingError, Source
+from zwidth.logs.table_log import log_of
 
 Reader = Callable[[Path, bytes], Source]
 
@@ -45,6 +51,44 @@ def open_source(path: Path, csv: CsvOptions = NOTHING_SAID) -> Source:
         raise RecordingError(
             f"{path.name} needs more memory than there is; it may be damaged, or cut it in parts"
         ) from None
+
+
+def read_own(path: Path) -> Log:
+    """Return the log in an MCAP, CSV, Parquet or NPZ file that zwidth wrote.
+
+    Raises RecordingError for everyone else's files, or another LogError.
+    """
+    log = own_log(path)
+    if isinstance(log, Log):
+        return log
+    raise RecordingError(
+        f"{path.name} was not written by zwidth, so describe it in a recording TOML;"
+        f" 'zwidth convert {path}' drafts one"
+    )
+
+
+def own_log(path: Path) -> Log | Source:
+    """Return the log in a file of ours, or the signals in another; raises LogError.
+
+    A log without a sample, such as the start of one that was cut short, is an error, too.
+    """
+    with opened(path) as file:
+        mcap = is_mcap(file)
+    if mcap:
+        try:
+            return _with_samples(read_log(path))
+        except ForeignLog:
+            pass
+    source = open_source(path)
+    return _with_samples(log_of(source)) if source.about else source
+
+
+def _with_samples(log: Log) -> Log:
+    if len(log.tick) == 0:
+        damaged = "it was cut short or damaged before the first one was complete"
+        never = "what wrote it ended before the first"
+        raise LogEmpty(f"{log.path} holds no sample: {damaged if log.warnings else never}")
+    return log
 
 
 def is_mcap(file: BinaryIO) -> bool:

@@ -14,9 +14,8 @@ from zwidth.files.protection import reading
 from zwidth.logs.conversion import Converted, convert
 from zwidth.logs.mcap_reader import Log
 from zwidth.logs.one_axis import Stream, group, one_axis
-from zwidth.logs.open_source import open_source
+from zwidth.logs.open_source import open_source, read_own
 from zwidth.logs.opening import opened
-from zwidth.logs.own import read_own
 from zwidth.logs.recording_file import (
     COVARIATE,
     JOINT,

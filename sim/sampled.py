@@ -52,17 +52,6 @@ def sampled_state_space(model: ModalModel, period: float) -> StateSpace:
     return StateSpace(full[:n, :n], full[:n, n], c)
 
 
-def sampled_transfer_function(model: ModalModel, period: float) -> tuple[Floats, Floats]:
-    """Return (numerator, denominator) of Z[H G] in z, descending powers, shapes (N,), (N + 1,).
-
-    The numerator is the denominator times the impulse response c a^k b, cut where it ends.
-    """
-    a, b, c = sampled_state_space(model, period)
-    denominator: Floats = np.real(np.poly(a)).astype(np.float64)
-    impulse = [float(c @ np.linalg.matrix_power(a, k) @ b) for k in range(b.size)]
-    return np.convolve(denominator, np.array(impulse))[: b.size], denominator
-
-
 def sampled_frequency_response(model: ModalModel, period: float, frequency: ArrayLike) -> Complexes:
     """Return Z[H G] at z = exp(j 2 pi f T), f > 0 [Hz], of the shape of frequency."""
     a, b, c = sampled_state_space(model, period)

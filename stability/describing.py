@@ -87,13 +87,6 @@ def friction_boundary(
     return point if point.stable else None
 
 
-def quantiser_gain(amplitude: float, step: float) -> float:
-    """Return N(A) of a rounding quantiser."""
-    count = math.floor(amplitude / step + 0.5)
-    levels = (np.arange(1, count + 1) - 0.5) * step / amplitude
-    return float(4.0 * step / (math.pi * amplitude) * np.sqrt(1.0 - levels * levels).sum())
-
-
 def quantiser_boundaries(device: Device, dampings: Floats) -> Floats:
     """Return, for each B, the K above which an encoder step of any size can sustain a cycle.
 

@@ -61,15 +61,6 @@ def any_loop(device: Device) -> Loop | PeriodicLoop:
     return periodic_loop(device) if device.interface.multirate else open_loop(device)
 
 
-def stable_bands(device: Device, damping: float) -> list[tuple[float, float]]:
-    """Return all intervals (from, to) of K > 0 that are stable at B; the first may begin at 0."""
-    loop = open_loop(device)
-    found = _crossings(loop, damping)
-    stable = [_begins_stable(loop, damping, found)]
-    stable += [_stable(loop.closed(k, damping)) for k in _between(found.gains)[1:]]
-    return _joined(found.gains, stable)
-
-
 def stable_dampings(device: Device) -> list[tuple[float, float]]:
     """Return all intervals (from, to) of B >= 0 [N m s/rad | N s/m] with a stable K near 0.
 

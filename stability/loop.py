@@ -162,11 +162,3 @@ def wired(
             a[v + 1, v], a[v + 1, v + 1] = -to_slope, kept
         a[v] = velocity
     return Loop(a, b, reading, velocity, shift, period)
-
-
-def closed_loop(device: Device, stiffness: float, damping: float) -> Floats:
-    """Return the one-tick matrix of the device in a two-sided wall K, B, shape (M, M).
-
-    K [N m/rad | N/m], B [N m s/rad | N s/m]; the state is described at the top of this file.
-    """
-    return open_loop(device).closed(stiffness, damping)

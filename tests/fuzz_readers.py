@@ -29,15 +29,14 @@ from typing import Any
 
 import numpy as np
 import recording_examples as examples
+from exported_examples import bare_log, full_log
 from log_examples import ATTACHMENTS, EPOCH, EVENTS, METADATA, UNITS, example
-from test_recordings_export import bare_log, full_log
 
 from zwidth.logs.export import WRITERS
 from zwidth.logs.guess import clock_faults, draft, look
 from zwidth.logs.mcap_reader import Log
 from zwidth.logs.mcap_writer import write_log
-from zwidth.logs.open_source import open_source
-from zwidth.logs.own import read_own
+from zwidth.logs.open_source import open_source, read_own
 from zwidth.logs.recording import read_recording
 from zwidth.sim.trace import Trace
 

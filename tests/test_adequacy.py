@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fitting_examples import drive, recording
 from numpy.typing import NDArray
 from scipy.signal import lfilter
-from test_fitting import drive, recording
 
 from zwidth.diagnosis.answer import adequacy as judging
 from zwidth.diagnosis.answer.adequacy import Adequacy, Believed, adequacy

@@ -17,7 +17,7 @@ from zwidth.sim.growth import DECAYS, GROWS, LIMIT_CYCLE, UNDECIDED, Verdict
 from zwidth.sim.physics import make_physics
 from zwidth.stability.bisection import Bracket, Search, Trial, find_brackets, judge
 from zwidth.stability.linear import boundary, critical_stiffness, last_stable_damping
-from zwidth.stability.loop import closed_loop
+from zwidth.stability.loop import open_loop
 
 MASS = 1.2e-3
 
@@ -82,7 +82,7 @@ def test_the_growth_rate_is_that_of_the_largest_eigenvalue(
 ) -> None:
     """Within 5e-4 of itself and 2e-5 /s. Mutation: the half of `0.5 * np.log` in `assess`."""
     growth = judge(phantom(), walls(np.array([stiffness]), damping))
-    radius = np.abs(np.linalg.eigvals(closed_loop(phantom(), stiffness, damping))).max()
+    radius = np.abs(np.linalg.eigvals(open_loop(phantom()).closed(stiffness, damping))).max()
     assert growth.rate[0] == pytest.approx(math.log(radius) / 1e-3, rel=5e-4, abs=2e-5)
     assert growth.verdict[0] == (GROWS if radius > 1.0 else DECAYS)
 

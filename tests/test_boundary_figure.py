@@ -20,7 +20,6 @@ from zwidth.results import (
     Measured,
     Point,
     as_json,
-    boundary_result,
 )
 
 STIFFNESS = (1.0, 4.0, 9.0, 3.0, None)
@@ -50,14 +49,6 @@ def curves(figure: Figure, panel: int, markers: str) -> list[np.ndarray]:
         for line in figure.axes[panel].lines
         if line.get_marker() == markers
     ]
-
-
-def test_results_come_back_from_json():
-    assert boundary_result(as_json(example())) == example()
-    values = as_json(example())
-    del values["boundaries"][0]["points"][0]["linear"]["frequency_hz"]
-    with pytest.raises(ValueError, match=r"frequency_hz.*boundaries\[0\].points\[0\].linear"):
-        boundary_result(values)
 
 
 def test_what_was_not_measured_is_absent():

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from executor_examples import die, refuse, square
-from test_map_parts import COARSE, LEVELS, plane, same
+from map_examples import COARSE, LEVELS, plane, same
 
 from zwidth.cli import run
 from zwidth.jobs import cluster, store

@@ -1,7 +1,6 @@
 """Describing functions beside the simulation: how good they are, and where they are not."""
 
 import math
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,10 +9,8 @@ from scipy.integrate import quad
 
 from zwidth.stability.bisection import Trial
 from zwidth.stability.describing import (
-    QUANTISER_TOP,
     friction_boundary,
     quantiser_boundaries,
-    quantiser_gain,
     saturation_cycle,
     saturation_gain,
 )
@@ -23,24 +20,6 @@ from zwidth.stability.plane import Axis, Plane, with_friction
 from zwidth.stability.plane_theory import describing_lines
 
 K, B = Axis("K", 1.0, 60.0), Axis("B", 0.0, 0.12)
-
-
-@pytest.mark.parametrize("amplitude", [0.51, 0.6, 1.0, 1.49, 1.51, 7.3, 200.0])
-def test_gain_of_a_quantiser_is_its_first_harmonic(amplitude: float) -> None:
-    """(1 / (pi A)) times the integral of Q(A sin t) sin t, integrated apart, to 1e-6.
-
-    Mutation: levels at i instead of i - 1/2.
-    """
-    edges = [math.asin(min(1.0, (i - 0.5) / amplitude)) for i in range(1, 203)]
-    edges = sorted({0.0, 0.5 * math.pi, *edges})
-    total = 0.0
-    for a, b in pairwise(edges):
-        level = round(amplitude * math.sin(0.5 * (a + b)))
-        total += level * (math.cos(a) - math.cos(b))
-    assert quantiser_gain(amplitude, 1.0) == pytest.approx(
-        4.0 * total / (math.pi * amplitude), rel=1e-6
-    )
-    assert quantiser_gain(amplitude, 1.0) <= QUANTISER_TOP + 1e-12
 
 
 @pytest.mark.parametrize("amplitude", [0.5, 1.0, 1.2, 5.0, 1e3])

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import zwidth.commands.diagnose
+import zwidth.diagnose_files
 from tests.diagnosis_examples import record
 from zwidth.cli import run
 from zwidth.diagnosis.answer.result import Diagnosis, Estimate
@@ -66,7 +66,7 @@ def test_diagnose_from_file_to_report(
     write(tmp_path)
     monkeypatch.chdir(tmp_path)
     kept: list[Diagnosis] = []
-    monkeypatch.setattr(zwidth.commands.diagnose, "diagnose", _keeping(kept))
+    monkeypatch.setattr(zwidth.diagnose_files, "diagnose", _keeping(kept))
     line = ["diagnose", "swing.toml", "--device", "known.toml", "--effort", "quick", "--out", "o"]
     assert run([*line, "--json", "o/r.json"]) == 0
     result = json.loads(Path("o/r.json").read_text())
@@ -108,7 +108,7 @@ def test_diagnose_from_file_to_report(
 
 def _keeping(kept: list[Diagnosis]) -> Any:
     """Let `diagnose` do its work and keep what it finds."""
-    real = zwidth.commands.diagnose.diagnose
+    real = zwidth.diagnose_files.diagnose
 
     def diagnose(*asked: Any) -> Diagnosis:
         kept.append(real(*asked))
@@ -132,7 +132,7 @@ def _what_else_it_may_say(
         experiments=2 * found.experiments,
         linear_refit={"gain": (1.0, Estimate(0.938, 0.92, 0.95))},
     )
-    monkeypatch.setattr(zwidth.commands.diagnose, "diagnose", lambda *_: other)
+    monkeypatch.setattr(zwidth.diagnose_files, "diagnose", lambda *_: other)
     Path("sub").mkdir()
     for name in ("swing.toml", "swing.csv"):
         shutil.copy(name, Path("sub", name))

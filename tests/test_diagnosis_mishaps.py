@@ -56,6 +56,9 @@ at = "m1"
 """
 
 
+AUGMENTED = "zwidth.diagnosis.answer.augmented_boundary.augmented_boundary"
+
+
 class Bug(ValueError):
     """A mistake in the code, of the kind that arrays of other shapes make."""
 
@@ -63,7 +66,7 @@ class Bug(ValueError):
 @pytest.fixture(autouse=True)
 def _undrawn(monkeypatch: pytest.MonkeyPatch) -> None:  # pyright: ignore[reportUnusedFunction]
     """Figures are made, and not drawn, which takes a second each."""
-    monkeypatch.setattr("zwidth.diagnosis_report._embedded", lambda _: "data:,")
+    monkeypatch.setattr("zwidth.figures.style.picture_bytes", lambda _: b"")
 
 
 def throw(*_: Any, **__: Any) -> Any:
@@ -326,8 +329,8 @@ def test_one_recording_of_several_that_fails_costs_itself_alone(
         return throw() if e.name == "odd" else Suspicion()
 
     short.setattr("zwidth.diagnosis.intake.take_in.suspicion", suspected)
-    short.setattr("zwidth.commands.diagnose.separating", nothing)
-    short.setattr("zwidth.commands.diagnose.augmented_boundary", nothing)
+    short.setattr("zwidth.planning.separating.separating", nothing)
+    short.setattr(AUGMENTED, nothing)
     answer = answered(["diagnose", "gone.toml", "odd.toml", *LINE[1:]], 0)
     stages = [(e["stage"], e["what"]) for e in answer["errors"]]
     assert stages == [("recording", "gone.toml"), ("gate", "odd")]
@@ -340,13 +343,13 @@ def test_one_recording_of_several_that_fails_costs_itself_alone(
 @pytest.mark.parametrize(
     ("stage", "where", "status"),
     [
-        ("next experiment", "commands.diagnose.separating", 0),
-        ("boundary", "commands.diagnose.augmented_boundary", 0),
-        ("picture", "diagnosis_report.force_map_figure", 0),
-        ("picture", "diagnosis_report.residual_figure", 0),
-        ("picture", "diagnosis_report.augmented_boundary_figure", 0),
-        ("log", "commands.diagnose.diagnosis_trace", 1),
-        ("augmented device", "commands.diagnose.commented_text", 1),
+        ("next experiment", "planning.separating.separating", 0),
+        ("boundary", "diagnosis.answer.augmented_boundary.augmented_boundary", 0),
+        ("picture", "figures.diagnosis.force_map_figure", 0),
+        ("picture", "figures.diagnosis.residual_figure", 0),
+        ("picture", "figures.augmented_boundary.augmented_boundary_figure", 0),
+        ("log", "diagnose_files.diagnosis_trace", 1),
+        ("augmented device", "diagnose_files.commented_text", 1),
         ("report", "diagnosis_report.page", 1),
     ],
 )
@@ -359,11 +362,11 @@ def test_an_error_in_what_follows_leaves_all_other_files(
     """
     write(tmp_path)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("zwidth.commands.diagnose.diagnose", lambda *_: diagnosed())
-    monkeypatch.setattr("zwidth.commands.diagnose.separating", nothing)
-    monkeypatch.setattr("zwidth.commands.diagnose.augmented_boundary", nothing)
+    monkeypatch.setattr("zwidth.diagnose_files.diagnose", lambda *_: diagnosed())
+    monkeypatch.setattr("zwidth.planning.separating.separating", nothing)
+    monkeypatch.setattr(AUGMENTED, nothing)
     if where.endswith("augmented_boundary_figure"):
-        monkeypatch.setattr("zwidth.commands.diagnose.augmented_boundary", _no_boundary)
+        monkeypatch.setattr(AUGMENTED, _no_boundary)
     monkeypatch.setattr(f"zwidth.{where}", throw)
     answer = answered(LINE, status)
     assert [e["stage"] for e in answer["errors"]] == [stage]
@@ -398,8 +401,8 @@ def test_what_was_found_is_written_before_what_takes_long(
         there.extend(sorted(path.name for path in Path("o").glob("[!.]*")))
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("zwidth.commands.diagnose.diagnose", lambda *_: diagnosed())
-    monkeypatch.setattr("zwidth.commands.diagnose.separating", separating)
+    monkeypatch.setattr("zwidth.diagnose_files.diagnose", lambda *_: diagnosed())
+    monkeypatch.setattr("zwidth.planning.separating.separating", separating)
     answer = answered(LINE, 130)
     ends = ["augmented.toml", "diagnosis.html", "diagnosis.mcap"]
     assert there == ["r.json", *(f"swing.{end}" for end in ends)]
@@ -416,7 +419,7 @@ def test_a_velocity_alone_gets_a_next_experiment(
     """
     write(tmp_path, output=VELOCITY)
     short.chdir(tmp_path)
-    short.setattr("zwidth.commands.diagnose.augmented_boundary", nothing)
+    short.setattr(AUGMENTED, nothing)
     short.setattr("zwidth.planning.next_experiment.SHORTEST_S", 4.0)
     short.setattr("zwidth.planning.next_experiment.LIBRARY", ["small_multisine"])
     answer = answered(LINE, 0)

@@ -14,7 +14,6 @@ pytest.importorskip("bokeh", reason="needs the extra zwidth[explore]")
 
 from zwidth.cli import run
 from zwidth.explore.bench import Bench
-from zwidth.explore.link import explore_command, explore_link
 from zwidth.explore.look import columns, fitting, look, reach, spectrum
 from zwidth.explore.picture import picture
 from zwidth.explore.plane_figure import bounded
@@ -70,7 +69,6 @@ def parsed(query: str) -> dict[str, list[str]]:
 def test_an_address_holds_the_whole_view(view: View):
     """To the last bit; mutation: `repr` of numbers replaced by `:g`."""
     assert read_query(parsed(view.query()), devices=3) == (view, [])
-    assert explore_link(view, 80).startswith("http://localhost:80/")
 
 
 @pytest.mark.parametrize(
@@ -259,10 +257,6 @@ def test_an_augmented_device_differs_by_its_sliders():
     assert twice.names[1:] == [
         "with other parameters", "with encoder step", "with other parameters (4)",
     ]  # fmt: skip
-    line = explore_command("nominal device.toml", ["found.toml"], "run 1.mcap")
-    assert line == (
-        "zwidth explore 'nominal device.toml' --compare found.toml --recording 'run 1.mcap'"
-    )
 
 
 def test_errors_are_sentences(

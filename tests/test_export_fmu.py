@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_export_c import COMMANDS, FIRST, with_effect
+from c_examples import COMMANDS, FIRST, with_effect
 
 from zwidth import cli
 from zwidth.export import fmu as module

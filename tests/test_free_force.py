@@ -1,29 +1,19 @@
 """A force over two states or over time: against interpolation, closed forms and integrators."""
 
-import itertools
-from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from engine_examples import phantom
-from numpy.typing import NDArray
+from free_law_examples import COMMAND, SEEN, Floats, T, drawn_grid, errors, free, integrated, mass
 from physics_examples import example
-from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
-from test_export_c import COMMANDS, assert_same_bits, needs_compiler
-from test_export_modelica import finely, needs_translator
-from test_export_modelica import run as run_as_modelica
-from test_lanes import assert_equal_runs
 
 from zwidth.controllers.none import none
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.noise.predictor import prepared
 from zwidth.diagnosis.recording.experiment import Experiment, Output
-from zwidth.export.c_source import c_source
-from zwidth.export.model import loss
-from zwidth.export.settable import may_be_set
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import commented_text, device_from_text, device_to_text
@@ -47,12 +37,8 @@ from zwidth.sim.physics.free_force import (
 )
 from zwidth.sim.physics.free_law import table_law, table_values
 from zwidth.sim.population import Population, Readings, Recorded
-from zwidth.sim.predict import GROUND, Outputs, alone
+from zwidth.sim.predict import alone
 from zwidth.sim.run import Start, simulate, start_memory
-
-Floats = NDArray[np.float64]
-Force = Callable[[float, float, float, float], float]
-T = 0.004
 
 
 @jit
@@ -69,19 +55,6 @@ def law(values: dict[str, float], *states: Floats) -> Floats:
     return found
 
 
-def drawn(rows: int, columns: int, seed: int = 5) -> tuple[Floats, Floats, Floats]:
-    random = np.random.default_rng(seed)
-    return (
-        np.sort(random.normal(size=rows)),
-        np.sort(random.normal(size=columns)),
-        random.normal(size=(rows, columns)),
-    )
-
-
-def free(over: Sequence[str], rows: Any, columns: Any, table: Any, at: str = "m1") -> Physics:
-    return make_physics("free_force", at, **grid_values(over, rows, columns, table))
-
-
 @pytest.mark.parametrize(("rows", "columns"), [(2, 2), (3, 8), (8, 3), (SIZE, SIZE), (5, 1)])
 @pytest.mark.parametrize("over", [("position", "velocity"), ("time", "command")])
 def test_it_is_the_curve_along_either_axis(rows: int, columns: int, over: tuple[str, str]) -> None:
@@ -89,7 +62,7 @@ def test_it_is_the_curve_along_either_axis(rows: int, columns: int, over: tuple[
 
     Mutations that break it: an end has the slope of its interval; states of the axes exchanged.
     """
-    r, c, f = drawn(rows, columns)
+    r, c, f = drawn_grid(rows, columns)
     states = np.random.default_rng(6).normal(0.0, 2.0, (4, 200))
     a, b = (states[STATES.index(name)] for name in over)
     if columns > 1:
@@ -109,7 +82,7 @@ def test_it_is_the_curve_along_either_axis(rows: int, columns: int, over: tuple[
 @pytest.mark.parametrize("count", [2, 9, MOST])
 def test_over_one_state_it_is_the_law_of_a_table(count: int) -> None:
     """Mutations that break it: the values of a grid's first column; the last interval left out."""
-    s, _, f = drawn(count, 1)
+    s, _, f = drawn_grid(count, 1)
     points = list(zip(s.tolist(), f[:, 0].tolist(), strict=True))
     table = np.array(list(table_values(points).values()))
     t = np.random.default_rng(7).normal(0.0, 2.0, 200)
@@ -122,7 +95,7 @@ def test_over_one_state_it_is_the_law_of_a_table(count: int) -> None:
 
 def test_products_of_straight_lines_are_exact() -> None:
     """(1 + 2 q)(3 - v) of any grid, to rounding. Mutation: a tangent of an end left out."""
-    r, c, _ = drawn(6, 7)
+    r, c, _ = drawn_grid(6, 7)
     f = np.outer(1.0 + 2.0 * r, 3.0 - c)
     q, v = np.random.default_rng(8).uniform(-0.3, 0.3, (2, 100))
     still = np.zeros(q.size)
@@ -131,7 +104,7 @@ def test_products_of_straight_lines_are_exact() -> None:
 
 
 def test_a_grid_of_rank_one_is_the_product_of_its_curves() -> None:
-    r, c, f = drawn(6, 5)
+    r, c, f = drawn_grid(6, 5)
     a, b = f[:, 0], f[0]
     q, v = np.random.default_rng(9).normal(size=(2, 50))
     both = force_at(grid_of(grid_values(["position", "velocity"], r, c, np.outer(a, b))), q, v)
@@ -140,7 +113,7 @@ def test_a_grid_of_rank_one_is_the_product_of_its_curves() -> None:
 
 @pytest.mark.parametrize(("rows", "columns"), [(2, 1), (3, 5), (SIZE, SIZE)])
 def test_what_was_given_is_read_back(rows: int, columns: int) -> None:
-    r, c, f = drawn(rows, columns)
+    r, c, f = drawn_grid(rows, columns)
     values = grid_values(("velocity", "time"), r.tolist(), c.tolist(), f)
     grid = grid_of(values)
     assert grid == Grid(
@@ -155,7 +128,7 @@ def test_what_was_given_is_read_back(rows: int, columns: int) -> None:
 @pytest.mark.parametrize(
     "physics",
     [
-        free(["position", "time"], *drawn(3, 4)),
+        free(["position", "time"], *drawn_grid(3, 4)),
         free(["command"], [-1.0, 1.0], [], [2.0, -2.0]),
         free(["time"], np.arange(float(MOST)), [], np.sin(np.arange(float(MOST)))),
         free(["velocity", "command"], [0.0, 1.0], [0.5], [[1.0], [2.0]], "link12"),
@@ -170,7 +143,7 @@ def test_it_goes_through_a_device_file(physics: Physics) -> None:
 
 def test_a_device_file_says_the_units_of_its_states() -> None:
     """Mutation: the unit of the first state for both."""
-    text = commented_text(phantom().with_physics(free(["velocity", "time"], *drawn(2, 3))))
+    text = commented_text(phantom().with_physics(free(["velocity", "time"], *drawn_grid(2, 3))))
     assert "rows = [  # [rad/s] velocity of each" in text
     assert "columns = [  # [s] time of each" in text
     assert "table = [  # [N m] force at each row and column" in text
@@ -231,41 +204,6 @@ def test_forces_beside_the_grid_are_refused() -> None:
         grid_values(["position", "time"], [0.0, 1.0], [0.0, 1.0, 2.0], np.zeros((2, 2)))
     with pytest.raises(ValueError, match="allowed is 1, since over names one state"):
         grid_values(["time"], [0.0, 1.0], [], np.zeros((2, 2)))
-
-
-def mass(*physics: Physics, **interface: Any) -> Device:
-    chain = make_chain([0.5], [0.1], 20.0)
-    return Device("mass", "", False, chain, Interface(period=T, **interface)).with_physics(*physics)
-
-
-def integrated(force: Force, command: Floats) -> Floats:
-    """Positions (ticks,) of `mass` by scipy, with a force over position, velocity, command, time.
-
-    From 0.02 m and 0.3 m/s.
-    """
-
-    def moves(t: float, x: Floats, u: float) -> list[float]:
-        return [x[1], (u - 0.1 * x[1] - 20.0 * x[0] + force(x[0], x[1], u, t)) / 0.5]
-
-    x, found = np.array([0.02, 0.3]), np.zeros(command.size)
-    for k, u in enumerate(command.tolist()):
-        found[k] = x[0]
-        span = (T * k, T * (k + 1))
-        x = solve_ivp(moves, span, x, args=(u,), rtol=1e-9, atol=1e-11).y[:, -1]
-    return found
-
-
-def errors(device: Device, truth: Floats, command: Floats, counts: Sequence[int]) -> list[float]:
-    """Largest error of position in so many substeps."""
-    return [
-        float(np.abs(simulate(device, recorded(command), duration=command.size * T,
-                              start=Start(0.02, 0.3), substeps=n).trace["position_m1"]
-                     - truth).max())
-        for n in counts
-    ]  # fmt: skip
-
-
-COMMAND = np.repeat([3.0, -2.0, 2.5, 0.0], 25)
 
 
 def test_damping_that_depends_on_where_it_moves() -> None:
@@ -359,7 +297,6 @@ def test_in_a_link_it_is_over_what_gives_way() -> None:
 
 OVER_TIME = free(["position", "time"], [-2.0, 2.0], np.linspace(0.0, 0.4, SIZE),
                  np.outer([1.0, -1.0], np.sin(np.arange(8.0))))  # fmt: skip
-SEEN = Outputs(np.array([0]), np.array([True]), np.array([GROUND]))
 
 
 def test_a_part_of_a_recording_knows_its_own_time() -> None:
@@ -414,51 +351,3 @@ def test_an_experiment_hands_its_time_on() -> None:
     )
     gap = replace(whole.part(0, 60), measured=measured[40:], command=COMMAND[40:], begins=40 * T)
     np.testing.assert_array_equal(innovations(device, gap, gain, ready=ready), own)
-
-
-ALL_STATES = [
-    *itertools.combinations(STATES, 2), *((state,) for state in STATES), ("time", "position"),
-]  # fmt: skip
-
-
-def over(states: tuple[str, ...]) -> Device:
-    """Return the PHANToM with a force over some states, drawn, in its first link or at m1."""
-    size = {"position": 0.01, "velocity": 0.3, "command": 0.05, "time": 0.1}
-    one = len(states) == 1
-    rows, columns, f = drawn(5, 1 if one else 4)
-    r = size[states[0]] * np.sort(rows)
-    c = [] if one else (size[states[1]] * columns).tolist()
-    at = "m1" if "position" in states else "link12"
-    return phantom().with_physics(free(states, r.tolist(), c, 2e-3 * f, at))
-
-
-@pytest.mark.parametrize("states", ALL_STATES, ids="-".join)
-def test_in_lanes_it_is_that_of_a_run_alone(states: tuple[str, ...]) -> None:
-    """Members of other sizes, and of both kinds, under walls, to the bit.
-
-    Mutation: `any_lane` in place of `select` between a law over one state and one over two.
-    """
-    other = over(("velocity", "time")).physics[0]
-    mixed = replace(over(states), physics=(replace(other, at=over(states).physics[0].at),))
-    assert_equal_runs([over(states), mixed] * 11, 2, range(0, 21, 4))
-
-
-@needs_compiler
-@pytest.mark.parametrize("states", ALL_STATES, ids="-".join)
-def test_in_c_it_has_the_bits_of_the_simulation(states: tuple[str, ...]) -> None:
-    """With a delay inside the tick. Mutation: the time of a tick for both of its segments."""
-    device = over(states).with_interface(delay=4e-4)
-    made = c_source(device, "dev", seed=3)
-    assert made.lost == ()
-    assert_same_bits(device, made)
-    assert ("= s->tick;" in made.text()) == ("time" in states)
-    assert may_be_set(device) == []
-
-
-@needs_translator
-@pytest.mark.parametrize("states", ALL_STATES, ids="-".join)
-def test_in_modelica_it_moves_alike(states: tuple[str, ...]) -> None:
-    """Within 1 % of what it does. Mutations: cells column by column; the command not yet held."""
-    device = over(states)
-    ours, bare = finely(device, 32), finely(replace(device, physics=()), 1)
-    assert loss(ours, run_as_modelica(device, COMMANDS)) < 0.01 * loss(ours, bare)

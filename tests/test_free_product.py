@@ -1,33 +1,21 @@
 """A force over one state times a number over another: closed forms, an integrator, all ways out."""
 
-import itertools
-from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from engine_examples import phantom
+from free_law_examples import COMMAND, SEEN, T, drawn, errors, free, integrated, mass, times
 from numpy.typing import NDArray
 from physics_examples import example
-from test_export_c import COMMANDS, assert_same_bits, needs_compiler
-from test_export_modelica import finely, needs_translator
-from test_export_modelica import run as run_as_modelica
-from test_free_force import COMMAND, SEEN, T, errors, free, integrated, mass
-from test_lanes import assert_equal_runs
 
 from zwidth.controllers.none import none
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.learning.steady import along
-from zwidth.export.c_source import c_source
-from zwidth.export.model import loss
-from zwidth.export.settable import may_be_set
 from zwidth.fleet.structure import known_structure
-from zwidth.sim.device import Device
 from zwidth.sim.device_file import commented_text, device_from_text, device_to_text
 from zwidth.sim.equations import equations
 from zwidth.sim.jit import jit
-from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.free_force import STATES, force_at, grid_of, grid_values, is_grid
 from zwidth.sim.physics.free_law import table_law, table_values
@@ -47,7 +35,6 @@ from zwidth.sim.run import Start, simulate, start_memory
 from zwidth.views.device import in_points
 
 Floats = NDArray[np.float64]
-Points = tuple[tuple[float, float], ...]
 
 
 @jit
@@ -62,17 +49,6 @@ def law(values: dict[str, float], *states: Floats) -> Floats:
     q, v, u, t = states
     _law(q, v, u, t, np.array(list(values.values())), found)
     return found
-
-
-def drawn(count: int, seed: int, wide: float = 1.0, high: float = 1.0) -> Points:
-    random = np.random.default_rng(seed)
-    states = wide * np.sort(random.normal(size=count))
-    laws = high * random.normal(size=count)
-    return tuple(zip(states.tolist(), laws.tolist(), strict=True))
-
-
-def times(over: Sequence[str], first: Any, second: Any, at: str = "m1") -> Physics:
-    return make_physics("free_product", at, **two_tables_values(over, first, second))
 
 
 @pytest.mark.parametrize(("first", "second"), [(2, 2), (3, POINTS), (POINTS, POINTS)])
@@ -256,47 +232,3 @@ def test_a_fleet_frees_its_numbers_but_one() -> None:
                     [(0.0, 1.0), (0.5, 1.5), (1.0, 0.5)])  # fmt: skip
     (scales,) = known_structure(mass(physics)).scales
     assert set(scales) == {*LAW_FIRST[:2], LAW_SECOND[0], LAW_SECOND[2]}
-
-
-ALL_STATES = [*itertools.combinations(STATES, 2), ("time", "position")]
-
-
-def over(states: tuple[str, str]) -> Device:
-    """Return the PHANToM with a product over two states, drawn, in its first link or at m1."""
-    size = {"position": 0.01, "velocity": 0.3, "command": 0.05, "time": 0.1}
-    a, b = (size[state] for state in states)
-    at = "m1" if "position" in states else "link12"
-    return phantom().with_physics(times(states, drawn(5, 1, a, 2e-3), drawn(4, 2, b), at))
-
-
-@pytest.mark.parametrize("states", ALL_STATES, ids="-".join)
-def test_in_lanes_it_is_that_of_a_run_alone(states: tuple[str, str]) -> None:
-    """Members of other states and sizes, under walls, to the bit.
-
-    Mutation: `curve` of the first member's points for all.
-    """
-    at = over(states).physics[0].at
-    other = times(("velocity", "time"), drawn(3, 3, 0.3, 2e-3), drawn(POINTS, 4, 0.1), at)
-    assert_equal_runs([over(states), replace(over(states), physics=(other,))] * 11, 2,
-                      range(0, 21, 4))  # fmt: skip
-
-
-@needs_compiler
-@pytest.mark.parametrize("states", ALL_STATES, ids="-".join)
-def test_in_c_it_has_the_bits_of_the_simulation(states: tuple[str, str]) -> None:
-    """With a delay inside the tick. Mutation: time asked for by a grid alone."""
-    device = over(states).with_interface(delay=4e-4)
-    made = c_source(device, "dev", seed=3)
-    assert made.lost == ()
-    assert_same_bits(device, made)
-    assert ("= s->tick;" in made.text()) == ("time" in states)
-    assert may_be_set(device) == []
-
-
-@needs_translator
-@pytest.mark.parametrize("states", ALL_STATES, ids="-".join)
-def test_in_modelica_it_moves_alike(states: tuple[str, str]) -> None:
-    """Within 1 % of what it does. Mutation: both tables by one name."""
-    device = over(states)
-    ours, bare = finely(device, 32), finely(replace(device, physics=()), 1)
-    assert loss(ours, run_as_modelica(device, COMMANDS)) < 0.01 * loss(ours, bare)

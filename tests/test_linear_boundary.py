@@ -13,6 +13,7 @@ from zwidth.sim.device_file import load_device
 from zwidth.sim.interface import Interface
 from zwidth.sim.physics.actuator_lag import actuator_lag
 from zwidth.sim.physics.effect import Physics
+from zwidth.stability import linear
 from zwidth.stability.crossings import crossings
 from zwidth.stability.decomposition import curve
 from zwidth.stability.linear import (
@@ -20,13 +21,21 @@ from zwidth.stability.linear import (
     corner,
     critical_stiffness,
     last_stable_damping,
-    stable_bands,
     stable_dampings,
 )
 from zwidth.stability.loop import open_loop
 from zwidth.stability.types import LinearPoint
 
 PHANTOM = load_device("phantom_1_0")
+
+
+def stable_bands(device: Device, damping: float) -> list[tuple[float, float]]:
+    """Return all intervals (from, to) of K > 0 that are stable at B; the first may begin at 0."""
+    loop = open_loop(device)
+    found = linear._crossings(loop, damping)
+    stable = [linear._begins_stable(loop, damping, found)]
+    stable += [linear._stable(loop.closed(k, damping)) for k in linear._between(found.gains)[1:]]
+    return linear._joined(found.gains, stable)
 
 
 def phantom(delay_ms: float) -> Device:

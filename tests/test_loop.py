@@ -14,7 +14,7 @@ from zwidth.sim.interface import Interface
 from zwidth.sim.physics.actuator_lag import actuator_lag
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.run import Start, simulate
-from zwidth.stability.loop import MOST_TICKS, closed_loop, open_loop
+from zwidth.stability.loop import MOST_TICKS, open_loop
 
 PERIOD = 0.001
 STIFFNESS, DAMPING = 300.0, 0.15
@@ -66,7 +66,7 @@ def by_matrix(device: Device, ticks: int) -> NDArray[np.float64]:
     whole, remainder = device.interface.delay_ticks
     state = np.zeros_like(loop.reading)
     state[: plant.dof] = state[plant.size + whole + (remainder > 0.0)] = 1.0
-    step = closed_loop(device, STIFFNESS, DAMPING)
+    step = loop.closed(STIFFNESS, DAMPING)
     positions: list[float] = []
     for _ in range(ticks):
         positions.append(float(loop.reading @ state))

@@ -5,29 +5,18 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from engine_examples import phantom
+from map_examples import COARSE, LEVELS, plane, same
 
 from zwidth.stability import fate_map
-from zwidth.stability.bisection import Trial
 from zwidth.stability.fate_map import FateMap, make_map, save_map
-from zwidth.stability.fates import Fates
-from zwidth.stability.plane import Axis, Plane
+from zwidth.stability.plane import Axis
 
 ROOT = Path(__file__).parents[1]
-COARSE, LEVELS = 9, 2
-
-
-def plane() -> Plane:
-    """Return a plane of short runs."""
-    device = phantom().with_interface(encoder_step=1e-4)
-    return Plane(
-        device, Axis("B", 0.0, 0.12), Axis("K", 1.0, 50.0), trial=Trial(1e-3, 1.0, 1.0, 0.125)
-    )
 
 
 @pytest.fixture(autouse=True)
@@ -39,14 +28,6 @@ def small_parts(monkeypatch: pytest.MonkeyPatch) -> None:
 def whole() -> FateMap:
     """Return the map made at one go, in memory."""
     return make_map(plane(), COARSE, LEVELS)
-
-
-def same(one: FateMap, other: FateMap) -> bool:
-    """Whether two maps are equal to the bit."""
-    arrays = [f.name for f in fields(Fates)]
-    return np.array_equal(one.run, other.run) and all(
-        getattr(one.fates, a).tobytes() == getattr(other.fates, a).tobytes() for a in arrays
-    )
 
 
 def test_a_folder_changes_nothing_and_is_read_again(tmp_path: Path, whole: FateMap) -> None:
@@ -92,7 +73,7 @@ def test_killed_at_any_moment_it_ends_the_same(tmp_path: Path, whole: FateMap) -
     """
     code = (
         "import sys; from pathlib import Path; sys.path[:0] = ['.', 'tests'];"
-        "import test_map_parts as t; from zwidth.stability import fate_map; fate_map.CHUNK = 16;"
+        "import map_examples as t; from zwidth.stability import fate_map; fate_map.CHUNK = 16;"
         "print('ready', flush=True);"
         "fate_map.make_map(t.plane(), t.COARSE, t.LEVELS, Path(sys.argv[1]))"
     )

@@ -19,7 +19,6 @@ from zwidth.sim.plant import assemble, hold
 from zwidth.sim.sampled import (
     sampled_frequency_response,
     sampled_state_space,
-    sampled_transfer_function,
     state_space,
 )
 from zwidth.sim.synthesis import polish
@@ -251,23 +250,6 @@ def test_transfer_function_and_state_space_are_the_frequency_response() -> None:
     assert realised == pytest.approx(expected, rel=1e-12)
 
 
-def test_a_free_mass_sampled_in_closed_form() -> None:
-    """Truth: Z[H / (m s^2)] = T^2 (z + 1) / (2 m (z - 1)^2)."""
-    numerator, denominator = sampled_transfer_function(ModalModel(2.0, 0.0), PERIOD)
-    assert numerator == pytest.approx(PERIOD**2 / 4.0 * np.ones(2), rel=1e-12)
-    assert denominator == pytest.approx([1.0, -2.0, 1.0], rel=1e-12)
-
-
-def test_a_damped_mass_sampled_in_closed_form() -> None:
-    """Truth: poles 1 and exp(-b T/m); the position gained in a tick from rest is b_1."""
-    m, b = 1e-3, 0.4
-    decay = np.exp(-b * PERIOD / m)
-    numerator, denominator = sampled_transfer_function(ModalModel(m, b), PERIOD)
-    assert denominator == pytest.approx([1.0, -1.0 - decay, decay], rel=1e-12)
-    first = (PERIOD - m / b * (1.0 - decay)) / b
-    assert numerator[0] == pytest.approx(first, rel=1e-12)
-
-
 def test_sampled_response_is_the_sum_of_its_aliases() -> None:
     """Truth: Z[H G](e^{sT}) = (1 - e^{-sT})/T x sum of G(s_k)/s_k over s_k = s + 2 pi j k/T.
 
@@ -293,16 +275,6 @@ def test_sampled_response_agrees_with_python_control() -> None:
     found = sampled_frequency_response(TABLE_I, PERIOD, FREQUENCY)
     assert found == pytest.approx(sampled(z), rel=1e-9)
     assert found == pytest.approx(held, rel=1e-9)
-
-
-def test_sampled_transfer_function_is_the_sampled_response() -> None:
-    """Polynomials lose digits near z = 1 (python-control's lose as many), hence 1e-7."""
-    z = np.exp(2j * np.pi * FREQUENCY * PERIOD)
-    numerator, denominator = sampled_transfer_function(TABLE_I, PERIOD)
-    assert (numerator.size, denominator.size) == (6, 7)
-    assert np.polyval(numerator, z) / np.polyval(denominator, z) == pytest.approx(
-        sampled_frequency_response(TABLE_I, PERIOD, FREQUENCY), rel=1e-7
-    )
 
 
 def test_sampled_poles_are_exponentials_of_the_poles() -> None:

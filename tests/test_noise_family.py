@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_fitting import drive, play, recording
+from fitting_examples import drive, play, recording
 
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.family import Family, likeliest, noises

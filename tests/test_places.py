@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from diagnosis_examples import record
+from lane_examples import RUNS, assert_equal_runs, varied
 from physics_examples import EVERYWHERE, EXAMPLES, FARTHER, entry_of, example, five, phantom
-from test_lanes import RUNS, assert_equal_runs, varied
-from test_population import gain, own_innovations, recorded, start
+from population_examples import gain, own_innovations, recorded, start
 
 from zwidth.controllers.excitation import noise
 from zwidth.controllers.recorded import recorded as played

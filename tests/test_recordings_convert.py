@@ -17,8 +17,7 @@ from zwidth.logs.export import write_csv
 from zwidth.logs.guess import draft, look
 from zwidth.logs.mcap_reader import read_log
 from zwidth.logs.mcap_writer import write_log
-from zwidth.logs.open_source import open_source
-from zwidth.logs.own import read_own
+from zwidth.logs.open_source import open_source, read_own
 from zwidth.logs.recording import read_recording
 from zwidth.logs.source import RecordingError, Signal, Source
 from zwidth.sim.trace import Trace

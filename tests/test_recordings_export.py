@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from exported_examples import HERE, bare_log, full_log
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as nps
@@ -17,7 +18,7 @@ from zwidth.logs.export import WRITERS
 from zwidth.logs.mcap_reader import Log, read_log
 from zwidth.logs.mcap_writer import write_log
 from zwidth.logs.npz_file import read_npz
-from zwidth.logs.own import read_own
+from zwidth.logs.open_source import read_own
 from zwidth.logs.parquet_file import read_parquet
 from zwidth.logs.source import RecordingError
 from zwidth.logs.table_log import log_of
@@ -25,19 +26,6 @@ from zwidth.sim.trace import Trace
 
 READERS = {".csv": read_csv, ".parquet": read_parquet, ".npz": read_npz}
 SUFFIXES = list(WRITERS)
-HERE = Path("run")
-
-
-def full_log(samples: int = 30) -> Log:
-    """Return a log with everything that a log can hold."""
-    tick = example(samples)
-    fine = replace(example(4 * samples, seed=1), t=0.00025 * np.arange(4.0 * samples))
-    metadata = {"origin": "simulated", **METADATA}
-    return Log(HERE, tick, fine, EVENTS, metadata, ATTACHMENTS, "zwidth", EPOCH, ())
-
-
-def bare_log(trace: Trace) -> Log:
-    return Log(HERE, trace, None, (), {}, {}, "zwidth", 0, ())
 
 
 def through(suffix: str, log: Log) -> tuple[Log, list[str]]:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_fitting import drive, recording
+from fitting_examples import drive, recording
 
 from zwidth.diagnosis.answer.regimes import held, regimes, step_without
 from zwidth.diagnosis.fitting.fit import Problem

@@ -98,8 +98,8 @@ def test_friction_moves_the_reading_up():
 
 
 def test_what_is_within_half_a_percent_is_one_cycle():
-    results = [RelayResult("oscillates", k, 10.0, 0.1, 0.0, 20.0) for k in (5.0, 5.01, 6.0, 5.02)]
-    cycles = gathered([*results, RelayResult("diverges", None, None, None, 1.0, None)])
+    results = [RelayResult("oscillates", k, 10.0, 0.1, 0.0) for k in (5.0, 5.01, 6.0, 5.02)]
+    cycles = gathered([*results, RelayResult("diverges", None, None, None, 1.0)])
     assert [(round(c.stiffness, 2), c.share) for c in cycles] == [(5.01, 0.6), (6.0, 0.2)]
 
 
@@ -152,7 +152,7 @@ def test_the_picture_of_a_run_is_of_the_cycle_that_is_read():
 
 def test_where_more_starts_diverge_that_is_the_verdict():
     """Breaks where the few that oscillate are told first."""
-    result = RelayResult("oscillates", 7.0, 15.0, 1e-3, 0.0, 5.0)
+    result = RelayResult("oscillates", 7.0, 15.0, 1e-3, 0.0)
     cycle = Cycle(7.0, 15.0, 1e-3, 0.2)
     assert RelayCondition(0.002, 0.1, result, (cycle,), 0.8, 0.0).verdict == "diverges"
     assert RelayCondition(0.002, 0.1, result, (cycle,), 0.1, 0.7).verdict == "undecided"

@@ -7,8 +7,8 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from fitting_examples import drive, play, recording
 from numpy.typing import NDArray
-from test_fitting import drive, play, recording
 
 from zwidth.diagnosis.answer.beside import (
     elsewhere,

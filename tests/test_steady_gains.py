@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from engine_examples import one_mass, phantom
-from test_lanes import varied
+from lane_examples import varied
 
 from zwidth.diagnosis.noise.steady import steady, steady_gains
 from zwidth.diagnosis.recording.experiment import Experiment, Output

@@ -5,8 +5,8 @@ from functools import cache, partial
 
 import numpy as np
 import pytest
+from learning_examples import DEVICE, Law, nothing, recording, without_names
 from numpy.typing import NDArray
-from test_learning import DEVICE, Law, nothing, recording, without_names
 
 from zwidth.diagnosis.answer.held_out import held_out
 from zwidth.diagnosis.answer.learned import learned_over_two

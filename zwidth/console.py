@@ -1,5 +1,6 @@
 """What a command says: tables to people, JSON to programs, progress while it works."""
 
+import math
 import sys
 import time
 from collections.abc import Callable, Generator, Sequence
@@ -152,3 +153,17 @@ def _lines(doing: str, total: int) -> Generator[Advance]:
             print(f"{doing}: {done} of {total} {now}".rstrip(), file=sys.stderr)
 
     yield advance
+
+
+def announce(console: Console) -> None:
+    """Tell people why the first call of a version takes longer than all later ones."""
+    from zwidth.sim.jit import cache_folder  # loads numba
+
+    folder = cache_folder()
+    if not any(folder.rglob("*.nbc")):
+        console.say(f"compiling the kernels, once for this version (about 20 s), into {folder}")
+
+
+def json_number(value: float | None) -> float | str | None:
+    """Return the number; "nan", "inf" or "-inf" as text."""
+    return value if value is None or math.isfinite(value) else repr(float(value))

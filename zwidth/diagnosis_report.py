@@ -5,13 +5,9 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from io import BytesIO
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from matplotlib import rc_context
-from matplotlib.figure import Figure
-
-from zwidth.diagnosis.answer.augmented_boundary import AugmentedBoundary
 from zwidth.diagnosis.answer.friction_curve import friction_curve
 from zwidth.diagnosis.answer.headline import effect_in_words, parameter_in_words, place_in_words
 from zwidth.diagnosis.answer.result import (
@@ -28,23 +24,16 @@ from zwidth.diagnosis.answer.whole_run import WholeRun
 from zwidth.diagnosis.forces.locate import densest
 from zwidth.diagnosis.intake.units import unit_of
 from zwidth.diagnosis.mishaps import collecting, isolated, silent
-from zwidth.figures.augmented_boundary import augmented_boundary_figure
-from zwidth.figures.changes import changes_figure
-from zwidth.figures.diagnosis import (
-    force_error_figure,
-    force_map_figure,
-    residual_figure,
-    whole_run_figure,
-)
-from zwidth.figures.events import events_figure
-from zwidth.figures.friction_curve import friction_curve_figure
-from zwidth.figures.learned_surface import law_figure
-from zwidth.figures.style import STYLE
 from zwidth.files.whole import write_text
 from zwidth.report_page import embedded, page
 from zwidth.sim.physics import EFFECTS
 from zwidth.sim.place import place_at
 from zwidth.sim.readable import interval, most, number, of_the_motion, percent, plain, with_unit
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from zwidth.diagnosis.answer.augmented_boundary import AugmentedBoundary
 
 WORDS = {
     "nothing_missing": "Nothing missing",
@@ -73,7 +62,7 @@ def save_report(
     recordings: Sequence[str],
     commands: Commands,
     path: Path,
-    boundary: AugmentedBoundary | None = None,
+    boundary: "AugmentedBoundary | None" = None,
     drawn: dict[str, str] | None = None,
 ) -> Path:
     """Write the report; boundary: the stiffest wall before and after. Returns the path.
@@ -144,35 +133,48 @@ PICTURES = ("motion", "missing force", "residual", "friction", "law", "force", "
 
 
 def _pictures(
-    diagnosis: Diagnosis, boundary: AugmentedBoundary | None, drawn: dict[str, str]
+    diagnosis: Diagnosis, boundary: "AugmentedBoundary | None", drawn: dict[str, str]
 ) -> dict[str, str]:
     """The pictures by their names, "" for one that there is not, or that failed."""
-    rotary = diagnosis.device.rotary
+    # matplotlib is loaded here and no earlier: what fails before needs no picture.
+    from zwidth.figures import diagnosis as figures
+    from zwidth.figures.style import picture_bytes
+
+    rotary, named = diagnosis.device.rotary, bool(diagnosis.findings)
     draw: dict[str, Callable[[], Figure]] = {}
     if diagnosis.located.maps:
-        draw["missing force"] = lambda: force_map_figure(diagnosis.located, rotary)
+        draw["missing force"] = lambda: figures.force_map_figure(diagnosis.located, rotary)
     if diagnosis.whole_runs:
-        draw["motion"] = lambda: whole_run_figure(diagnosis.whole_runs[0], bool(diagnosis.findings))
-    draw["residual"] = lambda: residual_figure(diagnosis.residuals)
+        draw["motion"] = lambda: figures.whole_run_figure(diagnosis.whole_runs[0], named)
+    draw["residual"] = lambda: figures.residual_figure(diagnosis.residuals)
     if diagnosis.force_errors:
-        first = diagnosis.force_errors[0]
-        draw["force"] = lambda: force_error_figure(first, bool(diagnosis.findings))
+        draw["force"] = lambda: figures.force_error_figure(diagnosis.force_errors[0], named)
     with isolated("picture", "friction"):
         rubs = None if "friction" in drawn else friction_curve(diagnosis.searched)
         if rubs is not None:
+            from zwidth.figures.friction_curve import friction_curve_figure
+
             draw["friction"] = partial(friction_curve_figure, rubs, rotary)
     if (law := diagnosis.learned) is not None:
+        from zwidth.figures.learned_surface import law_figure
+
         draw["law"] = partial(law_figure, law, rotary)
     for i, change in enumerate(diagnosis.changes):
+        from zwidth.figures.changes import changes_figure
+
         draw[f"change {i + 1}"] = partial(changes_figure, change)
     for i, event in enumerate(diagnosis.events):
+        from zwidth.figures.events import events_figure
+
         draw[f"event {i + 1}"] = partial(events_figure, event)
     if boundary is not None:
+        from zwidth.figures.augmented_boundary import augmented_boundary_figure
+
         draw["boundary"] = lambda: augmented_boundary_figure(boundary)
     for name, figure in draw.items():
         if name not in drawn:
             with isolated("picture", name):
-                drawn[name] = _embedded(figure())
+                drawn[name] = embedded(picture_bytes(figure()))
     return {name: drawn.get(name, "") for name in dict.fromkeys((*PICTURES, *draw))}
 
 
@@ -326,10 +328,3 @@ def sentence(text: str) -> str:
 def estimate(value: Estimate) -> str:
     """A value with its interval, in a unit that a person uses."""
     return interval(value.value, value.lower, value.upper, value.unit)
-
-
-def _embedded(figure: Figure) -> str:
-    stream = BytesIO()
-    with rc_context(STYLE):
-        figure.savefig(stream, format="svg", metadata={"Date": None})
-    return embedded(stream.getvalue())

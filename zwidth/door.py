@@ -20,7 +20,7 @@ from zwidth.files.protection import Protected, check
 from zwidth.files.whole import write_text
 from zwidth.identification.first_device import FirstDevice, Motion, first_device
 from zwidth.logs.assumed import Ask, assumed
-from zwidth.logs.own import own_log
+from zwidth.logs.open_source import own_log
 from zwidth.logs.recording import read_described, read_recording
 from zwidth.logs.recording_file import description_of
 from zwidth.logs.source import Source

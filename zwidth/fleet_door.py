@@ -2,12 +2,10 @@
 
 from pathlib import Path
 
-from zwidth.compiling import announce
-from zwidth.console import Column, Console, progress
+from zwidth.console import Column, Console, announce, progress
 from zwidth.door import fitted
 from zwidth.figures.fleet import fleet_figure
-from zwidth.figures.names import picture_files
-from zwidth.figures.style import save_figure
+from zwidth.figures.style import picture_files, save_figure
 from zwidth.files.protection import reading
 from zwidth.files.whole import write_text
 from zwidth.fleet.diagnosed import diagnose_fleet

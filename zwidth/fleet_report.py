@@ -5,17 +5,14 @@ import math
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 from markupsafe import Markup
-from matplotlib import rc_context
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from zwidth.figures.fleet import fleet_figure
-from zwidth.figures.style import STYLE
+from zwidth.figures.style import picture_bytes
 from zwidth.files.whole import write_text
 from zwidth.fleet.reasons import in_words
 from zwidth.fleet.result import Fleet, Member
@@ -71,18 +68,11 @@ def save_fleet_report(fleet: Fleet, line: str, device: Path, path: Path) -> Path
         odd=[m for m in fleet.odd if m.reason],
         rows=[_row(fleet, d, names, device, wide) for d in shown],
         left=len(fleet.devices) - len(shown),
-        picture=_picture(fleet_figure(fleet)),
+        picture=embedded(picture_bytes(fleet_figure(fleet))),
         candidates=sorted(fleet.candidates.items(), key=lambda pair: pair[1])[:6],
         line=line,
     )
     return write_text(path, text)
-
-
-def _picture(figure: Figure) -> str:
-    found = BytesIO()
-    with rc_context(STYLE):
-        figure.savefig(found, format="svg", metadata={"Date": None})
-    return embedded(found.getvalue())
 
 
 def _width(fleet: Fleet, name: str) -> float:

@@ -3,14 +3,14 @@
 import base64
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
 
 def page(template: str, filters: dict[str, Any], **values: Any) -> str:
     """Return a template of this package, filled in; it includes `report_style.css`.
 
     template: path inside `zwidth/`; filters: name -> function, for this page.
     """
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # loaded by who writes a page
+
     environment = Environment(
         loader=PackageLoader("zwidth", "."),
         autoescape=True,

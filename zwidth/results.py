@@ -128,8 +128,3 @@ def point_of(point: BoundaryPoint, measured: Measured | UnsetType = UNSET) -> Po
 def as_json(result: msgspec.Struct) -> Mapping[str, Any]:
     """Return the result in plain types, ready for JSON."""
     return msgspec.to_builtins(result)
-
-
-def boundary_result(values: Mapping[str, Any]) -> BoundaryResult:
-    """Read the JSON of ``zwidth boundary`` back; raises ValueError (field and what is wrong)."""
-    return msgspec.convert(values, BoundaryResult)

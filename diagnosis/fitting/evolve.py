@@ -20,8 +20,8 @@ population that walks through all of these ratios in turn leaves the valley agai
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import cma
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,6 +30,9 @@ from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.settle import prepared_for
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
+
+if TYPE_CHECKING:
+    import cma
 
 Floats = NDArray[np.float64]
 WALL = 10.0  # cost of a unit of x squared beyond a bound: far above noise, far below physics
@@ -75,6 +78,8 @@ def evolve(
     ground = _ground(experiments, model, inside, ratio)
     if ground is None:
         return []
+    import cma  # it loads pyplot, half a second, and few searches need a population
+
     growing = [
         cma.CMAEvolutionStrategy(
             x, plan.spread, {"popsize": plan.members, "seed": plan.seed + i, "verbose": -9}
@@ -113,6 +118,6 @@ def _ground(
     return None
 
 
-def _arrived(model: Model, strategy: cma.CMAEvolutionStrategy, ground: Landscape) -> Arrived:
+def _arrived(model: Model, strategy: "cma.CMAEvolutionStrategy", ground: Landscape) -> Arrived:
     x = model.within(np.asarray(strategy.result.xbest))
     return Arrived(x, float(ground.costs([x])[0]), strategy.result.evaluations)

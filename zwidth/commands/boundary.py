@@ -10,11 +10,10 @@ import numpy as np
 
 from zwidth.boundary_extras import Asked, extra_cells, extra_headings, with_extras
 from zwidth.boundary_summary import say_stiffest, stiffest
-from zwidth.compiling import announce
-from zwidth.console import Column, Console, progress
+from zwidth.console import Column, Console, announce, progress
 from zwidth.controllers.of_law import controller_of
 from zwidth.covariance import load_covariance
-from zwidth.figures.names import picture_files
+from zwidth.figures.style import picture_files
 from zwidth.law_options import law_of, law_options, said_of
 from zwidth.options import (
     ManyNumbers,

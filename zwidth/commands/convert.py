@@ -6,14 +6,13 @@ from typing import Any
 import click
 import numpy as np
 
-from zwidth.console import Column, Console
+from zwidth.console import Column, Console, json_number
 from zwidth.files.whole import replacing, write_text
-from zwidth.json_number import json_number
 from zwidth.logs.export import WRITERS
 from zwidth.logs.guess import Seen, clock_faults, draft, gaps_seen, look
 from zwidth.logs.mcap_reader import Log
 from zwidth.logs.mcap_writer import write_log
-from zwidth.logs.own import own_log
+from zwidth.logs.open_source import own_log
 from zwidth.logs.recording import load_log
 from zwidth.logs.source import RecordingError, Source
 from zwidth.options import force_option, json_option

@@ -11,13 +11,11 @@ from typing import Any
 
 import click
 
-from zwidth.compiling import announce
-from zwidth.console import Column, Console
+from zwidth.console import Column, Console, announce, json_number
 from zwidth.diagnosis.learning.own_effect import effect_text, law_of_two_text
-from zwidth.figures.names import picture_files
+from zwidth.figures.style import picture_files
 from zwidth.files.protection import reading
 from zwidth.files.whole import write_text
-from zwidth.json_number import json_number
 from zwidth.options import force_option, json_option
 from zwidth.sim.own_files import FOLDER
 from zwidth.sim.physics import EFFECTS, LIBRARY, unknown_effect

@@ -6,15 +6,13 @@ from typing import Any
 
 import click
 
-from zwidth.compiling import announce
-from zwidth.console import Column, Console, progress
+from zwidth.console import Column, Console, announce, progress
 from zwidth.exam.conceal import conceal, orders
 from zwidth.exam.strata import counts
 from zwidth.exam.take import mark_all, result, sit_all
 from zwidth.exam_page import goals, page
 from zwidth.figures.exam import confusion_figure, magnitude_figure, reliability_figure
-from zwidth.figures.names import picture_files
-from zwidth.figures.style import save_figure
+from zwidth.figures.style import picture_files, save_figure
 from zwidth.files.protection import reading
 from zwidth.files.whole import json_text, write_text
 from zwidth.jobs.choose import executor

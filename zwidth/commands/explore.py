@@ -6,13 +6,13 @@ from pathlib import Path
 
 import click
 
-from zwidth.compiling import announce
-from zwidth.console import Console, progress
+from zwidth.console import Console, announce, progress
 from zwidth.door import asker, fitted, taken
-from zwidth.explore.link import PORT
 from zwidth.options import device_argument
 from zwidth.sim.device_file import load_device, remarks_on, shipped_devices
 from zwidth.sim.trace import Trace
+
+PORT = 5006
 
 
 @click.command("explore")

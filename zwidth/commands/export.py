@@ -10,14 +10,13 @@ from zwidth.export.cost import cost_of
 from zwidth.export.fmu import fmu
 from zwidth.export.mjcf import mjcf
 from zwidth.export.model import Exported
-from zwidth.export.modelica import modelica
 from zwidth.export.robots import sdf, urdf
 from zwidth.files.whole import write_bytes
 from zwidth.options import Quantity, device_argument, force_option, json_option
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device, remarks_on
 
-FORMATS = ("c", "fmu", "modelica", "mjcf", "urdf", "sdf")
+FORMATS = ("c", "fmu", "mjcf", "urdf", "sdf")
 
 
 @click.command("export")
@@ -46,10 +45,10 @@ def command(
 
     DEVICE is a shipped device or a device file. c is C99 without dependencies: NAME_reset,
     NAME_read and NAME_step, one tick each; fmu is FMI 3.0 for co-simulation, the same with
-    parameters that may be set, and needs fmpy; modelica is source in continuous time with a sampled
-    interface; mjcf is MuJoCo's; urdf and sdf have joints with damping and dry friction, sdf with
-    springs too. What is not held is said, stands at the head of FILE (of an fmu in its
-    documentation), and is measured where FILE can be run: the same command through both.
+    parameters that may be set, and needs fmpy; mjcf is MuJoCo's; urdf and sdf have joints with
+    damping and dry friction, sdf with springs too. What is not held is said, stands at the head of
+    FILE (of an fmu in its documentation), and is measured where FILE can be run: the same command
+    through both.
     """
     console = Console(json_file)
     given = load_device(device)
@@ -79,8 +78,6 @@ def exported(device: Device, to: str, name: str, seed: int) -> Exported:
             return c_source(device, name, seed)
         case "fmu":
             return fmu(device, name, seed)
-        case "modelica":
-            return modelica(device, name)
         case "mjcf":
             return mjcf(device, name)
         case "urdf":

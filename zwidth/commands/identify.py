@@ -9,7 +9,7 @@ import numpy as np
 
 from zwidth.console import Column, Console
 from zwidth.covariance import save_covariance
-from zwidth.figures.names import picture_files
+from zwidth.figures.style import picture_files
 from zwidth.files.whole import write_text
 from zwidth.identification.coordinates import MAX_MODES
 from zwidth.identification.fit import Fit, fit_response

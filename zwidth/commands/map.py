@@ -1,16 +1,13 @@
 """`zwidth map`: what a run does over two quantities of wall and device, beside linear theory."""
 
-from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
 import click
 from click.core import ParameterSource
 
-from zwidth.compiling import announce
-from zwidth.console import Column, Console, progress
-from zwidth.figures.names import picture_files
-from zwidth.files.whole import write_with
+from zwidth.console import Column, Console, announce, progress
+from zwidth.figures.style import picture_files, save_figure
 from zwidth.jobs.choose import executor
 from zwidth.law_options import law_of, law_options
 from zwidth.options import (
@@ -113,9 +110,8 @@ def command(
     from zwidth.figures.map import map_figure  # matplotlib takes a second, after the work
 
     figure = map_figure(result)
-    for kind, facts in (("png", {}), ("svg", {"Date": None})):
-        saving = partial(figure.savefig, format=kind, dpi=150, metadata=facts)
-        console.say(f"wrote {write_with(out / f'map.{kind}', saving)}")
+    for path in save_figure(figure, out / "map"):
+        console.say(f"wrote {path}")
     found = summary(result)
     _say(console, found, plane.device.rotary)
     console.result(found)

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import click
 
-from zwidth.compiling import announce
-from zwidth.console import Console, progress
+from zwidth.console import Console, announce, progress
 from zwidth.jobs.executor import Processes
 from zwidth.options import force_option, out_option
 from zwidth.paper.report import DrawnSection, save_pictures, save_report

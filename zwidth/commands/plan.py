@@ -10,13 +10,11 @@ import click
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.compiling import announce
-from zwidth.console import Advance, Column, Console, progress
+from zwidth.console import Advance, Column, Console, announce, progress
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.noise.steady import NoObserver
-from zwidth.figures.names import picture_files
 from zwidth.figures.plan import named, plan_figure
-from zwidth.figures.style import save_figure
+from zwidth.figures.style import picture_files, save_figure
 from zwidth.options import Quantity, device_argument, force_option, json_option, out_option
 from zwidth.planning.asked import check_length, usual_noise
 from zwidth.planning.excitations import LIBRARY, Scale, excitation, save_scenario, scale_for

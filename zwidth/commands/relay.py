@@ -5,9 +5,8 @@ from pathlib import Path
 
 import click
 
-from zwidth.compiling import announce
-from zwidth.console import Column, Console, progress
-from zwidth.figures.names import picture_files
+from zwidth.console import Column, Console, announce, progress
+from zwidth.figures.style import picture_files
 from zwidth.identification.cycles import RelayCondition, relay_conditions
 from zwidth.identification.relay import RelayTest, waveform
 from zwidth.options import (

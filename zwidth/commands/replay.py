@@ -5,10 +5,9 @@ from typing import Any
 
 import click
 
-from zwidth.console import Console
+from zwidth.console import Console, json_number
 from zwidth.errors import Status
 from zwidth.files.protection import reading
-from zwidth.json_number import json_number
 from zwidth.options import force_option, json_option
 from zwidth.scenarios.comparison import Difference
 from zwidth.scenarios.replay import ReplayResult, replay

@@ -6,10 +6,10 @@ from pathlib import Path
 import click
 import numpy as np
 
-from zwidth.console import Column, Console, progress
+from zwidth.console import Column, Console, json_number, progress
 from zwidth.figures.run import run_figure
+from zwidth.figures.style import draw
 from zwidth.files.whole import replacing
-from zwidth.json_number import json_number
 from zwidth.options import force_option, json_option, out_option
 from zwidth.scenarios.logged_run import LoggedRun, logged_run
 from zwidth.scenarios.scenario import Scenario
@@ -59,7 +59,7 @@ def command(scenario: Path, controller: Step | None, out: Path, json_file: str |
     console.say(f"wrote {log}")
     figure = run_figure(logged.run.trace, _title(described, logged))
     with replacing(picture) as file:
-        figure.savefig(file, format="png", dpi=150)
+        draw(figure, file, "png")
     console.say(f"wrote {picture}")
     console.result(
         {

@@ -6,9 +6,8 @@ from typing import Any, get_args
 import click
 import numpy as np
 
-from zwidth.compiling import announce
-from zwidth.console import Column, Console, progress
-from zwidth.figures.names import picture_files
+from zwidth.console import Column, Console, announce, progress
+from zwidth.figures.style import picture_files
 from zwidth.files.whole import write_text
 from zwidth.options import (
     ManyNumbers,

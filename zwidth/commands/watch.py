@@ -15,9 +15,8 @@ from typing import Any
 
 import click
 
-from zwidth.commands.diagnose import RESULTS, diagnose_files
-from zwidth.compiling import announce
-from zwidth.console import Console
+from zwidth.console import Console, announce
+from zwidth.diagnose_files import RESULTS, diagnose_files
 from zwidth.diagnosis.selection.effort import EFFORTS
 from zwidth.files import protection
 from zwidth.files.whole import write_bytes, write_text

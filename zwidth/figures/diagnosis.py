@@ -7,8 +7,8 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from numpy.typing import NDArray
-from scipy.signal import welch
 
 from zwidth.diagnosis.answer.inverse import ForceError
 from zwidth.diagnosis.answer.result import Residuals
@@ -20,7 +20,7 @@ from zwidth.sim.readable import percent, plain, scaled, with_unit
 Floats = NDArray[np.float64]
 BEFORE, AFTER = "#bb5566", "#004488"
 SLICES = 60
-MOST_POINTS = 4000
+COLUMNS = 800  # of a picture, in each of which a line is its lowest and its highest value
 LEVEL = 0.02  # of its level, below which a map's shape is told and its level is not
 ROOM = 1.15  # of the motion
 CROWDED, SWINGS, CLOSE = 60, 12, 40  # crossings of the middle: too many, and shown; ticks at least
@@ -49,8 +49,9 @@ def force_map_figure(located: Located, rotary: bool) -> Figure:
     forces = [_about_its_level(m.force) for m in maps]
     push, pushed = scaled(max(float(np.abs(f).max()) for f in forces), force)
     with rc_context(STYLE):
-        figure = Figure(figsize=(7.2, 5.0), layout="constrained")
+        figure = Figure(figsize=(7.2, 5.0))
         panels = figure.subplots(2, 2, squeeze=False).ravel()
+        _within(figure, hspace=0.42, wspace=0.28)
         for axes in panels[len(maps) :]:  # of a free motion there is no command
             axes.remove()
         for axes, m, missing in zip(panels, maps, forces, strict=False):
@@ -67,6 +68,19 @@ def force_map_figure(located: Located, rotary: bool) -> Figure:
         for axes in panels[: len(maps) : 2]:
             axes.set_ylabel(f"missing {'torque' if rotary else 'force'} at {top.place} [{pushed}]")
     return figure
+
+
+def _within(figure: Figure, *, bottom: float = 0.5, top: float = 0.3, **gaps: float) -> None:
+    """Place the panels between margins [in]; gaps: as of `subplots_adjust`.
+
+    All numbers of an axis are scaled to a few digits, so that one margin fits them; a layout that
+    measures every text takes longer than the drawing.
+    """
+    wide, high = figure.get_size_inches()
+    figure.subplots_adjust(
+        left=0.85 / wide, right=1.0 - 0.12 / wide, bottom=bottom / high, top=1.0 - top / high,
+        **gaps,
+    )  # fmt: skip
 
 
 def _about_its_level(force: Floats) -> Floats:
@@ -94,7 +108,7 @@ def whole_run_figure(run: WholeRun, named: bool = True) -> Figure:
     words = words | LEARNED if "law" in run.simulated else words
     close = _close_look(run)
     with rc_context(STYLE):
-        figure = Figure(figsize=(7.2, 4.6), layout="constrained")
+        figure = Figure(figsize=(7.2, 4.6))
         columns = 1 if close is None else 2
         panels = figure.subplots(
             2, columns, sharex="col", sharey="row", squeeze=False,
@@ -120,9 +134,9 @@ def whole_run_figure(run: WholeRun, named: bool = True) -> Figure:
             f"{run.recording}, simulated freely from its first state; {held}", fontsize=9
         )
         handles, labels = motion.get_legend_handles_labels()
-        figure.legend(
-            handles, labels, loc="outside lower center", ncols=2, fontsize=8, frameon=False
-        )
+        figure.legend(handles, labels, loc="lower center", ncols=2, fontsize=8, frameon=False)
+        rows = -(-len(labels) // 2)
+        _within(figure, bottom=0.55 + 0.19 * rows, top=0.32, hspace=0.08, wspace=0.06)
     return figure
 
 
@@ -136,22 +150,19 @@ def force_error_figure(forces: ForceError, named: bool = True) -> Figure:
     t = forces.begins + forces.period * np.arange(commanded.size, dtype=np.float64)
     reach = ROOM * float(np.abs(commanded).max())
     factor, unit = scaled(reach, forces.unit)
-    shown = max(1, t.size // MOST_POINTS)
     with rc_context(STYLE):
-        figure = Figure(figsize=(7.2, 4.6), layout="constrained")
+        figure = Figure(figsize=(7.2, 4.6))
         force, lacks = figure.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": (3, 2)})
-        force.plot(
-            t[::shown], factor * commanded[::shown], color="0.15", linewidth=1.8, label="commanded"
-        )
+        force.plot(*envelope(t, factor * commanded), color="0.15", linewidth=1.8, label="commanded")
         for name, (label, colour, dashes) in (WITH_NAMES if named else WITHOUT).items():
-            lacking = factor * forces.lacking[name][::shown]
+            lacking = factor * forces.lacking[name]
             size = forces.errors[name]
             rms = "runs away" if math.isinf(size) else f"lacks {with_unit(size, forces.unit, 3)}"
             said = f"{label}: {rms} ({percent(forces.shares[name])})"
             style: dict[str, Any] = {"color": colour, "linewidth": 1.1, "linestyle": dashes}
-            acting = factor * forces.acting[name][::shown]
-            force.plot(t[::shown], acting + lacking, label=said, **style)
-            lacks.plot(t[::shown], lacking, **style)
+            acting = factor * forces.acting[name]
+            force.plot(*envelope(t, acting + lacking), label=said, **style)
+            lacks.plot(*envelope(t, lacking), **style)
         lacks.axhline(0.0, color="0.6", linewidth=0.8)
         force.set_ylim(-factor * reach, factor * reach)
         most = 4.0 * min(min(forces.errors.values()), 0.25 * reach)
@@ -167,10 +178,31 @@ def force_error_figure(forces: ForceError, named: bool = True) -> Figure:
             f" {forces.band:.3g} Hz", fontsize=9,
         )  # fmt: skip
         handles, labels = force.get_legend_handles_labels()
-        figure.legend(
-            handles, labels, loc="outside lower center", ncols=2, fontsize=8, frameon=False
-        )
+        figure.legend(handles, labels, loc="lower center", ncols=2, fontsize=8, frameon=False)
+        rows = -(-len(labels) // 2)
+        _within(figure, bottom=0.55 + 0.19 * rows, top=0.32, hspace=0.08, wspace=0.06)
     return figure
+
+
+def envelope(t: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """Return a series (n) as what a picture can show of it: no swing of it is lost.
+
+    A series of more samples than twice `COLUMNS` becomes the lowest and the highest value of each
+    column, in the order in which they come; a shorter one stays as it is. What is not finite is
+    left out of a column that holds finite values.
+    """
+    if values.size <= 2 * COLUMNS:
+        return t, values
+    width = -(-values.size // COLUMNS)
+    columns = -(-values.size // width)
+    index = np.minimum(np.arange(columns * width), values.size - 1).reshape(columns, width)
+    piece = values[index]
+    finite = np.isfinite(piece)
+    lowest = np.where(finite, piece, np.inf).argmin(axis=1)
+    highest = np.where(finite, piece, -np.inf).argmax(axis=1)
+    both = np.sort(np.column_stack([lowest, highest]), axis=1)
+    chosen = np.take_along_axis(index, both, axis=1).ravel()
+    return t[chosen], values[chosen]
 
 
 def _motion(
@@ -180,10 +212,7 @@ def _motion(
     """Draw one stretch: motions above, errors below."""
     motion, error = column
     measured = run.measured[span]
-    shown = max(1, t.size // MOST_POINTS)
-    motion.plot(
-        t[::shown], factor * measured[::shown], color="0.15", linewidth=1.8, label="measured"
-    )
+    motion.plot(*envelope(t, factor * measured), color="0.15", linewidth=1.8, label="measured")
     for name, (label, colour, dashes) in words.items():
         simulated = run.simulated[name][span]
         with np.errstate(all="ignore"):
@@ -193,8 +222,8 @@ def _motion(
         rms = "runs away" if math.isinf(size) else f"errs {with_unit(size, run.unit, 3)} rms"
         said = f"{label}: {rms} ({percent(run.shares[name])})"
         style: dict[str, Any] = {"color": colour, "linewidth": 1.1, "linestyle": dashes}
-        motion.plot(t[::shown], drawn[::shown], label=said, **style)
-        error.plot(t[::shown], off[::shown], **style)
+        motion.plot(*envelope(t, drawn), label=said, **style)
+        error.plot(*envelope(t, off), **style)
     error.axhline(0.0, color="0.6", linewidth=0.8)
     motion.margins(x=0.01)
 
@@ -217,8 +246,9 @@ def residual_figure(residuals: Residuals) -> Figure:
     Both in units of the noise model: where nothing is missing they lie at one.
     """
     with rc_context(STYLE):
-        figure = Figure(figsize=(7.2, 3.0), layout="constrained")
+        figure = Figure(figsize=(7.2, 3.0))
         over_time, spectrum = figure.subplots(1, 2)
+        _within(figure, top=0.4, wspace=0.24)
         for values, colour, label in (
             (residuals.before, BEFORE, "linear refit"),
             (residuals.after, AFTER, "with what was found"),
@@ -230,13 +260,21 @@ def residual_figure(residuals: Residuals) -> Figure:
         over_time.set_xlabel("time [s]")
         over_time.set_ylabel("residual, rms over its noise")
         over_time.set_ylim(bottom=0.0)
+        _plain_numbers(spectrum)
         spectrum.set_xlabel("frequency [Hz]")
         spectrum.set_ylabel("power over white noise")
         handles, labels = over_time.get_legend_handles_labels()
-        figure.legend(
-            handles, labels, loc="outside upper center", ncols=3, frameon=False, fontsize=8
-        )
+        figure.legend(handles, labels, loc="upper center", ncols=3, frameon=False, fontsize=8)
     return figure
+
+
+def _plain_numbers(axes: Axes) -> None:
+    """Label logarithmic axes with plain numbers: mathematics takes longer to set than all else."""
+    for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
+        wide = math.log10(high / low) > 1.5
+        axis.set_major_locator(LogLocator(subs=(1.0,) if wide else (1.0, 2.0, 5.0)))
+        axis.set_minor_locator(NullLocator())
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
 def _over_time(axes: Axes, values: Floats, period: float, colour: str, label: str) -> None:
@@ -247,6 +285,8 @@ def _over_time(axes: Axes, values: Floats, period: float, colour: str, label: st
 
 
 def _spectrum(axes: Axes, values: Floats, period: float, colour: str) -> None:
+    from scipy.signal import welch  # with matplotlib, half of what the program loads
+
     size = min(1024, values.shape[0])
     frequency, power = welch(values, 1.0 / period, nperseg=size, axis=0)
     # A one-sided density has its first and its Nyquist bin once, all others twice.

@@ -1,14 +1,15 @@
 """How every picture looks, and how it is written: PNG and SVG, the same bytes each time."""
 
+from io import BytesIO
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
-from matplotlib import rc_context
-from matplotlib.figure import Figure
-
-from zwidth.figures.names import KINDS, picture_files
 from zwidth.files.whole import replacing
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+KINDS = ("png", "svg")
 STYLE: dict[Any, Any] = {
     "font.size": 10,
     "axes.spines.top": False,
@@ -22,14 +23,43 @@ STYLE: dict[Any, Any] = {
     "svg.hashsalt": "zwidth",  # names in the file do not change from run to run
 }
 DOTS_PER_INCH = 150
-# A file says nothing of when it was made, so that the same numbers give the same bytes.
-TIMELESS: dict[str, dict[str, Any]] = {"png": {}, "svg": {"Date": None}}
 
 
-def save_figure(figure: Figure, stem: Path) -> list[Path]:
+def picture_files(stem: Path) -> list[Path]:
+    """Return STEM.png and STEM.svg; a dot in STEM begins no suffix. Loads no matplotlib."""
+    return [stem.with_name(f"{stem.name}.{kind}") for kind in KINDS]
+
+
+def save_figure(figure: "Figure", stem: Path) -> list[Path]:
     """Write STEM.png and STEM.svg, each whole or not at all; returns the paths, raises OSError."""
     files = picture_files(stem)
     for path, kind in zip(files, KINDS, strict=True):
-        with rc_context(STYLE), replacing(path) as stream:
-            figure.savefig(stream, format=kind, dpi=DOTS_PER_INCH, metadata=TIMELESS[kind])
+        with replacing(path) as stream:
+            draw(figure, stream, kind)
     return files
+
+
+def draw(figure: "Figure", stream: BinaryIO, kind: str) -> None:
+    """Draw a figure once, as one of `KINDS`, into a stream.
+
+    `Figure.savefig` draws a figure that has a layout twice, the first time to find the layout; the
+    canvas itself finds it while it draws. A file says nothing of when it was made, so that the same
+    numbers give the same bytes.
+    """
+    from matplotlib import rc_context
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+    with rc_context(STYLE):
+        figure.set_dpi(DOTS_PER_INCH)
+        if kind == "svg":
+            FigureCanvasSVG(figure).print_svg(stream, metadata={"Date": None})
+        else:
+            FigureCanvasAgg(figure).print_png(stream)
+
+
+def picture_bytes(figure: "Figure", kind: str = "svg") -> bytes:
+    """Return a figure as the content of a file of one of `KINDS`."""
+    stream = BytesIO()
+    draw(figure, stream, kind)
+    return stream.getvalue()

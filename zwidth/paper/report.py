@@ -3,23 +3,19 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup, escape
 
+from zwidth.figures.style import KINDS, picture_bytes
 from zwidth.files.whole import write_text, write_with
 from zwidth.paper.content import Picture, Section, Table
 from zwidth.report_page import embedded, page
 
-FORMATS = ("png", "svg")
-DPI = 150
 # K_CR, B_t, omega_1 as mathematics.
 SYMBOL = re.compile(r"\b(K|B|omega|[cvdt])_(CR|max|t|d|[1-4])\b")
 GREEK = {"omega": "\N{GREEK SMALL LETTER OMEGA}"}
-# A file says nothing of when it was made, so that the same numbers give the same bytes.
-TIMELESS = {"png": {}, "svg": {"Date": None}}
 
 
 @dataclass(frozen=True)
@@ -53,7 +49,7 @@ def draw(key: str, section: Section, seconds: float) -> DrawnSection:
     for part in section.parts:
         match part:
             case Picture():
-                files = {kind: _bytes(part, kind) for kind in FORMATS}
+                files = {kind: picture_bytes(part.figure, kind) for kind in KINDS}
                 parts.append(("picture", Drawn(part.name, part.caption, part.command, files)))
             case Table():
                 parts.append(("table", part))
@@ -87,9 +83,3 @@ def symbols(text: str) -> Markup:
         return f"<i>{GREEK.get(letter, letter)}</i><sub>{index}</sub>"
 
     return Markup(SYMBOL.sub(set_in_type, str(escape(text))))
-
-
-def _bytes(picture: Picture, kind: str) -> bytes:
-    stream = BytesIO()
-    picture.figure.savefig(stream, format=kind, dpi=DPI, metadata=TIMELESS[kind])
-    return stream.getvalue()

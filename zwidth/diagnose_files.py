@@ -1,0 +1,466 @@
+"""A diagnosis from files to files: recordings are read, diagnosed, and every answer is written."""
+
+import itertools
+import math
+import time
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+import click
+import numpy as np
+
+from zwidth.console import Column, Console
+from zwidth.diagnosis.answer.diagnosis_log import diagnosis_trace
+from zwidth.diagnosis.answer.result import Diagnosis, NotDiagnosed, Verdict
+from zwidth.diagnosis.diagnose import diagnose
+from zwidth.diagnosis.mishaps import Mishaps, attempt, collecting, isolated
+from zwidth.diagnosis.recording.experiment import Experiment, stretches
+from zwidth.diagnosis.selection.effort import EFFORTS
+from zwidth.diagnosis_report import (
+    INTERRUPTED,
+    Commands,
+    effect_at,
+    error,
+    estimate,
+    gain_sentence,
+    improvement,
+    linear_words,
+    next_sentence,
+    output_in_words,
+    save_report,
+    save_unanswered,
+    scale_sentence,
+    verdict_line,
+)
+from zwidth.door import described, device_of, kept
+from zwidth.files.whole import write_text
+from zwidth.logs.mcap_writer import write_log
+from zwidth.logs.recording import load_log, read_recording
+from zwidth.options import in_this_folder
+from zwidth.sim.device import Device
+from zwidth.sim.device_file import commented_text, load_device
+from zwidth.sim.readable import number, percent
+from zwidth.sim.trace import Trace
+
+if TYPE_CHECKING:
+    from zwidth.diagnosis.answer.augmented_boundary import AugmentedBoundary
+
+# What is written beside the logs: NAME.diagnosis.html, ...
+WHEN = ("before", "refit", "after")
+RESULTS = ("diagnosis.html", "augmented.toml", "next.toml", "next.npy")
+
+
+def diagnose_files(
+    console: Console,
+    recordings: tuple[Path, ...],
+    name: str | None,
+    validate: tuple[Path, ...],
+    effort: str,
+    wall: bool | None,
+    out: Path,
+    line: str,
+    robot: tuple[Path | None, str | None] = (None, None),
+) -> None:
+    """Diagnose recordings, say what was found and write it; arguments as of the command.
+
+    line: what asks the same again. robot: its model and the joint in it. Raises ValueError and
+    ClickException as the command does, and KeyboardInterrupt at its end where it was interrupted.
+    """
+    _refuse_fitted(recordings, validate)
+    known = None if name is None else load_device(name)  # what is wrong with it is said at once
+    arms = _arms(*robot, known)
+    read = {path: described(console, path, out) for path in (*recordings, *validate)}
+    with collecting(console.warn) as mishaps:
+        with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # numpy's, on 1e300
+            fitted_to = arms(console, _traces(console, recordings, read))
+            fresh, file = False, Path(name or "")
+            if known is None:
+                named = [(path.stem, trace) for path, trace in fitted_to]
+                file, known, fresh = device_of(console, named, out)
+            device, name = known, name or str(file)
+            if fresh and wall is None:
+                wall = False  # who has no device file yet has not asked about walls
+            asked = Asked(console, recordings, read, device, name, out, line, wall)
+            fit_on = _stretches(fitted_to, device)
+            judged_by = arms(console, _traces(console, validate, read))
+            judge_by = [e for _, e in _stretches(judged_by, device)] or None
+            logs = _log_files(out, [path for path, _ in fit_on])
+            console.will_write(*map(asked.file, RESULTS), *(log for _, log in logs))
+            say, tries = _timed(console), EFFORTS[effort]
+            try:
+                found = diagnose(device, [e for _, e in fit_on], judge_by, say, tries)
+                if fresh and not found.interrupted and found.verdict is Verdict.LINEAR_PARAMETERS:
+                    console.note("the device as it was fitted is refitted, and asked again")
+                    device = kept(found.device, file)
+                    asked = replace(asked, device=device)
+                    fit_on = _stretches(fitted_to, device)
+                    found = diagnose(device, [e for _, e in fit_on], judge_by, say, tries)
+            except NotDiagnosed as end:
+                raise _unanswered(asked, end, mishaps) from end
+        _say(console, found)
+        _answer(asked, found, logs, mishaps)
+    if found.interrupted:
+        raise KeyboardInterrupt
+
+
+def _timed(console: Console) -> Callable[[str], None]:
+    """What is being done, with the time since the beginning."""
+    begun = time.monotonic()
+
+    def say(text: str) -> None:
+        console.doing(f"{time.monotonic() - begun:4.0f} s  {text}")
+
+    return say
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What was asked, and where answers go.
+
+    read: what each recording is read from; name: of the device, as it was given or made; line: the
+    line that asks again. wall: whether to say what becomes of the stiffest wall; None for where the
+    device may render one.
+    """
+
+    console: Console
+    recordings: tuple[Path, ...]
+    read: Mapping[Path, Path]
+    device: Device
+    name: str
+    out: Path
+    line: str = ""
+    wall: bool | None = None
+
+    def file(self, ending: str) -> Path:
+        """The path of a file of the answer."""
+        return self.out / f"{self.recordings[0].stem}.{ending}"
+
+
+@dataclass
+class Files:
+    """The files written, and the pictures drawn for them."""
+
+    augmented: Path | None = None
+    logs: list[Path] = field(default_factory=list[Path])
+    report: Path | None = None
+    drawn: dict[str, str] = field(default_factory=dict[str, str])
+
+
+def _answer(
+    asked: Asked, found: Diagnosis, logs: Sequence[tuple[Path, Path]], mishaps: Mishaps
+) -> None:
+    """Write every file as soon as it can be, then what follows from the diagnosis.
+
+    logs: recording and log of each stretch. Report and JSON are written before what
+    follows, which takes long and may fail, and again with it.
+    """
+    console, files = asked.console, Files()
+    with isolated("augmented device"):
+        if not mishaps.of("augmented device"):
+            text = commented_text(found.device)
+            files.augmented = write_text(asked.file("augmented.toml"), text)
+    _report(asked, found, files, None)
+    console.keep(_result(asked, found, files, None, mishaps))
+    bounds: AugmentedBoundary | None = None
+    try:
+        files.logs = _logs(found, [(asked.read[path], log) for path, log in logs])
+        with isolated("next experiment"):
+            from zwidth.planning.separating import separating  # not needed where nothing is found
+
+            found = replace(found, next_experiment=separating(found, asked.file("next.toml")))
+            if found.next_experiment is not None:
+                console.say(f"\n{next_sentence(found.next_experiment)}")
+        bounds = _boundary(asked, found)
+    finally:  # after Ctrl-C too
+        found = replace(found, errors=tuple(mishaps.found))
+        _report(asked, found, files, bounds)
+        _say_written(console, found, files)
+        console.result(_result(asked, found, files, bounds, mishaps))
+    _fail_for_what_is_not_written(mishaps)
+
+
+def _report(
+    asked: Asked, found: Diagnosis, files: Files, bounds: "AugmentedBoundary | None"
+) -> None:
+    """Write the report as far as there is an answer."""
+    shown = str(files.augmented or asked.name)
+    view = in_this_folder("zwidth", "explore", asked.name, "--compare", shown)
+    with isolated("report"):
+        names = [path.name for path in asked.recordings]
+        commands = Commands(asked.line, view)
+        path = asked.file("diagnosis.html")
+        files.report = save_report(found, names, commands, path, bounds, files.drawn)
+
+
+def _log_files(out: Path, paths: Sequence[Path]) -> list[tuple[Path, Path]]:
+    """The recording and the log of each stretch."""
+    names = _distinct([path.stem for path in paths])
+    logs = [out / f"{name}.diagnosis.mcap" for name in names]
+    return list(zip(paths, logs, strict=True))
+
+
+def _logs(found: Diagnosis, files: Sequence[tuple[Path, Path]]) -> list[Path]:
+    """Write a log for every stretch that was diagnosed. files: of all stretches."""
+    kept = [pair for k, pair in enumerate(files) if k not in found.left_out]
+    written: list[Path] = []
+    for e, (recording, path) in zip(found.experiments, kept, strict=True):
+        with isolated("log", recording.name):
+            _log(found, e, recording, path)
+            written.append(path)
+    return written
+
+
+def _result(
+    asked: Asked,
+    found: Diagnosis,
+    files: Files,
+    bounds: "AugmentedBoundary | None",
+    mishaps: Mishaps,
+) -> Any:
+    """The JSON of what there is."""
+    found = replace(found, errors=tuple(mishaps.found))
+    more = {
+        "boundary": bounds and bounds.as_json(),
+        "device": asked.device.name,
+        "augmented_device": files.augmented and str(files.augmented),
+        "report": files.report and str(files.report),
+        "logs": [str(p) for p in files.logs],
+    }
+    return _plain(found.as_json() | more)
+
+
+def _say_written(console: Console, found: Diagnosis, files: Files) -> None:
+    if files.augmented is not None:
+        console.say(f"wrote {files.augmented}")
+    if gain := gain_sentence(found):
+        console.say(gain)
+    for path in (*files.logs, files.report):
+        if path is not None:
+            console.say(f"wrote {path}")
+
+
+def _fail_for_what_is_not_written(mishaps: Mishaps) -> None:
+    """Raise the error that cost a file that was promised, so that the exit status tells of it."""
+    for mishap in mishaps.of("augmented device", "log", "report"):
+        if isinstance(mishap.cause, OSError):
+            raise mishap.cause
+        raise click.ClickException(f"a file of the answer was not written: {mishap.sentence}")
+
+
+def _unanswered(asked: Asked, end: NotDiagnosed, mishaps: Mishaps) -> click.ClickException:
+    """Write what there is where nothing can be concluded; the error to end with."""
+    answer = replace(end.unanswered, errors=tuple(mishaps.found))
+    names = [path.name for path in asked.recordings]
+    report: Path | None = None
+    with isolated("report"):
+        path = asked.file("diagnosis.html")
+        report = save_unanswered(answer, asked.device.name, names, asked.line, path)
+        asked.console.say(f"wrote {report}")
+    more = {
+        "boundary": None, "device": asked.device.name, "augmented_device": None,
+        "report": report and str(report), "logs": list[str](),
+    }  # fmt: skip
+    asked.console.result(_plain(answer.as_json() | more))
+    return click.ClickException(answer.sentence)
+
+
+def _refuse_fitted(recordings: Sequence[Path], validate: Sequence[Path]) -> None:
+    """Raise ValueError where a recording would judge the fit to itself."""
+    fitted = {path.resolve() for path in recordings}
+    for path in validate:
+        if path.resolve() in fitted:
+            raise ValueError(
+                f"--validate is {path}, a recording that is fitted; give one that is not, or leave"
+                " --validate out to judge by the last 30 % of each"
+            )
+
+
+def _distinct(stems: Sequence[str]) -> list[str]:
+    """Return a name for each stem; what would be there twice gets -2, -3 ..."""
+    names: list[str] = []
+    for stem in stems:
+        tries = (f"{stem}-{n}" for n in itertools.count(2))
+        name = stem
+        while name in names or (name != stem and name in stems):
+            name = next(tries)
+        names.append(name)
+    return names
+
+
+def _boundary(asked: Asked, found: Diagnosis) -> "AugmentedBoundary | None":
+    """The stiffest wall before and after; None where nothing was found or there is no such wall."""
+    if not found.findings or asked.wall is False:
+        return None
+    from zwidth.diagnosis.answer.augmented_boundary import augmented_boundary, may_render
+
+    console, device = asked.console, asked.device
+    renders = may_render(device, found.experiments) if asked.wall is None else asked.wall
+    if not renders:
+        return None
+    names = " and ".join(effect_at(found, f.effect, f.at) for f in found.findings)
+    bounds = attempt("boundary", "", lambda: augmented_boundary(device, found.device, names))
+    if bounds is not None:
+        console.say(bounds.sentence)
+    return bounds
+
+
+def _log(found: Diagnosis, e: Experiment, recording: Path, path: Path) -> None:
+    """Write what belongs to a recording, in its own time: a viewer shows both side by side."""
+    log = load_log(recording)
+    shares = found.located.entry or [{"name": "m1", "share": 1.0}]
+    place = max(shares, key=lambda share: float(share["share"]))["name"]
+    searched = found.searched
+    trace = diagnosis_trace(
+        searched.problem, searched.refit, searched.final, e, place=str(place),
+        start_s=float(log.tick.t[0]) + e.begins, rotary=found.device.rotary,
+    )  # fmt: skip
+    write_log(path, trace, epoch_ns=log.epoch_ns)
+
+
+def _traces(
+    console: Console, paths: Sequence[Path], read: Mapping[Path, Path]
+) -> list[tuple[Path, Trace]]:
+    """Read recordings; one of several that cannot be read costs itself alone."""
+    found: list[tuple[Path, Trace]] = []
+    for path in paths:
+        with isolated("recording", path.name) if len(paths) > 1 else nullcontext():
+            trace = read_recording(read[path])
+            for warning in cast("list[str]", trace.facts.get("warnings", [])):
+                console.warn(f"{path.name}: {warning}")
+            found.append((path, trace))
+    if paths and not found:
+        raise ValueError("none of the recordings can be read, as said above")
+    return found
+
+
+Traces = list[tuple[Path, Trace]]
+
+
+def _arms(
+    model: Path | None, joint: str | None, device: Device | None
+) -> Callable[[Console, Traces], Traces]:
+    """What adds to recordings the force of the rest of a robot, nothing where none is given.
+
+    Raises ValueError for one of the two options without the other, and without a device.
+    """
+    if (model is None) != (joint is None):
+        raise ValueError("--known-torque MODEL and --joint NAME go together; give both")
+    if model is None or joint is None:
+        return lambda _, traces: traces
+    if device is None:
+        raise ValueError(
+            "--known-torque needs --device, the device of the joint; 'zwidth devices --from"
+            f" {model} --joint {joint} --save FILE' writes one"
+        )
+    from zwidth.export.known_torque import with_known_torque
+    from zwidth.export.read_joint import joint_of
+
+    joint_of(model, joint)  # what is wrong with it is said at once
+
+    def add(console: Console, traces: Traces) -> Traces:
+        found: Traces = []
+        for path, trace in traces:
+            more, said = with_known_torque(trace, device, model, joint)
+            console.note(f"{path.name}: {said}")
+            found.append((path, more))
+        return found
+
+    return add
+
+
+def _stretches(
+    traces: Sequence[tuple[Path, Trace]], device: Device
+) -> list[tuple[Path, Experiment]]:
+    """Take recordings as stretches; one of several that cannot be used costs itself alone."""
+    found: list[tuple[Path, Experiment]] = []
+    for path, trace in traces:
+        with isolated("recording", path.name) if len(traces) > 1 else nullcontext():
+            found += [(path, e) for e in stretches(trace, device, path.stem)]
+    if traces and not found:
+        raise ValueError("none of the recordings can be read, as said above")
+    return found
+
+
+def _say(console: Console, found: Diagnosis) -> None:
+    before = f"{INTERRUPTED}: " if found.interrupted else ""
+    console.say(f"\n{before}{found.headline}\n")
+    for caution in found.cautions:
+        console.warn(caution)
+    console.say(f"{verdict_line(found)}\n")
+    for fault in found.faults:
+        if fault.sentence not in found.sentence:
+            console.say(fault.sentence)
+    console.say(found.located.sentence)
+    rows = [
+        [
+            effect_at(found, f.effect, f.at),
+            name.replace("_", " "),
+            estimate(value),
+            number(f.separation_sigma),
+        ]
+        for f in found.findings
+        for name, value in f.parameters.items()
+    ]
+    if rows:
+        columns = [
+            Column("effect", False),
+            Column("parameter", False),
+            Column("95 %"),
+            Column("sigma"),
+        ]
+        console.table("\nWhat was found", columns, rows)
+    rows = [list(row) for row in linear_words(found)]
+    columns = [Column("", False), Column("device file"), Column("refitted")]
+    console.table("\nLinear parameters", columns, rows)
+    if scale := scale_sentence(found):
+        console.say(scale)
+    console.say(f"\n{improvement(found.free_run, bool(found.findings))}")
+    whens = WHEN if found.findings else WHEN[:2]
+    heads = ("device file", "refitted", "with what was found")[: len(whens)]
+    runs = found.whole_runs
+    law = ("law",) if runs and "law" in runs[0].errors else ()
+    rows = [
+        [output_in_words(run)]
+        + [f"{error(run.errors[w], run.unit)} ({percent(run.shares[w])})" for w in (*whens, *law)]
+        + ["held out" if run.held_out else "fitted"]
+        for run in found.whole_runs
+    ]
+    if rows:
+        columns = _columns(*heads, *("with the law" for _ in law))
+        title = "Whole recordings, simulated freely from the first state: rms error, and its share"
+        console.table(f"\n{title}", columns, rows)
+    rows = [
+        [f"{run.recording}, up to {number(run.band)} Hz"]
+        + [f"{error(run.errors[w], run.unit)} ({percent(run.shares[w])})" for w in whens]
+        + ["held out" if run.held_out else "fitted"]
+        for run in found.force_errors
+    ]
+    if rows:
+        title = "Force that the recorded motion needs, less the force that acts: rms, and its share"
+        console.table(f"\n{title}", _columns(*heads), rows)
+    if found.next_level is not None:
+        console.say(f"\n{found.next_level.sentence}")
+
+
+def _columns(*heads: str) -> list[Column]:
+    """Columns of numbers between what they are of and whether that was held out."""
+    return [Column("", False), *map(Column, heads), Column("", False)]
+
+
+def _plain(value: Any) -> Any:
+    """Return JSON types; what is not finite becomes null."""
+    match value:
+        case dict():
+            return {str(k): _plain(v) for k, v in cast("dict[Any, Any]", value).items()}
+        case list() | tuple():
+            return [_plain(v) for v in cast("list[Any]", value)]
+        case float() if not math.isfinite(value):
+            return None
+        case np.floating():
+            return _plain(float(value))
+        case _:
+            return value
