@@ -325,13 +325,3 @@ def _stack(
 def _last(values: Floats) -> Floats:
     """Return values (members, ...) with the members last."""
     return np.ascontiguousarray(np.moveaxis(values, 0, -1))
-
-
-def chains_of(chain: Chain, count: int) -> Chains:
-    """Return so many of a chain, whose numbers may be changed."""
-    return Chains(
-        *(
-            np.repeat(np.asarray(numbers, dtype=np.float64)[None], count, axis=0)
-            for numbers in chain
-        )
-    )
