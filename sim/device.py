@@ -161,22 +161,24 @@ class Device(Shown):
         at m1 adds to that of the chain (which then has no modal form); any other effect replaces
         the same effect at the same place.
         """
-        device = self
+        interface: dict[str, float] = {}
+        chain, kept = self.chain, list(self.physics)
         for physics in added:
-            entry, where = physics.effect.in_interface, home(physics)
+            entry, field = physics.effect.in_interface, physics.effect.in_chain
             if entry is not None:
+                earlier = interface.get(entry, getattr(self.interface, entry))
                 (value,) = physics.values.values()
-                earlier = getattr(device.interface, entry) if physics.effect.adds else 0.0
-                device = device.with_interface(**{entry: earlier + value})
-            elif where is not None:
-                field, (value,) = physics.effect.in_chain or "", physics.values.values()
-                more = {field: getattr(device.chain, field) + value}
-                device = device.with_chain(device.chain._replace(**more))
+                interface[entry] = earlier + value if physics.effect.adds else value
+            elif home(physics) is not None and field is not None:
+                (value,) = physics.values.values()
+                chain = chain._replace(**{field: getattr(chain, field) + value})
             else:
                 label = place_label(physics)
-                kept = tuple(p for p in device.physics if place_label(p) != label)
-                device = replace(device, physics=(*kept, physics))
-        return device
+                kept = [*(p for p in kept if place_label(p) != label), physics]
+        device = self.with_interface(**interface) if interface else self
+        if chain is not self.chain:
+            device = device.with_chain(chain)
+        return device if kept == list(self.physics) else replace(device, physics=tuple(kept))
 
     def without_physics(self, *names: str) -> "Device":
         """Return the device without the effects named ("backlash" or "backlash@link12"), or any.

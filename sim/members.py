@@ -370,13 +370,3 @@ def _framed(members: Members, whole: int, few: int, seed: int) -> Equations:
     if key not in _FRAMES:
         _FRAMES[key] = frame(members.first, few, seed)[0]
     return _FRAMES[key]
-
-
-def chains_of(chain: Chain, count: int) -> Chains:
-    """Return so many of a chain, whose numbers may be changed."""
-    return Chains(
-        *(
-            np.repeat(np.asarray(numbers, dtype=np.float64)[None], count, axis=0)
-            for numbers in chain
-        )
-    )

@@ -13,6 +13,7 @@ the file says how uncertain that is, since motion alone cannot tell it from mass
 and forces all at once.
 """
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -23,10 +24,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.recording.experiment import Experiment
-from zwidth.sim.chain import Chain, make_chain
+from zwidth.sim.chain import Chain, Chains
 from zwidth.sim.changes import beside, difference
 from zwidth.sim.device import Device, place_label
-from zwidth.sim.members import Members, alike, chains_of
+from zwidth.sim.members import Members, alike
 from zwidth.sim.physics.effect import Bounds, Physics
 from zwidth.sim.physics.effect import Parameter as Declared
 
@@ -43,7 +44,6 @@ DAMPER_FLOOR = 0.1  # of the mean damper: what a damper of nearly zero may chang
 
 FACTORED = ("mass", "spring", "k0", "gain")
 BENT = ("damper",)
-MARGIN = 1e-9  # of x, by which a start keeps off a bound
 
 
 @dataclass(frozen=True)
@@ -134,6 +134,23 @@ class Reads(NamedTuple):
         return (origin + own) * positions
 
 
+class _Trial(NamedTuple):
+    """The numbers of all effects, one after the other, and which of them are free.
+
+    vector, lower, upper (numbers,): what they are, and what their declarations allow. own: places
+    in it of those that are free; x: their places in x; scale: theirs. each: where the numbers of
+    each effect stand.
+    """
+
+    vector: Floats
+    lower: Floats
+    upper: Floats
+    own: NDArray[np.int64]
+    x: NDArray[np.int64]
+    scale: Floats
+    each: list[slice]
+
+
 @dataclass(frozen=True)
 class Model:
     """A device with its free parameters; `build(x)` is the device at x, `seen` a recording at x.
@@ -144,6 +161,9 @@ class Model:
     sensor_error_known: the recordings say what an encoder_step under trial adds to the sensor, so
     that it is taken off there and not simulated. varying: what is not the same in all recordings;
     those whose parameter the model lacks change nothing. `build` gives the device of no share.
+
+    A search asks one model for thousands of devices, so what is the same at every x (which of its
+    numbers belong where, their scales and bounds) is worked out once and kept as arrays.
     """
 
     nominal: Device
@@ -154,9 +174,14 @@ class Model:
     varying: tuple[Varying, ...] = ()
 
     @cached_property
+    def linear(self) -> list[Parameter]:
+        """The linear parameters, which come first."""
+        return linear_parameters(self.nominal)
+
+    @cached_property
     def parameters(self) -> list[Parameter]:
-        """All free parameters, linear ones first; asked for in every prediction, so kept."""
-        found = self._with_own(linear_parameters(self.nominal), 0)
+        """All free parameters, linear ones first."""
+        found = self._with_own(self.linear, 0)
         for one in self._effect_parameters():  # each with its own, so that a further effect is last
             found += self._with_own(one, len(found))
         places = {p.name: i for i, p in enumerate(found)}
@@ -176,6 +201,70 @@ class Model:
             *(Parameter(v.name, "change", places[v.of], 1.0, prior=priors[v.of]) for v in own),
         ]
 
+    def _effect_parameters(self) -> list[list[Parameter]]:
+        found: list[list[Parameter]] = []
+        bounds = self.bounds or ({},) * len(self.effects)
+        all_of = zip(self.effects, self.scales, bounds, strict=True)
+        for i, (physics, scales, limits) in enumerate(all_of):
+            found.append([
+                _of_effect(f"{place_label(physics)}.{p.name}", i, p, physics.values[p.name],
+                           scales[p.name], limits.get(p.name, (p.lower, p.upper)))
+                for p in physics.effect.parameters
+                if scales.get(p.name, 0.0) != 0.0
+            ])  # fmt: skip
+        return found
+
+    @cached_property
+    def _kinds(self) -> dict[str, slice]:
+        """Where in x the linear parameters of each kind stand, side by side."""
+        places: dict[str, list[int]] = {}
+        for i, p in enumerate(self.linear):
+            places.setdefault(p.kind, []).append(i)
+        return {kind: slice(at[0], at[-1] + 1) for kind, at in places.items()}
+
+    @cached_property
+    def _scaled(self) -> tuple[Floats, Floats, NDArray[np.int64], NDArray[np.int64]]:
+        """Values of the linear parameters at zero and scales, and which are factors, which bent."""
+        known = chain_values(self.nominal.chain) | {"gain": 1.0}
+        at_zero = np.array([known.get(p.name, 0.0) for p in self.linear])
+        factors = np.flatnonzero([p.kind in FACTORED for p in self.linear])
+        bent = np.flatnonzero([p.kind in BENT for p in self.linear])
+        return at_zero, np.array([p.scale for p in self.linear]), factors, bent
+
+    @cached_property
+    def _trial(self) -> _Trial:
+        names = [[q.name for q in physics.effect.parameters] for physics in self.effects]
+        ends = list(itertools.accumulate(map(len, names), initial=0))
+        declared = [q for physics in self.effects for q in physics.effect.parameters]
+        free = [(i, p) for i, p in enumerate(self.parameters) if p.kind == "effect"]
+        return _Trial(
+            np.concatenate([np.zeros(0), *(physics.vector() for physics in self.effects)]),
+            np.array([q.lower for q in declared]),
+            np.array([q.upper for q in declared]),
+            np.array([ends[p.index] + names[p.index].index(p.key) for _, p in free], np.int64),
+            np.array([i for i, _ in free], np.int64),
+            np.array([p.scale for _, p in free]),
+            [slice(a, b) for a, b in itertools.pairwise(ends)],
+        )
+
+    @cached_property
+    def _limits(self) -> tuple[Floats, Floats]:
+        own = self.parameters
+        return np.array([p.lower for p in own]), np.array([p.upper for p in own])
+
+    @cached_property
+    def _changes(self) -> list[tuple[int, Parameter]]:
+        return [(i, p) for i, p in enumerate(self.parameters) if p.kind == "change"]
+
+    @cached_property
+    def _declared(self) -> frozenset[str]:
+        return frozenset(v.name for v in self.varying if v.declared)
+
+    @cached_property
+    def _built(self) -> dict[tuple[bool, bytes], Device]:
+        """The last few devices, by whether they are `acting` and by x."""
+        return {}
+
     @property
     def varies(self) -> tuple[str, ...]:
         """The parameters that were found to change (`Parameter.name`), each as often as it does."""
@@ -189,12 +278,14 @@ class Model:
 
     def there(self, x: Floats, experiment: Experiment) -> Floats:
         """Return x (..., parameters) as it was in a recording: its shares of all changes added."""
-        found = x
-        for i, share in self.shares(experiment):
-            found = found.copy() if found is x else found
+        shares = self.shares(experiment)
+        if not shares:
+            return x
+        found = x.copy()
+        for i, share in shares:
             own = self.parameters[i].index
             found[..., own] = self._turned(own, found[..., own] + share * x[..., i])
-        return x if found is x else self.within(found)
+        return self.within(found)
 
     def _turned(self, index: int, x: Floats) -> Floats:
         """Return x of an angle within half a turn: past its bounds it would stand still."""
@@ -207,28 +298,15 @@ class Model:
 
     def shares(self, experiment: Experiment) -> tuple[tuple[int, float], ...]:
         """Return how much of each change (its place in `parameters`) holds in a recording."""
+        if not self._changes:
+            return ()
         shares = dict(experiment.shares) | dict.fromkeys(experiment.own_names, 1.0)
-        changes = ((i, shares.get(p.name, 0.0)) for i, p in enumerate(self.parameters)
-                   if p.kind == "change")  # fmt: skip
-        return tuple((i, share) for i, share in changes if share != 0.0)
+        return tuple((i, shares[p.name]) for i, p in self._changes if shares.get(p.name, 0.0))
 
     @property
     def linear_count(self) -> int:
         """How many of the parameters are linear ones."""
-        return len(linear_parameters(self.nominal))
-
-    def _effect_parameters(self) -> list[list[Parameter]]:
-        found: list[list[Parameter]] = []
-        bounds = self.bounds or ({},) * len(self.effects)
-        all_of = zip(self.effects, self.scales, bounds, strict=True)
-        for i, (physics, scales, limits) in enumerate(all_of):
-            found.append([
-                _of_effect(f"{place_label(physics)}.{p.name}", i, p, physics.values[p.name],
-                           scales[p.name], limits.get(p.name, (p.lower, p.upper)))
-                for p in physics.effect.parameters
-                if scales.get(p.name, 0.0) != 0.0
-            ])  # fmt: skip
-        return found
+        return len(self.linear)
 
     def size_of(self, index: int, x: Floats) -> float:
         """Return by how much of its own x a parameter is nothing, or e times as much."""
@@ -245,7 +323,7 @@ class Model:
         """Return the model without some of its effects (their places in it), and its x."""
         own = self.parameters
         lost = {i for i, p in enumerate(own) if p.kind == "effect" and p.index in gone}
-        lost |= {i for i, p in enumerate(own) if p.kind == "change" and p.index in lost}
+        lost |= {i for i, p in self._changes if p.index in lost}
         keep = np.array([i not in lost for i in range(len(own))])
         model = self
         for index in sorted(gone, reverse=True):
@@ -258,102 +336,119 @@ class Model:
         return replace(self, effects=self.effects_at(x)), np.where(effects, 0.0, x)
 
     def within(self, x: Floats) -> Floats:
-        """Return the nearest x inside the bounds, off them by a margin."""
-        lower = np.array([p.lower for p in self.parameters])
-        upper = np.array([p.upper for p in self.parameters])
-        margin = MARGIN * np.maximum(1.0, np.abs(x))
-        return np.clip(x, np.where(np.isfinite(lower), lower + margin, lower),
-                       np.where(np.isfinite(upper), upper - margin, upper))  # fmt: skip
+        """Return the nearest x (..., parameters) inside the bounds, off them by a margin."""
+        lower, upper = self._limits
+        margin = 1e-9 * np.maximum(1.0, np.abs(x))
+        return np.clip(x, lower + margin, upper - margin)
+
+    def linear_at(self, x: Floats) -> Floats:
+        """Return the values (..., linear) of the linear parameters at x (..., parameters).
+
+        As `Parameter.value` has them, 0 at zero of those that the device file has no number for.
+        """
+        at_zero, scale, factors, bent = self._scaled
+        own = x[..., : scale.size].astype(np.float64, order="C")
+        moved = own.copy()
+        moved[..., bent] = np.sinh(np.take(own, bent, axis=-1))
+        found = at_zero + scale * moved
+        grown = np.exp(np.take(scale * own, factors, axis=-1))
+        found[..., factors] = at_zero[factors] * grown
+        return found
+
+    def _chain_at(self, values: Floats) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+        """The numbers of the chain (..., of each field) where the linear parameters are these."""
+        n = self.nominal.chain.masses.size
+        ends = (0, n, 2 * n, 3 * n - 1, 4 * n - 2)  # as `linear_parameters` has them
+        fields = [np.ascontiguousarray(values[..., a:b]) for a, b in itertools.pairwise(ends)]
+        masses, dampers, springs, links = fields
+        k0 = self._one(values, "k0", self.nominal.chain.ground_spring)
+        return masses, dampers, k0, springs, links
+
+    def _one(self, values: Floats, kind: str, absent: float) -> Floats:
+        """The value (...,) of the linear parameter that is the only one of its kind."""
+        if kind in self._kinds:
+            return values[..., self._kinds[kind].start]
+        return np.full(values.shape[:-1], absent)
+
+    def _values_at(self, x: Floats) -> list[Floats]:
+        """The numbers of each effect (..., of it) at x (..., parameters).
+
+        Rounding may leave one a hair outside its bounds.
+        """
+        t = self._trial
+        own = np.broadcast_to(t.vector, (*x.shape[:-1], t.vector.size)).copy()
+        own[..., t.own] += t.scale * x[..., t.x]
+        above = np.where(t.lower > own, t.lower, own)
+        inside = np.where(t.upper < above, t.upper, above)
+        return [np.ascontiguousarray(inside[..., cut]) for cut in t.each]
 
     def effects_at(self, x: Floats) -> tuple[Physics, ...]:
         """Return the effects under trial with their values at x."""
-        values = [dict(p.values) for p in self.effects]
-        for p, xi in zip(self.parameters, x, strict=True):
-            if p.kind == "effect":
-                values[p.index][p.key] += p.scale * float(xi)
-        return tuple(
-            replace(physics, values=_inside(physics, changed))
-            for physics, changed in zip(self.effects, values, strict=True)
-        )
+        found: list[Physics] = []
+        for physics, own in zip(self.effects, self._values_at(x), strict=True):
+            names = [p.name for p in physics.effect.parameters]
+            values = dict(zip(names, own.tolist(), strict=True))
+            found.append(replace(physics, values={name: values[name] for name in physics.values}))
+        return tuple(found)
 
     def build(self, x: Floats) -> Device:
         """Return the device at x."""
-        chain = self.nominal.chain
-        masses, dampers = chain.masses.copy(), chain.ground_dampers.copy()
-        springs, links = chain.link_springs.copy(), chain.link_dampers.copy()
-        k0 = chain.ground_spring
-        scale = 1.0
-        for p, xi in zip(self.parameters, x, strict=True):
-            if p.kind == "mass":
-                masses[p.index] *= np.exp(p.scale * xi)
-            elif p.kind == "spring":
-                springs[p.index] *= np.exp(p.scale * xi)
-            elif p.kind == "damper":
-                dampers[p.index] += p.scale * np.sinh(xi)
-            elif p.kind == "link":
-                links[p.index] += p.scale * xi
-            elif p.kind == "k0":
-                k0 *= float(np.exp(p.scale * xi))
-            elif p.kind == "gain":
-                scale = float(np.exp(p.scale * xi))
-        device = self.nominal.with_chain(make_chain(masses, dampers, k0, springs, links))
-        if scale != 1.0:
-            drive = (p for p in device.physics if p.effect.of_drive)
-            device = device.with_physics(*(_scaled(p, scale) for p in drive))
-        for physics in self.effects_at(x):
-            device = device.with_physics(physics)
-        return device
+        return self._device(x, acts=False)
 
     def acting(self, x: Floats) -> Device:
         """Return the device at x less what `seen` takes off the recording: steps, lost commands."""
-        device = self.build(x).with_interface(command_step=0.0)
-        if self.sensor_error_known or not self.has("encoder_step"):
-            device = device.with_interface(encoder_step=0.0)
+        return self._device(x, acts=True)
+
+    def _device(self, x: Floats, acts: bool) -> Device:
+        """One of the last few devices again, which are asked for by one after the other, or new."""
+        key = acts, np.asarray(x, dtype=np.float64).tobytes()
+        device = self._built.get(key)
+        if device is None:
+            device = self._acting(self.build(x)) if acts else self._new(x)
+            if len(self._built) >= 16:
+                self._built.clear()
+            self._built[key] = device
+        return device
+
+    def _new(self, x: Floats) -> Device:
+        values = self.linear_at(x)
+        masses, dampers, k0, springs, links = self._chain_at(values)
+        device = self.nominal.with_chain(Chain(masses, dampers, float(k0), springs, links))
+        gain = float(self._one(values, "gain", 1.0))
+        drive = [_times(p, gain) for p in device.physics if p.effect.of_drive and gain != 1.0]
+        return device.with_physics(*drive, *self.effects_at(x))
+
+    def _acting(self, device: Device) -> Device:
+        device = device.with_interface(**self._ideal)
         gone = {p.effect.name for p in device.physics if p.effect.in_recording}
         return device.without_physics(*gone) if gone else device
+
+    @property
+    def _ideal(self) -> dict[str, float]:
+        """Steps of the interface that a recording has already, or has had taken off."""
+        reads = self.sensor_error_known or not self.has("encoder_step")
+        return {"command_step": 0.0} | ({"encoder_step": 0.0} if reads else {})
 
     def members(self, xs: Floats) -> Members:
         """Return the devices that are `acting` at many x (members, parameters), all at once.
 
         Their numbers are those of `acting` bit for bit; `Members.check` raises what it raises.
         """
-        count = xs.shape[0]
-        chains = chains_of(self.nominal.chain, count)
-        values = [np.tile(p.vector(), (count, 1)) for p in self.effects]
-        factored = {"mass": chains.masses, "spring": chains.link_springs,
-                    "k0": chains.ground_spring[:, None]}  # fmt: skip
-        shifted = {"damper": chains.ground_dampers, "link": chains.link_dampers}
-        scale: Floats | None = None
-        for p, x in zip(self.parameters, np.ascontiguousarray(xs.T), strict=True):
-            if p.kind == "gain":
-                scale = np.exp(p.scale * x)
-            if p.kind in factored:
-                factored[p.kind][:, p.index] *= np.exp(p.scale * x)
-            elif p.kind in shifted:
-                shifted[p.kind][:, p.index] += p.scale * (np.sinh(x) if p.kind in BENT else x)
-            elif p.kind == "effect":
-                names = [q.name for q in self.effects[p.index].effect.parameters]
-                values[p.index][:, names.index(p.key)] += p.scale * x
-        found = replace(alike(self.nominal, count), chains=chains)
-        if scale is not None:
+        values = self.linear_at(xs)
+        found = replace(alike(self.nominal, xs.shape[0]), chains=Chains(*self._chain_at(values)))
+        if "gain" in self._kinds:
+            gain = self._one(values, "gain", 1.0)[:, None]
             own = zip(found.physics, found.values, strict=True)
-            scaled = tuple(v * scale[:, None] if p.effect.of_drive else v for p, v in own)
+            scaled = tuple(v * gain if p.effect.of_drive else v for p, v in own)
             found = replace(found, values=scaled)
-        for physics, own in zip(self.effects, values, strict=True):
-            lower = np.array([p.lower for p in physics.effect.parameters])
-            upper = np.array([p.upper for p in physics.effect.parameters])
-            above = np.where(lower > own, lower, own)
-            found = found.with_physics(physics, np.where(upper < above, upper, above))
-        found = found.with_interface(command_step=0.0)
-        if self.sensor_error_known or not self.has("encoder_step"):
-            found = found.with_interface(encoder_step=0.0)
+        for physics, numbers in zip(self.effects, self._values_at(xs), strict=True):
+            found = found.with_physics(physics, numbers)
+        found = found.with_interface(**self._ideal)
         return found.without_physics(lambda p: p.effect.in_recording)
 
     def is_found(self, parameter: Parameter) -> bool:
         """Whether it is a change that no recording said of itself."""
-        return parameter.kind == "change" and not any(
-            v.name == parameter.name and v.declared for v in self.varying
-        )
+        return parameter.kind == "change" and parameter.name not in self._declared
 
     def is_linear(self, parameter: Parameter) -> bool:
         """Whether it is in every hypothesis: a linear one, or what recordings have of one."""
@@ -368,39 +463,21 @@ class Model:
         """Whether an effect of that name is under trial."""
         return any(p.effect.name == name for p in self.effects)
 
-    def reads(self, x: Floats) -> "Reads":
+    def reads(self, x: Floats) -> Reads:
         """Return how the model at x reads a recording."""
-        gain, origin, jitter = 1.0, 0.0, 0.0
-        zeros = [0.0] * self.nominal.chain.masses.size
-        for p, xi in zip(self.parameters, x, strict=True):
-            if p.kind == "gain":
-                gain = float(np.exp(p.scale * xi))
-            elif p.kind == "origin":
-                origin = p.scale * float(xi)
-            elif p.kind == "jitter":
-                jitter = p.scale * float(xi)
-            elif p.kind == "zero":
-                zeros[p.index] = p.scale * float(xi)
-        counts = gain * self.nominal.interface.command_gain
-        jitter = 0.5 * jitter * counts / self.nominal.chain.masses[0]
-        return Reads(gain, origin, jitter, tuple(zeros))
+        gain, origin, jitter, zeros = self.reads_each(x)
+        return Reads(float(gain), float(origin), float(jitter), tuple(zeros.tolist()))
 
     def reads_each(self, xs: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return gain, origin, jitter and zeros of `reads` at many x (members, parameters).
-
-        Zeros are (members, n), the others (members,).
-        """
-        gain, origin, jitter = np.ones(xs.shape[0]), np.zeros(xs.shape[0]), np.zeros(xs.shape[0])
-        zeros = np.zeros((xs.shape[0], self.nominal.chain.masses.size))
-        for p, x in zip(self.parameters, np.ascontiguousarray(xs.T), strict=True):
-            if p.kind == "gain":
-                gain = np.exp(p.scale * x)
-            elif p.kind == "origin":
-                origin = p.scale * x
-            elif p.kind == "jitter":
-                jitter = p.scale * x
-            elif p.kind == "zero":
-                zeros[:, p.index] = p.scale * x
+        """Return what `reads` does at x (..., parameters): zeros (..., n), the others (...,)."""
+        values = self.linear_at(xs)
+        gain, origin, jitter = (
+            self._one(values, kind, absent)
+            for kind, absent in (("gain", 1.0), ("origin", 0.0), ("jitter", 0.0))
+        )
+        zeros = np.zeros((*xs.shape[:-1], self.nominal.chain.masses.size))
+        if "zero" in self._kinds:
+            zeros[..., 1:] = values[..., self._kinds["zero"]]
         counts = gain * self.nominal.interface.command_gain
         return gain, origin, 0.5 * jitter * counts / self.nominal.chain.masses[0], zeros
 
@@ -488,7 +565,7 @@ class Model:
         return " + ".join(place_label(p) for p in self.effects) or "linear"
 
 
-def _scaled(physics: Physics, scale: float) -> Physics:
+def _times(physics: Physics, scale: float) -> Physics:
     return replace(physics, values={k: v * scale for k, v in physics.values.items()})
 
 
@@ -519,12 +596,6 @@ def delivered(command: Floats, dropped: NDArray[np.bool_]) -> Floats:
     last = np.where(dropped, -1, np.arange(command.size))
     last[0] = 0
     return command[np.maximum.accumulate(last)]
-
-
-def _inside(physics: Physics, values: dict[str, float]) -> dict[str, float]:
-    """Rounding may leave a value a hair outside its bounds."""
-    bounds = {p.name: (p.lower, p.upper) for p in physics.effect.parameters}
-    return {k: min(max(v, bounds[k][0]), bounds[k][1]) for k, v in values.items()}
 
 
 def _of_effect(
@@ -593,22 +664,10 @@ def chain_values(chain: Chain) -> dict[str, float]:
 
 
 def values_of(model: Model, x: Floats) -> dict[str, float]:
-    """Return the physical value of each linear parameter by name."""
-    device = model.build(x)
-    chain = device.chain
-    values: dict[str, float] = {}
-    arrays = {"mass": chain.masses, "damper": chain.ground_dampers, "spring": chain.link_springs,
-              "link": chain.link_dampers}  # fmt: skip
-    for j, p in enumerate(linear_parameters(model.nominal)):
-        if p.kind == "gain":
-            values[p.name] = float(np.exp(p.scale * x[j]))
-        elif p.kind == "k0":
-            values[p.name] = chain.ground_spring
-        elif p.kind in ("origin", "jitter", "zero"):  # an origin in units of the rms motion
-            values[p.name] = p.scale * float(x[j])
-        else:
-            values[p.name] = float(arrays[p.kind][p.index])
-    return values
+    """Return the physical value of each linear parameter by name; origins in rms motions."""
+    told = chain_values(model.build(x).chain)  # with what an effect adds to it
+    own = model.linear_at(x).tolist()
+    return {p.name: told.get(p.name, v) for p, v in zip(model.linear, own, strict=True)}
 
 
 def effect_labels(effects: Sequence[Physics]) -> list[str]:
