@@ -69,8 +69,8 @@ class Moves:
     last: to add, once nothing else is believed.
     """
 
-    adding: Sequence[Move] = (added, stepped)
-    last: Sequence[Move] = (scattered,)
+    adding: Sequence[Move] = (added,)
+    last: Sequence[Move] = (stepped, scattered)
     exchanging: Sequence[Move] = (removed, simpler, split, merged, swapped)
     replacing: Callable[[int], Move] = replaced
 
@@ -309,7 +309,8 @@ def _grown(found: Search) -> None:
             accepted = _in_place_of(found, new[0])
         if not accepted:
             last = [p for move in found.moves.last for p in _proposed(move, beam[0], found.effort)]
-            accepted = [h for h in fitted(found, last, 1) if found.ahead(h, found.best)]
+            kept = fitted(found, last, found.effort.ended)
+            accepted = [h for h in kept if found.ahead(h, found.best)]
         if not accepted:
             return
         found.best, beam = accepted[0], accepted[: found.effort.beam]

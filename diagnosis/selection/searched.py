@@ -30,7 +30,7 @@ from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.seeking.lattice import with_rate
 from zwidth.diagnosis.selection.effort import NORMAL, Effort
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, independent, judged, settled
-from zwidth.diagnosis.selection.moves import added, shown, stepped
+from zwidth.diagnosis.selection.moves import scattered, shown, stepped
 from zwidth.diagnosis.selection.scales import slower
 from zwidth.diagnosis.selection.search import Moves, Search, from_afar, search, two_at_once
 from zwidth.sim.device import Device
@@ -39,7 +39,7 @@ FAR_S = 0.05  # that errors are counted over where the next sample is no judge
 LEAST = 3  # of what was tried, that are fitted to see what chance leaves
 NEXT = 3  # that are asked where held-out data speak against what is believed most
 TELLING = 30  # free runs, of which fewer refuse nothing
-AHEAD = Moves(adding=(added,))  # steps and lost commands show in the next sample alone
+AHEAD = Moves(last=(scattered,))  # steps and lost commands show in the next sample alone
 
 
 @dataclass(frozen=True)
@@ -116,8 +116,8 @@ def searched(
     return farther(device, first, say)
 
 
-SLOW = Moves(adding=(added,))  # steps and lost commands are of single ticks
-FAST = Moves(adding=(shown, stepped), last=())  # what is strong was found at the slow rate
+SLOW = Moves(last=(scattered,))  # steps and lost commands are of single ticks
+FAST = Moves(adding=(shown,), last=(stepped,))  # what is strong was found at the slow rate
 
 
 def _from_slow_to_fast(
