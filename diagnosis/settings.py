@@ -18,18 +18,3 @@ class Evidence:
 
 
 EVIDENCE = Evidence()
-
-
-@dataclass(frozen=True)
-class Scales:
-    """How slow a search begins."""
-
-    slower: int = int(__import__('os').environ.get('ZW_SLOW','1'))
-    """Times the recorded period. Tuned: machines at 100 to 1000 Hz, read at a fifth of their rate,
-    kept the names that move them and lost those of clocks and filters."""
-    least_ticks: int = 1200
-    """Ticks that recordings keep together. Derived: an observer is given 100 ticks to settle, and
-    a filter of order 8 wants a hundred samples a coefficient."""
-
-
-SCALES = Scales()

@@ -12,8 +12,7 @@ class Effort:
     what stands out in a view under the likeliest noise, and in a far one; judged: of each view,
     under their own noise; ended: of a round, fitted to their end. rivals: begun in the place of
     each effect, beside: of them, fitted to their end. generations, members: of a population that
-    looks for the valley anew. rounds: of adding and exchanging. carried: of what a slow
-    search found, fitted at the recorded rate. surfaces: whether laws of no name
+    looks for the valley anew. rounds: of adding and exchanging. surfaces: whether laws of no name
     over two states are asked for.
     """
 
@@ -29,7 +28,6 @@ class Effort:
     members: int = 16
     rounds: int = 3
     surfaces: bool = True
-    carried: int = 6
     first_rounds: ClassVar[int] = 4
     own_rounds: ClassVar[int] = 2
     most_ended: ClassVar[int] = 2  # times as many as `ended`, where laws differ in places alone

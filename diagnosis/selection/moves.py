@@ -32,7 +32,6 @@ from zwidth.sim.place import label_of
 
 Floats = NDArray[np.float64]
 SLOWEST = 1e-6  # ratio of an observer that hardly corrects the model
-SLOWER = 1e-2  # of the own ratio
 NO_SIGN = 10.0  # score below which a start says nothing: the noise of a few samples
 GROWN_TICKS = 3000  # of all recordings together: twice as many, and half, arrived no more often
 TELLING_TICKS = 10 * SETTLING  # of a recording at least, by which starts are ranked
@@ -122,19 +121,14 @@ def _on_its_way(h: Hypothesis, rounds: int) -> Hypothesis:
 Move = Callable[[Hypothesis, Effort], Iterator[Proposal]]
 
 
-def added(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
-    """Yield the hypothesis with one effect more: those that stand out in one of its views."""
+def afar(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
+    """Yield the hypothesis with one effect more: those that stand out over a longer horizon."""
     device = h.model.build(h.x)
-    where = open_places(device)
     sizes = sizes_of(device, h.experiments, h.model.reads(h.x).gain)
-    near, far = (starts_at(where, sizes, far) for far in (False, True))
-    for seen in _views(h):
-        starts: Mapping[str, Sequence[Start]] = near if seen.own else far
-        if seen.own:
-            starts = _together(near, shown_starts(seen))
-        count = effort.near if seen.own else effort.far
+    starts = starts_at(open_places(device), sizes, far=True)
+    for seen in _views_afar(h):
         for rank, one in enumerate(screened(seen, starts)):
-            if rank < count and one.score > NO_SIGN:
+            if rank < effort.far and one.score > NO_SIGN:
                 yield _with(h, seen, one)
 
 
@@ -339,18 +333,12 @@ def replaced(index: int) -> Move:
     return move
 
 
-def _views(h: Hypothesis) -> Iterator[View]:
-    """Yield a hypothesis under its own noise, a slower one, and far ahead as is and as in its file.
+def _views_afar(h: Hypothesis) -> Iterator[View]:
+    """Yield a hypothesis under an observer that hardly corrects it, as is and as in its file.
 
-    Own noise is that of a model that may lack physics: its observer takes part of what lacks for
-    disturbance, and its filter what is left for colour. So it is also seen under one that is a
-    hundred times slower and takes nothing for colour.
+    Under its own noise, that of a model that may lack physics, an observer takes part of what lacks
+    for disturbance, and its filter what is left for colour.
     """
-    yield view(h.problem, h.model, h.x, own=True)
-    if __import__("os").environ.get("ZW_V"):
-     with suppress(NoObserver):
-        slower = prepared_for(h.experiments, h.model, h.x, SLOWER * h.ratio)
-        yield view(slower, h.model, h.x, own=True)
     prior = np.array([p.prior for p in h.model.parameters])
     stretch = beginnings(h.experiments, FAR_TICKS)
     bent = float(np.abs(h.x[prior]).max(initial=0.0)) > BENT

@@ -12,7 +12,7 @@ import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from typing import TypeVar
 
@@ -40,7 +40,7 @@ from zwidth.diagnosis.selection.moves import (
     Begun,
     Move,
     Proposal,
-    added,
+    afar,
     merged,
     removed,
     replaced,
@@ -66,11 +66,12 @@ FAR_SPREAD, NEAR_SPREADS = 0.5, (0.3, 0.1)  # in x, of which one is a file's own
 class Moves:
     """What a search tries: to add, to put in place of a hypothesis, and of one of its effects.
 
-    last: to add, once nothing else is believed.
+    first: to add to a device file; adding: to what was found; last: once nothing else is believed.
     """
 
-    adding: Sequence[Move] = (added,)
-    last: Sequence[Move] = (stepped, scattered)
+    first: Sequence[Move] = (shown, afar)
+    adding: Sequence[Move] = (shown,)
+    last: Sequence[Move] = (afar, stepped, scattered)
     exchanging: Sequence[Move] = (removed, simpler, split, merged, swapped)
     replacing: Callable[[int], Move] = replaced
 
@@ -79,7 +80,8 @@ class Moves:
 class Search:
     """What was tried and kept, by structure: the cheapest fit of each.
 
-    plain: without physics; best: what costs least of all that is believed.
+    plain: without physics; best: what costs least of all that is believed. plays: whether play may
+    be there, for all that was asked.
     """
 
     plain: Hypothesis
@@ -91,7 +93,7 @@ class Search:
     grown: set[frozenset[str]] = field(default_factory=set)
     looked: set[frozenset[str]] = field(default_factory=set)
     exchanged: set[frozenset[str]] = field(default_factory=set)
-    carried: set[frozenset[str]] = field(default_factory=set)
+    plays: bool = True
     fits: int = 0
     spent: float = 0.0
     interrupted: bool = False
@@ -120,12 +122,10 @@ def search(
     say: Say = silent,
     moves: Moves = Moves(),
     family: Family = NEXT_SAMPLE,
-    begun: Search | None = None,
 ) -> Search:
     """Search for what explains recordings; raises NoObserver where none follows with the device.
 
-    family: the models of the noise under which all hypotheses are held against each other. begun:
-    what a search at a slower rate found, to go on from (`selection.scales`).
+    family: the models of the noise under which all hypotheses are held against each other.
     """
     model = Model(device, varying=varying(device, experiments))
     with stage("refit"):
@@ -134,55 +134,8 @@ def search(
     found.keep(plain)
     say(f"the device as refitted costs {plain.cost.misfit:.0f}; trying every effect")
 
-    def work(found: Search) -> None:
-        if begun is not None:
-            with stage("going on at the recorded rate"):
-                _carried(found, begun)
-        _rounds(found)
-
-    _until_nothing_gains(found, work)
+    _until_nothing_gains(found, _rounds)
     return found
-
-
-def _carried(found: Search, begun: Search) -> None:
-    """Go on with what a search at a slower rate found, and with what came near it there.
-
-    What moves the machine shows at the slow rate at least as clearly as what might stand for it;
-    so what is far behind there is no rival here, and is not fitted again.
-    """
-    plain = found.plain
-    near = sorted(
-        (h for h in begun.tried.values() if _reaches(h, begun.best)),
-        key=lambda h: h.cost.total,
-    )
-    fits: list[tuple[str, Callable[[], Hypothesis | None]]] = []
-    for h in near[: found.effort.carried]:
-        model = replace(h.model, nominal=plain.model.nominal, varying=plain.model.varying)
-        fits.append((model.label, partial(_at_this_rate, plain, model, h.x)))
-    for h in _each("candidates", fits):
-        kept = found.keep(h)
-        if found.ahead(kept, plain) and (found.best is plain or found.ahead(kept, found.best)):
-            found.best = kept
-    found.carried |= {h.labels for h in near}
-    found.looked |= begun.looked
-    if found.best is not plain:
-        found.say(f"at the recorded rate too: {found.best.model.label}")
-
-
-def _reaches(h: Hypothesis, best: Hypothesis) -> bool:
-    """Whether a hypothesis may stand in the place of the best: what has more is not believed."""
-    near = h.cost.total - best.cost.total < Effort.near_rival
-    return near and 0 < len(h.model.effects) <= len(best.model.effects)
-
-
-def _at_this_rate(plain: Hypothesis, model: Model, x: Floats) -> Hypothesis | None:
-    """A model found at another rate, fitted to recordings as they are."""
-    jitter = np.array([p.kind == "jitter" for p in model.parameters])  # counted in periods
-    with suppress(NoObserver):
-        h = judged(plain.experiments, model, model.within(np.where(jitter, 0.0, x)), plain.family)
-        ended = settled(h, turns=2)
-        return None if ended.against_physics else ended
-    return None
 
 
 def from_afar(found: Search) -> bool:
@@ -296,9 +249,8 @@ def _grown(found: Search) -> None:
             return
         found.grown.add(found.best.labels)
         found.say(f"what may be missing beside {found.best.model.label}")
-        proposals = [
-            p for h in beam for move in found.moves.adding for p in _proposed(move, h, found.effort)
-        ]
+        moves = found.moves.adding if found.best.model.effects else found.moves.first
+        proposals = [p for h in beam for move in moves for p in _proposed(move, h, found.effort)]
         new = fitted(found, proposals, found.effort.ended)
         if not new and not found.moves.last:
             return
@@ -308,15 +260,28 @@ def _grown(found: Search) -> None:
         if new and not accepted:
             accepted = _in_place_of(found, new[0])
         if not accepted:
-            last = [p for move in found.moves.last for p in _proposed(move, beam[0], found.effort)]
-            kept = fitted(found, last, found.effort.ended)
-            accepted = [h for h in kept if found.ahead(h, found.best)]
+            accepted = [h for h in _last(found, beam[0]) if found.ahead(h, found.best)]
         if not accepted:
             return
         found.best, beam = accepted[0], accepted[: found.effort.beam]
         found.say(f"taken: {found.best.model.label}")
         look_for_valleys(found)
         beam = [found.best, *(h for h in beam if h.labels != found.best.labels)]
+
+
+def _last(found: Search, base: Hypothesis) -> list[Hypothesis]:
+    """What is asked for once nothing else is believed: what is seen tick by tick, and play.
+
+    Play that gained nothing beside one structure is not asked for beside another: its blind starts
+    cost as much as all else.
+    """
+    asked = found.moves.first if not base.model.effects else found.moves.adding
+    moves = [m for m in found.moves.last if m not in asked and (m is not scattered or found.plays)]
+    more = [p for move in moves for p in _proposed(move, base, found.effort)]
+    kept = fitted(found, more, found.effort.ended)
+    if scattered in moves:
+        found.plays = any(h.has_valleys and h.cost.total < base.cost.total for h in kept)
+    return kept
 
 
 def _in_place_of(found: Search, doubtful: Hypothesis) -> list[Hypothesis]:
@@ -374,9 +339,6 @@ def _instead(found: Search) -> Iterator[list[Hypothesis]]:
     h, effort = found.best, found.effort
     many = max(effort.ended, len(h.model.effects))
     new: list[Hypothesis] = []
-    if h.labels in found.carried:  # what may stand in their place was asked at the slow rate
-        yield _tried(found, removed, many)
-        return
     for move in found.moves.exchanging:
         some = _tried(found, move, many)
         new += some

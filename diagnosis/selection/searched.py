@@ -30,8 +30,7 @@ from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.seeking.lattice import with_rate
 from zwidth.diagnosis.selection.effort import NORMAL, Effort
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, independent, judged, settled
-from zwidth.diagnosis.selection.moves import scattered, shown, stepped
-from zwidth.diagnosis.selection.scales import slower
+from zwidth.diagnosis.selection.moves import afar, scattered
 from zwidth.diagnosis.selection.search import Moves, Search, from_afar, search, two_at_once
 from zwidth.sim.device import Device
 
@@ -39,7 +38,7 @@ FAR_S = 0.05  # that errors are counted over where the next sample is no judge
 LEAST = 3  # of what was tried, that are fitted to see what chance leaves
 NEXT = 3  # that are asked where held-out data speak against what is believed most
 TELLING = 30  # free runs, of which fewer refuse nothing
-AHEAD = Moves(last=(scattered,))  # steps and lost commands show in the next sample alone
+AHEAD = Moves(last=(afar, scattered))  # steps and lost commands show in the next sample alone
 
 
 @dataclass(frozen=True)
@@ -97,7 +96,7 @@ def searched(
 
     Raises NoObserver where no observer follows the recordings with the device.
     """
-    near = _from_slow_to_fast(device, experiments, effort, say)
+    near = search(device, experiments, effort, say)
     first = as_found(device, near)
     sound = attempt("search", "how far ahead it holds", partial(holds, device, first))
     fails = sound is not None and not sound.sound
@@ -114,27 +113,6 @@ def searched(
         if sound.runs >= TELLING:
             return first
     return farther(device, first, say)
-
-
-SLOW = Moves(last=(scattered,))  # steps and lost commands are of single ticks
-FAST = Moves(adding=(shown,), last=(stepped,))  # what is strong was found at the slow rate
-
-
-def _from_slow_to_fast(
-    device: Device, experiments: Sequence[Experiment], effort: Effort, say: Say
-) -> Search:
-    """Search at the slow rate, and go on from there at the recorded one."""
-    slow_device, slow = slower(device, experiments)
-    if slow[0].period == experiments[0].period:
-        return search(device, experiments, effort, say)
-    say(f"searching at {1.0 / slow[0].period:.4g} Hz first")
-    begun: Search | None = None
-    with suppress(NoObserver):
-        begun = search(slow_device, slow, effort, say, SLOW)
-    if begun is None:
-        return search(device, experiments, effort, say)
-    found = search(device, experiments, effort, say, FAST, begun=begun)
-    return replace(found, interrupted=found.interrupted or begun.interrupted)
 
 
 def farther(device: Device, found: Searched, say: Say) -> Searched:
