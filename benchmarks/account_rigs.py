@@ -81,7 +81,9 @@ def _rigs() -> Mapping[str, Callable[[], Rig]]:
             _two(5e-3),
             (
                 make_physics("gravity_pendulum", "m2", level=0.05, angle=0.4),
-                make_physics("stribeck_friction", "m1", level=0.02, static_level=0.03, velocity=0.4),
+                make_physics(
+                    "stribeck_friction", "m1", level=0.02, static_level=0.03, velocity=0.4
+                ),
                 make_physics("saturation", "command", limit=0.17),
             ),
             12.0,

@@ -299,6 +299,7 @@ class Unanswered:
             "next_level": None,
             "interrupted": False,
             "facts": {},
+            "cost": {},
             "errors": [m.as_json() for m in self.errors],
         }  # fmt: skip
 

@@ -22,6 +22,7 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
 from zwidth.diagnosis.noise.predictor import (
     BEGINNING,
@@ -49,7 +50,6 @@ NEARLY = 1e-3  # of the sum of squares, of x and of the slope, that is worth no 
 # Deviations, by which each mass is moved: not derived. Play wider than 128 of them has its sides
 # beyond; half of its gap would be what it says itself.
 ASIDE = (1.0, 4.0, 16.0, 64.0)
-WITH_PLAY = 800  # ticks by which a device with play is judged: some turns of it
 RAN_AWAY = 1e3  # deviations that stand for an overflow
 
 
@@ -105,7 +105,7 @@ def by_own_slopes(
     here = experiment.on(device)
     if not with_play(here.physics):
         return linear
-    first = replace(experiment.part(0, min(WITH_PLAY, experiment.ticks)), start=None)
+    first = replace(experiment.part(0, min(BEGINNING, experiment.ticks)), start=None)
     few, many = substeps_of(here, SEARCHING)
 
     @cache
@@ -122,7 +122,7 @@ def by_own_slopes(
     units = _units(experiment, observer, linear.size // 2)
     at = _least(weighed, np.stack([linear, np.zeros(linear.size)]))
     aside = _least(weighed, at + units * _aside(linear.size))
-    found = _nearest(weighed, np.stack([at, aside]), units)
+    found = _least(weighed, np.stack([_nearest(weighed, begin, units) for begin in (at, aside)]))
     costs = np.sum(weighed(np.stack([linear, found])) ** 2, axis=1)
     return found if costs[1] < costs[0] else linear
 
@@ -137,35 +137,22 @@ def _aside(states: int) -> Floats:
     return np.concatenate([far * sides for far in (*ASIDE, *(-a for a in ASIDE))])
 
 
-def _nearest(weighed: Callable[[Floats], Floats], begins: Floats, units: Floats) -> Floats:
-    """Gauss and Newton's answer from the better of some beginnings (k, states), all in one call.
+def _nearest(weighed: Callable[[Floats], Floats], begin: Floats, units: Floats) -> Floats:
+    """Gauss and Newton's answer, its slopes over a unit to both sides: wide beside a crease."""
+    sides = np.concatenate([np.eye(begin.size), -np.eye(begin.size)])
 
-    Slopes are over a unit to both sides: wide beside a crease. A step that gains nothing is halved.
-    """
-    k, states = begins.shape
-    sides = np.concatenate([np.zeros((1, states)), np.eye(states), -np.eye(states)]) * units
-    here, step = begins, np.zeros_like(begins)
-    least, slopes = np.full(k, np.inf), np.zeros((k, 0, states))
-    errors = np.zeros((k, 0))
-    for _ in range(TURNS):
-        tried = here + step
-        all_of = weighed((tried[:, None] + sides).reshape(-1, states))
-        all_of = all_of.reshape(k, 1 + 2 * states, -1)
-        costs = np.sum(all_of[:, 0] ** 2, axis=1)
-        if slopes.shape[1] == 0:
-            slopes, errors = np.zeros((k, all_of.shape[2], states)), all_of[:, 0].copy()
-        gained = least - costs
-        for i in range(k):
-            if gained[i] > 0.0:
-                here[i], least[i], errors[i] = tried[i], costs[i], all_of[i, 0]
-                ahead, behind = all_of[i, 1 : 1 + states], all_of[i, 1 + states :]
-                slopes[i] = 0.5 * (ahead - behind).T
-                step[i] = units * np.linalg.lstsq(slopes[i], -errors[i], rcond=1e-9)[0]
-            else:
-                step[i] *= 0.5
-        if np.all(np.abs(gained) < NEARLY * least):
-            break
-    return here[int(np.argmin(least))]
+    def own(u: Floats) -> Floats:
+        return weighed((begin + units * u)[None])[0]
+
+    def slopes(u: Floats) -> Floats:
+        beside = weighed(begin + units * (u + sides))
+        return 0.5 * (beside[: begin.size] - beside[begin.size :]).T
+
+    found = least_squares(
+        own, np.zeros(begin.size), slopes, max_nfev=TURNS, x_scale="jac",
+        ftol=NEARLY, xtol=NEARLY, gtol=NEARLY,
+    )  # fmt: skip
+    return begin + units * found.x
 
 
 def _units(experiment: Experiment, observer: Observer, masses: int) -> Floats:

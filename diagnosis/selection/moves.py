@@ -159,7 +159,7 @@ def scattered(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
         if any(p.valleys for p in effect.parameters)
     ]
     for starts in starts_at(where, sizes, far=False).values():
-        for start in starts[::2]:  # a fit goes as far as half way to the next
+        for start in starts:
             model = h.model.with_effect(start.physics, start.scales, start.bounds)
             own = [p.name for p in model.parameters[h.x.size :]]
             x = np.concatenate([h.x, start.beyond(own, start.scales)])
