@@ -1,11 +1,15 @@
-"""Diagnosis: wall time by length and by what is missing, and the memory that a long one takes.
+"""Diagnosis: what it costs by what is missing, wall time by length, and the memory of a long one.
 
-    python benchmarks/bench_diagnosis.py 10 20
-    python benchmarks/bench_diagnosis.py --masses 1 600
+    python -m benchmarks.bench_diagnosis                the account of six recordings
+    python -m benchmarks.bench_diagnosis --by           and what each stage simulated, and why
+    python -m benchmarks.bench_diagnosis 10 20
+    python -m benchmarks.bench_diagnosis --masses 1 600
 
-Each length [s] at 1 kHz: white torque on the PHANToM of Table I (or on a single mass), once
-clean, once with Coulomb friction of 4 mN m. All cores are used; run it on an idle machine. Kernels
-are compiled before.
+The account: CPU seconds of all threads of a diagnosis, simulations of the fitted part, calls of
+the kernel and its CPU seconds (`zwidth.diagnosis.account`), of `benchmarks/account_rigs.py`;
+`--json` of a command has the same as `cost`. Each length [s] at 1 kHz: white torque on the PHANToM
+of Table I (or on a single mass), once clean, once with Coulomb friction of 4 mN m. All cores are
+used; run it on an idle machine. Kernels are compiled before.
 """
 
 import argparse
@@ -17,6 +21,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command does: cores
 
 import numpy as np
 
+from benchmarks.account_rigs import RIGS
 from zwidth.controllers.excitation import noise
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.diagnose import diagnose
@@ -46,12 +51,42 @@ def record(truth: Device, seconds: float) -> Experiment:
     return Experiment(1e-3, command, position[:, None], (Output("position", 0),))
 
 
+def account(each: bool) -> None:
+    """Diagnose the recordings of the account, and print a row of each."""
+    first = next(iter(RIGS.values()))()
+    diagnose(first.device, [first.experiment().part(0, 2000)])  # compiles
+    print("| recording | CPU s | simulations | calls | CPU s of the kernel | answer |")
+    print("|---|---|---|---|---|---|")
+    for name, make in RIGS.items():
+        rig = make()
+        recorded, begun = rig.experiment(), time.process_time()
+        found = diagnose(rig.device, [recorded])
+        spent, cost = time.process_time() - begun, found.cost
+        names = ", ".join(f"{f.effect} at {f.at}" for f in found.findings)
+        print(
+            f"| {name} | {spent:.1f} | {cost['simulations']:.0f} | {cost['calls']}"
+            f" | {cost['kernel_cpu_s']:.1f} | `{found.verdict.value}` {names} |",
+            flush=True,
+        )
+        for row in cost["by"] if each else ():
+            print(
+                f"    {row['stage']}, {row['reason']}: {row['simulations']:.0f} simulations,"
+                f" {row['calls']} calls, {row['kernel_cpu_s']:.1f} s"
+            )
+
+
 def main() -> None:
-    """Diagnose, and say how long it took."""
-    options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("seconds", type=float, nargs="+", help="length of a recording")
+    """Diagnose, and say what it took."""
+    options = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    options.add_argument("seconds", type=float, nargs="*", help="length of a recording")
     options.add_argument("--masses", type=int, choices=(1, 3), default=3, help="of the device")
+    options.add_argument("--by", action="store_true", help="of the account, stages and reasons")
     given = options.parse_args()
+    if not given.seconds:
+        account(given.by)
+        return
     device = SINGLE
     if given.masses == 3:
         device = load_device("phantom_1_0").with_interface(delay=0.0)

@@ -7,8 +7,8 @@ White torque on the PHANToM of Table I for 5 s: innovations with so many substep
 """
 
 import numpy as np
-from bench_diagnosis import ENCODER_NOISE, record
 
+from benchmarks.bench_diagnosis import ENCODER_NOISE, record
 from zwidth.diagnosis.noise.predictor import SETTLING, Fineness, innovations, observer_for, prepared
 from zwidth.sim.device_file import load_device
 from zwidth.sim.physics import make_physics

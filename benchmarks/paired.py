@@ -91,14 +91,14 @@ def machines(data: Path, chosen: Sequence[str]) -> Iterator[Question]:
 
 def asked(question: Question, code: Path, limit: float) -> dict[str, Any]:
     """Return what `zwidth diagnose` answers, what it took, and what kept it from answering."""
-    out = Path(tempfile.mkdtemp())
+    out, most = Path(tempfile.mkdtemp()), math.ceil(limit)
     line = [sys.executable, "-m", "zwidth", "diagnose", *question.arguments]
     line += ["--out", str(out), "--json", str(out / "answer.json")]
     environment = os.environ | {"PYTHONPATH": str(code), "PYTHONSAFEPATH": "1"}
     before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     ended = subprocess.run(
         line, cwd=question.folder, env=environment, capture_output=True, text=True, check=False,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(limit),) * 2),
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (most, most)),
     )  # fmt: skip
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime

@@ -1,9 +1,11 @@
-"""The numbers that decide what a diagnosis says, all of them.
+"""The numbers that decide what a diagnosis says.
 
 One frozen class a part of the pipeline, one field a number. Under each stand its unit, where it
 comes from (derived, by convention, elicited from engineers, or tuned) and the data behind it. What
-only steers a method (rounds of a solver, a guard against rounding) stands with the method, as the
-default of an argument; nothing there may change what is said of a recording.
+only steers a method (rounds of a solver, a guard against rounding) stands with the method.
+
+So far those of the search are here. Those of other parts stand at the top of their modules, and
+move here when these are rebuilt.
 """
 
 from dataclasses import dataclass
@@ -16,5 +18,31 @@ class Evidence:
     alpha: float = 1e-3
     """Odds at which what is not true is believed over what is. Convention."""
 
+    blocks: int = 40
+    """Stretches of the recordings over which gains are compared. Tuned; fewer than ten say little
+    of their spread, and a stretch must be longer than errors depend on each other."""
 
-EVIDENCE = Evidence()
+    rare: float = 1e-3
+    """Probability of an effect that says nothing of how common it is. Elicited: rarer than any in
+    the library."""
+
+
+@dataclass(frozen=True)
+class Pursuit:
+    """What a search goes on with."""
+
+    near_rival: float = 40.0
+    """In -2 ln: what costs no more than this beyond the best is fitted to its end, as a rival.
+    Tuned, no data kept."""
+
+    hopeless: float = 200.0
+    """In -2 ln: what costs as much more than the best of its view or round is not fitted further.
+    Tuned, with one check: five recordings of the paired set kept their names when it was applied
+    to all candidates."""
+
+    no_sign: float = 10.0
+    """Chi-square to first order, below which a start says nothing. Tuned: the noise of a few
+    samples."""
+
+
+EVIDENCE, PURSUIT = Evidence(), Pursuit()

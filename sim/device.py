@@ -166,7 +166,7 @@ class Device(Shown):
         for physics in added:
             entry, field = physics.effect.in_interface, physics.effect.in_chain
             if entry is not None:
-                earlier = interface.get(entry, getattr(self.interface, entry))
+                earlier = interface.get(entry, float(getattr(self.interface, entry)))
                 (value,) = physics.values.values()
                 interface[entry] = earlier + value if physics.effect.adds else value
             elif home(physics) is not None and field is not None:

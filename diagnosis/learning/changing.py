@@ -49,6 +49,7 @@ from zwidth.diagnosis.noise.predictor import (
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.evidence import Compared, believed, compared
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, against, judged, settled
+from zwidth.diagnosis.settings import EVIDENCE
 from zwidth.sim.kernel import Memory
 from zwidth.sim.predict import alone
 
@@ -147,7 +148,7 @@ def suspected(h: Hypothesis) -> Suspect | None:
     alike = [s for s in found if s.of == best.of and s is not best and s.worth > best.worth - SAME]
     best = replace(best, as_well=tuple(dict.fromkeys(_course_in_words(s) for s in alike)))
     # The slopes foretell what it would gain; half of that must pay, or a fit is not worth its time.
-    paid = best.price + 2.0 * best.told.phi * math.log(1e3)
+    paid = best.price + 2.0 * best.told.phi * math.log(1.0 / EVIDENCE.alpha)
     return best if best.told.gain > 0.5 * paid else None
 
 

@@ -667,7 +667,8 @@ def values_of(model: Model, x: Floats) -> dict[str, float]:
     """Return the physical value of each linear parameter by name; origins in rms motions."""
     told = chain_values(model.build(x).chain)  # with what an effect adds to it
     own = model.linear_at(x).tolist()
-    return {p.name: told.get(p.name, v) for p, v in zip(model.linear, own, strict=True)}
+    each = zip(model.linear, own, strict=True)
+    return {p.name: told[p.name] if p.name in told else float(v) for p, v in each}
 
 
 def effect_labels(effects: Sequence[Physics]) -> list[str]:

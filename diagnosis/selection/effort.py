@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
+from zwidth.diagnosis.settings import PURSUIT
+
 
 @dataclass(frozen=True)
 class Effort:
@@ -31,8 +33,8 @@ class Effort:
     first_rounds: ClassVar[int] = 4
     own_rounds: ClassVar[int] = 2
     most_ended: ClassVar[int] = 2  # times as many as `ended`, where laws differ in places alone
-    near_rival: ClassVar[float] = 40.0  # -2 ln from the best, within which rivals are ended
-    hopeless: ClassVar[float] = 200.0  # -2 ln from the best, at which what is akin is not ended
+    near_rival: ClassVar[float] = PURSUIT.near_rival
+    hopeless: ClassVar[float] = PURSUIT.hopeless
 
 
 QUICK = Effort(effects=3, near=3, far=2, rivals=2, ended=2, generations=0, rounds=1, surfaces=False)

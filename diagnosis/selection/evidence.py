@@ -41,8 +41,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.diagnosis.settings import EVIDENCE
+
 Floats = NDArray[np.float64]
-ALPHA = 1e-3  # odds at which a hypothesis that is not true is believed over one that is
+ALPHA = EVIDENCE.alpha
 
 
 @dataclass(frozen=True)

@@ -20,12 +20,13 @@ from zwidth.diagnosis.noise.predictor import SCREENING, SEARCHING, Fineness
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.evidence import Compared, Cost, compared, freedom, rarity
+from zwidth.diagnosis.settings import EVIDENCE
 from zwidth.sim.physics.sizes import SMALLEST
 
 Floats = NDArray[np.float64]
 Prices = tuple[tuple[str, float], ...]
 SWEEP = -math.log(SMALLEST)  # of a magnitude that is as likely in every octave of its sweep
-BLOCKS = 40  # stretches of the recordings over which gains are compared
+BLOCKS = EVIDENCE.blocks
 SHORTEST_BLOCK = 50  # samples
 MOST_TURNS, MUCH = 10, 10.0  # of a fit; what one must gain in misfit for more than were asked for
 HORIZONS = 4.0  # over which errors so far ahead are seen to depend on each other
@@ -33,7 +34,7 @@ RELIEF = 0.1  # of the likeliest ratio, under which a fit is also brought on its
 FURTHER = 3  # fits that begin anew where one ended as far from its start as it may go
 EDGE = 1e-3  # in x, from a bound on which a fit has ended
 UNSEEN = 1e-9  # information on x, of which the whole uncertainty of a file is one
-ODDS = 1e-3  # of an effect that says nothing of how common it is
+ODDS = EVIDENCE.rare
 
 
 @dataclass(frozen=True)

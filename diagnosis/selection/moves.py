@@ -25,6 +25,7 @@ from zwidth.diagnosis.seeking.screening import View, screened, shown_starts, vie
 from zwidth.diagnosis.seeking.sizes import sizes_of
 from zwidth.diagnosis.selection.effort import Effort
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, Prices, judged
+from zwidth.diagnosis.settings import PURSUIT
 from zwidth.sim.device import place_label
 from zwidth.sim.physics import richer_at
 from zwidth.sim.physics.effect import Effect, Physics
@@ -32,7 +33,7 @@ from zwidth.sim.place import label_of
 
 Floats = NDArray[np.float64]
 SLOWEST = 1e-6  # ratio of an observer that hardly corrects the model
-NO_SIGN = 10.0  # score below which a start says nothing: the noise of a few samples
+NO_SIGN = PURSUIT.no_sign
 GROWN_TICKS = 3000  # of all recordings together: twice as many, and half, arrived no more often
 TELLING_TICKS = 10 * SETTLING  # of a recording at least, by which starts are ranked
 FAR_TICKS = 6000  # of all recordings together, in far views: what is strong shows in as many

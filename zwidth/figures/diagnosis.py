@@ -274,7 +274,11 @@ def _plain_numbers(axes: Axes) -> None:
         wide = math.log10(high / low) > 1.5
         axis.set_major_locator(LogLocator(subs=(1.0,) if wide else (1.0, 2.0, 5.0)))
         axis.set_minor_locator(NullLocator())
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_major_formatter(FuncFormatter(_plain_number))
+
+
+def _plain_number(value: float, _: float | None = None) -> str:
+    return f"{value:g}"
 
 
 def _over_time(axes: Axes, values: Floats, period: float, colour: str, label: str) -> None:

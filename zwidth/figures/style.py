@@ -2,7 +2,7 @@
 
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import IO, TYPE_CHECKING, Any
 
 from zwidth.files.whole import replacing
 
@@ -39,7 +39,7 @@ def save_figure(figure: "Figure", stem: Path) -> list[Path]:
     return files
 
 
-def draw(figure: "Figure", stream: BinaryIO, kind: str) -> None:
+def draw(figure: "Figure", stream: IO[bytes], kind: str) -> None:
     """Draw a figure once, as one of `KINDS`, into a stream.
 
     `Figure.savefig` draws a figure that has a layout twice, the first time to find the layout; the
