@@ -100,7 +100,7 @@ CASES: dict[str, Case | str] = {
             *("o/rec.next.toml", "o/rec.next.npy"),
         ),
         ("rec.toml", "rec.csv", "dev.toml"),
-        "diagnose",
+        "zwidth.diagnose_files.diagnose",
     ),
     "watch": Case(
         "rec.toml --device dev.toml --json o/x.json --out o",

@@ -33,6 +33,7 @@ from zwidth.sim.place import label_of
 
 Floats = NDArray[np.float64]
 SLOWEST = 1e-6  # ratio of an observer that hardly corrects the model
+SLOWER = 1e-2  # of the own ratio
 NO_SIGN = PURSUIT.no_sign
 GROWN_TICKS = 3000  # of all recordings together: twice as many, and half, arrived no more often
 TELLING_TICKS = 10 * SETTLING  # of a recording at least, by which starts are ranked
@@ -134,14 +135,18 @@ def afar(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
 
 
 def shown(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
-    """Yield the hypothesis with one effect more: those that stand out in the next sample."""
+    """Yield the hypothesis with one effect more: those that stand out in the next sample.
+
+    Under its own noise, and under a hundred times slower one that takes nothing for colour.
+    """
     device = h.model.build(h.x)
     sizes = sizes_of(device, h.experiments, h.model.reads(h.x).gain)
-    seen = view(h.problem, h.model, h.x, own=True)
-    starts = _together(starts_at(open_places(device), sizes, far=False), shown_starts(seen))
-    for rank, one in enumerate(screened(seen, starts)):
-        if rank < effort.near and one.score > NO_SIGN:
-            yield _with(h, seen, one)
+    near = starts_at(open_places(device), sizes, far=False)
+    for seen in _views(h):
+        starts = _together(near, shown_starts(seen))
+        for rank, one in enumerate(screened(seen, starts)):
+            if rank < effort.near and one.score > NO_SIGN:
+                yield _with(h, seen, one)
 
 
 def scattered(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
@@ -332,6 +337,14 @@ def replaced(index: int) -> Move:
                 yield replace(_with(base, seen, one), akin=akin)
 
     return move
+
+
+def _views(h: Hypothesis) -> Iterator[View]:
+    """Yield a hypothesis under its own noise, and under a slower one."""
+    yield view(h.problem, h.model, h.x, own=True)
+    with suppress(NoObserver):
+        slower = prepared_for(h.experiments, h.model, h.x, SLOWER * h.ratio)
+        yield view(slower, h.model, h.x, own=True)
 
 
 def _views_afar(h: Hypothesis) -> Iterator[View]:

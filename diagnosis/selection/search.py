@@ -66,12 +66,11 @@ FAR_SPREAD, NEAR_SPREADS = 0.5, (0.3, 0.1)  # in x, of which one is a file's own
 class Moves:
     """What a search tries: to add, to put in place of a hypothesis, and of one of its effects.
 
-    first: to add to a device file; adding: to what was found; last: once nothing else is believed.
+    last: to add, once nothing else is believed.
     """
 
-    first: Sequence[Move] = (shown, afar)
-    adding: Sequence[Move] = (shown,)
-    last: Sequence[Move] = (afar, stepped, scattered)
+    adding: Sequence[Move] = (shown, afar)
+    last: Sequence[Move] = (stepped, scattered)
     exchanging: Sequence[Move] = (removed, simpler, split, merged, swapped)
     replacing: Callable[[int], Move] = replaced
 
@@ -249,8 +248,9 @@ def _grown(found: Search) -> None:
             return
         found.grown.add(found.best.labels)
         found.say(f"what may be missing beside {found.best.model.label}")
-        moves = found.moves.adding if found.best.model.effects else found.moves.first
-        proposals = [p for h in beam for move in moves for p in _proposed(move, h, found.effort)]
+        proposals = [
+            p for h in beam for move in found.moves.adding for p in _proposed(move, h, found.effort)
+        ]
         new = fitted(found, proposals, found.effort.ended)
         if not new and not found.moves.last:
             return
@@ -275,8 +275,7 @@ def _last(found: Search, base: Hypothesis) -> list[Hypothesis]:
     Play that gained nothing beside one structure is not asked for beside another: its blind starts
     cost as much as all else.
     """
-    asked = found.moves.first if not base.model.effects else found.moves.adding
-    moves = [m for m in found.moves.last if m not in asked and (m is not scattered or found.plays)]
+    moves = [move for move in found.moves.last if move is not scattered or found.plays]
     more = [p for move in moves for p in _proposed(move, base, found.effort)]
     kept = fitted(found, more, found.effort.ended)
     if scattered in moves:
