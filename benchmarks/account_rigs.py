@@ -1,7 +1,7 @@
 """Six simulated recordings whose diagnosis is accounted for: what each may cost is known.
 
 White or swept torque, noise of force and reading, an encoder that is read at full precision. They
-are the rows of the account in docs/performance.md and those that `tests/test_account.py` counts.
+are the rows that `python -m benchmarks.bench_diagnosis` prints.
 """
 
 from collections.abc import Callable, Mapping

@@ -42,8 +42,7 @@ Floats = NDArray[np.float64]
 # forgets in 300 ticks; coarse encoders on quiet machines ask for 1e-9 (43 in -2 ln over 1e-7 on a
 # rig of four effects), and beyond either end nothing changes.
 FAMILY = np.geomspace(1e-10, 1e7, 18)
-NEAR_RATIOS = 1.5  # decades about the last ratio in which the next is sought
-COARSE = 3  # every how many ratios of the family are looked at first
+NEAR_RATIOS = 2.5  # decades about the last ratio in which the next is sought
 NEGLIGIBLE = 1e-6  # of the largest direction, in which a beginning does not show
 
 
@@ -101,18 +100,11 @@ class Noise:
 
 
 def likeliest(
-    experiments: Sequence[Experiment],
-    model: Model,
-    x: Floats,
-    family: Family = NEXT_SAMPLE,
-    begun: Sequence[Floats] | None = None,
+    experiments: Sequence[Experiment], model: Model, x: Floats, family: Family = NEXT_SAMPLE
 ) -> Noise:
-    """Return the likeliest model of the noise; raises NoObserver where none follows.
-
-    begun: where the observer of a device with play began nearby, so that it is not sought anew.
-    """
+    """Return the likeliest model of the noise; raises NoObserver where none follows."""
     with reason("noise"):
-        found = _likely(experiments, model, x, family)
+        found = noises(experiments, model, x, family)
     if not found:
         raise NoObserver(
             f"no observer follows the recordings with this device ({model.label}); check sign,"
@@ -120,28 +112,8 @@ def likeliest(
         )
     best = min(found, key=lambda noise: noise.cost)
     with reason("beginnings"):
-        own = _begun_with_play(experiments, model, x, family, best, begun)
+        own = _begun_with_play(experiments, model, x, family, best)
     return best if own is None or own.cost > best.cost else own
-
-
-def _likely(
-    experiments: Sequence[Experiment], model: Model, x: Floats, family: Family
-) -> list[Noise]:
-    """Models of the noise of every third ratio, and of those beside the likeliest of them.
-
-    The cost has one valley over the ratio: what trusts the model too little or too much.
-    """
-    few = family.ratios
-    if len(few) <= COARSE + 1:
-        return noises(experiments, model, x, family)
-    found = noises(experiments, model, x, replace(family, ratios=few[1::COARSE]))
-    if not found:
-        return noises(experiments, model, x, family)
-    best = min(found, key=lambda noise: noise.cost)
-    beside = tuple(
-        r for r in few if r != best.observer.ratio and r in family.near(best.observer.ratio).ratios
-    )
-    return found + noises(experiments, model, x, replace(family, ratios=beside))
 
 
 def noises(
@@ -183,12 +155,7 @@ def _noise(
 
 
 def _begun_with_play(
-    experiments: Sequence[Experiment],
-    model: Model,
-    x: Floats,
-    family: Family,
-    noise: Noise,
-    begun: Sequence[Floats] | None,
+    experiments: Sequence[Experiment], model: Model, x: Floats, family: Family, noise: Noise
 ) -> Noise | None:
     """The noise of an observer that begins where a device with play does; None where that is it."""
     if not with_play((*model.nominal.physics, *model.effects)):
@@ -196,7 +163,7 @@ def _begun_with_play(
     device = model.acting(x)
     seen = [model.seen(e, x) for e in experiments]
     observer = noise.observer
-    starts = begun or [
+    starts = [
         by_own_slopes(device, e, observer, s) for e, s in zip(seen, noise.starts, strict=True)
     ]
     if all(now is before for now, before in zip(starts, noise.starts, strict=True)):
