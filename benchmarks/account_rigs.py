@@ -1,4 +1,4 @@
-"""Six simulated recordings whose diagnosis is accounted for: what each may cost is known.
+"""Six simulated recordings whose diagnosis is accounted for.
 
 White or swept torque, noise of force and reading, an encoder that is read at full precision. They
 are the rows that `python -m benchmarks.bench_diagnosis` prints.
