@@ -8,7 +8,6 @@ from zwidth.diagnosis.answer.result import UNKNOWN_FIT, Estimate, Finding, Held,
 from zwidth.diagnosis.fitting.uncertainty import Z95, inflation
 from zwidth.diagnosis.forces.leftover import leftover
 from zwidth.diagnosis.forces.locate import locate
-from zwidth.diagnosis.forces.probes import instead_by_law
 from zwidth.diagnosis.forces.unknown import TOUCHED, Instead, instead, unknown
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
@@ -77,7 +76,6 @@ def instead_of(found: Searched) -> Instead | None:
         for name, without in models
         if without.x.size < final.x.size
     ]
-    asked.append(instead_by_law(found.problem, final))
     return max((a for a in asked if a is not None), key=lambda a: a.gained, default=None)
 
 

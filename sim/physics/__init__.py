@@ -56,7 +56,7 @@ NAMES = (
     "free_shift",
 )
 
-# Laws of no library: no device file names them, the diagnosis asks with them (`forces.probes`).
+# Laws of no library, which no device file names: known shapes to hold what is learned against.
 PROBE_NAMES = ("power_drag", "one_sided_spring", "periodic_force")
 
 
