@@ -37,12 +37,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from zwidth.diagnosis.answer.learned import LearnedLaw
-from zwidth.diagnosis.answer.learned_surface import LearnedSurface
+from zwidth.diagnosis.answer.learned import LearnedLaw, LearnedSurface
 from zwidth.diagnosis.diagnose import diagnose
-from zwidth.diagnosis.learning.curves import Learned
-from zwidth.diagnosis.learning.surfaces import Surface
-from zwidth.diagnosis.learning.tables import law_at
+from zwidth.diagnosis.laws.learned import Curve, Surface
+from zwidth.diagnosis.laws.points import law_at
 from zwidth.diagnosis.recording.experiment import stretches
 from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.exam.filming import Scene, draw_camera, film
@@ -192,7 +190,7 @@ def _ends(seen: Floats) -> tuple[Floats, Floats]:
     return np.asarray(seen.min(axis=0)), np.asarray(seen.max(axis=0))
 
 
-def apart(one: Drawn, law: Law, curve: Learned) -> tuple[float, float]:
+def apart(one: Drawn, law: Law, curve: Curve) -> tuple[float, float]:
     """Return by how much a curve errs over the law's rms, and together with names beside it."""
     low, high = np.clip(np.quantile(one.states, (0.01, 0.99)), *_ends(curve.seen))
     s = np.linspace(low, high, 100)
@@ -245,7 +243,7 @@ def _likely_scale(told: float) -> float:
     return float(np.clip(told, 1.0 / MOST_OFF, MOST_OFF))
 
 
-def within(law: Law, curve: Learned) -> bool:
+def within(law: Law, curve: Curve) -> bool:
     """Return whether a curve's band holds the law."""
     at = curve.states[1:] if curve.odd else curve.states
     known = curve.covariance[1:, 1:] if curve.odd else curve.covariance

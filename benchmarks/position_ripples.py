@@ -24,8 +24,9 @@ from zwidth.diagnosis.answer.inverse import force_errors
 from zwidth.diagnosis.answer.learned import LearnedLaw, like_what
 from zwidth.diagnosis.answer.result import HeldOut
 from zwidth.diagnosis.intake.take_in import Taken, take_in
-from zwidth.diagnosis.learning.curves import as_learned, over_turns
-from zwidth.diagnosis.mishaps import silent
+from zwidth.diagnosis.laws.learn import first_fit
+from zwidth.diagnosis.laws.learned import as_curve
+from zwidth.diagnosis.laws.start import over_turns
 from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.diagnosis.selection.evidence import ALPHA
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, against, judged, settled
@@ -68,11 +69,11 @@ def _learned(device: Device, taken: Taken, found: Search) -> LearnedLaw | None:
     for i in ripples:
         p = best.model.effects_at(best.x)[i]
         print("  ripple", {key: float(f"{v:.5g}") for key, v in p.values.items()}, flush=True)
-    turned = next(over_turns(best, silent), None)
-    if turned is None:
+    begun = next(over_turns(best), None)
+    law = None if begun is None else first_fit(begun, 1.0)
+    if law is None:
         return None
-    h, site = turned
-    curve = as_learned(h, site, best, found)
+    h, curve = law.h, as_curve(law, best, found)
     model, x = best.model.less(best.x, *ripples)
     without = settled(judged(best.experiments, model, x, best.family))
     _fits(device, taken, found, without, "without")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.learning.formulas import FORMS, formulas
+from zwidth.diagnosis.laws.formula import FORMS, formulas
 
 Floats = NDArray[np.float64]
 STATES = np.linspace(-2.0, 2.0, 12)

@@ -18,7 +18,7 @@ from test_lanes import assert_equal_runs
 
 from zwidth.controllers.none import none
 from zwidth.controllers.recorded import recorded
-from zwidth.diagnosis.learning.steady import along
+from zwidth.diagnosis.laws.steady import along
 from zwidth.export.c_source import c_source
 from zwidth.export.model import loss
 from zwidth.export.settable import may_be_set

@@ -14,7 +14,7 @@ from test_free_force import COMMAND, errors, integrated, mass
 from test_free_product import ALL_STATES, drawn
 from test_lanes import assert_equal_runs
 
-from zwidth.diagnosis.learning.surface_forms import Field, ShiftForm, form_of
+from zwidth.diagnosis.laws.forms import Shape, ShiftForm, Site
 from zwidth.export.c_source import c_source
 from zwidth.export.model import loss
 from zwidth.fleet.structure import known_structure
@@ -30,6 +30,7 @@ from zwidth.sim.physics.two_tables import (
     LAW_FIRST,
     LAW_SECOND,
     POINTS,
+    table_at,
     two_tables_of,
     two_tables_values,
 )
@@ -146,9 +147,9 @@ def test_in_modelica_it_moves_alike(states: tuple[str, str]) -> None:
     assert loss(ours, run_as_modelica(device, COMMANDS)) < 0.01 * loss(ours, bare)
 
 
-def seen(floats: bool = False) -> Field:
+def seen(floats: bool = False) -> Site:
     states = np.random.default_rng(1).normal(size=(500, 2))
-    return Field("m1", ("position", "velocity"), states, 1.0, floats)
+    return Site("free_shift", "m1", ("position", "velocity"), states, floats=floats)
 
 
 @pytest.mark.parametrize("order", [("position", "velocity"), ("velocity", "position")])
@@ -157,12 +158,12 @@ def test_the_slopes_of_its_numbers_are_differences(order: tuple[str, str]) -> No
     s = np.linspace(-2.0, 2.0, 9)
     physics = shifted(order, np.column_stack([s, np.sin(s)]).tolist(),
                       np.column_stack([s, 0.2 * s**2]).tolist())  # fmt: skip
-    form, h = form_of(physics), 1e-6
+    form, h = ShiftForm(physics), 1e-6
     a, b = np.random.default_rng(2).normal(size=(2, 20))
     slopes = form.slopes(a, b)
     for k, name in enumerate(form.names):
         more, less = (
-            form_of(make_physics("free_shift", "m1", **{**physics.values, name: value})).at(a, b)
+            ShiftForm(make_physics("free_shift", "m1", **{**physics.values, name: value})).at(a, b)
             for value in (physics.values[name] + h, physics.values[name] - h)
         )
         np.testing.assert_allclose(slopes[:, k], (more - less) / (2.0 * h), atol=1e-6)
@@ -175,34 +176,32 @@ def test_from_where_states_are_counted_changes_nothing(order: tuple[str, str]) -
     Mutation that breaks it: the first table moved the other way.
     """
     s = np.linspace(-2.0, 2.0, 9)
-    form = form_of(shifted(order, np.column_stack([s, np.sin(s)]).tolist(),
+    form = ShiftForm(shifted(order, np.column_stack([s, np.sin(s)]).tolist(),
                            np.column_stack([s, 0.2 * s**2 + 0.3]).tolist()))  # fmt: skip
     a, b = np.random.default_rng(2).uniform(-1.0, 1.0, size=(2, 20))
-    centred = form_of(form.centred(seen()))
-    assert isinstance(centred, ShiftForm)
+    centred = ShiftForm(form.centred(seen()))
     np.testing.assert_allclose(centred.at(a, b), form.at(a, b), atol=1e-12)
     assert abs(float(centred.at(np.zeros(1), np.zeros(1))[0]) - np.sin(0.3)) < 2e-3
     moved = form.moved(seen(), 0.1, 0.7)
     assert moved is not None
     there = (a + 0.1, b) if order[0] == "position" else (a, b + 0.1)
-    np.testing.assert_allclose(form_of(moved).at(*there), form.at(a, b) + 0.7, atol=1e-12)
+    np.testing.assert_allclose(ShiftForm(moved).at(*there), form.at(a, b) + 0.7, atol=1e-12)
 
 
 @pytest.mark.parametrize("floats", [False, True])
 def test_a_law_of_fewer_points_has_the_numbers_that_are_said_of_it(floats: bool) -> None:
     """Its numbers at the points that went are offset + basis y, what is held among what stays."""
-    field, s = seen(floats), np.linspace(-2.0, 2.0, 9)
-    form = form_of(shifted(field.over, np.column_stack([s, np.sin(s)]).tolist(),
+    site, s = seen(floats), np.linspace(-2.0, 2.0, 9)
+    form = ShiftForm(shifted(("position", "velocity"), np.column_stack([s, np.sin(s)]).tolist(),
                            np.column_stack([s, 0.1 * s]).tolist()))  # fmt: skip
-    free = [name for name in form.names if name in form.scales(field)]
-    some = np.array([0, 2, 4, 6, 8])
-    assert form.kept(field, free) == ((4, 4) if floats else (-1, 4))
-    fewer = form.fewer(field, free, some, some)
+    free = [name for name in form.names if name in form.scales(site)]
+    kept = form.kept(site, free)
+    assert kept[1] == s[4]
+    assert kept[0] == s[4] if floats else np.isnan(kept[0])
+    fewer = form.fewer(site, free, Shape((s[::2], s[::2])))
     y = np.random.default_rng(3).normal(size=fewer.basis.shape[1])
-    law = form_of(fewer.law(y))
-    assert isinstance(form, ShiftForm)
-    there = law if isinstance(law, ShiftForm) else form
-    on = two_tables_of(there.on(field, form.states, form.beside).values)
-    numbers = dict(zip(form.names, [f for table in on[1:] for _, f in table], strict=True))
+    law = ShiftForm(fewer.law(y))
+    on = [table_at(table, s) for table in (law.tables.first, law.tables.second)]
+    numbers = dict(zip(form.names, np.concatenate(on), strict=True))
     found = fewer.offset + fewer.basis @ y
     np.testing.assert_allclose(found, [numbers[name] for name in free], atol=1e-12)

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.answer.learned import learned
 from zwidth.diagnosis.answer.result import HeldOut
-from zwidth.diagnosis.learning.curves import Learned, learn
-from zwidth.diagnosis.learning.energy import makes_energy
-from zwidth.diagnosis.learning.formulas import formulas
-from zwidth.diagnosis.learning.tables import law_at
+from zwidth.diagnosis.laws.formula import formulas
+from zwidth.diagnosis.laws.learn import learn
+from zwidth.diagnosis.laws.learned import Curve
+from zwidth.diagnosis.laws.points import law_at
 from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.recording.experiment import Experiment, Output
@@ -85,7 +85,7 @@ def without_names(law: Law) -> Search:
 
 
 @cache
-def curve_of(law: Law) -> Learned | None:
+def curve_of(law: Law) -> Curve | None:
     return learn(without_names(law), silent)
 
 
@@ -139,7 +139,7 @@ def test_what_a_reading_errs_by_is_learned() -> None:
     curve = learn(Search(plain, plain, QUICK, silent), silent)
     assert curve is not None
     assert (curve.physics.effect.name, curve.physics.at) == ("free_sensor", "sensor")
-    assert "by the drive" in makes_energy(curve, False)
+    assert "by the drive" in curve.energy(False)
     low, high = np.quantile(e.measured, (0.02, 0.98)).tolist()
     q = np.linspace(low, high, 60)
     off = law_at(curve.physics, q) - errs(q)

@@ -11,13 +11,14 @@ from scipy.stats import chi2
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.answer.friction_curve import friction_curve
 from zwidth.diagnosis.answer.learned import like_what
-from zwidth.diagnosis.learning.curves import Learned, learn, replacing
-from zwidth.diagnosis.learning.energy import makes_energy, powers
-from zwidth.diagnosis.learning.knots import known, one_way, shapes
-from zwidth.diagnosis.learning.steady import along
-from zwidth.diagnosis.learning.tables import basis, law_at, table
-from zwidth.diagnosis.learning.together import together
-from zwidth.diagnosis.learning.where import Site, beside, comes_back
+from zwidth.diagnosis.forces.leftover import predicted_states
+from zwidth.diagnosis.laws.fewer import cheapest, known_of, price
+from zwidth.diagnosis.laws.forms import Shape, Site, TableForm
+from zwidth.diagnosis.laws.learn import fitted, learn, replacing
+from zwidth.diagnosis.laws.learned import Curve
+from zwidth.diagnosis.laws.points import basis, law_at, table
+from zwidth.diagnosis.laws.start import beside, comes_back, site_at
+from zwidth.diagnosis.laws.steady import along, together
 from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.model.parameters import Model, Varying
 from zwidth.diagnosis.recording.experiment import Experiment, Output
@@ -30,10 +31,9 @@ from zwidth.sim.device import Device
 from zwidth.sim.interface import Interface
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
-from zwidth.sim.physics.free_law import FORCE, points_of
+from zwidth.sim.physics.free_law import points_of
 from zwidth.sim.place import place_at
 from zwidth.sim.run import simulate
-from zwidth.sim.uncertainty import Uncertainty
 
 Floats = NDArray[np.float64]
 T = 0.004
@@ -77,12 +77,12 @@ def near_friction() -> Search:
 
 
 @cache
-def taken_for_friction() -> Learned | None:
+def taken_for_friction() -> Curve | None:
     return learn(near_friction(), silent)
 
 
 @cache
-def friction_and_cube() -> Learned | None:
+def friction_and_cube() -> Curve | None:
     return learn(searched((RUBS, CUBES), RUBS, level=0.4), silent)
 
 
@@ -140,7 +140,7 @@ def test_a_law_of_many_periods_is_learned_as_one_turn() -> None:
 
 def test_a_turn_stays_longer_than_its_table() -> None:
     """Mutation: a period without a bound, which a fit makes shorter than the points of its turn."""
-    site = Site("free_spring", "m1", V, TURN, 0.1 * TURN)
+    site = Site("free_spring", "m1", ("position",), V[:, None], period=TURN, scale=0.1 * TURN)
     model, x = beside(Model(DEVICE), np.zeros(len(Model(DEVICE).parameters)), site, DETENT)
     (period,) = (i for i, p in enumerate(model.parameters) if p.name.endswith(".period"))
     shortest = model.within(np.where(np.arange(x.size) == period, -1e3, x))
@@ -228,15 +228,12 @@ def test_a_law_replaces_names_that_stand_in_for_it() -> None:
 
 
 def test_no_law_replaces_names_that_are_there() -> None:
-    """Though one would, of names that cost as much as the device file alone.
-
-    Mutation that breaks it: a law held against the device file alone, and not against names.
-    """
+    """Mutation that breaks it: a law sought where no state leads what names leave."""
     drag = make_physics("quadratic_drag", "m1", coefficient=0.3)
     found = two_named(RUBS, drag)
-    assert next(replacing(found, silent), None) is None
-    found.best = replace(found.best, cost=found.plain.cost)
-    assert next(replacing(found, silent), None) is not None
+    said: list[str] = []
+    assert next(replacing(found, said.append), None) is None
+    assert said == []
 
 
 def test_a_name_stays_that_is_not_quite_its_law() -> None:
@@ -277,19 +274,19 @@ def test_a_drag_takes_energy_and_what_pushes_makes_it() -> None:
     """Mutation that breaks it: the power of the force alone, without its damper and friction."""
     curve = friction_and_cube()
     assert curve is not None
-    said = makes_energy(curve, False)
+    said = curve.energy(False)
     assert said.endswith(("makes none", "its damper and coulomb_friction at m1 at none"))
     pushes = np.array([[0.0, 0.5, 2.0], [0.0, 2.0, -2.0]])
     law = table("free_damper", "m1", *pushes, odd=True)
     pushing = replace(curve, physics=law)
-    assert makes_energy(pushing, False).startswith("it makes energy, even with its damper and coul")
+    assert pushing.energy(False).startswith("it makes energy, even with its damper and coul")
     h = curve.hypothesis
     damper = float(h.model.build(h.x).chain.ground_dampers[0])
     level = h.model.effects_at(h.x)[0].values["level"]
     expected = 0.5 * (2.0 - 0.5 * damper - level)
-    np.testing.assert_allclose(powers(pushing, np.array([0.5])), [expected])
+    np.testing.assert_allclose(pushing.powers(np.array([0.5])), [expected])
     resting = replace(curve, physics=table("free_spring", "m1", *pushes, odd=False))
-    assert "closed path" in makes_energy(resting, False)
+    assert "closed path" in resting.energy(False)
 
 
 def test_friction_is_shown_as_a_curve_with_what_the_samples_ask_for() -> None:
@@ -354,34 +351,24 @@ def test_what_repeats_is_learned_in_the_place_of_a_ripple() -> None:
 
 
 def test_a_table_of_fewer_points_is_told_from_one_fit() -> None:
-    """What `shapes` foretells beside what a fit of that table costs. Mutation: B for the full."""
-    curve = taken_for_friction()
-    assert curve is not None
-    h = curve.hypothesis
-    there = known(h)
-    law = h.model.effects_at(h.x)[-1]
-    assert there.forces.size == len(points_of(law.values)) - int(curve.odd)
-    for shape in shapes(h, curve.seen):
-        assert len(points_of(shape.law.values)) <= max(len(points_of(law.values)), 12)
-        assert np.isfinite(shape.cost)
-    up = one_way(h)
-    assert up.cost.total <= h.cost.total
+    """What `price` foretells of fewer points is what a fit of them costs more or less.
 
-
-def test_a_law_that_only_falls_costs_less_for_it() -> None:
-    """Its steps are smaller than its levels. Mutation that breaks it: no such price.
-
-    The damper is known: else the line in a law is as well the damper's.
+    Mutations that break it: B of the full table; the pull without what other parameters take.
     """
-    device = replace(DEVICE, uncertainty=Uncertainty(dampers=1e-6))
-    v = np.linspace(0.0, 2.0, 7)
-    law = table("free_damper", "m1", v, -1.5 * np.tanh(v / 0.6), odd=True)
-    model = Model(device).with_effect(law, dict.fromkeys(FORCE[1:7], 0.1))
-    h = settled(judged([recording(SATURATES)], model, np.zeros(len(model.parameters))))
-    falls = one_way(h)
-    values = falls.model.effects_at(falls.x)[-1].values
-    assert np.all(np.diff([values[key] for key in FORCE[:7]]) <= 0.0)
-    assert falls.cost.total < h.cost.total - 1.0
+    found = bare(CUBES)
+    h = found.plain
+    site = site_at(h, predicted_states(h.problem, h.fitted), "free_damper", "m1")
+    sizes = (9, 5)
+    axes = [np.linspace(-2.0, 2.0, size) for size in sizes]
+    full, few = (fitted(h, site, site.table(at, 0.0 * at)) for at in axes)
+    assert full is not None
+    assert few is not None
+    there, form = known_of(full), TableForm(full.model.effects_at(full.x)[-1])
+    foretold = [price(there, form, site, Shape((at,))).cost for at in axes]
+    assert foretold[1] - foretold[0] == pytest.approx(few.cost.total - full.cost.total, rel=0.1)
+    best = cheapest(there, form, site)
+    assert best.cost <= min(foretold)
+    assert best.shape.odd
 
 
 def test_a_table_is_the_sum_of_its_points() -> None:
@@ -389,11 +376,11 @@ def test_a_table_is_the_sum_of_its_points() -> None:
     f = np.array([0.4, -1.0, 0.3, 2.0])
     s = np.linspace(-1.5, 2.5, 30)
     law = table("free_spring", "m1", at, f, False)
-    np.testing.assert_allclose(basis(law, at, False, s) @ f, law_at(law, s), atol=1e-12)
+    np.testing.assert_allclose(basis(at, False, 0.0, s) @ f, law_at(law, s), atol=1e-12)
     odd = np.array([0.0, 0.5, 2.0])
     g = np.array([0.7, -1.0])
     turned = table("free_spring", "m1", odd, np.array([0.0, *g]), True)
-    np.testing.assert_allclose(basis(turned, odd, True, s) @ g, law_at(turned, s), atol=1e-12)
+    np.testing.assert_allclose(basis(odd, True, 0.0, s) @ g, law_at(turned, s), atol=1e-12)
 
 
 def given(law: Physics, curve: str, at: Floats) -> Floats:

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from zwidth.cli import run
-from zwidth.diagnosis.learning.formulas import LAWS
-from zwidth.diagnosis.learning.own_effect import effect_text, law_of_two_text
+from zwidth.diagnosis.laws.formula import FORMS
+from zwidth.diagnosis.laws.own_effect import effect_text, law_of_two_text
 from zwidth.errors import Status
 from zwidth.sim.own_files import VARIABLE, own_files, source_hash
 from zwidth.sim.physics.own import FIRST_CODE, PLAIN, OwnEffect, compiled, read_own, translated
@@ -128,7 +128,7 @@ def test_files_are_those_that_a_variable_names_or_of_a_folder(
 
 
 @pytest.mark.parametrize("effect", ["free_spring", "free_damper", "free_amplifier", "free_sensor"])
-@pytest.mark.parametrize("form", list(LAWS))
+@pytest.mark.parametrize("form", [form.name for form in FORMS])
 def test_whatever_formula_was_learned_is_a_file_that_is_read(effect: str, form: str):
     numbers = dict.fromkeys("abcdefghijklmnopqrstuvwxyz", 0.5) | {"k1": 0.3, "k2": 0.2}
     own, _ = read(effect_text("mine", effect, form, numbers, "a test"))
@@ -138,7 +138,7 @@ def test_whatever_formula_was_learned_is_a_file_that_is_read(effect: str, form: 
     assert all(p.unit_for(True) is not None for p in own.effect.parameters)
 
 
-@pytest.mark.parametrize("second", list(LAWS))
+@pytest.mark.parametrize("second", [form.name for form in FORMS])
 @pytest.mark.parametrize("states", [("position", "velocity"), ("velocity", "command")])
 def test_a_product_that_was_learned_is_a_file_that_is_read(states: tuple[str, str], second: str):
     """Its law is that of both formulas; mutation that breaks it: numbers of one for the other."""
@@ -157,7 +157,7 @@ def test_a_product_that_was_learned_is_a_file_that_is_read(states: tuple[str, st
     assert all(value == "found as 0.25" for name, value in found.items() if name != "a")
 
 
-@pytest.mark.parametrize("form", list(LAWS))
+@pytest.mark.parametrize("form", [form.name for form in FORMS])
 def test_whatever_formula_shifts_another_is_a_file_that_is_read(form: str):
     """Each as what shifts and as what is shifted. Mutation that breaks it: factors of no start."""
     numbers = dict.fromkeys("abcdefghijklmnopqrstuvwxyz", 0.5)
@@ -187,7 +187,7 @@ def test_what_was_learned_is_kept_as_a_file_of_ones_own(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
     monkeypatch.chdir(tmp_path)
-    form = next(iter(LAWS))
+    form = FORMS[0].name
     learned = {
         "effect": "free_damper", "formula": "f = -0.02 v^3",
         "formulas": [{"form": form, "numbers": dict.fromkeys("abcdefghijklmnopqrstuvwxyz", 0.5)}],

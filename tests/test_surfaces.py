@@ -9,9 +9,16 @@ from numpy.typing import NDArray
 from test_learning import DEVICE, Law, nothing, recording, without_names
 
 from zwidth.diagnosis.answer.held_out import held_out
-from zwidth.diagnosis.answer.learned import learned_over_two
-from zwidth.diagnosis.answer.learned_surface import LearnedSurface
-from zwidth.diagnosis.learning.surface_forms import Field, filled, form_of, grid, product, told
+from zwidth.diagnosis.answer.learned import LearnedSurface, learned_over_two
+from zwidth.diagnosis.laws.forms import (
+    ProductForm,
+    Shape,
+    Site,
+    filled,
+    form_of_two,
+    grid,
+    told,
+)
 from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.selection.searched import as_found
 from zwidth.figures.learned_surface import law_figure
@@ -141,10 +148,11 @@ def test_only_points_that_enough_samples_are_nearest_to_are_told() -> None:
     assert np.array_equal(told(seen, axis, axis), expected)
 
 
-def field_of(rows: Floats, columns: Floats, floats: bool) -> Field:
+def site_of(rows: Floats, columns: Floats, floats: bool) -> Site:
     """Where every point of a grid but its last corner was visited often."""
     every = np.array([(a, b) for a in rows for b in columns][:-1])
-    return Field("m1", ("velocity", "command"), np.repeat(every, 12, axis=0), 1.0, floats)
+    over = ("velocity", "command")
+    return Site("free_force", "m1", over, np.repeat(every, 12, axis=0), floats=floats)
 
 
 @pytest.mark.parametrize("floats", [False, True])
@@ -159,24 +167,23 @@ def test_a_law_of_fewer_points_has_the_numbers_that_are_said_of_it(
     """
     random = np.random.default_rng(5)
     rows, columns = np.sort(random.uniform(-1.0, 1.0, 6)), np.sort(random.uniform(-2.0, 2.0, 5))
-    field = field_of(rows, columns, floats)
+    site = site_of(rows, columns, floats)
     if times:
-        law = product(
-            field, rows, random.normal(size=6), columns, np.array([0.2, 1.0, 0.5, 3.0, 0.1])
-        )
-        free = [name for name in form_of(law).names if name != "second_2"]  # held, and outgrown
+        laws = random.normal(size=6), np.array([0.2, 1.0, 0.5, 3.0, 0.1])
+        law = ProductForm.of("m1", ("velocity", "command"), (rows, columns), laws)
+        free = [name for name in form_of_two(law).names if name != "second_2"]  # held, and outgrown
     else:
-        law = grid(field, rows, columns, random.normal(size=(6, 5)))
-        free = list(form_of(law).scales(field))
+        law = grid(site, rows, columns, random.normal(size=(6, 5)))
+        free = list(form_of_two(law).scales(site))
         assert len(free) == 29 - int(floats)
-    form = form_of(law)
-    kept = form.kept(field, free)
-    first = np.unique([0, 2, 3, 5, max(kept[0], 0)])
-    second = np.unique([0, 2, 4, max(kept[1], 0)])
-    few = form.fewer(field, free, first, second)
+    form = form_of_two(law)
+    kept = form.kept(site, free)
+    first = np.unique([*rows[[0, 2, 3, 5]], rows[0] if np.isnan(kept[0]) else kept[0]])
+    second = np.unique([*columns[[0, 2, 4]], columns[0] if np.isnan(kept[1]) else kept[1]])
+    few = form.fewer(site, free, Shape((first, second)))
     y = random.normal(size=few.basis.shape[1])
     if times:
-        other = form_of(few.law(y))
+        other = form_of_two(few.law(y))
         told_by = few.offset + few.basis @ y
         np.testing.assert_allclose(other.at(rows, np.full(6, columns[1])), told_by[:6], atol=1e-12)
         share = other.at(np.full(5, rows[0]), columns) / other.at(rows[:1], columns[1:2])
@@ -184,12 +191,11 @@ def test_a_law_of_fewer_points_has_the_numbers_that_are_said_of_it(
     else:
         a, b = np.meshgrid(rows, columns, indexing="ij")
         cells = np.isin(np.array(form.names), free)
-        given = form_of(few.law(y)).at(a, b).ravel()
+        given = form_of_two(few.law(y)).at(a, b).ravel()
         np.testing.assert_allclose(given[cells], few.offset + few.basis @ y, atol=1e-12)
         if floats:
-            assert given.reshape(6, 5)[kept] == pytest.approx(
-                law.values[form.names[kept[0] * 5 + kept[1]]]
-            )
+            i, j = np.searchsorted(rows, kept[0]), np.searchsorted(columns, kept[1])
+            assert given.reshape(6, 5)[i, j] == pytest.approx(law.values[form.names[i * 5 + j]])
 
 
 def test_points_of_an_axis_count_one_together() -> None:

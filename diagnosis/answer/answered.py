@@ -14,8 +14,13 @@ from zwidth.diagnosis.answer.findings import all_findings, linear, upper_bounds
 from zwidth.diagnosis.answer.headline import Answer, headline
 from zwidth.diagnosis.answer.held_out import held_out
 from zwidth.diagnosis.answer.inverse import ForceError, force_errors
-from zwidth.diagnosis.answer.learned import LearnedLaw, learned, learned_over_two, replacement
-from zwidth.diagnosis.answer.learned_surface import LearnedSurface
+from zwidth.diagnosis.answer.learned import (
+    LearnedLaw,
+    LearnedSurface,
+    learned,
+    learned_over_two,
+    replacement,
+)
 from zwidth.diagnosis.answer.levels import next_level
 from zwidth.diagnosis.answer.result import (
     UNKNOWN_FIT,
@@ -255,9 +260,10 @@ def _rather_than(findings: Sequence[Finding], law: Law) -> str:
     """Say which names a law stands for."""
     gone = law.curve.replaced
     names = [n for f in findings if (n := f"{f.effect} at {f.at}") in gone]
+    come = "comes" if len(names) == 1 else "together come"
     return (
         f"something is missing that no effect of the library explains: {' and '.join(names)}"
-        f" together come near it, and one law over {law.over.rstrip(',')} explains it better"
+        f" {come} near it, and one law over {law.over.rstrip(',')} explains it better"
     )
 
 

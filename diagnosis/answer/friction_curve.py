@@ -20,8 +20,7 @@ from zwidth.diagnosis.answer.diagnosis_log import missing_force
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.forces.leftover import predicted_states
 from zwidth.diagnosis.forces.unknown import SLOWER
-from zwidth.diagnosis.learning.steady import along
-from zwidth.diagnosis.learning.together import Together, follows, together
+from zwidth.diagnosis.laws.steady import Together, along, follows, together
 from zwidth.diagnosis.noise.predictor import SETTLING, innovations
 from zwidth.diagnosis.noise.settle import prepared_for
 from zwidth.diagnosis.noise.steady import NoObserver

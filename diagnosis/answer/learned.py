@@ -1,10 +1,13 @@
-"""A law of no name, as an answer says it: its curve, its formula, and what it is worth."""
+"""A law of no name, as an answer says it: its curve or surface, its formula, and what it is worth.
+
+Of two tables each law is known with the covariance of the fit, and looks like a formula of its own:
+"a sine of the position times a parabola of the velocity", or "shifted by" it. A grid is of no form.
+"""
 
 import itertools
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,49 +17,46 @@ from zwidth.diagnosis.answer.adequacy import oftener_freer
 from zwidth.diagnosis.answer.friction_curve import asked_beyond, read_beyond
 from zwidth.diagnosis.answer.headline import place_in_words
 from zwidth.diagnosis.answer.held_out import free_share, held_out
-from zwidth.diagnosis.answer.learned_surface import LearnedSurface, factors
 from zwidth.diagnosis.answer.result import HeldOut
-from zwidth.diagnosis.fitting.fit import Fitted
-from zwidth.diagnosis.learning.curves import Learned, laws, replacing
-from zwidth.diagnosis.learning.energy import makes_energy
-from zwidth.diagnosis.learning.formulas import Formula, formulas
-from zwidth.diagnosis.learning.surfaces import Surface, surfaces
-from zwidth.diagnosis.learning.tables import law_at
+from zwidth.diagnosis.fitting.uncertainty import Z95
+from zwidth.diagnosis.forces.leftover import predicted_states
+from zwidth.diagnosis.laws.forms import GridForm, TablesForm, told
+from zwidth.diagnosis.laws.formula import Formula, formulas
+from zwidth.diagnosis.laws.learn import laws, replacing, surfaces
+from zwidth.diagnosis.laws.learned import Curve, Surface, damper_at
+from zwidth.diagnosis.laws.points import law_at
+from zwidth.diagnosis.laws.start import states_seen
 from zwidth.diagnosis.mishaps import Say
 from zwidth.diagnosis.noise.family import as_far_as
-from zwidth.diagnosis.noise.predictor import Observer
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, independent, judged, settled
 from zwidth.diagnosis.selection.search import Search
 from zwidth.diagnosis.selection.searched import FAR_S, Searched, as_found, judge_of
+from zwidth.diagnosis.settings import LAWS
 from zwidth.sim.device import Device
 from zwidth.sim.readable import with_unit
 
 Floats = NDArray[np.float64]
-# Of the error of the names' free runs, below which a law is worth having: nobody would act on less,
-# and slow chance forces can make as much (of 13 recordings without a law one got a law that left
-# 0.94, `benchmarks.learned_laws`).
-BETTER = 0.8
-LETTERS = {"free_spring": "q", "free_damper": "v", "free_amplifier": "u", "free_sensor": "q"}
+LETTERS = {
+    "free_spring": "q", "free_damper": "v", "free_amplifier": "u", "free_sensor": "q",
+    "position": "q", "velocity": "v", "command": "u",
+}  # fmt: skip
 # A spring, a damper, a scale, a constant force or an origin, which are parameters or have names.
 STRAIGHT = ("straight line", "line", "offset")
-BEYOND = 2.0  # times the noise's square, where half of an error's square is something else
-LAWS = 3  # of each horizon, that are held against held-out data
-ALIKE = 2  # forms that are not told apart, that a headline says
-QUANTILES = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 
 
 @dataclass(frozen=True)
 class LearnedLaw:
-    """A law, the formulas it looks like (cheapest first, none: of no form), and held-out fits.
+    """A law over one state, the formulas it looks like, and held-out fits.
 
-    formulas: of the law with the names that follow the same state at its place, where such are
-    (`whole`), else of the law. names, law: errors over the motion of free runs on held-out data,
-    with the names that are believed alone, and with the law. found: the fit with it.
+    formulas: the cheapest first, none for no form: of the law with the names that follow the same
+    state at its place, where such are (`whole`), else of the law. names, law: errors over the
+    motion of free runs on held-out data, with the names that are believed alone, and with the law.
+    found: the fit with it.
     """
 
-    curve: Learned
+    curve: Curve
     formulas: tuple[Formula, ...]
     whole: bool
     names: HeldOut
@@ -91,14 +91,12 @@ class LearnedLaw:
         }.get(curve.physics.effect.name, f"a force acts {place_in_words(at, masses)}")
         unit = _length(rotary) if sensor else ("N m" if rotary else "N")
         most = with_unit(float(np.abs(curve.forces).max()), unit, 2)
-        alike = " or ".join(_a(f.form.name) for f in self.formulas[:ALIKE])
+        alike = " or ".join(_a(f.form.name) for f in self.formulas[:2])
         looks = f", {self._looks(alike)}" if self.formulas else ""
-        own, other = 100.0 * self.law.after, 100.0 * self.names.after
-        over = self.over.rstrip(",")
         return (
-            f"{what} that has no name in the library: up to {most} over {over}{looks};"
-            f" with it free runs on held-out data err {own:.2g} % of the motion, and {other:.2g} %"
-            " without"
+            f"{what} that has no name in the library: up to {most} over {self.over.rstrip(',')}"
+            f"{looks}; with it free runs on held-out data err {_errs(self.law)} of the motion,"
+            f" and {_errs(self.names)} without"
         )
 
     def _looks(self, like: str) -> str:
@@ -116,10 +114,9 @@ class LearnedLaw:
             "free_sensor": "what the reading errs by",
         }.get(curve.physics.effect.name, f"a force at {curve.physics.at}")
         looks = f", {self._looks(self.formula)}," if self.formula else ""
-        own, other = 100.0 * self.law.after, 100.0 * self.names.after
         return (
             f"learned from it: {what} over {self.over}{looks} with which free runs on held-out"
-            f" data err {own:.2g} % of the motion ({other:.2g} % without)"
+            f" data err {_errs(self.law)} of the motion ({_errs(self.names)} without)"
         )
 
     @property
@@ -159,7 +156,7 @@ class LearnedLaw:
     @property
     def energy(self) -> str:
         """Say whether it ever makes energy."""
-        return makes_energy(self.curve, self.found.final.model.nominal.rotary)
+        return self.curve.energy(self.found.final.model.nominal.rotary)
 
     def samples(self) -> tuple[Floats, Floats]:
         """Return states and forces (samples,): what the recording says of the law at each sample.
@@ -168,11 +165,11 @@ class LearnedLaw:
         (`friction_curve.asked_beyond`), of the recordings that it was fitted to.
         """
         curve, final, problem = self.curve, self.found.final, self.found.problem
+        given = law_at(curve.physics, curve.seen)
         if curve.physics.effect.name == "free_sensor":
-            return curve.seen, law_at(curve.physics, curve.seen) + read_beyond(problem, final)
+            return curve.seen, given + read_beyond(problem, final)
         at = curve.physics.at if curve.physics.place.kind in ("mass", "link") else "m1"
-        states = curve.seen
-        return states, law_at(curve.physics, states) + asked_beyond(problem, final, at)
+        return curve.seen, given + asked_beyond(problem, final, at)
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON of `zwidth diagnose`."""
@@ -185,35 +182,169 @@ class LearnedLaw:
             "period": curve.period or None,
             "one_way": curve.one_way,
             "points": _points(curve.states, curve.forces, curve.lower, curve.upper),
-            "seen": dict(
-                zip(map(str, QUANTILES), np.quantile(curve.seen, QUANTILES).tolist(), strict=True)
-            ),
+            "seen": _quantiles(curve.seen),
             "formula": self.formula or None,
             "formula_of": "together" if self.whole else "curve",
-            "formulas": [
-                {"form": f.form.name, "text": f.text(self.letter), "numbers": f.numbers,
-                 "chance": f.chance, "cost": f.cost}
-                for f in self.formulas
-            ],
-            "beside": list(curve.names),
-            "absorbed": list(curve.absorbed),
-            "replaced": list(curve.replaced),
+            "formulas": _formulas_json(self.formulas, self.letter),
             "together": together
             and {
                 "names": list(together.names),
-                "points": _points(
-                    together.states, together.forces, together.lower, together.upper
-                ),
+                "points": _points(together.states, together.forces, together.lower, together.upper),
             },
-            "energy": self.energy,
-            "gained": curve.gained,
-            "free_run": {"names": self.names.after, "law": self.law.after},
-        }  # fmt: skip
+            **_common_json(self),
+        }
 
 
-def _points(*columns: Floats) -> list[dict[str, float]]:
-    rows = np.column_stack(columns).tolist()
-    return [dict(zip(("state", "force", "lower", "upper"), row, strict=True)) for row in rows]
+@dataclass(frozen=True)
+class LearnedSurface:
+    """A law over two states, what the laws of its tables look like, and held-out fits.
+
+    forms: of the first and of the second state, the cheapest first; () for a grid, and empty for a
+    law of no form. names, law: errors over the motion of free runs on held-out data, with the names
+    and the law of one state that are believed, and with the surface. found: the fit with it.
+    """
+
+    curve: Surface
+    forms: tuple[tuple[Formula, ...], ...]
+    names: HeldOut
+    law: HeldOut
+    found: Searched
+
+    @property
+    def over(self) -> str:
+        """What it follows, in words."""
+        return " and ".join(self.curve.over)
+
+    @property
+    def formula(self) -> str:
+        """What it looks like, "" for no form."""
+        if not self.forms or not all(self.forms):
+            return ""
+        first, second = (LETTERS[state] for state in self.curve.states)
+        law, other = self.forms[0][0], self.forms[1][0].text(second)
+        if self.curve.shifts:
+            return f"{law.text('s')}, s = {first} + {other}".replace("+ -", "- ")
+        return f"({law.text(first)}) ({other})"
+
+    def formula_at(self, first: Floats, second: Floats) -> Floats:
+        """Return what the formula makes of states (...,), where there is one."""
+        law, other = (form[0] for form in self.forms)
+        if self.curve.shifts:
+            return law.at(first + other.at(second))
+        return law.at(first) * other.at(second)
+
+    @property
+    def form(self) -> str:
+        """Its form in words: of which laws it is made, "" for a grid."""
+        each = [f"a {form[0].form.name}" if form else "a law" for form in self.forms]
+        does = " shifted by " if self.curve.shifts else " times "
+        return does.join(
+            f"{law} of {state}" for law, state in zip(each, self.curve.over, strict=False)
+        )
+
+    @property
+    def absorbed(self) -> str:
+        """Which names were part of it: of a surface, those are said to be replaced."""
+        return ""
+
+    def headline(self, masses: int, rotary: bool) -> str:
+        """Say it as the first line of an answer: where, over what, of which form, its worth."""
+        curve = self.curve
+        most = with_unit(float(np.abs(curve.at(*curve.seen.T)).max()), "N m" if rotary else "N", 2)
+        looks = f", which looks like {self.form}" if self.forms else ""
+        return (
+            f"a force acts {place_in_words(curve.physics.place, masses)} that has no name in the"
+            f" library: up to {most} over {self.over} together{looks}; {self._worth}"
+        )
+
+    @property
+    def sentence(self) -> str:
+        """Say what was learned, and what it is worth."""
+        looks = f", which looks like {self.formula}" if self.formula else ""
+        return (
+            f"learned from it: a force at {self.curve.physics.at} over {self.over} together"
+            f"{looks}; {self._worth}"
+        )
+
+    @property
+    def _worth(self) -> str:
+        return (
+            f"with it free runs on held-out data err {_errs(self.law)} of the motion, and"
+            f" {_errs(self.names)} without"
+        )
+
+    @property
+    def size(self) -> str:
+        """How it stands in a device file."""
+        first, second = (axis.size for axis in self.curve.form.axes)
+        if isinstance(self.curve.form, TablesForm):
+            return f"two tables of {first} and {second} points"
+        return f"a table of {first} rows and {second} columns"
+
+    @property
+    def caption(self) -> str:
+        """What its picture shows."""
+        first, second = self.curve.over
+        return (
+            "Above the force over both states where the recording was, with its samples; below"
+            f" over {first} at some of {second}, and over {second} at some of {first}, with the"
+            " 95 % band, in which a damper, a spring and a scale of the command are too."
+        )
+
+    @property
+    def others(self) -> list[str]:
+        """Formulas that its band does not tell from the first, of either law."""
+        return [
+            f"{f.form.name} ({f.text(LETTERS[state])}) of {state}"
+            for form, state in zip(self.forms, self.curve.states, strict=False)
+            for f in form[1:3]
+        ]
+
+    @property
+    def energy(self) -> str:
+        """Say whether it ever makes energy along what was recorded, with its place's damper."""
+        final, problem, at = self.found.final, self.found.problem, self.curve.physics.at
+        h = replace(self.curve.hypothesis, experiments=problem.experiments)
+        v = states_seen(h, at, ("velocity",), predicted_states(problem, final))[:, 0]
+        own = self.curve.at(*self.curve.seen.T) * v
+        whole = own - damper_at(self.curve) * v * v
+        mean = with_unit(abs(float(own.mean())), "W", 2)
+        does = "takes" if own.mean() <= 0.0 else "feeds in"
+        said = f"by itself it {does} {mean} on the average of what was recorded"
+        if float(whole.max()) <= 1e-3 * float(np.abs(whole).max()):
+            return f"{said}, and with its damper makes energy at no time"
+        return f"{said}, and with its damper feeds in up to {with_unit(float(whole.max()), 'W', 2)}"
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the JSON of `zwidth diagnose`."""
+        curve = self.curve
+        seen = dict(zip(curve.states, map(_quantiles, curve.seen.T), strict=True))
+        return {
+            "effect": curve.physics.effect.name,
+            "at": curve.physics.at,
+            "over": self.over,
+            "states": list(curve.states),
+            **(_grid_json(curve) if isinstance(curve.form, GridForm) else _tables_json(self)),
+            "seen": seen,
+            "formula": self.formula or None,
+            "formulas": [self._formula_json()] if self.formula else [],
+            **_common_json(self),
+        }
+
+    def _formula_json(self) -> dict[str, Any]:
+        """The likeliest formula of two tables, of its two parts."""
+        return {
+            "form": "shift" if self.curve.shifts else "product",
+            "text": self.formula,
+            "factors": [
+                {"state": state, "form": form[0].form.name, "numbers": form[0].numbers}
+                for state, form in zip(self.curve.states, self.forms, strict=True)
+            ],
+        }
+
+
+def _errs(free: HeldOut) -> str:
+    return f"{100.0 * free.after:.2g} %"
 
 
 def _a(form: str) -> str:
@@ -227,7 +358,71 @@ def _length(rotary: bool) -> str:
     return "rad" if rotary else "m"
 
 
-def like_what(curve: Learned) -> tuple[tuple[Formula, ...], bool]:
+def _common_json(law: LearnedLaw | LearnedSurface) -> dict[str, Any]:
+    """What is said of a law whatever it is over."""
+    return {
+        "beside": list(law.curve.names),
+        "absorbed": list(law.curve.absorbed),
+        "replaced": list(law.curve.replaced),
+        "energy": law.energy,
+        "gained": law.curve.gained,
+        "free_run": {"names": law.names.after, "law": law.law.after},
+    }
+
+
+def _points(*columns: Floats, made: str = "force") -> list[dict[str, float]]:
+    rows = np.column_stack(columns).tolist()
+    return [dict(zip(("state", made, "lower", "upper"), row, strict=True)) for row in rows]
+
+
+def _quantiles(states: Floats) -> dict[str, float]:
+    shares = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
+    return dict(zip(map(str, shares), np.quantile(states, shares).tolist(), strict=True))
+
+
+def _formulas_json(found: Sequence[Formula], letter: str) -> list[dict[str, Any]]:
+    return [
+        {"form": f.form.name, "text": f.text(letter), "numbers": f.numbers, "chance": f.chance,
+         "cost": f.cost}
+        for f in found
+    ]  # fmt: skip
+
+
+def _tables_json(law: LearnedSurface) -> dict[str, Any]:
+    """Both tables with their bands, and what they look like."""
+    form, found = law.curve.form, dict[str, Any]()
+    assert isinstance(form, TablesForm)
+    both = zip(("first", "second"), form.axes, form.laws, form.both, law.forms, law.curve.states,
+               strict=True)  # fmt: skip
+    for key, at, made, names, looks, state in both:
+        half = Z95 * np.sqrt(np.maximum(np.diag(law.curve.of(names)), 0.0))
+        found[key] = {
+            "points": _points(at, made, made - half, made + half, made="law"),
+            "formulas": _formulas_json(looks, LETTERS[state]),
+        }
+    return found
+
+
+def _grid_json(curve: Surface) -> dict[str, Any]:
+    """The grid with the band of what was seen of it, null where nothing was."""
+    form = curve.form
+    assert isinstance(form, GridForm)
+    half = curve.half(*np.meshgrid(*form.axes, indexing="ij"))
+    seen, forces = told(curve.seen, form.rows, form.columns), form.grid.values
+
+    def of_what_is_told(values: Floats) -> list[list[float | None]]:
+        return np.where(seen, values, None).tolist()  # pyright: ignore[reportArgumentType,reportCallIssue]
+
+    return {
+        "rows": form.rows.tolist(),
+        "columns": form.columns.tolist(),
+        "table": forces.tolist(),
+        "lower": of_what_is_told(forces - half),
+        "upper": of_what_is_told(forces + half),
+    }
+
+
+def like_what(curve: Curve) -> tuple[tuple[Formula, ...], bool]:
     """Return what a law looks like, and whether it is with the names that follow its state."""
     whole = curve.together
     if whole is not None:
@@ -239,6 +434,74 @@ def like_what(curve: Learned) -> tuple[tuple[Formula, ...], bool]:
     return tuple(own), False
 
 
+def factors(curve: Surface) -> tuple[tuple[Formula, ...], ...]:
+    """Return what either law of two tables looks like, () for a grid.
+
+    A shift may have another constant, since nothing tells from where it is counted.
+    """
+    form = curve.form
+    if not isinstance(form, TablesForm):
+        return ()
+    first, second = (curve.of(names) for names in form.both)
+    if curve.shifts:
+        second = second + (10.0 * np.ptp(form.others)) ** 2
+    return (
+        tuple(formulas(form.states, form.forces, first, odd=False)),
+        tuple(formulas(form.beside, form.others, second, odd=False)),
+    )
+
+
+@dataclass(frozen=True)
+class _Judge:
+    """What laws are held against: the answer by names, and what its free runs err by.
+
+    names: errors over the motion of free runs on held-out data, of what is believed without a law.
+    """
+
+    device: Device
+    found: Searched
+    judge_by: Sequence[Experiment]
+    names: HeldOut
+    say: Say
+
+    def hopeful(self, h: Hypothesis) -> bool:
+        """Whether free runs of a law before its points were refined err as little as they must."""
+        share = free_share(h.model, h.x, judge_of(h), self.judge_by)
+        return share < LAWS.better * self.names.after
+
+    def fit(self, search: Search, h: Hypothesis) -> tuple[HeldOut, Searched] | None:
+        """Free runs on held-out data with a law, and the fit; None where they are no better.
+
+        Where noise of slow forces is what a hypothesis believes in, they must be freer oftener too.
+        """
+        with_law = as_found(self.device, replace(search, best=h))
+        free = held_out(self.device, with_law, self.judge_by)[1]
+        better = free.after < LAWS.better * self.names.after
+        if better and not h.family.whitening:
+            own, other = ((one.final, one.judge) for one in (with_law, self.found))
+            better = oftener_freer(own, other, self.judge_by)
+        if better:
+            return free, with_law
+        self.say("the law that was learned does not hold on held-out data")
+        return None
+
+    def law(self, search: Search, curve: Curve) -> LearnedLaw | None:
+        """A law as held-out data judge it; None where they speak against it, or it is a line."""
+        fit = self.fit(search, curve.hypothesis)
+        if fit is None:
+            return None
+        looks, both = like_what(curve)
+        if looks and looks[0].form.name in STRAIGHT:  # within a band that holds anything
+            self.say("what was learned looks like a straight line: that is no law")
+            return None
+        return LearnedLaw(curve, looks, both, self.names, *fit)
+
+    def surface(self, search: Search, surface: Surface) -> LearnedSurface | None:
+        """A surface as held-out data judge it; None where they speak against it."""
+        fit = self.fit(search, surface.hypothesis)
+        return None if fit is None else LearnedSurface(surface, factors(surface), self.names, *fit)
+
+
 def learned(
     device: Device,
     found: Searched,
@@ -246,6 +509,7 @@ def learned(
     names: HeldOut,
     say: Say,
     turns: bool = False,
+    most: int = 3,
 ) -> LearnedLaw | None:
     """Learn a law where names do not explain a recording; None where none holds on other data.
 
@@ -254,21 +518,17 @@ def learned(
     half a second tells much. The likeliest of each first; of those that hold on held-out data that
     which errs less there, and where neither does the next of each, as of names. names: free runs on
     held-out data of what is named. turns: only what repeats, in the place of a ripple that is
-    named.
+    named. most: laws of each horizon that are held against held-out data.
     """
     say("learning what repeats" if turns else "no name explains it: learning a law")
-    hopeful = partial(_hopeful, judge_by, names)
-    horizons = [(search, laws(search, say, turns, hopeful)) for search in _horizons(found)]
-    for _ in range(LAWS):
-        told = [
-            one
-            for search, each in horizons
-            if (curve := next(each, None)) is not None
-            and (one := _judged(device, search, curve, found, judge_by, names, say)) is not None
-        ]
+    judge = _Judge(device, found, judge_by, names, say)
+    horizons = [(search, laws(search, say, turns, judge.hopeful)) for search in _horizons(found)]
+    for _ in range(most):
+        asked = [(search, next(each, None)) for search, each in horizons]
+        laws_told = [judge.law(search, curve) for search, curve in asked if curve is not None]
         # What a horizon taught may hold on what it was taught by alone.
-        if told:
-            return min(told, key=lambda law: law.law.after)
+        if kept := [law for law in laws_told if law is not None]:
+            return min(kept, key=lambda law: law.law.after)
     return None
 
 
@@ -285,44 +545,27 @@ def learned_over_two(
     Where free runs err more by what is missing than by noise still, with a law of one state where
     one was learned. As `learned`, and held against that law as well.
     """
-    if not found.tried.effort.surfaces:
-        return None
     left = names if one is None else one.law
-    if not left.after**2 > BEYOND * left.noise_floor**2:
+    if not found.tried.effort.surfaces or not left.after**2 > LAWS.left * left.noise_floor**2:
         return None
     say("asking whether what is left follows two states together")
-    hopeful = partial(_hopeful, judge_by, left)
-    told: list[LearnedSurface] = []
+    judge = _Judge(device, found, judge_by, left, say)
+    kept: list[LearnedSurface] = []
     for search in _horizons(found):
         than = [search.best, search.plain]
         if one is not None and (h := _alike(search, one.curve.hypothesis)) is not None:
             than.append(h)
-        for forms in surfaces(search, than, say, hopeful):
-            held = False
-            for surface in forms:
-                law = _judged_surface(device, search, surface, found, judge_by, left, say)
+        each = surfaces(search, than, say, judge.hopeful)
+        for _, forms in itertools.groupby(each, lambda s: (s.physics.at, frozenset(s.states))):
+            own: list[LearnedSurface] = []
+            for law in (judge.surface(search, surface) for surface in forms):
                 if law is not None and law.law.after < law.law.noise_floor:
                     return law  # nothing is left to be said
-                held = held or law is not None
-                told += [] if law is None else [law]
-            if held:
+                own += [] if law is None else [law]
+            kept += own
+            if own:
                 break
-    return min(told, key=lambda law: law.law.after, default=None)
-
-
-def _judged_surface(
-    device: Device,
-    search: Search,
-    surface: Surface,
-    found: Searched,
-    judge_by: Sequence[Experiment],
-    left: HeldOut,
-    say: Say,
-) -> LearnedSurface | None:
-    """A surface as held-out data judge it; None where they speak against it."""
-    h = surface.hypothesis
-    fit = _held_out_fit(device, search, h, found, judge_by, left, say)
-    return None if fit is None else LearnedSurface(surface, factors(surface), left, *fit)
+    return min(kept, key=lambda law: law.law.after, default=None)
 
 
 def _alike(search: Search, h: Hypothesis) -> Hypothesis | None:
@@ -341,83 +584,18 @@ def replacement(
     judge_by: Sequence[Experiment],
     names: HeldOut,
     say: Say,
+    most: int = 3,
 ) -> LearnedLaw | None:
     """Return a law in the place of names that explain a recording; None where these stand.
 
-    What is named may be a sum of names near a law that is in no library. As `learned`.
+    What is named may be near a law that is in no library. As `learned`.
     """
-    if len(found.tried.best.model.effects) < 2:
-        return None
-    say("asking whether one law of no name explains it as well as these names together")
-    hopeful = partial(_hopeful, judge_by, names)
-    for curve in itertools.islice(replacing(found.tried, say, hopeful), LAWS):
-        law = _judged(device, found.tried, curve, found, judge_by, names, say)
-        if law is not None:
+    say("asking whether one law of no name explains it better than these names")
+    judge = _Judge(device, found, judge_by, names, say)
+    for curve in itertools.islice(replacing(found.tried, say, judge.hopeful), most):
+        if (law := judge.law(found.tried, curve)) is not None:
             return law
     return None
-
-
-def _hopeful(judge_by: Sequence[Experiment], names: HeldOut, h: Hypothesis) -> bool:
-    """Whether free runs of a table of all its points err as little as those of a law must."""
-    return free_share(h.model, h.x, judge_of(h), judge_by) < BETTER * names.after
-
-
-def _judged(
-    device: Device,
-    search: Search,
-    curve: Learned,
-    found: Searched,
-    judge_by: Sequence[Experiment],
-    names: HeldOut,
-    say: Say,
-) -> LearnedLaw | None:
-    """A law as held-out data judge it; None where they speak against it, or it is a line."""
-    fit = _held_out_fit(device, search, curve.hypothesis, found, judge_by, names, say)
-    if fit is None:
-        return None
-    looks, both = like_what(curve)
-    if looks and looks[0].form.name in STRAIGHT:  # within a band that holds anything
-        say("what was learned looks like a straight line: that is no law")
-        return None
-    return LearnedLaw(curve, looks, both, names, *fit)
-
-
-def _held_out_fit(
-    device: Device,
-    search: Search,
-    h: Hypothesis,
-    found: Searched,
-    judge_by: Sequence[Experiment],
-    names: HeldOut,
-    say: Say,
-) -> tuple[HeldOut, Searched] | None:
-    """Free runs on held-out data with a law, and the fit; None where they are no better by it."""
-    with_law = as_found(device, replace(search, best=h))
-    free = held_out(device, with_law, judge_by)[1]
-    if _better(h, with_law, found, judge_by, names, free):
-        return free, with_law
-    say("the law that was learned does not hold on held-out data")
-    return None
-
-
-def _better(
-    h: Hypothesis,
-    with_law: Searched,
-    found: Searched,
-    judge_by: Sequence[Experiment],
-    names: HeldOut,
-    free: HeldOut,
-) -> bool:
-    """Whether free runs on held-out data are better with a law than without."""
-    near = h.family.whitening
-    ratio = free.after / names.after if names.after > 0.0 else 1.0
-    if ratio >= BETTER:
-        return False
-    return near or oftener_freer(_pair(with_law), _pair(found), judge_by)
-
-
-def _pair(found: Searched) -> tuple[Fitted, Observer]:
-    return found.final, found.judge
 
 
 def _horizons(found: Searched) -> Iterator[Search]:

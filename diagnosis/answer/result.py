@@ -24,8 +24,7 @@ from zwidth.sim.place import place_at
 if TYPE_CHECKING:
     from zwidth.diagnosis.answer.changes import Change
     from zwidth.diagnosis.answer.events import Event
-    from zwidth.diagnosis.answer.learned import LearnedLaw
-    from zwidth.diagnosis.answer.learned_surface import LearnedSurface
+    from zwidth.diagnosis.answer.learned import LearnedLaw, LearnedSurface
     from zwidth.diagnosis.answer.levels import NextLevel
 
 Floats = NDArray[np.float64]

@@ -13,7 +13,7 @@ import click
 
 from zwidth.compiling import announce
 from zwidth.console import Column, Console
-from zwidth.diagnosis.learning.own_effect import effect_text, law_of_two_text
+from zwidth.diagnosis.laws.own_effect import effect_text, law_of_two_text
 from zwidth.figures.names import picture_files
 from zwidth.files.protection import reading
 from zwidth.files.whole import write_text

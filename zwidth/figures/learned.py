@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.answer.learned import LearnedLaw
-from zwidth.diagnosis.learning.tables import law_at
-from zwidth.diagnosis.learning.together import Together
+from zwidth.diagnosis.laws.points import law_at
+from zwidth.diagnosis.laws.steady import Together
 from zwidth.figures.style import STYLE
 from zwidth.sim.physics.free_law import AT, FORCE
 from zwidth.sim.readable import scaled

@@ -11,18 +11,19 @@ from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.free_law import points_of, table_values
 
 Floats = NDArray[np.float64]
-BOTH_WAYS = 0.3  # of the largest state on one side, that the other must reach for an odd law
-MET = 10  # samples nearest to a point, of which fewer say nothing of the force there
 
 
 def law_at(law: Physics, states: Floats) -> Floats:
-    """Return a law of no name at some states (...,)."""
+    """Return the force of a table over one state at some states (...,)."""
     s, f = np.array(points_of(law.values)).T
-    return _through(s, f, is_odd(law), law.values["period"], states)
+    return through(s, f, is_odd(law), law.values["period"], states)
 
 
-def _through(s: Floats, f: Floats, odd: bool, period: float, states: Floats) -> Floats:
-    """The curve at states (n,) through points s (points,) of laws f (points,) or (points, laws)."""
+def through(s: Floats, f: Floats, odd: bool, period: float, states: Floats) -> Floats:
+    """Return the curve at states (n,) through points s (points,) of f (points,) or (points, laws).
+
+    The interpolation of `sim/physics/free_law.py`.
+    """
     x = np.asarray(states, dtype=np.float64)
     if period > 0.0:
         x = s[0] + np.mod(x - s[0], period)
@@ -34,14 +35,16 @@ def _through(s: Floats, f: Floats, odd: bool, period: float, states: Floats) -> 
     return np.asarray(smooth(np.clip(x, s[0], s[-1])))
 
 
-def left_out(law: Physics) -> Floats:
-    """Return by how much a table is likely to err at each of its points (points,)."""
-    s, f = np.array(points_of(law.values)).T
-    return left_out_of(s, f, is_odd(law), law.values["period"])
+def basis(at: Floats, odd: bool, period: float, states: Floats) -> Floats:
+    """Return what each point of a table (points,) adds to it at states (n,): (n, numbers).
+
+    The first point of an odd table is at 0 and adds nothing: it has no column.
+    """
+    return through(at, np.eye(at.size)[:, int(odd) :], odd, period, states)
 
 
 def left_out_of(s: Floats, f: Floats, odd: bool = False, period: float = 0.0) -> Floats:
-    """Return by how much a curve through laws f (points, ...) at states s is likely to err at each.
+    """Return the likely error of a curve through f (points, ...) at states s, at each point.
 
     A cubic through points h apart with tangents from differences errs as h^3, so that of every
     other point an eighth of what the curve through its neighbours misses it by is left: that is
@@ -54,7 +57,7 @@ def left_out_of(s: Floats, f: Floats, odd: bool = False, period: float = 0.0) ->
     inner = range(s.size) if period > 0.0 else range(1, s.size - 1)
     for k in inner:
         at, forces = np.delete(s, k), np.delete(f, k, axis=0)
-        found[k] = np.abs(_through(at, forces, odd, period, s[k]) - f[k]) / 8.0
+        found[k] = np.abs(through(at, forces, odd, period, s[k]) - f[k]) / 8.0
     if period == 0.0:
         found[0], found[-1] = 0.0 if odd else found[1], found[-2]
     return found
@@ -65,39 +68,44 @@ def is_odd(law: Physics) -> bool:
     return law.values["odd"] > 0.5
 
 
-def points_over(seen: Floats, count: int, odd: bool, period: float = 0.0) -> Floats | None:
-    """Return so many states for a table over those seen (samples,); None where it has no sense.
+def points_over(
+    seen: Floats, count: int = 16, odd: bool = False, period: float = 0.0, both_ways: float = 0.3
+) -> Floats | None:
+    """Return at most so many states for a table over those seen (samples,); None where none fit.
 
-    An odd law must have been seen on both sides. Half by where it was, half evenly: the ends are
-    where a law shows, and are seldom visited. Fewer where a state takes few values, as a command of
-    some levels does: points between these would say nothing. One that repeats has them evenly over
-    its turn.
+    Half by where the recording was, half evenly: the ends are where a law shows, and are seldom
+    visited. Fewer where a state takes few values, as a command of some levels does. Of a law that
+    repeats they stand evenly over its period. An odd law must have been seen on both sides, to this
+    share (both_ways) of the larger one.
     """
     if period > 0.0:
         return period * np.arange(count) / count
     low, high = float(seen.min()), float(seen.max())
-    if odd and min(-low, high) < BOTH_WAYS * max(-low, high):
+    if odd and min(-low, high) < both_ways * max(-low, high):
         return None
     share = np.linspace(0.0, 1.0, count)
     even = (0.0 if odd else low) + share * (max(-low, high) if odd else high - low)
     where = np.sort(np.abs(seen) if odd else seen)
     at = 0.5 * (np.quantile(where, share) + even)
     at[0], at[-1] = even[0], even[-1]
-    return None if np.any(np.diff(at) <= 0.0) else _met(at, where)
+    return None if np.any(np.diff(at) <= 0.0) else met(at, where)
 
 
 def between(at: Floats, seen: Floats) -> Floats:
     """Return states of a table (points,) with one more between each two, where samples tell it."""
-    return _met(np.sort(np.concatenate([at, 0.5 * (at[1:] + at[:-1])])), np.sort(seen))
+    return met(np.sort(np.concatenate([at, 0.5 * (at[1:] + at[:-1])])), np.sort(seen))
 
 
-def _met(at: Floats, where: Floats) -> Floats:
-    """Those of some states that enough samples lie nearest to, and the ends; where: sorted."""
+def met(at: Floats, where: Floats, enough: int = 10) -> Floats:
+    """Return the ends of some states and those that enough samples are nearest to; where: sorted.
+
+    A point that fewer samples are nearest to says nothing of the force there.
+    """
     while at.size > 2:
         edges = np.searchsorted(where, 0.5 * (at[1:] + at[:-1]))
         nearest = np.diff(edges)
         k = int(np.argmin(nearest))
-        if nearest[k] >= MET:
+        if nearest[k] >= enough:
             break
         at = np.delete(at, k + 1)
     return at
@@ -109,12 +117,3 @@ def table(
     """Return a law of points (states, forces), each (points,)."""
     points: Sequence[tuple[float, float]] = list(zip(states.tolist(), forces.tolist(), strict=True))
     return make_physics(effect, at, **table_values(points, odd, period))
-
-
-def basis(law: Physics, states: Floats, odd: bool, at: Floats) -> Floats:
-    """Return what each point of another table adds to it at some states (points, numbers).
-
-    states: of that table's points, of an odd one the first is 0 and adds nothing.
-    """
-    units = np.eye(states.size)[:, int(odd) :]
-    return _through(states, units, odd, law.values["period"], at)
