@@ -181,5 +181,8 @@ class Begun:
 def promised(one: Begun) -> float:
     """Return what a priced hypothesis would cost with the points of its last law that pay."""
     there, law = known_of(one.h), one.h.model.effects_at(one.h.x)[-1]
-    best = cheapest(there, form_of(law), one.site)
-    return one.h.cost.total + min(0.0, best.cost - as_it_is(there))
+    own, best = as_it_is(there), cheapest(there, form_of(law), one.site).cost
+    if math.isfinite(own):
+        return one.h.cost.total + min(0.0, best - own)
+    paid = one.h.cost  # not all of its points are told, but those that pay may be
+    return paid.misfit + paid.rarity + paid.searched + best - there.stands

@@ -124,11 +124,7 @@ class Fewer(NamedTuple):
 
 
 class Form(ABC):
-    """A law of no name. names: of all its numbers; axes: where its points stand along each state.
-
-    kept: which state along either axis belongs to the number that is held, NaN for none, is a
-    method since a site and the free numbers decide it.
-    """
+    """A law of no name. names: of all its numbers; axes: where its points stand, by state."""
 
     names: tuple[str, ...]
     axes: tuple[Floats, ...]
@@ -291,25 +287,13 @@ def filled(forces: Floats, known: Seen) -> Floats:
     return np.asarray(laid, dtype=np.float64)
 
 
-class FormOfTwo(Form):
-    """A law over two states."""
-
-    @abstractmethod
-    def at(self, first: Floats, second: Floats) -> Floats:
-        """Return the force at states (...,)."""
-
-    @abstractmethod
-    def slopes(self, first: Floats, second: Floats) -> Floats:
-        """Return what each number adds to the force at states (...,): (..., numbers)."""
-
-
 def grid(site: Site, rows: Floats, columns: Floats, forces: Floats) -> Physics:
     """Return a grid of forces (rows, columns)."""
     values = grid_values(site.over, rows.tolist(), columns.tolist(), forces)
     return make_physics("free_force", site.at, **values)
 
 
-class GridForm(FormOfTwo):
+class GridForm(Form):
     """A grid of forces at rows and columns."""
 
     def __init__(self, law: Physics) -> None:
@@ -401,7 +385,7 @@ def _counted_from(axes: Sequence[Floats], over: Sequence[str], by: float) -> lis
     return [axis + by * (name == "position") for axis, name in zip(axes, over, strict=True)]
 
 
-class TablesForm(FormOfTwo):
+class TablesForm(Form):
     """Two tables: of a force over one state, and of what the other state makes of it."""
 
     effect: str
@@ -585,16 +569,13 @@ class ShiftForm(TablesForm):
         return found
 
 
-FORMS_OF_TWO: dict[str, type[GridForm] | type[ProductForm] | type[ShiftForm]] = {
-    "free_force": GridForm,
-    "free_product": ProductForm,
-    "free_shift": ShiftForm,
-}
+FormOfTwo = GridForm | ProductForm | ShiftForm
 
 
-def form_of_two(law: Physics) -> GridForm | ProductForm | ShiftForm:
+def form_of_two(law: Physics) -> FormOfTwo:
     """Return the form of a law over two states."""
-    return FORMS_OF_TWO[law.effect.name](law)
+    forms = {"free_force": GridForm, "free_product": ProductForm, "free_shift": ShiftForm}
+    return forms[law.effect.name](law)
 
 
 def form_of(law: Physics) -> Form:

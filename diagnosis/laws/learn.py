@@ -184,7 +184,9 @@ def _learned(
 ) -> Begun | None:
     """A law at one place with the points that pay, of what was begun there; None for no hope."""
     ends: list[Begun] = []
-    for one in each:
+    for one in sorted(each, key=promised):
+        if promised(one) > min((end.h.cost.total for end in ends), default=math.inf):
+            break
         end = attempt("learn", one.site.at, partial(first_fit, one, against(one.h, least).phi))
         if end is not None and hopeful(end.h):
             ends.append(replace(end, h=_without_changes(without_names(found, end.h))))
@@ -201,10 +203,11 @@ def _learned(
 def first_fit(one: Begun, phi: float) -> Begun | None:
     """Return what was begun with the points that pay, fitted; or what repeats, if that is less."""
     h, site = one.h, one.site
-    law = _of_those_that_pay(h, site, phi)
-    if law is None and len(site.over) == 1:  # not all of its points are told
-        law = of_nothing(site, 7)
-    fits = [Begun(own, site)] if law and (own := in_its_place(h, site, law)) else []
+    own = in_its_place(h, site, _of_those_that_pay(h, site, phi) or last(h))
+    if own is None or not math.isfinite(own.cost.total):  # not all of its points are told
+        few = of_nothing(site, 7 if len(site.over) == 1 else 5)
+        own = None if few is None else in_its_place(h, site, few)
+    fits = [] if own is None else [Begun(own, site)]
     for turn, scale in turns_of(h, site):
         there = replace(site, period=turn.values["period"], scale=scale)
         if (own := in_its_place(h, there, turn)) is not None:
