@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.answer.learned import learned
 from zwidth.diagnosis.answer.result import HeldOut
+from zwidth.diagnosis.laws import start
 from zwidth.diagnosis.laws.formula import formulas
 from zwidth.diagnosis.laws.learn import learn
 from zwidth.diagnosis.laws.learned import Curve
@@ -148,9 +149,13 @@ def test_what_a_reading_errs_by_is_learned() -> None:
     assert np.abs(off).max() < 0.1 * errs(q).max()
 
 
-def test_nothing_is_learned_where_nothing_is_missing() -> None:
-    """Mutation that breaks it: points at no cost."""
-    assert curve_of(nothing) is None
+def test_nothing_is_learned_where_nothing_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nor is a law begun: slopes alone say that no state leads.
+
+    Mutations that break it: points at no cost; laws begun wherever they may stand.
+    """
+    monkeypatch.setattr(start, "descend", None)
+    assert learn(without_names(nothing), silent) is None
 
 
 @pytest.mark.parametrize(("names", "worth"), [(0.5, True), (1e-9, False)])

@@ -20,6 +20,7 @@ otherwise follows what has nothing to do with its state.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -96,28 +97,33 @@ def known_of(h: Hypothesis, phi: float = 1.0) -> Known:
 
 @dataclass(frozen=True)
 class Priced:
-    """A law of some points, what it costs against one of nothing, in -2 ln, and its numbers."""
+    """A law of some points, and what it costs against one of nothing, in -2 ln."""
 
     shape: Shape
-    law: Physics | None
     cost: float
+    make: Callable[[], Physics] | None = None
+
+    @property
+    def law(self) -> Physics | None:
+        """The law; None where nothing is known of it."""
+        return self.make() if self.make and math.isfinite(self.cost) else None
 
 
 def price(there: Known, form: Form, site: Site, shape: Shape) -> Priced:
     """Return a law of some points, as near to what is known as it can be."""
     few = form.fewer(site, there.names, shape)
     if few.basis.shape[1] == 0:
-        return Priced(shape, None, math.inf)
+        return Priced(shape, math.inf)
     square = few.basis.T @ there.precision @ few.basis
     square += 1e-12 * float(np.diag(square).max()) * np.eye(len(square))
     try:
         inverse = np.asarray(np.linalg.inv(square), dtype=np.float64)
     except np.linalg.LinAlgError:
-        return Priced(shape, None, math.inf)
+        return Priced(shape, math.inf)
     y = inverse @ (few.basis.T @ (there.pull - there.precision @ few.offset))
     z = few.offset + few.basis @ y
     cost = float(z @ there.precision @ z - 2.0 * z @ there.pull) + _freedom(square, inverse, y)
-    return Priced(shape, few.law(y) if math.isfinite(cost) else None, cost)
+    return Priced(shape, cost, partial(few.law, y))
 
 
 def _freedom(square: Floats, inverse: Floats, y: Floats) -> float:
