@@ -224,16 +224,24 @@ class TableForm(Form):
             forces[numbers] = y
             return table(site.effect, site.at, at, forces, odd, period)
 
-        return Fewer(counts, np.zeros(len(counts)), law)
+        return Fewer(counts, np.full(len(counts), self.level(free)), law)
 
     def told(self, free: Collection[str]) -> Callable[[Floats], Floats]:
         """Return what takes forces at its points (points, ...) to what is free of them.
 
         Forces count from that of the point that is held, where one is.
         """
-        own = np.isin(self.names, list(free))
-        still = np.flatnonzero(~own[int(self.odd) :]) + int(self.odd)
+        own, still = np.isin(self.names, list(free)), self._still(free)
         return lambda forces: forces[own] - (forces[still] if still.size else 0.0)
+
+    def _still(self, free: Collection[str]) -> NDArray[np.int64]:
+        """Which point is held; none where a constant is told."""
+        own = np.isin(self.names, list(free))
+        return np.flatnonzero(~own[int(self.odd) :]) + int(self.odd)
+
+    def level(self, free: Collection[str]) -> float:
+        """The force of the point that is held, from which those that are free count."""
+        return float(self.forces[self._still(free)].sum())
 
     def finer(self, site: Site) -> Physics | None:
         """Return the same table with a point between each two."""
@@ -250,7 +258,8 @@ class TableForm(Form):
         """Return it where positions are counted from `by` below, with a constant force more."""
         if site.effect != "free_spring" or self.odd:
             return None
-        return site.table(self.states + by, self.forces + more)
+        states, forces = self.states + by, self.forces + more
+        return table(site.effect, site.at, states, forces, False, self.period)
 
 
 def told(states: Floats, rows: Floats, columns: Floats, enough: int = 10) -> Seen:

@@ -201,8 +201,12 @@ def _learned(
 
 
 def first_fit(one: Begun, phi: float) -> Begun | None:
-    """Return what was begun with the points that pay, fitted; or what repeats, if that is less."""
-    h, site = one.h, one.site
+    """Return what was begun with the points that pay, fitted; or what repeats, if that is less.
+
+    All of its points are fitted first: a law over the command trades its straight part for the
+    scale of all, and one of fewer points told halfway down begins where no fit leads back from.
+    """
+    h, site = settled(one.h), one.site
     own = in_its_place(h, site, _of_those_that_pay(h, site, phi) or last(h))
     if own is None or not math.isfinite(own.cost.total):  # not all of its points are told
         few = of_nothing(site, 7 if len(site.over) == 1 else 5)
@@ -274,7 +278,8 @@ def turns_of(h: Hypothesis, site: Site, most: int = 2) -> list[tuple[Physics, fl
     s, own = form.states, form.told(there.names)
     span, least = float(np.ptp(s)), float(np.diff(s).min())
     root = np.linalg.cholesky(there.precision).T
-    target = root @ np.linalg.solve(there.precision, there.pull)
+    level = form.level(there.names)  # from which what is free counts where a point is held
+    target = root @ (np.linalg.solve(there.precision, there.pull) - level)
 
     def nearest(period: float) -> tuple[float, Floats]:
         """How far the nearest sine of a period with a straight line is, and its numbers."""

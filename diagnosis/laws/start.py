@@ -266,9 +266,10 @@ def over_one(base: Hypothesis) -> list[Begun]:
 
 
 def over_turns(base: Hypothesis) -> Iterator[Begun]:
-    """Yield tables of one turn in the place of each ripple of a hypothesis, begun at its sine.
+    """Yield tables of one turn in the place of each ripple of a hypothesis, begun and priced.
 
-    A ripple is one sine of what repeats; what repeats may have any shape.
+    A ripple is one sine of what repeats; what repeats may have any shape. So each begins at that
+    sine and at nothing: where others took what the sine misses, downhill from it ends beside it.
     """
     for i, p in enumerate(base.model.effects_at(base.x)):
         if p.effect.name != "force_ripple" or p.place.kind != "mass":
@@ -282,9 +283,11 @@ def over_turns(base: Hypothesis) -> Iterator[Begun]:
         if axes is None or sine is None:
             continue
         model, x = base.model.less(base.x, i)
-        h = downhill(list(noises(base)), *beside(model, x, site, site.table(axes[0], sine)))
-        if h is not None:
-            yield Begun(priced(h), site)
+        for forces in (sine, 0.0 * sine):
+            law = site.table(axes[0], forces)
+            h = downhill(list(noises(base)), *beside(model, x, site, law))
+            if h is not None:
+                yield Begun(priced(h), site)
 
 
 def over_two(base: Hypothesis) -> list[Begun]:
