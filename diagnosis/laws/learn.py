@@ -204,14 +204,15 @@ def first_fit(one: Begun, phi: float) -> Begun | None:
     """Return what was begun with the points that pay, fitted; or what repeats, if that is less.
 
     All of its points are fitted first: a law over the command trades its straight part for the
-    scale of all, and one of fewer points told halfway down begins where no fit leads back from.
+    scale of all, c (u + f(u)), so that to second order -u is as good as any: what was told of it
+    may be worth nothing once it is fitted, and then the law keeps all of its points.
     """
     h, site = settled(one.h), one.site
     own = in_its_place(h, site, _of_those_that_pay(h, site, phi) or last(h))
     if own is None or not math.isfinite(own.cost.total):  # not all of its points are told
         few = of_nothing(site, 7 if len(site.over) == 1 else 5)
         own = None if few is None else in_its_place(h, site, few)
-    fits = [] if own is None else [Begun(own, site)]
+    fits = [Begun(h, site)] + ([] if own is None else [Begun(own, site)])
     for turn, scale in turns_of(h, site):
         there = replace(site, period=turn.values["period"], scale=scale)
         if (own := in_its_place(h, there, turn)) is not None:
