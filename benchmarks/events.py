@@ -26,12 +26,11 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.answer.events import Event, events_in
 from zwidth.diagnosis.diagnose import diagnose
-from zwidth.diagnosis.learning.event_force import Happened
-from zwidth.diagnosis.learning.events import with_events
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.diagnosis.selection.hypothesis import judged, settled
+from zwidth.diagnosis.time.force import Happened, with_events
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.interface import Interface

@@ -1,16 +1,18 @@
 """The pipeline, from recordings to an answer, in the order of docs/diagnosis.md."""
 
 from collections.abc import Sequence
+from functools import partial
 
 from zwidth.diagnosis.answer.answered import answered
 from zwidth.diagnosis.answer.events import knowing_events
 from zwidth.diagnosis.answer.result import Diagnosis
 from zwidth.diagnosis.intake.take_in import Taken, not_diagnosed, take_in
-from zwidth.diagnosis.mishaps import Say, collecting, debugging, silent
+from zwidth.diagnosis.mishaps import Say, attempt, collecting, debugging, silent
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment, ExperimentError
 from zwidth.diagnosis.selection.effort import NORMAL, Effort
 from zwidth.diagnosis.selection.searched import Searched, Searches, searched
+from zwidth.diagnosis.time.anew import before_search
 from zwidth.sim.device import Device
 
 
@@ -36,9 +38,10 @@ def diagnose(
         say("refitting the linear parameters, then trying every effect")
         device = taken.device
         search = Searches(lambda those: searched(device, those, say, effort))
-        found = _sought(taken, search)
+        seen = attempt("events", "before the search", partial(before_search, taken)) or taken
+        found = _sought(seen, search)
         say("asking whether something happened once")
-        taken, found, events = knowing_events(taken, found, search, say)
+        taken, found, events = knowing_events(taken, seen, found, say)
         return answered(device, taken, found, mishaps, search, say, events)
 
 

@@ -33,8 +33,6 @@ from zwidth.diagnosis.intake.late import in_time
 from zwidth.diagnosis.intake.swapped import in_place
 from zwidth.diagnosis.intake.take_in import LIKELY_ODDS
 from zwidth.diagnosis.intake.units import ALONG, TURNING
-from zwidth.diagnosis.learning.changing import STEP, varied
-from zwidth.diagnosis.learning.changing import suspected as changing
 from zwidth.diagnosis.model.parameters import Model, effect_labels
 from zwidth.diagnosis.noise.predictor import FREE_RUN_S, SETTLING, innovations
 from zwidth.diagnosis.noise.steady import NoObserver
@@ -43,6 +41,9 @@ from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.diagnosis.selection.evidence import ALPHA
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
 from zwidth.diagnosis.selection.search import search
+from zwidth.diagnosis.time.changes import varied
+from zwidth.diagnosis.time.score import STEP
+from zwidth.diagnosis.time.score import suspected as changing
 from zwidth.fleet.odd import STILL, Odd
 from zwidth.fleet.quick import NUISANCE, estimates, names_of, physical
 from zwidth.fleet.reading import experiment_of

@@ -11,29 +11,10 @@ import pytest
 from numba import njit
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.answer.changes import (
-    Change,
-    _as_it_goes_on,
-    change_of,
-    changing,
-    outlived,
-)
+from zwidth.diagnosis.answer.changes import Change, change_of, changing, outlived
 from zwidth.diagnosis.answer.result import Verdict
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.intake.take_in import Taken
-from zwidth.diagnosis.learning.changing import (
-    DRIFT,
-    EACH,
-    FOLLOWS,
-    RUN,
-    SETTLES,
-    STEP,
-    course,
-    cut,
-    share_at,
-    suspected,
-    varied,
-)
 from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.model.parameters import Model, Varying
 from zwidth.diagnosis.noise.predictor import innovations
@@ -42,6 +23,17 @@ from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
 from zwidth.diagnosis.selection.search import Search
 from zwidth.diagnosis.selection.searched import as_found
+from zwidth.diagnosis.time.changes import _as_it_goes_on, cut, varied
+from zwidth.diagnosis.time.score import (
+    DRIFT,
+    EACH,
+    FOLLOWS,
+    RUN,
+    SETTLES,
+    STEP,
+    suspected,
+    windows,
+)
 from zwidth.figures.changes import changes_figure
 from zwidth.sim.chain import make_chain
 from zwidth.sim.changes import beside, changes_of, difference
@@ -131,10 +123,10 @@ def test_the_course_shows_what_each_window_says():
     """Mutation that breaks it: a window's own slopes left out of what it shares with the others."""
     h, _ = step()
     index = [p.name for p in h.model.parameters].index("coulomb_friction@m1.level")
-    told = course(h, index)
+    told = windows(h, index)
     p = h.model.parameters[index]
     levels = h.model.effects[0].values["level"] + p.scale * told.x
-    early, late = told.times < 6.5, told.times > 7.5
+    early, late = T * told.ticks < 6.5, T * told.ticks > 7.5
     errors = p.scale * told.errors
     for which, truth in ((early, 0.020), (late, 0.021)):
         off = (levels[which] - truth) / errors[which]
@@ -222,8 +214,8 @@ def test_a_change_goes_with_the_name_that_it_is_of():
     assert suspect is not None
     new = varied(h, suspect)
     assert new is not None
-    change = change_of(new, h.experiments, (1.0, 0.5))
-    later = change_of(new, h.experiments, None)
+    change = change_of(replace(new, free=(1.0, 0.5)))
+    later = change_of(new)
 
     model, x = h.model.less(h.x, 0)
     bare = settled(judged(h.experiments, model, x))
@@ -264,7 +256,7 @@ def test_every_recording_has_its_own():
     found = [own.model.effects_at(own.model.there(own.x, e))[0].values["level"]
              for e in own.experiments]  # fmt: skip
     assert found == pytest.approx([0.02 * level for level in levels], rel=0.01)
-    change = change_of(new, runs)
+    change = change_of(new)
     assert [name for name, _ in change.each] == ["r0", "r1", "r2", "r3", "r4"]
     assert all(e.lower < 0.02 * level < e.upper
                for (_, e), level in zip(change.each, levels, strict=True))  # fmt: skip
@@ -300,14 +292,14 @@ def test_the_rest_of_a_recording_is_judged_by_what_it_was_then(
     assert new is not None
     own = new.hypothesis
     for (first, rest), level in zip(parts, levels, strict=True):
-        (judge,) = _as_it_goes_on(rest, own.experiments, new)
+        (judge,) = _as_it_goes_on([rest], new)
         assert judge.before is not None
         for e in (judge, judge.before):
             there = own.model.effects_at(own.model.there(own.x, e))[0].values["level"]
             assert there == pytest.approx(0.02 * level, rel=0.02)
-        (apart,) = _as_it_goes_on(first, own.experiments, new)
+        (apart,) = _as_it_goes_on([first], new)
         assert apart is first  # has nothing before it: as the device was at last
-    assert when in change_of(new, [first for first, _ in parts]).sentence
+    assert when in change_of(new).sentence
 
 
 def test_a_parameter_follows_what_was_recorded_beside():
@@ -323,7 +315,7 @@ def test_a_parameter_follows_what_was_recorded_beside():
     assert suspect.as_well == ()
     new = varied(h, suspect)
     assert new is not None
-    change = change_of(new, [e])
+    change = change_of(new)
     assert change.covariate_ends == pytest.approx((temperature.min(), temperature.max()))
     assert change.before.value == pytest.approx(0.02 * 1.15, rel=0.01)
     assert change.after.value == pytest.approx(0.02 * 0.85, rel=0.01)
@@ -420,9 +412,11 @@ def test_a_difference_makes_one_device_of_another_beside_what_was_known():
 
 
 def test_shares_over_time():
-    h = fitted(recording(4.0, 30, {}))
     suspect = suspected(fitted(recording(8.0, 5, {"friction": at_time(8.0, 1.2, 4.0)})))
     assert suspect is not None
-    assert h.experiments[0].shares == ()
-    drift = replace(suspect, shape=DRIFT)
-    assert [share_at(drift, t, 1000.0) for t in (0.0, 500.0, 1500.0)] == [1.0, 0.5, -0.5]
+    e = recording(4.0, 30, {})
+    ticks = np.array([0.0, 500.0, 1500.0])
+    (step,) = replace(suspect, at=500.0).shares([e], ticks)
+    (drift,) = replace(suspect, shape=DRIFT).shares([e], ticks)
+    assert step.tolist() == [1.0, 0.0, 0.0]
+    assert drift.tolist() == [1.0, 0.5, -0.5]

@@ -10,13 +10,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-import zwidth.diagnosis.answer.events as answers
+import zwidth.diagnosis.time.anew as anew
 from benchmarks.events import HIT, JAM, KINDS, NOTHING, SLIP, STOP, TOUCH, T, moved
-from zwidth.diagnosis.answer.events import Event, _peak, events_in
+from zwidth.diagnosis.answer.events import Event, events_in
 from zwidth.diagnosis.diagnose import diagnose
-from zwidth.diagnosis.learning.event_edges import Polylines
-from zwidth.diagnosis.learning.event_force import Happened, Source
-from zwidth.diagnosis.learning.events import Peak, happenings, with_events
+from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import free_run_errors, innovations
@@ -25,6 +23,9 @@ from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
 from zwidth.diagnosis.selection.search import Search
 from zwidth.diagnosis.selection.searched import as_found
+from zwidth.diagnosis.time.edges import Polylines
+from zwidth.diagnosis.time.events import Peak, happenings
+from zwidth.diagnosis.time.force import Happened, Source, with_events
 from zwidth.figures.events import events_figure
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
@@ -217,7 +218,7 @@ def test_what_happened_is_named_and_weighed(kind: int):
 
 @pytest.mark.parametrize("kind", [JAM, TOUCH], ids=lambda k: KINDS[k])
 def test_when_it_began_and_ended_is_within_what_is_said(kind: int):
-    """Mutation that breaks it: at most three knots (the hand, whose beginning is then late)."""
+    """Mutation that breaks it: at most three pieces (the hand, whose beginning is then late)."""
     event, (_, (_, _, begins, ends)) = said(kind), recording(kind)
     assert event.until_between is not None
     for (low, high), true in ((event.between, begins), (event.until_between, ends)):
@@ -229,8 +230,8 @@ def test_when_it_began_and_ended_is_within_what_is_said(kind: int):
 def test_intervals_of_when_a_force_begins_hold_it(rises: int):
     """Of a force that is read itself, under white noise, 19 of 20 times; and they are short.
 
-    Mutations that break it: `DATED` of 0.5; `MOST` of no knot (from nothing); knots that cost
-    nothing (too long).
+    Mutations that break it: `dated` of 0.5; no polyline of more than one piece (from nothing);
+    pieces that cost nothing (too long).
     """
     held, long = list[bool](), list[float]()
     ticks, begins, ends = 90, 30, 70
@@ -274,7 +275,9 @@ def test_what_either_answer_names_does_not_happen(monkeypatch: pytest.MonkeyPatc
     """
     sees, blind = fitted(HIT), fitted(NOTHING)
     peak = Peak(0, Source("m1"), 2500, 3, 300.0)
-    monkeypatch.setattr(answers, "highest", lambda _, h: peak if h is sees else None)
+    monkeypatch.setattr(anew, "highest", lambda _, h: peak if h is sees else None)
     found = as_found(DEVICE, Search(sees, sees, QUICK, silent))
+    whole = tuple(sees.experiments)
+    taken = Taken(DEVICE, whole, whole, (), (), 1.0, False, ())
     for near, happens in ((None, True), (sees, True), (blind, False)):
-        assert bool(_peak(sees.experiments, replace(found, near=near))) is happens
+        assert bool(anew.peak_of(taken, replace(found, near=near))) is happens

@@ -1,19 +1,7 @@
-"""What does not stay the same while a device is recorded, as an answer says it.
+"""What does not stay the same while a device is recorded, as an answer says it."""
 
-Asked of every answer (`learning.changing`) before its held-out data are opened for good: a change
-in what was fitted is named where it is believed over everything that was tried and stays the same,
-not only over the answer without it (a damper that settles may stand for friction that was refused),
-and where free runs on held-out data, which come after it, err no more with it than without. One in
-the held-out data themselves is dated by the whole recording, and what comes after it judges no
-more. With a change the device is as it was at the end: that is what the augmented device says, and
-what later recordings are held against; the rest of a recording is held against what it was in that.
-"""
-
-import itertools
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -26,47 +14,24 @@ from zwidth.diagnosis.answer.headline import (
     place_in_words,
     said,
 )
-from zwidth.diagnosis.answer.held_out import held_out
+from zwidth.diagnosis.answer.held_out import free_share
 from zwidth.diagnosis.answer.result import Estimate
 from zwidth.diagnosis.fitting.uncertainty import Z95, covariance
 from zwidth.diagnosis.intake.take_in import Taken
-from zwidth.diagnosis.learning.changing import (
-    CUT,
-    DRIFT,
-    EACH,
-    FOLLOWS,
-    MOST,
-    RUN,
-    SETTLES,
-    STEP,
-    Suspect,
-    Varied,
-    course,
-    groups,
-    share_at,
-    share_of,
-    suspected,
-    varied,
-    with_varying,
-)
-from zwidth.diagnosis.mishaps import Say, attempt
+from zwidth.diagnosis.mishaps import Say
 from zwidth.diagnosis.model.parameters import Model, values_of
-from zwidth.diagnosis.noise.predictor import SETTLING, window
+from zwidth.diagnosis.noise.predictor import SETTLING
 from zwidth.diagnosis.recording.experiment import Experiment
-from zwidth.diagnosis.selection.evidence import ALPHA
-from zwidth.diagnosis.selection.hypothesis import Hypothesis, against, judged, priced
-from zwidth.diagnosis.selection.search import Search
-from zwidth.diagnosis.selection.searched import Searched, as_found
+from zwidth.diagnosis.selection.hypothesis import Hypothesis
+from zwidth.diagnosis.selection.searched import Searched, judge_of
+from zwidth.diagnosis.time import changes as time_changes
+from zwidth.diagnosis.time.changes import Varied
+from zwidth.diagnosis.time.score import DRIFT, EACH, RUN, SETTLES, STEP, Suspect, windows
 from zwidth.sim.device import Device
 from zwidth.sim.place import place_at
 from zwidth.sim.readable import plain
 
 Floats = NDArray[np.float64]
-RIVALS = 8  # of those tried, that are fitted anew with a change
-FINE = 400  # points of a line
-PARTS, LEAST = 8, 3 * SETTLING  # that held-out data are cut into where a drift goes on, in samples
-NAMED = 4  # recordings whose values are said
-RUNS = 2  # free runs that fit into held-out data before a change, so that they still judge
 
 
 @dataclass(frozen=True)
@@ -163,8 +128,8 @@ class Change:
             )
         if self.each:
             values = [f"{said(value)} in {name}" for name, value in self.each]
-            more = f" and so on in {len(values) - NAMED} more" if len(values) > NAMED else ""
-            listed = ", ".join(values[:NAMED])
+            more = f" and so on in {len(values) - 4} more" if len(values) > 4 else ""
+            listed = ", ".join(values[:4])
             return f"{self.what} differs from recording to recording: {listed}{more}"
         if self.covariate is not None and self.covariate_ends is not None:
             low, high = (f"{plain(v, 3)} {self.covariate_unit}" for v in self.covariate_ends)
@@ -238,68 +203,15 @@ def changing(
     device: Device, found: Searched, taken: Taken, say: Say
 ) -> tuple[Searched, Taken, tuple[Change, ...]]:
     """Return what was found with what changes, what is to judge it, and the changes."""
-    changes: list[Change] = []
-    for _ in range(MOST):
-        step = attempt("changes", "", partial(_one_more, device, found, taken, say))
-        if step is None:
-            break
-        found, taken, change = step
-        changes.append(change)
-    if not changes:
-        later = attempt("changes", "in held-out data", partial(_held_out, device, found, taken))
-        if later is not None:
-            taken, change = later
-            changes.append(change)
+    found, taken, fitted = time_changes.changing(device, found, taken, _errs, say)
+    changes = tuple(change_of(one) for one in fitted)
     for change in changes:
         say(change.sentence)
-    return found, taken, tuple(changes)
+    return found, taken, changes
 
 
-def _one_more(
-    device: Device, found: Searched, taken: Taken, say: Say
-) -> tuple[Searched, Taken, Change] | None:
-    """A change within what was fitted, which held-out data bear out."""
-    best = found.tried.best
-    suspect = suspected(best)
-    if suspect is None:
-        return None
-    say(f"asking whether {suspect.of.replace('@', ' at ')} stays the same")
-    new = varied(best, suspect)
-    if new is None or not _over_all_that_stays(found.tried, new, new.hypothesis):
-        return None
-    judge_by = tuple(p for e in taken.judge_by for p in _as_it_goes_on(e, best.experiments, new))
-    other = as_found(device, replace(found.tried, best=new.hypothesis))
-    (_, without), (_, with_it) = (
-        held_out(device, found, taken.judge_by), held_out(device, other, judge_by)
-    )  # fmt: skip
-    if not with_it.after <= without.after:
-        say("it seems to change, but free runs on held-out data err more so: not said")
-        return None
-    tried = _rivals_anew(found.tried, new)
-    if not _over_all_that_stays(found.tried, new, tried.best):
-        say("it seems to change, but a law that stays the same explains as much: not said")
-        return None
-    change = change_of(new, best.experiments, (without.after, with_it.after))
-    with_rivals = as_found(device, tried)
-    again = replace(with_rivals, held=found.held, far=found.far, beside=found.beside)
-    return again, replace(taken, judge_by=judge_by), change
-
-
-def _over_all_that_stays(tried: Search, new: Varied, h: Hypothesis) -> bool:
-    """Whether a hypothesis that changes is ahead of all that were tried and do not.
-
-    It is believed over those that have nothing that it lacks, and costs less than all others. They
-    were fitted to recordings as they are, and it to their parts: what an answer costs on both
-    without the change says by how much the parts differ.
-    """
-    best = tried.best
-    cost = h.cost.total + best.cost.total - new.without.cost.total
-    odds = 2.0 * against(h, new.without).phi * math.log(1.0 / ALPHA)
-    return all(
-        other.cost.total - cost > (odds if other.labels <= h.labels else 0.0)
-        for other in (best, *tried.tried.values())
-        if not other.against_physics
-    )
+def _errs(h: Hypothesis, judge_by: Sequence[Experiment]) -> float:
+    return free_share(h.model, h.x, judge_of(h), judge_by)
 
 
 def outlived(changes: Sequence[Change], found: Searched) -> tuple[Change, ...]:
@@ -313,226 +225,84 @@ def outlived(changes: Sequence[Change], found: Searched) -> tuple[Change, ...]:
     return tuple(c for c in changes if c.of in (own if c.free_run is None else varies))
 
 
-def _as_it_goes_on(e: Experiment, fitted: Sequence[Experiment], new: Varied) -> list[Experiment]:
-    """A recording to judge by: in parts, where what drifts goes on as it did."""
-    if new.suspect.shape in CUT:
-        return [_as_its_first_part(e, new)]
-    follows = new.suspect.shape == FOLLOWS
-    followed = new.suspect.covariate
-    if followed is not None and not any(c.name == followed.name for c in e.covariates):
-        return [e]
-    goes_on = e.before is not None and len(fitted) == 1 and new.suspect.shape in (DRIFT, SETTLES)
-    if not (follows or goes_on):
-        return [e]
-    end, before = fitted[0].ticks, e.before
-    count = max(1, min(PARTS, e.ticks // LEAST))
-    edges = np.linspace(0, e.ticks, count + 1).round().astype(np.int64).tolist()
-    found: list[Experiment] = []
-    for a, b in itertools.pairwise(edges):
-        part = replace(e.part(a, b), before=before)
-        share = share_at(new.suspect, end + 0.5 * (a + b), end)
-        if follows:
-            share = share_of(new.suspect, part, end + a, end)
-        part = replace(part, shares=(*e.shares, (new.names[0], share)))
-        found.append(part)
-        before = part
-    return found
+def change_of(new: Varied) -> Change:
+    """Return a change that was fitted, as it is said."""
+    h, suspect, experiments = new.hypothesis, new.suspect, new.experiments
+    model, x, spread = h.model, h.x, covariance(h.fitted)
+    names = [p.name for p in model.parameters]
+    index = names.index(new.names[0])
+    own = model.parameters[index].index
+    unit, followed = _unit(model, own), suspect.covariate
+    begins, ends = 1.0, 0.0  # how much of the change holds
+    if followed is not None:
+        every = np.concatenate([followed.share(e) for e in experiments])
+        begins, ends = float(every.min()), float(every.max())
 
-
-def _as_its_first_part(e: Experiment, new: Varied) -> Experiment:
-    """The rest of a recording, with as much of a change as its first part had at its end.
-
-    A step from one recording to the next, or one run that is unlike the others, is so to their ends
-    as well. What stands by itself is judged by the device as it was at last.
-    """
-    if (first := e.before) is None:
-        return e
-    end = first.begins + (first.ticks - 0.5) * first.period
-    alike = [p for p in new.hypothesis.experiments if p.name == first.name and p.begins < end]
-    last = max(alike, key=lambda p: p.begins, default=None)
-    own = () if last is None else tuple(s for s in last.shares if s[0] in new.names)
-    if not own:
-        return e
-    return replace(e, shares=(*e.shares, *own), before=replace(first, shares=(*first.shares, *own)))
-
-
-def _rivals_anew(tried: Search, new: Varied) -> Search:
-    """What was tried, fitted anew with the change on the same parts; the cheapest is the best."""
-    model, parts = new.hypothesis.model, new.hypothesis.experiments
-
-    def again(h: Hypothesis) -> Hypothesis | None:
-        return attempt("changes", h.model.label, partial(with_varying, h, model, parts))
-
-    # The refit is that of a device that stays the same.
-    constant = partial(with_varying, tried.plain, tried.plain.model, parts)
-    bare = new.without if tried.plain is tried.best else attempt("changes", "refit", constant)
-    found = replace(
-        tried, plain=bare or new.without, best=new.hypothesis, tried={}, grown=set(),
-        looked=set(), exchanged=set(),
-    )  # fmt: skip
-    labels = tried.best.labels
-    beside = [h for h in tried.tried.values() if h.labels not in (labels, tried.plain.labels)]
-    nearest = sorted(beside, key=lambda h: h.cost.total)[:RIVALS]
-    less = [h for h in beside if h.labels < labels and len(h.labels) == len(labels) - 1]
-    for h in (found.plain, new.hypothesis):
-        found.keep(h)
-    for h in {id(h): h for h in (*nearest, *less)}.values():
-        if (other := again(h)) is not None:
-            found.keep(other)
-    sound = [h for h in found.tried.values() if not h.against_physics]
-    cheapest = min(sound, key=lambda h: h.cost.total, default=found.best)
-    # One that lacks what changes does without the change: it must be believed over nothing less.
-    if cheapest.cost.total < found.best.cost.total and _same_changes(cheapest, found.best):
-        found.best = cheapest
-    return found
-
-
-def _same_changes(a: Hypothesis, b: Hypothesis) -> bool:
-    def own(h: Hypothesis) -> list[str]:
-        return [v.name for v in h.model.varying if not v.declared]
-
-    return own(a) == own(b)
-
-
-def _held_out(device: Device, found: Searched, taken: Taken) -> tuple[Taken, Change] | None:
-    """A step in the held-out part of the one recording, dated by all of it."""
-    if not taken.whole_unopened or len(taken.whole) != 1 or len(taken.judge_by) != 1:
-        return None
-    best, (held,) = found.tried.best, taken.judge_by
-    if held.before is None:
-        return None
-    first = held.before.ticks
-    h = priced(judged(taken.whole, best.model, best.x, best.family, best.family.near(best.ratio)))
-    suspect = suspected(h)
-    if suspect is None or suspect.shape != STEP or suspect.at < first - SETTLING:
-        return None
-    new = varied(h, suspect)
-    if new is None:
-        return None
-    change = change_of(new, taken.whole, None)
-    until = round(new.suspect.at) - first
-    if until >= RUNS * window(held):
-        kept = replace(held.part(0, until), before=held.before)
-        taken = replace(taken, judge_by=(kept,))
-    return taken, change
-
-
-def change_of(
-    new: Varied, experiments: Sequence[Experiment], free_run: tuple[float, float] | None = None
-) -> Change:
-    """Return a change that was fitted to recordings, as it is said; free_run: as there."""
-    h, suspect = new.hypothesis, new.suspect
-    model, x = h.model, h.x
-    own = next(p for p in model.parameters if p.name == new.names[0])
-    index = model.parameters.index(own)
-    spread = covariance(h.fitted)
-    begins, ends_at = 1.0, 0.0  # how much of the change holds
-    if suspect.covariate is not None:
-        every = np.concatenate([suspect.covariate.share(e) for e in experiments])
-        begins, ends_at = float(every.min()), float(every.max())
-    last = np.zeros(x.size)
-    last[own.index] = 1.0
-    first = last.copy()
-    first[index], last[index] = begins, ends_at
-
-    unit = _unit(model, own.index)
-
-    def value(own_x: float) -> float:
-        there = x.copy()
-        there[own.index] = own_x
-        return _value(model, model.within(there), own.index)
-
-    def estimate(way: Floats) -> Estimate:
+    def estimate(place: int, share: float) -> Estimate:
+        """The parameter with so much of the change of a place."""
+        way = np.zeros(x.size)
+        way[own], way[place] = 1.0, share
         at, half = float(way @ x), Z95 * float(np.sqrt(max(way @ spread @ way, 0.0)))
-        ends = value(at - half), value(at + half)
-        return Estimate(value(at), min(ends), max(ends), unit)
+        return _between(_value(h, own, at), *(_value(h, own, at + k * half) for k in (-1, 1)), unit)
 
     def difference() -> Estimate:
         """From before to after, the other parameters as they are."""
-        before, last_x = value(float(first @ x)), float(last @ x)
-        half, way = Z95 * float(np.sqrt(max(spread[index, index], 0.0))), begins - ends_at
-        least, most = (value(last_x + way * (x[index] + k * half)) for k in (-1.0, 1.0))
-        now = value(last_x)
-        ends = now - least, now - most
-        return Estimate(now - before, min(ends), max(ends), unit)
-
-    def one(name: str | None) -> Floats:
-        """The parameter in the recording that has a change of that name."""
-        there = np.zeros(x.size)
-        there[own.index] = 1.0
-        if name is not None:
-            there[[p.name for p in model.parameters].index(name)] = 1.0
-        return there
+        half = Z95 * float(np.sqrt(max(spread[index, index], 0.0)))
+        last = float(x[own]) + ends * float(x[index])
+        before, least, most = (
+            _value(h, own, last + (begins - ends) * float(x[index] + k * half)) for k in (0, -1, 1)
+        )
+        now = _value(h, own, last)
+        return _between(now - before, now - least, now - most, unit)
 
     each: tuple[tuple[str, Estimate], ...] = ()
     if suspect.shape == EACH:
-        called = [experiments[which[0]].name for which in groups(experiments)]
-        each = tuple((name, estimate(one(change)))
-                     for name, change in zip(called, (*new.names, None), strict=True))  # fmt: skip
-    followed = suspect.covariate
-    target = model.parameters[own.index]
+        values = [estimate(names.index(name), 1.0) for name in new.names] + [estimate(index, 0.0)]
+        each = tuple(zip(suspect.recordings, values, strict=True))
+    target, period = model.parameters[own], experiments[0].period
     physics = model.effects[target.index] if target.kind == "effect" else None
-    period = experiments[0].period
     name, at, between = _when(suspect, experiments)
+    low, high = suspect.rates
+    settles = suspect.shape == SETTLES
     return Change(
         target.key if physics is not None else target.name,
         None if physics is None else physics.effect.name,
         None if physics is None else physics.at,
-        suspect.shape, name, at, between,
-        suspect.rate * period if suspect.shape == SETTLES else None,
-        estimate(first), estimate(last), difference(), new.gained, free_run,
-        model.nominal.chain.masses.size,
-        _windows(new, experiments, own.index, at is not None),
-        _seconds(suspect, period),
+        suspect.shape, name, at, between, suspect.rate * period if settles else None,
+        estimate(index, begins), estimate(index, ends), difference(), new.gained, new.free,
+        model.nominal.chain.masses.size, _windows(new, own, at is not None),
+        (period * low, period * high) if settles else None,
         None if followed is None else followed.name,
         "" if followed is None else followed.unit,
         None if followed is None else (
-            followed.origin + begins * followed.span, followed.origin + ends_at * followed.span,
+            followed.origin + begins * followed.span, followed.origin + ends * followed.span,
         ),
         each, suspect.as_well,
     )  # fmt: skip
 
 
-def _seconds(suspect: Suspect, period: float) -> tuple[float, float] | None:
-    """The interval of a time constant."""
-    low, high = suspect.rates
-    return (period * low, period * high) if suspect.shape == SETTLES else None
+def _between(value: float, one: float, other: float, unit: str) -> Estimate:
+    return Estimate(value, min(one, other), max(one, other), unit)
 
 
-def _windows(new: Varied, experiments: Sequence[Experiment], index: int, dated: bool) -> Windows:
-    told, (model, x) = course(new.without, index), (new.hypothesis.model, new.hypothesis.x)
+def _windows(new: Varied, own: int, dated: bool, points: int = 400) -> Windows:
+    """A parameter (its place) over time; the fitted line has so many points."""
+    h, told, experiments = new.hypothesis, windows(new.without, own), new.experiments
 
-    def value(own: float) -> float:
-        there = x.copy()
-        there[index] = own
-        return _value(model, model.within(there), index)
+    def values(xs: Floats) -> Floats:
+        return np.array([_value(h, own, x) for x in xs.tolist()])
 
     half = Z95 * told.errors
-    each = [[value(own) for own in told.x + k * half] for k in (0.0, -1.0, 1.0)]
-    end = sum(e.ticks for e in experiments)
-    ticks = np.linspace(0.0, end, FINE)
-    held = x[index] + _moved(new, experiments, ticks, end)
+    ends = values(told.x - half), values(told.x + half)
+    ticks = np.linspace(0.0, sum(e.ticks for e in experiments), points)
+    names = [p.name for p in h.model.parameters]
+    amounts = h.x[[names.index(name) for name in new.names]]
+    line = values(h.x[own] + amounts @ new.suspect.shares(experiments, ticks))
     period, (low, high) = experiments[0].period, new.suspect.between
     return Windows(
-        told.times, np.array(each[0]), np.minimum(each[1], each[2]), np.maximum(each[1], each[2]),
-        period * ticks, np.array([value(own) for own in held]),
-        (period * low, period * high) if dated else None,
+        period * told.ticks, values(told.x), np.minimum(*ends), np.maximum(*ends),
+        period * ticks, line, (period * low, period * high) if dated else None,
     )  # fmt: skip
-
-
-def _moved(new: Varied, experiments: Sequence[Experiment], ticks: Floats, end: float) -> Floats:
-    """What a change adds to its parameter at ticks of all recordings, in x."""
-    h, suspect = new.hypothesis, new.suspect
-    places = [[p.name for p in h.model.parameters].index(name) for name in new.names]
-    here = np.minimum(ticks.astype(np.int64), int(end) - 1)
-    if suspect.covariate is not None:
-        return np.concatenate([suspect.covariate.share(e) for e in experiments])[here] * h.x[places]
-    if suspect.shape == EACH:
-        ends = np.cumsum([e.ticks for e in experiments])
-        of = np.searchsorted(ends, here, side="right")
-        parts = zip(groups(experiments), places, strict=False)  # the last has no change
-        return np.sum([np.isin(of, which) * h.x[place] for which, place in parts], axis=0)
-    return np.array([share_at(suspect, tick, end) for tick in ticks.tolist()]) * h.x[places]
 
 
 def _when(
@@ -552,8 +322,11 @@ def _when(
     return e.name, at, (low, high)
 
 
-def _value(model: Model, x: Floats, index: int) -> float:
-    p = model.parameters[index]
+def _value(h: Hypothesis, index: int, own: float) -> float:
+    """A parameter in its unit where it is `own` in x, all others as they were fitted."""
+    model, x = h.model, h.x.copy()
+    x[index] = own
+    x, p = model.within(x), model.parameters[index]
     if p.kind == "effect":
         return model.effects_at(x)[p.index].values[p.key]
     return values_of(model, x)[p.name]

@@ -127,6 +127,11 @@ def search(
     return found
 
 
+def searched_on(found: Search) -> None:
+    """Search on from the best, as of recordings of which more is known than when it was found."""
+    _until_nothing_gains(found, _rounds)
+
+
 def from_afar(found: Search) -> bool:
     """Look for the valley of the best anew, whatever its effects, and search on from there.
 

@@ -12,10 +12,10 @@ force shows there) has an answer. A slip is one number instead, of a reading or 
 spring, from its tick on; of several places and kinds the one is taken of which |r|^2, its numbers
 and twice ln(rows) for the time and size of each of its pulses are least.
 
-Its tick is sought by what one number there takes off, to first order: with s the slope of r by the
-number and r0 without it, |r0|^2 - (s'r0)^2 / s's. From the tick where that is least it is fitted,
-and at its neighbours as far as they date it as well or better. Limit: two ticks that both explain
-it, with worse ones between them, are dated as the one that is better to first order.
+The tick of a slip is sought by what one number there takes off, to first order: with s the slope of
+r by the number and r0 without it, |r0|^2 - (s'r0)^2 / s's. From the tick where that is least it is
+fitted, and at its neighbours as far as they date it as well or better. Limit: two ticks that both
+explain it, with worse ones between them, are dated as the one that is better to first order.
 """
 
 import math
@@ -28,27 +28,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.fitting.uncertainty import inflation
-from zwidth.diagnosis.noise.predictor import (
-    SEARCHING,
-    copied,
-    memory_at,
-    prepared,
-)
+from zwidth.diagnosis.noise.predictor import SEARCHING, copied, memory_at, prepared
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.hypothesis import Hypothesis
+from zwidth.diagnosis.settings import CHANGES, EVIDENCE
 from zwidth.sim.place import masses_and_links, place_at
 from zwidth.sim.predict import alone
 
 Floats = NDArray[np.float64]
-LEAD, TAIL = 60, 150  # ticks before and after an event, in which it is fitted
-POINT = 32  # ticks from the first, in which it may be that something slipped
-STEPS, WORTH = 8, 0.05  # of Gauss and Newton; of chi-square, that one must gain
-FAR = 30.0  # times what was seen, that a force may be
-SHORT, MARGIN = 6, 2  # ticks of a pulse of which each has its own force, and those beside it
-HATS = 6  # over a longer one
-ABOUT = 3  # ticks about its peak, in which a slip is dated
-DATED = 3.84  # chi-square within which a time is as good
-SAME = 10.0  # in cost, below which a place is not told from another
 
 
 class Pulse(NamedTuple):
@@ -57,13 +44,11 @@ class Pulse(NamedTuple):
     first: int
     ticks: int
 
-    @property
-    def shapes(self) -> list[tuple[int, tuple[float, ...]]]:
-        """First tick and values of each phi."""
-        if self.ticks <= SHORT:
-            ends = self.first - MARGIN, self.first + self.ticks + MARGIN
-            return [(t, (1.0,)) for t in range(*ends)]
-        wide = max(1, self.ticks // HATS)
+    def shapes(self, short: int = 6, hats: int = 6) -> list[tuple[int, tuple[float, ...]]]:
+        """First tick and values of each phi: ticks of what is short, else so many hats over it."""
+        if self.ticks <= short:  # and two ticks beside it
+            return [(t, (1.0,)) for t in range(self.first - 2, self.first + self.ticks + 2)]
+        wide = max(1, self.ticks // hats)
         hat = tuple((1.0 - np.abs(np.arange(1 - wide, wide)) / wide).tolist())
         middles = range(self.first - wide, self.first + self.ticks + wide + 1, wide)
         return [(m + 1 - wide, hat) for m in middles]
@@ -79,6 +64,24 @@ class Source:
     place: str
     sensor: int | None = None
     lasting: bool = False
+
+    def row(self, size: int) -> Floats:
+        """Return what one of it adds to each of so many masses, or outputs (size,)."""
+        return place_at(self.place).row(size) if self.sensor is None else np.eye(size)[self.sensor]
+
+
+def sources(h: Hypothesis) -> Iterator[Source]:
+    """Yield where an event may enter: a force at masses and links, a slip of readings, springs."""
+    chain = h.model.build(h.x).chain
+    places = masses_and_links(chain.masses.size)
+    for place in places:
+        yield Source(str(place))
+    for i, o in enumerate(h.experiments[0].outputs):
+        if o.quantity == "position":
+            yield Source(o.name, sensor=i, lasting=True)
+    for place in places:
+        if place.kind == "link" or (place.index == 0 and chain.ground_spring > 0.0):
+            yield Source(str(place), lasting=True)
 
 
 @dataclass(frozen=True)
@@ -100,7 +103,7 @@ class Happened:
     gain: float
     between: tuple[float, float]
     elsewhere: tuple[str, ...] = ()
-    pulses: tuple["Pulse", ...] = ()
+    pulses: tuple[Pulse, ...] = ()
 
     def on(self, e: Experiment) -> Experiment:
         """Return a recording in which the event is known."""
@@ -108,80 +111,96 @@ class Happened:
             measured = e.measured.copy()
             measured[self.first :, o] -= self.force[0]
             return replace(e, measured=measured)
-        place = place_at(self.source.place)
-        masses = 1 + max(place.ends[0], place.ends[1])
+        masses = 1 + max(place_at(self.source.place).ends)
         masses = max(masses, 0 if e.force is None else e.force.shape[1])
         own = np.zeros((e.ticks, 0)) if e.force is None else e.force
         force = np.pad(own, ((0, 0), (0, masses - own.shape[1])))
         end = e.ticks if self.source.lasting else self.last
-        force[self.first : end] += self.force[:, None] * place.row(masses)
+        force[self.first : end] += self.force[:, None] * self.source.row(masses)
         return replace(e, force=force)
 
 
-@dataclass(frozen=True)
-class _Tried:
-    """A description of an event that was fitted, and what it costs."""
-
-    happened: Happened
-    cost: float
+def with_events(recordings: Sequence[Experiment], known: Sequence[Happened]) -> list[Experiment]:
+    """Return recordings that know of events: their forces act, their slips are taken off."""
+    found = list(recordings)
+    for one in known:
+        found[one.recording] = one.on(found[one.recording])
+    return found
 
 
 class Window:
-    """A recording about an event, from the state that the observer has before it."""
+    """A recording about an event, from the state that the observer has before it.
 
-    def __init__(self, h: Hypothesis, recording: int, first: int, last: int) -> None:
+    lead, tail: ticks before and after the event, in which it is fitted.
+    """
+
+    def __init__(
+        self, h: Hypothesis, recording: int, first: int, last: int, lead: int = 60, tail: int = 150
+    ) -> None:
         e = h.problem.experiments[recording]
         model, x = h.model, h.x
         device = model.acting(x)
         self.seen = model.seen(e, x)
         self.ready = prepared(self.seen.on(device), SEARCHING)
-        self.observer, self.masses = h.noise.observer, model.nominal.chain.masses.size
-        self.begins, self.ends = max(0, first - LEAD), min(e.ticks, last + TAIL)
-        self.places = self.seen.places(self.ready.coarse)
+        self.observer, self.lead = h.noise.observer, lead
+        self.begins, self.ends = max(0, first - lead), min(e.ticks, last + tail)
         own = np.zeros((e.ticks, 0)) if e.force is None else e.force
         self.forces = self.seen.external(self.ready.coarse.dof, own)
         self.memory, self.full = memory_at(self.ready, self.seen, device, self.observer.gain)
-        self._through(slice(0, self.begins), self.forces, self.seen.measured, self.memory)
-        self.unknown = self.white(None, np.zeros(0))
+        self._run(slice(0, self.begins), self.seen.measured, self.forces, self.memory)
+        self.unknown = self.white(None)
 
-    def white(self, force: Floats | None, row: Floats, shift: Floats | None = None) -> Floats:
-        """Return the whitened innovations of the window under a force (window,) along a row.
+    def white(self, force: Floats | None, shift: Floats | None = None) -> Floats:
+        """Return the whitened innovations under what acts on masses (window, masses).
 
         shift (window, o): what is taken off what was measured.
         """
         there = slice(self.begins, self.ends)
-        forces = self.forces[there]
-        if force is not None:
-            forces = forces.copy()  # beyond the masses: what the base does
-            forces[:, : row.size] += force[:, None] * row
-        measured = self.seen.measured[there]
+        forces, measured = self.forces, self.seen.measured
+        if force is not None:  # beyond the masses: what the base does
+            forces = forces.copy()
+            forces[there, : force.shape[1]] += force
         if shift is not None:
-            measured = measured - shift
-        e = self._run(self.seen.command[there], np.ascontiguousarray(measured), forces)
-        return np.nan_to_num(self.observer.weigh(e)[LEAD // 2 :], nan=1e6, posinf=1e6).ravel()
-
-    def _run(self, command: Floats, measured: Floats, forces: Floats) -> Floats:
+            measured = measured.copy()
+            measured[there] -= shift
         with np.errstate(all="ignore"):
-            return alone(
-                self.ready.coarse, self.ready.fine, self.places, command, measured, self.full,
-                np.ascontiguousarray(forces), copied(self.memory),
-            )  # fmt: skip
+            e = self._run(there, measured, forces, copied(self.memory))
+        return np.nan_to_num(self.observer.weigh(e)[self.lead // 2 :], nan=1e6, posinf=1e6).ravel()
 
-    def _through(self, part: slice, forces: Floats, measured: Floats, memory: object) -> None:
-        alone(
-            self.ready.coarse, self.ready.fine, self.places, self.seen.command[part],
-            measured[part], self.full, forces[part], memory,  # pyright: ignore[reportArgumentType]
+    def along(self, source: Source, size: Floats) -> Floats:
+        """Return the same under so much (window,) of a source."""
+        count = self.dof if source.sensor is None else len(self.seen.outputs)
+        each = size[:, None] * source.row(count)
+        return self.white(each) if source.sensor is None else self.white(None, each)
+
+    def _run(self, part: slice, measured: Floats, forces: Floats, memory: object) -> Floats:
+        return alone(
+            self.ready.coarse, self.ready.fine, self.seen.places(self.ready.coarse),
+            self.seen.command[part], np.ascontiguousarray(measured[part]), self.full,
+            np.ascontiguousarray(forces[part]), memory,  # pyright: ignore[reportArgumentType]
         )  # fmt: skip
+
+    @property
+    def ticks(self) -> int:
+        """How many it has."""
+        return self.ends - self.begins
 
     @property
     def rows(self) -> int:
         """Samples of the window."""
-        return (self.ends - self.begins) * len(self.seen.outputs)
+        return self.ticks * len(self.seen.outputs)
 
     @property
     def dof(self) -> int:
         """Masses of the model."""
         return self.ready.coarse.dof
+
+
+class _Tried(NamedTuple):
+    """A description of an event that was fitted, and what it costs."""
+
+    happened: Happened
+    cost: float
 
 
 def fitted_event(
@@ -191,9 +210,9 @@ def fitted_event(
 
     h: judged on recordings that know of all others. source: where it enters, None for anywhere.
     """
-    ticks = h.experiments[recording].ticks
-    shapes = sorted({shape for pulse in pulses for shape in pulse.shapes})
-    shapes = [(t, v) for t, v in shapes if t >= LEAD and t + len(v) < ticks]
+    ticks, settled = h.experiments[recording].ticks, 60
+    shapes = sorted({shape for pulse in pulses for shape in pulse.shapes()})
+    shapes = [(t, v) for t, v in shapes if t >= settled and t + len(v) < ticks]
     first, last = min(t for t, _ in shapes), max(t + len(v) for t, v in shapes)
     basis = np.zeros((last - first, len(shapes)))
     for column, (t, values) in enumerate(shapes):
@@ -201,83 +220,48 @@ def fitted_event(
     window = Window(h, recording, first, last)
     wide = inflation(h.residual[: h.samples])
     tried: list[_Tried] = []
-    for there in [source] if source is not None else _sources(window, h):
+    for there in [source] if source is not None else sources(h):
+        one = Happened(recording, there, first, last, np.zeros(0), np.zeros(0), 0.0, (first, last))
         if there.lasting:
-            slip = _slip(window, recording, first, min(last, first + POINT), there, wide)
-            tried += [] if slip is None else [slip]
+            tried += _slipped(window, one, wide)
         else:
-            tried.append(_force(window, recording, first, basis, len(pulses), there, wide))
+            tried.append(_pushed(window, one, basis, len(pulses), wide))
     best = min(tried, key=lambda one: one.cost)
-    as_good = [
-        t.happened.source.place
-        for t in tried
-        if t.cost < best.cost + SAME
-        and t.happened.source.place != best.happened.source.place
-        and t.happened.source.lasting == best.happened.source.lasting
-    ]
-    elsewhere = tuple(dict.fromkeys(as_good))
-    return replace(best.happened, elsewhere=elsewhere, pulses=tuple(pulses))
+    own, odds = best.happened.source, 2.0 * math.log(1.0 / EVIDENCE.alpha)
+    near = [t.happened.source for t in tried if t.cost < best.cost + odds]
+    as_good = [s.place for s in near if s.place != own.place and s.lasting == own.lasting]
+    return replace(best.happened, elsewhere=tuple(dict.fromkeys(as_good)), pulses=tuple(pulses))
 
 
-def _sources(window: Window, h: Hypothesis) -> Iterator[Source]:
-    """Where an event may enter: a force at every mass and link, a slip of readings and springs."""
-    places = masses_and_links(window.masses)
-    for place in places:
-        yield Source(str(place))
-    for i, o in enumerate(window.seen.outputs):
-        if o.quantity == "position":
-            yield Source(o.name, sensor=i, lasting=True)
-    tied = h.model.build(h.x).chain.ground_spring > 0.0
-    for place in places:
-        if place.kind == "link" or (place.index == 0 and tied):
-            yield Source(str(place), lasting=True)
-
-
-def _force(
-    window: Window,
-    recording: int,
-    first: int,
-    basis: Floats,
-    pulses: int,
-    source: Source,
-    wide: float,
-) -> _Tried:
+def _pushed(window: Window, one: Happened, basis: Floats, pulses: int, wide: float) -> _Tried:
     """A force of a shape (ticks, k) from a tick on."""
-    whole = np.zeros((window.ends - window.begins, basis.shape[1]))
-    last = first + basis.shape[0]
-    whole[first - window.begins : last - window.begins] = basis
-    count, row = basis.shape[1], place_at(source.place).row(window.dof)
+    whole = np.zeros((window.ticks, basis.shape[1]))
+    whole[one.first - window.begins : one.last - window.begins] = basis
 
     def white(f: Floats) -> Floats:
-        return window.white(whole @ f, row)
+        return window.along(one.source, whole @ f)
 
+    count = basis.shape[1]
     found = solved(white, window.unknown, units(white, window.unknown, count))
-    happened = Happened(
-        recording, source, first, last, basis @ found.f, wide * basis @ found.covariance @ basis.T,
-        found.gained / wide - count, (first, last),
-    )  # fmt: skip
+    covariance = wide * basis @ found.covariance @ basis.T
+    gain = found.gained / wide - count
+    happened = replace(one, force=basis @ found.f, covariance=covariance, gain=gain)
     # What a pulse is by itself is its time and size; the rest of its ticks fit noise as well.
-    cost = found.chi2 / wide + count + 2.0 * pulses * math.log(window.rows)
-    return _Tried(happened, cost)
+    return _Tried(happened, found.chi2 / wide + count + 2.0 * pulses * math.log(window.rows))
 
 
-def _slip(
-    window: Window, recording: int, first: int, last: int, source: Source, wide: float
-) -> _Tried | None:
-    """What sets in at one tick for good; None where it could not be seen."""
-    begins, outputs = window.begins, len(window.seen.outputs)
-    ticks = range(max(begins + LEAD // 2, first - ABOUT), min(window.ends - 2, last + ABOUT))
+def _slipped(window: Window, one: Happened, wide: float, about: int = 3) -> list[_Tried]:
+    """What sets in at one tick for good; none where it could not be seen."""
+    begins, last = window.begins, min(one.last, one.first + 32)
+    ticks = range(
+        max(begins + window.lead // 2, one.first - about), min(window.ends - 2, last + about)
+    )
     if not ticks:
-        return None
+        return []
     after = np.arange(begins, window.ends)
-    row = np.eye(outputs)[source.sensor] if source.sensor is not None else place_at(
-        source.place).row(window.dof)  # fmt: skip
 
     def white(f: Floats, at: int) -> Floats:
-        size = f[0] * (after >= at).astype(np.float64)
-        if source.sensor is None:
-            return window.white(size, row)
-        return window.white(None, row, size[:, None] * row)
+        return window.along(one.source, f[0] * (after >= at))
 
     r, unit = window.unknown, np.full(1, 1e-6)
     taken, each = np.zeros(len(ticks)), list[Floats]()
@@ -296,16 +280,16 @@ def _slip(
     best = int(np.argmax(taken))
     for way in (1, -1):
         k = best
-        while 0 <= k + way < len(ticks) and chi2(k + way) < chi2(best) + DATED:
+        while 0 <= k + way < len(ticks) and chi2(k + way) < chi2(best) + CHANGES.within:
             k += way
             best = k if chi2(k) < chi2(best) else best
     least, at, found = chi2(best), ticks[best], fits[best]
-    near = [ticks[k] for k in fits if chi2(k) < least + DATED]
-    happened = Happened(
-        recording, source, at, at + 1, found.f, wide * found.covariance, found.gained / wide,
-        (min(near) - 1.0, float(max(near))),
+    near = [ticks[k] for k in fits if chi2(k) < least + CHANGES.within]
+    happened = replace(
+        one, first=at, last=at + 1, force=found.f, covariance=wide * found.covariance,
+        gain=found.gained / wide, between=(min(near) - 1.0, float(max(near))),
     )  # fmt: skip
-    return _Tried(happened, least + 1.0 + 2.0 * math.log(window.rows))
+    return [_Tried(happened, least + 1.0 + 2.0 * math.log(window.rows))]
 
 
 class Solved(NamedTuple):
@@ -318,30 +302,23 @@ class Solved(NamedTuple):
 
 
 def solved(
-    white: Callable[[Floats], Floats],
-    unknown: Floats,
-    unit: Floats,
-    begin: Floats | None = None,
+    white: Callable[[Floats], Floats], unknown: Floats, unit: Floats, steps: int = 8
 ) -> Solved:
     """Return the least squares; unknown: the residual of no force; unit (k,): see `units`.
 
-    Steps are as large as noise hides: what sticks under less moves under them. begin (k,): where
-    they set out, None for no force.
+    Steps are as large as noise hides: what sticks under less moves under them. It ends where one
+    gains less than 0.05 of chi-square; a force may be 30 times what was seen at first.
     """
     count, f, r = unit.size, np.zeros(unit.size), unknown
-    start = float(r @ r)
-    if begin is not None:
-        f, r = begin, white(begin)
-    least, damping = float(r @ r), 0.0
-    size = np.full(count, np.inf)
+    start = least = float(r @ r)
+    damping, size = 0.0, np.full(count, np.inf)
     slopes = np.zeros((r.size, count))
-    for _ in range(STEPS):
+    for turn in range(steps):
         slopes = np.column_stack([(white(f + unit[j] * row) - r) / unit[j]
                                   for j, row in enumerate(np.eye(count))])  # fmt: skip
-        if not np.all(np.isfinite(size)):
+        if turn == 0:
             first = np.linalg.lstsq(slopes, -r, rcond=1e-6)[0]
-            seen = max(float(np.abs(f + first).max()), float(unit.max()))
-            size = np.full(count, FAR * seen)
+            size = np.full(count, 30.0 * max(float(np.abs(first).max()), float(unit.max())))
         normal = slopes.T @ slopes + np.diag(1.0 / size**2)
         pull = slopes.T @ r + f / size**2
         while damping < 1e6:
@@ -354,7 +331,7 @@ def solved(
             break
         gained = least - float(there @ there)
         f, r, least, damping = f + step, there, float(there @ there), 0.1 * damping
-        if gained < WORTH:
+        if gained < 0.05:
             break
     covariance = np.asarray(np.linalg.inv(slopes.T @ slopes + np.diag(1.0 / size**2)), np.float64)
     return Solved(f, covariance, least, start - least)

@@ -1,0 +1,1 @@
+"""What changes while a device is recorded, and what happens once."""
