@@ -2,19 +2,19 @@
 
 An event bends every fit, and a search takes it for physics: of a hand on a mass with dry friction
 it named four effects, in ten times the time. So what stands out of chance under the device file
-alone is asked for before anything is searched (`time.events`, one pass), and its force is known in
-the recordings that are searched. The answer of that search sees the recordings as they are once
-more, whole: an event in the held-out data would spoil what they judge. What happens under it is
-fitted, its force is known from then on in every prediction and free run, and a slip is taken off
-the reading. What the search had tried is fitted anew to that; where the best of it has the names it
-had, and free runs hold, these stand, else the search goes on from there.
+alone is asked for before anything is searched (`time.events`, one pass), and the recordings that
+are searched are cut there. The answer of that search sees them as they are once more, whole: an
+event in the held-out data would spoil what they judge. What happens under it is fitted, its force
+is known from then on in every prediction and free run, and a slip is taken off the reading. What
+the search had tried is fitted anew to that; where the best of it has the names it had, and free
+runs hold, these stand, else the search goes on from there.
 
-Names come first. What was known before the search, or lies in held-out data, the search has not
+Names come first. What was cut out before the search, or lies in held-out data, the search has not
 seen (an amplifier that meets its limit once looks like a force that acts for a while). So it is
 asked whether one effect more explains it: then nothing happened.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -23,6 +23,7 @@ from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.mishaps import Say, attempt
 from zwidth.diagnosis.model.own_values import first_x, varying
 from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.predictor import SETTLING
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
@@ -39,9 +40,11 @@ def every_recording(taken: Taken) -> tuple[Experiment, ...]:
 
 
 def before_search(taken: Taken) -> Taken:
-    """Return recordings that know of what stands out before anything is searched, or as they are.
+    """Return recordings without what stands out before anything is searched, or as they are.
 
-    Only where that is seen without a fit is anything fitted.
+    Only where that is seen without a fit is anything fitted. A recording is cut where a force acts
+    that is not known: fitted under a device without its physics, it would hide some of that. As
+    they are where cuts leave less than half.
     """
     model = Model(taken.device, varying=varying(taken.device, taken.fit_on))
     try:
@@ -51,7 +54,28 @@ def before_search(taken: Taken) -> Taken:
         known = _happened(taken, settled(plain))
     except NoObserver:
         return taken
-    return known_in(taken, known) if known else taken
+    there = known_in(taken, [one for one in known if one.source.lasting])
+    parts = tuple(
+        part
+        for i, e in enumerate(there.fit_on)
+        for part in _between(e, [o for o in known if o.recording == i and not o.source.lasting])
+    )
+    left = sum(part.ticks for part in parts) / sum(e.ticks for e in taken.fit_on)
+    return replace(there, fit_on=parts) if known and left > 0.5 else taken
+
+
+def _between(e: Experiment, known: Sequence[Happened]) -> Iterator[Experiment]:
+    """Yield the parts of a recording beside forces, each long enough to observe; all of it."""
+    first = 0
+    for one in (*known, None):
+        beside = 0 if one is None else (one.last - one.first) // 3
+        last = e.ticks if one is None else min(one.first - beside, e.ticks)
+        if (first, last) == (0, e.ticks):
+            yield e
+            return
+        if last - first >= 6 * SETTLING:
+            yield e.part(first, last)
+        first = e.ticks if one is None else one.last + beside
 
 
 def knowing(
