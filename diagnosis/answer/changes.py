@@ -243,7 +243,8 @@ def change_of(new: Varied) -> Change:
         way = np.zeros(x.size)
         way[own], way[place] = 1.0, share
         at, half = float(way @ x), Z95 * float(np.sqrt(max(way @ spread @ way, 0.0)))
-        return _between(_value(h, own, at), *(_value(h, own, at + k * half) for k in (-1, 1)), unit)
+        least, most = (_value(h, own, at + k * half) for k in (-1.0, 1.0))
+        return _between(_value(h, own, at), least, most, unit)
 
     def difference() -> Estimate:
         """From before to after, the other parameters as they are."""

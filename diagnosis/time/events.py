@@ -59,8 +59,7 @@ from zwidth.diagnosis.time.force import (
 
 Floats = NDArray[np.float64]
 FitOn = Callable[[Sequence[Happened]], Sequence[Experiment]]
-STRETCH = 64
-ONSET = 3 * SETTLING
+ONSET = SETTLING * 3  # ticks, until the slowest observer has forgotten how it began
 
 
 class Peak(NamedTuple):
@@ -76,14 +75,14 @@ class Peak(NamedTuple):
 class Chance(NamedTuple):
     """What noise reaches: n / 2 exp(-(c - u) / m) of all recordings is beyond c."""
 
-    count: int
+    stretches: int
     median: float
     excess: float
 
     @property
     def most(self) -> float:
         """The gain that an event must have."""
-        odds = math.log(max(self.count, 2) / 2.0 / EVIDENCE.alpha) + 0.5 * CHANGES.rarity
+        odds = math.log(max(self.stretches, 2) / 2.0 / EVIDENCE.alpha) + 0.5 * CHANGES.rarity
         return self.median + self.excess * odds
 
 
@@ -175,11 +174,12 @@ def _near(one: Happened, peak: Peak, period: float) -> bool:
 
 
 def _searched(
-    h: Hypothesis, known: Sequence[Happened], aside: int = 0
+    h: Hypothesis, known: Sequence[Happened], aside: int = 0, stretch: int = 64
 ) -> tuple[Peak | None, Chance]:
     """The highest of all peaks, and what chance reaches in stretches beside known events.
 
     aside: so many of the highest peaks are no chance either, but may be events yet unknown.
+    stretch: ticks of which the highest peak counts for chance.
     """
     fitted = Fitted(h.model, h.x, 0.0, h.residual, np.zeros((0, 0)), h.samples)
     answers = [
@@ -200,20 +200,20 @@ def _searched(
         white[SETTLING:] = h.residual[row : row + rows].reshape(-1, outputs)
         row += rows
         own, which = _gains(white, answers, e)
-        own[:ONSET] = 0.0  # until the slowest observer has forgotten how it began
+        own[:ONSET] = 0.0
         gains.append(own)
         kinds.append(which)
     best = _highest(gains, kinds)
     kept = [g.copy() for g in gains]
     for one in known:
-        _mask(kept[one.recording], one.first, one.last)
+        _mask(kept[one.recording], one.first, one.last, stretch)
     for _ in range(aside):
         if (top := _highest(kept, kinds)) is not None:
-            left = sum(_stretches(own).size for own in kept)
+            left = sum(_stretches(own, stretch).size for own in kept)
             # All of a long event, as far as enough is left to tell chance by.
             beside = _longest(h.experiments[top.recording]) // 3 if left > 36 else 0
-            _mask(kept[top.recording], top.first - beside, top.first + top.ticks + beside)
-    return best, _chance(np.concatenate([_stretches(own) for own in kept]))
+            _mask(kept[top.recording], top.first - beside, top.first + top.ticks + beside, stretch)
+    return best, _chance(np.concatenate([_stretches(own, stretch) for own in kept]))
 
 
 def _highest(gains: Sequence[Floats], kinds: Sequence[list[tuple[Source, int]]]) -> Peak | None:
@@ -226,15 +226,15 @@ def _highest(gains: Sequence[Floats], kinds: Sequence[list[tuple[Source, int]]])
     return Peak(i, source, first, ticks, tops[i])
 
 
-def _mask(gains: Floats, first: int, last: int) -> None:
+def _mask(gains: Floats, first: int, last: int, stretch: int) -> None:
     """Take out what an event touches: its own ticks, and those that hold its pulses."""
-    gains[max(0, first - STRETCH) : last + 2 * STRETCH] = np.nan
+    gains[max(0, first - stretch) : last + 2 * stretch] = np.nan
 
 
-def _stretches(gains: Floats) -> Floats:
+def _stretches(gains: Floats, stretch: int) -> Floats:
     """The highest gain of each stretch of which nothing was taken out."""
-    starts = range(ONSET, gains.size - STRETCH + 1, STRETCH)
-    every = np.array([gains[a : a + STRETCH].max() for a in starts])
+    starts = range(ONSET, gains.size - stretch + 1, stretch)
+    every = np.array([gains[a : a + stretch].max() for a in starts])
     return every[np.isfinite(every)]
 
 

@@ -185,7 +185,7 @@ def _sums(h: Hypothesis, most: int = 1000, ticks: int = 4) -> _Sums:
             begins.append(before + (a + SETTLING if a else 0))
         row, before = row + own, before + e.ticks
     whole = h.slopes.T @ h.slopes
-    inverse = np.linalg.pinv(whole, hermitian=True)
+    inverse = np.asarray(np.linalg.pinv(whole, hermitian=True), dtype=np.float64)
     left = inverse @ (h.slopes.T @ h.residual)
     return _Sums(
         np.array(squares), np.array(scores), np.array(begins), before, whole, inverse, left
