@@ -116,9 +116,9 @@ def _ending_at_once(patch: pytest.MonkeyPatch) -> None:
     )
     patch.setattr(at, "left_over", lambda *_: Left(0.0, ""))
     patch.setattr(at, "instead_of", nothing)
-    patch.setattr(
-        zwidth.diagnosis.diagnose, "knowing_events", lambda taken, found, *_: (taken, found, ())
-    )
+    door = zwidth.diagnosis.diagnose
+    patch.setattr(door, "before_search", lambda taken: taken)
+    patch.setattr(door, "knowing_events", lambda taken, _, found, __: (taken, found, ()))
 
 
 @pytest.fixture

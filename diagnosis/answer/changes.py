@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from zwidth.diagnosis.answer.held_out import free_share
 from zwidth.diagnosis.answer.result import Estimate
 from zwidth.diagnosis.fitting.uncertainty import Z95, covariance
 from zwidth.diagnosis.intake.take_in import Taken
-from zwidth.diagnosis.mishaps import Say
+from zwidth.diagnosis.mishaps import Say, attempt
 from zwidth.diagnosis.model.parameters import Model, values_of
 from zwidth.diagnosis.noise.predictor import SETTLING
 from zwidth.diagnosis.recording.experiment import Experiment
@@ -204,7 +205,8 @@ def changing(
 ) -> tuple[Searched, Taken, tuple[Change, ...]]:
     """Return what was found with what changes, what is to judge it, and the changes."""
     found, taken, fitted = time_changes.changing(device, found, taken, _errs, say)
-    changes = tuple(change_of(one) for one in fitted)
+    every = [attempt("changes", one.suspect.of, partial(change_of, one)) for one in fitted]
+    changes = tuple(change for change in every if change is not None)
     for change in changes:
         say(change.sentence)
     return found, taken, changes

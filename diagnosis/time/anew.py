@@ -51,7 +51,7 @@ def before_search(taken: Taken) -> Taken:
         plain = judged(taken.fit_on, model, first_x(model, taken.fit_on))
         if highest(every_recording(taken), plain) is None:
             return taken
-        known = _happened(taken, settled(plain))
+        known = [one for one in _happened(taken, settled(plain)) if _in_fit(one, taken)]
     except NoObserver:
         return taken
     there = known_in(taken, [one for one in known if one.source.lasting])

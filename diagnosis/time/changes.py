@@ -83,20 +83,28 @@ def changing(
     """
     changes: list[Varied] = []
     while len(changes) < CHANGES.most:
-        new = attempt("changes", "", partial(_believed, found.tried, taken, errs, say))
-        if new is None:
+        more = attempt("changes", "", partial(_one_more, device, found, taken, errs, say))
+        if more is None:
             break
+        found, taken, new = more
         changes.append(new)
-        tried = _rivals_anew(found.tried, new)
-        kept = {"held": found.held, "far": found.far, "beside": found.beside}
-        found = replace(as_found(device, tried), **kept)
-        taken = replace(taken, judge_by=_as_it_goes_on(taken.judge_by, new))
     if not changes:
         later = attempt("changes", "in held-out data", partial(_held_out, found.tried.best, taken))
         if later is not None:
             taken, new = later
             changes.append(new)
     return found, taken, tuple(changes)
+
+
+def _one_more(
+    device: Device, found: Searched, taken: Taken, errs: Errs, say: Say
+) -> tuple[Searched, Taken, Varied] | None:
+    new = _believed(found.tried, taken, errs, say)
+    if new is None:
+        return None
+    again = as_found(device, _rivals_anew(found.tried, new))
+    again = replace(again, held=found.held, far=found.far, beside=found.beside)
+    return again, replace(taken, judge_by=_as_it_goes_on(taken.judge_by, new)), new
 
 
 def _believed(tried: Search, taken: Taken, errs: Errs, say: Say) -> Varied | None:
@@ -142,8 +150,7 @@ def _rivals_anew(tried: Search, new: Varied) -> Search:
     def again(h: Hypothesis, varying: tuple[Varying, ...]) -> Hypothesis | None:
         model = replace(h.model, varying=varying)
         x = np.append(h.x, np.zeros(len(model.parameters) - h.x.size))
-        fit = partial(lambda: settled(judged(parts, model, x, h.family)))
-        return attempt("changes", h.model.label, fit)
+        return attempt("changes", h.model.label, lambda: settled(judged(parts, model, x, h.family)))
 
     plain = new.without  # the refit is that of a device that stays the same
     if tried.plain is not tried.best:
