@@ -161,22 +161,22 @@ def knowing_events(
 ) -> tuple[Taken, Searched, tuple[Event, ...]]:
     """Return recordings that know what happened in them, the answer then, and the events.
 
-    seen: the recordings as they were searched (`time.anew.before_search`). As recorded where
-    nothing happened; as they were searched where it was interrupted.
+    seen: the recordings as they were searched (`time.anew.before_search`). The recordings as they
+    are where nothing happened, and where it was interrupted.
     """
     if found.interrupted:
-        return seen, found, ()
+        return taken, found, ()
     try:
         new = attempt("events", "", partial(knowing, taken, seen, found, say))
         if new is None:
-            return seen, found, ()
+            return taken, found, ()
         there, found, known = new
         every = every_recording(taken)
         said_of = partial(_all_said, every, found.tried.best, known)
         events = attempt("events", "what they brought", said_of) or ()
     except KeyboardInterrupt:
         say("interrupted: what was found until now is judged; once more to leave")
-        return seen, replace(found, tried=replace(found.tried, interrupted=True)), ()
+        return taken, replace(found, tried=replace(found.tried, interrupted=True)), ()
     for event in events:
         say(event.sentence)
     return there, found, events

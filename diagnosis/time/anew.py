@@ -83,32 +83,39 @@ def knowing(
 ) -> tuple[Taken, Searched, tuple[Happened, ...]]:
     """Return recordings that know what happened in them, the answer then, and what happened.
 
-    taken: as recorded; seen: as they were searched (`before_search`). The same recordings where
-    nothing happened, or none of it can be followed.
+    taken: as recorded; seen: as they were searched (`before_search`). The recordings as they are
+    where nothing happened, or none of it can be followed.
     """
-    best = found.tried.best
-    peak = peak_of(taken, found)
-    if peak is None:
-        return taken, found if seen is taken else _anew(found, taken.fit_on, say), ()
-    later = taken.whole_unopened and peak.first >= taken.fit_on[peak.recording].ticks
-    if later or seen is not taken:
+    with suppress(NoObserver):
+        return _knowing(taken, seen, found, say)
+    return taken, found, ()
+
+
+def _knowing(
+    taken: Taken, seen: Taken, found: Searched, say: Say
+) -> tuple[Taken, Searched, tuple[Happened, ...]]:
+    peak, cut = peak_of(taken, found), seen is not taken
+    later = peak is not None and not _in_fit(peak, taken)
+    named: Search | None = None
+    if peak is not None and (later or cut):
         say("something may have happened: asking whether one effect explains it")
         named = _with_a_name(found.tried, taken, taken.whole if later else taken.fit_on)
-        if named is not None and later:  # what a second look makes of that is its own matter
-            return taken, found, ()
-        if named is not None:
-            return taken, _searched_on(found, named, say), ()
-    known = _happened(taken, best)
+    if named is not None and not later:
+        return taken, _searched_on(found, named, say), ()
+    # Named only with what was held out: what a second look makes of that is its own matter.
+    nothing = peak is None or named is not None
+    known = () if nothing else _happened(taken, found.tried.best)
     for one in known:
         e = every_recording(taken)[one.recording]
         say(f"something happened at {e.begins + one.first * e.period:.3g} s")
     there = known_in(taken, known) if known else taken
-    if seen is not taken or any(_in_fit(one, taken) for one in known):
+    if cut or any(_in_fit(one, taken) for one in known):
         found = _anew(found, there.fit_on, say)
     return there, found, known
 
 
-def _in_fit(one: Happened, taken: Taken) -> bool:
+def _in_fit(one: Happened | Peak, taken: Taken) -> bool:
+    """Whether what begins at a tick of all that was recorded is in what is fitted."""
     own = one.recording
     return own < len(taken.whole) and one.first < taken.fit_on[own].ticks
 
