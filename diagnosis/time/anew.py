@@ -95,7 +95,7 @@ def _knowing(
     taken: Taken, seen: Taken, found: Searched, say: Say
 ) -> tuple[Taken, Searched, tuple[Happened, ...]]:
     peak, cut = peak_of(taken, found), seen is not taken
-    later = peak is not None and not _in_fit(peak, taken)
+    later = peak is not None and taken.whole_unopened and not _in_fit(peak, taken)
     named: Search | None = None
     if peak is not None and (later or cut):
         say("something may have happened: asking whether one effect explains it")
