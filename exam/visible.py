@@ -19,7 +19,7 @@ from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.model.parameters import Model, linear_parameters
 from zwidth.diagnosis.noise.predictor import SCREENING, SETTLING, Observer, innovations, whitened
 from zwidth.diagnosis.recording.experiment import Experiment
-from zwidth.diagnosis.seeking.screen import Complement
+from zwidth.diagnosis.residual.remainder import Complement
 from zwidth.planning.rehearsal import Noise, known_observer
 from zwidth.sim.device import Device
 from zwidth.sim.physics.effect import Physics

@@ -18,8 +18,8 @@ from zwidth.diagnosis.noise.predictor import (
 )
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.residual.remainder import Complement
 from zwidth.diagnosis.seeking.candidates import Start, candidates
-from zwidth.diagnosis.seeking.screen import Complement
 from zwidth.diagnosis.seeking.sizes import sizes_of
 from zwidth.planning.rehearsal import Noise, known_observer
 from zwidth.sim.device import Device, known, place_label

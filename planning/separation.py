@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.fitting.fit import Fitted
 from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.residual.remainder import Complement
 from zwidth.diagnosis.seeking.candidates import Start
 from zwidth.diagnosis.seeking.magnitude import strengthened
 from zwidth.diagnosis.seeking.modes import mode_starts
-from zwidth.diagnosis.seeking.screen import Complement
 from zwidth.diagnosis.seeking.waves import wave_starts
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.planning.reference import Reference

@@ -11,8 +11,6 @@ from test_fitting import drive, recording
 from zwidth.diagnosis.answer import adequacy as judging
 from zwidth.diagnosis.answer.adequacy import Adequacy, Believed, adequacy
 from zwidth.diagnosis.answer.stands import standing, what_stands
-from zwidth.diagnosis.forces import unknown
-from zwidth.diagnosis.forces.unknown import Gained, Shape
 from zwidth.diagnosis.intake.take_in import Taken, take_in
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.family import as_far_as
@@ -26,9 +24,8 @@ from zwidth.diagnosis.noise.predictor import (
     observer_for,
     whitened,
 )
-from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
-from zwidth.diagnosis.seeking.screen import Complement
+from zwidth.diagnosis.residual.remainder import Remainder
 from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.diagnosis.selection.hypothesis import against, independent, judged, settled
 from zwidth.diagnosis.selection.search import Search
@@ -43,6 +40,7 @@ from zwidth.diagnosis.selection.searched import (
 from zwidth.sim.device import Device
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
+from zwidth.sim.place import place_at
 
 Floats = NDArray[np.float64]
 FRICTION = make_physics("coulomb_friction", "m1", level=0.03)
@@ -150,16 +148,12 @@ def test_held_out_data_choose_between_the_answers_of_two_judges(
 def test_a_force_whose_answer_overflows_explains_nothing(found: Searched) -> None:
     """On two carts a filter that was fitted without its force oscillated, and all that was left
     had an SVD of infinities. Mutation: it is solved for all the same."""
-    problem, fitted = found.problem, found.refit
-    (e,) = problem.experiments
-    columns = [np.full((e.ticks, 1), np.inf)]
-    beyond = Shape("m1", "velocity", np.ones(1), columns, lambda *_: beyond)
+    rest = Remainder(found.problem, found.refit)
+    (e,) = found.problem.experiments
+    beyond = [np.full((e.ticks, 1), np.inf)]
     with np.errstate(all="ignore"):
-        strength, gained = unknown._solved(problem, fitted, Complement(fitted.jacobian), beyond)
-        asked = Gained(replace(beyond, columns=[np.ones((e.ticks, 1))]), np.full(1, 1e-3), 1.0)
-        with pytest.raises(NoObserver, match="overflows"):
-            unknown._with_force(problem, fitted, asked, np.inf)
-    assert (strength.tolist(), gained) == ([0.0], 0.0)
+        solved = rest.solved(place_at("m1"), beyond)
+    assert (solved.strength.tolist(), solved.gained) == ([0.0], 0.0)
 
 
 def test_a_search_without_effects_stands(rubbed: Taken) -> None:

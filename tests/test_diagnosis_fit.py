@@ -11,7 +11,6 @@ from scipy.signal import lfilter
 from tests.diagnosis_examples import ENCODER_NOISE, phantom, record
 from zwidth.diagnosis.answer.held_out import held_out
 from zwidth.diagnosis.fitting.fit import Fitted, Problem, Slopes
-from zwidth.diagnosis.forces import unknown
 from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import choose_observer
@@ -137,31 +136,6 @@ def _of_memory(long: bool) -> Experiment:
     random = np.random.default_rng(112)
     colour = lfilter([3.0 * ENCODER_NOISE], [1.0, -0.9], random.standard_normal(e.ticks))
     return replace(e, measured=e.measured + colour[:, None]) if long else e
-
-
-def test_a_free_force_must_gain_more_than_another_model_of_the_noise(
-    monkeypatch: pytest.MonkeyPatch,
-):
-    """A force that gains 100, where a slower observer gains 150 without it and 160 with it.
-
-    Mutation that breaks it: a weak force held against the model under its own observer alone.
-    """
-    problem, fitted = refit(phantom(), [record(phantom(), 2.0, seed=12)])
-    own, forced = problem.cost(fitted), [*problem.experiments]
-    shape = unknown.Shape("m1", "position", np.eye(3)[0], [], lambda *_: shape)
-    ratio = problem.observer.ratio
-
-    def cost(asked: float, _: Fitted, seen: object) -> float:
-        return own - (160.0 if seen is forced else 150.0) if asked < 0.5 * ratio else own
-
-    monkeypatch.setattr(unknown, "_gains", lambda *_: [unknown.Gained(shape, np.ones(2), 100.0)])
-    with_force = unknown.Forced(own - 100.0, fitted, ratio, forced)
-    monkeypatch.setattr(unknown, "_with_force", lambda *_: with_force)
-    monkeypatch.setattr(unknown, "alone", lambda *_: own)
-    monkeypatch.setattr(unknown, "cost_at", cost)
-    found = unknown.unknown(problem.experiments, fitted)
-    assert found is not None
-    assert found.gained == pytest.approx(10.0, abs=0.5)
 
 
 def test_held_out_data_begin_where_they_fit():

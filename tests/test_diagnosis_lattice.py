@@ -12,7 +12,6 @@ from zwidth.controllers.excitation import noise, random_steps
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.answer.lost import knowing_losses
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
-from zwidth.diagnosis.forces.leftover import leftover
 from zwidth.diagnosis.intake.gate import encoder_step_seen
 from zwidth.diagnosis.intake.rectified import as_known, unfolded
 from zwidth.diagnosis.mishaps import silent
@@ -21,6 +20,8 @@ from zwidth.diagnosis.noise.beginning import begun
 from zwidth.diagnosis.noise.predictor import Observer, innovations, whitened
 from zwidth.diagnosis.noise.settle import refit
 from zwidth.diagnosis.recording.experiment import Experiment, Output
+from zwidth.diagnosis.residual.left import Line, chance, strongest_line
+from zwidth.diagnosis.residual.remainder import Remainder
 from zwidth.diagnosis.seeking.lattice import (
     chances_seen,
     command_step,
@@ -207,6 +208,13 @@ def test_the_rate_of_losses_is_that_of_those_that_can_be_seen():
     assert rate == pytest.approx(marked.sum() / seen, rel=0.05)
 
 
+def leftover(problem: Problem, fitted: Fitted) -> tuple[Line, float]:
+    """The strongest line, and what chance reaches."""
+    line, lines = strongest_line(Remainder(problem, fitted))
+    assert line is not None
+    return line, chance(2, lines)
+
+
 def test_noise_that_is_larger_where_motion_is_fast_is_not_left_over():
     """Readings at uneven times err by speed times jitter: no line, but loud where motion is.
 
@@ -221,8 +229,8 @@ def test_noise_that_is_larger_where_motion_is_fast_is_not_left_over():
     white = ENCODER_NOISE * np.where(loud, 5.0, 1.0) * random.standard_normal(command.size)
     y = run.trace["position_m1"] + white
     problem, fitted = refit(phantom(), [Experiment(0.001, command, y[:, None], OUTPUTS)])
-    found = leftover(problem, fitted)
-    assert found.gained < 0.8 * found.chance
+    found, level = leftover(problem, fitted)
+    assert found.gained < 0.8 * level
 
 
 def test_a_ripple_is_started_at_the_period_that_the_residual_shows():
@@ -236,15 +244,15 @@ def test_a_ripple_is_started_at_the_period_that_the_residual_shows():
 def test_a_hum_and_a_stiffness_that_sways_are_left_over():
     """Mutations that break it: only one kind of q; time taken for position."""
     t = 0.001 * np.arange(round(1000 * SECONDS))
-    hum = leftover(*refit(phantom(), [driven(1e-3 * np.sin(2.0 * np.pi * 77.0 * t))]))
-    assert hum.significant
+    hum, level = leftover(*refit(phantom(), [driven(1e-3 * np.sin(2.0 * np.pi * 77.0 * t))]))
+    assert hum.gained > level
     assert (hum.follows, hum.over) == ("1", "time")
     assert 1.0 / hum.period == pytest.approx(77.0, rel=0.01)
     free = driven()
     speed = np.gradient(np.convolve(free.measured[:, 0], np.full(9, 1.0 / 9.0), "same"), 0.001)
     force = -1e-2 * speed * np.cos(2.0 * np.pi * 3.0 * t)
-    sway = leftover(*refit(phantom(), [driven(force)]))
-    assert sway.significant
+    sway, level = leftover(*refit(phantom(), [driven(force)]))
+    assert sway.gained > level
     assert sway.follows in ("velocity", "rate of deflection")  # the chain moves as one at 3 Hz
     assert 1.0 / sway.period == pytest.approx(3.0, rel=0.1)
     assert "proportional to the" in sway.sentence(rotary=True)

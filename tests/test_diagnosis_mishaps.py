@@ -14,7 +14,6 @@ import zwidth.diagnosis.answer.stands
 import zwidth.diagnosis.diagnose
 from zwidth.cli import run
 from zwidth.diagnosis.answer.result import Diagnosis, NotDiagnosed, Verdict
-from zwidth.diagnosis.answer.verdict import Left
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.fitting.descend import descend
 from zwidth.diagnosis.fitting.fit import Problem
@@ -24,6 +23,7 @@ from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import choose_observer
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment, ExperimentError, Output
+from zwidth.diagnosis.residual.left import Left
 from zwidth.diagnosis.selection.effort import NORMAL, QUICK
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
 from zwidth.diagnosis.selection.moves import Move, added
@@ -115,7 +115,6 @@ def _ending_at_once(patch: pytest.MonkeyPatch) -> None:
         zwidth.diagnosis.diagnose, "searched", lambda _, e, *__: searched(e[0].outputs[0])
     )
     patch.setattr(at, "left_over", lambda *_: Left(0.0, ""))
-    patch.setattr(at, "instead_of", nothing)
     patch.setattr(
         zwidth.diagnosis.diagnose, "knowing_events", lambda taken, found, *_: (taken, found, ())
     )
@@ -158,7 +157,6 @@ def answered(line: list[str], status: int) -> dict[str, Any]:
     ("stage", "where", "verdict"),
     [
         ("detect", "stands.left_over", Verdict.UNDECIDED),
-        ("detect", "stands.instead_of", Verdict.UNDECIDED),
         ("separation", "findings.without", Verdict.UNDECIDED),
         ("separation", "findings.rivals", Verdict.UNDECIDED),
         ("held out", "answered.held_out", Verdict.UNDECIDED),
@@ -285,7 +283,6 @@ def test_a_search_that_fails_keeps_what_it_had(
     """
     monkeypatch.setattr(f"zwidth.diagnosis.selection.search.{where}", throw)
     monkeypatch.setattr(zwidth.diagnosis.answer.stands, "left_over", lambda *_: Left(0.0, ""))
-    monkeypatch.setattr(zwidth.diagnosis.answer.stands, "instead_of", nothing)
     found = diagnose(MASS, [recorded()], effort=ONE)
     assert found.verdict is Verdict.UNDECIDED
     assert found.sentence.startswith("an error left out a part of the search")

@@ -28,8 +28,8 @@ from zwidth.diagnosis.recording.experiment import (
     experiment,
     stretches,
 )
+from zwidth.diagnosis.residual.remainder import Complement
 from zwidth.diagnosis.seeking.candidates import candidates
-from zwidth.diagnosis.seeking.screen import Complement
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.interface import Interface

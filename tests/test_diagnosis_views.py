@@ -11,12 +11,12 @@ from tests.diagnosis_examples import ENCODER_NOISE, FORCE_NOISE, OUTPUTS, phanto
 from zwidth.controllers.excitation import noise
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.fitting.fit import Problem
-from zwidth.diagnosis.forces.spatial import response
-from zwidth.diagnosis.forces.unknown import instead, unknown
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import SETTLING, Observer, innovations, whitened
-from zwidth.diagnosis.noise.settle import prepared_for, refit, settle
+from zwidth.diagnosis.noise.settle import prepared_for, refit
 from zwidth.diagnosis.recording.experiment import Experiment, Output
+from zwidth.diagnosis.residual.left import left_over, strongest_line
+from zwidth.diagnosis.residual.remainder import Remainder, response
 from zwidth.diagnosis.seeking.candidates import Start, candidates
 from zwidth.diagnosis.seeking.modes import mode_starts
 from zwidth.diagnosis.seeking.screen import Screened, turned_starts
@@ -176,42 +176,31 @@ def test_a_further_mass_is_sought_where_it_rings():
 def test_a_force_of_free_shape_is_seen_where_there_is_one():
     """Friction that the model lacks follows the velocity of m1; a clean recording shows nothing.
 
-    Mutation that breaks it: the shapes that gain least judged first.
+    Mutation that breaks it: the sign of what the forces explain turned.
     """
     truth = phantom().with_physics(make_physics("coulomb_friction", "m1", level=6e-3))
-    found: list[float] = []
     for device in (truth, phantom()):
         experiments = [record(device, 4.0, seed=7)]
-        _, fitted = refit(phantom(), experiments)
-        likeliest = unknown(experiments, fitted)
-        assert likeliest is not None
-        found.append(likeliest.gained - 1.5 * likeliest.unknowns)
+        problem, fitted = refit(phantom(), experiments)
+        left = left_over(problem, fitted, experiments)
+        assert (left.gained > 300.0) is (device is truth)
         if device is truth:
-            assert likeliest.place == "m1"
-            assert "velocity" in likeliest.follows
-    assert found[0] > 300.0
-    assert found[1] < 30.0
+            assert "force at m1 that follows velocity" in left.sentence
+        else:
+            assert left.gained == 0.0
 
 
-def test_what_hums_is_no_mode_and_what_rings_is_no_hum():
-    """Each in the place of a mode that was fitted to it, by likelihood.
+def test_an_inertia_that_swings_is_left_over():
+    """It repeats over position, in proportion to the acceleration.
 
-    Mutation that breaks it: the strongest line built with its sine twice.
+    Mutation that breaks it: waves over position of two periods at least.
     """
-    seconds = 6.0
-    hum = 8e-3 * np.cos(2.0 * np.pi * 31.0 * np.arange(round(seconds / T)) * T)
-    mode = make_physics("extra_mode", "m1", mass=2e-5, stiffness=0.76, damping=1e-5)
-    scales = {"mass": 1e-5, "stiffness": 0.4, "damping": 1e-4}
-    ringing = record(phantom().with_physics(mode), seconds, seed=9)
-    for e, hums in ((record(phantom(), seconds, seed=9, force=hum), True), (ringing, False)):
-        problem, without = refit(phantom(), [e])
-        start = np.concatenate([without.x, np.zeros(3)])
-        final = problem.fit(Model(phantom(), (mode,), (scales,)), start, rounds=30)
-        other = instead(problem, final, without, problem.experiments, "extra_mode at m1")
-        assert (other is not None) is hums
-        if other is not None:
-            assert (other.follows, other.unknowns) == ("repeats over time", 3)
-            assert "likelier than extra_mode at m1 by" in other.sentence
+    device = Device("mass", "", True, make_chain([2e-4], [1e-3]), Interface(period=T))
+    recorded_so = swung(0.02, 0.1 * float(np.ptp(swung(0.0, 1.0).measured)))
+    line, _ = strongest_line(Remainder(*refit(device, [recorded_so])))
+    assert line is not None
+    assert (line.follows, line.over) == ("acceleration", "position")
+    assert line.gained > 100.0
 
 
 def test_deflections_are_those_that_the_recording_had():
@@ -290,30 +279,3 @@ def swung(share: float, period: float, seconds: float = 6.0) -> Experiment:
             x, v = x + h / 6.0 * (a + 2 * c + 2 * e + g), v + h / 6.0 * (b + 2 * d + 2 * f + i)
     y = positions + ENCODER_NOISE * random.standard_normal(u.size)
     return Experiment(T, noise(duration=seconds, seed=31), y[:, None], OUTPUTS)
-
-
-def test_an_inertia_that_swings_is_no_eccentric_encoder():
-    """And an eccentric encoder is no inertia that swings, though the two are near.
-
-    What an eccentric encoder reports moves like an inertia that swings with it; only command and
-    damper swing too.
-
-    Mutation that breaks it: the inertia's force without the square of the speed.
-    """
-    device = Device("mass", "", True, make_chain([2e-4], [1e-3]), Interface(period=T))
-    span = float(np.ptp(swung(0.0, 1.0).measured))
-    period = 0.1 * span
-    values = {"amplitude": 1e-3 * span, "period": period, "phase": 0.7}
-    eccentric = make_physics("encoder_eccentricity", "sensor", **values)
-    scales = {"amplitude": 1e-3 * span, "period": 0.02 * period, "phase": 0.5}
-    for e, swings in (
-        (swung(0.02, period), True),
-        (record(device.with_physics(eccentric), 6.0, seed=31), False),
-    ):
-        problem, linear = refit(device, [e])
-        model = Model(device, (eccentric,), (scales,))
-        problem, final = settle(problem.experiments, model, np.append(linear.x, np.zeros(3)))
-        without = problem.fit_without(final, 0)
-        other = instead(problem, final, without, problem.experiments, "encoder_eccentricity")
-        assert (other is not None) is swings
-        assert other is None or "inertia" in other.sentence

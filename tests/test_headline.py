@@ -11,13 +11,13 @@ from zwidth.diagnosis.answer.augmented_boundary import may_render
 from zwidth.diagnosis.answer.cautions import cautions
 from zwidth.diagnosis.answer.headline import SAYINGS, Answer, headline, in_words
 from zwidth.diagnosis.answer.result import Estimate, Finding, HeldOut, Rival, Verdict
-from zwidth.diagnosis.answer.verdict import Left, told_from_chance, too_disturbed
+from zwidth.diagnosis.answer.verdict import told_from_chance, too_disturbed
 from zwidth.diagnosis.answer.where import where
 from zwidth.diagnosis.answer.whole_run import WholeRun
-from zwidth.diagnosis.forces.locate import ForceMap, Located
-from zwidth.diagnosis.forces.unknown import Instead
 from zwidth.diagnosis.intake.gate import misread
 from zwidth.diagnosis.recording.experiment import Experiment, Output
+from zwidth.diagnosis.residual.left import Left
+from zwidth.diagnosis.residual.located import ForceMap, Located
 from zwidth.figures.diagnosis import force_map_figure, whole_run_figure
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
@@ -35,7 +35,7 @@ MOTOR = Device("motor", "", True, make_chain([1e-3], [6e-3]), Interface(period=0
 
 def answer(verdict: Verdict, *findings: Finding, masses: int = 1) -> Answer:
     left = Left(90.0, "a force at m1 that follows time")
-    return Answer(verdict, findings, {}, (), masses, left, None, SOUND, GOOD)
+    return Answer(verdict, findings, {}, (), masses, left, SOUND, GOOD)
 
 
 def test_what_was_found_in_the_words_of_an_engineer():
@@ -66,10 +66,6 @@ def test_unknown_physics_says_how_far_the_names_go():
     assert headline(poor).endswith("the nearest names (Coulomb friction) explain 4 % of the error")
     bare = answer(Verdict.UNKNOWN_PHYSICS)
     assert "a force at m1 that follows time" in headline(bare)
-    other = Instead(300.0, 9, "m1", "repeats every 6.3 rad", "force_ripple at m1")
-    assert "a force at the motor that repeats every 6.3 rad" in headline(
-        replace(found, other=other)
-    )
 
 
 def test_no_physics_but_a_parameter_says_which_and_by_how_much():

@@ -11,9 +11,9 @@ from test_population import gain, own_innovations, recorded, start
 
 from zwidth.controllers.excitation import noise
 from zwidth.controllers.recorded import recorded as played
-from zwidth.diagnosis.forces.spatial import response
 from zwidth.diagnosis.noise.settle import refit
 from zwidth.diagnosis.recording.experiment import Experiment, Output
+from zwidth.diagnosis.residual.remainder import response
 from zwidth.diagnosis.seeking.candidates import candidates
 from zwidth.diagnosis.seeking.places import open_places
 from zwidth.diagnosis.seeking.waves import wave_starts

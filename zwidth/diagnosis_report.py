@@ -25,9 +25,9 @@ from zwidth.diagnosis.answer.result import (
     Verdict,
 )
 from zwidth.diagnosis.answer.whole_run import WholeRun
-from zwidth.diagnosis.forces.locate import densest
 from zwidth.diagnosis.intake.units import unit_of
 from zwidth.diagnosis.mishaps import collecting, isolated, silent
+from zwidth.diagnosis.residual.located import densest
 from zwidth.figures.augmented_boundary import augmented_boundary_figure
 from zwidth.figures.changes import changes_figure
 from zwidth.figures.diagnosis import (

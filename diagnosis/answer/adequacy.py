@@ -23,7 +23,7 @@ Size alone does not refuse what lacks physics. Errors of free runs are innovatio
 filters take what a lack of friction leaves in the innovations for noise like any other: with
 innovations drawn from the recording itself in blocks, errors are foretold to the percent whatever
 lacks. What no noise does is follow the motion. So the same is asked of a second T: the log odds of
-the share of the square of errors that forces led by the motion explain (`answer.led`).
+the share of the square of errors that forces led by the motion explain (`residual.coherence`).
 
 And held-out data must not speak against what it names: its free runs, or its likelihood a step
 ahead, must be better than those of the better one of device file and refit by more than the scatter
@@ -48,7 +48,6 @@ from scipy.special import expit, logit
 from scipy.stats import norm, wilcoxon
 from scipy.stats import t as student
 
-from zwidth.diagnosis.answer.led import Span, span
 from zwidth.diagnosis.fitting.fit import Fitted
 from zwidth.diagnosis.intake.gate import encoder_step_seen
 from zwidth.diagnosis.model.parameters import Model
@@ -65,6 +64,7 @@ from zwidth.diagnosis.noise.predictor import (
     window,
 )
 from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.residual.coherence import Span, span
 from zwidth.diagnosis.selection.evidence import ALPHA, compared
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.predict import OVERFLOW

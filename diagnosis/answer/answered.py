@@ -27,13 +27,14 @@ from zwidth.diagnosis.answer.result import (
     Verdict,
 )
 from zwidth.diagnosis.answer.stands import Stands, what_stands
-from zwidth.diagnosis.answer.verdict import Left, judged
+from zwidth.diagnosis.answer.verdict import judged
 from zwidth.diagnosis.answer.where import where
 from zwidth.diagnosis.answer.whole_run import WholeRun, whole_runs
-from zwidth.diagnosis.forces.locate import NOWHERE, Located, locate
 from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.mishaps import Mishaps, Say, attempt
+from zwidth.diagnosis.residual.left import Left
+from zwidth.diagnosis.residual.located import NOWHERE, Located, locate
 from zwidth.diagnosis.selection.searched import Searched, Searches
 from zwidth.sim.device import Device
 
@@ -200,7 +201,7 @@ def _to_be_said(
     named = [f for f in findings if f"{f.effect} at {f.at}" not in gone]
     in_words = "" if law is None else law.headline(masses, device.rotary)
     return Answer(
-        verdict, named, refit, stands.faults, masses, stands.left, stands.other, stands.sound,
+        verdict, named, refit, stands.faults, masses, stands.left, stands.sound,
         free, _lost(mishaps), in_words,
     )  # fmt: skip
 
@@ -281,9 +282,7 @@ def _verdict(
     free: HeldOut,
 ) -> tuple[Verdict, str]:
     """As `judged`; undecided where an error took what the verdict rests on, which it then says."""
-    verdict, sentence = judged(
-        stands.found, findings, refit, stands.left, stands.other, stands.sound, free
-    )
+    verdict, sentence = judged(stands.found, findings, refit, stands.left, stands.sound, free)
     if lost := _lost(mishaps):
         verdict = Verdict.UNDECIDED
         sentence = f"an error left out {lost}; from what was done, {sentence}"

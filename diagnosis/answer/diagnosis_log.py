@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
-from zwidth.diagnosis.forces.spatial import response
 from zwidth.diagnosis.noise.predictor import (
     free_run_errors,
     free_run_starts,
@@ -28,6 +27,7 @@ from zwidth.diagnosis.noise.predictor import (
     window,
 )
 from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.residual.remainder import response
 from zwidth.sim.place import place_at
 from zwidth.sim.trace import Trace
 

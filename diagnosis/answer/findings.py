@@ -31,9 +31,10 @@ from zwidth.diagnosis.model.parameters import (
     values_of,
 )
 from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.residual.remainder import Complement
 from zwidth.diagnosis.seeking.candidates import candidates
 from zwidth.diagnosis.seeking.lattice import chances_seen, step_interval
-from zwidth.diagnosis.seeking.screen import Complement, screen
+from zwidth.diagnosis.seeking.screen import screen
 from zwidth.diagnosis.selection.searched import Searched
 from zwidth.sim.device import Device
 from zwidth.sim.physics.effect import Physics

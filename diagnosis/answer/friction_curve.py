@@ -18,14 +18,14 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.answer.diagnosis_log import missing_force
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
-from zwidth.diagnosis.forces.leftover import predicted_states
-from zwidth.diagnosis.forces.unknown import SLOWER
 from zwidth.diagnosis.learning.steady import along
 from zwidth.diagnosis.learning.together import Together, follows, together
 from zwidth.diagnosis.noise.predictor import SETTLING, innovations
 from zwidth.diagnosis.noise.settle import prepared_for
 from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.residual.remainder import predicted_states
 from zwidth.diagnosis.selection.searched import Searched
+from zwidth.diagnosis.settings import RESIDUAL
 from zwidth.sim.place import Place
 
 Floats = NDArray[np.float64]
@@ -88,6 +88,6 @@ def read_beyond(problem: Problem, fitted: Fitted) -> Floats:
 
 def _slower(problem: Problem, fitted: Fitted) -> Problem:
     with suppress(NoObserver):  # so slow that it does not hold the device
-        ratio = SLOWER * problem.observer.ratio
+        ratio = RESIDUAL.slower * problem.observer.ratio
         return prepared_for(problem.experiments, fitted.model, fitted.x, ratio)
     return problem

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 
 from zwidth.diagnosis.answer.adequacy import Adequacy
 from zwidth.diagnosis.answer.result import Estimate, Finding, HeldOut, Verdict
-from zwidth.diagnosis.answer.verdict import Left
-from zwidth.diagnosis.forces.unknown import Instead
 from zwidth.diagnosis.intake.gate import COMMAND, Fault
 from zwidth.diagnosis.intake.units import asked_unit, unit_of
+from zwidth.diagnosis.residual.left import Left
 from zwidth.sim.physics import EFFECTS
 from zwidth.sim.place import Place, place_at
 from zwidth.sim.readable import interval, most, of_the_motion, plain, with_unit
@@ -184,9 +183,9 @@ class Answer:
     """What a headline is made of: the verdict as it is before faults of the recording.
 
     refit: name -> (device file's, refitted); masses: of the device's chain; left: what no effect of
-    the library explains beside what was found, other: the same in its place; sound and free: what
-    held-out data say; lost: what an error took from the verdict, "" for nothing; learned: a law of
-    no name in words, "" for none; record: which level to, where that of the command cannot decide.
+    the library explains beside what was found; sound and free: what held-out data say; lost: what
+    an error took from the verdict, "" for nothing; learned: a law of no name in words, "" for none;
+    record: which level to, where that of the command cannot decide.
     """
 
     verdict: Verdict
@@ -195,7 +194,6 @@ class Answer:
     faults: Sequence[Fault]
     masses: int
     left: Left
-    other: Instead | None
     sound: Adequacy | None
     free: HeldOut
     lost: str = ""
@@ -252,8 +250,6 @@ def _unknown(a: Answer) -> str:
         names = all_in_words(a.findings, a.masses)
         beside = f"{names} {_is(a.findings)} missing, and " if a.findings else ""
         return f"{beside}{a.learned}"
-    if a.other is not None:
-        return f"something is missing that has no name in the library: {_of_no_name(a, a.other)}"
     if not a.findings:
         rest = f": {a.left.sentence}" if a.left.gained > 0.0 and a.left.sentence else ""
         return f"something is missing that has no name in the library{rest}"
@@ -269,13 +265,6 @@ def _unknown(a: Answer) -> str:
         f"{names} {_is(a.findings)} missing, and something else that has no name in the"
         f" library{_explained(a.sound)}"
     )
-
-
-def _of_no_name(a: Answer, other: Instead) -> str:
-    at = place_in_words(place_at(other.place), a.masses)
-    how = other.follows.rstrip(",")  # which the sentence goes on after
-    how = how if how.startswith(("repeats", "follows")) else f"follows {how}"
-    return f"a force {at} that {how}, and is not {other.name.replace('_', ' ')}"
 
 
 def _explained(sound: Adequacy | None) -> str:

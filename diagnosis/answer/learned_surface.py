@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.answer.headline import place_in_words
 from zwidth.diagnosis.answer.result import HeldOut
 from zwidth.diagnosis.fitting.uncertainty import Z95
-from zwidth.diagnosis.forces.leftover import predicted_states
 from zwidth.diagnosis.learning.formulas import Formula, formulas
 from zwidth.diagnosis.learning.surface_forms import TablesForm, told
 from zwidth.diagnosis.learning.surfaces import Surface
 from zwidth.diagnosis.noise.predictor import SETTLING
+from zwidth.diagnosis.residual.remainder import predicted_states
 from zwidth.diagnosis.selection.searched import Searched
 from zwidth.sim.physics.free_force import grid_of
 from zwidth.sim.physics.two_tables import LAW_FIRST, LAW_SECOND, two_tables_of

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.answer.adequacy import Adequacy
 from zwidth.diagnosis.answer.inverse import ForceError
 from zwidth.diagnosis.answer.whole_run import WholeRun
-from zwidth.diagnosis.forces.locate import NOWHERE, Located
 from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.mishaps import Mishap
 from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.residual.located import NOWHERE, Located
 from zwidth.diagnosis.selection.searched import Searched
 from zwidth.shown import Shown
 from zwidth.sim.device import Device

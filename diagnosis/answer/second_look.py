@@ -4,23 +4,21 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from zwidth.diagnosis.answer.adequacy import Adequacy
-from zwidth.diagnosis.answer.verdict import Left, instead_of, left_over, matters
+from zwidth.diagnosis.answer.verdict import matters
 from zwidth.diagnosis.fitting.fit import Problem
-from zwidth.diagnosis.forces.unknown import Instead
 from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.mishaps import Say
 from zwidth.diagnosis.model.parameters import effect_labels
 from zwidth.diagnosis.noise.predictor import FINAL
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.residual.left import Left, left_over
 from zwidth.diagnosis.selection.searched import Searched, Searches
 from zwidth.sim.physics import richer_at
 from zwidth.sim.place import label_of, of_label
 
 
-def named_only_whole(
-    found: Searched, left: Left, other: Instead | None, sound: Adequacy | None
-) -> bool:
+def named_only_whole(found: Searched, left: Left, sound: Adequacy | None) -> bool:
     """Whether a search of all that was recorded may name what the first part of it does not.
 
     A force without a name is left in all of it, or free runs err farther than noise makes them on
@@ -28,7 +26,7 @@ def named_only_whole(
     """
     unnamed = left.whole and matters(found, left, bool(found.final.model.effects))
     fails_later = found.held and sound is not None and not sound.sound
-    return (unnamed or fails_later) and other is None and not found.interrupted
+    return (unnamed or fails_later) and not found.interrupted
 
 
 def second_look(
@@ -60,8 +58,8 @@ def second_look(
     new = [label for label in labels if not akin(label, known)]
     if not new or not all(akin(label, labels) for label in known):
         return found, left, None
-    beyond = left_over(again, acted)
-    if matters(again, beyond, named=True) or instead_of(again) is not None:
+    beyond = left_over(again.problem, again.final, acted)
+    if matters(again, beyond, named=True):
         return found, left, None
     names = " and ".join(label.replace("@", " at ") for label in new)
     sentence = (

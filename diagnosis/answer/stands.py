@@ -7,12 +7,12 @@ from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy
 from zwidth.diagnosis.answer.changes import Change, changing, outlived
 from zwidth.diagnosis.answer.lost import knowing_losses
 from zwidth.diagnosis.answer.second_look import named_only_whole, on_first_part, second_look
-from zwidth.diagnosis.answer.verdict import Left, instead_of, left_over, unexplained
-from zwidth.diagnosis.forces.unknown import Instead
+from zwidth.diagnosis.answer.verdict import unexplained
 from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.mishaps import Say, attempt, isolated
 from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.residual.left import Left, left_over
 from zwidth.diagnosis.selection.searched import (
     Searched,
     Searches,
@@ -30,7 +30,7 @@ class Stands:
 
     found: on all that was searched; by: the same as held-out data may judge it, fitted to the first
     part where `found` had to be searched in all. sound: how it stands on held-out data; left: what
-    it leaves; other: physics of no library in its place. halted: whether a person interrupted it.
+    it leaves. halted: whether a person interrupted it.
     """
 
     found: Searched
@@ -38,7 +38,6 @@ class Stands:
     taken: Taken
     sound: Adequacy | None
     left: Left
-    other: Instead | None
     changes: tuple[Change, ...]
     faults: tuple[Fault, ...]
     halted: bool
@@ -56,8 +55,8 @@ def what_stands(
     found, taken, changes, halted = _what_changes(device, found, taken, say)
     asked, taken = taken, _knowing_losses(taken, found)
     found, sound = standing(device, taken, found, say)
-    left, other = _what_is_left(found, taken)
-    if not found.interrupted and unexplained(found, left, other, sound):
+    left = _what_is_left(found, taken)
+    if not found.interrupted and unexplained(found, left, sound):
         first, second = _both(found if found.far else farther(device, found, say), found)
         # Nothing is promised, so the better of two is said.
         if second is not None and runs_freer(second, first, taken.judge_by):
@@ -65,10 +64,10 @@ def what_stands(
             again, how = standing(device, taken, second, say)
             if again is second or not first.final.model.effects:  # and not refused itself
                 first, sound = again, how
-                left, other = _what_is_left(first, taken)
+                left = _what_is_left(first, taken)
         found = first
     by, faults = found, taken.faults
-    if taken.whole_unopened and named_only_whole(found, left, other, sound):
+    if taken.whole_unopened and named_only_whole(found, left, sound):
         with isolated("search", "all that was recorded"):
             again, beyond, note = second_look(found, left, taken.whole, search, say)
             if note is not None:
@@ -79,7 +78,7 @@ def what_stands(
     if changes and not (changes := outlived(changes, found)):
         taken = _knowing_losses(before, found)  # a part of it, where something changes
     halted = halted or found.interrupted
-    return Stands(found, by, taken, sound, left, other, changes, faults, halted)
+    return Stands(found, by, taken, sound, left, changes, faults, halted)
 
 
 def _both(asked: Searched, stood: Searched) -> tuple[Searched, Searched | None]:
@@ -133,10 +132,7 @@ def held_adequacy(device: Device, found: Searched, taken: Taken) -> Adequacy | N
     return adequacy(Model(device), found.refit, found.final, found.judge, taken.judge_by)
 
 
-def _what_is_left(found: Searched, taken: Taken) -> tuple[Left, Instead | None]:
-    """What the final model leaves, and what of no library may stand in the place of its names."""
-    left = attempt("detect", "what is left", partial(left_over, found, taken.whole))
-    other: Instead | None = None
-    with isolated("detect", "physics of no library in the place of what was named"):
-        other = instead_of(found)
-    return left or Left(0.0, ""), other
+def _what_is_left(found: Searched, taken: Taken) -> Left:
+    """What the final model leaves."""
+    asked = partial(left_over, found.problem, found.final, taken.whole)
+    return attempt("detect", "what is left", asked) or Left(0.0, "")

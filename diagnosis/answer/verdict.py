@@ -1,84 +1,18 @@
 """What a diagnosis says in the end: what the final model leaves, and the verdict in a sentence."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-
 from zwidth.diagnosis.answer.adequacy import Adequacy, wander
 from zwidth.diagnosis.answer.result import UNKNOWN_FIT, Estimate, Finding, Held, HeldOut, Verdict
-from zwidth.diagnosis.fitting.uncertainty import Z95, inflation
-from zwidth.diagnosis.forces.leftover import leftover
-from zwidth.diagnosis.forces.locate import locate
-from zwidth.diagnosis.forces.probes import instead_by_law
-from zwidth.diagnosis.forces.unknown import TOUCHED, Instead, instead, unknown
-from zwidth.diagnosis.noise.steady import NoObserver
-from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.fitting.uncertainty import Z95
+from zwidth.diagnosis.residual.left import Left
 from zwidth.diagnosis.selection.searched import Searched
 from zwidth.sim.predict import OVERFLOW
 from zwidth.sim.readable import most, of_the_motion, percent
 
 SHIFTED = 5.0  # sigma by which a linear parameter must differ to be a finding
-MAPPED = 60.0  # chi-square that a map of the missing force over one state must gain
-FREE_FORCE = 60.0  # -2 log likelihood that a force of free shape must gain besides its unknowns
 UNEXPLAINED = 0.01  # share of the chi-square explained that may be left under a verdict by name
 COLOURED = 0.05  # the same where the observer was asked for, and chi-square is no statistic
 SURE = 0.95  # probability of a name or a richer form of it, below which it is not promised
 LISTED = 4  # rivals in the verdict's sentence, the nearest; the others stand in the report
-
-
-@dataclass(frozen=True)
-class Left:
-    """What the final model leaves: chi-square that an unknown force would gain, 0 for chance.
-
-    whole: in all that was recorded, and not where it was fitted.
-    """
-
-    gained: float
-    sentence: str
-    whole: bool = False
-
-
-def left_over(found: Searched, acted: Sequence[Experiment]) -> Left:
-    """Hold the final residual against forces that follow one state, and that repeat or sway.
-
-    Then all that was recorded, held-out data too, against forces of free shape under observers that
-    hide none: nothing of that is kept, and a stop may first be hit in what was held out.
-    """
-    wide = inflation(found.final.white)
-    located = locate(found.problem, found.final)
-    followed = [m for m in located.maps if m.against != "time" or m.gained > TOUCHED * wide]
-    top = max(followed, key=lambda m: m.gained, default=None)
-    line = leftover(found.problem, found.final)
-    rotary = found.final.model.nominal.rotary
-    if line.gained > max(line.chance * wide, 0.0 if top is None else top.gained):
-        return Left(line.gained, line.sentence(rotary))
-    if top is not None and top.gained > MAPPED * wide:
-        return Left(top.gained, located.sentence)
-    try:
-        free = unknown(acted, found.final)
-    except NoObserver:  # no observer follows what was held out
-        return Left(0.0, "")
-    if free is not None and free.gained > FREE_FORCE * wide + 1.5 * free.unknowns:
-        return Left(free.gained, free.sentence, True)
-    return Left(0.0, "")
-
-
-def instead_of(found: Searched) -> Instead | None:
-    """Return a force of no library that explains more than one of the effects, or all of them."""
-    if found.problem.observer.whitening is None:  # free runs judged, and likelihood is no judge
-        return None
-    final, effects = found.final, found.final.model.effects
-    experiments = found.problem.experiments
-    names = [f"{p.effect.name} at {p.at}" for p in effects]
-    models = [(name, found.problem.fit_without(final, i)) for i, name in enumerate(names)]
-    if len(effects) > 1:
-        models.append((" and ".join(names), found.refit))
-    asked = [
-        instead(found.problem, final, without, experiments, name)
-        for name, without in models
-        if without.x.size < final.x.size
-    ]
-    asked.append(instead_by_law(found.problem, final))
-    return max((a for a in asked if a is not None), key=lambda a: a.gained, default=None)
 
 
 def matters(found: Searched, left: Left, named: bool) -> bool:
@@ -88,11 +22,11 @@ def matters(found: Searched, left: Left, named: bool) -> bool:
     return left.gained > 0.0 and (not named or left.gained > share * explained)
 
 
-def unexplained(found: Searched, left: Left, other: Instead | None, sound: Adequacy | None) -> bool:
+def unexplained(found: Searched, left: Left, sound: Adequacy | None) -> bool:
     """Whether what is named does not explain the recordings, or not as far as free runs go."""
     named = bool(found.final.model.effects)
     fails = sound is not None and not (sound.adequate if named else sound.sound)
-    return other is not None or matters(found, left, named) or fails
+    return matters(found, left, named) or fails
 
 
 def judged(
@@ -100,19 +34,14 @@ def judged(
     findings: tuple[Finding, ...],
     refit: dict[str, tuple[float, Estimate]],
     left: Left,
-    other: Instead | None,
     sound: Adequacy | None = None,
     free: HeldOut = UNKNOWN_FIT,
 ) -> tuple[Verdict, str]:
     """Return the verdict and its sentence.
 
-    refit: name -> (nominal, estimate) of the linear parameters; other: physics of no library in the
-    place of what was found, if any; sound: what held-out data say; free: free runs on them.
+    refit: name -> (nominal, estimate) of the linear parameters; sound: what held-out data say;
+    free: free runs on them.
     """
-    if other is not None:
-        return Verdict.UNKNOWN_PHYSICS, (
-            f"something is missing that no effect of the library explains: {other.sentence}"
-        )
     if matters(found, left, bool(findings)):
         beyond = f" beyond {' and '.join(f.effect for f in findings)}" if findings else ""
         return Verdict.UNKNOWN_PHYSICS, (

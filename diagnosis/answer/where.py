@@ -2,14 +2,14 @@
 
 The map of the missing force is made with the refitted device, before anything has a name. So it
 should point to where the finding is. Where it does not, that is said, with why: a map lets in a
-force that follows one state, in eight bins; the search simulates each effect whole.
+force that follows one state, in twelve bins; the search simulates each effect whole.
 """
 
 from collections.abc import Sequence
 
 from zwidth.diagnosis.answer.headline import effect_in_words, place_in_words
 from zwidth.diagnosis.answer.result import Finding
-from zwidth.diagnosis.forces.locate import Located, densest, sign_of, stands_out
+from zwidth.diagnosis.residual.located import Located, densest, sign_of, stands_out
 from zwidth.sim.place import Place, place_at
 
 # What the force of an effect follows, by which a map shows it; none for what is no such force.
@@ -35,9 +35,7 @@ def where(located: Located, findings: Sequence[Finding], masses: int) -> str:
         if not findings:
             return seen
         shows = "shows" if len(findings) == 1 else "show"
-        return (
-            f"{seen}; {_names(findings)} {shows} in the run as a whole, and in no map of eight bins"
-        )
+        return f"{seen}; {_names(findings)} {shows} in the run as a whole, and in no map of its bins"
     at = place_at(top.place)
     force = f"a force {place_in_words(at, masses)} that {_like(top.against)}{sign_of(top)}"
     first = f"{densest(located.state)}{force} would explain most of it"
@@ -64,7 +62,7 @@ def _beside(against: str, at: Place, findings: Sequence[Finding], masses: int) -
     name, found_at = effect_in_words(f.effect), place_in_words(place_at(f.at), masses)
     if like:
         return (
-            f"; the {name} was found {found_at} all the same: the map follows one state in eight"
+            f"; the {name} was found {found_at} all the same: the map follows one state in twelve"
             " bins, while the search simulated each effect whole and believed this place more"
         )
     return (

@@ -35,7 +35,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.fitting.uncertainty import Z95, covariance, covariance_beside
-from zwidth.diagnosis.forces.leftover import predicted_states
 from zwidth.diagnosis.learning.knots import one_way, refined, shapes, spared, tempered
 from zwidth.diagnosis.learning.repeating import OF_A_TURN, turns_of
 from zwidth.diagnosis.learning.steady import along
@@ -53,6 +52,7 @@ from zwidth.diagnosis.learning.where import (
 from zwidth.diagnosis.mishaps import Say, attempt
 from zwidth.diagnosis.model.parameters import Model, effect_labels
 from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.residual.remainder import predicted_states
 from zwidth.diagnosis.selection.evidence import ALPHA, believed
 from zwidth.diagnosis.selection.hypothesis import (
     Hypothesis,

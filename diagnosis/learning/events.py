@@ -43,10 +43,10 @@ from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
 from zwidth.diagnosis.fitting.fit import Fitted
-from zwidth.diagnosis.forces.spatial import response
 from zwidth.diagnosis.learning.event_force import Happened, Pulse, Source, fitted_event
 from zwidth.diagnosis.noise.predictor import SETTLING
 from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.residual.remainder import response
 from zwidth.diagnosis.selection.evidence import ALPHA
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
 from zwidth.sim.place import masses_and_links

@@ -43,7 +43,6 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.fitting.descend import descend
 from zwidth.diagnosis.fitting.landscape import Landscape
 from zwidth.diagnosis.fitting.uncertainty import Z95, covariance
-from zwidth.diagnosis.forces.leftover import predicted_states
 from zwidth.diagnosis.learning.curves import from_nothing, said_as, without_names
 from zwidth.diagnosis.learning.knots import JUDGED, refined, tempered
 from zwidth.diagnosis.learning.surface_forms import (
@@ -65,6 +64,7 @@ from zwidth.diagnosis.mishaps import Say, attempt
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import SCREENING, SETTLING
 from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.residual.remainder import predicted_states
 from zwidth.diagnosis.seeking.sizes import sizes_of
 from zwidth.diagnosis.selection.evidence import ALPHA, believed, freedom
 from zwidth.diagnosis.selection.hypothesis import (

@@ -22,11 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.fitting.descend import descend
-from zwidth.diagnosis.forces.leftover import predicted_states
 from zwidth.diagnosis.learning.tables import is_odd, points_over, table
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import SETTLING
 from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.residual.remainder import predicted_states
 from zwidth.diagnosis.seeking.sizes import sizes_of
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged
 from zwidth.sim.physics.effect import Physics

@@ -1,7 +1,7 @@
 """Steps and lost commands: effects that no slope leads to, found by what they repeat.
 
 command_step: c = step round(u / step) is known for every step, so its signature is F (c - u), and
-the periods of the missing force over u (`diagnosis.forces.spatial`) say which steps to try. The
+the periods of the missing force over u (`residual.spectrum`) say which steps to try. The
 best of N steps explains 2 ln N of chance, that is as many independent numbers; whatever follows a
 command of fewer levels than that is as few numbers, and some step explains anything.
 
@@ -28,12 +28,12 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
-from zwidth.diagnosis.forces.spatial import matched, peaks, pulls, response, step_peaks
 from zwidth.diagnosis.mishaps import attempt
 from zwidth.diagnosis.model.parameters import Model, delivered
-from zwidth.diagnosis.noise.predictor import SETTLING, innovations
+from zwidth.diagnosis.noise.predictor import SETTLING
 from zwidth.diagnosis.recording.experiment import Experiment
-from zwidth.diagnosis.seeking.screen import Complement
+from zwidth.diagnosis.residual.remainder import Complement, matched, predicted, response
+from zwidth.diagnosis.residual.spectrum import peaks, pulls, step_peaks
 from zwidth.sim.physics import make_physics
 
 Floats = NDArray[np.float64]
@@ -217,17 +217,6 @@ def step_interval(problem: Problem, fitted: Fitted, name: str, wide: float) -> f
         if min(chi2(step * (1.0 - part)), chi2(step * (1.0 + part))) > own + 3.84 * wide:
             return float(part) * step
     return 0.3 * step
-
-
-def predicted(problem: Problem, fitted: Fitted) -> list[Floats]:
-    """Return the first output (ticks,) as the observer predicts it, of every recording."""
-    device = fitted.model.acting(fitted.x)
-    found: list[Floats] = []
-    for e in problem.experiments:
-        seen = fitted.model.seen(e, fitted.x)
-        error = innovations(device, seen, problem.observer.gain)
-        found.append(seen.measured[:, 0] - error[:, 0])
-    return found
 
 
 def _best(periods: list[float], span: float, chi2: Callable[[float], float]) -> float | None:

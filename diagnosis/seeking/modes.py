@@ -19,11 +19,9 @@ from numpy.typing import NDArray
 from scipy.signal import bilinear, fftconvolve, lfilter
 
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
-from zwidth.diagnosis.forces.leftover import predicted_states
-from zwidth.diagnosis.forces.spatial import response
 from zwidth.diagnosis.noise.predictor import SETTLING
+from zwidth.diagnosis.residual.remainder import Complement, predicted_states, response
 from zwidth.diagnosis.seeking.candidates import Start
-from zwidth.diagnosis.seeking.screen import Complement
 from zwidth.sim.device import has_room, place_label
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.extra_mode import extra_mode

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.mishaps import attempt
 from zwidth.diagnosis.noise.predictor import SCREENING
+from zwidth.diagnosis.residual.remainder import Complement
 from zwidth.diagnosis.seeking.candidates import Start
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.physics.sizes import QUARTER
 
 Floats = NDArray[np.float64]
-COLUMNS_KEPT = 1e-10
 PROMISING = 5.0  # first-order chi-square that is worth a second look at another strength
 HOPEFUL = 0.02  # the same as a share of the best start's
 
@@ -38,24 +38,6 @@ class Screened:
     score: float
     signature: Floats
     shift: Floats
-
-
-class Complement:
-    """Projection off the span of a Jacobian."""
-
-    def __init__(self, jacobian: Floats) -> None:
-        left, singular, right = np.linalg.svd(jacobian, full_matrices=False)
-        kept = singular > COLUMNS_KEPT * singular[0]
-        self.basis = left[:, kept]
-        self.inverse = right[kept].T / singular[kept]
-
-    def __call__(self, vector: Floats) -> Floats:
-        """Return the part of a vector (samples,) that the refit cannot absorb."""
-        return vector - self.basis @ (self.basis.T @ vector)
-
-    def absorbing(self, vector: Floats) -> Floats:
-        """Return the change of x (p,) by which the refit absorbs its part of a vector."""
-        return -self.inverse @ (self.basis.T @ vector)
 
 
 def screen(

@@ -26,9 +26,10 @@ from zwidth.diagnosis.fitting.landscape import Landscape
 from zwidth.diagnosis.mishaps import isolated
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import SCREENING
+from zwidth.diagnosis.residual.remainder import Complement
 from zwidth.diagnosis.seeking.candidates import Start
 from zwidth.diagnosis.seeking.modes import mode_starts
-from zwidth.diagnosis.seeking.screen import Complement, Screened, second_looks
+from zwidth.diagnosis.seeking.screen import Screened, second_looks
 from zwidth.diagnosis.seeking.waves import wave_starts
 from zwidth.jobs.parallel import in_parallel, threads
 

@@ -6,10 +6,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
-from zwidth.diagnosis.forces.leftover import predicted_states
-from zwidth.diagnosis.forces.spatial import Peak, peaks, pulls
+from zwidth.diagnosis.residual.remainder import predicted, predicted_states
+from zwidth.diagnosis.residual.spectrum import Peak, peaks, pulls
 from zwidth.diagnosis.seeking.candidates import Start
-from zwidth.diagnosis.seeking.lattice import predicted
 from zwidth.diagnosis.seeking.sizes import sizes_of
 from zwidth.sim.device import Device, known, place_label
 from zwidth.sim.physics import EFFECTS

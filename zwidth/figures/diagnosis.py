@@ -13,7 +13,7 @@ from scipy.signal import welch
 from zwidth.diagnosis.answer.inverse import ForceError
 from zwidth.diagnosis.answer.result import Residuals
 from zwidth.diagnosis.answer.whole_run import WholeRun
-from zwidth.diagnosis.forces.locate import Located
+from zwidth.diagnosis.residual.located import Located
 from zwidth.figures.style import STYLE
 from zwidth.sim.readable import percent, plain, scaled, with_unit
 

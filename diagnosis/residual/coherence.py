@@ -1,4 +1,4 @@
-"""Whether what free runs err is led by the motion: noise is not.
+"""Coherence of what free runs err with the motion: noise has none.
 
 Errors of a free run of a linear device are its innovations filtered, so noise of the right spectrum
 has errors as large as a lack of physics has, and their size alone cannot tell the two apart. But
@@ -24,12 +24,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
-from zwidth.diagnosis.noise.predictor import prepared
 from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.residual.remainder import unit_answer
 from zwidth.sim.device import Device
 from zwidth.sim.place import masses_and_links
-from zwidth.sim.predict import alone
-from zwidth.sim.run import Start, start_memory
 
 Floats = NDArray[np.float64]
 FORMS: tuple[Callable[[Floats, Floats], Floats], ...] = (
@@ -39,7 +37,6 @@ FORMS: tuple[Callable[[Floats, Floats], Floats], ...] = (
     lambda _, v: np.sign(v),
     lambda _, v: v * np.abs(v),
 )
-LEAST = 1e-6  # of the largest direction, below which forces are the same
 
 
 @dataclass(frozen=True)
@@ -63,12 +60,12 @@ def span(device: Device, experiment: Experiment, motion: Floats) -> Span:
     """
     n, length = device.chain.masses.size, motion.shape[1]
     motion = np.where(np.isfinite(motion).all(axis=(1, 2), keepdims=True), motion, 0.0)
-    linear = device.bare()
     constant = np.zeros((motion.shape[0] * length, 0))
     columns: list[Floats] = []
+    blind = np.zeros((2 * n, len(experiment.outputs)))
     for place in (p for p in masses_and_links(n) if p.kind == "link" or p.index == 0):
         row = place.row(n)
-        answer = _response(linear, experiment, row, length)
+        answer = -unit_answer(device, experiment, blind, str(place), length)[:, 0]
         if not columns:
             ones = np.ones((motion.shape[0], length))
             constant = _directions(_filtered(ones, answer).reshape(-1, 1))
@@ -87,20 +84,7 @@ def _filtered(forces: Floats, answer: Floats) -> Floats:
 
 
 def _directions(columns: Floats) -> Floats:
-    """Return orthonormal directions of columns, without those that are others again."""
+    """Return orthonormal directions of columns, without those that are others again, to 1e-6."""
     size = np.linalg.norm(columns, axis=0)
     left, values, _ = np.linalg.svd(columns[:, size > 0.0] / size[size > 0.0], full_matrices=False)
-    return left[:, values > LEAST * values.max(initial=0.0)]
-
-
-def _response(linear: Device, experiment: Experiment, row: Floats, length: int) -> Floats:
-    """Return the first output (length,) after a force of one tick along a row (n,), from rest."""
-    eq, fine = prepared(experiment.on(linear))
-    places = experiment.places(eq)
-    external = np.zeros((length, eq.dof))
-    external[0, : row.size] = row
-    still = np.zeros((length, places.state.size))
-    blind = np.zeros((eq.states, places.state.size))
-    places = places._replace(sensed=np.zeros_like(places.sensed))
-    memory = start_memory(eq, Start())
-    return -alone(eq, fine, places, np.zeros(length), still, blind, external, memory)[:, 0]
+    return left[:, values > 1e-6 * values.max(initial=0.0)]
