@@ -9,8 +9,8 @@ At every mass and in every link a force may stand that is
     cos(phase + 2 pi t / period) alone, and over position beside a ripple, whose harmonics it is.
 
 The statistic is the -2 log likelihood that its k strengths gain, off the span of the fit. Chance is
-what the best of N such forces exceeds once in 1 / RESIDUAL.odds recordings: the quantile of
-chi-square with k degrees at odds / N, times `inflation` where the residual is not white.
+what the best of N such forces (waves, or others) exceeds once in 1 / RESIDUAL.odds recordings, the
+quantile of chi-square with k degrees at odds / N, times `inflation` where the residual is coloured.
 
 Under the likeliest noise the gain is a chi-square to first order. That noise hides a force in part
 (it takes motion for disturbance), so the forces are also solved for under a slower observer, on all
@@ -23,6 +23,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,26 +112,20 @@ def left_over(problem: Problem, final: Fitted, acted: Sequence[Experiment]) -> L
     rest = Remainder(problem, final)
     line, lines = strongest_line(rest)
     gains = [(s, g) for s, g in solved_bank(rest) if s.follows != "time"]
-    wide, among = inflation(final.white), lines + len(gains)
+    wide, among = inflation(final.white), len(gains)
     told = [
         (g.gained - wide * chance(g.strength.size, among), g.gained, explaining(s))
         for s, g in gains
     ]
     if line is not None:
         said = line.sentence(final.model.nominal.rotary)
-        told.append((line.gained - wide * chance(2, among), line.gained, said))
+        told.append((line.gained - wide * chance(2, lines), line.gained, said))
     beyond, gained, sentence = max(told, default=(0.0, 0.0, ""))
     if beyond > 0.0:
         return Left(gained, sentence)
     with suppress(NoObserver):  # no observer follows what was held out
-        if (free := _free_force(final, acted)) is not None:
-            shape, gained, unknowns = free
-            if gained > wide * chance(unknowns, among):
-                likelier = (
-                    f"a force at {shape.place} that follows {shape.follows} would make the recording"
-                    f" likelier by {gained:.0f} in -2 log likelihood with {unknowns} unknowns"
-                )
-                return Left(gained, likelier, True)
+        if (free := _free_force(final, acted, wide, among)) is not None:
+            return free
     return Left(0.0, "")
 
 
@@ -293,45 +288,64 @@ class _Forced:
 
 
 def _free_force(
-    final: Fitted, acted: Sequence[Experiment], asked: int = 3
-) -> tuple[Shape, float, int] | None:
-    """Return the force that makes recordings likeliest, by how much, and its unknowns.
+    final: Fitted, acted: Sequence[Experiment], wide: float, among: int, asked: int = 3
+) -> Left | None:
+    """Return the force that makes recordings likeliest, None where chance does as much.
 
-    asked: of the forces that gain most under each observer, how many are added to the recordings.
+    wide, among: as in `left_over`. asked: of the forces that gain most under each observer, how
+    many are added to the recordings.
     """
     model = final.model
     plain = _settled(acted, model, final.x)
+    ratio = plain.problem.observer.ratio
     views = [Remainder(plain.problem, plain.fitted)]
     with suppress(NoObserver):  # so slow that it does not hold the device
-        slower = Family((RESIDUAL.slower * plain.problem.observer.ratio,), whitening=False)
-        views.append(Remainder(*_under(acted, model, plain.fitted.x, slower)))
-    tried: list[tuple[float, Remainder, Shape, Solved]] = []
+        slower = Family((RESIDUAL.slower * ratio,), whitening=False)
+        _, there = _under(acted, model, plain.fitted.x, slower)
+        views.append(Remainder(*_under(acted, model, there.x, slower, 4)))  # in its own units
+    best: tuple[float, Shape, Solved, _Forced] | None = None
     for rest in views:
-        gains = [(s, g) for s, g in solved_bank(rest) if s.follows != "time"]
-        gains.sort(key=lambda one: one[1].gained - 2.0 * one[1].strength.size, reverse=True)
-        for shape, solved in gains[:asked]:
+        gains = [
+            (g.gained - wide * chance(g.strength.size, among), s, g)
+            for s, g in solved_bank(rest)
+            if s.follows != "time"
+        ]
+        hopeful = sorted((one for one in gains if one[0] > 0.0), key=itemgetter(0), reverse=True)
+        for _, shape, solved in hopeful[:asked]:
             with suppress(NoObserver):
                 x = model.within(rest.fitted.x + _absorbed(rest, shape, solved.strength))
-                forced = _with_force(rest, acted, shape, solved.strength)
-                tried.append((likeliest(forced, model, x).cost, rest, shape, solved))
-    if not tried:
+                added = _with_force(rest, acted, shape, solved.strength)
+                if likeliest(added, model, x, NEXT_SAMPLE.near(ratio)).cost > plain.cost:
+                    continue
+                forced = _followed(rest, acted, shape, solved.strength, plain.cost)
+                # A likelihood may gain by more than the force, as by another beginning.
+                cost = max(forced.cost, plain.cost - solved.gained)
+                if best is None or cost < best[0]:
+                    best = cost, shape, solved, forced
+    if best is None:
         return None
-    _, rest, shape, solved = min(tried, key=lambda one: one[0])
-    forced = _followed(rest, acted, shape, solved.strength, plain.cost)
-    if forced is None:
+    found, shape, solved, forced = best
+    unknowns, base = solved.strength.size, plain.cost
+    least = wide * chance(unknowns, among)
+    # A model that is not fitted to its end gains by anything, and by another observer alone: so
+    # both are fitted from where either stood, under the same observers.
+    ratio = forced.problem.observer.ratio
+    for own in (ratio, RESIDUAL.slower * ratio):
+        if base - found < least:
+            return None
+        with suppress(NoObserver):
+            for x in (plain.fitted.x, forced.fitted.x):
+                problem, fitted = _under(acted, model, x, Family((own,)))
+                base = min(base, problem.cost(fitted))
+            problem, fitted = _under(forced.experiments, model, forced.fitted.x, Family((own,)))
+            found = min(found, max(problem.cost(fitted), plain.cost - solved.gained))
+    if base - found < least:
         return None
-    found, base = max(forced.cost, plain.cost - solved.gained), plain.cost
-    if base - found > 0.0:
-        # A model that is not fitted to its end gains by anything, and by another observer alone:
-        # so both are fitted from where either stood, under the same observers.
-        ratio = forced.problem.observer.ratio
-        for own in (ratio, RESIDUAL.slower * ratio):
-            with suppress(NoObserver):
-                for x in (plain.fitted.x, forced.fitted.x):
-                    base = min(base, _cost(*_under(acted, model, x, Family((own,)))))
-                under = _under(forced.experiments, model, forced.fitted.x, Family((own,)))
-                found = min(found, max(_cost(*under), base - solved.gained))
-    return shape, base - found, solved.strength.size
+    said = (
+        f"a force at {shape.place} that follows {shape.follows} would make the recording likelier"
+        f" by {base - found:.0f} in -2 log likelihood with {unknowns} unknowns"
+    )
+    return Left(base - found, said, True)
 
 
 def _under(
@@ -340,10 +354,6 @@ def _under(
     """Return recordings under the likeliest noise of a family at x, and the fit there."""
     problem = likeliest(experiments, model, x, family).problem(experiments)
     return problem, problem.fit(model, x, rounds)
-
-
-def _cost(problem: Problem, fitted: Fitted) -> float:
-    return problem.cost(fitted)
 
 
 def _settled(experiments: Sequence[Experiment], model: Model, x: Floats, turns: int = 3) -> _Forced:
@@ -364,26 +374,26 @@ def _settled(experiments: Sequence[Experiment], model: Model, x: Floats, turns: 
 
 def _followed(
     rest: Remainder, acted: Sequence[Experiment], shape: Shape, strength: Floats, base: float
-) -> _Forced | None:
+) -> _Forced:
     """Fit beside a force, which is computed again along the motion predicted then, in turn.
 
-    None where no observer follows the recordings with it.
+    Raises NoObserver where no observer follows the recordings with it.
     """
     model, best = rest.fitted.model, None
     x = rest.fitted.x + _absorbed(rest, shape, strength)
-    with suppress(NoObserver):
-        for _ in range(3):
-            forced = _with_force(rest, acted, shape, strength)
-            found = _settled(forced, model, model.within(x), 1)
-            if best is not None and found.cost > best.cost - 0.5:
-                break
-            best, x = found, found.fitted.x
-            if found.cost > base - 10.0:  # too little for a further turn to make something of
-                break
-            rest = Remainder(found.problem, found.fitted)
-            same = (s for s in bank(rest) if (s.place, s.follows) == (shape.place, shape.follows))
-            shape = next(same)
-            strength = strength + rest.solved(shape.place, shape.columns, shape.levels).strength
+    for _ in range(3):
+        forced = _with_force(rest, acted, shape, strength)
+        found = _settled(forced, model, model.within(x), 1)
+        if best is not None and found.cost > best.cost - 0.5:
+            break
+        best, x = found, found.fitted.x
+        if found.cost > base - 10.0:  # too little for a further turn to make something of
+            break
+        rest = Remainder(found.problem, found.fitted)
+        same = (s for s in bank(rest) if (s.place, s.follows) == (shape.place, shape.follows))
+        shape = next(same)
+        strength = strength + rest.solved(shape.place, shape.columns, shape.levels).strength
+    assert best is not None
     return best
 
 
