@@ -178,9 +178,7 @@ def factors(rest: Remainder, place: Place) -> dict[str, list[Floats]]:
 
     While an observer settles its states jump, which would be on every line.
     """
-    n, (i, j) = rest.masses, place.ends
-    row = np.zeros(n)
-    row[[i] if place.kind == "mass" else [i, j]] = [1.0] if place.kind == "mass" else [1.0, -1.0]
+    n, row = rest.masses, place.row(rest.masses)
     found: dict[str, list[Floats]] = {}
     for x in rest.states:
         way, speed = x[:, :n] @ row, x[:, n:] @ row
@@ -201,7 +199,7 @@ def strongest_line(rest: Remainder, draws: int = 24, seed: int = 0) -> tuple[Lin
 
     Noise is never quite white near a resonance, and louder where motion is fast: drawn noise has
     the colour and the envelope of the residual, phases drawn. For a force of time alone, a hum, the
-    line would be in that very colour: so `hum` compares it with the lines around.
+    line would be in that very colour: so `_hum` compares it with the lines around.
     """
     rest = rest.coarsely()
     random = np.random.default_rng(seed)

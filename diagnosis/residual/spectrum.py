@@ -82,7 +82,7 @@ def peaks(
     phase.
     """
     ends = min(float(q.min()) for q in over), max(float(q.max()) for q in over)
-    each: list[Complexes] = []
+    each: list[_Spectrum] = []
     gained, count_of = np.zeros(0), 0
     for group in groups or [range(len(over))]:
         found = _spectrum([pulls[i] for i in group], [over[i] for i in group], finest, ends)
@@ -94,16 +94,17 @@ def peaks(
         own = np.where(usable, 2.0 * np.abs(found.waves) ** 2 / level, 0.0)
         gained = gained + own if gained.size else own
         count_of = max(count_of, int(np.count_nonzero(usable)) // found.finer)
-        each.append(found.waves)
-        highest = found.highest(gained, count)
+        each.append(found)
+    highest = each[0].highest(gained, count)
     if len(each) > 1:
-        highest = [replace(p, turned=_turned(each, found.line_of(p))) for p in highest]
+        highest = [replace(p, turned=_turned(each, each[0].line_of(p))) for p in highest]
     return highest, count_of
 
 
-def _turned(each: Sequence[Complexes], line: int) -> tuple[float, ...]:
+def _turned(each: Sequence["_Spectrum"], line: int) -> tuple[float, ...]:
     """Phases of a line in each spectrum less that in the first, within half a turn."""
-    return tuple(float(np.angle(waves[line] * np.conj(each[0][line]))) for waves in each)
+    first = np.conj(each[0].waves[line])
+    return tuple(float(np.angle(one.waves[line] * first)) for one in each)
 
 
 def step_peaks(
