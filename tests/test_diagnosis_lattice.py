@@ -76,7 +76,8 @@ def test_a_clean_recording_has_no_steps_no_losses_and_nothing_left():
         dropped_samples(problem, fitted, problem.experiments),
     ):
         assert trial is None or trial.gained < 30.0 + trial.price
-    assert not leftover(problem, fitted).significant
+    line, level = leftover(problem, fitted)
+    assert line.gained < level
 
 
 def test_steps_of_the_command_are_found_by_what_they_repeat():
