@@ -12,7 +12,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from zwidth.diagnosis.answer.friction_curve import friction_curve
+from zwidth.diagnosis.answer.missing_force import friction_curve
 from zwidth.diagnosis.answer.result import Diagnosis
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.recording.experiment import Experiment, stretches

@@ -1,6 +1,7 @@
 """Adequacy: an answer beside what it foretells of itself, and beside doing without it."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,9 +9,9 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 from test_fitting import drive, recording
 
-from zwidth.diagnosis.answer import adequacy as judging
-from zwidth.diagnosis.answer.adequacy import Adequacy, Believed, adequacy
-from zwidth.diagnosis.answer.stands import standing, what_stands
+from zwidth.diagnosis.answer import validate as judging
+from zwidth.diagnosis.answer.answered import standing, what_stands
+from zwidth.diagnosis.answer.validate import Adequacy, Process, adequacy
 from zwidth.diagnosis.forces import unknown
 from zwidth.diagnosis.forces.unknown import Gained, Shape
 from zwidth.diagnosis.intake.take_in import Taken, take_in
@@ -105,9 +106,15 @@ def test_free_runs_that_run_away_are_not_adequate(
     rubbed: Taken, found: Searched, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Mutation that breaks it: what is not finite is left out."""
-    told = iter([(np.full(3, np.inf), np.zeros(3))])
-    honest = judging._judged
-    monkeypatch.setattr(judging, "_judged", lambda *a: next(told, None) or honest(*a))
+    honest = judging._replicated
+
+    def away(*a: Any) -> list[tuple[Floats, Floats]]:
+        runs = honest(*a)
+        for errors, _ in runs:
+            errors[0] = np.inf
+        return runs
+
+    monkeypatch.setattr(judging, "_replicated", away)
     said = of(found, rubbed.judge_by)
     assert said.ahead
     assert not said.sound
@@ -212,7 +219,7 @@ def test_innovations_drawn_are_white_once_filtered() -> None:
     seen[5:, 1] += 0.5 * seen[:-5, 0]
     observer = whitened(Observer(np.zeros((4, 2)), np.ones(2), 1.0), [seen])
     root = np.array([[2.0, 0.0], [1.0, 0.5]])
-    drawn = observer.weigh(Believed(observer, root).drawn(50000, random))[100:]
+    drawn = observer.weigh(Process(observer, root).drawn(50000, random))[100:]
     assert drawn.T @ drawn / drawn.shape[0] == pytest.approx(root @ root.T, rel=0.05)
     for lag in (1, 5, 24):
         assert np.abs(drawn[lag:].T @ drawn[:-lag] / drawn.shape[0]).max() < 0.1

@@ -10,7 +10,7 @@ import pytest
 from tests.diagnosis_examples import phantom
 from zwidth.controllers.excitation import noise
 from zwidth.controllers.recorded import recorded
-from zwidth.diagnosis.answer.held_out import held_out
+from zwidth.diagnosis.answer.validate import held_out
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.model.parameters import Model

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from tests.diagnosis_examples import ENCODER_NOISE, phantom, record
-from zwidth.diagnosis.answer.held_out import held_out
+from zwidth.diagnosis.answer.validate import held_out
 from zwidth.diagnosis.fitting.fit import Fitted, Problem, Slopes
 from zwidth.diagnosis.forces import unknown
 from zwidth.diagnosis.mishaps import silent

@@ -1,5 +1,6 @@
 """A command of one level: that it is seen, and at which level to record next."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -7,10 +8,10 @@ import pytest
 from numpy.typing import NDArray
 
 from zwidth.controllers.recorded import recorded
-from zwidth.diagnosis.answer.headline import Answer, headline
-from zwidth.diagnosis.answer.levels import NextLevel, one_level
 from zwidth.diagnosis.answer.result import Diagnosis, Verdict
-from zwidth.diagnosis.answer.verdict import Left
+from zwidth.diagnosis.answer.verdict import Facts, verdict
+from zwidth.diagnosis.answer.whole_run import NextLevel, one_level
+from zwidth.diagnosis.answer.words import headline
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.diagnosis.selection.effort import QUICK
@@ -110,11 +111,8 @@ def test_an_answer_that_errs_more_than_its_rivals_differ_promises_no_name() -> N
     assert not level.undecides(float("nan"), 0.0)
     found = answer(LEVEL)
     assert found.verdict is Verdict.CONFUSABLE
-    said = headline(
-        Answer(
-            Verdict.UNDECIDED, found.findings, {}, (), 1, Left(0.0, ""), None, None,
-            found.free_run, record=level.advice,
-        )
-    )  # fmt: skip
+    free = replace(found.free_run, after=0.04, noise_floor=0.001)
+    facts = Facts(found.findings, adequacy=found.adequacy, free=free, level=level)
+    said = headline(facts, verdict(facts), 1)
     assert said.startswith("Undecided: Coulomb friction of")
     assert said.endswith("and so would others: record the same at 600 mN (0.3 times)")

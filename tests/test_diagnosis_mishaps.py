@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import zwidth.diagnosis.answer.stands
+import zwidth.diagnosis.answer.answered
 import zwidth.diagnosis.diagnose
 from zwidth.cli import run
 from zwidth.diagnosis.answer.result import Diagnosis, NotDiagnosed, Verdict
@@ -109,13 +109,12 @@ def _ending_at_once(patch: pytest.MonkeyPatch) -> None:
 
     Nor is a reading suspected: which one is likeliest takes a search of its own.
     """
-    at = zwidth.diagnosis.answer.stands
+    at = zwidth.diagnosis.answer.answered
     patch.setattr("zwidth.diagnosis.intake.take_in.suspicion", lambda *_: Suspicion())
     patch.setattr(
         zwidth.diagnosis.diagnose, "searched", lambda _, e, *__: searched(e[0].outputs[0])
     )
     patch.setattr(at, "left_over", lambda *_: Left(0.0, ""))
-    patch.setattr(at, "instead_of", nothing)
     patch.setattr(
         zwidth.diagnosis.diagnose, "knowing_events", lambda taken, found, *_: (taken, found, ())
     )
@@ -157,12 +156,11 @@ def answered(line: list[str], status: int) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("stage", "where", "verdict"),
     [
-        ("detect", "stands.left_over", Verdict.UNDECIDED),
-        ("detect", "stands.instead_of", Verdict.UNDECIDED),
+        ("detect", "answered.left_over", Verdict.UNDECIDED),
         ("separation", "findings.without", Verdict.UNDECIDED),
         ("separation", "findings.rivals", Verdict.UNDECIDED),
         ("held out", "answered.held_out", Verdict.UNDECIDED),
-        ("adequacy", "stands.adequacy", Verdict.UNDECIDED),
+        ("adequacy", "answered.adequacy", Verdict.UNDECIDED),
         ("locate", "answered.locate", Verdict.CONFUSABLE),
         ("intervals", "findings.standard_errors", Verdict.CONFUSABLE),
         ("augmented device", "answered._augmented", Verdict.CONFUSABLE),
@@ -193,11 +191,11 @@ def test_an_upper_bound_that_fails_costs_that_one(short: pytest.MonkeyPatch):
     alone = unnamed(searched())
     short.setattr(zwidth.diagnosis.diagnose, "searched", lambda *_: alone)
     short.setattr(Model, "with_effect", _failing_with("dead_band", Model.with_effect))
-    at = zwidth.diagnosis.answer.stands
+    at = zwidth.diagnosis.answer.answered
     short.setattr(at, "named_only_whole", lambda *_: False)
     short.setattr(at, "farther", lambda _, found, *__: found)
     short.setattr(at, "next_believed", lambda _: ())
-    short.setattr("zwidth.diagnosis.answer.answered._law", lambda *_: (None, False, False))
+    short.setattr("zwidth.diagnosis.answer.answered._law", lambda *_: (None, False))
     answer = diagnose(MASS, [recorded()])
     assert {(m.stage, m.what) for m in answer.errors} == {("limits", "dead_band@command")}
     assert "coulomb_friction@m1" in answer.upper_bounds
@@ -284,8 +282,7 @@ def test_a_search_that_fails_keeps_what_it_had(
     failed, to which friction without a name is a wrong unit.
     """
     monkeypatch.setattr(f"zwidth.diagnosis.selection.search.{where}", throw)
-    monkeypatch.setattr(zwidth.diagnosis.answer.stands, "left_over", lambda *_: Left(0.0, ""))
-    monkeypatch.setattr(zwidth.diagnosis.answer.stands, "instead_of", nothing)
+    monkeypatch.setattr(zwidth.diagnosis.answer.answered, "left_over", lambda *_: Left(0.0, ""))
     found = diagnose(MASS, [recorded()], effort=ONE)
     assert found.verdict is Verdict.UNDECIDED
     assert found.sentence.startswith("an error left out a part of the search")
@@ -378,7 +375,7 @@ def test_an_error_in_what_follows_leaves_all_other_files(
 
 
 def _no_boundary(*_: Any) -> Any:
-    from zwidth.diagnosis.answer.augmented_boundary import AugmentedBoundary
+    from zwidth.stability.augmented_boundary import AugmentedBoundary
 
     return AugmentedBoundary((), (), (), 1e-3, True, 0.0, "it stays")
 

@@ -19,19 +19,16 @@ from tests.diagnosis_examples import (
 )
 from zwidth.controllers.excitation import noise
 from zwidth.controllers.recorded import recorded
-from zwidth.diagnosis.answer.adequacy import Adequacy, Ahead
-from zwidth.diagnosis.answer.held_out import held_out
-from zwidth.diagnosis.answer.result import (
-    UNKNOWN_FIT,
-    Diagnosis,
-    Finding,
-    HeldOut,
-    Verdict,
+from zwidth.diagnosis.answer.answered import (
+    Stands,
+    named_only_whole,
+    on_first_part,
+    second_look,
+    standing,
 )
-from zwidth.diagnosis.answer.second_look import named_only_whole, on_first_part, second_look
-from zwidth.diagnosis.answer.stands import standing
+from zwidth.diagnosis.answer.result import Diagnosis, Verdict
+from zwidth.diagnosis.answer.validate import Adequacy, Ahead, held_out
 from zwidth.diagnosis.answer.verdict import Left
-from zwidth.diagnosis.answer.verdict import judged as said_of
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.intake.gate import encoder_step_seen, examine
 from zwidth.diagnosis.intake.take_in import Taken
@@ -245,43 +242,16 @@ def test_free_runs_that_fail_later_than_what_was_fitted_ask_for_a_second_look() 
     model = Model(phantom())
     h = settled(judged([record(phantom(), 1.0)], model, np.zeros(model.linear_count)))
     found = as_found(phantom(), Search(h, h, QUICK, silent))
-    nothing = Left(0.0, "")
     sound, fails = (
         Adequacy((Ahead(0.05, error, 1.0, 2.0, 0.1, 0.5),), 0.0, 0.0, False, 40)
         for error in (1.0, 3.0)
     )
     held = replace(found, held=True)
-    assert named_only_whole(held, nothing, None, fails)
-    assert not named_only_whole(held, nothing, None, sound)
-    assert not named_only_whole(held, nothing, None, None)
-    assert not named_only_whole(found, nothing, None, fails)
-
-
-def test_no_name_is_promised_beside_disturbances_that_do_a_fifth_of_the_motion() -> None:
-    """What a law of time and speed left on a rig, taken for a slow force by the noise model.
-
-    Mutation that breaks it: the noise floor not taken off.
-    """
-    model = Model(phantom())
-    h = settled(judged([record(phantom(), 1.0)], model, np.zeros(model.linear_count)))
-    found = as_found(phantom(), Search(h, h, QUICK, silent))
-    named = (Finding("extra_mode", "m1", {}, 39.0, ()),)
-    sound = Adequacy((Ahead(0.5, 1.0, 1.0, 2.0, 0.1, 0.5),), 0.5, 5.0, True, 40)
-
-    def said(free: HeldOut) -> tuple[Verdict, str]:
-        return said_of(found, named, {}, Left(0.0, ""), None, sound, free)
-
-    verdict, words = said(HeldOut(0.32, 0.43, 0.19, 0.007))
-    assert verdict is Verdict.UNKNOWN_PHYSICS
-    assert "err 19 % of the motion" in words
-    assert "43 % without" in words
-    assert said(HeldOut(0.32, 0.43, 0.19, 0.18))[0] is Verdict.IDENTIFIED
-    assert said(HeldOut(0.32, 0.43, 0.767, 0.757))[0] is Verdict.IDENTIFIED  # a mass that stood
-    assert said(HeldOut(0.32, 0.43, 0.02, 0.007))[0] is Verdict.IDENTIFIED
-    assert said(UNKNOWN_FIT)[0] is Verdict.IDENTIFIED
-    unjudged, words = said_of(found, named, {}, Left(0.0, ""), None, None, UNKNOWN_FIT)
-    assert unjudged is Verdict.UNDECIDED  # whatever was found, nothing has judged it
-    assert "too little was held out" in words
+    at = Stands(held, held, cast("Taken", None))
+    assert named_only_whole(replace(at, sound=fails))
+    assert not named_only_whole(replace(at, sound=sound))
+    assert not named_only_whole(at)
+    assert not named_only_whole(replace(at, found=found, sound=fails))
 
 
 @pytest.mark.parametrize("at_once", [True, False])
@@ -307,23 +277,6 @@ def test_an_interrupted_second_look_is_said(at_once: bool):
     assert kept.interrupted
     assert kept.final is found.final
     assert (same, note) == (left, None)
-
-
-def test_nothing_missing_is_no_promise_where_free_runs_err(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """A rig of five masses had free runs that erred 42 % of the motion, and nothing believed.
-
-    Mutation: `wander` asked of findings alone.
-    """
-    monkeypatch.setattr("zwidth.diagnosis.answer.verdict.matters", lambda *_: False)
-    found = cast("Searched", None)  # which nothing but `matters` asks
-    far, near = HeldOut(0.6, 0.42, 0.42, 0.04), HeldOut(0.6, 0.05, 0.05, 0.04)
-    verdict, words = said_of(found, (), {}, Left(0.0, ""), None, None, far)
-    assert verdict is Verdict.UNDECIDED
-    assert "42 % of the motion" in words
-    verdict, _ = said_of(found, (), {}, Left(0.0, ""), None, None, near)
-    assert verdict is Verdict.NOTHING_MISSING
 
 
 def test_where_held_out_data_refuse_what_is_believed_most_the_next_is_asked(
@@ -355,7 +308,7 @@ def test_where_held_out_data_refuse_what_is_believed_most_the_next_is_asked(
         better = -5.0 if by.final.model.label == "coulomb_friction@m1" else 5.0
         return Adequacy((Ahead(0.5, 1.0, 1.0, 2.0, 0.1, 0.5),), 0.5, better, True, 40)
 
-    monkeypatch.setattr("zwidth.diagnosis.answer.stands.held_adequacy", stands)
+    monkeypatch.setattr("zwidth.diagnosis.answer.answered.held_adequacy", stands)
     other, sound = standing(device, cast("Taken", None), found, silent)
     assert other.final.model.label == "presliding_friction@m1"
     assert sound is not None

@@ -2,20 +2,18 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from zwidth.diagnosis.answer.adequacy import Adequacy, Ahead
-from zwidth.diagnosis.answer.augmented_boundary import may_render
-from zwidth.diagnosis.answer.cautions import cautions
-from zwidth.diagnosis.answer.headline import SAYINGS, Answer, headline, in_words
-from zwidth.diagnosis.answer.result import Estimate, Finding, HeldOut, Rival, Verdict
-from zwidth.diagnosis.answer.verdict import Left, told_from_chance, too_disturbed
-from zwidth.diagnosis.answer.where import where
-from zwidth.diagnosis.answer.whole_run import WholeRun
+from zwidth.diagnosis.answer.augmented import may_render
+from zwidth.diagnosis.answer.result import Estimate, Finding, Rival
+from zwidth.diagnosis.answer.validate import Adequacy, Ahead, Held, HeldOut
+from zwidth.diagnosis.answer.verdict import Facts, Law, Left, verdict
+from zwidth.diagnosis.answer.whole_run import NextLevel, WholeRun
+from zwidth.diagnosis.answer.words import cautions, headline, in_words, sentence, where
 from zwidth.diagnosis.forces.locate import ForceMap, Located
-from zwidth.diagnosis.forces.unknown import Instead
 from zwidth.diagnosis.intake.gate import misread
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.figures.diagnosis import force_map_figure, whole_run_figure
@@ -23,6 +21,7 @@ from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.interface import Interface
 from zwidth.sim.physics import EFFECTS, make_physics
+from zwidth.sim.predict import OVERFLOW
 
 FRICTION = Finding(
     "coulomb_friction", "m1", {"level": Estimate(0.0301, 0.0297, 0.0305, "N m")}, 40.0, (), 0.99
@@ -33,43 +32,44 @@ SOUND = Adequacy((Ahead(0.5, 0.01, 0.01, 0.02, 0.0, 0.1),), 0.95, 9.0, True, 9)
 MOTOR = Device("motor", "", True, make_chain([1e-3], [6e-3]), Interface(period=0.001))
 
 
-def answer(verdict: Verdict, *findings: Finding, masses: int = 1) -> Answer:
-    left = Left(90.0, "a force at m1 that follows time")
-    return Answer(verdict, findings, {}, (), masses, left, None, SOUND, GOOD)
+STRAYS = replace(GOOD, after=0.4)
+FAILS = replace(SOUND, ahead=(Ahead(0.5, 0.06, 0.01, 0.02, 0.0, 0.1),))
+LEFT = Left(90.0, "a force at m1 that follows time")
+
+
+def facts(*findings: Finding, **known: Any) -> Facts:
+    return replace(Facts(findings, adequacy=SOUND, free=GOOD), **known)
+
+
+def first(known: Facts, masses: int = 1) -> str:
+    return headline(known, verdict(known), masses)
 
 
 def test_what_was_found_in_the_words_of_an_engineer():
     """Breaks where the verdict or the name of a file is the heading."""
-    found = answer(Verdict.IDENTIFIED, FRICTION)
     missing = "Coulomb friction of 30.1 mN m (29.7 to 30.5) at the motor is missing"
-    assert headline(found) == f"{missing} from the simulation"
-    assert " at the motor (m1) is missing" in headline(replace(found, masses=3))
+    assert first(facts(FRICTION)) == f"{missing} from the simulation"
+    assert " at the motor (m1) is missing" in first(facts(FRICTION), 3)
 
 
 def test_rivals_that_cannot_be_told_apart_stand_in_the_headline():
     """Breaks where a rival within five sigma is left for the table."""
-    found = answer(Verdict.CONFUSABLE, replace(FRICTION, rivals=(BAND,)))
-    assert headline(found) == (
+    assert first(facts(replace(FRICTION, rivals=(BAND,)))) == (
         "Coulomb friction of 30.1 mN m (29.7 to 30.5) at the motor, or dead band in the command:"
         " this recording cannot tell which is missing"
     )
-    unsure = answer(Verdict.CONFUSABLE, replace(FRICTION, probability=0.41, with_richer=0.53))
-    assert headline(unsure).endswith("may be missing: the probability is 53 % only")
+    unsure = facts(replace(FRICTION, probability=0.41, with_richer=0.53))
+    assert first(unsure).endswith("may be missing: the probability is 53 % only")
 
 
 def test_unknown_physics_says_how_far_the_names_go():
     """Breaks where a name that explains nothing is given its value in the headline."""
-    found = answer(Verdict.UNKNOWN_PHYSICS, FRICTION)
-    assert headline(found).endswith("; the names explain 95 % of the error")
-    assert "and something else that has no name in the library" in headline(found)
-    poor = replace(found, sound=replace(SOUND, explained=0.04))
-    assert headline(poor).endswith("the nearest names (Coulomb friction) explain 4 % of the error")
-    bare = answer(Verdict.UNKNOWN_PHYSICS)
-    assert "a force at m1 that follows time" in headline(bare)
-    other = Instead(300.0, 9, "m1", "repeats every 6.3 rad", "force_ripple at m1")
-    assert "a force at the motor that repeats every 6.3 rad" in headline(
-        replace(found, other=other)
-    )
+    found = facts(FRICTION, left=LEFT)
+    assert first(found).endswith("; the names explain 95 % of the error")
+    assert "and something else that has no name in the library" in first(found)
+    poor = replace(found, adequacy=replace(SOUND, explained=0.04))
+    assert first(poor).endswith("the nearest names (Coulomb friction) explain 4 % of the error")
+    assert "a force at m1 that follows time" in first(facts(left=LEFT))
 
 
 def test_no_physics_but_a_parameter_says_which_and_by_how_much():
@@ -78,13 +78,12 @@ def test_no_physics_but_a_parameter_says_which_and_by_how_much():
         "m1": (1.2e-3, Estimate(1.56e-3, 1.55e-3, 1.57e-3, "kg m2")),
         "b1": (6e-3, Estimate(6.0e-3, 5.9e-3, 6.1e-3, "N m s/rad")),
     }
-    found = replace(answer(Verdict.LINEAR_PARAMETERS), refit=refit)
-    assert headline(found) == (
+    assert first(facts(refit=refit)) == (
         "No physics is missing, but the inertia m1 is 0.001560 kg m2 (0.001550 to 0.001570), 30 %"
         " above the device file's"
     )
     scale = {"gain": (1.0, Estimate(57.4, 57.0, 57.8, ""))}
-    assert "(degrees?)" in headline(replace(found, refit=scale))
+    assert "(degrees?)" in first(facts(refit=scale))
 
 
 @pytest.mark.parametrize(
@@ -103,27 +102,42 @@ def test_a_fault_of_the_recording_comes_first(channels: tuple[str, ...], factor:
     """
     e = Experiment(0.001, np.zeros(9), np.zeros((9, 1)), (Output("position", 0),), "run")
     fault = misread(e, channels, factor)
-    assert said in headline(replace(answer(Verdict.NOTHING_MISSING), faults=(fault,)))
-    both = headline(replace(answer(Verdict.IDENTIFIED, FRICTION), faults=(fault,)))
+    assert said in first(facts(faults=(fault,)))
+    both = first(facts(FRICTION, faults=(fault,)))
     assert said in both
     assert "; with that corrected, Coulomb friction of 30.1 mN m" in both
 
 
 def test_nothing_and_undecided():
     """Breaks where an error is told as an answer."""
-    assert headline(answer(Verdict.NOTHING_MISSING)).startswith("Nothing is missing")
-    lost = replace(answer(Verdict.UNDECIDED, FRICTION), lost="a part of the search")
-    assert headline(lost) == "Undecided: an error left out a part of the search"
-    away = replace(answer(Verdict.UNDECIDED), free=HeldOut(math.inf, math.inf, math.inf, 0.01))
-    assert "without bound" in headline(away)
+    assert first(facts()).startswith("Nothing is missing")
+    lost = facts(FRICTION, lost=("a part of the search",))
+    assert first(lost) == "Undecided: an error left out a part of the search"
+    away = facts(free=HeldOut(math.inf, math.inf, math.inf, 0.01))
+    assert "without bound" in first(away)
 
 
-def test_no_infinity_in_what_is_said():
-    """Breaks where a free run that runs away is told in percent."""
+def test_the_sentence_says_what_the_verdict_rests_on():
+    """Every reason has its words. Breaks where two reasons are told alike, or one with an inf."""
     away = HeldOut(math.inf, math.inf, math.inf, 0.01)
-    said = [told_from_chance(away), too_disturbed((FRICTION,), away)]
-    said += cautions((FRICTION,), away, SOUND, ())
-    assert not any("inf" in text.replace("information", "") for text in said)
+    runs_away = replace(SOUND, ahead=(replace(FAILS.ahead[0], error=OVERFLOW),))
+    follows = replace(SOUND, ahead=(Ahead(0.5, 0.01, 0.01, 0.02, 0.6, 0.1),))
+    regime = Held("backwards", "forwards", -9.0, True)
+    each = [
+        facts(FRICTION), facts(), facts(free=away), facts(FRICTION, free=away),
+        facts(FRICTION, left=LEFT), facts(left=LEFT), facts(FRICTION, adequacy=None),
+        facts(FRICTION, adequacy=replace(SOUND, better=0.5)), facts(FRICTION, adequacy=FAILS),
+        facts(FRICTION, adequacy=runs_away), facts(FRICTION, adequacy=follows),
+        facts(replace(FRICTION, regimes=(regime,))), facts(replace(FRICTION, rivals=(BAND,))),
+        facts(replace(FRICTION, with_richer=0.5)),
+        facts(FRICTION, law=Law(True, (FRICTION.label,), "speed", "a law", "a force acts")),
+        facts(FRICTION, level=NextLevel(1.0, "N", 0.5, 0.3, 0.001), free=replace(GOOD, after=0.1)),
+    ]  # fmt: skip
+    said = [sentence(known, verdict(known)) for known in each]
+    assert len({*said}) == len(each)
+    assert not any("inf" in text or "nan" in text for text in said)
+    learned = facts(law=Law(False, (), "", "an odd law", ""))
+    assert sentence(learned, verdict(learned)).endswith("; an odd law")
 
 
 def test_every_effect_has_words_and_its_size():
@@ -133,7 +147,7 @@ def test_every_effect_has_words_and_its_size():
             continue
         values = {p.name: Estimate(0.02, 0.019, 0.021, p.unit) for p in effect.parameters}
         found = Finding(name, effect.places[0], values, 9.0, ())
-        assert name in SAYINGS
+        assert effect.said
         text = in_words(found, 3)
         assert "_" not in text
         assert not values or any(c.isdigit() for c in text)
@@ -152,34 +166,29 @@ def force_map(place: str, against: str, gained: float = 900.0) -> ForceMap:
     return ForceMap(place, against, edges, -np.sign(middle), np.full(8, 0.1), gained)
 
 
-def test_where_agrees_with_the_finding_or_says_why_not():
-    """And says nothing of a state that lies where the time is.
+def test_where_says_what_the_shares_say():
+    """And nothing of a state that lies where the time is, nor of a cause.
 
-    Breaks where "55 % lies elsewhere (55 % of the time)" is said.
+    Breaks where "55 % lies elsewhere (55 % of the time)" is said, or the place of a map.
     """
-    agrees = where(held(force_map("m1", "velocity"), 0.9), (FRICTION,), 1)
-    assert agrees.startswith("90 % of what the refitted device cannot predict lies within 12 ms")
-    assert agrees.endswith("would explain most of it, as the Coulomb friction there does")
-    even = where(held(force_map("m1", "velocity"), 0.55), (FRICTION,), 1)
-    assert even.startswith("a force at the motor that follows the velocity, against the motion,")
-    elsewhere = where(held(force_map("m2", "velocity"), 0.5), (FRICTION,), 3)
-    assert "the Coulomb friction was found at the motor (m1) all the same" in elsewhere
-    timed = where(held(force_map("m1", "time"), 0.5), (FRICTION,), 1)
-    assert "is no force that changes with time alone" in timed
-    quiet = where(held(force_map("m1", "velocity", 9.0), 0.5), (), 1)
-    assert quiet.endswith("stands out of the noise")
+    dense = where(held(force_map("m2", "velocity"), 0.9))
+    assert dense == (
+        "90 % of what the refitted device cannot predict lies within 12 ms of a velocity reversal,"
+        " in 50 % of the time"
+    )
+    assert "spread over the whole motion" in where(held(force_map("m1", "velocity"), 0.55))
+    assert where(held(force_map("m1", "velocity", 9.0), 0.5)).endswith("stands out of the noise")
 
 
 def test_a_red_line_where_free_runs_stray():
     """Far above noise, or worse than the device file; breaks where these are left for a table."""
-    assert cautions((FRICTION,), GOOD, SOUND, ()) == ()
-    (stray,) = cautions((FRICTION,), replace(GOOD, after=0.4), SOUND, ())
+    assert cautions(True, GOOD, SOUND, ()) == ()
+    (stray,) = cautions(True, STRAYS, SOUND, ())
     assert "still err 40 % of the motion, where the noise of readings makes 2 %" in stray
-    (worse,) = cautions((FRICTION,), replace(GOOD, before=0.2, after=0.4), SOUND, ())
+    (worse,) = cautions(True, replace(GOOD, before=0.2, after=0.4), SOUND, ())
     assert "more than the device file as it is (20 %)" in worse
-    far = replace(SOUND, ahead=(Ahead(0.5, 0.06, 0.01, 0.02, 0.0, 0.1),))
-    (noise,) = cautions((FRICTION,), GOOD, far, ())
-    assert noise == "over 500 ms free runs err 6 times as far as their own noise would make them"
+    (noise,) = cautions(True, GOOD, FAILS, ())
+    assert noise.startswith("over 500 ms the error of free runs is 6 times what their own noise")
 
 
 def whole(before: float, after: float) -> WholeRun:
@@ -190,9 +199,9 @@ def whole(before: float, after: float) -> WholeRun:
 
 def test_a_whole_run_that_is_worse_is_said():
     """Breaks where only windows of half a second are judged."""
-    (said,) = cautions((FRICTION,), GOOD, SOUND, (whole(1e-4, 3e-4),))
+    (said,) = cautions(True, GOOD, SOUND, (whole(1e-4, 3e-4),))
     assert said.startswith("from beginning to end the position of m1 in swing errs 300 \u00b5rad")
-    assert cautions((FRICTION,), GOOD, SOUND, (whole(3e-4, 1e-4),)) == ()
+    assert cautions(True, GOOD, SOUND, (whole(3e-4, 1e-4),)) == ()
 
 
 def test_the_first_picture_shows_before_and_after_with_their_errors():

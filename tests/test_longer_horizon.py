@@ -9,7 +9,7 @@ import pytest
 
 import zwidth.diagnosis.selection.searched as module
 from zwidth.controllers.recorded import recorded
-from zwidth.diagnosis.answer.adequacy import Adequacy, Ahead
+from zwidth.diagnosis.answer.validate import Adequacy, Ahead
 from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.diagnosis.selection.effort import QUICK

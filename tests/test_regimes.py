@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from test_fitting import drive, recording
 
-from zwidth.diagnosis.answer.regimes import held, regimes, step_without
+from zwidth.diagnosis.answer.validate import held, regimes, step_without
 from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import SETTLING

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from test_fitting import drive, play, recording
 
-from zwidth.diagnosis.answer.beside import (
+from zwidth.diagnosis.answer.findings import (
     elsewhere,
     probability,
     rivals,

@@ -8,9 +8,9 @@ import pytest
 from numpy.typing import NDArray
 from test_learning import DEVICE, Law, nothing, recording, without_names
 
-from zwidth.diagnosis.answer.held_out import held_out
 from zwidth.diagnosis.answer.learned import learned_over_two
 from zwidth.diagnosis.answer.learned_surface import LearnedSurface
+from zwidth.diagnosis.answer.validate import held_out
 from zwidth.diagnosis.learning.surface_forms import Field, filled, form_of, grid, product, told
 from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.selection.searched import as_found

@@ -11,9 +11,7 @@ from pathlib import Path
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from zwidth.diagnosis.answer.augmented_boundary import AugmentedBoundary
-from zwidth.diagnosis.answer.friction_curve import friction_curve
-from zwidth.diagnosis.answer.headline import effect_in_words, parameter_in_words, place_in_words
+from zwidth.diagnosis.answer.missing_force import friction_curve
 from zwidth.diagnosis.answer.result import (
     Diagnosis,
     Estimate,
@@ -25,6 +23,7 @@ from zwidth.diagnosis.answer.result import (
     Verdict,
 )
 from zwidth.diagnosis.answer.whole_run import WholeRun
+from zwidth.diagnosis.answer.words import effect_in_words, parameter_in_words, place_in_words
 from zwidth.diagnosis.forces.locate import densest
 from zwidth.diagnosis.intake.units import unit_of
 from zwidth.diagnosis.mishaps import collecting, isolated, silent
@@ -45,6 +44,7 @@ from zwidth.report_page import embedded, page
 from zwidth.sim.physics import EFFECTS
 from zwidth.sim.place import place_at
 from zwidth.sim.readable import interval, most, number, of_the_motion, percent, plain, with_unit
+from zwidth.stability.augmented_boundary import AugmentedBoundary
 
 WORDS = {
     "nothing_missing": "Nothing missing",

@@ -111,6 +111,20 @@ def all_smooth(faults: Sequence[Fault], recordings: Sequence[Experiment]) -> boo
     return len(found) >= len(recordings) > 0
 
 
+def may_render(device: Device, experiments: Sequence[Experiment], slowest_s: float = 0.005) -> bool:
+    """Whether a machine may render a virtual wall at all.
+
+    A wall needs a loop of a few hundred hertz at least (slowest_s between commands), a force that
+    is commanded and not made by a servo's own loop or prescribed as a motion, and the position of
+    the mass that it acts on.
+    """
+    asked = [e.command for e in experiments if e.pushed is None]
+    driven = any(np.ptp(command) > 0.0 for command in asked)
+    sees = any(o.quantity == "position" and o.mass == 0 for e in experiments for o in e.outputs)
+    servo = any(p.effect.sought == "given" for p in device.physics)
+    return driven and sees and not servo and device.interface.period <= slowest_s
+
+
 def _origin(model: Model, x: Floats, swing: float) -> float:
     known = model.nominal.interface.position_origin
     return known + model.reads(x).origin * swing

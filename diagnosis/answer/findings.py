@@ -1,4 +1,8 @@
-"""What was found, in the words of an answer: values with intervals, rivals, bounds."""
+"""What was found, as values: intervals, how sure it is, what else was fitted in its place, bounds.
+
+A value scatters over the structures that have the effect as well, weighed by their probability:
+which other effects a device has is not known either.
+"""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -8,15 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binomtest
 
-from zwidth.diagnosis.answer.beside import (
-    elsewhere,
-    probability,
-    rivals,
-    with_richer,
-    without,
-)
-from zwidth.diagnosis.answer.regimes import held
-from zwidth.diagnosis.answer.result import Estimate, Finding, Held, Rival
+from zwidth.diagnosis.answer.result import Estimate, Finding, Rival
+from zwidth.diagnosis.answer.validate import Held, held
 from zwidth.diagnosis.fitting.fit import Fitted
 from zwidth.diagnosis.fitting.uncertainty import Z95, covariance, inflation, standard_errors
 from zwidth.diagnosis.intake.gate import ON_LATTICE, Fault
@@ -34,9 +31,15 @@ from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.seeking.candidates import candidates
 from zwidth.diagnosis.seeking.lattice import chances_seen, step_interval
 from zwidth.diagnosis.seeking.screen import Complement, screen
+from zwidth.diagnosis.selection.evidence import probabilities
+from zwidth.diagnosis.selection.hypothesis import Hypothesis, against
+from zwidth.diagnosis.selection.search import Search
 from zwidth.diagnosis.selection.searched import Searched
-from zwidth.sim.device import Device
+from zwidth.diagnosis.settings import EVIDENCE
+from zwidth.sim.device import Device, place_label
+from zwidth.sim.physics import EFFECTS, contains
 from zwidth.sim.physics.effect import Physics
+from zwidth.sim.place import of_label
 
 Floats = NDArray[np.float64]
 DAMPER, SPRING = ("N m s/rad", "N s/m"), ("N m/rad", "N/m")
@@ -45,8 +48,6 @@ UNITS = {
     "gain": ("", ""), "origin": ("rms motions", "rms motions"), "jitter": ("s", "s"),
     "zero": ("rad", "m"),
 }  # fmt: skip
-SAME_STEP = 0.01  # relative difference of steps that are the same
-NOTICED = 0.1  # of the noise: a step below is a way to write numbers
 
 
 def all_findings(device: Device, taken: Taken, found: Searched) -> tuple[Finding, ...]:
@@ -147,7 +148,8 @@ def _encoder(
     """The encoder's step that the samples themselves show, where the device does not know it.
 
     Values that were not counted would all lie within `ON_LATTICE` of a lattice with the odds of
-    (2 ON_LATTICE)^n: that gives the sigma. A step far below the noise is no matter of physics.
+    (2 ON_LATTICE)^n: that gives the sigma. A step that differs by less than a percent is the same;
+    one below a tenth of the noise is a way to write numbers.
     """
     position = next((o for o in acted[0].outputs if o.tells_position), None)
     seen = [f.value for f in faults if f.kind == "encoder_step"]
@@ -155,7 +157,7 @@ def _encoder(
         return None
     step, known = max(seen), device.interface.encoder_step
     noise = float(found.problem.observer.deviation[acted[0].outputs.index(position)])
-    if abs(step - known) < SAME_STEP * known or step < NOTICED * noise:
+    if abs(step - known) < 0.01 * known or step < 0.1 * noise:
         return None
     values = sum(e.ticks for e in acted)
     sigma = float(np.sqrt(-2.0 * values * np.log(2.0 * ON_LATTICE)))
@@ -262,3 +264,109 @@ def upper_bounds(found: Searched) -> dict[str, dict[str, float]]:
         own = abs(one.start.physics.values[name] - none)
         bounds[one.start.label] = {name: none + own * factor}
     return bounds
+
+
+def without(found: Search, label: str) -> float:
+    """At how many sigma the best hypothesis stands above the best that lacks an effect."""
+    best = found.best
+    lacking = [h for h in found.tried.values() if label not in h.labels]
+    nearest = min(lacking, key=lambda h: h.cost.total)
+    bare = found.tried.get(best.labels - {label}, nearest)
+    return max(0.0, against(best, bare).sigma)
+
+
+def shares(found: Search) -> dict[frozenset[str], float]:
+    """Return the probability of every structure that was fitted to its end.
+
+    An effect more than the best has is one of all that was looked through, and pays for it what a
+    search asks of it (`evidence.believed`).
+    """
+    best = found.best
+    kept = list(found.tried.values())
+    relative = [_behind(h, best) + _looked_through(h, best) for h in kept]
+    return dict(zip((h.labels for h in kept), probabilities(relative).tolist(), strict=True))
+
+
+def probability(found: Search, label: str) -> float:
+    """Return the probability that a device has an effect: of all structures with it."""
+    return math.fsum(p for labels, p in shares(found).items() if label in labels)
+
+
+def with_richer(found: Search, label: str) -> float:
+    """Return the probability that a device has an effect or a richer form of it.
+
+    Who is told of a limit is told no less where that limit falls with speed: what contains an
+    effect takes nothing from its name, as it does not by its sigma (`Finding.confusable_with`).
+    """
+
+    def has(labels: frozenset[str]) -> bool:
+        return any(other == label or _contains(other, label) for other in labels)
+
+    return math.fsum(p for labels, p in shares(found).items() if has(labels))
+
+
+def elsewhere(found: Search, label: str) -> dict[str, float]:
+    """Return by how much the values of an effect scatter over the structures that have it.
+
+    Variances about those of the best, weighed by probability: which other effects a device has is
+    not known either, and what they are moves the values.
+    """
+    best = found.best
+    own = _values(best, label)
+    odds = {h: p for h, p in shares(found).items() if label in h and p > 0.0}
+    total = math.fsum(odds.values())
+    scatter = dict.fromkeys(own, 0.0)
+    if not total > 0.0:
+        return scatter
+    for labels, share in odds.items():
+        for name, value in _values(found.tried[labels], label).items():
+            parameter = EFFECTS[of_label(label)[0]].parameter(name)
+            off = value - own[name]
+            if parameter.role == "turning" and parameter.unit == "rad":
+                off = math.remainder(off, 2.0 * math.pi)
+            scatter[name] += share / total * off**2
+    return scatter
+
+
+def _values(h: Hypothesis, label: str) -> dict[str, float]:
+    return next(dict(p.values) for p in h.model.effects_at(h.x) if place_label(p) == label)
+
+
+def rivals(found: Search, label: str) -> tuple[Rival, ...]:
+    """Return what was fitted in the place of an effect of the best hypothesis, nearest first."""
+    best = found.best
+    behind: dict[str, float] = {}
+    for h in found.tried.values():
+        new, gone = h.labels - best.labels, best.labels - h.labels
+        # What costs without bound has a parameter of which the recordings say nothing.
+        if label not in gone or len(new) != 1 or not math.isfinite(h.cost.total):
+            continue
+        (other,) = new
+        # One law in the place of several is their rival where it contains them all.
+        if len(gone) == 1 or all(_contains(other, one) for one in gone):
+            sigma = math.sqrt(max(0.0, _behind(h, best)))
+            behind[other] = min(sigma, behind.get(other, math.inf))
+    ordered = sorted(behind.items(), key=lambda pair: pair[1])
+    return tuple(_rival(found, other, sigma) for other, sigma in ordered)
+
+
+def _contains(richer: str, simple: str) -> bool:
+    return contains(*of_label(richer), *of_label(simple))
+
+
+def _rival(found: Search, label: str, sigma: float) -> Rival:
+    effect, place = of_label(label)
+    return Rival(effect, str(place), sigma, probability(found, label))
+
+
+def _looked_through(h: Hypothesis, best: Hypothesis) -> float:
+    more = len(h.model.effects) - len(best.model.effects)
+    return 2.0 * math.log(1.0 / EVIDENCE.alpha) * max(0, more)
+
+
+def _behind(h: Hypothesis, best: Hypothesis) -> float:
+    """By how much a hypothesis costs more than the best, in units of the pair's overdispersion."""
+    if h is best:
+        return 0.0
+    phi = against(best, h).phi
+    return float(np.nan_to_num((h.cost.total - best.cost.total) / phi, posinf=1e300))

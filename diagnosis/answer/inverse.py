@@ -19,9 +19,9 @@ This is the figure of the field: the inverse model of Gautier (Dynamic identific
 power model, ICRA 1997), with the kernel in the place of a regressor, so that any effect has its
 part. A mass that sticks holds any force within its friction, and lacks none.
 
-The band ends where the noise of readings sigma would be a force of `NOISE` of the command,
+The band ends where the noise of readings sigma would be a force of a percent of the command,
 
-    2 sigma^2 / f_s  sum over f < band of (m1^2 (2 pi f)^4 + k^2)  =  (NOISE rms(command))^2,
+    2 sigma^2 / f_s  sum over f < band of (m1^2 (2 pi f)^4 + k^2)  =  (0.01 rms(command))^2,
 
 with (2 pi f)^2 for a velocity, and at a fifth of the sampling frequency at the latest.
 
@@ -39,6 +39,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 from scipy.signal import butter, cont2discrete, dlsim, sosfiltfilt
 
+from zwidth.diagnosis.answer.validate import as_filed, rms
 from zwidth.diagnosis.intake.gate import encoder_step_seen
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import observer_memory, prepared
@@ -49,12 +50,6 @@ from zwidth.sim.plant import hold_matrices
 from zwidth.sim.predict import GROUND, Outputs, alone
 
 Floats = NDArray[np.float64]
-NOISE = 0.01  # of the command, that the noise of readings may make of a force
-WIDEST = 0.2  # of the sampling frequency
-ORDER = 4  # of the low-pass, each way
-EDGES = 2.0  # periods of the band that a low-pass knows too little of at either end
-SPLINE = 5  # degree: its derivative errs by the fifth power of the period
-FEWEST = 20  # periods of the band in a recording, of which a figure is given
 
 
 @dataclass(frozen=True)
@@ -79,14 +74,13 @@ class ForceError:
     @property
     def sizes(self) -> dict[str, float]:
         """Rms of the forces that act."""
-        return {name: float(np.sqrt(np.mean(f**2))) for name, f in self.acting.items()}
+        return {name: rms([f]) for name, f in self.acting.items()}
 
     @property
     def errors(self) -> dict[str, float]:
         """Rms of what lacks, infinite after an overflow."""
-        with np.errstate(all="ignore"):
-            rms = {name: float(np.sqrt(np.mean(f**2))) for name, f in self.lacking.items()}
-        return {name: r if math.isfinite(r) else math.inf for name, r in rms.items()}
+        each = {name: rms([f]) for name, f in self.lacking.items()}
+        return {name: r if math.isfinite(r) else math.inf for name, r in each.items()}
 
     @property
     def shares(self) -> dict[str, float]:
@@ -113,9 +107,8 @@ def force_errors(
     Those of which the motion of a mass was not recorded, or no force was commanded, have none. The
     rest of a recording is filtered with its first part, and judged alone.
     """
-    nominal = Model(device)
     models = {
-        "before": (nominal, np.zeros(len(nominal.parameters))),
+        "before": as_filed(device),
         "refit": (found.refit.model, found.refit.x),
         "after": (found.final.model, found.final.x),
     }
@@ -132,7 +125,7 @@ def _of(
     band: float,
 ) -> ForceError:  # fmt: skip
     joined = e.joined()
-    edge = math.ceil(EDGES / (band * e.period))
+    edge = math.ceil(2.0 / (band * e.period))  # periods that a low-pass knows too little of
     kept = slice(max(joined.ticks - e.ticks, edge), joined.ticks - edge)
     lacking = {name: lacks(m, x, joined, band)[kept, 0] for name, (m, x) in models.items()}
     acting = {name: acts(m, x, joined, band)[kept] for name, (m, x) in models.items()}
@@ -231,7 +224,7 @@ def motion(e: Experiment, masses: int, to_hz: float) -> tuple[Floats, Floats]:
         output = _of_mass(e, mass)
         assert output is not None
         smooth = low_passed(e.measured[:, e.outputs.index(output)], to_hz, e.period)
-        spline = make_interp_spline(t, smooth, k=SPLINE)
+        spline = make_interp_spline(t, smooth, k=5)
         if output.quantity == "position":
             position[:, mass], velocity[:, mass] = smooth, spline.derivative()(t)
         else:
@@ -241,14 +234,18 @@ def motion(e: Experiment, masses: int, to_hz: float) -> tuple[Floats, Floats]:
 
 def low_passed(values: Floats, to_hz: float, period: float) -> Floats:
     """Return what is below a frequency, without a shift in time."""
-    return sosfiltfilt(butter(ORDER, to_hz, fs=1.0 / period, output="sos"), values, axis=0)
+    return sosfiltfilt(butter(4, to_hz, fs=1.0 / period, output="sos"), values, axis=0)
 
 
-def band_of(device: Device, e: Experiment) -> float | None:
+def band_of(
+    device: Device, e: Experiment, noise: float = 0.01, widest: float = 0.2, fewest: float = 20.0
+) -> float | None:
     """Return up to which frequency [Hz] a recording tells the force at m1, None where it does not.
 
     Not where the motion of a mass is missing or its sign is, no force is commanded (free motion, a
-    goal, a motion that is prescribed), or noise hides the force.
+    goal, a motion that is prescribed), or noise hides the force. noise: of the command, that the
+    noise of readings may make of a force; widest: of the sampling frequency; fewest: periods of the
+    band in a recording.
     """
     outputs = [_of_mass(e, mass) for mass in range(device.chain.masses.size)]
     drives = any(p.effect.of_drive for p in device.physics)
@@ -257,7 +254,7 @@ def band_of(device: Device, e: Experiment) -> float | None:
         return None
     joined, chain = e.joined(), device.chain
     size = float(np.sqrt(np.mean((device.interface.command_gain * joined.command) ** 2)))
-    frequency = np.linspace(0.0, WIDEST / e.period, joined.ticks)[1:]
+    frequency = np.linspace(0.0, widest / e.period, joined.ticks)[1:]
     turned = 2.0 * np.pi * frequency
     power = np.zeros(frequency.size)
     stiff = chain.link_springs[0] if chain.link_springs.size else 0.0
@@ -269,9 +266,9 @@ def band_of(device: Device, e: Experiment) -> float | None:
         held = stiff + (chain.ground_spring if mass == 0 else 0.0)
         held = held if output.quantity == "position" else held / turned
         power += 2.0 * sigma**2 * e.period * (acts**2 + held**2)
-    noise = np.sqrt(np.cumsum(power) * frequency[0])
-    told = int(np.searchsorted(noise, NOISE * size))
-    if told == 0 or frequency[told - 1] * joined.ticks * e.period < FEWEST:
+    hides = np.sqrt(np.cumsum(power) * frequency[0])
+    told = int(np.searchsorted(hides, noise * size))
+    if told == 0 or frequency[told - 1] * joined.ticks * e.period < fewest:
         return None
     return float(frequency[told - 1])
 

@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.answer.adequacy import oftener_freer
-from zwidth.diagnosis.answer.friction_curve import asked_beyond, read_beyond
-from zwidth.diagnosis.answer.headline import place_in_words
-from zwidth.diagnosis.answer.held_out import free_share, held_out
 from zwidth.diagnosis.answer.learned_surface import LearnedSurface, factors
+from zwidth.diagnosis.answer.missing_force import asked_beyond, read_beyond
 from zwidth.diagnosis.answer.result import HeldOut
+from zwidth.diagnosis.answer.validate import free_share, held_out, oftener_freer
+from zwidth.diagnosis.answer.words import place_in_words
 from zwidth.diagnosis.fitting.fit import Fitted
 from zwidth.diagnosis.learning.curves import Learned, laws, replacing
 from zwidth.diagnosis.learning.energy import makes_energy

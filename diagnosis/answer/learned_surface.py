@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.answer.headline import place_in_words
 from zwidth.diagnosis.answer.result import HeldOut
+from zwidth.diagnosis.answer.words import place_in_words
 from zwidth.diagnosis.fitting.uncertainty import Z95
 from zwidth.diagnosis.forces.leftover import predicted_states
 from zwidth.diagnosis.learning.formulas import Formula, formulas

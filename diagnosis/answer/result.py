@@ -8,14 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.answer.adequacy import Adequacy
-from zwidth.diagnosis.answer.inverse import ForceError
-from zwidth.diagnosis.answer.whole_run import WholeRun
+from zwidth.diagnosis.answer.validate import UNKNOWN_FIT, Adequacy, Held, HeldOut
 from zwidth.diagnosis.forces.locate import NOWHERE, Located
 from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.mishaps import Mishap
 from zwidth.diagnosis.recording.experiment import Experiment
-from zwidth.diagnosis.selection.searched import Searched
+from zwidth.diagnosis.settings import VERDICT
 from zwidth.shown import Shown
 from zwidth.sim.device import Device
 from zwidth.sim.physics import contains
@@ -24,12 +22,13 @@ from zwidth.sim.place import place_at
 if TYPE_CHECKING:
     from zwidth.diagnosis.answer.changes import Change
     from zwidth.diagnosis.answer.events import Event
+    from zwidth.diagnosis.answer.inverse import ForceError
     from zwidth.diagnosis.answer.learned import LearnedLaw
     from zwidth.diagnosis.answer.learned_surface import LearnedSurface
-    from zwidth.diagnosis.answer.levels import NextLevel
+    from zwidth.diagnosis.answer.whole_run import NextLevel, WholeRun
+    from zwidth.diagnosis.selection.searched import Searched
 
 Floats = NDArray[np.float64]
-NEAR = 5.0  # sigma within which a rival cannot be told apart
 
 
 class Verdict(Enum):
@@ -69,27 +68,13 @@ class Rival:
 
 
 @dataclass(frozen=True)
-class Held:
-    """How an effect does in a regime that had no part in the fit (`answer.regimes`).
-
-    other: where the fit was made. sigma: over doing without it; fails: whether doing without it is
-    believed there.
-    """
-
-    regime: str
-    other: str
-    sigma: float
-    fails: bool
-
-
-@dataclass(frozen=True)
 class Finding:
     """One effect found. separation_sigma: from doing without it. rivals: nearest first.
 
     probability: that the device has it, among all hypotheses that were fitted; None where it was
     seen in the recording itself, and where none of these is adequate. with_richer: that it has it
-    or a richer form of it, by which a name is promised. regimes: how it does where it was not
-    fitted.
+    or a richer form of it, which is what a verdict promises and a report says. regimes:
+    how it does where it was not fitted.
     """
 
     effect: str
@@ -102,13 +87,19 @@ class Finding:
     with_richer: float | None = None
 
     @property
+    def label(self) -> str:
+        """Effect and place as people read them: "coulomb_friction at m1"."""
+        return f"{self.effect} at {self.at}"
+
+    @property
     def confusable_with(self) -> tuple[Rival, ...]:
         """The rivals within five sigma that do not merely contain this effect."""
         own = self.effect, place_at(self.at)
         return tuple(
             r
             for r in self.rivals
-            if r.separation_sigma < NEAR and not contains(r.effect, place_at(r.at), *own)
+            if r.separation_sigma < VERDICT.apart_sigma
+            and not contains(r.effect, place_at(r.at), *own)
         )
 
     def without_probability(self) -> "Finding":
@@ -118,23 +109,6 @@ class Finding:
         """
         rivals = tuple(replace(r, probability=None) for r in self.rivals)
         return replace(self, rivals=rivals, probability=None, with_richer=None)
-
-
-@dataclass(frozen=True)
-class HeldOut:
-    """rms error over rms of the signal on data not fitted to; noise_floor: what must remain."""
-
-    before: float
-    refit: float
-    after: float
-    noise_floor: float
-
-    def as_json(self) -> dict[str, float]:
-        """Return the JSON form."""
-        return dict(vars(self))
-
-
-UNKNOWN_FIT = HeldOut(np.nan, np.nan, np.nan, np.nan)
 
 
 @dataclass(frozen=True)
@@ -172,7 +146,7 @@ class NextExperiment:
 class Diagnosis(Shown):
     """The whole answer. device: augmented by what was found, with refitted linear parameters.
 
-    headline: the answer in one line for people, without a full stop (`answer.headline`);
+    headline: the answer in one line for people, without a full stop (`answer.words`);
     cautions: what to know before it is used; next_level: where one level was recorded, another.
     searched: the way there; experiments: the recordings whole, as they were taken. errors: what
     failed and cost no more than itself; left_out: the recordings, by their place, that this cost.
@@ -189,7 +163,7 @@ class Diagnosis(Shown):
     faults: tuple[Fault, ...]
     device: Device
     residuals: Residuals
-    searched: Searched
+    searched: "Searched"
     experiments: tuple[Experiment, ...]
     interrupted: bool = False
     facts: dict[str, Any] = field(default_factory=dict[str, Any])
@@ -198,8 +172,8 @@ class Diagnosis(Shown):
     errors: tuple[Mishap, ...] = ()
     left_out: tuple[int, ...] = ()
     adequacy: Adequacy | None = None
-    whole_runs: tuple[WholeRun, ...] = ()
-    force_errors: tuple[ForceError, ...] = ()
+    whole_runs: "tuple[WholeRun, ...]" = ()
+    force_errors: "tuple[ForceError, ...]" = ()
     learned: "LearnedLaw | LearnedSurface | None" = None
     headline: str = ""
     cautions: tuple[str, ...] = ()
@@ -273,32 +247,22 @@ class Unanswered:
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON of `zwidth diagnose`, with nothing where nothing is known."""
-        nothing: list[Any] = []
-        return {
-            "verdict": Verdict.UNDECIDED.value,
-            "headline": self.headline,
-            "sentence": self.sentence,
-            "warnings": nothing,
-            "findings": nothing,
-            "linear_refit": {},
-            "where": {
-                "sentence": NOWHERE.sentence,
-                "time": nothing, "frequency_hz": nothing, "state": nothing, "entry": nothing,
-            },
-            "fit": {name: UNKNOWN_FIT.as_json() for name in ("held_out", "one_step", "free_run")}
-            | {"whole_run": nothing, "force": nothing},
-            "adequacy": None,
-            "learned": None,
-            "changes": nothing,
-            "events": nothing,
-            "upper_bounds": {},
-            "faults": [vars(f) for f in self.faults],
-            "next_experiment": None,
-            "next_level": None,
-            "interrupted": False,
-            "facts": {},
-            "errors": [m.as_json() for m in self.errors],
-        }  # fmt: skip
+        errors = [m.as_json() for m in self.errors]
+        said = {"headline": self.headline, "sentence": self.sentence, "errors": errors}
+        return _nothing() | said | {"faults": [vars(f) for f in self.faults]}
+
+
+def _nothing() -> dict[str, Any]:
+    """The JSON of a diagnosis that knows nothing."""
+    lists = {key: list[Any]() for key in ("time", "frequency_hz", "state", "entry")}
+    figures = {key: UNKNOWN_FIT.as_json() for key in ("held_out", "one_step", "free_run")}
+    return {
+        "verdict": Verdict.UNDECIDED.value, "headline": "", "sentence": "", "warnings": [],
+        "findings": [], "linear_refit": {}, "where": {"sentence": NOWHERE.sentence, **lists},
+        "fit": {**figures, "whole_run": [], "force": []}, "adequacy": None, "learned": None,
+        "changes": [], "events": [], "upper_bounds": {}, "faults": [], "next_experiment": None,
+        "next_level": None, "interrupted": False, "facts": {}, "errors": [],
+    }  # fmt: skip
 
 
 class NotDiagnosed(Exception):

@@ -1,28 +1,39 @@
-"""What a diagnosis says in the end: what the final model leaves, and the verdict in a sentence."""
+"""What a diagnosis concludes: one pure function of facts, asked once.
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+`refuted` says why what was named (or nothing) does not explain the recordings; the stages before
+ask it to know what else to look for. `verdict` decides. The first reason that holds counts:
 
-from zwidth.diagnosis.answer.adequacy import Adequacy, wander
-from zwidth.diagnosis.answer.result import UNKNOWN_FIT, Estimate, Finding, Held, HeldOut, Verdict
-from zwidth.diagnosis.fitting.uncertainty import Z95, inflation
-from zwidth.diagnosis.forces.leftover import leftover
-from zwidth.diagnosis.forces.locate import locate
-from zwidth.diagnosis.forces.probes import instead_by_law
-from zwidth.diagnosis.forces.unknown import TOUCHED, Instead, instead, unknown
-from zwidth.diagnosis.noise.steady import NoObserver
-from zwidth.diagnosis.recording.experiment import Experiment
-from zwidth.diagnosis.selection.searched import Searched
+    lost          an error took a part that the verdict rests on
+    left          a force remains that has no name, of more than `left_share` of what names explain
+    inadequate    free runs on held-out data err farther than noise makes them, follow the motion,
+                  run away, or are no better than without the names
+    regime        a name holds in a part of the recordings only
+    disturbed     only disturbances by chance explain what free runs err by beside the names
+    unjudged      too little was held out to judge names by
+    one level     at the one level of the command others explain as much
+    law           one law without a name explains it better than several names
+    rival, odds   another effect is within `apart_sigma`, or the probability is below `probable`
+    named         the effects are missing
+    chance        nothing is named, and free runs err beyond the noise of readings
+    parameters    linear parameters differ
+    nothing       nothing is missing
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import TYPE_CHECKING
+
+from zwidth.diagnosis.answer.result import Estimate, Finding, Verdict
+from zwidth.diagnosis.answer.validate import UNKNOWN_FIT, Adequacy, Held, HeldOut
+from zwidth.diagnosis.fitting.uncertainty import Z95
+from zwidth.diagnosis.intake.gate import Fault
+from zwidth.diagnosis.settings import VERDICT
+from zwidth.diagnosis.settings import Verdict as Settings
 from zwidth.sim.predict import OVERFLOW
-from zwidth.sim.readable import most, of_the_motion, percent
 
-SHIFTED = 5.0  # sigma by which a linear parameter must differ to be a finding
-MAPPED = 60.0  # chi-square that a map of the missing force over one state must gain
-FREE_FORCE = 60.0  # -2 log likelihood that a force of free shape must gain besides its unknowns
-UNEXPLAINED = 0.01  # share of the chi-square explained that may be left under a verdict by name
-COLOURED = 0.05  # the same where the observer was asked for, and chi-square is no statistic
-SURE = 0.95  # probability of a name or a richer form of it, below which it is not promised
-LISTED = 4  # rivals in the verdict's sentence, the nearest; the others stand in the report
+if TYPE_CHECKING:
+    from zwidth.diagnosis.answer.whole_run import NextLevel
 
 
 @dataclass(frozen=True)
@@ -37,191 +48,191 @@ class Left:
     whole: bool = False
 
 
-def left_over(found: Searched, acted: Sequence[Experiment]) -> Left:
-    """Hold the final residual against forces that follow one state, and that repeat or sway.
+NOTHING_LEFT = Left(0.0, "")
 
-    Then all that was recorded, held-out data too, against forces of free shape under observers that
-    hide none: nothing of that is kept, and a stop may first be hit in what was held out.
+
+@dataclass(frozen=True)
+class Law:
+    """A law of no name that was learned and holds on held-out data.
+
+    instead: whether it is the answer rather than several names. replaced: the names ("effect at
+    place") that it stands for; over: the state that it is over; sentence and headline: it in words.
     """
-    wide = inflation(found.final.white)
-    located = locate(found.problem, found.final)
-    followed = [m for m in located.maps if m.against != "time" or m.gained > TOUCHED * wide]
-    top = max(followed, key=lambda m: m.gained, default=None)
-    line = leftover(found.problem, found.final)
-    rotary = found.final.model.nominal.rotary
-    if line.gained > max(line.chance * wide, 0.0 if top is None else top.gained):
-        return Left(line.gained, line.sentence(rotary))
-    if top is not None and top.gained > MAPPED * wide:
-        return Left(top.gained, located.sentence)
-    try:
-        free = unknown(acted, found.final)
-    except NoObserver:  # no observer follows what was held out
-        return Left(0.0, "")
-    if free is not None and free.gained > FREE_FORCE * wide + 1.5 * free.unknowns:
-        return Left(free.gained, free.sentence, True)
-    return Left(0.0, "")
+
+    instead: bool
+    replaced: tuple[str, ...]
+    over: str
+    sentence: str
+    headline: str
 
 
-def instead_of(found: Searched) -> Instead | None:
-    """Return a force of no library that explains more than one of the effects, or all of them."""
-    if found.problem.observer.whitening is None:  # free runs judged, and likelihood is no judge
-        return None
-    final, effects = found.final, found.final.model.effects
-    experiments = found.problem.experiments
-    names = [f"{p.effect.name} at {p.at}" for p in effects]
-    models = [(name, found.problem.fit_without(final, i)) for i, name in enumerate(names)]
-    if len(effects) > 1:
-        models.append((" and ".join(names), found.refit))
-    asked = [
-        instead(found.problem, final, without, experiments, name)
-        for name, without in models
-        if without.x.size < final.x.size
-    ]
-    asked.append(instead_by_law(found.problem, final))
-    return max((a for a in asked if a is not None), key=lambda a: a.gained, default=None)
+@dataclass(frozen=True)
+class Facts:
+    """All that a verdict rests on.
 
-
-def matters(found: Searched, left: Left, named: bool) -> bool:
-    """Whether what is left is too much for a verdict by name, or there is no name."""
-    explained = max(found.refit.chi2 - found.final.chi2, 1.0)
-    share = COLOURED if found.problem.observer.whitening is None else UNEXPLAINED
-    return left.gained > 0.0 and (not named or left.gained > share * explained)
-
-
-def unexplained(found: Searched, left: Left, other: Instead | None, sound: Adequacy | None) -> bool:
-    """Whether what is named does not explain the recordings, or not as far as free runs go."""
-    named = bool(found.final.model.effects)
-    fails = sound is not None and not (sound.adequate if named else sound.sound)
-    return other is not None or matters(found, left, named) or fails
-
-
-def judged(
-    found: Searched,
-    findings: tuple[Finding, ...],
-    refit: dict[str, tuple[float, Estimate]],
-    left: Left,
-    other: Instead | None,
-    sound: Adequacy | None = None,
-    free: HeldOut = UNKNOWN_FIT,
-) -> tuple[Verdict, str]:
-    """Return the verdict and its sentence.
-
-    refit: name -> (nominal, estimate) of the linear parameters; other: physics of no library in the
-    place of what was found, if any; sound: what held-out data say; free: free runs on them.
+    explained: chi-square that the names take away; coloured: whether the noise model leaves colour,
+    so that chi-square is no statistic. refit: name -> (device file's, refitted). adequacy and free:
+    what held-out data say. level: where the command has one level, what another would tell. lost:
+    what errors took; untried: effects that errors kept from being tried.
     """
-    if other is not None:
-        return Verdict.UNKNOWN_PHYSICS, (
-            f"something is missing that no effect of the library explains: {other.sentence}"
-        )
-    if matters(found, left, bool(findings)):
-        beyond = f" beyond {' and '.join(f.effect for f in findings)}" if findings else ""
-        return Verdict.UNKNOWN_PHYSICS, (
-            f"something is missing{beyond} that no effect of the library explains: {left.sentence}"
-        )
-    if sound is not None and not (sound.adequate if findings else sound.sound):
-        return Verdict.UNKNOWN_PHYSICS, not_adequate(findings, sound)
-    odd = next(((f, h) for f in findings for h in f.regimes if h.fails), None)
+
+    findings: tuple[Finding, ...] = ()
+    refit: Mapping[str, tuple[float, Estimate]] = field(
+        default_factory=dict[str, tuple[float, Estimate]]
+    )
+    left: Left = NOTHING_LEFT
+    explained: float = 0.0
+    coloured: bool = False
+    adequacy: Adequacy | None = None
+    free: HeldOut = UNKNOWN_FIT
+    level: "NextLevel | None" = None
+    law: Law | None = None
+    faults: tuple[Fault, ...] = ()
+    lost: tuple[str, ...] = ()
+    untried: tuple[str, ...] = ()
+
+
+class Reason(Enum):
+    """Why a verdict is what it is."""
+
+    LEFT = "left"
+    NO_BETTER = "no better than without"
+    ERRS = "free runs err"
+    FOLLOWS = "free runs follow the motion"
+    RUNS_AWAY = "free runs run away"
+    REGIME = "regime"
+    DISTURBED = "disturbed"
+    UNJUDGED = "unjudged"
+    ONE_LEVEL = "one level"
+    LAW = "law"
+    RIVAL = "rival"
+    IMPROBABLE = "improbable"
+    NAMED = "named"
+    CHANCE = "chance"
+    PARAMETERS = "parameters"
+    NOTHING = "nothing"
+
+
+CONCLUDED = {
+    Reason.UNJUDGED: Verdict.UNDECIDED,
+    Reason.ONE_LEVEL: Verdict.UNDECIDED,
+    Reason.RIVAL: Verdict.CONFUSABLE,
+    Reason.IMPROBABLE: Verdict.CONFUSABLE,
+    Reason.NAMED: Verdict.IDENTIFIED,
+    Reason.CHANCE: Verdict.UNDECIDED,
+    Reason.PARAMETERS: Verdict.LINEAR_PARAMETERS,
+    Reason.NOTHING: Verdict.NOTHING_MISSING,
+}
+"""Of each reason; of all others physics without a name is missing."""
+
+
+@dataclass(frozen=True)
+class Decision:
+    """The verdict, and that on the physics alone, before what is wrong with the recordings.
+
+    reason: why; about: the finding that it is about, where it is about one; findings: those that
+    the answer states, without probabilities where none of the hypotheses is adequate.
+    """
+
+    verdict: Verdict
+    physics: Verdict
+    reason: Reason
+    about: Finding | None
+    findings: tuple[Finding, ...]
+
+
+def verdict(facts: Facts, settings: Settings = VERDICT) -> Decision:
+    """Decide."""
+    reason, about = reason_of(facts, settings)
+    physics = CONCLUDED.get(reason, Verdict.UNKNOWN_PHYSICS)
+    if facts.law is not None and reason is Reason.CHANCE:  # what was said of chance does not stand
+        physics = Verdict.UNKNOWN_PHYSICS
+    if facts.lost:
+        physics = Verdict.UNDECIDED
+    findings = facts.findings
+    if reason is Reason.LAW and facts.law is not None:
+        findings = tuple(f for f in findings if f.label not in facts.law.replaced)
+    if physics is Verdict.UNKNOWN_PHYSICS:
+        findings = tuple(f.without_probability() for f in findings)
+    wrong = any(f.wrong for f in facts.faults) and physics is not Verdict.UNDECIDED
+    return Decision(Verdict.RECORDING_FAULT if wrong else physics, physics, reason, about, findings)
+
+
+def refuted(facts: Facts, settings: Settings = VERDICT) -> tuple[Reason, Finding | None] | None:
+    """Return why the recordings are not explained by what was named; None where they are."""
+    if matters(facts.left, facts.explained, facts.coloured, bool(facts.findings), settings):
+        return Reason.LEFT, None
+    if (inadequate := _inadequate(facts)) is not None:
+        return inadequate, None
+    odd = next((f for f in facts.findings if failing(f) is not None), None)
     if odd is not None:
-        return Verdict.UNKNOWN_PHYSICS, not_everywhere(findings, *odd)
-    if findings and wander(free.after, free.noise_floor):
-        return Verdict.UNKNOWN_PHYSICS, too_disturbed(findings, free)
-    if findings and sound is None:
-        return Verdict.UNDECIDED, not_judged(findings)
-    if findings:
-        names = " and ".join(f"{f.effect} at {f.at}" for f in findings)
-        many = len(findings) > 1
-        confused = [f for f in findings if f.confusable_with]
-        if confused:
-            near = [f"{r.effect} at {r.at}" for r in confused[0].confusable_with]
-            others = ", ".join(near[:LISTED])
-            others += f" and {len(near) - LISTED} more" if len(near) > LISTED else ""
-            return Verdict.CONFUSABLE, (
-                f"{names} explain{'' if many else 's'} what is missing, and this recording cannot"
-                f" tell {confused[0].effect} at {confused[0].at} from {others}"
-            )
-        doubtful = [f for f in findings if f.with_richer is not None and f.with_richer < SURE]
-        if doubtful:
-            least = min(doubtful, key=lambda f: f.with_richer or 0.0)
-            return Verdict.CONFUSABLE, (
-                f"{names} explain{'' if many else 's'} what is missing, and this recording leaves"
-                f" {least.effect} at {least.at} a probability of {least.with_richer:.2g} only"
-            )
-        return Verdict.IDENTIFIED, f"{names} {'are' if many else 'is'} missing from the simulation"
-    if wander(free.after, free.noise_floor):
-        return Verdict.UNDECIDED, told_from_chance(free)
-    moved = [
-        name
-        for name, (nominal, e) in refit.items()
-        if abs(e.value - nominal) > SHIFTED / Z95 * 0.5 * (e.upper - e.lower)
-        and name != "jitter"
-        and not name.startswith("zero_")
-    ]
-    if moved:
-        return Verdict.LINEAR_PARAMETERS, (
-            f"no physics is missing, but {', '.join(moved)} differ from the device file"
-        )
-    return Verdict.NOTHING_MISSING, "nothing is missing that this recording could show"
+        return Reason.REGIME, odd
+    if facts.findings and facts.free.strays:
+        return Reason.DISTURBED, None
+    return None
 
 
-def told_from_chance(free: HeldOut) -> str:
-    """Say of a recording that nothing was found in how much of its motion nothing explains."""
-    return (
-        "no effect of the library can be told from chance, and free runs on held-out data err"
-        f" {of_the_motion(free.after)} all the same, where noise of readings makes"
-        f" {percent(free.noise_floor)}: disturbances, or physics that this recording is too"
-        " short or too coarse to show; record for longer, at a higher level, or with a finer sensor"
-    )
+def matters(
+    left: Left, explained: float, coloured: bool, named: bool, settings: Settings = VERDICT
+) -> bool:
+    """Whether what is left is too much for a verdict by name, or there is no name."""
+    share = settings.left_share_coloured if coloured else settings.left_share
+    return left.gained > 0.0 and (not named or left.gained > share * max(explained, 1.0))
 
 
-def not_judged(findings: tuple[Finding, ...]) -> str:
-    """Say of names that no held-out data judge what to record."""
-    names = " and ".join(f"{f.effect} at {f.at}" for f in findings)
-    return (
-        f"{names} would explain what is missing, and too little was held out to judge by: record"
-        " for longer, or give a second recording by --validate"
-    )
+def failing(finding: Finding) -> Held | None:
+    """Return the regime in which a finding does not hold, None where it holds everywhere."""
+    return next((h for h in finding.regimes if h.fails), None)
 
 
-def too_disturbed(findings: tuple[Finding, ...], free: HeldOut) -> str:
-    """Say of names beside which chance disturbances do too much how much that is."""
-    names = " and ".join(f"{f.effect} at {f.at}" for f in findings)
-    return (
-        f"something is missing beyond {names}: free runs on held-out data still err"
-        f" {of_the_motion(free.after)}, which only disturbances by chance explain"
-        f" ({percent(free.refit)} without the names)"
-    )
-
-
-def not_everywhere(findings: tuple[Finding, ...], odd: Finding, where: Held) -> str:
-    """Say of a name that holds in one regime only where it does not, and what to record."""
-    names = " and ".join(f"{f.effect} at {f.at}" for f in findings)
-    return (
-        f"something is missing beyond {names}: {odd.effect} at {odd.at} as fitted {where.other}"
-        f" makes what was recorded {where.regime} less likely than doing without it; record more"
-        f" {where.regime}"
-    )
-
-
-def not_adequate(findings: tuple[Finding, ...], sound: Adequacy) -> str:
-    """Say of names that do not hold on held-out data how far they go."""
-    names = " and ".join(f"{f.effect} at {f.at}" for f in findings)
-    beyond = f" beyond {names}" if findings else " that no effect of the library explains"
-    share = f"; the names explain {most(sound.explained)} of the square error"
-    share = share if findings else ""
+def _inadequate(facts: Facts) -> Reason | None:
+    sound = facts.adequacy
+    if sound is None or (sound.adequate if facts.findings else sound.sound):
+        return None
     if sound.sound:
-        return f"{names} predict held-out data no better than device file and refit do without"
+        return Reason.NO_BETTER
     worst = max(sound.ahead, key=lambda a: a.error / a.most)
     if worst.error <= worst.most:
-        led = max(sound.ahead, key=lambda a: a.led - a.most_led)
-        return (
-            f"something is missing{beyond}: forces that follow the motion would explain"
-            f" {100.0 * led.led:.0f} % of the square of what free runs over {led.horizon:.3g} s err"
-            f" on held-out data, noise {100.0 * led.most_led:.0f} % at most{share}"
-        )
-    if worst.error >= OVERFLOW:
-        return f"something is missing{beyond}: free runs of the answer run away{share}"
-    return (
-        f"something is missing{beyond}: over {worst.horizon:.3g} s free runs on held-out data"
-        f" err {worst.error / worst.expected:.3g} times as far as its own noise would make them"
-        f"{share}"
-    )
+        return Reason.FOLLOWS
+    return Reason.RUNS_AWAY if worst.error >= OVERFLOW else Reason.ERRS
+
+
+def reason_of(facts: Facts, settings: Settings = VERDICT) -> tuple[Reason, Finding | None]:
+    """Return the first reason that holds, and the finding that it is about."""
+    if (against := refuted(facts, settings)) is not None:
+        return against
+    if facts.findings:
+        return _of_names(facts, settings)
+    if facts.free.strays:
+        return Reason.CHANCE, None
+    moved = any(differs(name, *both, settings) for name, both in facts.refit.items())
+    return (Reason.PARAMETERS if moved else Reason.NOTHING), None
+
+
+def _of_names(facts: Facts, settings: Settings) -> tuple[Reason, Finding | None]:
+    """Why names that nothing refutes are promised, or not."""
+    if facts.adequacy is None:
+        return Reason.UNJUDGED, None
+    free, level = facts.free, facts.level
+    if level is not None and level.undecides(free.after, free.noise_floor):
+        return Reason.ONE_LEVEL, None
+    if facts.law is not None and facts.law.instead:
+        return Reason.LAW, None
+    confused = next((f for f in facts.findings if f.confusable_with), None)
+    if confused is not None:
+        return Reason.RIVAL, confused
+    odds = [(f.with_richer, f) for f in facts.findings if f.with_richer is not None]
+    least, doubtful = min(odds, key=lambda pair: pair[0], default=(1.0, None))
+    if least < settings.probable:
+        return Reason.IMPROBABLE, doubtful
+    return Reason.NAMED, None
+
+
+def differs(name: str, nominal: float, refitted: Estimate, settings: Settings = VERDICT) -> bool:
+    """Whether a linear parameter is clearly not as the device file says.
+
+    Not by how a recording is read: when commands arrive, and where an output has its zero.
+    """
+    sigma = 0.5 * (refitted.upper - refitted.lower) / Z95
+    apart = abs(refitted.value - nominal) > settings.apart_sigma * sigma
+    return apart and name != "jitter" and not name.startswith("zero_")

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from operator import is_
 
-from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy, freer, wandering
+from zwidth.diagnosis.answer.validate import Adequacy, adequacy, freer, wandering
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.mishaps import Say, attempt
 from zwidth.diagnosis.model.parameters import Model

@@ -24,6 +24,7 @@ def _at_share(_: np.random.Generator, __: Sizes, ___: Place, share: float) -> Va
 actuator_lag = Effect(
     name="actuator_lag",
     summary="first-order lag between command and force",
+    said="a lag of {time_constant}",
     formula="time_constant a' = u - a,  a: the force",
     places=("command",),
     parameters=(

@@ -70,6 +70,7 @@ def _at_share(_: np.random.Generator, z: Sizes, __: Place, share: float) -> Valu
 backlash = Effect(
     name="backlash",
     summary="free play in a link",
+    said="play of {gap}",
     formula=(
         "force of the link: 0 within gap,  "
         "k (|q| - gap / 2) sign(q) beyond it, and the link's damper while in contact"

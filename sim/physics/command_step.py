@@ -34,6 +34,7 @@ def _drawn(_: np.random.Generator, z: Sizes, __: Place) -> Values:
 command_step = Effect(
     name="command_step",
     summary="the command is converted in steps",
+    said="a step of {step}",
     formula="force = step round(u / step)",
     places=("command",),
     parameters=(

@@ -28,6 +28,7 @@ def _drawn(random: np.random.Generator, z: Sizes, _: Place) -> Values:
 constant_force = Effect(
     name="constant_force",
     summary="a constant force or offset",
+    said="a constant {level:kind} of {level}",
     formula="f = level",
     places=MASSES,
     parameters=(

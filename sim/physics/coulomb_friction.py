@@ -33,6 +33,7 @@ def _drawn(_: np.random.Generator, z: Sizes, __: Place) -> Values:
 coulomb_friction = Effect(
     name="coulomb_friction",
     summary="dry friction of constant level",
+    said="Coulomb friction of {level}",
     formula="f = -level sign(v) in motion,  |f| <= level at rest",
     places=MASSES,
     parameters=(

@@ -41,6 +41,7 @@ def _drawn(random: np.random.Generator, z: Sizes, place: Place) -> Values:
 cubic_stiffness = Effect(
     name="cubic_stiffness",
     summary="cubic part of a spring",
+    said="a spring's cubic part of {coefficient}",
     formula="f = -coefficient q^3",
     places=("ground", *LINKS),
     parameters=(

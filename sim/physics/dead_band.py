@@ -35,6 +35,7 @@ def _drawn(_: np.random.Generator, z: Sizes, __: Place) -> Values:
 dead_band = Effect(
     name="dead_band",
     summary="small commands give no force",
+    said="a dead band of {width}",
     formula="force = 0 for |u| <= width / 2,  u - (width / 2) sign(u) beyond",
     places=("command",),
     parameters=(

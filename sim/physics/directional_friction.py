@@ -62,6 +62,7 @@ def _drawn(random: np.random.Generator, z: Sizes, _: Place) -> Values:
 directional_friction = Effect(
     name="directional_friction",
     summary="dry and viscous friction that differ between the two directions",
+    said="friction of {level_plus} forwards and {level_minus} backwards",
     formula=(
         "f = -(level_plus + viscous_plus v) for v > 0,  "
         "f = level_minus + viscous_minus |v| for v < 0,  "

@@ -41,6 +41,8 @@ def _at_share(_: np.random.Generator, __: Sizes, ___: Place, share: float) -> Va
 dropped_samples = Effect(
     name="dropped_samples",
     summary="commands that are lost, seldom and at random",
+    said="a loss of {rate:percent} of the commands",
+    said_place=False,
     formula="force of a tick = that of the tick before, with probability rate",
     places=("clock",),
     parameters=(

@@ -169,6 +169,12 @@ class Effect:
     magnitude that would be all of what the recording moves by. drawn: the effect at about a percent
     of that, its other numbers by chance. forbidden: the parameter by which values are no physics.
 
+    In an answer. said: what was found, in the words of an engineer, with its parameters in braces
+    as `answer.words` fills them: "{level}" a value with its interval, "{period:value}" without,
+    "{rate:percent}" in percent, "{level:kind}" a torque or a force, "{time_constant:hertz}" the
+    frequency of a time constant, "{resonance}" that of a mass on a spring; "" for the name and
+    its strength. said_place: whether the place is said after it.
+
     In the exam, which draws machines with effects. odds: how often one meets it, all its places
     together, against the odds of the others; 0 where none is drawn. excludes: the effects that no
     machine has besides it, anywhere. at_share: its values where it is such a share of what
@@ -216,6 +222,9 @@ class Effect:
     natural: Callable[[Sizes, Place], float] = rms_command
     drawn: Callable[[np.random.Generator, Sizes, Place], Values] = one_percent
     forbidden: Callable[[Values], str] = allowed
+
+    said: str = ""
+    said_place: bool = True
 
     odds: float = 0.0
     excludes: tuple[str, ...] = ()

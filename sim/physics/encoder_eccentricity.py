@@ -70,6 +70,8 @@ def _at_share(random: np.random.Generator, z: Sizes, place: Place, share: float)
 encoder_eccentricity = Effect(
     name="encoder_eccentricity",
     summary="the reading errs periodically in position",
+    said="an eccentric encoder, {amplitude} every {period:value},",
+    said_place=False,
     formula="reading = q + amplitude sin(2 pi q / period + phase)",
     places=("sensor",),
     parameters=(

@@ -37,6 +37,8 @@ def _drawn(_: np.random.Generator, z: Sizes, __: Place) -> Values:
 encoder_step = Effect(
     name="encoder_step",
     summary="the encoder counts in steps",
+    said="an encoder step of {step}",
+    said_place=False,
     formula="reading = step round(q / step)",
     places=("sensor",),
     parameters=(

@@ -71,6 +71,7 @@ def _drawn(random: np.random.Generator, z: Sizes, place: Place) -> Values:
 extra_mode = Effect(
     name="extra_mode",
     summary="a further mass on a spring and damper",
+    said="a resonance at {resonance} (a mass of {mass} on a spring)",
     formula="mass x'' = stiffness (q - x) + damping (q' - x'),  f = -mass x''",
     places=MASSES,
     parameters=(

@@ -60,6 +60,7 @@ def _drawn(_: np.random.Generator, z: Sizes, __: Place) -> Values:
 falling_limit = Effect(
     name="falling_limit",
     summary="a limit of the drive's force that falls with speed",
+    said="a limit of {limit} that falls with speed",
     formula="-limit - slope v <= force <= limit - slope v",
     places=("m1",),
     parameters=(

@@ -63,6 +63,7 @@ def _drawn(random: np.random.Generator, z: Sizes, _: Place) -> Values:
 force_ripple = Effect(
     name="force_ripple",
     summary="a force periodic in position",
+    said="a ripple of {amplitude} every {period:value}",
     formula="f = amplitude sin(2 pi q / period + phase)",
     places=(*MASSES, *LINKS),
     parameters=(

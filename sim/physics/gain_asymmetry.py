@@ -37,6 +37,7 @@ def _drawn(random: np.random.Generator, _: Sizes, __: Place) -> Values:
 gain_asymmetry = Effect(
     name="gain_asymmetry",
     summary="positive and negative commands are amplified differently",
+    said="a gain that differs by direction ({ratio})",
     formula="force = 2 ratio / (1 + ratio) u for u > 0,  2 / (1 + ratio) u for u < 0",
     places=("command",),
     parameters=(

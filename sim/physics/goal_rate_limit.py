@@ -50,6 +50,8 @@ def _drawn(_: np.random.Generator, z: Sizes, __: Place) -> Values:
 goal_rate_limit = Effect(
     name="goal_rate_limit",
     summary="a servo whose goal goes no faster than a speed of its own",
+    said="a servo's goal that goes at {rate} at most",
+    said_place=False,
     formula="|goal'| <= rate,  goal: what the loop closes on",
     places=("command",),
     parameters=(

@@ -35,6 +35,7 @@ def _drawn(random: np.random.Generator, z: Sizes, _: Place) -> Values:
 gravity_pendulum = Effect(
     name="gravity_pendulum",
     summary="weight on a lever that turns with the axis",
+    said="the gravity of a pendulum, {level},",
     formula="f = -level sin(q + angle)",
     places=MASSES,
     parameters=(

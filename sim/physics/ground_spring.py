@@ -39,6 +39,7 @@ def _drawn(_: np.random.Generator, z: Sizes, __: Place) -> Values:
 ground_spring = Effect(
     name="ground_spring",
     summary="a spring from a mass to ground",
+    said="a spring to the ground of {stiffness}",
     formula="f = -stiffness q",
     places=MASSES,
     parameters=(

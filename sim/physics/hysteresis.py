@@ -68,6 +68,7 @@ def _drawn(random: np.random.Generator, z: Sizes, place: Place) -> Values:
 hysteresis = Effect(
     name="hysteresis",
     summary="a spring that yields and dissipates, Bouc-Wen",
+    said="hysteresis of {level}",
     formula="f = -level z,  dz/dq = (stiffness / level) (1 - |z|^shape (1 + sign(z dq)) / 2)",
     places=("ground", "link12"),
     parameters=(

@@ -43,6 +43,7 @@ def _drawn(_: np.random.Generator, __: Sizes, ___: Place) -> Values:
 load_friction = Effect(
     name="load_friction",
     summary="dry friction in proportion to the drive's force, as of a gear",
+    said="friction of {ratio} times the load",
     formula=(
         "f = -ratio |a| sign(v) in motion,  |f| <= ratio |a| at rest,  a: the force of the drive"
     ),

@@ -24,6 +24,7 @@ def _at_share(_: np.random.Generator, __: Sizes, ___: Place, share: float) -> Va
 loop_delay = Effect(
     name="loop_delay",
     summary="time from encoder reading to command taking effect",
+    said="a delay of {delay}",
     formula="force(t) = u(t - delay)",
     places=("clock",),
     parameters=(

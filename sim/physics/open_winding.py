@@ -44,6 +44,8 @@ def _drawn(_: np.random.Generator, z: Sizes, place: Place) -> Values:
 open_winding = Effect(
     name="open_winding",
     summary="a drive whose back-EMF does not brake while it is off",
+    said="a winding that is open while off ({damping} less)",
+    said_place=False,
     formula="f = damping v while the drive is off",
     places=("m1",),
     parameters=(

@@ -62,6 +62,7 @@ def _at_share(random: np.random.Generator, z: Sizes, _: Place, share: float) -> 
 presliding_friction = Effect(
     name="presliding_friction",
     summary="friction that yields like a spring before it slips",
+    said="friction of {level} that yields by {stiffness} before it slides",
     formula="f = -level z,  dz/dq = (stiffness / level) (1 - z sign(dq))",
     places=MASSES,
     parameters=(

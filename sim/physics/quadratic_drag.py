@@ -33,6 +33,7 @@ def _drawn(_: np.random.Generator, z: Sizes, __: Place) -> Values:
 quadratic_drag = Effect(
     name="quadratic_drag",
     summary="drag that grows with the square of speed",
+    said="quadratic drag of {coefficient}",
     formula="f = -coefficient v |v|",
     places=MASSES,
     parameters=(

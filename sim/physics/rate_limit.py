@@ -49,6 +49,7 @@ def _drawn(_: np.random.Generator, z: Sizes, __: Place) -> Values:
 rate_limit = Effect(
     name="rate_limit",
     summary="a command that changes no faster than so much a second",
+    said="a command that changes by {rate} at most",
     formula="|force'| <= rate",
     places=("command",),
     parameters=(

@@ -6,6 +6,8 @@ from zwidth.sim.physics.effect import Effect
 rectified_sensor = Effect(
     name="rectified_sensor",
     summary="the reading is the absolute value of the position",
+    said="a sensor that reads the absolute value",
+    said_place=False,
     formula="reading = |q|",
     places=("sensor",),
     parameters=(),

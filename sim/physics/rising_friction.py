@@ -68,6 +68,7 @@ def _forbidden(values: Values) -> str:
 rising_friction = Effect(
     name="rising_friction",
     summary="dry friction that rises with speed from a lower level at rest: creep before sliding",
+    said="friction that rises from {static_level} at rest to {level} in sliding",
     formula=(
         "f = -(level - (level - static_level) exp(-|v| / velocity)) sign(v) in motion,  "
         "|f| <= static_level at rest"

@@ -50,6 +50,7 @@ def _at_share(_: np.random.Generator, z: Sizes, __: Place, share: float) -> Valu
 saturation = Effect(
     name="saturation",
     summary="the amplifier's limit",
+    said="a limit of {limit}",
     formula="force = u within -limit and limit,  limit sign(u) beyond",
     places=("command",),
     parameters=(

@@ -56,6 +56,7 @@ def _at_share(random: np.random.Generator, _: Sizes, __: Place, share: float) ->
 sensor_filter = Effect(
     name="sensor_filter",
     summary="second-order filter between the motion and what is read",
+    said="a second-order filter of {time_constant} ({time_constant:hertz})",
     formula="time_constant^2 s'' + 2 damping time_constant s' + s = q,  s: the reading",
     places=("sensor", "velocity"),
     parameters=(

@@ -34,6 +34,7 @@ def _at_share(_: np.random.Generator, __: Sizes, ___: Place, share: float) -> Va
 sensor_lag = Effect(
     name="sensor_lag",
     summary="first-order lag of what is read behind the motion",
+    said="a lag of {time_constant}",
     formula="time_constant s' = q - s,  s: the reading",
     places=("sensor", "velocity"),
     parameters=(

@@ -43,6 +43,8 @@ def _drawn(_: np.random.Generator, z: Sizes, __: Place) -> Values:
 servo_dead_zone = Effect(
     name="servo_dead_zone",
     summary="a zone about a servo's goal, or play at a moved end, in which it does nothing",
+    said="a dead zone of {half} in the servo",
+    said_place=False,
     formula=(
         "force of the servo: 0 for |goal - q| <= half,  "
         "k (goal - q -+ half) beyond it,  "

@@ -47,6 +47,8 @@ def _drawn(_: np.random.Generator, z: Sizes, __: Place) -> Values:
 servo_integral = Effect(
     name="servo_integral",
     summary="integral action of a servo, with its clip",
+    said="integral action of {rate} in the servo",
+    said_place=False,
     formula="f = z,  z' = rate stiffness (goal - q) within -limit and limit",
     places=("m1",),
     parameters=(

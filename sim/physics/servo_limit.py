@@ -34,6 +34,8 @@ def _starts(z: Sizes, _: Place) -> Iterator[Scaled]:
 servo_limit = Effect(
     name="servo_limit",
     summary="the limit of a servo's force, or of its voltage",
+    said="a limit of {limit} in the servo",
+    said_place=False,
     formula=(
         "force of the servo: a within -limit and limit, else the limit,  a: what its loop asks for"
     ),

@@ -72,6 +72,7 @@ def _forbidden(values: Values) -> str:
 stribeck_friction = Effect(
     name="stribeck_friction",
     summary="dry friction that falls with speed from a higher level at rest",
+    said="friction of {level}, {static_level} at rest (Stribeck),",
     formula=(
         "f = -(level + (static_level - level) exp(-(v / velocity)^2)) sign(v) in motion,  "
         "|f| <= static_level at rest"

@@ -14,12 +14,8 @@ import click
 import numpy as np
 
 from zwidth.console import Column, Console
-from zwidth.diagnosis.answer.augmented_boundary import (
-    AugmentedBoundary,
-    augmented_boundary,
-    may_render,
-)
-from zwidth.diagnosis.answer.diagnosis_log import diagnosis_trace
+from zwidth.diagnosis.answer.augmented import may_render
+from zwidth.diagnosis.answer.missing_force import diagnosis_trace
 from zwidth.diagnosis.answer.result import Diagnosis, NotDiagnosed, Verdict
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.mishaps import Mishaps, attempt, collecting, isolated
@@ -62,6 +58,10 @@ from zwidth.sim.device import Device
 from zwidth.sim.device_file import commented_text, load_device
 from zwidth.sim.readable import number, percent
 from zwidth.sim.trace import Trace
+from zwidth.stability.augmented_boundary import (
+    AugmentedBoundary,
+    augmented_boundary,
+)
 
 # What is written beside the logs: NAME.diagnosis.html, ...
 WHEN = ("before", "refit", "after")

@@ -7,8 +7,8 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from zwidth.diagnosis.answer.augmented_boundary import AugmentedBoundary, critical
 from zwidth.figures.style import STYLE
+from zwidth.stability.augmented_boundary import AugmentedBoundary, critical
 from zwidth.stability.bisection import Bracket
 
 BEFORE, AFTER, LINEAR = "#bb5566", "#004488", "0.35"

@@ -4,8 +4,8 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from zwidth.diagnosis.answer.friction_curve import FrictionCurve
-from zwidth.diagnosis.answer.headline import effect_in_words
+from zwidth.diagnosis.answer.missing_force import FrictionCurve
+from zwidth.diagnosis.answer.words import effect_in_words
 from zwidth.figures.style import STYLE
 from zwidth.sim.readable import scaled
 

@@ -3,7 +3,7 @@
 The structure stays as it was found, its numbers are fitted anew (`settled`, from where they were),
 beside the same without its effects. It stands where it costs less than doing without by more than
 chance would have it, 2 ln (1 / ALPHA), and where free runs err no farther than its own noise makes
-them (`answer.adequacy`), here on the samples that it was fitted to. Nothing new is sought; what
+them (`answer.validate`), here on the samples that it was fitted to. Nothing new is sought; what
 takes its place is for the next search to say.
 """
 
@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy
+from zwidth.diagnosis.answer.validate import Adequacy, adequacy
 from zwidth.diagnosis.intake.gate import corrected
 from zwidth.diagnosis.intake.take_in import readings
 from zwidth.diagnosis.model.own_values import first_x

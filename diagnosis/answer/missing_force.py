@@ -1,4 +1,4 @@
-"""A diagnosis as a trace in the recording's own time: residuals, missing force, predictions.
+"""The missing force over time, in a trace of the recording beside residuals, and over velocity.
 
 The missing force is the Wiener estimate from the refit's weighted innovations e = -R f + noise, R
 the response of observer and device to a force at the place: with E and R their transforms,
@@ -7,9 +7,18 @@ the response of observer and device to a force at the place: with E and R their 
 
 of a force of first-order colour whose size and corner are those of the highest likelihood. Limits:
 the device counts as linear there, and a force that a refit absorbed is not in it.
+
+What a friction's name and its numbers say is read best as the curve that they are: all that acts at
+the place over its velocity, in steady sliding, beside what the recording asks for at each sample,
+which is the curve at the velocity that is predicted and the force that the innovations ask for
+beyond it, under an observer a hundred times slower than the likeliest, which takes less of it for
+disturbance. Where the samples lie apart from the curve, the law is another. A straight part is the
+damper of the device as well, and a constant the origin of its spring, so the band is that of the
+curve beside both as they were fitted.
 """
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import product
 from types import MappingProxyType
@@ -19,22 +28,29 @@ from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
+from zwidth.diagnosis.forces.leftover import predicted_states
 from zwidth.diagnosis.forces.spatial import response
+from zwidth.diagnosis.forces.unknown import SLOWER
+from zwidth.diagnosis.learning.steady import along
+from zwidth.diagnosis.learning.together import Together, follows, together
 from zwidth.diagnosis.noise.predictor import (
+    SETTLING,
     free_run_errors,
     free_run_starts,
     innovations,
     settling,
     window,
 )
+from zwidth.diagnosis.noise.settle import prepared_for
+from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
-from zwidth.sim.place import place_at
+from zwidth.diagnosis.selection.searched import Searched
+from zwidth.sim.place import Place, place_at
 from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-CORNERS_HZ = (2.0, 10.0, 50.0, np.inf)
-SIZES = np.geomspace(1e-3, 1e4, 29)  # of the force that one sample's noise hides
+FRICTION = "dry friction"
 
 
 @dataclass(frozen=True)
@@ -131,7 +147,8 @@ def _likeliest(pull: Complexes, reach: Floats, experiment: Experiment, size: int
     power = np.abs(pull) ** 2 / experiment.ticks
     unit = 1.0 / max(float(reach.max()), 1e-300)
     best: tuple[float, Floats] | None = None
-    for relative, corner_hz in product(SIZES, CORNERS_HZ):
+    sizes = np.geomspace(1e-3, 1e4, 29)  # of the force that one sample's noise hides
+    for relative, corner_hz in product(sizes, (2.0, 10.0, 50.0, np.inf)):
         colour = relative * unit / (1.0 + (frequency / corner_hz) ** 2)
         cost = np.log1p(reach * colour) - power * colour / (1.0 + reach * colour)
         total = float(np.sum(cost))
@@ -139,3 +156,63 @@ def _likeliest(pull: Complexes, reach: Floats, experiment: Experiment, size: int
             best = (total, colour)
     assert best is not None
     return best[1]
+
+
+@dataclass(frozen=True)
+class FrictionCurve:
+    """The curve, its place, and what the recording says: velocities and forces (samples,)."""
+
+    whole: Together
+    at: Place
+    velocities: Floats
+    forces: Floats
+
+
+def friction_curve(found: Searched, points: int = 200) -> FrictionCurve | None:
+    """Return the friction of an answer as a curve over so many points; None where it names none."""
+    over = "free_damper"
+    problem, final = found.problem, found.final
+    laws = final.model.effects_at(final.x)
+    rubs = [p for p in laws if p.effect.family == FRICTION and follows(p, over, p.place)]
+    if not rubs:
+        return None
+    place = rubs[0].place
+    n = final.model.build(final.x).chain.masses.size
+    moved = predicted_states(problem, final)
+    v = np.concatenate([x[SETTLING:, n + place.index] for x in moved])
+    low, high = (float(q) for q in np.quantile(v, (0.001, 0.999)))
+    if not low < high:
+        return None
+    at = np.linspace(low, high, points)
+    whole = together(final, over, place, at[at != 0.0], bends=True)
+    if whole is None:
+        return None
+    given = [g for p in laws if follows(p, over, place) and (g := along(p, over, v)) is not None]
+    return FrictionCurve(
+        whole, place, v, np.sum(given, axis=0) + asked_beyond(problem, final, str(place))
+    )
+
+
+def asked_beyond(problem: Problem, fitted: Fitted, at: str) -> Floats:
+    """Return the forces (samples,) at a mass or in a link that recordings ask for beyond a fit.
+
+    Those of all recordings one after the other, from where the observer has settled.
+    """
+    slow = _slower(problem, fitted)
+    each = [missing_force(slow, fitted, e, at)[SETTLING:] for e in problem.experiments]
+    return np.concatenate(each)
+
+
+def read_beyond(problem: Problem, fitted: Fitted) -> Floats:
+    """Return by how much the first output (samples,) is read otherwise than a fit predicts."""
+    slow, model = _slower(problem, fitted), fitted.model
+    device, gain = model.acting(fitted.x), slow.observer.gain
+    seen = [model.seen(e, fitted.x) for e in slow.experiments]
+    return np.concatenate([innovations(device, e, gain)[SETTLING:, 0] for e in seen])
+
+
+def _slower(problem: Problem, fitted: Fitted) -> Problem:
+    with suppress(NoObserver):  # so slow that it does not hold the device
+        ratio = SLOWER * problem.observer.ratio
+        return prepared_for(problem.experiments, fitted.model, fitted.x, ratio)
+    return problem
