@@ -23,7 +23,8 @@ from zwidth.diagnosis.answer.held_out import held_out
 from zwidth.diagnosis.answer.inverse import force_errors
 from zwidth.diagnosis.answer.learned import LearnedLaw, like_what
 from zwidth.diagnosis.answer.result import HeldOut
-from zwidth.diagnosis.intake.take_in import Taken, take_in
+from zwidth.diagnosis.data.faults import Taken
+from zwidth.diagnosis.intake.take_in import take_in
 from zwidth.diagnosis.learning.curves import as_learned, over_turns
 from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.selection.effort import QUICK

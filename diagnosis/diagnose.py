@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from zwidth.diagnosis.answer.answered import answered
 from zwidth.diagnosis.answer.events import knowing_events
 from zwidth.diagnosis.answer.result import Diagnosis
-from zwidth.diagnosis.intake.take_in import Taken, not_diagnosed, take_in
+from zwidth.diagnosis.data.faults import NotDiagnosed, Taken
+from zwidth.diagnosis.intake.take_in import take_in
 from zwidth.diagnosis.mishaps import Say, collecting, debugging, silent
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment, ExperimentError
@@ -51,4 +52,4 @@ def _sought(taken: Taken, search: Searches) -> Searched:
     except Exception as error:
         if debugging():
             raise
-        raise not_diagnosed("refit", error, taken.faults) from error
+        raise NotDiagnosed.by("refit", error, taken.faults) from error

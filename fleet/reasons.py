@@ -28,7 +28,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.intake.gate import COMMAND, Fault, corrected, misread, suspected
+from zwidth.diagnosis.data.faults import COMMAND, Fault
+from zwidth.diagnosis.intake.gate import corrected, misread, suspected
 from zwidth.diagnosis.intake.late import in_time
 from zwidth.diagnosis.intake.swapped import in_place
 from zwidth.diagnosis.intake.take_in import LIKELY_ODDS

@@ -11,9 +11,10 @@ from test_fitting import drive, recording
 from zwidth.diagnosis.answer import adequacy as judging
 from zwidth.diagnosis.answer.adequacy import Adequacy, Believed, adequacy
 from zwidth.diagnosis.answer.stands import standing, what_stands
+from zwidth.diagnosis.data.faults import Taken
 from zwidth.diagnosis.forces import unknown
 from zwidth.diagnosis.forces.unknown import Gained, Shape
-from zwidth.diagnosis.intake.take_in import Taken, take_in
+from zwidth.diagnosis.intake.take_in import take_in
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.family import as_far_as
 from zwidth.diagnosis.noise.predictor import (

@@ -19,8 +19,8 @@ from zwidth.diagnosis.answer.changes import (
     outlived,
 )
 from zwidth.diagnosis.answer.result import Verdict
+from zwidth.diagnosis.data.faults import Taken
 from zwidth.diagnosis.diagnose import diagnose
-from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.learning.changing import (
     DRIFT,
     EACH,

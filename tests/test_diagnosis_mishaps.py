@@ -13,8 +13,9 @@ import pytest
 import zwidth.diagnosis.answer.stands
 import zwidth.diagnosis.diagnose
 from zwidth.cli import run
-from zwidth.diagnosis.answer.result import Diagnosis, NotDiagnosed, Verdict
+from zwidth.diagnosis.answer.result import Diagnosis, Verdict
 from zwidth.diagnosis.answer.verdict import Left
+from zwidth.diagnosis.data.faults import NotDiagnosed
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.fitting.descend import descend
 from zwidth.diagnosis.fitting.fit import Problem

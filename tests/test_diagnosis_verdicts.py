@@ -32,9 +32,9 @@ from zwidth.diagnosis.answer.second_look import named_only_whole, on_first_part,
 from zwidth.diagnosis.answer.stands import standing
 from zwidth.diagnosis.answer.verdict import Left
 from zwidth.diagnosis.answer.verdict import judged as said_of
+from zwidth.diagnosis.data.faults import Taken
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.intake.gate import encoder_step_seen, examine
-from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.recording.experiment import Experiment, Output

@@ -8,10 +8,11 @@ import pytest
 
 from tests.diagnosis_examples import OUTPUTS, phantom, record
 from zwidth.controllers.recorded import recorded
+from zwidth.diagnosis.data.faults import COMMAND, Taken
 from zwidth.diagnosis.intake.driven import driven
-from zwidth.diagnosis.intake.gate import COMMAND, corrected, misread, suspected
+from zwidth.diagnosis.intake.gate import corrected, misread, suspected
 from zwidth.diagnosis.intake.rectified import unfolded
-from zwidth.diagnosis.intake.take_in import Taken, judged_anew, likeliest, misread_price, readings
+from zwidth.diagnosis.intake.take_in import judged_anew, likeliest, misread_price, readings
 from zwidth.diagnosis.intake.units import nearest_unit, sentence, unit_of
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.steady import NoObserver

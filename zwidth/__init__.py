@@ -69,9 +69,9 @@ if _TYPE_CHECKING:
     from zwidth.diagnosis.answer.result import Diagnosis as Diagnosis
     from zwidth.diagnosis.answer.result import Estimate as Estimate
     from zwidth.diagnosis.answer.result import Finding as Finding
-    from zwidth.diagnosis.answer.result import NotDiagnosed as NotDiagnosed
     from zwidth.diagnosis.answer.result import Rival as Rival
     from zwidth.diagnosis.answer.result import Verdict as Verdict
+    from zwidth.diagnosis.data.faults import NotDiagnosed as NotDiagnosed
     from zwidth.fleet.listing import Listed as Listed
     from zwidth.fleet.result import Fleet as Fleet
     from zwidth.identification.cycles import RelayCondition as RelayCondition
@@ -164,7 +164,7 @@ HOMES = {
     "LoggedRun": "zwidth.scenarios.logged_run",
     "ModalModel": "zwidth.sim.modal",
     "Mode": "zwidth.sim.modal",
-    "NotDiagnosed": "zwidth.diagnosis.answer.result",
+    "NotDiagnosed": "zwidth.diagnosis.data.faults",
     "Outcome": "zwidth.sim.run",
     "PassiveFit": "zwidth.sim.passive",
     "Physics": "zwidth.sim.physics.effect",

@@ -30,9 +30,8 @@ from zwidth.diagnosis.answer.stands import Stands, what_stands
 from zwidth.diagnosis.answer.verdict import Left, judged
 from zwidth.diagnosis.answer.where import where
 from zwidth.diagnosis.answer.whole_run import WholeRun, whole_runs
+from zwidth.diagnosis.data.faults import Fault, Taken
 from zwidth.diagnosis.forces.locate import NOWHERE, Located, locate
-from zwidth.diagnosis.intake.gate import Fault
-from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.mishaps import Mishaps, Say, attempt
 from zwidth.diagnosis.selection.searched import Searched, Searches
 from zwidth.sim.device import Device

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.controllers.recorded import recorded
-from zwidth.diagnosis.intake.gate import Fault
+from zwidth.diagnosis.data.faults import Fault
 from zwidth.diagnosis.model.parameters import Model, delivered
 from zwidth.diagnosis.noise.predictor import observer_memory
 from zwidth.diagnosis.recording.experiment import Experiment

@@ -28,8 +28,8 @@ from zwidth.diagnosis.answer.headline import (
 )
 from zwidth.diagnosis.answer.held_out import held_out
 from zwidth.diagnosis.answer.result import Estimate
+from zwidth.diagnosis.data.faults import Taken
 from zwidth.diagnosis.fitting.uncertainty import Z95, covariance
-from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.learning.changing import (
     CUT,
     DRIFT,

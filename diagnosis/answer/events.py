@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.answer.headline import place_in_words, said
 from zwidth.diagnosis.answer.result import Estimate
+from zwidth.diagnosis.data.faults import Taken
 from zwidth.diagnosis.fitting.uncertainty import Z95
-from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.learning.event_edges import edges
 from zwidth.diagnosis.learning.event_force import Happened
 from zwidth.diagnosis.learning.events import FitOn, Peak, happenings, highest, with_events

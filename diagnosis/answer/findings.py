@@ -17,10 +17,10 @@ from zwidth.diagnosis.answer.beside import (
 )
 from zwidth.diagnosis.answer.regimes import held
 from zwidth.diagnosis.answer.result import Estimate, Finding, Held, Rival
+from zwidth.diagnosis.data.faults import Fault, Taken
 from zwidth.diagnosis.fitting.fit import Fitted
 from zwidth.diagnosis.fitting.uncertainty import Z95, covariance, inflation, standard_errors
-from zwidth.diagnosis.intake.gate import ON_LATTICE, Fault
-from zwidth.diagnosis.intake.take_in import Taken
+from zwidth.diagnosis.intake.gate import ON_LATTICE
 from zwidth.diagnosis.mishaps import attempt, isolated
 from zwidth.diagnosis.model.parameters import (
     Model,

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from zwidth.diagnosis.answer.adequacy import Adequacy
 from zwidth.diagnosis.answer.result import Estimate, Finding, HeldOut, Verdict
 from zwidth.diagnosis.answer.verdict import Left
+from zwidth.diagnosis.data.faults import COMMAND, Fault
 from zwidth.diagnosis.forces.unknown import Instead
-from zwidth.diagnosis.intake.gate import COMMAND, Fault
 from zwidth.diagnosis.intake.units import asked_unit, unit_of
 from zwidth.sim.physics import EFFECTS
 from zwidth.sim.place import Place, place_at

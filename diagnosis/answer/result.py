@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.answer.adequacy import Adequacy
 from zwidth.diagnosis.answer.inverse import ForceError
 from zwidth.diagnosis.answer.whole_run import WholeRun
+from zwidth.diagnosis.data.faults import Fault
 from zwidth.diagnosis.forces.locate import NOWHERE, Located
-from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.mishaps import Mishap
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.searched import Searched
@@ -299,11 +299,3 @@ class Unanswered:
             "facts": {},
             "errors": [m.as_json() for m in self.errors],
         }  # fmt: skip
-
-
-class NotDiagnosed(Exception):
-    """An error that leaves nothing to conclude; `unanswered` holds what there was before it."""
-
-    def __init__(self, unanswered: Unanswered) -> None:
-        super().__init__(unanswered.sentence)
-        self.unanswered = unanswered

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 from zwidth.diagnosis.answer.adequacy import Adequacy
 from zwidth.diagnosis.answer.verdict import Left, instead_of, left_over, matters
+from zwidth.diagnosis.data.faults import Fault
 from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.forces.unknown import Instead
-from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.mishaps import Say
 from zwidth.diagnosis.model.parameters import effect_labels
 from zwidth.diagnosis.noise.predictor import FINAL

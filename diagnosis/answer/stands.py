@@ -8,9 +8,8 @@ from zwidth.diagnosis.answer.changes import Change, changing, outlived
 from zwidth.diagnosis.answer.lost import knowing_losses
 from zwidth.diagnosis.answer.second_look import named_only_whole, on_first_part, second_look
 from zwidth.diagnosis.answer.verdict import Left, instead_of, left_over, unexplained
+from zwidth.diagnosis.data.faults import Fault, Taken
 from zwidth.diagnosis.forces.unknown import Instead
-from zwidth.diagnosis.intake.gate import Fault
-from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.mishaps import Say, attempt, isolated
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.selection.searched import (

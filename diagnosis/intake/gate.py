@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.diagnosis.data.faults import COMMAND, Fault
 from zwidth.diagnosis.intake.driven import FORETOLD, OFF, Driven, driven
 from zwidth.diagnosis.intake.units import far_off, nearest_unit, sentence, unit_of
 from zwidth.diagnosis.recording.experiment import Experiment
@@ -26,7 +27,6 @@ from zwidth.sim.device import Device
 from zwidth.sim.readable import with_unit
 
 Floats = NDArray[np.float64]
-COMMAND = ("command",)
 POWER = 0.1  # share of its most, of the energy that a command may seem to take out of a device
 OFF_TOO = 3.0  # the same of a sign that is wrong: a wrong unit beside it is rare
 LEFT_OPEN = 3.0  # standard deviations of the command's scale that a device file leaves open
@@ -41,22 +41,6 @@ CLIPPED = 0.005
 ROUNDED = 1e-9  # of the largest value, by which rounding puts equal ones apart
 ON_LATTICE = 0.1  # of a step, by which a value may lie beside it
 FEW = 10  # neighbouring values that are one step apart
-
-
-@dataclass(frozen=True)
-class Fault:
-    """Something about a recording. kind: a word; wrong: it makes the recording false as it is.
-
-    value: what was seen, by kind; where channels are named, the factor that corrects these.
-    recording: the name of the one that it is of, "" for all.
-    """
-
-    kind: str
-    sentence: str
-    wrong: bool
-    value: float
-    recording: str = ""
-    channels: tuple[str, ...] = ()
 
 
 def examine(device: Device, experiments: Sequence[Experiment]) -> list[Fault]:

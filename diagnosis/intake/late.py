@@ -26,9 +26,9 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.diagnosis.data.faults import Fault
 from zwidth.diagnosis.intake.answering import Answering, Left, resisting
 from zwidth.diagnosis.intake.driven import FOLLOWING
-from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.noise.predictor import followed, observer_near
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment

@@ -24,9 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import periodogram
 
+from zwidth.diagnosis.data.faults import Fault
 from zwidth.diagnosis.intake.answering import Answering, resisting
 from zwidth.diagnosis.intake.driven import FOLLOWING
-from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.noise.predictor import SETTLING, followed, innovations, observer_near
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment

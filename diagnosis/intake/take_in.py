@@ -12,12 +12,10 @@ from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
-from zwidth.diagnosis.answer.result import NotDiagnosed, Unanswered
+from zwidth.diagnosis.data.faults import COMMAND, Fault, NotDiagnosed, Taken
 from zwidth.diagnosis.intake.counted import as_counted, open_zeros
 from zwidth.diagnosis.intake.derived import measured_alone
 from zwidth.diagnosis.intake.gate import (
-    COMMAND,
-    Fault,
     Suspicion,
     corrected,
     looked_through,
@@ -45,29 +43,6 @@ TIE = 1.0  # -2 ln within which two fits end alike, so that the first suspect st
 FREE_ODDS = 1e-4  # that a channel counts wrong by a factor that is no unit
 FREE_RANGE = 2.0 * math.log(1e3)  # of the logarithm of such a factor
 FREE_WIDTH = 0.2  # of it, that masses, springs and gain of a device file leave open
-
-
-@dataclass(frozen=True)
-class Taken:
-    """Recordings whole, the part of each to fit on, and what is to judge.
-
-    faults: what is odd about them; folded: by which factor they are better folded out, or 1.
-    whole_unopened: the held-out data are a part of them, and not other recordings. left_out: places
-    of those that an error cost. misread: place in fit_on and fault of each correction that another
-    way to read them does without; doubted: whether a recording to judge by is suspected. device:
-    what they are of, its zeros as open as they leave them.
-    """
-
-    device: Device
-    whole: tuple[Experiment, ...]
-    fit_on: tuple[Experiment, ...]
-    judge_by: tuple[Experiment, ...]
-    faults: tuple[Fault, ...]
-    folded: float
-    whole_unopened: bool
-    left_out: tuple[int, ...]
-    misread: tuple[tuple[int, Fault], ...] = ()
-    doubted: bool = False
 
 
 def take_in(
@@ -307,13 +282,6 @@ def judged_anew(taken: Taken, found: Device) -> Taken:
     return replace(taken, judge_by=tuple(judges), faults=every, doubted=False)
 
 
-def not_diagnosed(stage: str, error: Exception, faults: Sequence[Fault] = ()) -> NotDiagnosed:
-    """Return the end of a diagnosis by an error in a stage that nothing can be said without."""
-    with collecting(silent) as mishaps:
-        sentence = f"nothing can be concluded: {mishaps.keep(stage, '', error).sentence}"
-        return NotDiagnosed(Unanswered(sentence, tuple(faults), tuple(mishaps.found)))
-
-
 def _each(
     experiments: Sequence[Experiment], work: Callable[[Experiment], Result]
 ) -> list[tuple[int, Result]]:
@@ -328,9 +296,9 @@ def _each(
         except Exception as error:
             if debugging():
                 raise
-            raise not_diagnosed("gate", error) from error
+            raise NotDiagnosed.by("gate", error) from error
     if not found:
-        raise not_diagnosed("gate", ExperimentError("no recording is left"))
+        raise NotDiagnosed.by("gate", ExperimentError("no recording is left"))
     return found
 
 

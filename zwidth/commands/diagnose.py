@@ -20,7 +20,8 @@ from zwidth.diagnosis.answer.augmented_boundary import (
     may_render,
 )
 from zwidth.diagnosis.answer.diagnosis_log import diagnosis_trace
-from zwidth.diagnosis.answer.result import Diagnosis, NotDiagnosed, Verdict
+from zwidth.diagnosis.answer.result import Diagnosis, Unanswered, Verdict
+from zwidth.diagnosis.data.faults import NotDiagnosed
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.mishaps import Mishaps, attempt, collecting, isolated
 from zwidth.diagnosis.recording.experiment import Experiment, stretches
@@ -366,7 +367,7 @@ def _fail_for_what_is_not_written(mishaps: Mishaps) -> None:
 
 def _unanswered(asked: Asked, end: NotDiagnosed, mishaps: Mishaps) -> click.ClickException:
     """Write what there is where nothing can be concluded; the error to end with."""
-    answer = replace(end.unanswered, errors=tuple(mishaps.found))
+    answer = Unanswered(end.sentence, end.faults, tuple(mishaps.found))
     names = [path.name for path in asked.recordings]
     report: Path | None = None
     with isolated("report"):

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.answer.result import Verdict
+from zwidth.diagnosis.data.faults import Fault
 from zwidth.diagnosis.diagnose import diagnose
-from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.recording.experiment import stretches
