@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.diagnosis.account import counts
 from zwidth.diagnosis.answer.adequacy import Adequacy
 from zwidth.diagnosis.answer.inverse import ForceError
 from zwidth.diagnosis.answer.whole_run import WholeRun
@@ -255,7 +256,7 @@ class Diagnosis(Shown):
             "next_level": self.next_level and self.next_level.as_json(),
             "interrupted": self.interrupted,
             "facts": self.facts,
-            "cost": self.cost,
+            "cost": counts(self.cost),
             "errors": [m.as_json() for m in self.errors],
         }  # fmt: skip
 
