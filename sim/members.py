@@ -109,6 +109,8 @@ class Members:
             return False
         if not all(np.all(numbers >= 0.0) for numbers in self.interface.values()):
             return False
+        if not np.all(self.of_interface("command_limit") > 0.0):
+            return False
         for p, own in zip(self.physics, self.values, strict=True):
             bounds = [(q.lower, q.upper) for q in p.effect.parameters]
             low, high = np.array(bounds, dtype=np.float64).reshape(-1, 2).T
@@ -363,6 +365,8 @@ def _framed(members: Members, whole: int, few: int, seed: int) -> Equations:
     members: of one of the `kinds`, and of so many whole ticks of delay.
     """
     interface, plant = members.like.interface, members.plant
+    if interface.force_sensor:  # whose row is made of the links' own numbers
+        return frame(members.first, few, seed)[0]
     still = tuple(getattr(interface, f.name) for f in fields(interface) if f.name not in VARIES)
     effects = tuple((p.effect.name, p.effect.code, p.at) for p in members.physics)
     masses = members.chains.masses.shape[1]
