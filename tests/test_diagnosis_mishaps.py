@@ -24,9 +24,9 @@ from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import choose_observer
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment, ExperimentError, Output
-from zwidth.diagnosis.selection.effort import NORMAL, QUICK
+from zwidth.diagnosis.selection.effort import NORMAL, QUICK, Effort
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
-from zwidth.diagnosis.selection.moves import Move, added
+from zwidth.diagnosis.selection.moves import Move, shown
 from zwidth.diagnosis.selection.search import Moves, Search, fitted, search
 from zwidth.diagnosis.selection.searched import Searched, as_found, unnamed
 from zwidth.planning.excitations import Scale, excitation
@@ -219,7 +219,7 @@ def _nothing_in_place(_: int) -> Move:
 
 
 ONE = replace(QUICK, effects=1, near=3, far=1, rivals=0, ended=3)
-ADDING = Moves(adding=(added,), exchanging=(), replacing=_nothing_in_place)
+ADDING = Moves(last=(), exchanging=(), replacing=_nothing_in_place)
 
 
 @pytest.mark.parametrize("when", ["screened", "begun", "ended"])
@@ -231,6 +231,7 @@ def test_a_candidate_that_fails_costs_itself_alone(monkeypatch: pytest.MonkeyPat
     """
     monkeypatch.setenv("ZWIDTH_THREADS", "2")
     monkeypatch.setattr("zwidth.diagnosis.selection.moves.NO_SIGN", -np.inf)
+    monkeypatch.setattr(Effort, "hopeless", np.inf)  # so that all are fitted to their end
 
     def first(ground: Any, *rest: Any) -> Any:
         return throw() if ground.model.has("gain_asymmetry") else descend(ground, *rest)
@@ -439,7 +440,7 @@ def test_a_friction_beside_a_fast_mode_is_searched():
     command = excitation("small_multisine", stiff, 0.6, Scale(0.1, 2.0), seed=1)
     e = rehearse(truth, command, Noise(1e-3, 1e-5), seed=2)
     plain = settled(judged([e], Model(stiff), np.zeros(Model(stiff).linear_count)))
-    rubbed = [p for p in added(plain, replace(ONE, near=40)) if p.model.has("coulomb_friction")]
+    rubbed = [p for p in shown(plain, replace(ONE, near=40)) if p.model.has("coulomb_friction")]
     found = fitted(Search(plain, plain, ONE, silent), rubbed, 1)[0]
     level = found.model.build(found.x).physics[0].values["level"]
     assert level == pytest.approx(3e-3, rel=0.5)

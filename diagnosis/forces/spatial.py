@@ -36,7 +36,7 @@ SEED = 0
 FINER = 8  # lines a reciprocal span
 MOST_BINS = 20  # powers of two: finer waves over a long way are not looked for
 ONSET = 500
-DRAWS = 8  # of white noise
+DRAWS = 4  # of white noise: their power is smoothed over lines
 WIDTHS = (9, 33, 129, 513)  # lines over which their power is smoothed
 
 

@@ -100,9 +100,16 @@ class Noise:
 
 
 def likeliest(
-    experiments: Sequence[Experiment], model: Model, x: Floats, family: Family = NEXT_SAMPLE
+    experiments: Sequence[Experiment],
+    model: Model,
+    x: Floats,
+    family: Family = NEXT_SAMPLE,
+    begun: Sequence[Floats] | None = None,
 ) -> Noise:
-    """Return the likeliest model of the noise; raises NoObserver where none follows."""
+    """Return the likeliest model of the noise; raises NoObserver where none follows.
+
+    begun: where the observer of a device with play began nearby, so that it is not sought anew.
+    """
     with reason("noise"):
         found = noises(experiments, model, x, family)
     if not found:
@@ -112,7 +119,7 @@ def likeliest(
         )
     best = min(found, key=lambda noise: noise.cost)
     with reason("beginnings"):
-        own = _begun_with_play(experiments, model, x, family, best)
+        own = _begun_with_play(experiments, model, x, family, best, begun)
     return best if own is None or own.cost > best.cost else own
 
 
@@ -155,7 +162,12 @@ def _noise(
 
 
 def _begun_with_play(
-    experiments: Sequence[Experiment], model: Model, x: Floats, family: Family, noise: Noise
+    experiments: Sequence[Experiment],
+    model: Model,
+    x: Floats,
+    family: Family,
+    noise: Noise,
+    begun: Sequence[Floats] | None,
 ) -> Noise | None:
     """The noise of an observer that begins where a device with play does; None where that is it."""
     if not with_play((*model.nominal.physics, *model.effects)):
@@ -163,7 +175,7 @@ def _begun_with_play(
     device = model.acting(x)
     seen = [model.seen(e, x) for e in experiments]
     observer = noise.observer
-    starts = [
+    starts = begun or [
         by_own_slopes(device, e, observer, s) for e, s in zip(seen, noise.starts, strict=True)
     ]
     if all(now is before for now, before in zip(starts, noise.starts, strict=True)):

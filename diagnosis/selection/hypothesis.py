@@ -45,7 +45,8 @@ class Hypothesis:
     an encoder's steps). blocks: -2 log likelihood by stretches of the recordings. residual: weighed
     innovations and priors under the noise; slopes: of it by x, None while it was only judged and
     not fitted. family: of the noise that it was chosen from; costs compare within one.
-    prices: of effects (effect@place) that were looked for tick by tick, in -2 ln.
+    prices: of effects (effect@place) that were looked for tick by tick, in -2 ln. ended: whether
+    another turn of fit and noise is known to gain nothing.
     """
 
     experiments: Sequence[Experiment]
@@ -58,6 +59,7 @@ class Hypothesis:
     slopes: Floats | None = None
     family: Family = NEXT_SAMPLE
     prices: Prices = ()
+    ended: bool = False
 
     @cached_property
     def labels(self) -> frozenset[str]:
@@ -129,7 +131,8 @@ class Hypothesis:
         return self._at(self.x, replace(self.family, ratios=(ratio,)))
 
     def _at(self, x: Floats, among: Family) -> "Hypothesis":
-        return judged(self.experiments, self.model, x, self.family, among, self.prices)
+        begun = self.noise.starts if self.has_valleys else None
+        return judged(self.experiments, self.model, x, self.family, among, self.prices, begun)
 
     @property
     def fitted(self) -> Fitted:
@@ -146,15 +149,16 @@ def judged(
     family: Family = NEXT_SAMPLE,
     among: Family | None = None,
     prices: Prices = (),
+    begun: Sequence[Floats] | None = None,
 ) -> Hypothesis:
     """Return a model at x under its likeliest noise; raises NoObserver where none follows.
 
     among: the members of the family that are looked at, None for all. prices: those of effects
-    that the model lacks are not paid.
+    that the model lacks are not paid. begun: as `likeliest` takes it.
     """
     labels = effect_labels(model.effects)
     paid = tuple((label, price) for label, price in prices if label in labels)
-    noise = likeliest(experiments, model, x, among or family)
+    noise = likeliest(experiments, model, x, among or family, begun)
     there = noise.problem(experiments)
     ground = Landscape(there.experiments, there.observer, model, SEARCHING)
     residual = np.concatenate([noise.weighed, x[ground.priors]])
@@ -206,6 +210,10 @@ def settled(begun: Hypothesis, turns: int = 3, rounds: int = 6, worth: float = 1
         near = best.family.near(best.ratio)
         again = judged(best.experiments, model, x, best.family, near, best.prices)
         best = _settled(again, turns, rounds, worth)
+    if best.has_valleys:  # where it begins was carried from turn to turn, and is sought once more
+        near = best.family.near(best.ratio)
+        anew = judged(best.experiments, best.model, best.x, best.family, near, best.prices)
+        best = replace(anew, ended=best.ended) if anew.cost.misfit < best.cost.misfit else best
     return priced(best)
 
 
@@ -225,8 +233,8 @@ def _settled(begun: Hypothesis, turns: int, rounds: int, worth: float) -> Hypoth
                 gained = best.cost.misfit - own.cost.misfit
         if gained > 0.0:
             best = own
-        if turn and gained < worth:
-            break
+        if gained < worth and (turn or gained <= 0.0):
+            return replace(best, ended=True)
     return best
 
 

@@ -123,19 +123,29 @@ def _on_its_way(h: Hypothesis, rounds: int) -> Hypothesis:
 Move = Callable[[Hypothesis, Effort], Iterator[Proposal]]
 
 
-def added(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
-    """Yield the hypothesis with one effect more: those that stand out in one of its views."""
+def afar(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
+    """Yield the hypothesis with one effect more: those that stand out over a longer horizon."""
     device = h.model.build(h.x)
-    where = open_places(device)
     sizes = sizes_of(device, h.experiments, h.model.reads(h.x).gain)
-    near, far = (starts_at(where, sizes, far) for far in (False, True))
-    for seen in _views(h):
-        starts: Mapping[str, Sequence[Start]] = near if seen.own else far
-        if seen.own:
-            starts = _together(near, shown_starts(seen))
-        count = effort.near if seen.own else effort.far
+    starts = starts_at(open_places(device), sizes, far=True)
+    for seen in _views_afar(h):
         for rank, one in enumerate(screened(seen, starts)):
-            if rank < count and one.score > NO_SIGN:
+            if rank < effort.far and one.score > NO_SIGN:
+                yield _with(h, seen, one)
+
+
+def shown(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
+    """Yield the hypothesis with one effect more: those that stand out in the next sample.
+
+    Under its own noise, and under a hundred times slower one that takes nothing for colour.
+    """
+    device = h.model.build(h.x)
+    sizes = sizes_of(device, h.experiments, h.model.reads(h.x).gain)
+    near = starts_at(open_places(device), sizes, far=False)
+    for seen in _views(h):
+        starts = _together(near, shown_starts(seen))
+        for rank, one in enumerate(screened(seen, starts)):
+            if rank < effort.near and one.score > NO_SIGN:
                 yield _with(h, seen, one)
 
 
@@ -330,16 +340,19 @@ def replaced(index: int) -> Move:
 
 
 def _views(h: Hypothesis) -> Iterator[View]:
-    """Yield a hypothesis under its own noise, a slower one, and far ahead as is and as in its file.
-
-    Own noise is that of a model that may lack physics: its observer takes part of what lacks for
-    disturbance, and its filter what is left for colour. So it is also seen under one that is a
-    hundred times slower and takes nothing for colour.
-    """
+    """Yield a hypothesis under its own noise, and under a slower one."""
     yield view(h.problem, h.model, h.x, own=True)
     with suppress(NoObserver):
         slower = prepared_for(h.experiments, h.model, h.x, SLOWER * h.ratio)
         yield view(slower, h.model, h.x, own=True)
+
+
+def _views_afar(h: Hypothesis) -> Iterator[View]:
+    """Yield a hypothesis under an observer that hardly corrects it, as is and as in its file.
+
+    Under its own noise, that of a model that may lack physics, an observer takes part of what lacks
+    for disturbance, and its filter what is left for colour.
+    """
     prior = np.array([p.prior for p in h.model.parameters])
     stretch = beginnings(h.experiments, FAR_TICKS)
     bent = float(np.abs(h.x[prior]).max(initial=0.0)) > BENT

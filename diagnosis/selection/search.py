@@ -40,11 +40,12 @@ from zwidth.diagnosis.selection.moves import (
     Begun,
     Move,
     Proposal,
-    added,
+    afar,
     merged,
     removed,
     replaced,
     scattered,
+    shown,
     simpler,
     split,
     stepped,
@@ -63,9 +64,13 @@ FAR_SPREAD, NEAR_SPREADS = 0.5, (0.3, 0.1)  # in x, of which one is a file's own
 
 @dataclass(frozen=True)
 class Moves:
-    """What a search tries: to add, to put in place of a hypothesis, and of one of its effects."""
+    """What a search tries: to add, to put in place of a hypothesis, and of one of its effects.
 
-    adding: Sequence[Move] = (added, scattered, stepped)
+    last: to add, once nothing else is believed.
+    """
+
+    adding: Sequence[Move] = (shown, afar)
+    last: Sequence[Move] = (stepped, scattered)
     exchanging: Sequence[Move] = (removed, simpler, split, merged, swapped)
     replacing: Callable[[int], Move] = replaced
 
@@ -74,7 +79,8 @@ class Moves:
 class Search:
     """What was tried and kept, by structure: the cheapest fit of each.
 
-    plain: without physics; best: what costs least of all that is believed.
+    plain: without physics; best: what costs least of all that is believed. plays: whether play may
+    be there, for all that was asked.
     """
 
     plain: Hypothesis
@@ -86,6 +92,7 @@ class Search:
     grown: set[frozenset[str]] = field(default_factory=set)
     looked: set[frozenset[str]] = field(default_factory=set)
     exchanged: set[frozenset[str]] = field(default_factory=set)
+    plays: bool = True
     fits: int = 0
     spent: float = 0.0
     interrupted: bool = False
@@ -125,6 +132,7 @@ def search(
     found = Search(plain, plain, effort, say, moves)
     found.keep(plain)
     say(f"the device as refitted costs {plain.cost.misfit:.0f}; trying every effect")
+
     _until_nothing_gains(found, _rounds)
     return found
 
@@ -213,7 +221,7 @@ def _ended(found: Search) -> None:
     near = [
         h
         for h in found.tried.values()
-        if h is not best and h.cost.total - best.cost.total < Effort.near_rival
+        if h is not best and not h.ended and h.cost.total - best.cost.total < Effort.near_rival
     ]
     if not near:
         return
@@ -244,18 +252,35 @@ def _grown(found: Search) -> None:
             p for h in beam for move in found.moves.adding for p in _proposed(move, h, found.effort)
         ]
         new = fitted(found, proposals, found.effort.ended)
-        if not new:
+        if not new and not found.moves.last:
             return
-        found.say(f"best of {len(proposals)}: {new[0].model.label}")
+        if new:
+            found.say(f"best of {len(proposals)}: {new[0].model.label}")
         accepted = [h for h in new if found.ahead(h, found.best)]
-        if not accepted:
+        if new and not accepted:
             accepted = _in_place_of(found, new[0])
+        if not accepted:
+            accepted = [h for h in _last(found, beam[0]) if found.ahead(h, found.best)]
         if not accepted:
             return
         found.best, beam = accepted[0], accepted[: found.effort.beam]
         found.say(f"taken: {found.best.model.label}")
         look_for_valleys(found)
         beam = [found.best, *(h for h in beam if h.labels != found.best.labels)]
+
+
+def _last(found: Search, base: Hypothesis) -> list[Hypothesis]:
+    """What is asked for once nothing else is believed: what is seen tick by tick, and play.
+
+    Play that gained nothing beside one structure is not asked for beside another: its blind starts
+    cost as much as all else.
+    """
+    moves = [move for move in found.moves.last if move is not scattered or found.plays]
+    more = [p for move in moves for p in _proposed(move, base, found.effort)]
+    kept = fitted(found, more, found.effort.ended)
+    if scattered in moves:
+        found.plays = any(h.has_valleys and h.cost.total < base.cost.total for h in kept)
+    return kept
 
 
 def _in_place_of(found: Search, doubtful: Hypothesis) -> list[Hypothesis]:
@@ -347,9 +372,7 @@ def _unfolded(found: Search, h: Hypothesis, new: Sequence[Hypothesis]) -> list[H
         return []
     likeliest = min(asked, key=lambda n: n.cost.total)
     found.grown.add(likeliest.labels)
-    moves = found.moves.adding
-    more = [p for move in moves for p in _proposed(move, likeliest, found.effort)]
-    return fitted(found, more, found.effort.ended)
+    return fitted(found, _proposed(shown, likeliest, found.effort), found.effort.ended)
 
 
 def _worth(more: Hypothesis, less: Hypothesis) -> bool:
@@ -455,7 +478,11 @@ def fitted(found: Search, proposals: Iterable[Proposal], ended: int) -> list[Hyp
     for group in views.values():
         order = sorted(group, key=lambda b: b.cost)
         count = max(ended, found.effort.judged)
-        promising += [b for i, b in enumerate(order) if i < count or b.proposal.akin]
+        promising += [
+            b
+            for i, b in enumerate(order)
+            if (i < count and b.cost - order[0].cost < Effort.hopeless) or b.proposal.akin
+        ]
     begun: dict[frozenset[str], Hypothesis] = {}
     first = [(b.proposal.label, partial(_judged, b)) for b in promising]
     for h in _each("candidates", first):
@@ -482,7 +509,7 @@ def _likely(begun: Sequence[Hypothesis], ended: int, akin: set[frozenset[str]]) 
         laws = {_laws(other) for other in found}
         more = len(laws) < ended and len(found) < Effort.most_ended * ended
         near = h.cost.total - order[0].cost.total < Effort.hopeless
-        if more or (near and h.labels in akin):
+        if near and (more or h.labels in akin):
             found.append(h)
     return found
 
