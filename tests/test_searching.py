@@ -32,10 +32,10 @@ from zwidth.diagnosis.selection.hypothesis import Hypothesis, gains, judged, set
 from zwidth.diagnosis.selection.moves import (
     Move,
     Proposal,
+    added,
     merged,
     removed,
     replaced,
-    scattered,
     shown,
     simpler,
     split,
@@ -441,13 +441,37 @@ def test_two_laws_are_held_against_themselves_in_each_others_place() -> None:
     assert found.cost.total < h.cost.total - 100.0
 
 
+def proposal(h: Hypothesis, physics: Physics) -> Proposal:
+    """A hypothesis with a play whose fit is begun blind."""
+    model = h.model.with_effect(physics, {"gap": physics.values["gap"]})
+    return Proposal(h.experiments, model, np.append(h.x, 0.0), h.family, blind=True)
+
+
+@pytest.mark.parametrize(("gap", "leans"), [(0.0, False), (0.03, True), (0.3, True)])
+def test_play_is_fitted_where_what_is_left_leans_to_it(gap: float, leans: bool) -> None:
+    """Beside a friction that is known, the motor alone measured; and no play where there is none.
+
+    Mutations: no least share; no least worth: then each of a dozen widths is fitted for nothing.
+    """
+    rubs = make_physics("coulomb_friction", "m2", level=0.02)
+    truth, known = ((play(gap), rubs), (rubs,)) if gap else ((), ())
+    model = Model(drive(), known, ({"level": 0.02},) * len(known))
+    made = [recording(drive().with_physics(*truth), 3000, 8)]
+    h = settled(judged(made, model, np.zeros(len(model.parameters))))
+    blind = [p for p in added(h, NORMAL) if p.blind]
+    assert bool(blind) == leans
+    assert len(blind) <= 3
+    assert not any(p.blind for p in added(h, QUICK))  # which looks for no play
+
+
 def test_play_far_wider_than_what_a_link_gives_way_is_found() -> None:
     """0.3 rad where the link gives way by milliradians, both masses measured.
 
-    Mutation: `scattered` left out. To first order every such gap is a loss.
+    Mutations: no start to which what is left leans; only what scores above nothing. To first order
+    every such gap is a loss.
     """
     made = [recording(drive().with_physics(play(0.3)), 1000, 8, (0, 1))]
-    moves = Moves((scattered,), (), exchanging=(), replacing=lambda _: lambda *_: iter(()))
+    moves = Moves((added,), (), exchanging=(), replacing=lambda _: lambda *_: iter(()))
     found = search(drive(), made, replace(QUICK, effects=1, generations=1), moves=moves)
     (gap,) = found.best.model.effects_at(found.best.x)
     assert gap.values["gap"] == pytest.approx(0.3, rel=0.01)
@@ -459,9 +483,8 @@ def test_what_is_tried_blind_takes_no_turn_of_what_is_ranked(rubbed: list[Experi
     Mutation: the blind in the group of those, of which the first few go on.
     """
     plain = settled(judged(rubbed, Model(drive()), np.zeros(len(Model(drive()).parameters))))
-    blind = list(scattered(plain, NORMAL))
+    blind = [proposal(plain, play(gap)) for gap in (0.001, 0.003, 0.01, 0.03, 0.1)]
     assert len(blind) > QUICK.judged
-    assert not list(scattered(plain, QUICK))  # which looks for no play
     model = with_friction(0.02)
     rest = Proposal(rubbed, model, np.append(plain.x, 0.0), plain.family)
     done = fitted(Search(plain, plain, QUICK, silent), [*blind, rest], QUICK.ended)
@@ -678,7 +701,6 @@ def test_a_device_that_waits_is_begun_blind_all_the_same() -> None:
     )
     model = Model(drive())
     plain = judged([still], model, np.zeros(len(model.parameters)))
-    start, *_ = scattered(plain, NORMAL)
-    begun = start.begun()
+    begun = proposal(plain, play(0.3)).begun()
     assert begun is not None
     assert np.isfinite(begun.cost)

@@ -13,9 +13,10 @@ noise, and under slow observers at its own parameters and at those of the device
 refit may have left for the worse.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,11 +32,19 @@ from zwidth.diagnosis.seeking.candidates import Start
 from zwidth.diagnosis.seeking.modes import mode_starts
 from zwidth.diagnosis.seeking.screen import Complement, Screened, second_looks
 from zwidth.diagnosis.seeking.waves import wave_starts
+from zwidth.diagnosis.settings import PURSUIT
 from zwidth.jobs.parallel import in_parallel, threads
 
 Floats = NDArray[np.float64]
 OVERFLOWED = 1e5  # weighed innovation of a start that runs away
 WORTH_A_LOOK = 10.0  # first-order gain from which a phase between two is worth a look
+
+
+class Leaning(NamedTuple):
+    """A start to which what is left leans, and what the best share of it is worth in chi-square."""
+
+    start: Start
+    worth: float
 
 
 @dataclass(frozen=True)
@@ -70,19 +79,25 @@ def view(problem: Problem, model: Model, x: Floats, own: bool) -> View:
     return View(problem, model, x, at.residual, at.slopes, own)
 
 
-def screened(seen: View, starts: Mapping[str, Sequence[Start]]) -> list[Screened]:
+def screened(
+    seen: View, starts: Mapping[str, Sequence[Start]], leaning: list[Leaning] | None = None
+) -> list[Screened]:
     """Return the best start of each label, the highest score first.
 
-    Scores are in units of the residual's own variance a sample.
+    Scores are in units of the residual's own variance a sample. leaning: is given the starts of
+    effects with valleys to which what is left leans, whatever they score.
     """
     if not np.all(np.isfinite(seen.slopes)):
         return []
     off = Complement(seen.slopes)
     base = off(seen.residual)
+    unit = max(float(seen.residual @ seen.residual) / seen.residual.size, 1e-300)
 
     def best(label: str, group: Sequence[Start]) -> Screened | None:
         with isolated("candidates", label):
             scored = _scored(seen, off, base, group)
+            if leaning is not None and any(p.valleys for p in group[0].physics.effect.parameters):
+                leaning.extend(_leaning(scored, base, unit))
             # What is near the limit is far below the least start, and tells its strength by it.
             more = second_looks(scored, base, WORTH_A_LOOK)
             scored += _scored(seen, off, base, more) if more else []
@@ -91,9 +106,18 @@ def screened(seen: View, starts: Mapping[str, Sequence[Start]]) -> list[Screened
 
     tasks = [partial(best, label, group) for label, group in starts.items()]
     found = [one for one in in_parallel(tasks, threads()) if one is not None]
-    unit = float(seen.residual @ seen.residual) / seen.residual.size
-    found = [replace(one, score=one.score / max(unit, 1e-300)) for one in found]
+    found = [replace(one, score=one.score / unit) for one in found]
     return sorted(found, key=lambda one: one.score, reverse=True)
+
+
+def _leaning(scored: Sequence[Screened], base: Floats, unit: float) -> Iterator[Leaning]:
+    """Yield the starts to which what is left leans: as strong, and by as large a share."""
+    for one in scored:
+        size, along = float(one.signature @ one.signature), -float(base @ one.signature)
+        if size > 0.0 and along > PURSUIT.least_share * size and size > PURSUIT.no_sign * unit:
+            worth = along**2 / size / unit
+            if worth > PURSUIT.no_sign:
+                yield Leaning(one.start, worth)
 
 
 def _scored(seen: View, off: Complement, base: Floats, starts: Sequence[Start]) -> list[Screened]:

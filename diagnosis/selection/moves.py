@@ -1,6 +1,7 @@
 """Moves: from a hypothesis to others that are worth a fit. They decide nothing."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import itertools
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import combinations, product
@@ -21,7 +22,7 @@ from zwidth.diagnosis.seeking.candidates import Start
 from zwidth.diagnosis.seeking.lattice import stepped_trials
 from zwidth.diagnosis.seeking.places import open_places, starts_at
 from zwidth.diagnosis.seeking.screen import Screened
-from zwidth.diagnosis.seeking.screening import View, screened, shown_starts, view
+from zwidth.diagnosis.seeking.screening import Leaning, View, screened, shown_starts, view
 from zwidth.diagnosis.seeking.sizes import sizes_of
 from zwidth.diagnosis.selection.effort import Effort
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, Prices, judged
@@ -123,55 +124,56 @@ def _on_its_way(h: Hypothesis, rounds: int) -> Hypothesis:
 Move = Callable[[Hypothesis, Effort], Iterator[Proposal]]
 
 
-def afar(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
-    """Yield the hypothesis with one effect more: those that stand out over a longer horizon."""
-    device = h.model.build(h.x)
-    sizes = sizes_of(device, h.experiments, h.model.reads(h.x).gain)
-    starts = starts_at(open_places(device), sizes, far=True)
-    for seen in _views_afar(h):
-        for rank, one in enumerate(screened(seen, starts)):
-            if rank < effort.far and one.score > NO_SIGN:
-                yield _with(h, seen, one)
+def added(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
+    """Yield the hypothesis with one effect more: those that stand out in one of its views."""
+    yield from _more(h, effort, (*_views(h), *_views_afar(h)))
 
 
 def shown(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
-    """Yield the hypothesis with one effect more: those that stand out in the next sample.
+    """Yield the hypothesis with one effect more: those that stand out in the next sample."""
+    yield from _more(h, effort, _views(h))
 
-    Under its own noise, and under a hundred times slower one that takes nothing for colour.
+
+def _more(h: Hypothesis, effort: Effort, views: Iterable[View]) -> Iterator[Proposal]:
+    """Yield what stands out in views, and what ends in the valley where it begins (play).
+
+    Of the latter each start to which what is left leans, since no score tells which is worth a fit;
+    none where no valley is looked for.
     """
     device = h.model.build(h.x)
+    where = open_places(device)
     sizes = sizes_of(device, h.experiments, h.model.reads(h.x).gain)
-    near = starts_at(open_places(device), sizes, far=False)
-    for seen in _views(h):
-        starts = _together(near, shown_starts(seen))
-        for rank, one in enumerate(screened(seen, starts)):
-            if rank < effort.near and one.score > NO_SIGN:
+    near, far = (starts_at(where, sizes, far) for far in (False, True))
+    leaning: list[Leaning] = []
+    for seen in views:
+        starts = _together(near, shown_starts(seen)) if seen.own else dict(far)
+        for label, group in near.items():
+            if any(p.valleys for p in group[0].physics.effect.parameters):
+                starts[label] = group  # a start beside its valley leans to nothing
+        count = effort.near if seen.own else effort.far
+        for rank, one in enumerate(screened(seen, starts, leaning)):
+            if rank < count and one.score > NO_SIGN:
                 yield _with(h, seen, one)
+    if effort.generations:
+        yield from _scattered(h, leaning)
 
 
-def scattered(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
-    """Yield the hypothesis with what ends in the valley where it begins, from each of its starts.
+def _scattered(h: Hypothesis, leaning: Sequence[Leaning]) -> Iterator[Proposal]:
+    """Yield the hypothesis with each of some starts: of one effect at one place the likeliest few.
 
-    The first order says nothing of it: under the noise that a play was taken for, no gap is a gain
-    before masses and noise have followed it. Not where no valley is looked for.
+    Under the noise that a play was taken for, no gap is a gain before masses and noise have
+    followed it: they are fitted blind.
     """
-    if not effort.generations:
-        return
-    device = h.model.build(h.x)
-    sizes = sizes_of(device, h.experiments, h.model.reads(h.x).gain)
-    where = [
-        (effect, place)
-        for effect, place in open_places(device)
-        if any(p.valleys for p in effect.parameters)
-    ]
-    for starts in starts_at(where, sizes, far=False).values():
-        for start in starts:
-            model = h.model.with_effect(start.physics, start.scales, start.bounds)
-            own = [p.name for p in model.parameters[h.x.size :]]
-            x = np.concatenate([h.x, start.beyond(own, start.scales)])
-            yield Proposal(
-                h.experiments, model, model.within(x), h.family, prices=h.prices, blind=True
-            )
+    begun: dict[str, list[Start]] = {}
+    for start, _ in sorted(leaning, key=lambda one: -one.worth):
+        others = begun.setdefault(start.label, [])
+        if len(others) < PURSUIT.leaning and all(o.physics != start.physics for o in others):
+            others.append(start)
+    for start in itertools.chain(*begun.values()):
+        model = h.model.with_effect(start.physics, start.scales, start.bounds)
+        own = [p.name for p in model.parameters[h.x.size :]]
+        x = np.concatenate([h.x, start.beyond(own, start.scales)])
+        yield Proposal(h.experiments, model, model.within(x), h.family, prices=h.prices, blind=True)
 
 
 def stepped(h: Hypothesis, _: Effort) -> Iterator[Proposal]:

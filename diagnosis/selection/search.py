@@ -40,11 +40,10 @@ from zwidth.diagnosis.selection.moves import (
     Begun,
     Move,
     Proposal,
-    afar,
+    added,
     merged,
     removed,
     replaced,
-    scattered,
     shown,
     simpler,
     split,
@@ -69,8 +68,8 @@ class Moves:
     last: to add, once nothing else is believed.
     """
 
-    adding: Sequence[Move] = (shown, afar)
-    last: Sequence[Move] = (stepped, scattered)
+    adding: Sequence[Move] = (added,)
+    last: Sequence[Move] = (stepped,)
     exchanging: Sequence[Move] = (removed, simpler, split, merged, swapped)
     replacing: Callable[[int], Move] = replaced
 
@@ -79,8 +78,7 @@ class Moves:
 class Search:
     """What was tried and kept, by structure: the cheapest fit of each.
 
-    plain: without physics; best: what costs least of all that is believed. plays: whether play may
-    be there, for all that was asked.
+    plain: without physics; best: what costs least of all that is believed.
     """
 
     plain: Hypothesis
@@ -92,7 +90,6 @@ class Search:
     grown: set[frozenset[str]] = field(default_factory=set)
     looked: set[frozenset[str]] = field(default_factory=set)
     exchanged: set[frozenset[str]] = field(default_factory=set)
-    plays: bool = True
     fits: int = 0
     spent: float = 0.0
     interrupted: bool = False
@@ -132,7 +129,6 @@ def search(
     found = Search(plain, plain, effort, say, moves)
     found.keep(plain)
     say(f"the device as refitted costs {plain.cost.misfit:.0f}; trying every effect")
-
     _until_nothing_gains(found, _rounds)
     return found
 
@@ -270,17 +266,9 @@ def _grown(found: Search) -> None:
 
 
 def _last(found: Search, base: Hypothesis) -> list[Hypothesis]:
-    """What is asked for once nothing else is believed: what is seen tick by tick, and play.
-
-    Play that gained nothing beside one structure is not asked for beside another: its blind starts
-    cost as much as all else.
-    """
-    moves = [move for move in found.moves.last if move is not scattered or found.plays]
-    more = [p for move in moves for p in _proposed(move, base, found.effort)]
-    kept = fitted(found, more, found.effort.ended)
-    if scattered in moves:
-        found.plays = any(h.has_valleys and h.cost.total < base.cost.total for h in kept)
-    return kept
+    """What is asked for once nothing else is believed: what is seen tick by tick."""
+    more = [p for move in found.moves.last for p in _proposed(move, base, found.effort)]
+    return fitted(found, more, found.effort.ended)
 
 
 def _in_place_of(found: Search, doubtful: Hypothesis) -> list[Hypothesis]:

@@ -30,7 +30,6 @@ from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.seeking.lattice import with_rate
 from zwidth.diagnosis.selection.effort import NORMAL, Effort
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, independent, judged, settled
-from zwidth.diagnosis.selection.moves import scattered
 from zwidth.diagnosis.selection.search import Moves, Search, from_afar, search, two_at_once
 from zwidth.sim.device import Device
 
@@ -38,7 +37,7 @@ FAR_S = 0.05  # that errors are counted over where the next sample is no judge
 LEAST = 3  # of what was tried, that are fitted to see what chance leaves
 NEXT = 3  # that are asked where held-out data speak against what is believed most
 TELLING = 30  # free runs, of which fewer refuse nothing
-AHEAD = Moves(last=(scattered,))  # steps and lost commands show in the next sample alone
+AHEAD = Moves(last=())  # steps and lost commands show in the next sample alone
 
 
 @dataclass(frozen=True)
