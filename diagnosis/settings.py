@@ -44,6 +44,22 @@ class Pursuit:
     """Chi-square to first order, below which a start says nothing. Tuned: the noise of a few
     samples."""
 
+    glance: int = 2000
+    """Ticks of all recordings in which what is strong is looked for first. Tuned: see
+    docs/performance.md, The account."""
+
+    worth_a_glance: int = 3
+    """Times as long as a glance are recordings of which one is taken. Derived: a glance in vain costs
+    a third of a look at all of them then."""
+
+    rival_share: float = 0.3
+    """Of what an effect explains, that another must explain to first order to be fitted in its
+    place, beyond `hopeless`. Tuned, as `glance`."""
+
+    clear_sign: float = 50.0
+    """Chi-square to first order in these ticks, from which a start is fitted without looking at the
+    rest. Tuned, as `glance`."""
+
     least_share: float = 0.1
     """Of the signature of a play that is tried, which what is left leans to at least. Tuned: on 18
     simulated devices 0.17 to 1.3 near the true gap, and below 0.02 where there is no play."""

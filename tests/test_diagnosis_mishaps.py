@@ -219,7 +219,7 @@ def _nothing_in_place(_: int) -> Move:
 
 
 ONE = replace(QUICK, effects=1, near=3, far=1, rivals=0, ended=3)
-ADDING = Moves(last=(), exchanging=(), replacing=_nothing_in_place)
+ADDING = Moves(last=(), glancing=(), exchanging=(), replacing=_nothing_in_place)
 
 
 @pytest.mark.parametrize("when", ["screened", "begun", "ended"])

@@ -119,7 +119,7 @@ def only(*physics_and_scales: tuple[Physics, dict[str, float]]) -> Moves:
     def nothing(_: int) -> Move:
         return lambda _h, _effort: iter(())
 
-    return Moves((adding,), (), exchanging=(), replacing=nothing)
+    return Moves((adding,), (), (), exchanging=(), replacing=nothing)
 
 
 def test_a_search_takes_what_is_believed_and_nothing_else(rubbed: list[Experiment]) -> None:
@@ -312,7 +312,7 @@ def test_an_exchange_goes_on_with_what_costs_less_and_asks_what_is_weak_first(
         return move
 
     dragged = settled(judged(rubbed, put_model(drag), np.zeros(len(put_model(drag).parameters))))
-    moves = Moves((), (), exchanging=(rubs, last), replacing=replacing)
+    moves = Moves((), (), (), exchanging=(rubs, last), replacing=replacing)
     found = Search(dragged, dragged, QUICK, silent, moves)
     _exchanged(found)
     first, then = frozenset({"quadratic_drag@m1"}), frozenset({"coulomb_friction@m1"})
@@ -471,7 +471,7 @@ def test_play_far_wider_than_what_a_link_gives_way_is_found() -> None:
     every such gap is a loss.
     """
     made = [recording(drive().with_physics(play(0.3)), 1000, 8, (0, 1))]
-    moves = Moves((added,), (), exchanging=(), replacing=lambda _: lambda *_: iter(()))
+    moves = Moves((added,), (), (), exchanging=(), replacing=lambda _: lambda *_: iter(()))
     found = search(drive(), made, replace(QUICK, effects=1, generations=1), moves=moves)
     (gap,) = found.best.model.effects_at(found.best.x)
     assert gap.values["gap"] == pytest.approx(0.3, rel=0.01)

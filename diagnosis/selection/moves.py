@@ -124,9 +124,32 @@ def _on_its_way(h: Hypothesis, rounds: int) -> Hypothesis:
 Move = Callable[[Hypothesis, Effort], Iterator[Proposal]]
 
 
+def glanced(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
+    """Yield the hypothesis with one effect more: what a beginning of the recordings shows clearly.
+
+    Nothing where they are short: what is strong shows in a part, and what does not is asked of all.
+    """
+    if (ticks := _glance(h.experiments)) is not None:
+        views = itertools.chain(_views(h, ticks), _views_afar(h, ticks))
+        yield from _more(h, effort, views, PURSUIT.clear_sign)
+
+
+def _glance(experiments: Sequence[Experiment]) -> int | None:
+    """Ticks of all recordings in which what is strong shows, None where that saves nothing."""
+    ticks = max(PURSUIT.glance, TELLING_TICKS * len(experiments))
+    return ticks if sum(e.ticks for e in experiments) >= PURSUIT.worth_a_glance * ticks else None
+
+
+def _cut(problem: Problem, ticks: int | None) -> Problem:
+    """The first ticks of the recordings of a problem, None for all."""
+    if ticks is None:
+        return problem
+    return Problem(beginnings(problem.experiments, ticks), problem.observer)
+
+
 def added(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
     """Yield the hypothesis with one effect more: those that stand out in one of its views."""
-    yield from _more(h, effort, (*_views(h), *_views_afar(h)))
+    yield from _more(h, effort, itertools.chain(_views(h), _views_afar(h)))
 
 
 def shown(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
@@ -134,7 +157,9 @@ def shown(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
     yield from _more(h, effort, _views(h))
 
 
-def _more(h: Hypothesis, effort: Effort, views: Iterable[View]) -> Iterator[Proposal]:
+def _more(
+    h: Hypothesis, effort: Effort, views: Iterable[View], least: float = NO_SIGN
+) -> Iterator[Proposal]:
     """Yield what stands out in views, and what ends in the valley where it begins (play).
 
     Of the latter each start to which what is left leans, since no score tells which is worth a fit;
@@ -152,7 +177,7 @@ def _more(h: Hypothesis, effort: Effort, views: Iterable[View]) -> Iterator[Prop
                 starts[label] = group  # a start beside its valley leans to nothing
         count = effort.near if seen.own else effort.far
         for rank, one in enumerate(screened(seen, starts, leaning)):
-            if rank < count and one.score > NO_SIGN:
+            if rank < count and one.score > least:
                 yield _with(h, seen, one)
     if effort.generations:
         yield from _scattered(h, leaning)
@@ -310,7 +335,12 @@ def swapped(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
 
 
 def replaced(index: int) -> Move:
-    """Return the move that puts another effect in the place of one."""
+    """Return the move that puts another effect in the place of one.
+
+    Of what neither contains it nor is contained in it only what explains, to first order, a good
+    part of what it does: the rest ends nowhere near. What the effect explains of a beginning of the
+    recordings says whether that tells enough.
+    """
 
     def move(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
         model, x = h.model.less(h.x, index)
@@ -319,9 +349,11 @@ def replaced(index: int) -> Move:
         richer = {label_of(e.name, at) for e, at in richer_at(own.effect.name, own.place, rotary)}
         laws = {own.effect.name, *own.effect.contains}
         device = model.build(x)
-        ground = Landscape(h.problem.experiments, h.problem.observer, model, SCREENING)
-        x = descend(ground, x, Effort.first_rounds, any(p.effect.creased for p in model.effects)).x
-        seen = view(h.problem, model, x, own=True)
+        ticks = _glance(h.experiments)
+        under, x, explained = _without(h, model, x, ticks)
+        if ticks is not None and explained < PURSUIT.clear_sign:
+            under, x, explained = _without(h, model, h.model.less(h.x, index)[1], None)
+        seen = view(under, model, x, own=True)
         sizes = sizes_of(device, h.experiments, h.model.reads(h.x).gain)
         where = open_places(device)
         near, far = (starts_at(where, sizes, far) for far in (False, True))
@@ -332,31 +364,48 @@ def replaced(index: int) -> Move:
             starts[label] += _as_strong(starts[label], own)
         others = [one for one in screened(seen, starts) if one.start.label != gone]
         base = replace(h, model=model, x=x)
+        least = PURSUIT.rival_share * explained - PURSUIT.hopeless
         for rank, one in enumerate(others):
             # What contains it explains as much at least, and has to be fitted to say how much more.
             akin = one.start.physics.effect.name in laws
-            if rank < effort.rivals or akin or one.start.label in richer:
+            likely = rank < effort.rivals and one.score > least
+            if likely or akin or one.start.label in richer:
                 yield replace(_with(base, seen, one), akin=akin)
 
     return move
 
 
-def _views(h: Hypothesis) -> Iterator[View]:
-    """Yield a hypothesis under its own noise, and under a slower one."""
-    yield view(h.problem, h.model, h.x, own=True)
+def _without(
+    h: Hypothesis, model: Model, x: Floats, ticks: int | None
+) -> tuple[Problem, Floats, float]:
+    """A hypothesis less an effect, its parameters given way: where to, and what that costs it.
+
+    ticks: of the recordings, None for all.
+    """
+    under = _cut(h.problem, ticks)
+    ground = Landscape(under.experiments, under.observer, model, SCREENING)
+    creased = any(p.effect.creased for p in model.effects)
+    first = descend(ground, x, Effort.first_rounds, creased)
+    whole = Landscape(under.experiments, under.observer, h.model, SCREENING)
+    return under, first.x, first.cost - float(whole.costs([h.x])[0])
+
+
+def _views(h: Hypothesis, ticks: int | None = None) -> Iterator[View]:
+    """Yield a hypothesis under its own noise, and under a slower one; ticks: as far at most."""
+    yield view(_cut(h.problem, ticks), h.model, h.x, own=True)
     with suppress(NoObserver):
         slower = prepared_for(h.experiments, h.model, h.x, SLOWER * h.ratio)
-        yield view(slower, h.model, h.x, own=True)
+        yield view(_cut(slower, ticks), h.model, h.x, own=True)
 
 
-def _views_afar(h: Hypothesis) -> Iterator[View]:
+def _views_afar(h: Hypothesis, ticks: int = FAR_TICKS) -> Iterator[View]:
     """Yield a hypothesis under an observer that hardly corrects it, as is and as in its file.
 
     Under its own noise, that of a model that may lack physics, an observer takes part of what lacks
     for disturbance, and its filter what is left for colour.
     """
     prior = np.array([p.prior for p in h.model.parameters])
-    stretch = beginnings(h.experiments, FAR_TICKS)
+    stretch = beginnings(h.experiments, ticks)
     bent = float(np.abs(h.x[prior]).max(initial=0.0)) > BENT
     for x in (h.x, np.where(prior, 0.0, h.x)) if bent else (h.x,):
         try:

@@ -41,6 +41,7 @@ from zwidth.diagnosis.selection.moves import (
     Move,
     Proposal,
     added,
+    glanced,
     merged,
     removed,
     replaced,
@@ -65,11 +66,12 @@ FAR_SPREAD, NEAR_SPREADS = 0.5, (0.3, 0.1)  # in x, of which one is a file's own
 class Moves:
     """What a search tries: to add, to put in place of a hypothesis, and of one of its effects.
 
-    last: to add, once nothing else is believed.
+    glancing: to add, before all else is looked at; last: once nothing else is believed.
     """
 
     adding: Sequence[Move] = (added,)
     last: Sequence[Move] = (stepped,)
+    glancing: Sequence[Move] = (glanced,)
     exchanging: Sequence[Move] = (removed, simpler, split, merged, swapped)
     replacing: Callable[[int], Move] = replaced
 
@@ -78,7 +80,8 @@ class Moves:
 class Search:
     """What was tried and kept, by structure: the cheapest fit of each.
 
-    plain: without physics; best: what costs least of all that is believed.
+    plain: without physics; best: what costs least of all that is believed. clear: whether what
+    showed clearly was believed each time.
     """
 
     plain: Hypothesis
@@ -90,6 +93,7 @@ class Search:
     grown: set[frozenset[str]] = field(default_factory=set)
     looked: set[frozenset[str]] = field(default_factory=set)
     exchanged: set[frozenset[str]] = field(default_factory=set)
+    clear: bool = True
     fits: int = 0
     spent: float = 0.0
     interrupted: bool = False
@@ -244,31 +248,37 @@ def _grown(found: Search) -> None:
             return
         found.grown.add(found.best.labels)
         found.say(f"what may be missing beside {found.best.model.label}")
-        proposals = [
-            p for h in beam for move in found.moves.adding for p in _proposed(move, h, found.effort)
-        ]
-        new = fitted(found, proposals, found.effort.ended)
-        if not new and not found.moves.last:
-            return
-        if new:
-            found.say(f"best of {len(proposals)}: {new[0].model.label}")
-        accepted = [h for h in new if found.ahead(h, found.best)]
-        if new and not accepted:
-            accepted = _in_place_of(found, new[0])
-        if not accepted:
-            accepted = [h for h in _last(found, beam[0]) if found.ahead(h, found.best)]
+        before, accepted = found.best, _believed_beside(found, beam)
         if not accepted:
             return
         found.best, beam = accepted[0], accepted[: found.effort.beam]
         found.say(f"taken: {found.best.model.label}")
-        look_for_valleys(found)
+        if found.best.has_valleys and not before.has_valleys:
+            look_for_valleys(found)
         beam = [found.best, *(h for h in beam if h.labels != found.best.labels)]
 
 
-def _last(found: Search, base: Hypothesis) -> list[Hypothesis]:
-    """What is asked for once nothing else is believed: what is seen tick by tick."""
-    more = [p for move in found.moves.last for p in _proposed(move, base, found.effort)]
-    return fitted(found, more, found.effort.ended)
+def _believed_beside(found: Search, beam: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """What is believed over the best and has one effect more, the cheapest first.
+
+    What shows clearly in a beginning first; then what any of the recordings show; and once nothing
+    else is believed, what is seen tick by tick.
+    """
+    moves = found.moves
+    for asked in (moves.glancing if found.clear else (), moves.adding, moves.last):
+        proposals = [p for h in beam for move in asked for p in _proposed(move, h, found.effort)]
+        new = fitted(found, proposals, found.effort.ended)
+        if not new:
+            found.clear = found.clear and asked is not moves.glancing
+            continue
+        found.say(f"best of {len(proposals)}: {new[0].model.label}")
+        accepted = [h for h in new if found.ahead(h, found.best)]
+        if not accepted and asked is moves.adding:
+            accepted = _in_place_of(found, new[0])
+        if accepted:
+            return accepted
+        found.clear = False
+    return []
 
 
 def _in_place_of(found: Search, doubtful: Hypothesis) -> list[Hypothesis]:
@@ -335,7 +345,13 @@ def _instead(found: Search) -> Iterator[list[Hypothesis]]:
     for i in sorted(range(len(labels)), key=lambda i: without.get(labels[i], math.inf)):
         yield _tried(found, found.moves.replacing(i), effort.beside)
     if effort.generations:  # held against a law that it contains, in the valley of both
-        less = [n for n in new if n.has_valleys and len(n.model.effects) == len(h.model.effects)]
+        less = [
+            n
+            for n in new
+            if n.has_valleys
+            and len(n.model.effects) == len(h.model.effects)
+            and n.cost.total - h.cost.total < Effort.hopeless
+        ]
         grown = [n for n in (_grown_on(found, [one]) for one in less) if n is not None]
         new += grown
         yield grown
