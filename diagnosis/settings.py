@@ -49,8 +49,8 @@ class Pursuit:
     docs/performance.md, The account."""
 
     worth_a_glance: int = 3
-    """Times as long as a glance are recordings of which one is taken. Derived: a glance in vain costs
-    a third of a look at all of them then."""
+    """Times as long as a glance are recordings of which one is taken. Derived: a glance in vain
+    costs a third of a look at all of them then."""
 
     rival_share: float = 0.3
     """Of what an effect explains, that another must explain to first order to be fitted in its

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from zwidth.diagnosis.answer.adequacy import wander
+from zwidth.diagnosis.answer.adequacy import Adequacy, wander
 from zwidth.diagnosis.answer.augmented import all_smooth, augmented
 from zwidth.diagnosis.answer.cautions import cautions
 from zwidth.diagnosis.answer.changes import Change, outlived
@@ -14,7 +14,13 @@ from zwidth.diagnosis.answer.findings import all_findings, linear, upper_bounds
 from zwidth.diagnosis.answer.headline import Answer, headline
 from zwidth.diagnosis.answer.held_out import held_out
 from zwidth.diagnosis.answer.inverse import ForceError, force_errors
-from zwidth.diagnosis.answer.learned import LearnedLaw, learned, learned_over_two, replacement
+from zwidth.diagnosis.answer.learned import (
+    BETTER,
+    LearnedLaw,
+    learned,
+    learned_over_two,
+    replacement,
+)
 from zwidth.diagnosis.answer.learned_surface import LearnedSurface
 from zwidth.diagnosis.answer.levels import next_level
 from zwidth.diagnosis.answer.result import (
@@ -175,13 +181,24 @@ def _law(
     if verdict is Verdict.UNKNOWN_PHYSICS or strays:
         law, halted = asked()
         return law, False, halted
-    if verdict not in NAMED:
+    if verdict not in NAMED or _as_foretold(stands.sound, seen.free):
         return None, False, False
     law, halted = _law_for_names(device, stands.by, stands.taken, seen.free, say)
     if law is not None or halted or all(f.effect != "force_ripple" for f in findings):
         return law, law is not None, halted
     law, halted = asked(turns=True)
     return law, False, halted
+
+
+def _as_foretold(sound: Adequacy | None, free: HeldOut) -> bool:
+    """Whether free runs of names err no more than the noise beside them makes.
+
+    A law in their place errs as much at least, and so by no less than it must to be worth having.
+    Where forces of chance must explain a good part of the motion (`wander`), that says nothing.
+    """
+    if sound is None or not sound.sound or wander(free.after, free.noise_floor):
+        return False
+    return all(a.expected >= BETTER * a.error for a in sound.ahead)
 
 
 def _to_be_said(
