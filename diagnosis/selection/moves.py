@@ -149,21 +149,19 @@ def _cut(problem: Problem, ticks: int | None) -> Problem:
 
 def added(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
     """Yield the hypothesis with one effect more: those that stand out in one of its views."""
-    yield from _more(h, effort, itertools.chain(_views(h), _views_afar(h)))
+    yield from _more(h, effort, itertools.chain(_views(h), _views_afar(h)), NO_SIGN)
 
 
 def shown(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
     """Yield the hypothesis with one effect more: those that stand out in the next sample."""
-    yield from _more(h, effort, _views(h))
+    yield from _more(h, effort, _views(h), NO_SIGN)
 
 
-def _more(
-    h: Hypothesis, effort: Effort, views: Iterable[View], least: float = NO_SIGN
-) -> Iterator[Proposal]:
-    """Yield what stands out in views, and what ends in the valley where it begins (play).
+def _more(h: Hypothesis, effort: Effort, views: Iterable[View], least: float) -> Iterator[Proposal]:
+    """Yield what stands out in views, by `least`, and what ends in the valley where it begins.
 
-    Of the latter each start to which what is left leans, since no score tells which is worth a fit;
-    none where no valley is looked for.
+    Of the latter (play) each start to which what is left leans, since no score tells which is worth
+    a fit; none where no valley is looked for.
     """
     device = h.model.build(h.x)
     where = open_places(device)

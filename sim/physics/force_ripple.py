@@ -25,7 +25,6 @@ from zwidth.sim.physics.effect import Bounds, Effect, Parameter, Scaled, Values
 from zwidth.sim.physics.sizes import LONGEST, QUARTER, Sizes, spread, turn, up_to
 from zwidth.sim.place import LINKS, MASSES, Place
 
-
 WAVES = 1.8  # in the travel, at least: of fewer nothing is seen to repeat, and any bend is one
 
 
