@@ -111,7 +111,8 @@ def test_what_turns_is_started_a_quarter_turn_apart(name: str):
     """Between two such starts lies every phase. Mutation: one phase alone."""
     effect = EFFECTS[name]
     (turning,) = effect.turning
-    for at in map(place_at, effect.places):
+    there = [at for at in map(place_at, effect.places) if at.masses_needed <= len(SIZES.masses)]
+    for at in there:
         phases = {values[turning] for values, _ in effect.starts(SIZES, at)}
         assert phases == {0.0, QUARTER}
 
