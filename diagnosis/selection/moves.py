@@ -214,10 +214,11 @@ def removed(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
 
     Friction that two masses share is that of one of them, and a fit over creases ends where it is.
     """
+    under = _cut(h.problem, _glance(h.experiments))
     for i, gone in enumerate(h.model.effects_at(h.x)):
         model, x = h.model.less(h.x, i)
         for begun in (x, *_handed_over(model, x, gone)):
-            yield Proposal(h.experiments, model, begun, h.family, h.problem, h.ratio, h.prices)
+            yield Proposal(h.experiments, model, begun, h.family, under, h.ratio, h.prices)
 
 
 def _handed_over(model: Model, x: Floats, gone: Physics) -> Iterator[Floats]:
@@ -442,8 +443,11 @@ def _with(h: Hypothesis, seen: View, one: Screened) -> Proposal:
 
 
 def _among(h: Hypothesis, model: Model, x: Floats, starts: Sequence[tuple[Start, ...]]) -> Proposal:
-    """The best of some starts of one effect, or of several together, under a hypothesis's noise."""
-    problem = h.problem
+    """The best of some starts of one effect, or of several together, under a hypothesis's noise.
+
+    Chosen, and begun, on a beginning of the recordings where that saves a good part.
+    """
+    problem = _cut(h.problem, _glance(h.experiments))
     tried = model
     for first in starts[0]:
         names = [p.name for p in first.physics.effect.parameters]

@@ -51,6 +51,7 @@ from zwidth.diagnosis.selection.moves import (
     stepped,
     swapped,
 )
+from zwidth.diagnosis.settings import PURSUIT
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import Device
 
@@ -494,12 +495,26 @@ def fitted(found: Search, proposals: Iterable[Proposal], ended: int) -> list[Hyp
         if known is None or h.cost.total < known.cost.total:
             begun[h.labels] = h
     akin = {b.proposal.labels for b in promising if b.proposal.akin}
-    likely = _likely(list(begun.values()), ended, akin)
+    likely = _likely([h for h in begun.values() if _comes_near(found, h)], ended, akin)
     fits = [(h.model.label, partial(settled, h, turns=2)) for h in likely]
     finished = [found.keep(h) for h in _each("candidates", fits) if not h.against_physics]
     found.fits += len(asked)
     found.spent += time.monotonic() - begun_at
     return sorted(finished, key=lambda h: h.cost.total)
+
+
+def _comes_near(found: Search, h: Hypothesis) -> bool:
+    """Whether a fit to its end may bring a hypothesis near the best, of which it is no part.
+
+    What costs more by a good share of all that the best explains does not (`PURSUIT.lagging`). What
+    has all of the best and more does in the end, wherever it begins.
+    """
+    best = found.best
+    if h.labels > best.labels or h.labels < best.labels:
+        return True
+    explained = max(found.plain.cost.misfit - best.cost.misfit, 0.0)
+    lags = h.cost.misfit - best.cost.misfit
+    return lags < max(Effort.hopeless, PURSUIT.lagging * explained)
 
 
 def _likely(begun: Sequence[Hypothesis], ended: int, akin: set[frozenset[str]]) -> list[Hypothesis]:
