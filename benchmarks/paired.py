@@ -145,7 +145,7 @@ def brief(found: Mapping[str, Any]) -> dict[str, Any]:
         "fit": {k: said["fit"][k]["after"] for k in ("one_step", "free_run")},
         "whole_runs": [r["shares"].get("after") for r in said.get("whole_runs", [])],
         "force_errors": [r["shares"].get("after") for r in said.get("force_errors", [])],
-        "cost": said.get("cost", {}).get("total"),
+        "simulations": said.get("cost", {}).get("simulations"),
     }
 
 
