@@ -66,8 +66,9 @@ class Pursuit:
     rest. Tuned, as `glance`."""
 
     least_share: float = 0.1
-    """Of the signature of a play that is tried, which what is left leans to at least. Tuned: on 18
-    simulated devices 0.17 to 1.3 near the true gap, and below 0.02 where there is no play."""
+    """Of the signature of a play that is tried, which what is left leans to at least. Tuned: on 14
+    simulated recordings 0.17 to 1.3 near the true gap, mostly below 0.02 where there is no play
+    (`seeking.screening`)."""
 
     leaning: int = 3
     """Widths of play in one link that are fitted, of those to which what is left leans. Tuned: two
