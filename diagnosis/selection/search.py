@@ -495,7 +495,9 @@ def fitted(found: Search, proposals: Iterable[Proposal], ended: int) -> list[Hyp
         if known is None or h.cost.total < known.cost.total:
             begun[h.labels] = h
     akin = {b.proposal.labels for b in promising if b.proposal.akin}
-    likely = _likely([h for h in begun.values() if _comes_near(found, h)], ended, akin)
+    order = sorted(begun.values(), key=lambda h: h.cost.total)
+    near = [h for h in order if _comes_near(found, h)] or order[:1]  # a rival that is far is said
+    likely = _likely(near, ended, akin)
     fits = [(h.model.label, partial(settled, h, turns=2)) for h in likely]
     finished = [found.keep(h) for h in _each("candidates", fits) if not h.against_physics]
     found.fits += len(asked)
