@@ -36,6 +36,7 @@ from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.fitting.landscape import Landscape
 from zwidth.diagnosis.mishaps import isolated
 from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.beginning import with_play
 from zwidth.diagnosis.noise.predictor import SCREENING
 from zwidth.diagnosis.seeking.candidates import Start
 from zwidth.diagnosis.seeking.modes import mode_starts
@@ -105,7 +106,7 @@ def screened(
     def best(label: str, group: Sequence[Start]) -> Screened | None:
         with isolated("candidates", label):
             scored = _scored(seen, off, base, group)
-            if leaning is not None and any(p.valleys for p in group[0].physics.effect.parameters):
+            if leaning is not None and with_play((group[0].physics,)):
                 leaning.extend(_leaning(scored, base, unit))
             # What is near the limit is far below the least start, and tells its strength by it.
             more = second_looks(scored, base, WORTH_A_LOOK)

@@ -13,6 +13,7 @@ from zwidth.diagnosis.fitting.descend import descend
 from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.fitting.landscape import Landscape
 from zwidth.diagnosis.model.parameters import Model, effect_labels
+from zwidth.diagnosis.noise.beginning import with_play
 from zwidth.diagnosis.noise.family import Family
 from zwidth.diagnosis.noise.predictor import SCREENING, SETTLING
 from zwidth.diagnosis.noise.settle import prepared_for
@@ -171,7 +172,7 @@ def _more(h: Hypothesis, effort: Effort, views: Iterable[View], least: float) ->
     for seen in views:
         starts = _together(near, shown_starts(seen)) if seen.own else dict(far)
         for label, group in near.items():
-            if any(p.valleys for p in group[0].physics.effect.parameters):
+            if with_play((group[0].physics,)):
                 starts[label] = group  # a start beside its valley leans to nothing
         count = effort.near if seen.own else effort.far
         for rank, one in enumerate(screened(seen, starts, leaning)):
@@ -390,7 +391,12 @@ def _without(
 
 
 def _views(h: Hypothesis, ticks: int | None = None) -> Iterator[View]:
-    """Yield a hypothesis under its own noise, and under a slower one; ticks: as far at most."""
+    """Yield a hypothesis under its own noise, and under a slower one; ticks: as far at most.
+
+    Own noise is that of a model that may lack physics: its observer takes part of what lacks for
+    disturbance, and its filter what is left for colour. So it is also seen under one that is a
+    hundred times slower and takes nothing for colour.
+    """
     yield view(_cut(h.problem, ticks), h.model, h.x, own=True)
     with suppress(NoObserver):
         slower = prepared_for(h.experiments, h.model, h.x, SLOWER * h.ratio)
