@@ -5,13 +5,15 @@ from dataclasses import replace
 
 from zwidth.diagnosis.account import keeping, stage
 from zwidth.diagnosis.answer.answered import answered
-from zwidth.diagnosis.answer.events import knowing_events
+from zwidth.diagnosis.answer.knowing_events import knowing_events
 from zwidth.diagnosis.answer.result import Diagnosis
 from zwidth.diagnosis.intake.take_in import Taken, not_diagnosed, take_in
+from zwidth.diagnosis.learning.events import set_apart
 from zwidth.diagnosis.mishaps import Say, collecting, debugging, silent
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment, ExperimentError
 from zwidth.diagnosis.selection.effort import NORMAL, Effort
+from zwidth.diagnosis.selection.search import Moves
 from zwidth.diagnosis.selection.searched import Searched, Searches, searched
 from zwidth.sim.device import Device
 
@@ -39,11 +41,12 @@ def diagnose(
             say(fault.sentence)
         say("refitting the linear parameters, then trying every effect")
         device = taken.device
-        search = Searches(lambda those: searched(device, those, say, effort))
+        moves = Moves(apart=set_apart)
+        search = Searches(lambda those: searched(device, those, say, effort, moves))
         found = _sought(taken, search)
         say("asking whether something happened once")
         with stage("events"):
-            taken, found, events = knowing_events(taken, found, search, say)
+            taken, found, events = knowing_events(taken, found, say)
         with stage("answering"):
             answer = answered(device, taken, found, mishaps, search, say, events)
         return replace(answer, cost=account.as_json())

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-import zwidth.diagnosis.answer.events as answers
+import zwidth.diagnosis.answer.knowing_events as answers
 from benchmarks.events import HIT, JAM, KINDS, NOTHING, SLIP, STOP, TOUCH, T, moved
-from zwidth.diagnosis.answer.events import Event, _peak, events_in
+from zwidth.diagnosis.answer.events import Event, events_in
+from zwidth.diagnosis.answer.knowing_events import _peak
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.learning.event_edges import Polylines
 from zwidth.diagnosis.learning.event_force import Happened, Source

@@ -1,17 +1,12 @@
 """What happened once while a device was recorded, as an answer says it.
 
-Asked of every search (`learning.events`), in all that was recorded: an event in the held-out data
-would spoil what they judge, and no parameter is fitted to what is asked there. Where something
-happened its force is known from then on in every prediction and free run, a slip is taken off the
-reading, and the search is made again with that, so that an event is not taken for physics and bends
-no parameter. What was found then sees the recordings once more; the events it finds are said.
+When it is asked for, and what becomes of an answer where something happened: `knowing_events`.
 
 Over a tick, force times way is energy: W = sum f_k (q_(k+1) - q_k), exact for a force that is held.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,16 +15,12 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.answer.headline import place_in_words, said
 from zwidth.diagnosis.answer.result import Estimate
 from zwidth.diagnosis.fitting.uncertainty import Z95
-from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.learning.event_edges import edges
 from zwidth.diagnosis.learning.event_force import Happened
-from zwidth.diagnosis.learning.events import FitOn, Peak, happenings, highest, with_events
-from zwidth.diagnosis.mishaps import Say, attempt
+from zwidth.diagnosis.learning.events import FitOn, happenings, with_events
 from zwidth.diagnosis.noise.predictor import followed
-from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
-from zwidth.diagnosis.selection.searched import Searched, Searches
 from zwidth.sim.place import place_at
 from zwidth.sim.readable import with_unit
 
@@ -171,147 +162,6 @@ def _time(at: float, between: tuple[float, float]) -> str:
     return f"{at:.{digits}f} s"
 
 
-def knowing_events(
-    taken: Taken, found: Searched, search: Searches, say: Say
-) -> tuple[Taken, Searched, tuple[Event, ...]]:
-    """Return recordings that know what happened in them, what a search of them finds, the events.
-
-    The same recordings and search where nothing did, and where it was interrupted.
-    """
-    if found.interrupted:
-        return taken, found, ()
-    every = (*taken.whole, *(() if taken.whole_unopened else taken.judge_by))
-    try:
-        there, found, known = _searched_anew(taken, every, found, search, say)
-        said_of = partial(_all_said, every, found.tried.best, known)
-        events = attempt("events", "what they brought", said_of) or ()
-    except KeyboardInterrupt:
-        say("interrupted: what was found until now is judged; once more to leave")
-        return taken, replace(found, tried=replace(found.tried, interrupted=True)), ()
-    for event in events:
-        say(event.sentence)
-    return there, found, events
-
-
-def _searched_anew(
-    taken: Taken, every: Sequence[Experiment], found: Searched, search: Searches, say: Say
-) -> tuple[Taken, Searched, tuple[Happened, ...]]:
-    """Recordings with events known, a search of them, and the events as it sees them."""
-    known: tuple[Happened, ...] = ()
-    there = taken
-    if attempt("events", "", partial(_named_in_all, taken, every, found, search, say)):
-        return there, found, ()
-    for _ in range(TURNS):
-        new = attempt("events", "", partial(_happened, taken, every, found))
-        if new is None or not _others(taken, found, known, new):
-            return there, found, known if new is None else new
-        again = _with(taken, every, new)
-        for one in new:
-            say(f"something happened at {_seconds(one, every):.3g} s: searching with it known")
-        try:
-            searching = search(again.fit_on)
-        except NoObserver:
-            break
-        known, there, found = new, again, searching
-        if found.interrupted:
-            break
-    return there, found, known
-
-
-def _named_in_all(
-    taken: Taken, every: Sequence[Experiment], found: Searched, search: Searches, say: Say
-) -> bool:
-    """Whether what seems to happen where nothing was searched yet is physics with a name.
-
-    Names come first: an amplifier that meets its limit in what was held out looks like a force
-    that acts for a while. A search of all that was recorded then names it, and nothing happens
-    beside it; what a second look makes of that is its own matter.
-    """
-    if not taken.whole_unopened:
-        return False
-    try:
-        peak = _peak(every, found)
-    except NoObserver:
-        return False
-    if peak is None or peak.first < taken.fit_on[peak.recording].ticks:
-        return False
-    say("something may happen in what was held out: all that was recorded is searched for a name")
-    try:
-        whole = search(taken.whole)
-    except NoObserver:
-        return False
-    more = len(whole.final.model.effects) > len(found.final.model.effects)
-    return more and not whole.interrupted and not _happened(taken, every, whole)
-
-
-def _happened(taken: Taken, every: Sequence[Experiment], found: Searched) -> tuple[Happened, ...]:
-    """What happens as the best hypothesis sees it; nothing where none of them can be followed."""
-    try:
-        if _peak(every, found) is None:
-            return ()
-        seen = happenings(every, found.tried.best, lambda known: _with(taken, every, known).fit_on)
-    except NoObserver:
-        return ()
-    return tuple(one for one in seen if one.source.lasting or _ends(one, every[one.recording]))
-
-
-def _peak(every: Sequence[Experiment], found: Searched) -> Peak | None:
-    """What stands out most of chance, None where nothing does.
-
-    Names come first: an answer that was chosen for its free runs leaves what the next sample shows
-    and names (a ripple, how friction sets in), which would seem to happen at each turn.
-    """
-    if found.near is not None and highest(every, found.near) is None:
-        return None
-    return highest(every, found.tried.best)
-
-
-def _ends(one: Happened, e: Experiment) -> bool:
-    """Whether a force was seen to end: one that acts until the last sample may be a change."""
-    return e.ticks - one.last >= ENDED * (one.last - one.first)
-
-
-def _seconds(one: Happened, every: Sequence[Experiment]) -> float:
-    e = every[one.recording]
-    return e.begins + one.first * e.period
-
-
-def _others(
-    taken: Taken, found: Searched, known: Sequence[Happened], new: Sequence[Happened]
-) -> bool:
-    """Whether what was found anew makes what was fitted clearly likelier than what was known."""
-    if not known or not new:
-        return len(known) != len(new)
-    every = (*taken.whole, *(() if taken.whole_unopened else taken.judge_by))
-    best = found.tried.best
-    costs = [
-        judged(_with(taken, every, which).fit_on, best.model, best.x).cost.misfit
-        for which in (known, new)
-    ]
-    return costs[0] - costs[1] > MATTERS or len(known) != len(new)
-
-
-def _with(taken: Taken, every: Sequence[Experiment], known: Sequence[Happened]) -> Taken:
-    """Recordings, whole and in their parts, that know of events."""
-    there = with_events(every, known)
-    whole, others = there[: len(taken.whole)], there[len(taken.whole) :]
-    if not taken.whole_unopened:
-        return replace(taken, whole=tuple(whole), fit_on=tuple(whole), judge_by=tuple(others))
-    fit_on: list[Experiment] = []
-    judge_by: list[Experiment] = []
-    for e, first, rest in zip(whole, taken.fit_on, taken.judge_by, strict=True):
-        cut = first.ticks
-        first = _knowing(first, e, slice(0, cut))
-        fit_on.append(first)
-        judge_by.append(replace(_knowing(rest, e, slice(cut, e.ticks)), before=first))
-    return replace(taken, whole=tuple(whole), fit_on=tuple(fit_on), judge_by=tuple(judge_by))
-
-
-def _knowing(part: Experiment, whole: Experiment, cut: slice) -> Experiment:
-    force = None if whole.force is None else whole.force[cut]
-    return replace(part, measured=whole.measured[cut], force=force)
-
-
 def events_in(recordings: Sequence[Experiment], h: Hypothesis, fit_on: FitOn) -> tuple[Event, ...]:
     """Return the events in whole recordings, as one fitted hypothesis sees them, without a search.
 
@@ -319,12 +169,13 @@ def events_in(recordings: Sequence[Experiment], h: Hypothesis, fit_on: FitOn) ->
     """
     known = happenings(recordings, h, fit_on)
     h = settled(judged(fit_on(known), h.model, h.x, h.family))
-    return _all_said(recordings, h, known)
+    return all_said(recordings, h, known)
 
 
-def _all_said(
+def all_said(
     every: Sequence[Experiment], best: Hypothesis, known: Sequence[Happened]
 ) -> tuple[Event, ...]:
+    """Return known events of whole recordings as an answer says them; best: fitted beside them."""
     if not known:
         return ()
     h = judged(with_events(every, known), best.model, best.x)

@@ -22,6 +22,9 @@ its neighbour, so that an interval reaches a tick beyond.
 w is that of the recording, or that of the window under the best polyline where it is more: what no
 polyline follows is then no knowledge of times.
 
+What lasts long is first sought in cells of several ticks each, and its edges then to a tick where
+knots stand as they did in cells.
+
 Limits: of several pulses the first begins and the last ends, all in one polyline. A jam that holds
 a mass that friction held already begins when that is seen.
 """
@@ -47,6 +50,8 @@ PLACES, MOST = 32, 24  # that a knot may stand at, evenly, and how many knots th
 NEAR = (1, 2, 4, 8)  # ticks from both ends, where one may stand as well
 DATED = -2.0 * math.log(1.0 - math.sqrt(0.95))  # 7.35
 GRID = 16  # times that are asked first
+CELLS = 200  # in which edges are sought first; what is longer has cells of several ticks
+BESIDE = 2  # cells to both sides, in which an edge is then sought to a tick, its knots as they are
 TURNS = 3  # of beginning and end, each with the other at its best
 HALF = 0.5  # a tick, from its first to where its force stands
 LITTLE = 1e-12  # of what is known, that is nothing: of what sticks nothing is known
@@ -77,6 +82,42 @@ class Polylines:
 
     def edges(self, begins: int, ends: int) -> tuple[Edge, Edge]:
         """Return beginning and end with their intervals, in ticks; sought from two of them on."""
+        wide = math.ceil(self.ticks / CELLS)
+        if wide == 1:
+            return self._edges(begins, ends)
+        cells = self.in_cells(wide)
+        begins = min(begins // wide, cells.ticks - 2)
+        ends = min(max(ends // wide, begins + 1), cells.ticks)
+        first, last = cells._edges(begins, ends)
+        self.wide, inner = cells.wide, [k * wide for k in cells.knots]
+        b, e = (min(round(at) * wide, self.ticks) for at in (first[1], last[1]))
+
+        def cost(begins: int, ends: int) -> float:
+            return self._priced(begins, ends, tuple(k for k in inner if begins < k < ends))
+
+        def within(cell: Edge, low: int, high: int, of: Callable[[int], float]) -> Edge:
+            """The edge to a tick, in the cells beside; its interval no shorter than of cells."""
+            about = round(cell[1]) * wide
+            low, high = max(low, about - BESIDE * wide), min(high, about + BESIDE * wide)
+            costs = {k: of(k) for k in range(low, high + 1)}
+            best = min(costs, key=lambda k: costs[k])
+            near = [k for k in costs if costs[k] <= costs[best] + DATED]
+            near += [round(c) * wide for c in (cell[0] + 1.0, cell[2] - 1.0)
+                     if abs(c - cell[1]) > BESIDE]  # fmt: skip
+            return _edge(best, (min(near), max(near)))
+
+        first = within(first, 0, e - 1, partial(cost, ends=e))
+        b = round(first[1])
+        return first, within(last, b + 1, self.ticks, partial(cost, b))
+
+    def in_cells(self, wide: int) -> "Polylines":
+        """Return the same with so many ticks taken together, which all have one force."""
+        starts = np.arange(0, self.ticks, wide)
+        squares = np.add.reduceat(np.add.reduceat(self.squares, starts, 0), starts, 1)
+        pulls = np.add.reduceat(self.pulls, starts)
+        return Polylines(squares, pulls, self.rest, self.rows, self.wide)
+
+    def _edges(self, begins: int, ends: int) -> tuple[Edge, Edge]:
         first, last = (0, ends - 1), (begins + 1, self.ticks)
         for turn in range(TURNS):
             before = begins, ends, self.wide

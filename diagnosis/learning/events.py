@@ -35,6 +35,7 @@ finds, and the kernel then fits (`learning.event_force`).
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -46,6 +47,7 @@ from zwidth.diagnosis.fitting.fit import Fitted
 from zwidth.diagnosis.forces.spatial import response
 from zwidth.diagnosis.learning.event_force import Happened, Pulse, Source, fitted_event
 from zwidth.diagnosis.noise.predictor import SETTLING
+from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.evidence import ALPHA
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
@@ -66,6 +68,8 @@ GAUSSIAN = 2.0  # mean excess of a chi-square of one
 RARITY = math.log(0.95 / 0.05)  # of a recording in which something happens
 NEAR_S = 0.4  # between two pulses of one event, at least
 MEDIAN = 0.6745  # of |z| of a normal
+SLOWER = 1e-2  # of a ratio
+SHORTEST_PART = 6 * SETTLING  # ticks beside an event that are searched
 ONSET = 3 * SETTLING  # ticks, after which the slowest observer has forgotten how it began
 
 
@@ -138,6 +142,32 @@ def highest(recordings: Sequence[Experiment], h: Hypothesis) -> Peak | None:
     return peak if peak is not None and peak.gain > chance.most else None
 
 
+def set_apart(h: Hypothesis) -> list[Experiment] | None:
+    """Return a hypothesis's recordings without what stands out most of chance; None where nothing.
+
+    Under its own noise, or under a slower one: where a force acts for long, the likeliest noise
+    takes it for disturbances. About a force the recording is cut, since under a device that lacks
+    physics it would hide some of that; a slip is taken off the reading, since it lasts.
+    """
+    views = [h if h.family.whitening else _judged(h.experiments, (), h)]
+    with suppress(NoObserver):
+        views.append(views[0].under(SLOWER * views[0].ratio))
+    found = [(*_searched(seen, (), MOST), seen) for seen in views]
+    clear = [(peak, seen) for peak, chance, seen in found if peak and peak.gain > chance.most]
+    if not clear:
+        return None
+    peak, seen = max(clear, key=lambda one: one[0].gain)
+    one = fitted_event(seen, peak.recording, [Pulse(peak.first, peak.ticks)])
+    if one.source.lasting:
+        return with_events(h.experiments, [one])
+    parts = list(h.experiments)
+    e, beside = parts[one.recording], (one.last - one.first) // 3
+    ends = ((0, one.first - beside), (one.last + beside, e.ticks))
+    kept = [e.part(a, b) for a, b in ends if b - a >= SHORTEST_PART]
+    parts[one.recording : one.recording + 1] = kept
+    return parts or None
+
+
 def _agreed(
     recordings: Sequence[Experiment], found: list[Happened], h: Hypothesis, fit_on: FitOn
 ) -> tuple[list[Happened], Hypothesis]:
@@ -203,8 +233,14 @@ def _believed(
 def _judged(
     recordings: Sequence[Experiment], found: Sequence[Happened], h: Hypothesis
 ) -> Hypothesis:
-    """The hypothesis where events are known, under the noise that is likeliest then."""
-    return judged(with_events(recordings, found), h.model, h.x)
+    """The hypothesis where events are known, under the noise that it has where it was fitted.
+
+    What happens in recordings that it was not fitted to, or beside what was set apart, is no noise.
+    """
+    there = with_events(recordings, found)
+    if not h.family.whitening:
+        return judged(there, h.model, h.x)
+    return h.on(there)
 
 
 def with_events(recordings: Sequence[Experiment], found: Sequence[Happened]) -> list[Experiment]:

@@ -59,6 +59,10 @@ class Family:
     whitening: bool = True
     counts: float = 1.0
 
+    def of(self, ratio: float) -> "Family":
+        """Return the member of one ratio alone."""
+        return replace(self, ratios=(ratio,))
+
     def near(self, ratio: float) -> "Family":
         """Return the members about one."""
         about = [r for r in self.ratios if abs(math.log10(r / ratio)) < NEAR_RATIOS]

@@ -128,7 +128,18 @@ class Hypothesis:
 
     def under(self, ratio: float) -> "Hypothesis":
         """Return the hypothesis under the noise of one ratio; raises NoObserver."""
-        return self._at(self.x, replace(self.family, ratios=(ratio,)))
+        return self._at(self.x, self.family.of(ratio))
+
+    def on(self, experiments: Sequence[Experiment]) -> "Hypothesis":
+        """Return the hypothesis on other recordings, its noise as it is; raises NoObserver."""
+        there = judged(
+            experiments, self.model, self.x, self.family, self.family.of(self.ratio), self.prices
+        )
+        problem = Problem(there.problem.experiments, self.noise.observer)
+        weighed = problem.weighted(self.model, self.x)
+        noise = replace(there.noise, observer=self.noise.observer, weighed=weighed)
+        residual = np.concatenate([weighed, there.residual[weighed.size :]])
+        return replace(there, noise=noise, residual=residual)
 
     def _at(self, x: Floats, among: Family) -> "Hypothesis":
         begun = self.noise.starts if self.has_valleys else None

@@ -150,7 +150,16 @@ def _cut(problem: Problem, ticks: int | None) -> Problem:
 
 def added(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
     """Yield the hypothesis with one effect more: those that stand out in one of its views."""
-    yield from _more(h, effort, itertools.chain(_views(h), _views_afar(h)), NO_SIGN)
+    yield from showing(NO_SIGN)(h, effort)
+
+
+def showing(least: float) -> Move:
+    """Return the move that adds one effect, of those that explain so much to first order."""
+
+    def move(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
+        yield from _more(h, effort, itertools.chain(_views(h), _views_afar(h)), least)
+
+    return move
 
 
 def shown(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:

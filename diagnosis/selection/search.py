@@ -57,9 +57,11 @@ from zwidth.sim.device import Device
 
 Floats = NDArray[np.float64]
 Result = TypeVar("Result")
+Apart = Callable[[Hypothesis], "Sequence[Experiment] | None"]
 LADDER = (1.0, 1e-1, 1e-2, 1e-3, 1e-4)  # ratios under which populations grow
 LEADING = 2  # of what arrived, that grow on
 AGAIN, STILL = 6, 10.0  # turns about the best, and what one must gain in misfit for another
+MOST_APART, LEAST_LEFT = 8, 0.5  # parts that are set apart in turn; of all ticks, that are searched
 FAR_SPREAD, NEAR_SPREADS = 0.5, (0.3, 0.1)  # in x, of which one is a file's own uncertainty
 
 
@@ -67,7 +69,8 @@ FAR_SPREAD, NEAR_SPREADS = 0.5, (0.3, 0.1)  # in x, of which one is a file's own
 class Moves:
     """What a search tries: to add, to put in place of a hypothesis, and of one of its effects.
 
-    glancing: to add, before all else is looked at; last: once nothing else is believed.
+    glancing: to add, before all else is looked at; last: once nothing else is believed. apart: the
+    recordings of a hypothesis without what seems to happen once in them, None where nothing does.
     """
 
     adding: Sequence[Move] = (added,)
@@ -75,6 +78,7 @@ class Moves:
     glancing: Sequence[Move] = (glanced,)
     exchanging: Sequence[Move] = (removed, simpler, split, merged, swapped)
     replacing: Callable[[int], Move] = replaced
+    apart: Apart | None = None
 
 
 @dataclass
@@ -82,7 +86,8 @@ class Search:
     """What was tried and kept, by structure: the cheapest fit of each.
 
     plain: without physics; best: what costs least of all that is believed. clear: whether what
-    showed clearly was believed each time.
+    showed clearly was believed each time. apart: how often a part of the recordings was set apart,
+    since something happened in it; recorded: ticks of all, before that.
     """
 
     plain: Hypothesis
@@ -95,6 +100,8 @@ class Search:
     looked: set[frozenset[str]] = field(default_factory=set)
     exchanged: set[frozenset[str]] = field(default_factory=set)
     clear: bool = True
+    apart: int = 0
+    recorded: int = 0
     fits: int = 0
     spent: float = 0.0
     interrupted: bool = False
@@ -131,7 +138,8 @@ def search(
     model = Model(device, varying=varying(device, experiments))
     with stage("refit"):
         plain = settled(judged(experiments, model, first_x(model, experiments), family))
-    found = Search(plain, plain, effort, say, moves)
+    ticks = sum(e.ticks for e in experiments)
+    found = Search(plain, plain, effort, say, moves, recorded=ticks)
     found.keep(plain)
     say(f"the device as refitted costs {plain.cost.misfit:.0f}; trying every effect")
     _until_nothing_gains(found, _rounds)
@@ -250,6 +258,10 @@ def _grown(found: Search) -> None:
         found.grown.add(found.best.labels)
         found.say(f"what may be missing beside {found.best.model.label}")
         before, accepted = found.best, _believed_beside(found, beam)
+        gained = before.cost.misfit - accepted[0].cost.misfit if accepted else 0.0
+        if _set_apart(found, gained):
+            beam = [found.best]
+            continue
         if not accepted:
             return
         found.best, beam = accepted[0], accepted[: found.effort.beam]
@@ -257,6 +269,48 @@ def _grown(found: Search) -> None:
         if found.best.has_valleys and not before.has_valleys:
             look_for_valleys(found)
         beam = [found.best, *(h for h in beam if h.labels != found.best.labels)]
+
+
+def _set_apart(found: Search, gained: float) -> bool:
+    """Set apart what happens once, where it explains more than the next effect; whether it did.
+
+    A hand on the device bends every fit, and effects that explain some of it are believed in turn.
+    What explains all of it more than an effect does is no trace of that effect. It explains what
+    the recordings cost less with ordinary noise in its place: as what is left costs, a sample.
+    """
+    if found.moves.apart is None or found.apart >= MOST_APART:
+        return False
+    left = attempt("events", "what stands apart", partial(found.moves.apart, found.best))
+    if left is None or sum(e.ticks for e in left) < LEAST_LEFT * found.recorded:
+        return False
+
+    def again(h: Hypothesis) -> Hypothesis:
+        return settled(judged(left, h.model, h.x, h.family, None, h.prices))
+
+    with suppress(NoObserver):
+        before, best = found.best, again(found.best)
+        explained = before.cost.misfit - best.cost.misfit * before.samples / best.samples
+        if not explained > max(gained, PURSUIT.near_rival):
+            return False
+        found.say("something seems to have happened: the search goes on beside it")
+        restart(found, best if before is found.plain else again(found.plain), best)
+        found.apart += 1
+        return True
+    return False
+
+
+def restart(found: Search, plain: Hypothesis, best: Hypothesis) -> None:
+    """Go on from other recordings: what was tried on those before compares with nothing."""
+    found.plain, found.best, found.tried = plain, best, {}
+    for done in (found.grown, found.looked, found.exchanged):
+        done.clear()
+    for h in (plain, best):
+        found.keep(h)
+
+
+def searched_on(found: Search) -> None:
+    """Search on from the best, as of recordings of which more is known than when it was found."""
+    _until_nothing_gains(found, _rounds)
 
 
 def _believed_beside(found: Search, beam: Sequence[Hypothesis]) -> list[Hypothesis]:

@@ -37,7 +37,7 @@ FAR_S = 0.05  # that errors are counted over where the next sample is no judge
 LEAST = 3  # of what was tried, that are fitted to see what chance leaves
 NEXT = 3  # that are asked where held-out data speak against what is believed most
 TELLING = 30  # free runs, of which fewer refuse nothing
-AHEAD = Moves(last=())  # steps and lost commands show in the next sample alone
+NEXT_MOVES, AHEAD = Moves(), Moves(last=())  # steps and lost commands show in the next sample alone
 
 
 @dataclass(frozen=True)
@@ -89,13 +89,17 @@ class Searches:
 
 
 def searched(
-    device: Device, experiments: Sequence[Experiment], say: Say, effort: Effort = NORMAL
+    device: Device,
+    experiments: Sequence[Experiment],
+    say: Say,
+    effort: Effort = NORMAL,
+    moves: Moves = NEXT_MOVES,
 ) -> Searched:
     """Search, and where no hypothesis that was found holds over free runs, search for what does.
 
     Raises NoObserver where no observer follows the recordings with the device.
     """
-    near = search(device, experiments, effort, say)
+    near = search(device, experiments, effort, say, moves)
     first = as_found(device, near)
     sound = attempt("search", "how far ahead it holds", partial(holds, device, first))
     fails = sound is not None and not sound.sound
@@ -156,7 +160,8 @@ def _farther(device: Device, near: Search) -> Search | None:
     if family is None:
         return None
     with suppress(NoObserver):
-        return search(device, near.best.experiments, near.effort, near.say, AHEAD, family)
+        far = search(device, near.best.experiments, near.effort, near.say, AHEAD, family)
+        return replace(far, apart=near.apart)
     return None
 
 

@@ -1,0 +1,220 @@
+"""What happened once: set apart while physics is searched for, and known to the answer.
+
+An event bends every fit, and a search takes it for physics. So what stands out of chance and
+explains more than the next effect is set apart while a search goes on (`events.set_apart`). The
+answer then sees the recordings as they are, whole: an event in the held-out data would spoil what
+they judge, and no parameter is fitted to what is asked there. What happens under it is fitted, its
+force is known from then on in every prediction and free run, and a slip is taken off the
+reading. What the search had tried is fitted anew to that; where the best of it has the names that
+it had, and free runs hold, these stand, else the search goes on from there.
+
+Names come first. What was set apart, or lies in held-out data, the search has not seen (an
+amplifier that meets its limit once looks like a force that acts for a while). So it is asked
+whether one effect more explains it: then nothing happened.
+"""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
+
+from zwidth.diagnosis.answer.events import Event, all_said
+from zwidth.diagnosis.intake.take_in import Taken
+from zwidth.diagnosis.learning.event_force import Happened
+from zwidth.diagnosis.learning.events import Peak, happenings, highest, with_events
+from zwidth.diagnosis.mishaps import Say, attempt
+from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
+from zwidth.diagnosis.selection.moves import showing
+from zwidth.diagnosis.selection.search import Search, fitted, restart, searched_on
+from zwidth.diagnosis.selection.searched import Searched, as_found, holds, runs_freer
+from zwidth.diagnosis.settings import PURSUIT
+
+ENDED = 0.1  # of how long a force acts, for which it must be seen not to
+
+
+def knowing_events(
+    taken: Taken, found: Searched, say: Say
+) -> tuple[Taken, Searched, tuple[Event, ...]]:
+    """Return recordings that know what happened in them, the answer to these, and the events.
+
+    The same recordings and answer where nothing did, and where it was interrupted.
+    """
+    if found.interrupted:
+        return taken, found, ()
+    try:
+        asked = partial(_known, taken, found, say)
+        there, found, known = attempt("events", "", asked) or (taken, found, ())
+        said_of = partial(all_said, _every(taken), found.tried.best, known)
+        events = attempt("events", "what they brought", said_of) or ()
+    except KeyboardInterrupt:
+        say("interrupted: what was found until now is judged; once more to leave")
+        return taken, replace(found, tried=replace(found.tried, interrupted=True)), ()
+    for event in events:
+        say(event.sentence)
+    return there, found, events
+
+
+def _known(taken: Taken, found: Searched, say: Say) -> tuple[Taken, Searched, tuple[Happened, ...]]:
+    """Recordings that know what happened, the answer then, and what that was."""
+    with suppress(NoObserver):
+        peak, apart = _peak(_every(taken), found), found.tried.apart > 0
+        later = peak is not None and taken.whole_unopened and not _in_fit(peak, taken)
+        named: Search | None = None
+        if peak is not None and (later or apart):
+            say("something may have happened: asking whether one effect explains it")
+            named = _with_a_name(found.tried, taken, taken.whole if later else taken.fit_on)
+        if named is not None and not later:
+            return taken, _searched_on(found, named, say), ()
+        # What only the held-out data name is a second look's own matter.
+        nothing = peak is None or named is not None
+        known = () if nothing else _happened(taken, found.tried.best)
+        for one in known:
+            e = _every(taken)[one.recording]
+            say(f"something happened at {e.begins + one.first * e.period:.3g} s")
+        there = _with(taken, known) if known else taken
+        if apart or any(_in_fit(one, taken) for one in known):
+            found = _anew(found, there.fit_on, say)
+        return there, found, known
+    return taken, found, ()
+
+
+def _every(taken: Taken) -> tuple[Experiment, ...]:
+    """All that was recorded, whole: what happens in it counts its ticks."""
+    return (*taken.whole, *(() if taken.whole_unopened else taken.judge_by))
+
+
+def _in_fit(one: Happened | Peak, taken: Taken) -> bool:
+    """Whether what begins at a tick of all that was recorded is in what is fitted."""
+    own = one.recording
+    return own < len(taken.whole) and one.first < taken.fit_on[own].ticks
+
+
+def _peak(every: Sequence[Experiment], found: Searched) -> Peak | None:
+    """What stands out most of chance, None where nothing does.
+
+    Names come first: an answer that was chosen for its free runs leaves what the next sample shows
+    and names (a ripple, how friction sets in), which would seem to happen at each turn.
+    """
+    if found.near is not None and highest(every, found.near) is None:
+        return None
+    return highest(every, found.tried.best)
+
+
+def _with_a_name(before: Search, taken: Taken, recordings: Sequence[Experiment]) -> Search | None:
+    """The search with one effect more that explains what seems to happen; None where none does."""
+
+    def again(h: Hypothesis) -> Hypothesis:
+        return settled(judged(recordings, h.model, h.x, h.family, None, h.prices))
+
+    best, beside = again(before.best), before.best
+    # What the recordings cost more than with ordinary noise in its place, as `Search` set it apart.
+    explained = best.cost.misfit - beside.cost.misfit * best.samples / beside.samples
+    least = PURSUIT.rival_share * explained if before.apart else PURSUIT.no_sign
+    search = _begun(before, again(before.plain), best)
+    proposals = list(showing(least)(best, search.effort))
+    for h in fitted(search, proposals, search.effort.ended):
+        if search.ahead(h, best) and highest(_every(taken), h) is None:
+            search.best = h
+            return search
+    return None
+
+
+def _begun(before: Search, plain: Hypothesis, best: Hypothesis) -> Search:
+    """A search that has tried nothing yet but two hypotheses."""
+    new = replace(before, tried={}, grown=set(), looked=set(), exchanged=set())
+    restart(new, plain, best)
+    return new
+
+
+def _happened(taken: Taken, best: Hypothesis) -> tuple[Happened, ...]:
+    """What happens as a hypothesis sees it; a force that acts until the end may be a change."""
+    every = _every(taken)
+    if highest(every, best) is None:
+        return ()
+    seen = happenings(every, best, lambda known: _with(taken, known).fit_on)
+    return tuple(one for one in seen if one.source.lasting or _ends(one, every[one.recording]))
+
+
+def _ends(one: Happened, e: Experiment) -> bool:
+    """Whether a force was seen to end: one that acts until the last sample may be a change."""
+    return e.ticks - one.last >= ENDED * (one.last - one.first)
+
+
+def _with(taken: Taken, known: Sequence[Happened]) -> Taken:
+    """Recordings, whole and in their parts, that know of events."""
+    there = with_events(_every(taken), known)
+    whole, others = there[: len(taken.whole)], there[len(taken.whole) :]
+    if not taken.whole_unopened:
+        return replace(taken, whole=tuple(whole), fit_on=tuple(whole), judge_by=tuple(others))
+    fit_on: list[Experiment] = []
+    judge_by: list[Experiment] = []
+    for e, first, rest in zip(whole, taken.fit_on, taken.judge_by, strict=True):
+        cut = first.ticks
+        fit_on.append(_part(first, e, slice(0, cut)))
+        judge_by.append(replace(_part(rest, e, slice(cut, e.ticks)), before=fit_on[-1]))
+    return replace(taken, whole=tuple(whole), fit_on=tuple(fit_on), judge_by=tuple(judge_by))
+
+
+def _part(part: Experiment, whole: Experiment, cut: slice) -> Experiment:
+    force = None if whole.force is None else whole.force[cut]
+    return replace(part, measured=whole.measured[cut], force=force)
+
+
+def _anew(found: Searched, experiments: Sequence[Experiment], say: Say) -> Searched:
+    """What was found, on recordings of which it was not known before what happened in them.
+
+    An event spoils free runs, for which an answer over a longer horizon was asked: that of the next
+    sample is fitted anew first, and stands where its free runs hold now.
+    """
+    far = found.beside if found.near is not None else None
+    near = far or found
+    tried = _fitted_anew(near.tried, experiments)
+    first = _held(tried)
+    if tried.best.labels != near.tried.best.labels or (near.held and not first.held):
+        return _searched_on(found, tried, say)
+    if first.held or far is None:
+        return replace(first, far=found.far)
+    second = as_found(tried.plain.model.nominal, _fitted_anew(found.tried, experiments))
+    if runs_freer(second, first, experiments):
+        return replace(second, far=True, near=tried.best, beside=first)
+    return replace(first, far=True, beside=second)
+
+
+def _searched_on(found: Searched, tried: Search, say: Say) -> Searched:
+    say(f"searching on from {tried.best.model.label}, knowing what happened")
+    searched_on(tried)
+    return replace(_held(tried), far=found.far)
+
+
+def _held(tried: Search) -> Searched:
+    """An answer, and whether its free runs hold."""
+    device = tried.plain.model.nominal
+    found = as_found(device, tried)
+    sound = attempt("search", "how far ahead it holds", partial(holds, device, found))
+    return replace(found, held=sound is not None and sound.sound)
+
+
+def _fitted_anew(before: Search, experiments: Sequence[Experiment]) -> Search:
+    """What was tried, on other recordings: the cheapest of it are fitted to them."""
+    every: list[Hypothesis] = []
+    for h in before.tried.values():
+        with suppress(NoObserver):
+            every.append(judged(experiments, h.model, h.x, h.family, None, h.prices))
+    order = sorted(every, key=lambda h: h.cost.total)
+    own = before.best.labels
+    kept = {before.plain.labels, own, *(own - {label} for label in own)}
+    near = [h for h in order if h.cost.total - order[0].cost.total < PURSUIT.hopeless]
+    asked = [
+        h for h in order if any(h is n for n in near[: before.effort.near]) or h.labels in kept
+    ]
+    fits = (attempt("events", h.model.label, partial(settled, h)) for h in asked)
+    done = [h for h in fits if h is not None and not h.against_physics]
+    plain = next(h for h in done if h.labels == before.plain.labels)
+    found = _begun(before, plain, plain)
+    for h in sorted(done, key=lambda h: (len(h.model.effects), h.cost.total)):
+        found.keep(h)
+        if found.ahead(h, found.best):
+            found.best = h
+    return found
