@@ -28,7 +28,7 @@ from zwidth.diagnosis.seeking.sizes import sizes_of
 from zwidth.diagnosis.selection import search as searching
 from zwidth.diagnosis.selection.effort import NORMAL, QUICK, Effort
 from zwidth.diagnosis.selection.evidence import ALPHA
-from zwidth.diagnosis.selection.hypothesis import Hypothesis, gains, judged, settled
+from zwidth.diagnosis.selection.hypothesis import Hypothesis, gains, judged, priced, settled
 from zwidth.diagnosis.selection.moves import (
     Move,
     Proposal,
@@ -45,10 +45,10 @@ from zwidth.diagnosis.selection.search import (
     Moves,
     Search,
     _exchanged,
-    fitted,
     look_for_valleys,
     search,
 )
+from zwidth.diagnosis.settings import PURSUIT
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.uncertainty import Uncertainty
@@ -441,54 +441,36 @@ def test_two_laws_are_held_against_themselves_in_each_others_place() -> None:
     assert found.cost.total < h.cost.total - 100.0
 
 
-def proposal(h: Hypothesis, physics: Physics) -> Proposal:
-    """A hypothesis with a play whose fit is begun blind."""
-    model = h.model.with_effect(physics, {"gap": physics.values["gap"]})
-    return Proposal(h.experiments, model, np.append(h.x, 0.0), h.family, blind=True)
-
-
-@pytest.mark.parametrize(("gap", "leans"), [(0.0, False), (0.03, True), (0.3, True)])
-def test_play_is_fitted_where_what_is_left_leans_to_it(gap: float, leans: bool) -> None:
+@pytest.mark.parametrize(("gap", "shows"), [(0.0, False), (0.03, True), (0.3, True)])
+def test_play_is_fitted_where_a_scan_of_its_width_shows_it(gap: float, shows: bool) -> None:
     """Beside a friction that is known, the motor alone measured; and no play where there is none.
 
-    Mutations: no least share; no least worth: then each of a dozen widths is fitted for nothing.
+    Mutations: no least gain; gaps three times as far apart.
     """
     rubs = make_physics("coulomb_friction", "m2", level=0.02)
     truth, known = ((play(gap), rubs), (rubs,)) if gap else ((), ())
     model = Model(drive(), known, ({"level": 0.02},) * len(known))
     made = [recording(drive().with_physics(*truth), 3000, 8)]
     h = settled(judged(made, model, np.zeros(len(model.parameters))))
-    blind = [p for p in added(h, NORMAL) if p.blind]
-    assert bool(blind) == leans
-    assert len(blind) <= 3
-    assert not any(p.blind for p in added(h, QUICK))  # which looks for no play
+    plays = [p for p in added(h, NORMAL) if p.labels - h.labels == {"backlash@link12"}]
+    assert bool(plays) == shows
+    assert len(plays) <= PURSUIT.scanned
+    assert not any(p.labels - h.labels == {"backlash@link12"} for p in added(h, QUICK))
+    found = [p.model.effects[-1].values["gap"] for p in plays]  # each begins at its own scale
+    assert all(p.model.parameters[-1].scale == v for p, v in zip(plays, found, strict=True))
+    assert not shows or min(abs(np.log(np.array(found) / gap))) < 0.5
 
 
 def test_play_far_wider_than_what_a_link_gives_way_is_found() -> None:
     """0.3 rad where the link gives way by milliradians, both masses measured.
 
-    Mutations: no start to which what is left leans; only what scores above nothing. To first order
-    every such gap is a loss.
+    Mutation: no scan of widths. To first order every such gap is a loss.
     """
     made = [recording(drive().with_physics(play(0.3)), 1000, 8, (0, 1))]
     moves = Moves((added,), (), (), exchanging=(), replacing=lambda _: lambda *_: iter(()))
     found = search(drive(), made, replace(QUICK, effects=1, generations=1), moves=moves)
     (gap,) = found.best.model.effects_at(found.best.x)
     assert gap.values["gap"] == pytest.approx(0.3, rel=0.01)
-
-
-def test_what_is_tried_blind_takes_no_turn_of_what_is_ranked(rubbed: list[Experiment]):
-    """Play from each of its gaps beside a friction that needs no first fit: both are fitted.
-
-    Mutation: the blind in the group of those, of which the first few go on.
-    """
-    plain = settled(judged(rubbed, Model(drive()), np.zeros(len(Model(drive()).parameters))))
-    blind = [proposal(plain, play(gap)) for gap in (0.001, 0.003, 0.01, 0.03, 0.1)]
-    assert len(blind) > QUICK.judged
-    model = with_friction(0.02)
-    rest = Proposal(rubbed, model, np.append(plain.x, 0.0), plain.family)
-    done = fitted(Search(plain, plain, QUICK, silent), [*blind, rest], QUICK.ended)
-    assert {"coulomb_friction@m1"} in [set(h.labels) for h in done]
 
 
 def test_what_was_looked_for_tick_by_tick_is_paid(rubbed: list[Experiment]):
@@ -690,17 +672,17 @@ def test_what_gains_and_is_not_believed_may_stand_for_what_is(
     assert asked == [1]
 
 
-def test_a_device_that_waits_is_begun_blind_all_the_same() -> None:
-    """It stands still for as long as starts are ranked by. Mutation: nothing is begun then."""
+def test_play_is_seen_of_a_device_that_waits() -> None:
+    """It stands still for as long as a scan looks at. Mutation: the beginning whatever it tells."""
     made = recording(drive().with_physics(play(0.3)), 1000, 8, (0, 1))
     wait = 4000
     still = replace(
         made,
         command=np.concatenate([np.zeros(wait), made.command]),
         measured=np.vstack([np.repeat(made.measured[:1], wait, axis=0), made.measured]),
+        swing=float(np.std(made.measured[:, 0])) / 2.0,
     )
     model = Model(drive())
     plain = judged([still], model, np.zeros(len(model.parameters)))
-    begun = proposal(plain, play(0.3)).begun()
-    assert begun is not None
-    assert np.isfinite(begun.cost)
+    plain = priced(plain)
+    assert any(p.labels == {"backlash@link12"} for p in added(plain, NORMAL))

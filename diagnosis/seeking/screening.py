@@ -5,15 +5,6 @@ effect switched on at a start, the best that effect and parameters can do togeth
 is, to first order, |(I - P)(r + s)|^2, P the projector on the span of J. The gain over
 |(I - P) r|^2 is the start's score.
 
-Of an effect whose fit ends in the valley where it begins (play) even the score of the right start
-is a loss while masses and noise stand where a model without it has left them. But what is left
-leans to its signature: the share of it that would explain most, a = -r's / s's (both off the span
-of J), is worth (r's)^2 / s's. On two masses with play of 3 to 300 mrad, alone and beside friction,
-that was 14 to 3500 at a start near the truth, with a share of 0.17 to 1.3, in one of the views at
-least. Without play it was below 8, or the share below 0.02, but for two starts of 12 in one view:
-errors under a slow observer depend on each other, and count here as if they did not. So a few plays
-are fitted for nothing.
-
 What it shows depends on how far ahead one looks. One sample ahead, whitened, an effect near the
 limit of what can be seen stands out by its exact shape. What is strong has bent the parameters and
 the model of the noise to itself and hides there; over a long horizon (an observer that trusts the
@@ -22,10 +13,9 @@ noise, and under slow observers at its own parameters and at those of the device
 refit may have left for the worse.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,25 +26,16 @@ from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.fitting.landscape import Landscape
 from zwidth.diagnosis.mishaps import isolated
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.noise.beginning import with_play
-from zwidth.diagnosis.noise.predictor import SCREENING
+from zwidth.diagnosis.noise.predictor import SIGNATURES
 from zwidth.diagnosis.seeking.candidates import Start
 from zwidth.diagnosis.seeking.modes import mode_starts
 from zwidth.diagnosis.seeking.screen import Complement, Screened, second_looks
 from zwidth.diagnosis.seeking.waves import wave_starts
-from zwidth.diagnosis.settings import PURSUIT
 from zwidth.jobs.parallel import in_parallel, threads
 
 Floats = NDArray[np.float64]
 OVERFLOWED = 1e5  # weighed innovation of a start that runs away
 WORTH_A_LOOK = 10.0  # first-order gain from which a phase between two is worth a look
-
-
-class Leaning(NamedTuple):
-    """A start to which what is left leans, and what the best share of it is worth in chi-square."""
-
-    start: Start
-    worth: float
 
 
 @dataclass(frozen=True)
@@ -82,20 +63,17 @@ class View:
 
 def view(problem: Problem, model: Model, x: Floats, own: bool) -> View:
     """Return a view of a model at x."""
-    ground = Landscape(problem.experiments, problem.observer, model, SCREENING)
+    ground = Landscape(problem.experiments, problem.observer, model, SIGNATURES)
     creased = any(p.effect.creased for p in model.effects)
     widths = np.full(x.size, CREASED if creased else SMOOTH)
     at = slopes_at(ground, x, widths, creased)
     return View(problem, model, x, at.residual, at.slopes, own)
 
 
-def screened(
-    seen: View, starts: Mapping[str, Sequence[Start]], leaning: list[Leaning] | None = None
-) -> list[Screened]:
+def screened(seen: View, starts: Mapping[str, Sequence[Start]]) -> list[Screened]:
     """Return the best start of each label, the highest score first.
 
-    Scores are in units of the residual's own variance a sample. leaning: is given the starts of
-    effects with valleys to which what is left leans, whatever they score.
+    Scores are in units of the residual's own variance a sample.
     """
     if not np.all(np.isfinite(seen.slopes)):
         return []
@@ -106,8 +84,6 @@ def screened(
     def best(label: str, group: Sequence[Start]) -> Screened | None:
         with isolated("candidates", label):
             scored = _scored(seen, off, base, group)
-            if leaning is not None and with_play((group[0].physics,)):
-                leaning.extend(_leaning(scored, base, unit))
             # What is near the limit is far below the least start, and tells its strength by it.
             more = second_looks(scored, base, WORTH_A_LOOK)
             scored += _scored(seen, off, base, more) if more else []
@@ -118,16 +94,6 @@ def screened(
     found = [one for one in in_parallel(tasks, threads()) if one is not None]
     found = [replace(one, score=one.score / unit) for one in found]
     return sorted(found, key=lambda one: one.score, reverse=True)
-
-
-def _leaning(scored: Sequence[Screened], base: Floats, unit: float) -> Iterator[Leaning]:
-    """Yield the starts to which what is left leans: as strong, and by as large a share."""
-    for one in scored:
-        size, along = float(one.signature @ one.signature), -float(base @ one.signature)
-        if size > 0.0 and along > PURSUIT.least_share * size and size > PURSUIT.no_sign * unit:
-            worth = along**2 / size / unit
-            if worth > PURSUIT.no_sign:
-                yield Leaning(one.start, worth)
 
 
 def _scored(seen: View, off: Complement, base: Floats, starts: Sequence[Start]) -> list[Screened]:
@@ -142,7 +108,7 @@ def _scored(seen: View, off: Complement, base: Floats, starts: Sequence[Start]) 
         for s in starts
     ]  # fmt: skip
     asked = [np.concatenate([seen.x, extra]) for extra in beyond]
-    ground = Problem(seen.problem.experiments, seen.problem.observer, SCREENING)
+    ground = Problem(seen.problem.experiments, seen.problem.observer, SIGNATURES)
     energy, samples = float(base @ base), seen.samples
     none = np.zeros(seen.residual.size - samples)
     found: list[Screened] = []

@@ -22,8 +22,9 @@ from zwidth.diagnosis.recording.experiment import Experiment, beginnings
 from zwidth.diagnosis.seeking.candidates import Start
 from zwidth.diagnosis.seeking.lattice import stepped_trials
 from zwidth.diagnosis.seeking.places import open_places, starts_at
+from zwidth.diagnosis.seeking.playing import scanned
 from zwidth.diagnosis.seeking.screen import Screened
-from zwidth.diagnosis.seeking.screening import Leaning, View, screened, shown_starts, view
+from zwidth.diagnosis.seeking.screening import View, screened, shown_starts, view
 from zwidth.diagnosis.seeking.sizes import sizes_of
 from zwidth.diagnosis.selection.effort import Effort
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, Prices, judged
@@ -37,9 +38,10 @@ Floats = NDArray[np.float64]
 SLOWEST = 1e-6  # ratio of an observer that hardly corrects the model
 SLOWER = 1e-2  # of the own ratio
 NO_SIGN = PURSUIT.no_sign
-GROWN_TICKS = 3000  # of all recordings together: twice as many, and half, arrived no more often
+SCANNED_TICKS = 3000  # of all recordings together, in scans of play and the fits from there
 TELLING_TICKS = 10 * SETTLING  # of a recording at least, by which starts are ranked
 FAR_TICKS = 6000  # of all recordings together, in far views: what is strong shows in as many
+WAITS = 0.1  # of the swing of a recording, that a device moves at least where it tells of play
 BENT = 0.05  # in x, from which a fit has left its device file, which may lie nearer the truth
 GIVEN_WAY = 2.0  # in x, that parameters give way at most before a fit
 
@@ -50,8 +52,7 @@ class Proposal:
 
     under: None where it needs no first fit. family: of its noise; near: ratio about which that is
     sought, None for all of the family. prices: as a hypothesis has them. akin: whether it differs
-    from a hypothesis in the place of an effect, or in a simpler law of the same kind there. blind:
-    whether nothing but a fit tells what it is worth, where no start stands out.
+    from a hypothesis in the place of an effect, or in a simpler law of the same kind there.
     """
 
     experiments: Sequence[Experiment]
@@ -62,7 +63,6 @@ class Proposal:
     near: float | None = None
     prices: Prices = ()
     akin: bool = False
-    blind: bool = False
 
     def judged(self, x: Floats) -> Hypothesis:
         """Return it at x under its likeliest noise; raises NoObserver where none follows.
@@ -72,7 +72,7 @@ class Proposal:
         """
         among = None if self.near is None else self.family.near(self.near)
         h = judged(self.experiments, self.model, x, self.family, among, self.prices)
-        if not self.blind and (among is not None or self.under is None):
+        if among is not None or self.under is None:
             return h
         return _on_its_way(h, Effort.own_rounds)
 
@@ -86,25 +86,14 @@ class Proposal:
         """effect@place of each effect."""
         return frozenset(effect_labels(self.model.effects))
 
-    def begun(self) -> "Begun | None":
-        """Return where a first fit under the problem in which it stood out leads.
-
-        One that is blind is fitted to the beginnings of the recordings, under its own noise there,
-        or to all of them where these tell nothing (a device that waits); None where none follows.
-        """
-        if self.blind:
-            ticks = max(GROWN_TICKS, TELLING_TICKS * len(self.experiments))
-            for seen in (beginnings(self.experiments, ticks), self.experiments):
-                with suppress(NoObserver):
-                    h = judged(seen, self.model, self.x, self.family, None, self.prices)
-                    h = _on_its_way(h, Effort.first_rounds)
-                    return Begun(self, h.x, h.cost.misfit)
-            return None
+    def begun(self) -> "Begun":
+        """Return where a first fit under the problem in which it stood out leads."""
         if self.under is None:
             return Begun(self, self.x, 0.0)
         ground = Landscape(self.under.experiments, self.under.observer, self.model, SCREENING)
         creased = any(p.effect.creased for p in self.model.effects)
-        first = descend(ground, self.x, Effort.first_rounds, creased)
+        rounds = (2 if with_play(self.model.effects) else 1) * Effort.first_rounds
+        first = descend(ground, self.x, rounds, creased)
         return Begun(self, first.x, first.cost)
 
 
@@ -122,6 +111,7 @@ def _on_its_way(h: Hypothesis, rounds: int) -> Hypothesis:
     return moved if moved.cost.misfit < h.cost.misfit else h
 
 
+Starts = Mapping[str, list[Start]]
 Move = Callable[[Hypothesis, Effort], Iterator[Proposal]]
 
 
@@ -168,45 +158,41 @@ def shown(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
 
 
 def _more(h: Hypothesis, effort: Effort, views: Iterable[View], least: float) -> Iterator[Proposal]:
-    """Yield what stands out in views, by `least`, and what ends in the valley where it begins.
-
-    Of the latter (play) each start to which what is left leans, since no score tells which is worth
-    a fit; none where no valley is looked for.
-    """
+    """Yield what stands out in views, by `least`, and the play that a scan of its width shows."""
     device = h.model.build(h.x)
     where = open_places(device)
     sizes = sizes_of(device, h.experiments, h.model.reads(h.x).gain)
-    near, far = (starts_at(where, sizes, far) for far in (False, True))
-    leaning: list[Leaning] = []
+    (near, play), (far, _) = (_apart(starts_at(where, sizes, far)) for far in (False, True))
     for seen in views:
         starts = _together(near, shown_starts(seen)) if seen.own else dict(far)
-        for label, group in near.items():
-            if with_play((group[0].physics,)):
-                starts[label] = group  # a start beside its valley leans to nothing
         count = effort.near if seen.own else effort.far
-        for rank, one in enumerate(screened(seen, starts, leaning)):
-            if rank < count and one.score > least:
+        order = screened(seen, starts)
+        most = order[0].score if order else 0.0
+        for one in order[:count]:
+            if one.score > max(least, PURSUIT.rival_share * most):
                 yield _with(h, seen, one)
     if effort.generations:
-        yield from _scattered(h, leaning)
+        yield from _played(h, h.model, h.x, play)
 
 
-def _scattered(h: Hypothesis, leaning: Sequence[Leaning]) -> Iterator[Proposal]:
-    """Yield the hypothesis with each of some starts: of one effect at one place the likeliest few.
+def _apart(starts: Mapping[str, list[Start]]) -> tuple[Starts, Starts]:
+    """Starts that a score tells of, and those of play, of which it says nothing."""
+    play = {label: group for label, group in starts.items() if with_play((group[0].physics,))}
+    return {label: group for label, group in starts.items() if label not in play}, play
 
-    Under the noise that a play was taken for, no gap is a gain before masses and noise have
-    followed it: they are fitted blind.
+
+def _played(h: Hypothesis, model: Model, x: Floats, play: Starts) -> Iterator[Proposal]:
+    """Yield a model with the play that a scan shows, from the likeliest few beginnings.
+
+    Each is fitted under the observer that showed it (`seeking.playing`).
     """
-    begun: dict[str, list[Start]] = {}
-    for start, _ in sorted(leaning, key=lambda one: -one.worth):
-        others = begun.setdefault(start.label, [])
-        if len(others) < PURSUIT.leaning and all(o.physics != start.physics for o in others):
-            others.append(start)
-    for start in itertools.chain(*begun.values()):
-        model = h.model.with_effect(start.physics, start.scales, start.bounds)
-        own = [p.name for p in model.parameters[h.x.size :]]
-        x = np.concatenate([h.x, start.beyond(own, start.scales)])
-        yield Proposal(h.experiments, model, model.within(x), h.family, prices=h.prices, blind=True)
+    ticks = max(SCANNED_TICKS, TELLING_TICKS * len(h.experiments))
+    seen = beginnings(h.experiments, ticks)
+    if all(np.std(e.measured[:, 0]) < WAITS * e.swing for e in seen):
+        seen = list(h.experiments)
+    for group in play.values():
+        for one in scanned(seen, model, x, group)[: PURSUIT.scanned]:
+            yield Proposal(h.experiments, one.model, one.x, h.family, one.under, None, h.prices)
 
 
 def stepped(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
@@ -365,7 +351,7 @@ def replaced(index: int) -> Move:
         seen = view(under, model, x, own=True)
         sizes = sizes_of(device, h.experiments, h.model.reads(h.x).gain)
         where = open_places(device)
-        near, far = (starts_at(where, sizes, far) for far in (False, True))
+        (near, play), (far, _) = (_apart(starts_at(where, sizes, far)) for far in (False, True))
         starts = _together(
             _together(near, shown_starts(seen)), [s for g in far.values() for s in g]
         )
@@ -380,6 +366,8 @@ def replaced(index: int) -> Move:
             likely = rank < effort.rivals and one.score > least
             if likely or akin or one.start.label in richer:
                 yield replace(_with(base, seen, one), akin=akin)
+        if effort.generations:
+            yield from _played(h, model, x, {k: g for k, g in play.items() if k != gone})
 
     return move
 

@@ -36,7 +36,6 @@ from zwidth.diagnosis.selection.hypothesis import (
     settled,
 )
 from zwidth.diagnosis.selection.moves import (
-    GROWN_TICKS,
     Begun,
     Move,
     Proposal,
@@ -59,8 +58,8 @@ Floats = NDArray[np.float64]
 Result = TypeVar("Result")
 Apart = Callable[[Hypothesis], "Sequence[Experiment] | None"]
 LADDER = (1.0, 1e-1, 1e-2, 1e-3, 1e-4)  # ratios under which populations grow
-LEADING = 2  # of what arrived, that grow on
-AGAIN, STILL = 6, 10.0  # turns about the best, and what one must gain in misfit for another
+GROWN_TICKS = 10000  # of all recordings together, to which populations grow
+AGAIN, STILL = 2, 10.0  # turns about the best, and what one must gain in misfit for another
 MOST_APART, LEAST_LEFT = 8, 0.5  # parts that are set apart in turn; of all ticks, that are searched
 FAR_SPREAD, NEAR_SPREADS = 0.5, (0.3, 0.1)  # in x, of which one is a file's own uncertainty
 
@@ -266,8 +265,6 @@ def _grown(found: Search) -> None:
             return
         found.best, beam = accepted[0], accepted[: found.effort.beam]
         found.say(f"taken: {found.best.model.label}")
-        if found.best.has_valleys and not before.has_valleys:
-            look_for_valleys(found)
         beam = [found.best, *(h for h in beam if h.labels != found.best.labels)]
 
 
@@ -441,9 +438,10 @@ def _worth(more: Hypothesis, less: Hypothesis) -> bool:
 def look_for_valleys(found: Search, always: bool = False) -> None:
     """Let populations grow from where the best hypothesis stands and from the device file.
 
-    Where a fit ends in the valley in which it began (play), or always. Each ratio of a ladder has
-    its own: what the best has left unexplained is noise to it, so its own ratio says little of the
-    right one. Those that cost least of all that arrived, under their own noise, grow on.
+    Where a fit ends in the valley in which it began (play), under its own ratio; or always, and
+    then each ratio of a ladder has its own: what the best has left unexplained is noise to it, so
+    that its own ratio says little of the right one. What costs least of all that arrived, under its
+    own noise, grows on.
     """
     h, effort = found.best, found.effort
     if not h.creased or effort.generations == 0 or h.labels in found.looked:
@@ -454,7 +452,7 @@ def look_for_valleys(found: Search, always: bool = False) -> None:
     found.say(f"looking for the valley of {h.model.label} anew")
     prior = np.array([p.prior for p in h.model.parameters])
     starts = [h.x, np.where(prior, 0.0, h.x)]
-    ladder = LADDER if h.family.whitening else (h.ratio,)
+    ladder = LADDER if always and h.family.whitening else (h.ratio,)
     first = _arrived(h, effort, [(ratio, starts, FAR_SPREAD) for ratio in ladder])
     new = _grown_on(found, [h, *first])
     if new is not None and new.cost.total < h.cost.total:
@@ -466,21 +464,21 @@ def look_for_valleys(found: Search, always: bool = False) -> None:
 def _grown_on(found: Search, begun: Sequence[Hypothesis]) -> Hypothesis | None:
     """Let populations grow about the best of some hypotheses of one structure while that gains.
 
-    Returns the best fitted to its end, None where that is no physics.
+    What arrives is fitted to its end before it is held against the best: a population ends beside
+    the bottom of a valley. Returns the best, None where that is no physics.
     """
     effort = found.effort
-    leading = sorted(begun, key=lambda a: a.cost.misfit)[:LEADING]
+    best = min(begun, key=lambda a: a.cost.misfit)
+    best = attempt("a population", best.model.label, partial(settled, best)) or best
     for _ in range(AGAIN):
-        legs = [(a.ratio, [a.x], spread) for a in leading for spread in NEAR_SPREADS]
-        near = _arrived(leading[0], effort, legs)
-        if not near or leading[0].cost.misfit - near[0].cost.misfit < STILL:
+        legs = [(best.ratio, [best.x], spread) for spread in NEAR_SPREADS]
+        near = _arrived(best, effort, legs)[:1]
+        ended = _each("a population", [(a.model.label, partial(settled, a)) for a in near])
+        gained = best.cost.misfit - ended[0].cost.misfit if ended else 0.0
+        best = ended[0] if gained > 0.0 else best
+        if gained < STILL:
             break
-        leading = near[:LEADING]
-    best = min(leading, key=lambda a: a.cost.misfit)
-    ended = attempt("a population", best.model.label, partial(settled, best))
-    if ended is None or ended.against_physics:
-        return None
-    return found.keep(ended)
+    return None if best.against_physics else found.keep(best)
 
 
 def _arrived(
@@ -517,23 +515,17 @@ def fitted(found: Search, proposals: Iterable[Proposal], ended: int) -> list[Hyp
     """Fit proposals, so many of them to their end; return these, the cheapest first.
 
     Costs under one observer compare, so of each view the first fits that cost least go on; their
-    own noise then decides which are fitted to their end; of blind starts of one structure those
-    that led farthest. What ends where physics does not allow it is no answer and no rival.
+    own noise then decides which are fitted to their end. What ends where physics does not allow it
+    is no answer and no rival.
     """
     asked, begun_at = list(proposals), time.monotonic()
     if found.fits and asked:
         each = found.spent / found.fits
         found.say(f"fitting {len(asked)} hypotheses, about {each * len(asked):.0f} s")
     views: dict[int, list[Begun]] = {}
-    blind: dict[frozenset[str], list[Begun]] = {}
     for start in _each("candidates", [(p.label, p.begun) for p in asked]):
-        if start.proposal.blind:
-            blind.setdefault(start.proposal.labels, []).append(start)
-        else:
-            views.setdefault(id(start.proposal.under), []).append(start)
-    promising = [
-        b for group in blind.values() for b in sorted(group, key=lambda b: b.cost)[:LEADING]
-    ]
+        views.setdefault(id(start.proposal.under), []).append(start)
+    promising: list[Begun] = []
     for group in views.values():
         order = sorted(group, key=lambda b: b.cost)
         count = max(ended, found.effort.judged)
@@ -552,11 +544,19 @@ def fitted(found: Search, proposals: Iterable[Proposal], ended: int) -> list[Hyp
     order = sorted(begun.values(), key=lambda h: h.cost.total)
     near = [h for h in order if _comes_near(found, h)] or order[:1]  # a rival that is far is said
     likely = _likely(near, ended, akin)
-    fits = [(h.model.label, partial(settled, h, turns=2)) for h in likely]
+    fits = [(h.model.label, partial(_to_its_end, found, h)) for h in likely]
     finished = [found.keep(h) for h in _each("candidates", fits) if not h.against_physics]
     found.fits += len(asked)
     found.spent += time.monotonic() - begun_at
     return sorted(finished, key=lambda h: h.cost.total)
+
+
+def _to_its_end(found: Search, h: Hypothesis) -> Hypothesis:
+    """A hypothesis fitted to its end; a population looks for its valley where play is new in it."""
+    if h.has_valleys and not found.best.has_valleys and found.effort.generations:
+        arrived = _arrived(h, found.effort, [(h.ratio, [h.x], NEAR_SPREADS[0])])
+        h = min([h, *arrived], key=lambda a: a.cost.misfit)
+    return settled(h, turns=2)
 
 
 def _comes_near(found: Search, h: Hypothesis) -> bool:
