@@ -136,9 +136,10 @@ def happenings(
 def highest(recordings: Sequence[Experiment], h: Hypothesis) -> Peak | None:
     """Return the highest peak of all, None where chance reaches it: nothing is fitted yet.
 
-    Raises NoObserver where the recordings cannot be followed.
+    Under the likeliest noise of all recordings, which takes some of what happens for its own: what
+    still stands out of it does. Raises NoObserver where the recordings cannot be followed.
     """
-    peak, chance = _searched(_judged(recordings, (), h), (), MOST)
+    peak, chance = _searched(judged(recordings, h.model, h.x), (), MOST)
     return peak if peak is not None and peak.gain > chance.most else None
 
 
