@@ -352,6 +352,7 @@ def answer(tau: float) -> tuple[Verdict, tuple[Change, ...], str, float]:
     return found.verdict, found.changes, found.headline, found.free_run.after
 
 
+@pytest.mark.truth
 @pytest.mark.parametrize("tau", [4.0, 12.0])
 def test_a_diagnosis_says_when(tau: float):
     """4 s is fitted, 12 s is held out. Mutation that breaks it: the whole recording not asked; what

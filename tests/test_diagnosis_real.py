@@ -37,6 +37,7 @@ def recording(name: str, device: Device, to_s: float) -> Experiment:
     return experiment(cut, device, name)
 
 
+@pytest.mark.truth
 def test_emps_lacks_friction_and_an_offset():
     """Published: 20.3935 N and 3.16 N, beside 95.1 kg and 203.5 N s/m, which the device file knows.
 

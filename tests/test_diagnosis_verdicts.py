@@ -125,6 +125,7 @@ def _richer_laws_were_fitted(found: Diagnosis) -> None:
         assert {"directional_friction@m1", "stribeck_friction@m1"} & behind.keys()
 
 
+@pytest.mark.truth
 def test_a_wrong_unit_is_a_fault_and_the_diagnosis_goes_on():
     """Mutation that breaks it: explained > 0.99."""
     found = diagnose(phantom(), [record(phantom(), 3.0, seed=5, gain=1.0 / 35.0)], effort=BRIEF)
@@ -211,6 +212,7 @@ def test_an_augmented_device_has_nothing_missing():
     assert found.verdict is Verdict.NOTHING_MISSING, found.sentence
 
 
+@pytest.mark.truth
 def test_what_shows_in_the_held_out_data_alone_is_named_and_said():
     """An amplifier that meets its limit in the last seconds only.
 

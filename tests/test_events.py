@@ -216,6 +216,7 @@ def test_what_happened_is_named_and_weighed(kind: int):
         assert event.energy.value == pytest.approx(energy, rel=0.05)
 
 
+@pytest.mark.truth
 @pytest.mark.parametrize("kind", [JAM, TOUCH], ids=lambda k: KINDS[k])
 def test_when_it_began_and_ended_is_within_what_is_said(kind: int):
     """Mutation that breaks it: at most three knots (the hand, whose beginning is then late)."""
@@ -226,6 +227,7 @@ def test_when_it_began_and_ended_is_within_what_is_said(kind: int):
         assert high - low < 0.15
 
 
+@pytest.mark.truth
 @pytest.mark.parametrize("rises", [0, 20], ids=["at once", "from nothing"])
 def test_intervals_of_when_a_force_begins_hold_it(rises: int):
     """Of a force that is read itself, under white noise, 19 of 20 times; and they are short.

@@ -105,6 +105,7 @@ def test_what_it_took_is_said() -> None:
     assert curve.absorbed == ("coulomb_friction at m1",)
 
 
+@pytest.mark.truth
 def test_friction_stays_beside_a_drag_and_both_are_one_law() -> None:
     """The band of the sum holds friction and drag together. Mutation: the sum without the name."""
     curve = friction_and_cube()
@@ -227,6 +228,7 @@ def test_a_law_replaces_names_that_stand_in_for_it() -> None:
     assert np.abs(off[3:-3]).max() < 0.05 * 0.6 * 3.0**1.5
 
 
+@pytest.mark.truth
 def test_no_law_replaces_names_that_are_there() -> None:
     """Though one would, of names that cost as much as the device file alone.
 
@@ -239,6 +241,7 @@ def test_no_law_replaces_names_that_are_there() -> None:
     assert next(replacing(found, silent), None) is not None
 
 
+@pytest.mark.truth
 def test_a_name_stays_that_is_not_quite_its_law() -> None:
     """A quadratic drag beside a bump: what the drag leaves costs fewer points than all of it.
 

@@ -52,6 +52,7 @@ def test_the_pages_are_of_the_machines_that_the_script_knows() -> None:
     assert sorted(module.MACHINES) == MACHINES
 
 
+@pytest.mark.truth
 def test_the_rack_drive_lacks_friction_that_its_next_samples_take_for_a_lag() -> None:
     """Free fits by others: 39 mm/s on the last 30 % with a lag alone, 14.6 with Coulomb friction.
 

@@ -133,6 +133,7 @@ def both_sides(u: Floats) -> Floats:
     return angles
 
 
+@pytest.mark.truth
 def test_play_between_motor_and_load_is_found(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):

@@ -32,6 +32,7 @@ def model_of(physics: Sequence[Physics]) -> Model:
     return Model(drive(), tuple(physics), ({},) * len(physics))
 
 
+@pytest.mark.truth
 @pytest.mark.parametrize("begin", [150, 300, 400])
 def test_what_is_behind_play_begins_on_its_side(begin: int) -> None:
     """Over 50 ms, at the truth. Mutations: the linear answer alone; no mass moved aside."""

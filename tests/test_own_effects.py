@@ -250,6 +250,7 @@ print(float(np.abs(v / (v0 / np.sqrt(1.0 + 2.0 * c / m * v0**2 * t)) - 1.0).max(
 """
 
 
+@pytest.mark.truth
 def test_the_documented_example_from_a_file_to_a_boundary(tmp_path: Path):
     """In a process of its own, since an effect is compiled into the kernels."""
     (tmp_path / "effects").mkdir()

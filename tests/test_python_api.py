@@ -484,6 +484,7 @@ def test_a_missing_pandas_is_said_in_one_sentence(monkeypatch: pytest.MonkeyPatc
         views.frame(recording())
 
 
+@pytest.mark.truth
 def test_the_page_of_python_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """The blocks of docs/python.md, as a reader would type them; the first is ten lines or so."""
     text = (Path(__file__).parents[1] / "docs" / "python.md").read_text(encoding="utf-8")

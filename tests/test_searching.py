@@ -388,6 +388,7 @@ def test_a_bound_of_the_recording_is_no_answer_and_one_of_shape_is(
         assert said.rpartition(".")[2] == fault
 
 
+@pytest.mark.truth
 def test_the_valley_of_play_is_found_from_another() -> None:
     """Play of 0.01 rad: a fit from the device file ends where it began, a population does not.
 

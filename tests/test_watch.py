@@ -340,6 +340,7 @@ def offline(folder: Path, name: str, content: bytes, monkeypatch: pytest.MonkeyP
     return json.loads((other / "r.json").read_text())
 
 
+@pytest.mark.truth
 def test_a_growing_table_ends_with_the_offline_answer(
     folder: Path, lines: list[str], monkeypatch: pytest.MonkeyPatch
 ):
@@ -394,6 +395,7 @@ def test_a_pipe_is_kept_and_ends_with_the_offline_answer(
     assert mine == offline(folder, "runs/stdin.csv", content, monkeypatch)
 
 
+@pytest.mark.truth
 def test_a_growing_mcap_ends_by_itself_with_the_offline_answer(
     folder: Path, lines: list[str], monkeypatch: pytest.MonkeyPatch
 ):
