@@ -107,6 +107,7 @@ def test_slopes_and_values_are_of_the_same_device() -> None:
     np.testing.assert_allclose(again, one, atol=1e-9)
 
 
+@pytest.mark.truth
 def test_friction_is_found_over_runs_of_different_loads() -> None:
     truth = CART.with_physics(make_physics("coulomb_friction", "m2", level=LEVEL))
     es = [driven(truth, {}, 1), driven(truth, PAYLOAD, 2)]

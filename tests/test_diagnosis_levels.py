@@ -89,6 +89,7 @@ def test_from_one_level_the_level_to_record_next_is_one_at_which_it_still_moves(
     assert found.as_json()["next_level"]["share"] == 0.5
 
 
+@pytest.mark.truth
 def test_with_a_second_level_no_other_is_asked_for() -> None:
     """Nor is anything in doubt. Mutation: the first recording's levels alone."""
     found = answer(LEVEL, 0.6 * LEVEL)

@@ -29,6 +29,7 @@ from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
 from zwidth.diagnosis.selection.moves import Move, shown
 from zwidth.diagnosis.selection.search import Moves, Search, fitted, search
 from zwidth.diagnosis.selection.searched import Searched, as_found, unnamed
+from zwidth.diagnosis.settings import PURSUIT
 from zwidth.planning.excitations import Scale, excitation
 from zwidth.planning.rehearsal import Noise, rehearse
 from zwidth.sim.chain import make_chain
@@ -232,6 +233,8 @@ def test_a_candidate_that_fails_costs_itself_alone(monkeypatch: pytest.MonkeyPat
     monkeypatch.setenv("ZWIDTH_THREADS", "2")
     monkeypatch.setattr("zwidth.diagnosis.selection.moves.NO_SIGN", -np.inf)
     monkeypatch.setattr(Effort, "hopeless", np.inf)  # so that all are fitted to their end
+    all_of_a_view = replace(PURSUIT, rival_share=-np.inf)
+    monkeypatch.setattr("zwidth.diagnosis.selection.moves.PURSUIT", all_of_a_view)
 
     def first(ground: Any, *rest: Any) -> Any:
         return throw() if ground.model.has("gain_asymmetry") else descend(ground, *rest)

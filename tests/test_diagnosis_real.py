@@ -123,6 +123,7 @@ def test_the_friction_of_a_servo_motor_rises_with_speed():
     assert found["static_level"] < 0.6 * found["level"]
 
 
+@pytest.mark.truth
 def test_the_friction_of_the_paddle_yields_before_it_slides():
     """Likelier than Coulomb friction by 25 sigma; a second that yields adds nothing a sample ahead.
 

@@ -135,6 +135,7 @@ def test_a_wrong_unit_is_a_fault_and_the_diagnosis_goes_on():
     assert not found.findings
 
 
+@pytest.mark.truth
 @pytest.mark.parametrize(("limit", "scale"), [(0.12, 1.0), (np.inf, 1.0 / 3.0)])
 def test_a_saturated_amplifier_is_no_wrong_unit(limit: float, scale: float):
     """Both seem driven by a third of their command.
@@ -204,6 +205,7 @@ def test_encoder_steps_are_seen():
     assert encoder_step_seen(visited) == pytest.approx(0.02, rel=1e-9)
 
 
+@pytest.mark.truth
 def test_an_augmented_device_has_nothing_missing():
     """The loop closes: what was found explains the recording."""
     truth: Device = phantom().with_physics(make_physics("coulomb_friction", "m1", level=4e-3))

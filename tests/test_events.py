@@ -189,6 +189,7 @@ def said(kind: int) -> Event:
     return event
 
 
+@pytest.mark.truth
 @pytest.mark.parametrize("kind", [HIT, STOP, JAM, TOUCH, SLIP], ids=lambda k: KINDS[k])
 def test_what_happened_is_named_and_weighed(kind: int):
     """Mutations that break it: kinds told by duration alone; energy as force times speed before."""

@@ -110,6 +110,7 @@ def test_steps_that_hardly_show_one_step_ahead_are_told_by_the_scatter_of_blocks
     assert abs(shifted_by(catalogue, e) - by) <= (1 if by else 0)
 
 
+@pytest.mark.truth
 def test_what_was_shifted_is_explained_as_if_it_had_not_been() -> None:
     e = late(record(phantom(), 4.0), 6)
     early, (fault,) = in_time(phantom(), e)

@@ -23,6 +23,8 @@ from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.interface import Interface
 
+pytestmark = pytest.mark.truth
+
 
 def cube(_: float, v: float) -> float:
     return -0.5 * v**3

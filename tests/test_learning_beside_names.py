@@ -35,6 +35,7 @@ from zwidth.sim.place import place_at
 from zwidth.sim.run import simulate
 from zwidth.sim.uncertainty import Uncertainty
 
+pytestmark = pytest.mark.truth
 Floats = NDArray[np.float64]
 T = 0.004
 DEVICE = Device("mass", "", False, make_chain([0.5], [0.8], 30.0), Interface(period=T))
@@ -105,7 +106,6 @@ def test_what_it_took_is_said() -> None:
     assert curve.absorbed == ("coulomb_friction at m1",)
 
 
-@pytest.mark.truth
 def test_friction_stays_beside_a_drag_and_both_are_one_law() -> None:
     """The band of the sum holds friction and drag together. Mutation: the sum without the name."""
     curve = friction_and_cube()
@@ -228,7 +228,6 @@ def test_a_law_replaces_names_that_stand_in_for_it() -> None:
     assert np.abs(off[3:-3]).max() < 0.05 * 0.6 * 3.0**1.5
 
 
-@pytest.mark.truth
 def test_no_law_replaces_names_that_are_there() -> None:
     """Though one would, of names that cost as much as the device file alone.
 
@@ -241,7 +240,6 @@ def test_no_law_replaces_names_that_are_there() -> None:
     assert next(replacing(found, silent), None) is not None
 
 
-@pytest.mark.truth
 def test_a_name_stays_that_is_not_quite_its_law() -> None:
     """A quadratic drag beside a bump: what the drag leaves costs fewer points than all of it.
 

@@ -224,6 +224,7 @@ def test_the_least_cost_is_kept_and_what_costs_as_much_is_said():
         costs(math.inf, math.inf, math.inf)
 
 
+@pytest.mark.truth
 def test_a_search_of_each_reading_decides():
     """A command that counts too little by no unit, and one that is sound but suspected.
 

@@ -98,6 +98,7 @@ def test_one_command_from_a_file_to_an_answer(
         assert Path("runs", f"data.{file}").is_file()
 
 
+@pytest.mark.truth
 def test_friction_that_a_simulator_smooths_is_seen_to_rise(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):

@@ -55,6 +55,7 @@ def test_a_page_has_the_text_and_the_code_of_its_notebook(name: str, pages: Modu
         assert (NOTEBOOKS / picture).exists()
 
 
+@pytest.mark.truth
 @pytest.mark.parametrize("name", NAMES)
 def test_a_notebook_runs_and_shows_as_many_pictures_as_its_page(name: str, pages: ModuleType):
     """Mutation: `plot` that does not tell a notebook how to show figures."""

@@ -17,6 +17,7 @@ from zwidth.diagnosis.selection.searched import as_found
 from zwidth.figures.learned_surface import law_figure
 from zwidth.sim.physics.free_force import counts_at
 
+pytestmark = pytest.mark.truth
 Floats = NDArray[np.float64]
 
 
@@ -52,7 +53,6 @@ def errs(law: Law, found: LearnedSurface) -> float:
     return float(np.std(off[0]) / np.std(off[1]))
 
 
-@pytest.mark.truth
 def test_a_product_of_two_laws_is_learned_with_the_formula_of_each() -> None:
     """Mutations that break it: no product; its points are not chosen; a plane is not taken off."""
     found = surface_of(rubs_here)
@@ -84,7 +84,6 @@ def test_the_band_of_a_product_holds_it() -> None:
     assert np.mean(np.abs(off) < half) > 0.9
 
 
-@pytest.mark.truth
 def test_a_law_that_another_state_shifts_is_learned_with_the_formula_of_each() -> None:
     """Mutations that break it: no shift; one along straight lines alone; positions from anywhere.
 

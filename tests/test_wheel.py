@@ -57,6 +57,7 @@ def test_the_wheel_of_the_source_distribution_is_that_of_the_tree(built: dict[st
     assert len(contents["tree"]) == len(set(contents["tree"]))
 
 
+@pytest.mark.truth
 def test_a_users_own_sim_and_logs_are_in_nobodys_way(
     built: dict[str, Path], tmp_path: Path
 ) -> None:

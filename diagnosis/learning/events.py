@@ -362,7 +362,8 @@ def _gains(
         else:
             durations = [_of_length(total, h, int(d)) for d in lengths]
         for score, d in durations:
-            usual = float(np.median(np.abs(score[ONSET:]))) / MEDIAN
+            late = np.abs(score[ONSET:])  # nothing of a part as short
+            usual = float(np.median(late)) / MEDIAN if late.size else math.inf
             gained = (score / max(1.0, usual)) ** 2
             better = gained > best
             best[better], labels[better] = gained[better], len(each)
