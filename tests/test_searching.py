@@ -392,7 +392,7 @@ def test_a_bound_of_the_recording_is_no_answer_and_one_of_shape_is(
 def test_the_valley_of_play_is_found_from_another() -> None:
     """Play of 0.01 rad: a fit from the device file ends where it began, a population does not.
 
-    Mutation: populations under the hypothesis's own ratio alone, which do not grow on.
+    Mutation: populations under the hypothesis's own ratio alone.
     """
     made = [recording(drive().with_physics(play(0.01)), 4000, 8)]
     model = Model(drive(), (play(0.003),), ({"gap": 0.01},))

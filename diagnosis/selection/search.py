@@ -57,9 +57,10 @@ from zwidth.sim.device import Device
 Floats = NDArray[np.float64]
 Result = TypeVar("Result")
 Apart = Callable[[Hypothesis], "Sequence[Experiment] | None"]
+LESS = (1.0, 1e-1, 1e-2)  # of the own ratio, under which they grow where play is there
 LADDER = (1.0, 1e-1, 1e-2, 1e-3, 1e-4)  # ratios under which populations grow
 GROWN_TICKS = 10000  # of all recordings together, to which populations grow
-AGAIN, STILL = 2, 10.0  # turns about the best, and what one must gain in misfit for another
+AGAIN, STILL = 6, 10.0  # turns about the best, and what one must gain in misfit for another
 MOST_APART, LEAST_LEFT = 8, 0.5  # parts that are set apart in turn; of all ticks, that are searched
 FAR_SPREAD, NEAR_SPREADS = 0.5, (0.3, 0.1)  # in x, of which one is a file's own uncertainty
 
@@ -438,10 +439,10 @@ def _worth(more: Hypothesis, less: Hypothesis) -> bool:
 def look_for_valleys(found: Search, always: bool = False) -> None:
     """Let populations grow from where the best hypothesis stands and from the device file.
 
-    Where a fit ends in the valley in which it began (play), under its own ratio; or always, and
-    then each ratio of a ladder has its own: what the best has left unexplained is noise to it, so
-    that its own ratio says little of the right one. What costs least of all that arrived, under its
-    own noise, grows on.
+    Where a fit ends in the valley in which it began (play), under its own ratio and two that are
+    less: what the best has left unexplained is noise to it, so that its own ratio is more than the
+    right one. Or always, and then under each ratio of a ladder. What costs least of all that
+    arrived, under its own noise, grows on.
     """
     h, effort = found.best, found.effort
     if not h.creased or effort.generations == 0 or h.labels in found.looked:
@@ -452,7 +453,8 @@ def look_for_valleys(found: Search, always: bool = False) -> None:
     found.say(f"looking for the valley of {h.model.label} anew")
     prior = np.array([p.prior for p in h.model.parameters])
     starts = [h.x, np.where(prior, 0.0, h.x)]
-    ladder = LADDER if always and h.family.whitening else (h.ratio,)
+    near = tuple(h.ratio * less for less in LESS) if h.family.whitening else (h.ratio,)
+    ladder = LADDER if always and h.family.whitening else near
     first = _arrived(h, effort, [(ratio, starts, FAR_SPREAD) for ratio in ladder])
     new = _grown_on(found, [h, *first])
     if new is not None and new.cost.total < h.cost.total:
