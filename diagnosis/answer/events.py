@@ -25,9 +25,6 @@ from zwidth.sim.place import place_at
 from zwidth.sim.readable import with_unit
 
 Floats = NDArray[np.float64]
-ENDED = 0.1  # of how long a force acts, for which it must be seen not to
-TURNS = 2  # searches that know of what happened
-MATTERS = 10.0  # in -2 ln, from which other forces of events make another search
 SHORT_S, LONG_S = 0.05, 0.1  # a hit lasts less, a hand longer
 HELD = 0.1  # of the usual speed, below which what should move is held
 STOPPED = 0.1  # of the speed before, that is left after a stop

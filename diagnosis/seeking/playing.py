@@ -109,7 +109,7 @@ def _best(
     best = int(np.argmin(np.nan_to_num(costs, nan=np.inf)))
     if own_cost - costs[best] > PURSUIT.clear_sign:
         gap = float(gaps[best])
-        there_is = replace(first.physics, values={key: gap})
-        there_wide = model.with_effect(there_is, {key: gap}, first.bounds)
-        begin = there_wide.within(np.append(x, 0.0))
-        yield Played(there_wide, begin, float(own_cost - costs[best]), there)
+        # A fit moves by its scale: by that of the least gap it would not move at all.
+        physics = replace(first.physics, values={key: gap})
+        played = model.with_effect(physics, {key: gap}, first.bounds)
+        yield Played(played, played.within(np.append(x, 0.0)), float(own_cost - costs[best]), there)

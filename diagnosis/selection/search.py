@@ -290,7 +290,7 @@ def _set_apart(found: Search, gained: float) -> bool:
         explained = before.cost.misfit - best.cost.misfit * before.samples / best.samples
         if not explained > max(gained, PURSUIT.near_rival):
             return False
-        found.say("something seems to have happened: the search goes on beside it")
+        found.say("something seems to have happened once: the search goes on without that part")
         restart(found, best if before is found.plain else again(found.plain), best)
         found.apart += 1
         return True
