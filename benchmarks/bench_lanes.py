@@ -35,7 +35,7 @@ from zwidth.sim.run import Start, simulate, start_memory
 
 Floats = NDArray[np.float64]
 TICKS, MEMBERS, ROUNDS = 20000, 2 * WIDTH, 5
-OUTPUTS = Outputs(np.array([0]), np.array([True]), np.array([GROUND]))
+OUTPUTS = Outputs(np.array([0]), np.array([True]), np.array([GROUND]), np.zeros(1))
 
 
 def coulomb(level: float, at: str = "m1") -> Physics:

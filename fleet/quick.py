@@ -33,7 +33,14 @@ from zwidth.fleet.structure import Structure
 from zwidth.sim.device import Device
 
 Floats = NDArray[np.float64]
-NUISANCE = ("origin", "zero", "jitter", "gain", "change")  # of a run, and no parameter of a device
+NUISANCE = (
+    "origin",
+    "zero",
+    "jitter",
+    "skew",
+    "gain",
+    "change",
+)  # of a run, and no parameter of a device
 QUIET = 0.05  # of what a command goes through, within which it stands still
 STARTS, JUMPS = 6, 2.0  # samples of setting out, and how often their steps what is no jump
 DRAWN = 160  # points of a recording that are kept to be drawn

@@ -170,7 +170,7 @@ def informative(
             assert h.slopes is not None
             own = h.slopes[: h.samples]
             log_det = float(np.linalg.slogdet(own.T @ own + np.eye(own.shape[1]))[1])
-            linear = [p.kind not in ("origin", "zero", "jitter") for p in model.parameters]
+            linear = [p.kind not in ("origin", "zero", "jitter", "skew") for p in model.parameters]
             told.append((place, log_det, h.x[np.array(linear)]))
     if not told:
         raise NoObserver("no recording of the fleet can be followed with the device")

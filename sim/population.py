@@ -59,13 +59,14 @@ class Readings:
 
     observers: gains L (states, o) of all, or (members, states, o). gains (members,) of the command;
     origins (members, o) taken from what was measured, and jitters (members, o) times what is
-    arriving.
+    arriving. lates (members, o) [s]: by how much outputs are read later than the recording says.
     """
 
     observers: Floats
     gains: Floats | None = None
     origins: Floats | None = None
     jitters: Floats | None = None
+    lates: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -308,6 +309,7 @@ def _reading(
     gains = np.ones(size) if readings.gains is None else readings.gains
     origins = np.zeros((size, o)) if readings.origins is None else readings.origins
     jitters = np.zeros((size, o)) if readings.jitters is None else readings.jitters
+    lates = np.zeros((size, o)) if readings.lates is None else readings.lates
     arriving = np.zeros(0) if recorded.arriving is None else recorded.arriving
     observer = _lanes(readings.observers, which, 2)
     if observer.shape[:2] != (states, o):
@@ -317,7 +319,7 @@ def _reading(
         )
     return Reading(
         observer, _lanes(gains[:, None], which, 1), _lanes(origins, which, 1),
-        _lanes(jitters, which, 1), arriving,
+        _lanes(jitters, which, 1), arriving, _lanes(lates + recorded.outputs.late, which, 1),
     )  # fmt: skip
 
 

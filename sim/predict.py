@@ -53,19 +53,22 @@ class Outputs(NamedTuple):
     """What was measured: state (o,) index of each output in x, sensed (o,) through m1's sensor.
 
     less (o,): index of what it is measured from, as the end of a link is from its other end;
-    `GROUND` for what stands still.
+    `GROUND` for what stands still. late (o,) [s]: by how much it is read after the instant at which
+    the command acts, negative before it; of one device (`alone`), since members have their own.
     """
 
     state: NDArray[np.int64]
     sensed: NDArray[np.bool_]
     less: NDArray[np.int64]
+    late: Floats
 
 
 class Reading(NamedTuple):
     """How a recording is read, which may differ from member to member of a population.
 
     observer (states, o): the gain L. The command counts times gain (1,); from what was measured
-    origin (o,) is taken, and jitter (o,) times arriving (ticks,), or (0,) for none.
+    origin (o,) is taken, and jitter (o,) times arriving (ticks,), or (0,) for none. late (o,) [s]:
+    by how much each output is read after the instant at which commands act (`ahead_by`).
     """
 
     observer: Floats
@@ -73,6 +76,7 @@ class Reading(NamedTuple):
     origin: Floats
     jitter: Floats
     arriving: Floats
+    late: Floats
 
 
 class Saved(NamedTuple):
@@ -128,7 +132,7 @@ def alone(
 ) -> Floats:
     """Return the innovations (ticks, o) of one device, see `predict`; memory goes on."""
     o = measured.shape[1]
-    reading = Reading(observer, np.ones(1), np.zeros(o), np.zeros(o), np.zeros(0))
+    reading = Reading(observer, np.ones(1), np.zeros(o), np.zeros(o), np.zeros(0), outputs.late)
     judge = judge_of(np.eye(o)[:, :, None], measured.shape[0], measured.shape[0])
     spaces = (scratch(eq), scratch(fine))
     with counted(1, measured.shape[0]):
@@ -143,7 +147,12 @@ def alone(
 def _lane_reading(r):
     """View a reading in lanes; what is arriving is of the recording."""
     return Reading(
-        as_lanes(r.observer), as_lanes(r.gain), as_lanes(r.origin), as_lanes(r.jitter), r.arriving
+        as_lanes(r.observer),
+        as_lanes(r.gain),
+        as_lanes(r.origin),
+        as_lanes(r.jitter),
+        r.arriving,
+        as_lanes(r.late),
     )
 
 
@@ -207,6 +216,22 @@ def at_work(eq, fine, space, fine_space, look):
         space.own, space.more, space.shares, space.choice if look == 0 else fine_space.choice,
     )  # fmt: skip
     return now, room
+
+
+@part
+def ahead_by(late, state, x, before, dof, period, known):
+    """Return by how much a state (its index) is read ahead of the tick where it is read late.
+
+    q(t + s) = q + s v + s^2 / 2 a, and v(t + s) = v + s a, with s of either sign and a the mean
+    acceleration over the tick before; what s^3 and more add is left out. A command that changes at
+    t changes a at once: where s > 0 that is added by whoever knows the command (`Model.seen`).
+    before: the state a tick ago, which counts where it is `known`.
+    """
+    moves = state + dof if state < dof else state
+    gained = (x[moves] - before[moves]) / period if known else 0.0 * late
+    if state < dof:
+        return late * (x[moves] + 0.5 * late * gained)
+    return late * gained
 
 
 @part
@@ -277,10 +302,16 @@ def predict(
     for k in range(commands.size):
         row = earlier + k % PIECE
         for o in range(outputs.state.size):
-            there = x[outputs.state[o]]
+            late, which, from_which = reading.late[o], outputs.state[o], outputs.less[o]
+            there, beside = x[which], x[from_which]
+            if any_lane(abs(late) > 0.0):
+                there = there + ahead_by(late, which, x, saved.x, eq.dof, eq.period, k > 0)
+                if from_which != GROUND:
+                    own = ahead_by(late, from_which, x, saved.x, eq.dof, eq.period, k > 0)
+                    beside = beside + own
             if outputs.sensed[o]:
                 there = read_sensor(eq, there)
-            there = there - x[outputs.less[o]]
+            there = there - beside
             y = measured[k, o] - reading.origin[o]
             if reading.arriving.size > 0:
                 y -= reading.jitter[o] * reading.arriving[k]

@@ -76,7 +76,7 @@ def errors(device: Device, truth: Floats, command: Floats, counts: Sequence[int]
 
 
 COMMAND = np.repeat([3.0, -2.0, 2.5, 0.0], 25)
-SEEN = Outputs(np.array([0]), np.array([True]), np.array([GROUND]))
+SEEN = Outputs(np.array([0]), np.array([True]), np.array([GROUND]), np.zeros(1))
 GRID_STATES = [
     *itertools.combinations(STATES, 2), *((state,) for state in STATES), ("time", "position"),
 ]  # fmt: skip

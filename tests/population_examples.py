@@ -10,7 +10,9 @@ from zwidth.sim.predict import GROUND, Outputs, alone
 from zwidth.sim.run import Start, start_memory
 
 TICKS = 700  # more than a piece
-OUTPUTS = Outputs(np.array([0, 4]), np.array([True, False]), np.array([GROUND, GROUND]))
+OUTPUTS = Outputs(
+    np.array([0, 4]), np.array([True, False]), np.array([GROUND, GROUND]), np.zeros(2)
+)
 
 
 def recorded(ticks: int = TICKS) -> Recorded:

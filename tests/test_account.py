@@ -47,7 +47,7 @@ def test_nothing_is_counted_where_nobody_asks() -> None:
 def test_the_kernel_counts_members_and_not_lanes() -> None:
     """Five of one make fill a group of lanes in part. Mutation: WIDTH in the place of members."""
     members = Population(alike(ONE, 5), 1, 1)
-    outputs = Outputs(np.array([0]), np.array([False]), np.array([GROUND]))
+    outputs = Outputs(np.array([0]), np.array([False]), np.array([GROUND]), np.zeros(1))
     recorded = Recorded(np.zeros(40), np.zeros((40, 1)), outputs)
     starts = members.start(np.zeros((5, 1)), np.zeros((5, 1)))
     with keeping() as account:

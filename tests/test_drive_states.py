@@ -33,7 +33,7 @@ K, BACK = KT / R * KP, KT * KT / R
 ARM = Device("arm", "", True, make_chain([J], [B]), Interface(period=T))
 SERVO = Drive("servo", KT, R, supply_v=U, proportional=KP, derivative=KD).on(ARM)
 PENDULUM = make_physics("gravity_pendulum", "m1", level=0.8, angle=0.0)
-PLACES = Outputs(np.array([0]), np.array([False]), np.array([31]))
+PLACES = Outputs(np.array([0]), np.array([False]), np.array([31]), np.zeros(1))
 
 
 def angle(device: Device, goal: np.ndarray, substeps: int = 8) -> np.ndarray:

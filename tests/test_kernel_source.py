@@ -57,7 +57,9 @@ def _predicted(device: Device) -> Floats:
     """Return the innovations of 24 ticks."""
     rng = np.random.default_rng(4)
     eq, fine = equations(device, 1), equations(device, 3)
-    outputs = Outputs(np.array([0, 4]), np.array([True, False]), np.array([GROUND, GROUND]))
+    outputs = Outputs(
+        np.array([0, 4]), np.array([True, False]), np.array([GROUND, GROUND]), np.zeros(2)
+    )
     gain = 0.1 * rng.normal(size=(eq.states, 2))
     return alone(
         eq, fine, outputs, 0.05 * rng.normal(size=24), 1e-3 * rng.normal(size=(24, 2)), gain,

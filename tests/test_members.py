@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from physics_examples import EVERYWHERE, EXAMPLES, example, five, phantom
 
 from zwidth.diagnosis.fitting.many import Many
-from zwidth.diagnosis.model.parameters import Model, first_velocity
+from zwidth.diagnosis.model.parameters import Model, leads
 from zwidth.diagnosis.noise.predictor import Fineness, observer_memory, padded, substeps_of
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment, Output
@@ -101,7 +101,7 @@ def one_by_one(
         np.full((len(xs), *e.measured.shape), np.inf),
         np.full((len(xs), o, o), np.inf),
     )
-    plain, place = model.plain(e), first_velocity(e)
+    plain = model.plain(e)
     for i, x in enumerate(xs):
         device, reads = model.acting(x), model.reads(x)
         try:
@@ -109,16 +109,13 @@ def one_by_one(
         except NoObserver:
             continue
         eq, _ = frame(device, steps[0])
-        jitters = np.zeros((1, o))
-        if place is not None:
-            jitters[:, place] = reads.jitter
+        led = leads(e.outputs, np.array(reads.jitter), np.array(reads.late), np.array(reads.push))
         readings = Readings(
             padded(gain, device, eq, e), np.array([reads.gain]),
-            reads.offsets(e)[None], jitters,
+            reads.offsets(e)[None], led[None], np.full((1, o), reads.late),
         )  # fmt: skip
         recorded = Recorded(
-            plain.command, plain.measured, e.places(eq), None,
-            None if place is None else model.arriving_change(plain),
+            plain.command, plain.measured, e.places(eq), None, model.arriving_change(plain),
         )  # fmt: skip
         start = observer_memory(eq, model.seen(e.part(0, 32), x))
         found = Population([device], *steps).follow(

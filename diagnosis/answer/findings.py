@@ -43,6 +43,7 @@ DAMPER, SPRING = ("N m s/rad", "N s/m"), ("N m/rad", "N/m")
 UNITS = {
     "mass": ("kg m2", "kg"), "damper": DAMPER, "link": DAMPER, "spring": SPRING, "k0": SPRING,
     "gain": ("", ""), "origin": ("rms motions", "rms motions"), "jitter": ("s", "s"),
+    "skew": ("s", "s"),
     "zero": ("rad", "m"),
 }  # fmt: skip
 SAME_STEP = 0.01  # relative difference of steps that are the same
@@ -233,7 +234,7 @@ def _on(e: Experiment, model: Model, x: Floats, index: int, more: float, name: s
     there = model.there(x, e).copy()
     there[index] += more
     moved = model.within(there)
-    if name in ("origin", "gain", "jitter") or name.startswith("zero_"):
+    if name in ("origin", "gain", "jitter", "skew") or name.startswith("zero_"):
         return values_of(model, moved)[name]
     return chain_values(e.on(model.build(moved)).chain)[name]
 

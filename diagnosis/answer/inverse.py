@@ -202,7 +202,9 @@ def _forces(
     n = position.shape[1]
     eq, fine = ready = prepared(seen.on(device))
     places = np.concatenate([np.arange(n), eq.dof + np.arange(n)])
-    outputs = Outputs(places, np.zeros(2 * n, dtype=np.bool_), np.full(2 * n, GROUND))
+    outputs = Outputs(
+        places, np.zeros(2 * n, dtype=np.bool_), np.full(2 * n, GROUND), np.zeros(2 * n)
+    )
     put = np.zeros((eq.states, 2 * n))
     put[places, np.arange(2 * n)] = 1.0
     first = replace(seen, outputs=tuple(Output("position", i) for i in range(n)), start=None)

@@ -153,7 +153,7 @@ def judged(
         name
         for name, (nominal, e) in refit.items()
         if abs(e.value - nominal) > SHIFTED / Z95 * 0.5 * (e.upper - e.lower)
-        and name != "jitter"
+        and name not in ("jitter", "skew")
         and not name.startswith("zero_")
     ]
     if moved:

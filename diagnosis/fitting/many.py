@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.model.parameters import Model, first_velocity
+from zwidth.diagnosis.model.parameters import Model, leads
 from zwidth.diagnosis.noise.predictor import (
     MOST_SUBSTEPS,
     Fineness,
@@ -108,34 +108,32 @@ class Many:
         keep: bool = False,
     ) -> Iterator[tuple[NDArray[np.int64], Followed]]:
         plain = self.model.plain(experiment)
-        place = first_velocity(experiment)
         first = self.model.plain(experiment.part(0, min(BEGINNING, experiment.ticks)))
-        change = None if place is None else self.model.arriving_change(first)
-        gains, at, jitter, zeros = self.model.reads_each(self.model.there(self.xs, experiment))
+        change, arriving = self.model.arriving_change(first), self.model.arriving_change(plain)
+        there = self.model.there(self.xs, experiment)
+        gains, at, jitter, zeros, late, push = self.model.reads_each(there)
         still = np.array([o.tells_position for o in experiment.outputs], dtype=np.float64)
         own = zeros[:, [o.mass for o in experiment.outputs]]
         origins = (at[:, None] * experiment.swing + own) * still
-        jitters = np.zeros((self.size, still.size))
-        if place is not None:
-            jitters[:, place] = jitter
+        led = leads(experiment.outputs, jitter, late, push)
         period = self.model.nominal.interface.period
         for which, population, device in self.kinds(experiment):
-            motions = np.array([
-                _first_motion(first, period, origins[i], place, float(jitter[i]), change)
-                for i in which
-            ])  # fmt: skip
+            motions = np.array(
+                [_first_motion(first, period, origins[i], led[i], change) for i in which]
+            )
             starts = experiment.start
             own = starts if starts is None or starts.ndim == 1 else starts[which]
             force = experiment.external(population.dof)
             recorded = Recorded(
-                plain.command, plain.measured, experiment.places(population), force,
-                None if place is None else self.model.arriving_change(plain), plain.strengths,
+                plain.command, plain.measured, experiment.places(population), force, arriving,
+                plain.strengths,
             )  # fmt: skip
             readings = Readings(
                 padded(gain, device, population, experiment),
                 gains[which],
                 origins[which],
-                jitters[which],
+                led[which],
+                np.tile(late[which, None], (1, still.size)),
             )
             memories = observer_memories(population, motions, own, experiment.begins)
             yield which, population.follow(
@@ -156,15 +154,13 @@ def _first_motion(
     first: Experiment,
     period: float,
     origin: Floats,
-    place: int | None,
-    jitter: float,
-    change: Floats | None,
+    led: Floats,
+    change: Floats,
 ) -> tuple[float, float]:
     """Return the motion at the first sample as a member reads it, see `Model.seen`."""
     measured = first.measured
     if origin.any():
         measured = measured - origin
-    if place is not None and jitter != 0.0 and change is not None:
-        measured = measured.copy()
-        measured[:, place] -= jitter * change
+    if led.any():
+        measured = measured - led * change[:, None]
     return first_motion(first.outputs, measured, period)

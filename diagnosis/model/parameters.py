@@ -3,7 +3,9 @@
 Every parameter is value = nominal + scale x (effects, dampers of links), nominal exp(scale x)
 (masses, springs, gain) or nominal + scale sinh(x) (dampers to ground), so that x is of order one.
 The linear ones carry a Gaussian prior of one scale, which the device file states (`Uncertainty`):
-what the recording does not tell stays near the nominal device instead of running away. A damper to
+what the recording does not tell stays near the nominal device instead of running away. So has the
+skew of the clock: by how much of a period all outputs are read after the instant at which commands
+act, or before it, which no file states and every laboratory has. A damper to
 the ground may be zero, and is guessed more often than measured, since bearings and back-EMF are in
 it: near the file's value sinh(x) is x, and far from it another factor of ten costs no more than the
 first did. Were it linear there too, twenty times the damper would cost 1400, and any drag of the
@@ -23,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.sim.chain import Chain, Chains
 from zwidth.sim.changes import beside, difference
 from zwidth.sim.device import Device, place_label
@@ -33,6 +35,7 @@ from zwidth.sim.physics.effect import Parameter as Declared
 
 Floats = NDArray[np.float64]
 JITTER_SCALE = 0.01  # of the period: by how much commands arrive early or late
+SKEW_SCALE = 0.2  # of the period: by how much all is read after commands act, or before
 ORIGIN_SCALE = 0.1  # of the rms motion: where a spring to ground is at rest
 # Scales that a mass, spring or gain may move: with 0.3 by exp(1.5) = 4.5 either way. The prior says
 # how unlikely that is; a bound that is met says nothing. Carts of which their builders' file has
@@ -50,8 +53,8 @@ BENT = ("damper",)
 class Parameter:
     """One number; index in its array.
 
-    kind: "mass", "spring", "damper", "link", "k0", "origin", "zero", "gain", "jitter", "effect",
-    or "change": of the parameter at `index` of all, in its x.
+    kind: "mass", "spring", "damper", "link", "k0", "origin", "zero", "gain", "jitter", "skew",
+    "effect", or "change": of the parameter at `index` of all, in its x.
 
     scale: of x. lower, upper: bounds of x. prior: whether x has a unit Gaussian prior. key: of an
     effect's parameter its name; ends: at which of its bounds a fit is no physics, "lower", "upper".
@@ -118,13 +121,16 @@ class Reads(NamedTuple):
 
     The command counts times gain; origin, in units of the rms motion, is taken from positions, and
     jitter times the change of the arriving command from the velocity of m1. zeros (n,): what the
-    positions of each mass are read by more than that of m1.
+    positions of each mass are read by more than that of m1. late [s]: by how much all is read after
+    the instant at which commands act; push: what a unit of command accelerates m1 by, alone.
     """
 
     gain: float
     origin: float
     jitter: float
     zeros: tuple[float, ...]
+    late: float
+    push: float
 
     def offsets(self, experiment: Experiment) -> Floats:
         """Return what the outputs (o,) of a recording read where the device is at rest."""
@@ -132,6 +138,23 @@ class Reads(NamedTuple):
         own = np.array([self.zeros[o.mass] for o in experiment.outputs])
         origin = self.origin * experiment.swing if self.origin else 0.0  # a swing may be infinite
         return (origin + own) * positions
+
+
+def leads(outputs: Sequence[Output], jitter: Floats, late: Floats, push: Floats) -> Floats:
+    """Return by how much of a change of the arriving command each output leads (..., o).
+
+    A reading that is s > 0 late sees the command of its instant act for s already: s push in the
+    velocity of m1, s^2 / 2 push in its position; the rest of what s does is in how the device is
+    followed (`sim.predict.ahead_by`). jitter: what the velocity leads by besides.
+    """
+    after = np.maximum(late, 0.0)
+    found = np.zeros((*np.shape(late), len(outputs)))
+    for i, o in enumerate(outputs):
+        if o.mass == 0 and o.less is None and o.quantity == "velocity":
+            found[..., i] = jitter + after * push
+        elif o.mass == 0 and o.less is None:
+            found[..., i] = 0.5 * after**2 * push
+    return found
 
 
 class _Trial(NamedTuple):
@@ -465,21 +488,27 @@ class Model:
 
     def reads(self, x: Floats) -> Reads:
         """Return how the model at x reads a recording."""
-        gain, origin, jitter, zeros = self.reads_each(x)
-        return Reads(float(gain), float(origin), float(jitter), tuple(zeros.tolist()))
+        gain, origin, jitter, zeros, late, push = self.reads_each(x)
+        own = tuple(zeros.tolist())
+        return Reads(float(gain), float(origin), float(jitter), own, float(late), float(push))
 
-    def reads_each(self, xs: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return what `reads` does at x (..., parameters): zeros (..., n), the others (...,)."""
+    def reads_each(self, xs: Floats) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
+        """Return what `reads` does at x (..., parameters): zeros (..., n), the others (...,).
+
+        A delay under trial is counted from the reading, and has the skew of the clock in it.
+        """
         values = self.linear_at(xs)
-        gain, origin, jitter = (
+        gain, origin, jitter, late = (
             self._one(values, kind, absent)
-            for kind, absent in (("gain", 1.0), ("origin", 0.0), ("jitter", 0.0))
+            for kind, absent in (("gain", 1.0), ("origin", 0.0), ("jitter", 0.0), ("skew", 0.0))
         )
+        late = np.zeros_like(late) if self.has("loop_delay") else late
         zeros = np.zeros((*xs.shape[:-1], self.nominal.chain.masses.size))
         if "zero" in self._kinds:
             zeros[..., 1:] = values[..., self._kinds["zero"]]
         counts = gain * self.nominal.interface.command_gain
-        return gain, origin, 0.5 * jitter * counts / self.nominal.chain.masses[0], zeros
+        push = counts / self.nominal.chain.masses[0]
+        return gain, origin, 0.5 * jitter * push, zeros, late, push
 
     def plain(self, experiment: Experiment) -> Experiment:
         """Return a recording as the model sees it at every x alike.
@@ -504,7 +533,7 @@ class Model:
         return replace(experiment, command=command, measured=measured, before=before)
 
     def seen(self, experiment: Experiment, x: Floats) -> Experiment:
-        """Return a recording as the model at x sees it: `plain`, then gain, origin and jitter.
+        """Return a recording as the model at x sees it: `plain`, then gain, origin, jitter, skew.
 
         Commands that arrive early or late by j in the mean of |j|, as often one as the other: the
         velocity of m1 is read at the nominal instant, when an early one has acted for j already and
@@ -516,15 +545,21 @@ class Model:
         measured = plain.measured
         if (offsets := reads.offsets(experiment)).any():
             measured = measured - offsets
-        if reads.jitter != 0.0 and (place := first_velocity(experiment)) is not None:
-            measured = measured.copy()
-            measured[:, place] -= reads.jitter * self.arriving_change(plain)
+        led = leads(plain.outputs, reads.jitter, reads.late, reads.push)
+        if led.any():
+            measured = measured - led * self.arriving_change(plain)[:, None]
+        outputs = plain.outputs
+        if reads.late != 0.0:
+            outputs = tuple(replace(o, late=o.late + reads.late) for o in outputs)
         before = None if experiment.before is None else self.seen(experiment.before, own)
         command = reads.gain * plain.command
         changes = experiment.changes
         if x is not own:
             changes = beside(changes, difference(self.acting(own), self.acting(x)))
-        return replace(plain, command=command, measured=measured, before=before, changes=changes)
+        return replace(
+            plain, outputs=outputs, command=command, measured=measured, before=before,
+            changes=changes,
+        )  # fmt: skip
 
     def arriving_change(self, plain: Experiment) -> Floats:
         """Return by how much the command that begins to act changes at each reading (ticks,)."""
@@ -651,6 +686,8 @@ def linear_parameters(device: Device) -> list[Parameter]:
     if device.interface.delay_ticks[1] == 0.0:  # else no command arrives while one reads
         scale = JITTER_SCALE * device.interface.period
         found.append(Parameter("jitter", "jitter", 0, scale))
+    skew = SKEW_SCALE * device.interface.period
+    found.append(Parameter("skew", "skew", 0, skew, -1.0 / SKEW_SCALE, 1.0 / SKEW_SCALE))
     return found
 
 

@@ -332,6 +332,7 @@ def driven(device: Device, experiment: Experiment, gain: Floats, errors: Floats)
         np.concatenate([np.full(o, GROUND), places.state]),
         np.concatenate([np.zeros(o, dtype=np.bool_), places.sensed]),
         np.concatenate([np.full(o, GROUND), places.less]),
+        np.concatenate([np.zeros(o), places.late]),
     )
     memory, full = memory_at(ready, experiment, device, gain)
     found = alone(
@@ -457,6 +458,7 @@ def free_runs(
         np.concatenate([places.state, states]),
         np.concatenate([places.sensed, np.zeros(2 * n, dtype=np.bool_)]),
         np.concatenate([places.less, np.full(2 * n, GROUND)]),
+        np.concatenate([places.late, np.zeros(2 * n)]),
     )
     measured = np.hstack([experiment.measured, np.zeros((experiment.ticks, 2 * n))])
     memory, full = memory_at(ready, experiment, device, gain)

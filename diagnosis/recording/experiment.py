@@ -61,13 +61,15 @@ class Output:
     """A measured channel: quantity ("position" or "velocity") of a mass, counted from 0.
 
     less: the mass that it is measured from, as the deflection of a link is; None for the ground.
-    truly: as it is, and not as a sensor reads it.
+    truly: as it is, and not as a sensor reads it. late [s]: by how much it is read after the
+    instant at which the commands act, negative before it.
     """
 
     quantity: str
     mass: int
     less: int | None = None
     truly: bool = False
+    late: float = 0.0
 
     @property
     def name(self) -> str:
@@ -179,8 +181,9 @@ class Experiment:
         less = [GROUND if o.less is None else place(o, o.less) for o in self.outputs]
         sensed = [o.tells_position and o.mass == 0 and not o.truly for o in self.outputs]
         return Outputs(
-            np.array(state, dtype=np.int64), np.array(sensed), np.array(less, dtype=np.int64)
-        )
+            np.array(state, dtype=np.int64), np.array(sensed), np.array(less, dtype=np.int64),
+            np.array([o.late for o in self.outputs], dtype=np.float64),
+        )  # fmt: skip
 
     def external(self, dof: int, force: Floats | None = None) -> Floats:
         """Return what acts besides the command on so many masses, as the kernel takes it.

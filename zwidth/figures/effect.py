@@ -172,7 +172,7 @@ def _runs(effect: Effect, shown: Shown) -> tuple[Run, Run]:
 
 def _switched_off(device: Device, command: Floats) -> Run:
     """Return a run whose drive is switched off halfway."""
-    seen = Outputs(np.array([0, 1]), np.zeros(2, dtype=np.bool_), np.full(2, GROUND))
+    seen = Outputs(np.array([0, 1]), np.zeros(2, dtype=np.bool_), np.full(2, GROUND), np.zeros(2))
     eq, on = equations(device, SUBSTEPS), command.size // 2
     strengths = (np.arange(command.size) < on).astype(float)
     silent, blind = np.zeros((command.size, 2)), np.zeros((eq.states, 2))
