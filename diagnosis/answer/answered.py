@@ -40,6 +40,7 @@ from zwidth.diagnosis.forces.locate import NOWHERE, Located, locate
 from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.mishaps import Mishaps, Say, attempt
+from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.searched import Searched, Searches
 from zwidth.sim.device import Device
 
@@ -87,7 +88,7 @@ def answered(
         verdict, sentence = Verdict.UNDECIDED, level.undecided(names, error)
         record = level.advice
     law, rather, halted = _law(device, stands, seen, verdict, findings, mishaps, say)
-    augment = partial(_augmented, taken, found, findings)
+    augment = partial(_augmented, device, taken, found, findings)
     if verdict is Verdict.UNKNOWN_PHYSICS:
         findings = tuple(f.without_probability() for f in findings)
     if law is not None:
@@ -101,7 +102,7 @@ def answered(
             verdict = Verdict.UNKNOWN_PHYSICS
             sentence = "something is missing that no effect of the library explains"
         sentence = f"{sentence}; {law.sentence}"
-        augment = partial(_augmented, taken, law.found, findings)
+        augment = partial(_augmented, device, taken, law.found, findings)
         changes = outlived(changes, law.found)
         runs = attempt("whole runs", "", partial(_whole_runs, device, stands, law.found))
         seen = replace(seen, runs=runs or seen.runs)
@@ -278,7 +279,9 @@ def _rather_than(findings: Sequence[Finding], law: Law) -> str:
     )
 
 
-def _augmented(taken: Taken, found: Searched, findings: Sequence[Finding]) -> Device:
+def _augmented(
+    device: Device, taken: Taken, found: Searched, findings: Sequence[Finding]
+) -> Device:
     """The device with refitted parameters, with all that was found and how recordings are read."""
     model = found.final.model
     steps = [f for f in findings if f.effect == "encoder_step" and not model.has(f.effect)]
@@ -287,7 +290,15 @@ def _augmented(taken: Taken, found: Searched, findings: Sequence[Finding]) -> De
         smooth=all_smooth(taken.faults, taken.whole),
         folded=any(f.effect == "rectified_sensor" for f in findings),
         encoder_step=max((f.parameters["step"].value for f in steps), default=0.0),
+        early=_read_early(device, found, taken.whole),
     )  # fmt: skip
+
+
+def _read_early(device: Device, found: Searched, recordings: Sequence[Experiment]) -> float:
+    """By how much readings are taken before commands act [s], where that is told from nothing."""
+    told = attempt("intervals", "skew", partial(linear, device, found.final, recordings)) or {}
+    _, skew = told.get("skew", (0.0, Estimate(0.0, 0.0, 0.0)))
+    return -skew.value if skew.upper < 0.0 else 0.0
 
 
 def _verdict(

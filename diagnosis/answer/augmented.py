@@ -5,12 +5,14 @@ ground rests) and a command that is held or smooth, takes steps off the recordin
 out of it, and folds a sensor out. All that is the device's, so that `zwidth simulate` of the saved
 device, under the command as it was recorded and from where it began, runs as the fit does freely.
 
-Limits: by how much commands arrive early or late on average (jitter) is a way to read a velocity
-and no motion, and has no place in a device. Which commands were lost is of the recording: a device
-has their rate; `scenario_of` plays those that arrived. In several recordings of which some had
-smooth commands, the device says so where all did. A simulation's drive is on and at its nominal
-supply at all times: a recording in which it was not is no scenario. What limits the rate of a
-command lets a recording begin where it is, and a simulation at zero.
+Readings that are taken before their commands act (a negative skew) are a delay of the loop, and are
+the device's too. Limits: readings that are taken after it have no place in a device, in which a
+command follows from its reading; nor has by how much commands arrive early or late on average
+(jitter), which is a way to read a velocity and no motion. Which commands were lost is of the
+recording: a device has their rate; `scenario_of` plays those that arrived. In several recordings of
+which some had smooth commands, the device says so where all did. A simulation's drive is on and at
+its nominal supply at all times: a recording in which it was not is no scenario. What limits the
+rate of a command lets a recording begin where it is, and a simulation at zero.
 """
 
 from collections.abc import Sequence
@@ -40,17 +42,20 @@ def augmented(
     smooth: bool = False,
     folded: bool = False,
     encoder_step: float = 0.0,
+    early: float = 0.0,
 ) -> Device:
     """Return the device of a model at x, with how it reads recordings.
 
     swing: rms motion, in which the origin counts. smooth: whether the commands were; folded:
     whether the sensor was folded out; encoder_step: what the samples themselves show, or 0.
+    early [s]: by how much readings are taken before commands act.
     """
     device, reads, known = model.build(x), model.reads(x), model.nominal.interface
     device = device.with_interface(
         command_gain=known.command_gain * reads.gain,
         position_origin=known.position_origin + reads.origin * swing,
         command_hold="smooth" if smooth else known.command_hold,
+        delay=device.interface.delay + early,
     )
     if folded:
         device = device.with_physics(make_physics("rectified_sensor", "sensor"))

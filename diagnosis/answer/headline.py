@@ -313,6 +313,8 @@ def parameter_in_words(name: str, unit: str) -> str:
     """Return a linear parameter as people call it: "the inertia m1", "the spring k12"."""
     if name == "gain":
         return "the scale of the command"
+    if name == "skew":
+        return "readings after the command"
     name, where, word = name.partition(" in ")  # a value of some recordings' own
     kind = {"m": "mass" if unit == "kg" else "inertia", "b": "damper", "k": "spring"}.get(name[:1])
     said = name if kind is None or not name[1:].isdigit() else f"the {kind} {name}"

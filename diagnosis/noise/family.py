@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.account import reason
 from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.noise.beginning import by_own_slopes, innovations_each, with_play
+from zwidth.diagnosis.noise.beginning import by_own_slopes, innovations_each, smooth, with_play
 from zwidth.diagnosis.noise.predictor import (
     BEGINNING,
     SEARCHING,
@@ -139,7 +139,7 @@ def noises(
     usable = np.flatnonzero(np.isfinite(gains).all(axis=(1, 2)))
     if usable.size == 0:
         return []
-    each = {id(e.changes): _Observed(e.on(device), e.on(bare), gains[usable]) for e in seen}
+    each = {id(e.changes): _Observed(e.on(device), gains[usable]) for e in seen}
     followed = [each[id(e.changes)].followed(e) for e in seen]
     found: list[Noise | None] = []
     for i, ratio in enumerate(ratios[usable].tolist()):
@@ -199,12 +199,15 @@ def _deviation(errors: Sequence[Floats]) -> Floats:
 class _Observed:
     """One device under several gains (ratios, states, o)."""
 
-    def __init__(self, device: Device, bare: Device, gains: Floats) -> None:
-        self.device, self.bare, self.gains = device, bare, gains
+    def __init__(self, device: Device, gains: Floats) -> None:
+        self.device, self.gains = device, gains
         few, many = substeps_of(device, SEARCHING)
         self.own = Population(alike(device, gains.shape[0]), few, many)
         self.dof = device.chain.masses.size
-        self.units = Population(alike(bare, 2 * self.dof * gains.shape[0]), 1, 1)
+        self.smooth = smooth(device)
+        few, many = substeps_of(self.smooth, SEARCHING)
+        self.still = Population(alike(self.smooth, gains.shape[0]), few, many)
+        self.units = Population(alike(self.smooth, 2 * self.dof * gains.shape[0]), few, many)
 
     def followed(self, experiment: Experiment) -> tuple[Floats, Floats]:
         """Return beginnings (ratios, 2n) and innovations (ratios, ticks, o)."""
@@ -216,12 +219,13 @@ class _Observed:
             scale = np.std(own, axis=1)
         unit = np.repeat([1.0, 1.0 / experiment.period], self.dof)
         units = np.tile(np.diag(unit), (count, 1)) * np.repeat(scale[:, 0], 2 * self.dof)[:, None]
-        still = replace(
-            first.unmoved(), command=np.zeros(first.ticks), measured=np.zeros(first.measured.shape),
-            sensor_error=None, dropped=None, force=None,
-        )  # fmt: skip
         repeated = np.repeat(self.gains, 2 * self.dof, axis=0)
-        answers = innovations_each(self.units, still, self.bare, units, repeated)
+        still = own
+        if self.smooth is not self.device:
+            still = innovations_each(self.still, first, self.smooth, nothing, self.gains)
+        moved = innovations_each(self.units, first, self.smooth, units, repeated)
+        with np.errstate(all="ignore"):
+            answers = moved - np.repeat(still, 2 * self.dof, axis=0)
         begins = nothing.copy()
         for i in range(count):
             mine = slice(2 * self.dof * i, 2 * self.dof * (i + 1))

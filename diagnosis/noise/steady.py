@@ -171,12 +171,19 @@ def noise_scale(experiment: Experiment) -> Floats:
 
 
 def read_of(experiment: Experiment, of: Places, size: int) -> Floats:
-    """What the outputs are of the state, (o, size)."""
+    """What the outputs are of the state, (o, size); a position that is read late, of its speed too.
+
+    An observer that knew nothing of that would correct too much: one of large gain runs away.
+    """
     places, rows = experiment.places(of), np.arange(len(experiment.outputs))
     c = np.zeros((rows.size, size))
+    still = places.state < of.dof
     c[rows, places.state] = 1.0
+    c[rows[still], places.state[still] + of.dof] = places.late[still]
     linked = places.less != GROUND
     c[rows[linked], places.less[linked]] = -1.0
+    still &= linked
+    c[rows[still], places.less[still] + of.dof] = -places.late[still]
     return c
 
 
