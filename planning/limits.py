@@ -10,7 +10,8 @@ matched filter that may refit all of that sees the effect at
 the square root of the chi-square that a fit gains by the effect where the effect is true (for one
 parameter this is the Cramer-Rao bound). An effect that is itself among the absorbed is not absorbed
 by itself. Signatures of clipping, free play and steps are not linear in magnitude, so the magnitude
-at which sigma = 5 is found by bracketing it, and not by dividing.
+at which sigma = 5 is found by bracketing it, and not by dividing. The clock's skew does all that a
+delay does, and is paid by its prior alone: a delay of d stands d over the prior's width at most.
 
 Limits of this: J and s are taken at one device on one recording. Of an encoder's step only what a
 prediction gains by it is counted, not that all values then lie on one lattice.
@@ -22,12 +23,14 @@ from math import exp, isfinite, log
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.diagnosis.model.parameters import SKEW_SCALE
 from zwidth.diagnosis.seeking.magnitude import magnitude, strengthened
 from zwidth.planning.reference import Reference, reference
 from zwidth.planning.rehearsal import Noise
 from zwidth.planning.separation import separation
 from zwidth.sim.physics.dropped_samples import dropped_samples
 from zwidth.sim.physics.effect import Physics
+from zwidth.sim.physics.loop_delay import loop_delay
 
 __all__ = ["SHOWN", "Noise", "Reference", "limit", "magnitude", "reference", "separation", "sigma",
            "strengthened"]  # fmt: skip
@@ -49,7 +52,11 @@ def sigma(reference: Reference, physics: Physics) -> float:
     name = physics.effect.name
     if name == dropped_samples.name:
         return _lost(reference, physics.values["rate"])
-    return float(np.linalg.norm(reference.off(name)(reference.signature(physics))))
+    found = float(np.linalg.norm(reference.off(name)(reference.signature(physics))))
+    if name == loop_delay.name:
+        period = reference.experiments[0].period
+        return min(found, physics.values["delay"] / (SKEW_SCALE * period))
+    return found
 
 
 def _lost(reference: Reference, rate: float) -> float:

@@ -398,9 +398,9 @@ def test_shares_of_a_parameter_that_a_model_lacks_change_nothing():
     assert model.there(x, e) is x
     friction = make_physics("coulomb_friction", "m1", level=0.02)
     more = model.with_effect(friction, {"level": 0.02})
-    less, kept = more.less(np.arange(5.0), 0)
+    less, kept = more.less(np.arange(6.0), 0)
     assert [p.kind for p in more.parameters][-2:] == ["effect", "change"]
-    assert kept.tolist() == [0.0, 1.0, 2.0]
+    assert kept.tolist() == [0.0, 1.0, 2.0, 3.0]
     assert less.parameters == model.parameters
 
 

@@ -78,7 +78,7 @@ def test_limits_that_depend_on_what_is_refitted():
     """A constant force shows at 7e-5 N m where no spring to ground is refitted beside it (the
     published value), at twice that where it is. A lag is second order in its time constant once a
     delay is refitted, and so stands between 1.5 and 3 times the published 2.2e-5 s. A delay shows
-    at 1e-6 s, but only at 4.5e-5 s (published) to 9e-5 s beside a lag. One lost command shows.
+    at one sample, since less may be the clock's skew. One lost command shows.
 
     Mutation that breaks it: `off` that leaves an absorbed effect in its own refit.
     """
@@ -88,7 +88,7 @@ def test_limits_that_depend_on_what_is_refitted():
     assert np.linalg.norm(alone) == pytest.approx(SHOWN, rel=0.1)
     assert 1.5 < limited("constant_force", "m1", level=7e-5) / 7e-5 < 2.5
     assert 1.5 < limited("actuator_lag", "command", time_constant=2.2e-5) / 2.2e-5 < 3.0
-    assert 0.5e-6 < limited("loop_delay", "clock", delay=4.5e-5) < 2e-6
+    assert limited("loop_delay", "clock", delay=4.5e-5) == pytest.approx(1e-3, rel=0.02)
     delay = make_physics("loop_delay", "clock", delay=9e-5)
     lags = [s for s in candidates(phantom(), [recording()]) if s.label == "actuator_lag@command"]
     beside_lag = separation(r, delay, lags)["actuator_lag@command"]

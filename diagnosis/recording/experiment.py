@@ -62,14 +62,14 @@ class Output:
 
     less: the mass that it is measured from, as the deflection of a link is; None for the ground.
     truly: as it is, and not as a sensor reads it. late [s]: by how much it is read after the
-    instant at which the commands act, negative before it.
+    instant at which the commands act, negative before it; the channel is the same all the same.
     """
 
     quantity: str
     mass: int
     less: int | None = None
     truly: bool = False
-    late: float = 0.0
+    late: float = field(default=0.0, compare=False)
 
     @property
     def name(self) -> str:
