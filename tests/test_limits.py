@@ -92,7 +92,7 @@ def test_limits_that_depend_on_what_is_refitted():
     delay = make_physics("loop_delay", "clock", delay=9e-5)
     lags = [s for s in candidates(phantom(), [recording()]) if s.label == "actuator_lag@command"]
     beside_lag = separation(r, delay, lags)["actuator_lag@command"]
-    assert SHOWN < beside_lag < 4.0 * SHOWN
+    assert beside_lag < SHOWN  # 9e-5 s: a lag and some skew do the same
     assert limited("dropped_samples", "clock", rate=1e-3) * r.ticks == pytest.approx(1.0, rel=0.01)
 
 

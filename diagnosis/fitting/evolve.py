@@ -20,7 +20,6 @@ population that walks through all of these ratios in turn leaves the valley agai
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,9 +29,6 @@ from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.settle import prepared_for
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
-
-if TYPE_CHECKING:
-    import cma
 
 Floats = NDArray[np.float64]
 WALL = 10.0  # cost of a unit of x squared beyond a bound: far above noise, far below physics
@@ -81,25 +77,36 @@ def evolve(
     import cma  # it loads pyplot, half a second, and few searches need a population
 
     # How the clock reads is found by slopes later, and in a valley's stead it only misleads.
-    clock = [i for i, p in enumerate(model.parameters) if p.kind in ("jitter", "skew")]
+    free = [i for i, p in enumerate(model.parameters) if p.kind not in ("jitter", "skew")]
+
+    def whole(x: Floats, member: Floats) -> Floats:
+        found = x.copy()
+        found[free] = member
+        return found
+
     growing = [
         cma.CMAEvolutionStrategy(
-            x, plan.spread,
-            {"popsize": plan.members, "seed": plan.seed + i, "verbose": -9,
-             "fixed_variables": {j: float(x[j]) for j in clock}},
+            x[free], plan.spread, {"popsize": plan.members, "seed": plan.seed + i, "verbose": -9}
         )
         for i, x in enumerate(inside)
-    ]  # fmt: skip
+    ]
     for _ in range(plan.generations):
-        alive = [strategy for strategy in growing if not strategy.stop()]
+        alive = [(x, s) for x, s in zip(inside, growing, strict=True) if not s.stop()]
         if not alive:
             break
-        asked = [[np.asarray(x) for x in strategy.ask()] for strategy in alive]
-        costs = _costs(ground, [x for members in asked for x in members])
-        for i, (strategy, members) in enumerate(zip(alive, asked, strict=True)):
+        asked = [[np.asarray(member) for member in strategy.ask()] for _, strategy in alive]
+        each = zip(alive, asked, strict=True)
+        costs = _costs(ground, [whole(x, member) for (x, _), members in each for member in members])
+        for i, ((_, strategy), members) in enumerate(zip(alive, asked, strict=True)):
             own = costs[i * plan.members : (i + 1) * plan.members]
             strategy.tell(members, own.tolist())
-    return sorted((_arrived(model, s, ground) for s in growing), key=lambda f: f.cost)
+    arrived = [
+        (model.within(whole(x, np.asarray(s.result.xbest))), s.result.evaluations)
+        for x, s in zip(inside, growing, strict=True)
+    ]
+    costs = ground.costs([x for x, _ in arrived]).tolist()
+    each = zip(arrived, costs, strict=True)
+    return sorted((Arrived(x, cost, asked) for (x, asked), cost in each), key=lambda f: f.cost)
 
 
 def _costs(ground: Landscape, free: Sequence[Floats]) -> Floats:
@@ -120,8 +127,3 @@ def _ground(
             continue
         return Landscape(there.experiments, there.observer, model)
     return None
-
-
-def _arrived(model: Model, strategy: "cma.CMAEvolutionStrategy", ground: Landscape) -> Arrived:
-    x = model.within(np.asarray(strategy.result.xbest))
-    return Arrived(x, float(ground.costs([x])[0]), strategy.result.evaluations)

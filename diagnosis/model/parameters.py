@@ -140,7 +140,9 @@ class Reads(NamedTuple):
         return (origin + own) * positions
 
 
-def leads(outputs: Sequence[Output], jitter: Floats, late: Floats, push: Floats) -> Floats:
+def leads(
+    outputs: Sequence[Output], jitter: Floats | float, late: Floats | float, push: Floats | float
+) -> Floats:
     """Return by how much of a change of the arriving command each output leads (..., o).
 
     A reading that is s > 0 late sees the command of its instant act for s already: s push in the
