@@ -375,10 +375,10 @@ def freer(
     their ratios tell as well.
     """
     told: list[float] = []
-    for a, b in _each_length(new, old, experiments):
-        told.append(_clearly(b - a))
+    for _, a, b in each_length(new, old, experiments):
+        told.append(clearly(b - a))
         if max(a.mean(), b.mean()) * FAR_LESS**2 > min(a.mean(), b.mean()) > 0.0:
-            told.append(_clearly(np.log(np.maximum(b, TINY) / np.maximum(a, TINY))))
+            told.append(clearly(np.log(np.maximum(b, TINY) / np.maximum(a, TINY))))
     return max(told, key=abs, default=0.0) > APART
 
 
@@ -391,16 +391,16 @@ def oftener_freer(
     horizon with odds of `OFTEN`. A law with a steep branch errs little in most runs and much in the
     few in which it takes the wrong side; their squares would tell nothing.
     """
-    each = list(_each_length(new, old, experiments))
-    ratios = [np.log(np.maximum(b, TINY) / np.maximum(a, TINY)) for a, b in each]
+    each = list(each_length(new, old, experiments))
+    ratios = [np.log(np.maximum(b, TINY) / np.maximum(a, TINY)) for _, a, b in each]
     odds = [wilcoxon(r, alternative="greater").pvalue for r in ratios if np.any(r)]
     return bool(min(odds, default=1.0) < OFTEN / max(1, len(each)))
 
 
-def _each_length(
+def each_length(
     new: tuple[Fitted, Observer], old: tuple[Fitted, Observer], experiments: Sequence[Experiment]
-) -> Iterator[tuple[Floats, Floats]]:
-    """Yield mean square errors of the free runs of two answers, for each length that fits."""
+) -> Iterator[tuple[int, Floats, Floats]]:
+    """Yield ticks of each length that fits, and mean square errors of two answers' free runs."""
     for ticks in _lengths(experiments):
         a, b = (
             _squares(
@@ -408,10 +408,10 @@ def _each_length(
             )
             for f, o in (new, old)
         )
-        yield a, b
+        yield ticks, a, b
 
 
-def _clearly(gains: Floats) -> float:
+def clearly(gains: Floats) -> float:
     """Sigma of a normal of the same odds as Student's t of a mean, of which a few tell less."""
     odds = float(student.logsf(abs(_sigma(gains)), max(1, gains.size - 1)))
     return math.copysign(float(norm.isf(max(math.exp(odds), 1e-300))), _sigma(gains))

@@ -9,6 +9,7 @@ from zwidth.diagnosis.answer.adequacy import Adequacy, wander
 from zwidth.diagnosis.answer.augmented import all_smooth, augmented
 from zwidth.diagnosis.answer.cautions import cautions
 from zwidth.diagnosis.answer.changes import Change, outlived
+from zwidth.diagnosis.answer.consequence import weighed
 from zwidth.diagnosis.answer.events import Event
 from zwidth.diagnosis.answer.findings import all_findings, linear, upper_bounds
 from zwidth.diagnosis.answer.headline import Answer, headline
@@ -74,7 +75,7 @@ def answered(
     stands = what_stands(device, taken, found, search, say)
     seen = _seen(device, stands, say)
     found, taken, changes = stands.found, stands.taken, stands.changes
-    findings = all_findings(device, taken, found)
+    findings = weighed(all_findings(device, taken, found), stands.by, taken.judge_by)
     intervals = partial(linear, device, found.final, taken.whole)
     refit = attempt("intervals", "linear parameters", intervals) or {}
     bounds = {} if findings else attempt("limits", "", partial(upper_bounds, found)) or {}

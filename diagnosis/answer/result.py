@@ -24,6 +24,7 @@ from zwidth.sim.place import place_at
 
 if TYPE_CHECKING:
     from zwidth.diagnosis.answer.changes import Change
+    from zwidth.diagnosis.answer.consequence import Worth
     from zwidth.diagnosis.answer.events import Event
     from zwidth.diagnosis.answer.learned import LearnedLaw
     from zwidth.diagnosis.answer.learned_surface import LearnedSurface
@@ -90,7 +91,8 @@ class Finding:
     probability: that the device has it, among all hypotheses that were fitted; None where it was
     seen in the recording itself, and where none of these is adequate. with_richer: that it has it
     or a richer form of it, by which a name is promised. regimes: how it does where it was not
-    fitted.
+    fitted. worth: how much farther free runs on held-out data err without it, None where nothing
+    was held out or it is no part of the model (`answer.consequence`).
     """
 
     effect: str
@@ -101,6 +103,7 @@ class Finding:
     probability: float | None = None
     regimes: tuple[Held, ...] = ()
     with_richer: float | None = None
+    worth: "Worth | None" = None
 
     @property
     def confusable_with(self) -> tuple[Rival, ...]:
@@ -233,6 +236,7 @@ class Diagnosis(Shown):
                     "probability_with_richer": f.with_richer,
                     "rivals": [vars(r) for r in f.rivals],
                     "regimes": [vars(h) for h in f.regimes],
+                    "worth": f.worth and vars(f.worth),
                 }
                 for f in self.findings
             ],

@@ -1,0 +1,88 @@
+"""What each finding is worth: how much farther free runs err without it, on data held out.
+
+The answer less one effect, its other parameters fitted again, follows the same held-out recordings
+under the same observer. Over runs of each length that fits (`adequacy`) its mean square error is
+held against that of the answer,
+
+    worth = sqrt(mean e_without^2 / mean e_with^2),    pays where the difference exceeds its scatter
+
+over the runs, or that of the logarithms does, since stretches differ in how much they can show. The
+length at which it is clearest speaks.
+
+A finding is negligible where its interval holds none of it: what is significant by likelihood and
+may be nothing all the same is seen, and is of no consequence.
+
+Limits: a parameter that only held-out motion excites is worth nothing here. Errors of free runs
+hold the noise of readings and forces of chance too, which no finding takes away.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from zwidth.diagnosis.answer.adequacy import APART, TINY, clearly, each_length
+from zwidth.diagnosis.answer.result import Finding
+from zwidth.diagnosis.mishaps import attempt
+from zwidth.diagnosis.model.parameters import effect_labels
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.selection.searched import Searched
+from zwidth.sim.physics import EFFECTS
+from zwidth.sim.place import label_of, place_at
+
+
+@dataclass(frozen=True)
+class Worth:
+    """How many times as much free runs err without a finding, at how many sigma, over which [s]."""
+
+    times: float
+    sigma: float
+    horizon: float
+
+    @property
+    def pays(self) -> bool:
+        """Whether they err more without it, beyond the scatter of the runs."""
+        return self.times > 1.0 and self.sigma > APART
+
+
+def weighed(
+    findings: Sequence[Finding], found: Searched, judge_by: Sequence[Experiment]
+) -> tuple[Finding, ...]:
+    """Return findings with what each is worth; found: the answer that held-out data judge."""
+    labels = effect_labels(found.final.model.effects)
+
+    def own(f: Finding) -> Finding:
+        label = label_of(f.effect, place_at(f.at))
+        if label not in labels or not judge_by:
+            return f
+        name = f"{f.effect} at {f.at}"
+        asked = partial(worth_of, found, labels.index(label), judge_by)
+        return replace(f, worth=attempt("worth", name, asked))
+
+    return tuple(own(f) for f in findings)
+
+
+def worth_of(found: Searched, index: int, judge_by: Sequence[Experiment]) -> Worth | None:
+    """Return what an effect of the answer (its place in the model) is worth; None where unknown."""
+    bare = found.problem.fit_without(found.final, index)
+    period = judge_by[0].period
+    told: list[Worth] = []
+    for ticks, own, other in each_length((found.final, found.judge), (bare, found.judge), judge_by):
+        if own.mean() > 0.0:
+            times = math.sqrt(float(other.mean() / own.mean()))
+            ratios = np.log(np.maximum(other, TINY) / np.maximum(own, TINY))
+            sigma = max(clearly(other - own), clearly(ratios))
+            told.append(Worth(times, sigma, ticks * period))
+    return max(told, key=lambda w: w.sigma, default=None)
+
+
+def may_be_nothing(finding: Finding) -> bool:
+    """Whether the interval of what makes a finding strong holds none of it."""
+    effect = EFFECTS[finding.effect]
+    name = effect.strength
+    if name is None or name not in finding.parameters:
+        return False
+    e, none = finding.parameters[name], effect.parameter(name).none_of_it()
+    return e.lower <= none <= e.upper
