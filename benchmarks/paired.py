@@ -142,6 +142,12 @@ def brief(found: Mapping[str, Any]) -> dict[str, Any]:
             for f in said["findings"]
             for k, p in f["parameters"].items()
         },
+        "worth": {
+            f"{f['effect']}@{f['at']}": (f["worth"]["times"], f["worth"]["sigma"])
+            for f in (*said["findings"], *said.get("negligible", ()))
+            if f.get("worth")
+        },
+        "negligible": [f"{f['effect']}@{f['at']}" for f in said.get("negligible", ())],
         "fit": {k: said["fit"][k]["after"] for k in ("one_step", "free_run")},
         "whole_runs": [r["shares"].get("after") for r in said.get("whole_runs", [])],
         "force_errors": [r["shares"].get("after") for r in said.get("force_errors", [])],
@@ -160,6 +166,10 @@ def sit(options: argparse.Namespace) -> None:
     if options.machines:
         data, *chosen = options.machines
         questions += [(q, None) for q in machines(Path(data).resolve(), chosen)]
+    if not questions:
+        raise SystemExit(
+            f"{options.folder} holds no set of sealed recordings; make them there first"
+        )
     for question, folder in questions:
         if question.name in rows or (options.only and question.name not in options.only):
             continue
@@ -177,6 +187,7 @@ def line_of(name: str, row: Mapping[str, Any]) -> str:
     missed = [k for k, so in row.get("concealed", {}).items() if not so]
     said = f"{name:11} {row.get('stratum', ''):10} {row['cpu_s']:7.1f} s {row['verdict']:16} "
     said += ", ".join(row["names"])
+    said += f" (negligible: {', '.join(row['negligible'])})" if row.get("negligible") else ""
     said += f" | missed {', '.join(missed)}" if missed else ""
     return said + (f" | claimed {', '.join(row['claims'])}" if row.get("claims") else "")
 
@@ -247,6 +258,9 @@ def main() -> None:
     elif given.what == "sit":
         sit(given)
     else:
+        for file in (given.before, given.after):
+            if not file.exists():
+                raise SystemExit(f"there is no table {file}; 'sit' writes one")
         compare(json.loads(given.before.read_text()), json.loads(given.after.read_text()))
 
 

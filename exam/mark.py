@@ -98,6 +98,7 @@ def mark(key: Mapping[str, Any], answer: Mapping[str, Any], truth: Mapping[str, 
     """Return the mark; truth: linear parameters of the true device by name."""
     said: Mapping[str, Any] = answer["diagnosis"] or {}
     findings: Sequence[Mapping[str, Any]] = said.get("findings", ())
+    seen = [*findings, *said.get("negligible", ())]  # no claims, but what is concealed may be there
     kind = STRATA[str(key["stratum"])].kind
     outside = key["outside"]["name"] if key["outside"] else ""
     # What is of another library is no effect to be named; beside a law there may be some.
@@ -105,7 +106,8 @@ def mark(key: Mapping[str, Any], answer: Mapping[str, Any], truth: Mapping[str, 
     hidden: Sequence[Mapping[str, Any]] = () if unnamed else key["hidden"]
     labels = [_label(f) for f in findings]
     classes = [named_class(f) for f in findings]
-    effects = tuple(_marked(h, findings, labels, classes) for h in hidden)
+    named = [_label(f) for f in seen]
+    effects = tuple(_marked(h, seen, named, [named_class(f) for f in seen]) for h in hidden)
     explained = {_label(h) for h in hidden}
     right = [bool(explained.intersection(group)) for group in classes]
     refit: Mapping[str, Any] = said.get("linear_refit", {})

@@ -15,6 +15,7 @@ import numpy as np
 
 from zwidth.console import Column, Console
 from zwidth.diagnosis.answer.diagnosis_log import diagnosis_trace
+from zwidth.diagnosis.answer.headline import negligible_in_words, worth_in_words
 from zwidth.diagnosis.answer.result import Diagnosis, NotDiagnosed, Verdict
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.mishaps import Mishaps, attempt, collecting, isolated
@@ -29,6 +30,7 @@ from zwidth.diagnosis_report import (
     gain_sentence,
     improvement,
     linear_words,
+    masses_of,
     next_sentence,
     output_in_words,
     save_report,
@@ -413,6 +415,11 @@ def _say(console: Console, found: Diagnosis) -> None:
             Column("sigma"),
         ]
         console.table("\nWhat was found", columns, rows)
+        for f in found.findings:
+            if worth := worth_in_words(f):
+                console.say(f"{effect_at(found, f.effect, f.at)}: {worth}")
+    if aside := negligible_in_words(found.negligible, masses_of(found)):
+        console.say(aside)
     rows = [list(row) for row in linear_words(found)]
     columns = [Column("", False), Column("device file"), Column("refitted")]
     console.table("\nLinear parameters", columns, rows)

@@ -9,7 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from zwidth.diagnosis.answer.friction_curve import friction_curve
-from zwidth.diagnosis.answer.headline import effect_in_words, parameter_in_words, place_in_words
+from zwidth.diagnosis.answer.headline import (
+    effect_in_words,
+    negligible_in_words,
+    parameter_in_words,
+    place_in_words,
+    worth_in_words,
+)
 from zwidth.diagnosis.answer.result import (
     Diagnosis,
     Estimate,
@@ -82,6 +88,7 @@ def save_report(
             "estimate": estimate,
             "sentence": sentence,
             "sigma": _sigma,
+            "worth": worth_in_words,
             "percent": percent,
             "words": in_words,
             "odds": most,
@@ -93,6 +100,7 @@ def save_report(
         found=found_rows(diagnosis),
         interrupted=INTERRUPTED,
         told=told(diagnosis),
+        negligible=negligible_in_words(diagnosis.negligible, masses_of(diagnosis)),
         gain=gain_sentence(diagnosis),
         scale=scale_sentence(diagnosis),
         linear=linear_words(diagnosis),

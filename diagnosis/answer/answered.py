@@ -9,7 +9,7 @@ from zwidth.diagnosis.answer.adequacy import Adequacy, wander
 from zwidth.diagnosis.answer.augmented import all_smooth, augmented
 from zwidth.diagnosis.answer.cautions import cautions
 from zwidth.diagnosis.answer.changes import Change, outlived
-from zwidth.diagnosis.answer.consequence import weighed
+from zwidth.diagnosis.answer.consequence import may_be_nothing, weighed
 from zwidth.diagnosis.answer.events import Event
 from zwidth.diagnosis.answer.findings import all_findings, linear, upper_bounds
 from zwidth.diagnosis.answer.headline import Answer, headline
@@ -75,7 +75,8 @@ def answered(
     stands = what_stands(device, taken, found, search, say)
     seen = _seen(device, stands, say)
     found, taken, changes = stands.found, stands.taken, stands.changes
-    findings = weighed(all_findings(device, taken, found), stands.by, taken.judge_by)
+    seen_all = weighed(all_findings(device, taken, found), stands.by, taken.judge_by)
+    findings = tuple(f for f in seen_all if not may_be_nothing(f))
     intervals = partial(linear, device, found.final, taken.whole)
     refit = attempt("intervals", "linear parameters", intervals) or {}
     bounds = {} if findings else attempt("limits", "", partial(upper_bounds, found)) or {}
@@ -127,6 +128,7 @@ def answered(
         whole_runs=seen.runs, force_errors=seen.forces, learned=law, headline=first,
         cautions=cautions(findings, seen.free, stands.sound, seen.runs), changes=changes,
         events=events, next_level=level,
+        negligible=tuple(f for f in seen_all if may_be_nothing(f)),
     )  # fmt: skip
 
 

@@ -17,7 +17,7 @@ from zwidth.diagnosis.intake.gate import COMMAND, Fault
 from zwidth.diagnosis.intake.units import asked_unit, unit_of
 from zwidth.sim.physics import EFFECTS
 from zwidth.sim.place import Place, place_at
-from zwidth.sim.readable import interval, most, of_the_motion, plain, with_unit
+from zwidth.sim.readable import interval, most, of_the_motion, percent, plain, with_unit
 
 NAMED = 3  # effects in a headline; of more it says how many
 HALF = 0.5  # of the error, that names must explain to come first
@@ -177,6 +177,24 @@ def all_in_words(findings: Sequence[Finding], masses: int) -> str:
     if (more := len(findings) - NAMED) > 0:
         words.append("one effect more" if more == 1 else f"{more} effects more")
     return _listed(words)
+
+
+def worth_in_words(f: Finding) -> str:
+    """Return what a finding is worth on held-out data, "" where that is not known."""
+    w = f.worth
+    if w is None:
+        return ""
+    if not w.pays:
+        return "without it free runs on held-out data err no more than by chance"
+    much = f"{w.times:.3g} times as much" if w.times >= 1.1 else f"{percent(w.times - 1.0)} more"
+    return f"without it free runs of {w.horizon:.3g} s on held-out data err {much}"
+
+
+def negligible_in_words(findings: Sequence[Finding], masses: int) -> str:
+    """Return what was seen and is of no consequence as a sentence, "" for nothing."""
+    if not findings:
+        return ""
+    return f"seen, and of no consequence: {all_in_words(findings, masses)}"
 
 
 @dataclass(frozen=True)

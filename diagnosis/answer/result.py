@@ -115,6 +115,20 @@ class Finding:
             if r.separation_sigma < NEAR and not contains(r.effect, place_at(r.at), *own)
         )
 
+    def as_json(self) -> dict[str, Any]:
+        """Return the JSON form."""
+        return {
+            "effect": self.effect,
+            "at": self.at,
+            "parameters": {k: v.as_json() for k, v in self.parameters.items()},
+            "separation_sigma": self.separation_sigma,
+            "probability": self.probability,
+            "probability_with_richer": self.with_richer,
+            "rivals": [vars(r) for r in self.rivals],
+            "regimes": [vars(h) for h in self.regimes],
+            "worth": self.worth and vars(self.worth),
+        }
+
     def without_probability(self) -> "Finding":
         """Return the finding as it is said of an answer that is not adequate.
 
@@ -180,6 +194,7 @@ class Diagnosis(Shown):
     cautions: what to know before it is used; next_level: where one level was recorded, another.
     searched: the way there; experiments: the recordings whole, as they were taken. errors: what
     failed and cost no more than itself; left_out: the recordings, by their place, that this cost.
+    negligible: effects of the device that are seen, and of no consequence (`answer.consequence`).
     """
 
     verdict: Verdict
@@ -210,6 +225,7 @@ class Diagnosis(Shown):
     changes: "tuple[Change, ...]" = ()
     events: "tuple[Event, ...]" = ()
     cost: dict[str, Any] = field(default_factory=dict[str, Any])
+    negligible: tuple[Finding, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON of `zwidth diagnose`."""
@@ -227,19 +243,9 @@ class Diagnosis(Shown):
             "sentence": self.sentence,
             "warnings": list(self.cautions),
             "findings": [
-                {
-                    "effect": f.effect,
-                    "at": f.at,
-                    "parameters": {k: v.as_json() for k, v in f.parameters.items()},
-                    "separation_sigma": f.separation_sigma,
-                    "probability": f.probability,
-                    "probability_with_richer": f.with_richer,
-                    "rivals": [vars(r) for r in f.rivals],
-                    "regimes": [vars(h) for h in f.regimes],
-                    "worth": f.worth and vars(f.worth),
-                }
-                for f in self.findings
+                f.as_json() for f in self.findings
             ],
+            "negligible": [f.as_json() for f in self.negligible],
             "linear_refit": {
                 k: {"nominal": nominal, **e.as_json()}
                 for k, (nominal, e) in self.linear_refit.items()
@@ -287,6 +293,7 @@ class Unanswered:
             "sentence": self.sentence,
             "warnings": nothing,
             "findings": nothing,
+            "negligible": nothing,
             "linear_refit": {},
             "where": {
                 "sentence": NOWHERE.sentence,
