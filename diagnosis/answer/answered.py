@@ -34,7 +34,7 @@ from zwidth.diagnosis.answer.result import (
     Verdict,
 )
 from zwidth.diagnosis.answer.stands import Stands, what_stands
-from zwidth.diagnosis.answer.verdict import Left, judged
+from zwidth.diagnosis.answer.verdict import Left, ends_badly, judged
 from zwidth.diagnosis.answer.where import where
 from zwidth.diagnosis.answer.whole_run import WholeRun, whole_runs
 from zwidth.diagnosis.forces.locate import NOWHERE, Located, locate
@@ -80,7 +80,10 @@ def answered(
     intervals = partial(linear, device, found.final, taken.whole)
     refit = attempt("intervals", "linear parameters", intervals) or {}
     bounds = {} if findings else attempt("limits", "", partial(upper_bounds, found)) or {}
-    verdict, sentence = _verdict(stands, findings, refit, mishaps, seen.free)
+    bad = (
+        attempt("adequacy", "", partial(ends_badly, stands.by.final, seen.runs, seen.forces)) or ""
+    )
+    verdict, sentence = _verdict(stands, findings, refit, mishaps, seen.free, bad)
     to_tell = partial(next_level, found, taken.fit_on, taken.judge_by)
     level = attempt("next level", "", to_tell)
     record = ""
@@ -109,7 +112,7 @@ def answered(
         runs = attempt("whole runs", "", partial(_whole_runs, device, stands, law.found))
         seen = replace(seen, runs=runs or seen.runs)
     said = _to_be_said(stands, findings, refit, verdict, seen.free, mishaps, law)
-    first = headline(replace(said, record=record))
+    first = headline(replace(said, record=record, bad=bad))
     also = _changed_and_happened(verdict, changes, events)
     first, sentence = f"{first}{also}", f"{sentence}{also}"
     verdict, sentence = _with_faults(verdict, sentence, stands.faults)
@@ -310,10 +313,11 @@ def _verdict(
     refit: dict[str, tuple[float, Estimate]],
     mishaps: Mishaps,
     free: HeldOut,
+    bad: str,
 ) -> tuple[Verdict, str]:
     """As `judged`; undecided where an error took what the verdict rests on, which it then says."""
     verdict, sentence = judged(
-        stands.found, findings, refit, stands.left, stands.other, stands.sound, free
+        stands.found, findings, refit, stands.left, stands.other, stands.sound, free, bad
     )
     if lost := _lost(mishaps):
         verdict = Verdict.UNDECIDED

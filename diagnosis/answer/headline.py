@@ -204,7 +204,8 @@ class Answer:
     refit: name -> (device file's, refitted); masses: of the device's chain; left: what no effect of
     the library explains beside what was found, other: the same in its place; sound and free: what
     held-out data say; lost: what an error took from the verdict, "" for nothing; learned: a law of
-    no name in words, "" for none; record: which level to, where that of the command cannot decide.
+    no name in words, "" for none; record: which level to, where that of the command cannot decide;
+    bad: why the fit is no answer.
     """
 
     verdict: Verdict
@@ -219,6 +220,7 @@ class Answer:
     lost: str = ""
     learned: str = ""
     record: str = ""
+    bad: str = ""
 
 
 def headline(answer: Answer) -> str:
@@ -276,6 +278,11 @@ def _unknown(a: Answer) -> str:
         rest = f": {a.left.sentence}" if a.left.gained > 0.0 and a.left.sentence else ""
         return f"something is missing that has no name in the library{rest}"
     names = all_in_words(a.findings, a.masses)
+    if a.bad and a.left.gained == 0.0 and (a.sound is None or a.sound.adequate):
+        return (
+            "something is missing that has no name in the library; what explains most of it"
+            f" ({names}) is no answer: {a.bad}"
+        )
     if a.sound is not None and a.sound.explained < HALF:
         names = _listed([effect_in_words(f.effect) for f in a.findings])
         share = f"{100.0 * max(0.0, a.sound.explained):.0f} %"

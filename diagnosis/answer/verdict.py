@@ -1,17 +1,23 @@
 """What a diagnosis says in the end: what the final model leaves, and the verdict in a sentence."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from zwidth.diagnosis.answer.adequacy import Adequacy, wander
+from zwidth.diagnosis.answer.inverse import ForceError
 from zwidth.diagnosis.answer.result import UNKNOWN_FIT, Estimate, Finding, Held, HeldOut, Verdict
+from zwidth.diagnosis.answer.whole_run import WholeRun
+from zwidth.diagnosis.fitting.fit import Fitted
 from zwidth.diagnosis.fitting.uncertainty import Z95, inflation
 from zwidth.diagnosis.forces.leftover import leftover
 from zwidth.diagnosis.forces.locate import locate
 from zwidth.diagnosis.forces.probes import instead_by_law
 from zwidth.diagnosis.forces.unknown import TOUCHED, Instead, instead, unknown
+from zwidth.diagnosis.model.parameters import BENT, FACTORED, Parameter
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.selection.hypothesis import EDGE
 from zwidth.diagnosis.selection.searched import Searched
 from zwidth.sim.predict import OVERFLOW
 from zwidth.sim.readable import most, of_the_motion, percent
@@ -22,6 +28,9 @@ FREE_FORCE = 60.0  # -2 log likelihood that a force of free shape must gain besi
 UNEXPLAINED = 0.01  # share of the chi-square explained that may be left under a verdict by name
 COLOURED = 0.05  # the same where the observer was asked for, and chi-square is no statistic
 SURE = 0.95  # probability of a name or a richer form of it, below which it is not promised
+# Times the error of the refit, above which an answer is none: of the force that the recorded motion
+# needs, and of whole runs, which drift. On eight machines' pages answers have 0.2 to 0.6.
+WORSE_FORCE, WORSE_RUN = 1.05, 1.5
 LISTED = 4  # rivals in the verdict's sentence, the nearest; the others stand in the report
 
 
@@ -95,6 +104,36 @@ def unexplained(found: Searched, left: Left, other: Instead | None, sound: Adequ
     return other is not None or matters(found, left, named) or fails
 
 
+def ends_badly(final: Fitted, runs: Sequence[WholeRun], forces: Sequence[ForceError]) -> str:
+    """Say why a fit is no answer though it costs least, "" where nothing speaks against it.
+
+    It ended as far from the device file as it may go; or the force that held-out motion needs, or
+    else a whole run of it, is farther off than without what was found.
+    """
+    linear = zip(final.model.linear, final.x.tolist(), strict=False)
+    far = next((p for p, x in linear if _at_its_end(p, x)), None)
+    if far is not None:
+        return f"the fit ends with {far.name} as far from the device file as it may go"
+    for told, times_most, what in (
+        ([(f.errors["after"], f.errors["refit"]) for f in forces if f.held_out], WORSE_FORCE,
+         "the force that held-out motion needs"),
+        ([(r.errors["after"], r.errors["refit"]) for r in runs if r.held_out], WORSE_RUN,
+         "a free run over all that was held out"),
+    ):  # fmt: skip
+        if told and all(after > times_most * refit for after, refit in told):
+            times = max(after / refit if refit else math.inf for after, refit in told)
+            return f"{what} is {times:.3g} times as far off as without it"
+        if told:
+            return ""
+    return ""
+
+
+def _at_its_end(p: Parameter, x: float) -> bool:
+    """Whether a mass, a spring or the gain stands at either end, a damper at its upper one."""
+    ends = ("lower", "upper") if p.kind in FACTORED else ("upper",) if p.kind in BENT else ()
+    return p.at_end(x, ends, EDGE)
+
+
 def judged(
     found: Searched,
     findings: tuple[Finding, ...],
@@ -103,11 +142,13 @@ def judged(
     other: Instead | None,
     sound: Adequacy | None = None,
     free: HeldOut = UNKNOWN_FIT,
+    bad: str = "",
 ) -> tuple[Verdict, str]:
     """Return the verdict and its sentence.
 
     refit: name -> (nominal, estimate) of the linear parameters; other: physics of no library in the
-    place of what was found, if any; sound: what held-out data say; free: free runs on them.
+    place of what was found, if any; sound: what held-out data say; free: free runs on them; bad: as
+    `ends_badly`.
     """
     if other is not None:
         return Verdict.UNKNOWN_PHYSICS, (
@@ -120,6 +161,9 @@ def judged(
         )
     if sound is not None and not (sound.adequate if findings else sound.sound):
         return Verdict.UNKNOWN_PHYSICS, not_adequate(findings, sound)
+    if findings and bad:
+        names = " and ".join(f"{f.effect} at {f.at}" for f in findings)
+        return Verdict.UNKNOWN_PHYSICS, f"{names} would cost least, and is no answer: {bad}"
     odd = next(((f, h) for f in findings for h in f.regimes if h.fails), None)
     if odd is not None:
         return Verdict.UNKNOWN_PHYSICS, not_everywhere(findings, *odd)

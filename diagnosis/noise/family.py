@@ -19,23 +19,18 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.account import reason
 from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.noise.beginning import by_own_slopes, innovations_each, smooth, with_play
+from zwidth.diagnosis.noise.beginning import Beginnings, by_own_slopes, with_play
 from zwidth.diagnosis.noise.predictor import (
-    BEGINNING,
     SEARCHING,
     SETTLING,
     Fineness,
     Observer,
     innovations,
     prepared_each,
-    substeps_of,
     whitened,
 )
 from zwidth.diagnosis.noise.steady import NoObserver, steady_gains
 from zwidth.diagnosis.recording.experiment import Experiment
-from zwidth.sim.device import Device
-from zwidth.sim.members import alike
-from zwidth.sim.population import Population
 
 Floats = NDArray[np.float64]
 # From a device that is nearly believed to one that is hardly. At 1e-10 an observer of positions
@@ -43,7 +38,6 @@ Floats = NDArray[np.float64]
 # rig of four effects), and beyond either end nothing changes.
 FAMILY = np.geomspace(1e-10, 1e7, 18)
 NEAR_RATIOS = 2.5  # decades about the last ratio in which the next is sought
-NEGLIGIBLE = 1e-6  # of the largest direction, in which a beginning does not show
 
 
 @dataclass(frozen=True)
@@ -139,8 +133,9 @@ def noises(
     usable = np.flatnonzero(np.isfinite(gains).all(axis=(1, 2)))
     if usable.size == 0:
         return []
-    each = {id(e.changes): _Observed(e.on(device), gains[usable]) for e in seen}
-    followed = [each[id(e.changes)].followed(e) for e in seen]
+    each = {id(e.changes): Beginnings(e.on(device), gains[usable]) for e in seen}
+    asked = [(each[id(e.changes)], e) for e in seen]
+    followed = [(starts := b.of(e), b.followed(e, starts)) for b, e in asked]
     found: list[Noise | None] = []
     for i, ratio in enumerate(ratios[usable].tolist()):
         starts, errors = [b[i] for b, _ in followed], [e[i] for _, e in followed]
@@ -194,45 +189,3 @@ def _begun_with_play(
 
 def _deviation(errors: Sequence[Floats]) -> Floats:
     return np.sqrt(np.mean(np.concatenate([e[SETTLING:] for e in errors]) ** 2, axis=0))
-
-
-class _Observed:
-    """One device under several gains (ratios, states, o)."""
-
-    def __init__(self, device: Device, gains: Floats) -> None:
-        self.device, self.gains = device, gains
-        few, many = substeps_of(device, SEARCHING)
-        self.own = Population(alike(device, gains.shape[0]), few, many)
-        self.dof = device.chain.masses.size
-        self.smooth = smooth(device)
-        few, many = substeps_of(self.smooth, SEARCHING)
-        self.still = Population(alike(self.smooth, gains.shape[0]), few, many)
-        self.units = Population(alike(self.smooth, 2 * self.dof * gains.shape[0]), few, many)
-
-    def followed(self, experiment: Experiment) -> tuple[Floats, Floats]:
-        """Return beginnings (ratios, 2n) and innovations (ratios, ticks, o)."""
-        count = self.gains.shape[0]
-        first = replace(experiment.part(0, min(BEGINNING, experiment.ticks)), start=None)
-        nothing = np.zeros((count, 2 * self.dof))
-        own = innovations_each(self.own, first, self.device, nothing, self.gains)
-        with np.errstate(all="ignore"):  # infinite after an overflow
-            scale = np.std(own, axis=1)
-        unit = np.repeat([1.0, 1.0 / experiment.period], self.dof)
-        units = np.tile(np.diag(unit), (count, 1)) * np.repeat(scale[:, 0], 2 * self.dof)[:, None]
-        repeated = np.repeat(self.gains, 2 * self.dof, axis=0)
-        still = own
-        if self.smooth is not self.device:
-            still = innovations_each(self.still, first, self.smooth, nothing, self.gains)
-        moved = innovations_each(self.units, first, self.smooth, units, repeated)
-        with np.errstate(all="ignore"):
-            answers = moved - np.repeat(still, 2 * self.dof, axis=0)
-        begins = nothing.copy()
-        for i in range(count):
-            mine = slice(2 * self.dof * i, 2 * self.dof * (i + 1))
-            with np.errstate(all="ignore"):
-                matrix = (answers[mine] / scale[i]).reshape(2 * self.dof, -1).T
-                left = (own[i] / scale[i]).ravel()
-            if np.all(np.isfinite(matrix)) and np.all(np.isfinite(left)):
-                solved, *_ = np.linalg.lstsq(matrix, -left, rcond=NEGLIGIBLE)
-                begins[i] = units[mine].T @ solved
-        return begins, innovations_each(self.own, experiment, self.device, begins, self.gains)

@@ -12,16 +12,17 @@ import numpy as np
 from zwidth.sim.elementary import sin
 from zwidth.sim.jit import part
 from zwidth.sim.physics.effect import Bounds, Effect, Parameter, Scaled, Values
-from zwidth.sim.physics.sizes import LONGEST, QUARTER, Sizes, spread, turn, up_to
+from zwidth.sim.physics.sizes import LONGEST, QUARTER, WAVES, Sizes, spread, turn, up_to
 from zwidth.sim.place import Place
 
-SHARES = (1.2, 0.9, 0.7, 0.5, 0.2, 0.07)  # of the travel; what is shorter the residual shows
+SHARES = (0.5, 0.35, 0.2, 0.07)  # of the travel; what is shorter the residual shows
+LEAST_COUNTS = 4.0  # of an encoder in a wave: a shorter one is how it counts
 
 
 def _periods(z: Sizes, shares: tuple[float, ...]) -> list[float]:
-    """Along a line less than one wave in all its travel is a bend; on a disk a turn is a turn."""
-    turns = [2.0 * math.pi] if z.rotary else []
-    return [*(z.span * share for share in shares if z.rotary or share < 1.0), *turns]
+    """Of the travel, and a turn where two of them are seen: less than two waves are a bend."""
+    turns = [2.0 * math.pi] if z.rotary and z.span >= WAVES * 2.0 * math.pi else []
+    return [*(z.span * share for share in shares), *turns]
 
 
 def _starts(z: Sizes, _: Place) -> Iterator[Scaled]:
@@ -34,7 +35,7 @@ def _starts(z: Sizes, _: Place) -> Iterator[Scaled]:
 
 
 def _sweep(z: Sizes, _: Place) -> Iterator[Scaled]:
-    for period in _periods(z, (0.9, 0.3, 0.07)):
+    for period in _periods(z, (0.5, 0.2, 0.07)):
         for amplitude in up_to(0.9 * period / (2.0 * math.pi)):
             for phase in (0.0, QUARTER):
                 yield (
@@ -44,7 +45,12 @@ def _sweep(z: Sizes, _: Place) -> Iterator[Scaled]:
 
 
 def _bounds(z: Sizes, _: Place) -> Bounds:
-    return {"period": (0.0, LONGEST * max(z.span, 2.0 * math.pi if z.rotary else 0.0))}
+    """Of fewer waves than two nothing is seen to repeat, on a disk as along a line.
+
+    On joints of robots that turned by less than two of its waves this bent whatever was missing: an
+    "eccentric encoder" of 0.5 rad beside a friction, of a period of the whole travel.
+    """
+    return {"period": (LEAST_COUNTS * z.step, z.span / WAVES)}
 
 
 def _natural(z: Sizes, _: Place) -> float:
@@ -52,7 +58,7 @@ def _natural(z: Sizes, _: Place) -> float:
 
 
 def _drawn(random: np.random.Generator, z: Sizes, _: Place) -> Values:
-    period = z.span * spread(random, 0.05, 1.0)
+    period = z.span * spread(random, 0.05, 0.5)
     return {"amplitude": 1e-3 * z.span, "period": period, "phase": turn(random)}
 
 

@@ -22,10 +22,8 @@ import numpy as np
 from zwidth.sim.elementary import sin
 from zwidth.sim.jit import part
 from zwidth.sim.physics.effect import Bounds, Effect, Parameter, Scaled, Values
-from zwidth.sim.physics.sizes import LONGEST, QUARTER, Sizes, spread, turn, up_to
+from zwidth.sim.physics.sizes import LONGEST, QUARTER, WAVES, Sizes, spread, turn, up_to
 from zwidth.sim.place import LINKS, MASSES, Place
-
-WAVES = 1.8  # in the travel, at least: of fewer nothing is seen to repeat, and any bend is one
 
 
 def _starts(z: Sizes, place: Place) -> Iterator[Scaled]:

@@ -1,0 +1,127 @@
+"""What findings are worth, what is of no consequence, and a fit that ended badly."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from fitting_examples import drive, recording
+
+from zwidth.diagnosis.answer.consequence import Worth, may_be_nothing
+from zwidth.diagnosis.answer.headline import negligible_in_words, worth_in_words
+from zwidth.diagnosis.answer.result import Estimate, Finding, Verdict
+from zwidth.diagnosis.answer.verdict import Left, ends_badly, judged
+from zwidth.diagnosis.diagnose import diagnose
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.selection.effort import QUICK
+from zwidth.exam.mark import mark
+from zwidth.sim.physics import make_physics
+
+
+def finding(lower: float, upper: float, effect: str = "coulomb_friction") -> Finding:
+    name = {"coulomb_friction": "level", "gain_asymmetry": "ratio"}[effect]
+    middle = Estimate(0.5 * (lower + upper), lower, upper, "N m")
+    return Finding(effect, "m1", {name: middle}, 9.0, ())
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "effect", "nothing"),
+    [
+        (0.01, 0.02, "coulomb_friction", False),
+        (-0.01, 0.02, "coulomb_friction", True),
+        (0.9, 1.1, "gain_asymmetry", True),  # none of an asymmetry is a ratio of one
+        (1.05, 1.1, "gain_asymmetry", False),
+    ],
+)
+def test_what_an_interval_lets_be_nothing(
+    lower: float, upper: float, effect: str, nothing: bool
+) -> None:
+    """Mutation: nothing taken for zero everywhere."""
+    assert may_be_nothing(finding(lower, upper, effect)) is nothing
+
+
+def test_worth_and_no_consequence_in_words() -> None:
+    f = finding(0.01, 0.02)
+    assert worth_in_words(f) == ""
+    paid = replace(f, worth=Worth(2.1, 5.0, 0.5))
+    assert worth_in_words(paid).endswith("0.5 s on held-out data err 2.1 times as much")
+    little = replace(f, worth=Worth(1.04, 3.0, 0.5))
+    assert worth_in_words(little).endswith("err 4 % more")
+    chance = replace(f, worth=Worth(1.04, 1.0, 0.5))
+    assert worth_in_words(chance).endswith("no more than by chance")
+    assert negligible_in_words([], 1) == ""
+    assert negligible_in_words([f], 1).startswith("seen, and of no consequence: Coulomb friction")
+
+
+def test_a_diagnosis_says_what_its_finding_is_worth() -> None:
+    """Friction of a third of the command. Mutations: the refit's own error; held out not judged."""
+    device = drive()
+    friction = make_physics("coulomb_friction", "m1", level=0.03)
+    found = diagnose(device, [recording(device.with_physics(friction), 3000, 4)], effort=QUICK)
+    one, *rest = found.findings
+    assert one.effect == "coulomb_friction"
+    assert [f.effect for f in rest] == ["encoder_step"]
+    assert one.worth is not None
+    assert one.worth.pays
+    assert one.worth.times > 1.5
+    said = found.as_json()["findings"][0]["worth"]
+    assert said == {k: getattr(one.worth, k) for k in ("times", "sigma", "horizon")}
+    assert found.as_json()["negligible"] == []
+
+
+def test_what_is_negligible_is_no_claim_and_is_seen_all_the_same() -> None:
+    """Mutation: the list left out of what is named."""
+    key = {
+        "recording": "r", "stratum": "single_2x", "outside": None,
+        "hidden": [{"effect": "coulomb_friction", "at": "m1", "sigma": 10.0, "values": {},
+                    "rivals": {}}],
+    }  # fmt: skip
+    seen = finding(-0.01, 0.02).as_json()
+    for findings, negligible, claims, named in (
+        ([], [seen], (), True), ([seen], [], (), True), ([], [], (), False),
+    ):  # fmt: skip
+        answer = {
+            "diagnosis": {"verdict": "x", "findings": findings, "negligible": negligible},
+            "seconds": 1.0, "core_seconds": 1.0, "samples": 1,
+        }  # fmt: skip
+        m = mark(key, answer, {})
+        assert (m.claims, m.all_named) == (claims, named)
+
+
+def fit(**moved: float) -> Any:
+    model = Model(drive())
+    names = [p.name for p in model.linear]
+    x = np.zeros(len(names))
+    for name, value in moved.items():
+        x[names.index(name)] = value
+    return SimpleNamespace(model=model, x=x)
+
+
+def error(refit: float, after: float, held_out: bool = True) -> Any:
+    return SimpleNamespace(errors={"refit": refit, "after": after}, held_out=held_out)
+
+
+def test_a_fit_that_ended_badly() -> None:
+    """Mutations: a damper of nothing taken for an end; what was fitted asked; whole runs first."""
+    assert ends_badly(fit(), (), ()) == ""
+    assert ends_badly(fit(m1=5.0), (), ()).startswith("the fit ends with m1 as far")
+    assert ends_badly(fit(k12=-5.0), (), ()) != ""
+    least = next(p.lower for p in Model(drive()).linear if p.name == "b1")
+    assert ends_badly(fit(b1=least), (), ()) == ""
+    assert "force" in ends_badly(fit(), (), (error(0.57, 1.24),))
+    assert ends_badly(fit(), (), (error(0.57, 1.24), error(0.5, 0.2))) == ""
+    assert ends_badly(fit(), (), (error(0.57, 1.24, held_out=False),)) == ""
+    assert ends_badly(fit(), (error(1.0, 2.0),), (error(0.5, 0.2),)) == ""
+    assert "free run" in ends_badly(fit(), (error(1.0, 2.0),), ())
+    assert ends_badly(fit(), (error(1.0, 1.2),), ()) == ""
+
+
+def test_such_a_fit_is_no_answer() -> None:
+    found = cast("Any", SimpleNamespace(
+        refit=SimpleNamespace(chi2=2.0), final=SimpleNamespace(chi2=1.0),
+        problem=SimpleNamespace(observer=SimpleNamespace(whitening=1)),
+    ))  # fmt: skip
+    verdict, said = judged(found, (finding(0.01, 0.02),), {}, Left(0.0, ""), None, bad="it is far")
+    assert verdict is Verdict.UNKNOWN_PHYSICS
+    assert said == "coulomb_friction at m1 would cost least, and is no answer: it is far"
