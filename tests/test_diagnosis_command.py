@@ -79,10 +79,13 @@ def test_diagnose_from_file_to_report(
     page = Path(result["report"]).read_text(encoding="utf-8")
     assert result["headline"].startswith("Coulomb friction of ")
     assert result["headline"].endswith(" at the motor is missing from the simulation")
-    assert f"<h1>{result['headline']}</h1>" in page
+    assert "<h1>Missing: Coulomb friction at the motor</h1>" in page
+    assert f"<dd>{result['headline']}.</dd>" in page
+    assert "<dt>How sure</dt><dd><strong>Identified</strong>. The probability is " in page
+    assert "improved device o/swing.augmented.toml" in page  # what to do now
     assert " ".join(["zwidth", *line, "--json", "o/r.json"]) in html.unescape(page)
     assert f"cd {tmp_path} &amp;&amp; zwidth diagnose" in page
-    first, where = page.index("<img"), page.index("Where simulation and recording part")
+    first, where = page.index("<img"), page.index('<h2 id="found">')
     assert "beside free runs before and after" in page[first:where]  # the first picture
     assert 'class="warning"' not in page
     assert result["warnings"] == []
@@ -145,7 +148,7 @@ def _what_else_it_may_say(
     assert "gain  " not in out
     assert "swing.diagnosis.mcap\nwrote o/swing-2.diagnosis.mcap\n" in out
     page = Path("o/swing.diagnosis.html").read_text(encoding="utf-8")
-    assert '<p class="verdict">Interrupted, so only what was found until then: Identified. ' in page
+    assert "<strong>Identified</strong>, interrupted, so only what was found until then. " in page
     assert "Coulomb friction at the motor</td>" in page
     assert '<td class="text">below 1 mN m</td>' in page
     assert '<td class="text">within 3e-7 of 1</td>' in page

@@ -31,13 +31,13 @@ from zwidth.diagnosis_report import (
     improvement,
     linear_words,
     masses_of,
-    next_sentence,
     output_in_words,
     save_report,
     save_unanswered,
     scale_sentence,
     verdict_line,
 )
+from zwidth.diagnosis_summary import next_sentence
 from zwidth.door import described, device_of, kept
 from zwidth.files.whole import write_text
 from zwidth.logs.mcap_writer import write_log
@@ -193,7 +193,9 @@ def _report(
     view = in_this_folder("zwidth", "explore", asked.name, "--compare", shown)
     with isolated("report"):
         names = [path.name for path in asked.recordings]
-        commands = Commands(asked.line, view)
+        read = dict.fromkeys(str(asked.read[path]) for path in asked.recordings)
+        improved = str(files.augmented or "")
+        commands = Commands(asked.line, view, improved, asked.name, tuple(read))
         path = asked.file("diagnosis.html")
         files.report = save_report(found, names, commands, path, bounds, files.drawn)
 

@@ -21,7 +21,6 @@ from zwidth.diagnosis.answer.result import (
     Estimate,
     Finding,
     HeldOut,
-    NextExperiment,
     Rival,
     Unanswered,
     Verdict,
@@ -30,6 +29,7 @@ from zwidth.diagnosis.answer.whole_run import WholeRun
 from zwidth.diagnosis.forces.locate import densest
 from zwidth.diagnosis.intake.units import unit_of
 from zwidth.diagnosis.mishaps import collecting, isolated, silent
+from zwidth.diagnosis_summary import how_sure, title, what_now, worth
 from zwidth.files.whole import write_text
 from zwidth.report_page import embedded, page
 from zwidth.sim.physics import EFFECTS
@@ -52,15 +52,27 @@ WORDS = {
 }
 NAMES = re.compile(rf"\b({'|'.join(name for name in EFFECTS if '_' in name)})\b")
 RIVALS = 6  # of a finding that are listed
+HELD = {
+    "held out": "the last 30 % of each recording, or the recordings of --validate, kept out of it",
+    "not judged alone": "what was kept out of the fit, which is too short for a run of its own",
+}
 INTERRUPTED = "interrupted, so only what was found until then"
 
 
 @dataclass(frozen=True)
 class Commands:
-    """Lines to type: what computes the report again, what opens both devices side by side."""
+    """Lines to type, and files: what the reader of a report can do next.
+
+    again: computes the report again; explore: opens both devices side by side; improved: the path
+    of the improved device, "" where none was written; device: the path or name of the device that
+    the recordings were compared with; read: the file that says how each recording was read.
+    """
 
     again: str
     explore: str
+    improved: str = ""
+    device: str = ""
+    read: tuple[str, ...] = ()
 
 
 def save_report(
@@ -99,7 +111,11 @@ def save_report(
         verdict=WORDS[diagnosis.verdict.value],
         found=found_rows(diagnosis),
         interrupted=INTERRUPTED,
-        told=told(diagnosis),
+        title=title(diagnosis),
+        sure=how_sure(diagnosis, in_words(diagnosis.sentence)),
+        worth=worth(diagnosis.free_run, bool(diagnosis.findings)),
+        now=what_now(diagnosis, commands.improved),
+        assumptions=assumptions(diagnosis, commands),
         negligible=negligible_in_words(diagnosis.negligible, masses_of(diagnosis)),
         gain=gain_sentence(diagnosis),
         scale=scale_sentence(diagnosis),
@@ -110,11 +126,9 @@ def save_report(
         boundary=boundary,
         errors=errors,
         pictures=pictures,
-        next_sentence=next_sentence(diagnosis.next_experiment),
         place="" if top is None else place_in_words(place_at(top.place), masses_of(diagnosis)),
         state=sorted(states, key=lambda s: -float(s["share"])),
-        fits=(("one step ahead", diagnosis.one_step), ("free run", diagnosis.free_run)),
-        improvement=improvement(diagnosis.free_run, bool(diagnosis.findings)),
+        fits=(("one sample ahead", diagnosis.one_step), ("free runs", diagnosis.free_run)),
         whole_runs=diagnosis.whole_runs,
         force_errors=diagnosis.force_errors,
     )
@@ -186,11 +200,27 @@ def _pictures(
     return {name: drawn.get(name, "") for name in dict.fromkeys((*PICTURES, *draw))}
 
 
-def told(diagnosis: Diagnosis) -> str:
-    """What the headline rests on: the verdict's sentence, or of a name that stands its worth."""
-    if diagnosis.verdict is Verdict.IDENTIFIED:
-        return improvement(diagnosis.free_run, True)
-    return in_words(diagnosis.sentence)
+def assumptions(diagnosis: Diagnosis, commands: Commands) -> list[str]:
+    """What the answer takes for granted, and where each can be corrected; without full stops."""
+    samples = sum(e.command.shape[0] for e in diagnosis.experiments)
+    count = len(diagnosis.experiments)
+    said = [f"{samples} samples in {count} recording{'s' if count > 1 else ''}"]
+    if commands.read:
+        files = " and ".join(commands.read)
+        said[0] += f"; which columns are time, command and motion, and in which units, says {files}"
+    compared = commands.device or diagnosis.device.name
+    said.append(
+        f"masses, springs and dampers start from {compared} and may move as far as its"
+        " [uncertainty] allows"
+    )
+    if "gain" not in diagnosis.linear_refit:
+        said.append(
+            "the scale of the command is exact; if it is off by 3 %, every force, mass, spring and"
+            " damper is off by 3 % (command_scale in [uncertainty] says otherwise)"
+        )
+    held = "held out" if any(run.held_out for run in diagnosis.whole_runs) else "not judged alone"
+    said.append(f"what judges the fit: {HELD[held]}; the intervals are 95 %")
+    return said
 
 
 def verdict_line(diagnosis: Diagnosis) -> str:
@@ -286,36 +316,25 @@ def improvement(fit: HeldOut, named: bool) -> str:
     if not fit.after > 0.0 or not fit.refit > 0.0:
         return "there is too little held-out data to judge by"
     if math.isinf(fit.after):
-        return "the held-out free run of what was found runs away"
+        return "held-out free runs of what was found run away"
     if math.isinf(fit.refit):
         errs = of_the_motion(fit.after)
-        return f"the free run of the refit alone runs away; with what was found it errs {errs}"
+        return (
+            f"held-out free runs of the refit alone run away; with what was found they err {errs}"
+        )
     if not named:
         less = fit.before / fit.refit
         if not 1.02 < less < math.inf:
-            return f"the free run errs {of_the_motion(fit.refit)}, refitted or not"
+            return f"held-out free runs err {of_the_motion(fit.refit)}, refitted or not"
         return (
-            f"the free run of the refit errs {plain(less, 3)} times less than the device file's:"
-            f" {of_the_motion(fit.refit)}"
+            f"held-out free runs err {of_the_motion(fit.refit)} after the refit: {plain(less, 3)}"
+            " times less than with the device file"
         )
     if fit.refit <= 1.02 * fit.after:
-        return "the held-out free run is no better than with the refit alone"
+        return "held-out free runs are no better than with the refit alone"
     return (
-        f"the held-out free run errs {plain(fit.refit / fit.after, 3)} times less than the refit"
-        f" alone: {of_the_motion(fit.after)}"
-    )
-
-
-def next_sentence(planned: NextExperiment | None) -> str:
-    """Say what to record next, "" where nothing is in doubt."""
-    if planned is None:
-        return ""
-    a, b = (effect_in_words(label).replace("@", " at ") for label in planned.separates)
-    sigma = f"{planned.separation_sigma:.3g} sigma"
-    words = planned.excitation.replace("_", " ")
-    return (
-        f'to tell {a} from {b}, record the excitation "{words}": it separates them by {sigma};'
-        f" {planned.scenario.name} plays it"
+        f"held-out free runs err {of_the_motion(fit.after)}: {plain(fit.refit / fit.after, 3)}"
+        " times less than with the refit alone"
     )
 
 

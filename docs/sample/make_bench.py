@@ -34,7 +34,9 @@ def main() -> None:
     """Write the recording beside this file."""
     t = np.arange(round(SECONDS / PERIOD)) * PERIOD
     random = np.random.default_rng(5)
-    torque = sum(a * np.sin(2 * np.pi * f * t + random.uniform(0, 6)) for a, f in TORQUES)
+    torque = np.zeros(t.size)
+    for amplitude, f in TORQUES:
+        torque = torque + amplitude * np.sin(2 * np.pi * f * t + random.uniform(0, 6))
     run = zwidth.simulate(bench(), zwidth.recorded(torque))
     angle = np.degrees(run.trace.channels["position_m1"])[: t.size]
     angle = angle + random.normal(0, NOISE, t.size)

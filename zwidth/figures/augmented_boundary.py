@@ -8,10 +8,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from zwidth.diagnosis.answer.augmented_boundary import AugmentedBoundary, critical
-from zwidth.figures.style import STYLE
+from zwidth.figures.style import AFTER, BEFORE, STYLE
 from zwidth.stability.bisection import Bracket
 
-BEFORE, AFTER, LINEAR = "#bb5566", "#004488", "0.35"
+LINEAR = "0.35"
 
 
 def augmented_boundary_figure(found: AugmentedBoundary) -> Figure:

@@ -14,11 +14,10 @@ from zwidth.diagnosis.answer.inverse import ForceError
 from zwidth.diagnosis.answer.result import Residuals
 from zwidth.diagnosis.answer.whole_run import WholeRun
 from zwidth.diagnosis.forces.locate import Located
-from zwidth.figures.style import STYLE
+from zwidth.figures.style import AFTER, BEFORE, MEASURED, STYLE, UNDER
 from zwidth.sim.readable import percent, plain, scaled, with_unit
 
 Floats = NDArray[np.float64]
-BEFORE, AFTER = "#bb5566", "#004488"
 SLICES = 60
 COLUMNS = 800  # of a picture, in each of which a line is its lowest and its highest value
 LEVEL = 0.02  # of its level, below which a map's shape is told and its level is not
@@ -129,10 +128,8 @@ def whole_run_figure(run: WholeRun, named: bool = True) -> Figure:
         error.set_ylabel(f"error [{unit}]")
         for axes in panels[1]:
             axes.set_xlabel("time [s]")
-        held = "nothing was fitted to it" if run.held_out else "it was fitted"
-        figure.suptitle(
-            f"{run.recording}, simulated freely from its first state; {held}", fontsize=9
-        )
+        held = "kept out of the fit" if run.held_out else "part of the fit"
+        figure.suptitle(f"{run.recording}, simulated without correction; {held}", fontsize=9)
         handles, labels = motion.get_legend_handles_labels()
         figure.legend(handles, labels, loc="lower center", ncols=2, fontsize=8, frameon=False)
         rows = -(-len(labels) // 2)
@@ -153,7 +150,9 @@ def force_error_figure(forces: ForceError, named: bool = True) -> Figure:
     with rc_context(STYLE):
         figure = Figure(figsize=(7.2, 4.6))
         force, lacks = figure.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": (3, 2)})
-        force.plot(*envelope(t, factor * commanded), color="0.15", linewidth=1.8, label="commanded")
+        force.plot(
+            *envelope(t, factor * commanded), color=MEASURED, linewidth=UNDER, label="commanded"
+        )
         for name, (label, colour, dashes) in (WITH_NAMES if named else WITHOUT).items():
             lacking = factor * forces.lacking[name]
             size = forces.errors[name]
@@ -172,7 +171,7 @@ def force_error_figure(forces: ForceError, named: bool = True) -> Figure:
         lacks.set_ylabel(f"lacking [{unit}]")
         lacks.set_xlabel("time [s]")
         lacks.margins(x=0.01)
-        held = "nothing was fitted to it" if forces.held_out else "it was fitted"
+        held = "kept out of the fit" if forces.held_out else "part of the fit"
         figure.suptitle(
             f"{forces.recording}, the force that its motion needs; {held}; below"
             f" {forces.band:.3g} Hz", fontsize=9,
@@ -212,7 +211,7 @@ def _motion(
     """Draw one stretch: motions above, errors below."""
     motion, error = column
     measured = run.measured[span]
-    motion.plot(*envelope(t, factor * measured), color="0.15", linewidth=1.8, label="measured")
+    motion.plot(*envelope(t, factor * measured), color=MEASURED, linewidth=UNDER, label="measured")
     for name, (label, colour, dashes) in words.items():
         simulated = run.simulated[name][span]
         with np.errstate(all="ignore"):

@@ -10,6 +10,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 KINDS = ("png", "svg")
+MEASURED, BEFORE, AFTER = "0.72", "#bb5566", "#004488"
+"""Colours with one meaning in every picture: what was measured, a model before and after."""
+UNDER = 3.6  # points: a measured line is as wide, so that what lies on it leaves it seen
 STYLE: dict[Any, Any] = {
     "font.size": 10,
     "axes.spines.top": False,
