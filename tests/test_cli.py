@@ -2,8 +2,10 @@
 
 import errno
 import importlib
+import io
 import json
 import os
+import shlex
 import subprocess
 import sys
 import warnings
@@ -13,8 +15,10 @@ from types import SimpleNamespace
 
 import click
 import pytest
+from click.testing import CliRunner
 
 from zwidth import cli
+from zwidth.console import Column, Console, wrapped
 from zwidth.errors import Status
 from zwidth.sim.device_file import load_device
 
@@ -180,3 +184,49 @@ def test_the_nearest_passive_chain_is_saved_as_a_device(
     assert result["chain"]["masses"] == chain.masses.tolist()
     assert 0.0 < result["distance"] < 0.05
     assert result["warnings"] == []
+
+
+@pytest.mark.parametrize("name", cli.COMMANDS)
+def test_help_shows_an_example_that_the_command_understands(name: str):
+    """Mutation: an option of an example renamed; a command without one."""
+    done = CliRunner().invoke(cli.zwidth, [name, "--help"], terminal_width=80)
+    line = cli.EXAMPLES[name]
+    assert f"Example:\n  {line}" in "\n".join(row[2:] for row in done.output.splitlines())
+    program, word, *arguments = shlex.split(line)
+    assert (program, word) == ("zwidth", name)
+    command = cli.zwidth.get_command(click.Context(cli.zwidth), name)
+    assert command is not None
+    command.make_context(name, arguments)
+    assert max(map(len, done.output.splitlines())) <= 80
+
+
+class Terminal(io.StringIO):
+    """A terminal of 40 columns, as far as is asked of one."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_a_narrow_terminal_cuts_off_nothing(monkeypatch: pytest.MonkeyPatch):
+    """Mutations: rich's ellipsis in the place of folding; the column of empty units kept."""
+    monkeypatch.setenv("COLUMNS", "40")
+    screen = Terminal()
+    monkeypatch.setattr(sys, "stdout", screen)
+    columns = [Column("signal", False), Column("unit", False), Column("least"), Column("most")]
+    rows = [["torque_of_the_motor", "", "-0.00123456", "0.00123456"]]
+    Console().table("", columns, rows)
+    shown = screen.getvalue()
+    assert "torque_of_the_motor" in shown
+    assert "\u2026" not in shown
+    assert "unit" not in shown
+
+
+def test_words_are_wrapped_on_a_terminal_and_nowhere_else(monkeypatch: pytest.MonkeyPatch):
+    """Mutation: paths broken, or lines for programs."""
+    monkeypatch.setenv("COLUMNS", "40")
+    text = "it was written as runs/a-long-folder-of-mine/recording.toml and can be corrected there"
+    lines = wrapped(text, Terminal()).split("\n")
+    assert " ".join(lines) == text
+    assert max(map(len, lines)) <= 41
+    assert "runs/a-long-folder-of-mine/recording.toml" in "\n".join(lines)
+    assert wrapped(text, io.StringIO()) == text

@@ -49,6 +49,28 @@ COMMANDS = {
     ),
 }
 
+# name -> a line that runs in a clone, in this order: later ones take what earlier ones wrote.
+EXAMPLES = {
+    "diagnose": "zwidth diagnose docs/sample/bench.csv",
+    "watch": "zwidth watch docs/sample/bench.csv --idle 5",
+    "convert": "zwidth convert docs/sample/bench.csv",
+    "identify": "zwidth identify runs/bench.recording.toml --delay-ms 0",
+    "plan": "zwidth plan phantom_1_0 --seconds 10",
+    "boundary": "zwidth boundary phantom_1_0 --delay-ms 2 4 8",
+    "map": "zwidth map phantom_1_0 --encoder-step 1e-4",
+    "sweep": "zwidth sweep phantom_1_0 --encoder-step 1e-4",
+    "explore": "zwidth explore phantom_1_0",
+    "relay": "zwidth relay phantom_1_0 --delay-ms 2 --damping 0.02",
+    "simulate": "zwidth simulate runs/plan/chirp.toml",
+    "replay": "zwidth replay runs/chirp.mcap",
+    "devices": "zwidth devices phantom_1_0 --save mine.toml",
+    "export": "zwidth export phantom_1_0 --to c --out phantom.c",
+    "effects": "zwidth effects backlash",
+    "conceal": "zwidth conceal --strata single_5x=1 --seconds 8",
+    "exam": "zwidth exam runs/exam --strata none=1,single_5x=1",
+    "paper": "zwidth paper --section modes",
+}
+
 
 class CommandsByName(click.Group):
     """A group whose commands are imported when they are called."""
@@ -63,6 +85,9 @@ class CommandsByName(click.Group):
             return None
         command = import_module(f"zwidth.commands.{cmd_name}").command
         assert isinstance(command, click.Command)
+        example = f"\b\nExample:\n  {EXAMPLES[cmd_name]}"
+        if example not in (command.epilog or ""):
+            command.epilog = "\n\n".join(filter(None, (command.epilog, example)))
         return command
 
     def resolve_command(

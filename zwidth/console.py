@@ -1,7 +1,9 @@
 """What a command says: tables to people, JSON to programs, progress while it works."""
 
 import math
+import shutil
 import sys
+import textwrap
 import time
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
@@ -15,6 +17,7 @@ from zwidth.files.whole import json_text, write_text
 
 PLAIN_LINE_EVERY = 5.0  # [s], where progress is written to a file and not to a terminal
 PLAIN_WIDTH = 160  # columns, where nobody's terminal limits them
+LONGEST_NAME = 34  # characters of a name that is kept on one line in a table
 
 Advance = Callable[..., None]
 
@@ -44,7 +47,11 @@ class Console:
         return sys.stderr if self.json == "-" else sys.stdout
 
     def say(self, text: str = "") -> None:
-        """Write a line for people."""
+        """Write a line for people, on a terminal wrapped at words."""
+        print(wrapped(text, self.stream), file=self.stream)
+
+    def show(self, text: str) -> None:
+        """Write text as it is, such as a file to be copied."""
         print(text, file=self.stream)
 
     def doing(self, text: str) -> None:
@@ -53,24 +60,31 @@ class Console:
 
     def note(self, text: str) -> None:
         """Write a line for people to standard error: what was assumed, beside the answer."""
-        print(text, file=sys.stderr)
+        print(wrapped(text, sys.stderr), file=sys.stderr)
 
     def warn(self, text: str) -> None:
         """Write one line that begins with ``warning:`` to standard error."""
-        print(f"warning: {one_line(text)}", file=sys.stderr)
+        print(wrapped(f"warning: {one_line(text)}", sys.stderr), file=sys.stderr)
 
     def table(self, title: str, columns: Sequence[Column], rows: Sequence[Sequence[str]]) -> None:
-        """Write a table: ruled on a terminal, plain columns elsewhere."""
+        """Write a table: ruled on a terminal, plain columns elsewhere.
+
+        A column in which nothing stands is left out. Where a terminal is too narrow, cells are
+        folded and nothing is cut off; names, the first column, are folded last.
+        """
         from rich.box import SIMPLE_HEAD
         from rich.console import Console as Terminal
         from rich.table import Table
 
         terminal = self.stream.isatty()
         table = Table(box=SIMPLE_HEAD if terminal else None, pad_edge=False)
-        for column in columns:
-            table.add_column(column.heading, justify="right" if column.number else "left")
+        used = [i for i in range(len(columns)) if not rows or any(row[i] for row in rows)]
+        for i in used:
+            justify = "right" if columns[i].number else "left"
+            whole = i == 0 and all(len(row[0]) <= LONGEST_NAME for row in rows)
+            table.add_column(columns[i].heading, justify=justify, overflow="fold", no_wrap=whole)
         for row in rows:
-            table.add_row(*row)
+            table.add_row(*(row[i] for i in used))
         writer = Terminal(
             file=self.stream,
             width=None if terminal else PLAIN_WIDTH,
@@ -104,6 +118,20 @@ class Console:
             sys.stdout.write(json_text(value))
         elif self.json is not None:
             self.say(f"wrote {write_text(Path(self.json), json_text(value))}")
+
+
+def wrapped(text: str, stream: TextIO) -> str:
+    """Return text as a terminal shows it best: at most as wide, broken between words.
+
+    Paths and other long words stay whole, indented lines stay as they are, and where no terminal
+    reads, so does all.
+    """
+    if not stream.isatty():
+        return text
+    width = shutil.get_terminal_size().columns
+    wrapper = textwrap.TextWrapper(width, break_long_words=False, break_on_hyphens=False)
+    lines = text.split("\n")
+    return "\n".join(line if line.startswith(" ") else wrapper.fill(line) for line in lines)
 
 
 @contextmanager

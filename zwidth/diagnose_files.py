@@ -440,7 +440,7 @@ def _say(console: Console, found: Diagnosis) -> None:
     ]
     if rows:
         columns = _columns(*heads, *("with the law" for _ in law))
-        title = "Whole recordings, simulated freely from the first state: rms error, and its share"
+        title = "One run over the whole stretch, without correction: rms error, share of the motion"
         console.table(f"\n{title}", columns, rows)
     rows = [
         [f"{run.recording}, up to {number(run.band)} Hz"]

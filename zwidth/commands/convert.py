@@ -186,7 +186,7 @@ def _show_source(console: Console, source: Source) -> None:
     console.say(
         f"\nA recording TOML to start from (zwidth convert {source.path} FILE.toml writes it):\n"
     )
-    console.say(text)
+    console.show(text)
     console.result(
         {
             "file": str(source.path),

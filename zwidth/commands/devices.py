@@ -92,7 +92,7 @@ def _template(console: Console, masses: int, save: Path | None) -> None:
     if save:
         console.say(f"wrote {write_text(save, text)}")
     else:
-        console.say(text)
+        console.show(text)
     console.result({"masses": masses, "toml": text})
 
 

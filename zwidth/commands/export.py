@@ -22,7 +22,7 @@ FORMATS = ("c", "fmu", "mjcf", "urdf", "sdf")
 @click.command("export")
 @device_argument()
 @click.option("--to", type=click.Choice(FORMATS), required=True, help="The format.")
-@click.option("out", "-o", "--save", metavar="FILE", required=True,
+@click.option("out", "-o", "--out", "--save", metavar="FILE", required=True,
               type=click.Path(dir_okay=False, path_type=Path),
               help="The file to write.")  # fmt: skip
 @click.option("--name", help="What names in the file begin with, else that of FILE.")

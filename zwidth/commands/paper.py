@@ -16,8 +16,9 @@ LONG = ("explained",)  # sections that begin first, so that none is left alone a
 
 
 @click.command("paper")
-@click.option("--section", "chosen", multiple=True, type=click.Choice(list(SECTIONS)),
-              help="Compute this section only; may be given several times.")  # fmt: skip
+@click.option("--section", "chosen", multiple=True, metavar="NAME",
+              type=click.Choice(list(SECTIONS)),
+              help=f"Only this section; may be repeated: {', '.join(SECTIONS)}.")  # fmt: skip
 @out_option("runs/paper")
 @force_option
 def command(chosen: tuple[str, ...], out: Path) -> None:

@@ -23,6 +23,7 @@ from zwidth.user_law import controller_option
 # No part of the mechanism's balance: the work of the command as the controller sees it, and how
 # much of it the amplifier's lag keeps from the mechanism.
 OUTSIDE = ("work_wall", "work_actuator_lag")
+NO_WALL = ("none", "excitation", "recorded", "relay")  # controllers without a wall
 SOURCES = ("work_motor", "work_disturbance")
 WORDS = {
     "decays": "decays",
@@ -109,6 +110,7 @@ def _say(console: Console, scenario: Scenario, logged: LoggedRun) -> None:
             [name.replace("_", " "), f"{value:.6g}"]
             for name, value in energy.items()
             if name not in ("imbalance", "turned_over")
+            and (name != "work_wall" or scenario.controller.kind not in NO_WALL)
         ]
         console.table("\nEnergy [J]", [Column("", False), Column("")], rows)
     if 0.0 < energy.get("turned_over", 0.0) < np.inf:

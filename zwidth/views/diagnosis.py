@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from zwidth.diagnosis.answer.result import Diagnosis, Estimate
-from zwidth.diagnosis_report import improvement, linear_rows, sentence
+from zwidth.diagnosis.answer.result import Diagnosis, Estimate, Verdict
+from zwidth.diagnosis_report import improvement, in_words, linear_rows, sentence
 from zwidth.views.table import Table, number
 from zwidth.views.units import numbers, rows
 
@@ -22,11 +22,10 @@ def table(found: Diagnosis) -> Table:
         [effect, at, name, *map(number, (e.value, e.lower, e.upper)), e.unit or "-", number(sigma)]
         for effect, at, name, e, _, sigma in _rows(found)
     ]
-    said = [
-        f"{found.headline}.",
-        f"{sentence(found.sentence)}.",
-        f"{sentence(improvement(found.free_run, bool(found.findings)))}.",
-    ]
+    said = [f"{found.headline}."]
+    if found.verdict is not Verdict.IDENTIFIED:  # of which the headline has said it
+        said.append(f"{sentence(in_words(found.sentence))}.")
+    said.append(f"{sentence(improvement(found.free_run, bool(found.findings)))}.")
     said += [f"{sentence(fault.sentence)}." for fault in found.faults]
     title = f"Diagnosis of {found.device.name}: {found.verdict.value.replace('_', ' ')}"
     return Table(title, said, headings, grid)

@@ -1,0 +1,114 @@
+"""Pages say what is so: their commands are understood, their links lead somewhere."""
+
+import re
+import shlex
+from importlib.util import find_spec
+from pathlib import Path
+
+import click
+import pytest
+
+from zwidth.cli import COMMANDS, zwidth
+
+ROOT = Path(__file__).parents[1]
+if not (ROOT / "mkdocs.yml").is_file():
+    pytest.skip("not a clone: the wheel has no documentation", allow_module_level=True)
+PAGES = sorted(
+    p
+    for p in (
+        *ROOT.glob("*.md"),
+        *(ROOT / "docs").rglob("*.md"),
+        *(ROOT / "benchmarks").rglob("*.md"),
+    )
+)
+MOST_WORDS = 50_000  # of the pages that people write for users; docs/reference is made by code
+# A command stands on a line of its own in a block, or whole between backticks.
+IN_BLOCK = re.compile(r"^(?:    |\t)?(?:\$ )?(?:\.venv/bin/)?(zwidth .+)$", re.MULTILINE)
+IN_LINE = re.compile(r"`(zwidth [^`]+)`")
+MODULE = re.compile(r"python -m (benchmarks(?:\.\w+)+)")
+LINK = re.compile(r"\]\(([^)\s]+)\)")
+# Of a command, or an option of it, that is only named; of a file that an earlier command writes.
+NO_FAULT = ("no device is given", "requires an argument", "does not exist")
+# What stands for a word of the reader's: DEVICE.toml, FILE, N, and [--optional parts].
+OPTIONAL = re.compile(r"\[[^\]]*\]")
+
+
+def blocks(text: str) -> str:
+    """The lines of a page that are shown as code: fenced, or indented by four."""
+    shown: list[str] = []
+    fenced = False
+    for line in text.splitlines():
+        if line.lstrip().startswith("```"):
+            fenced = not fenced
+        elif fenced or line.startswith("    "):
+            shown.append(line)
+    return "\n".join(shown).replace("\\\n", " ")
+
+
+def commands(text: str) -> list[str]:
+    """The commands of zwidth that a page shows, each as a shell would read it."""
+    alone = IN_BLOCK.findall(blocks(text))
+    found = [part.strip() for line in (*alone, *IN_LINE.findall(text)) for part in line.split("&&")]
+    return [line.split(" > ")[0].split(" | ")[0].split(" #")[0] for line in found]
+
+
+def fault(line: str) -> str:
+    """What is wrong with a command as a page writes it, "" where it is understood."""
+    try:
+        program, *words = shlex.split(OPTIONAL.sub("", line))
+    except ValueError as error:
+        return str(error)
+    if program != "zwidth" or not words or words[0].startswith("-") or words[0].isupper():
+        return ""
+    if words[0] not in COMMANDS:
+        return f"there is no command {words[0]!r}"
+    command = zwidth.get_command(click.Context(zwidth), words[0])
+    assert command is not None
+    options = {flag: o for o in command.params for flag in (*o.opts, *o.secondary_opts)}
+    for word in words[1:]:
+        flag = word.split("=")[0]
+        if flag.startswith("--") and flag not in options and flag != "--help":
+            return f"{words[0]} has no option {flag}"
+    if "..." in line or re.search(r"\b[A-Z]{2,}\b", line):  # words that stand for others
+        return ""
+    try:
+        command.make_context(words[0], words[1:])
+    except click.exceptions.MissingParameter:
+        return ""  # a command that is only named
+    except (click.ClickException, ValueError) as error:
+        said = str(getattr(error, "message", error))
+        return "" if any(part in said for part in NO_FAULT) else said
+    return ""
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_commands_of_pages_are_understood(page: Path):
+    """Mutation: an option renamed in the program and not on a page."""
+    text = page.read_text(encoding="utf-8")
+    wrong = [f"{line}: {said}" for line in commands(text) if (said := fault(line))]
+    wrong += [f"no module {name}" for name in MODULE.findall(text) if find_spec(name) is None]
+    assert wrong == []
+
+
+def test_a_command_that_is_not_understood_is_seen():
+    """The test above is able to fail."""
+    page = "Say `zwidth boundry x`.\n\n    zwidth boundary phantom_1_0 --dely-ms 2\n"
+    one, two = commands(page)
+    assert "no option --dely-ms" in fault(one)
+    assert "no command 'boundry'" in fault(two)
+    assert "not allowed" in fault("zwidth boundary phantom_1_0 --delay-ms -2")
+    assert fault("zwidth boundary phantom_1_0 --delay-ms 2 4") == ""
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_links_of_pages_lead_to_files(page: Path):
+    """Also out of the documentation, where mkdocs does not look. Mutation: a page moved."""
+    text = page.read_text(encoding="utf-8")
+    targets = [t.partition("#")[0] for t in LINK.findall(text) if "://" not in t]
+    assert [t for t in targets if t and not (page.parent / t).exists()] == []
+
+
+def test_pages_for_users_stay_few():
+    """Mutation: a laboratory notebook moved back."""
+    pages = [p for p in PAGES if (ROOT / "docs") in p.parents and "reference" not in p.parts]
+    assert sum(len(p.read_text(encoding="utf-8").split()) for p in pages) < MOST_WORDS
