@@ -142,7 +142,7 @@ def answer(name: str, found: Diagnosis, seconds: float) -> str:
     when = (*WHEN, "law") if runs and "law" in runs[0].errors else WHEN
     more = " with the law |" * (len(when) - len(WHEN))
     lines += [
-        "", "Free runs from the first sample to the last, never corrected: rms error, and over the rms of the", # noqa: E501
+        "", "Free runs, never corrected, over a whole recording or, of one that was fitted, over the last 30 % kept out of the fit: rms error, and over the rms of the", # noqa: E501
         "motion about its mean.", "",
         f"| output | device file | refitted | with what was found |{more} |",
         "|---|---|---|---|---|" + "---|" * (len(when) - len(WHEN)),

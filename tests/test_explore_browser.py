@@ -203,9 +203,8 @@ def test_a_laptop_shows_it_all_and_its_keyboard_reaches_it(
     with page.expect_download() as saving:
         page.get_by_role("link", name="log (MCAP)").click()
     saving.value.save_as(log := tmp_path / "run.mcap")
-    (wrong := tmp_path / "wrong.csv").write_text("a,b\n1,2\n")
     chooser = page.get_by_label("Drop a recording")
-    chooser.set_input_files(wrong)
+    page.evaluate(DROP, ["wrong.csv", "a,b\n1,2\n"])
     expect(page.get_by_text("wrong.csv holds 1 sample, too few")).to_be_visible()
     assert page.evaluate(RECORDED) == 0
     chooser.set_input_files(log)
@@ -214,6 +213,13 @@ def test_a_laptop_shows_it_all_and_its_keyboard_reaches_it(
     page.close()
 
 
+# Onto the page, not onto the chooser: a browser that opens the file instead leaves the page.
+DROP = """([name, text]) => {
+  const dataTransfer = new DataTransfer()
+  dataTransfer.items.add(new File([text], name))
+  const dropped = new DragEvent("drop", {dataTransfer, bubbles: true, cancelable: true})
+  if (document.body.dispatchEvent(dropped)) throw new Error("the browser would open the file")
+}"""
 AXES = """name => {
   const view = Bokeh.index.find_one(Bokeh.documents[0].get_model_by_name(name))
   const {x, y, width, height} = view.canvas_view.el.getBoundingClientRect()

@@ -56,10 +56,18 @@ def _row(b: DelayBoundary) -> list[str]:
         _said(s.damping),
         _said(s.linear_stiffness),
         _said(s.linear_damping),
-        _said(s.last_stable_damping),
+        _last(b),
         _said(s.linear_last_stable_damping),
         _jump(s),
     ]
+
+
+def _last(b: DelayBoundary) -> str:
+    """The last B with a stable wall, and whether a larger one was tried at all."""
+    assert b.stiffest is not UNSET
+    last = b.stiffest.last_stable_damping
+    tried = max((p.damping for p in b.points), default=None)
+    return f"{_said(last)} (last tried)" if last is not None and last == tried else _said(last)
 
 
 def _jump(s: Stiffest) -> str:

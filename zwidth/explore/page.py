@@ -37,6 +37,15 @@ for (const [name, widget] of Object.entries(widgets)) {
   inside?.querySelector(".noUi-handle, input")?.setAttribute("aria-label", name)
 }
 history.replaceState(null, "", "?" + address.query)
+// A file dropped anywhere is taken as the chooser takes it; the browser would open it instead.
+addEventListener("dragover", (event) => event.preventDefault())
+addEventListener("drop", (event) => {
+  event.preventDefault()
+  const chooser = Bokeh.index.find_one(files)?.el.shadowRoot?.querySelector("input")
+  if (!chooser || !event.dataTransfer.files.length) return
+  chooser.files = event.dataTransfer.files
+  chooser.dispatchEvent(new Event("change", {bubbles: true}))
+})
 """
 
 
@@ -92,7 +101,8 @@ class Page:
         document.title = f"{self.bench.names[0]} \u2013 zwidth explore"
         document.add_root(self.root)
         document.add_root(self.address)
-        given = {"widgets": self.controls.nameless(), "address": self.address}
+        chosen = {"files": self.controls.files}
+        given = {"widgets": self.controls.nameless(), "address": self.address, **chosen}
         document.js_on_event(DocumentReady, CustomJS(args=given, code=AT_FIRST))
 
     def show_view(self, view: View) -> None:

@@ -130,7 +130,8 @@ def _limit() -> str:
         " command was larger against the relay, which no linear plant can be at one frequency. With"
         f" the share that a limit of {alike} times the relay's force passes, it is {after}. And a"
         " limit is what bounds an oscillation that grows: the loop of Table I alone diverges in"
-        " eleven conditions, and no real oscillation did. The flat tails of the measurement, 3.29"
+        " ten conditions (and at B = 0.5, a misprint), and no real oscillation did. The flat tails"
+        " of the measurement, 3.29"
         " to 3.07 over 9 % of B, are in proportion to the limit, hardly to B."
     )
 
