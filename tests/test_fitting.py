@@ -9,7 +9,6 @@ from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.fitting.landscape import FAR, Landscape
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.settle import prepared_for, refit
-from zwidth.diagnosis.selection import hypothesis
 from zwidth.diagnosis.selection.hypothesis import judged, settled
 from zwidth.sim.physics import make_physics
 
@@ -74,14 +73,15 @@ def test_a_population_is_the_same_each_time() -> None:
     assert first.asked == again.asked == 3 * 32
 
 
-def test_a_fit_comes_free_of_the_noise_that_holds_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Friction on both masses, in a device file up to 50 % off.
+@pytest.mark.parametrize("off", [(1.4, 0.7, 1.5), (0.6, 1.4, 0.6), (1.6, 0.5, 1.0)])
+def test_a_fit_is_not_held_by_its_noise(off: tuple[float, float, float]) -> None:
+    """Friction on both masses, in a device file up to 60 % off.
 
-    The noise likeliest there takes the misfit for disturbances, and both are stuck at 0.0185 and
-    0.0115 N m, 136 in -2 ln from where a slower noise leads. Mutation that breaks it: RELIEF = 1.
+    Held by a noise that took the misfit for disturbances such a fit stuck at 0.0185 and 0.0115 N m.
+    Mutation: observers that begin by one linear step.
     """
     levels = {"m1": 0.02, "m2": 0.01}
-    truth, model = drive(), Model(drive(np.array([1.4, 0.7, 1.5])))
+    truth, model = drive(), Model(drive(np.array(off)))
     for at, level in levels.items():
         truth = truth.with_physics(make_physics("coulomb_friction", at, level=level))
         start = make_physics("coulomb_friction", at, level=0.02)
@@ -90,6 +90,3 @@ def test_a_fit_comes_free_of_the_noise_that_holds_it(monkeypatch: pytest.MonkeyP
     free = settled(begun, turns=2)
     found = {p.at: p.values["level"] for p in free.model.effects_at(free.x)}
     assert found == pytest.approx(levels, abs=5e-4)
-    monkeypatch.setattr(hypothesis, "RELIEF", 1.0)
-    held = settled(begun, turns=2)
-    assert held.cost.total - free.cost.total > 50.0
