@@ -155,7 +155,7 @@ EXPECTED: dict[str, Taken | Refused | Driven] = {
     ),
     "robot_arrays/target.csv": _moves("time", ("current (1)", "A"), position="pos (1)|rad"),
     "rostopic/rostopic.csv": _moves(
-        "%time", ("field.effort0", "N m"),
+        "time", ("field.effort0", "N m"),
         position="field.position0|rad", velocity="field.velocity0|rad/s",
     ),
     "separate_files/three.toml": _moves("column1", ("column1", "N m"), position="column1|rad"),
@@ -166,7 +166,7 @@ EXPECTED: dict[str, Taken | Refused | Driven] = {
     "text_timestamps/iso_z.csv": _moves(
         "timestamp", ("torque_Nm", "N m"), position="angle_deg|deg"
     ),
-    "time_of_other_length/time_shorter.mat": _moves(None, ("u", "N m"), position="x1|rad"),
+    "time_of_other_length/time_shorter.mat": _moves(None, ("u", "N"), position="x1|m"),
     "union_rows/plotjuggler.csv": _moves(
         "__time", ("/effort_controller/command/data", "N m"),
         position="/joint_states/joint1/position|rad",

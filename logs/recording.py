@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from zwidth.files.protection import reading
 from zwidth.logs.conversion import Converted, convert
 from zwidth.logs.mcap_reader import Log
+from zwidth.logs.mended_stamps import mended
 from zwidth.logs.one_axis import Stream, group, one_axis
 from zwidth.logs.open_source import open_source, read_own
 from zwidth.logs.opening import opened
@@ -102,7 +103,8 @@ def _read(description: Description, source: Source) -> Trace:
     }
     origin = common_origin(stamps)
     rotary = _rotary(description.rotary, entries, converted)
-    streams = group(entries, {name: s.seconds(origin) for name, s in stamps.items()})
+    clocks = {name: mended(s.seconds(origin)) for name, s in stamps.items()}
+    streams = group(entries, {name: t for name, (t, _) in clocks.items()})
     values = {name: c.values[rows[name]] for name, c in converted.items()}
     t, values, resampling = one_axis(description.resample, streams, values)
     facts: dict[str, Any] = {
@@ -115,6 +117,7 @@ def _read(description: Description, source: Source) -> Trace:
         "timing": {s.name: {"counted": s.counted, **s.timing.facts()} for s in streams},
         "warnings": [
             *_clock_notes(source, entries, rows),
+            *dict.fromkeys(note for _, note in clocks.values() if note),
             *_warnings(source, streams, converted, rotary),
         ],
     }

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from zwidth.logs.cells import column_of
 from zwidth.logs.errors import LogError
+from zwidth.logs.written_time import nanoseconds_of
 from zwidth.sim.nearest import nearest
 
 Floats = NDArray[np.float64]
@@ -116,8 +117,12 @@ class Collector:
 
     def add_cells(self, name: str, cells: Iterable[object], unit: str = "") -> None:
         """Take a column of texts and numbers: a signal with gaps where the numbers are more."""
+        cells = list(cells)
         column = column_of(name, cells)
-        if column is None:
+        if column is None and (times := nanoseconds_of(cells)) is not None:
+            lost = times[1] if times[1].any() else None
+            self.signals[name] = Signal(name, times[0], "ns", lost=lost)
+        elif column is None:
             self.unreadable[name] = TEXT
         else:
             self.signals[name] = Signal(name, column[0], unit, note=column[1])
