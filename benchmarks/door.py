@@ -137,9 +137,7 @@ EXPECTED: dict[str, Taken | Refused | Driven] = {
     "matlab_objects/iddata_full.mat": _moves(
         None, ("data.InputData", "N m"), position="data.OutputData|deg"
     ),
-    "matlab_objects/swt.mat": _moves(
-        "out.time", ("out.signals.values(:,1)", "N m"), position="out.signals.values(:,2)|rad"
-    ),
+    "matlab_objects/swt.mat": Refused(("does not say which", "values(:,1)", "values(:,2)")),
     "matlab_objects/timeseries73.mat": Refused(("timeseries", ".Time", ".Data", "save")),
     "mjcf_position_actuator/servo.xml": Driven(
         "elbow", {"stiffness": 998.0, "damping": 2.73, "limit": 2.9}

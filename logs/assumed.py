@@ -20,6 +20,7 @@ from zwidth.logs.guess import (
     look,
     naming,
     period_told,
+    plain,
     row_count,
     seconds_of,
     since_1970,
@@ -85,7 +86,8 @@ def assumed(source: Source, file: str, ask: Ask | None = None, joint: str | None
     ask: where somebody can answer. joint: the number or name of the joint to take, of a file with
     several. Raises RecordingError where nothing in it seems to move, or no such joint is there.
     """
-    return _Reader(source, file, ask, joint).read()
+    with np.errstate(all="ignore"):  # what overflows is no likeness, and no warning to anyone
+        return _Reader(source, file, ask, joint).read()
 
 
 class _Reader:
@@ -129,6 +131,12 @@ class _Reader:
     def _are_some(self) -> None:
         """Raise RecordingError where so few samples show nothing of what a column is."""
         most = max((int(one.known.sum()) for one in self.source.signals.values()), default=0)
+        if most < FEWEST and self.source.unreadable:
+            name, reason = next(iter(self.source.unreadable.items()))
+            raise RecordingError(
+                f"{self.source.path.name} holds no row of {FEWEST} numbers or more:"
+                f" {plain(name)} {plain(reason)}"
+            )
         if most < FEWEST:
             raise RecordingError(
                 f"{self.source.path.name} holds {most} sample{'s' * (most != 1)}, too few to see"
@@ -586,7 +594,8 @@ def _lines_of(signal: Signal, turn: float) -> int | None:
     return None
 
 
-def _words(names: Sequence[str]) -> str:
+def _words(given: Sequence[str]) -> str:
+    names = [plain(name) for name in given]
     return ", ".join(names[:-1]) + f" and {names[-1]}" if len(names) > 1 else names[0]
 
 

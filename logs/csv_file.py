@@ -33,7 +33,7 @@ COMMENTS = ("#", "%", "//")
 
 def read_csv(path: Path, data: bytes, options: CsvOptions = NOTHING_SAID) -> Source:
     """Return the columns of a text table; raises RecordingError where it is none."""
-    text = _decode(path, data)
+    text = decoded(path, data)
     notes: list[str] = []
     lines = _lines(text)
     about = _about(path, lines.comments)
@@ -71,11 +71,12 @@ def read_csv(path: Path, data: bytes, options: CsvOptions = NOTHING_SAID) -> Sou
             continue
         values, note = column
         if name or not np.isnan(values).all():  # a delimiter at the end of every line names none
-            signals[name or f"column{len(signals) + 1}"] = Signal(name, values, unit, note=note)
+            name = name or f"column{len(signals) + 1}"
+            signals[name] = Signal(name, values, unit, note=note)
     return Source(path, _kind(form), signals, unreadable, tuple(notes), about)
 
 
-def _decode(path: Path, data: bytes) -> str:
+def decoded(path: Path, data: bytes) -> str:
     """Return the text: UTF-16 by its mark, UTF-8, or else the Windows code page."""
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         try:

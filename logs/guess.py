@@ -23,7 +23,7 @@ from zwidth.logs.units import SI, UNITS, Unit, find_unit
 LEAST_SAMPLES = 3
 YEAR_2001, YEAR_2100 = 978_307_200.0, 4_102_444_800.0  # seconds since 1970
 PERIODS = ("ts", "dt", "sampletime", "samplingtime", "sampleperiod", "samplingperiod", "timestep",
-           "deltat", "steptime")  # fmt: skip
+           "deltat", "deltax", "steptime", "wfincrement")  # fmt: skip
 RATES = ("fs", "hz", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "fps")
 MOST_BACK = 0.05  # of its steps, by which a time may go back
 MOST_SENTENCES = 8
@@ -364,9 +364,11 @@ def clock_lines(source: Source, chosen: list[str]) -> list[str]:
         others = " ".join(clock for clock in CLOCK_ORDER if clock in signal.stamps)
         lines = [f"{_line('time', _clock(signal))} # clocks of this topic: {others}"]
         topics = {source.signals[name].name.split(".")[0] for name in chosen}
+        stamps = [one.stamps[_clock(one)] for one in stamped]
+        apart = any(not np.array_equal(stamps[0], other) for other in stamps[1:])
         return (
             [*lines, "resample = true # topics have clocks of their own"]
-            if len(topics) > 1
+            if len(topics) > 1 or apart
             else lines
         )
     time = time_signal(source)
@@ -393,9 +395,9 @@ def _signal_lines(
 ) -> list[str]:
     if name is None:
         open_ones = [s.name for s in seen if s.seems not in ("time", "constant")]
-        return ['signal = "" # choose: ' + ", ".join(_plain(n) for n in open_ones[:12])]
+        return ['signal = "" # choose: ' + ", ".join(plain(n) for n in open_ones[:12])]
     others = [s.name for s in seen if s.seems == quantity and s.name != name]
-    note = f" # or: {', '.join(_plain(n) for n in others[:12])}" if others else ""
+    note = f" # or: {', '.join(plain(n) for n in others[:12])}" if others else ""
     lines = [_line("signal", name) + note]
     signal = source.signals[name]
     unit, spelled = unit_seen(signal), unit_spelled(signal)
@@ -411,6 +413,6 @@ def _signal_lines(
     return lines
 
 
-def _plain(name: str) -> str:
+def plain(name: str) -> str:
     """Return a name that can stand in a comment."""
     return name if name.isprintable() else ascii(name)

@@ -2,7 +2,7 @@
 
 import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -82,7 +82,12 @@ def read_described(description: Description, folder: Path) -> Trace:
     path, file = description.path, folder / description.file
     reading(file, f"is what {path.name} describes")
     try:
-        return _read(description, open_source(file, description.csv))
+        own = open_source(file, description.csv)
+        others: dict[str, Source] = {}
+        for name in dict.fromkeys(e.file for e in description.entries if e.file):
+            reading(folder / name, f"is what {path.name} describes")
+            others[name] = open_source(folder / name, description.csv)
+        return _read(description, own, others)
     except RecordingError as error:
         raise RecordingError(f"{path.name}: {error}") from None
     except MemoryError:
@@ -91,9 +96,9 @@ def read_described(description: Description, folder: Path) -> Trace:
         ) from None
 
 
-def _read(description: Description, source: Source) -> Trace:
+def _read(description: Description, source: Source, others: Mapping[str, Source]) -> Trace:
     entries = description.entries
-    signals = {entry.channel: source[entry.signal] for entry in entries}
+    signals = {entry.channel: others.get(entry.file, source)[entry.signal] for entry in entries}
     converted = {e.channel: convert(e, signals[e.channel]) for e in entries}
     rows = {e.channel: _rows(source, e.clock, signals[e.channel]) for e in entries}
     if description.resample is not None:  # what lacks is no sample, and not NaN for its neighbours
@@ -112,6 +117,7 @@ def _read(description: Description, source: Source) -> Trace:
         "source": description.source,
         "file": source.path.name,
         "sha256": _sha256(source.path),
+        **({"files": {name: _sha256(one.path) for name, one in others.items()}} if others else {}),
         "format": source.kind,
         "signals": {e.channel: _signal_facts(e, converted[e.channel], signals) for e in entries},
         "timing": {s.name: {"counted": s.counted, **s.timing.facts()} for s in streams},

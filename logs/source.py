@@ -57,7 +57,7 @@ class Source:
 
     kind: the format, in words. unreadable: signal -> why it is no row of numbers. notes: sentences
     on what the reader met (lines above the header, a lost chunk). about: what zwidth wrote into a
-    file of its own; empty in everyone else's.
+    file of its own; empty in everyone else's. aliases: other names of signals.
     """
 
     path: Path
@@ -66,9 +66,11 @@ class Source:
     unreadable: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     notes: tuple[str, ...] = ()
     about: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+    aliases: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
 
     def __getitem__(self, name: str) -> Signal:
         """Return a signal by its name, or by its name and unit as in the file, "angle [deg]"."""
+        name = self.aliases.get(name, name)
         if name in self.signals:
             return self.signals[name]
         for signal in self.signals.values():
