@@ -14,10 +14,6 @@ from zwidth.logs.recording import read_recording
 from zwidth.logs.source import RecordingError
 from zwidth.logs.written_time import nanoseconds_of
 
-NOT_YET = dict.fromkeys(
-    ("mjcf_position_actuator/servo.xml", "mjcf_position_actuator/mesh_missing.xml"),
-    "position actuators of models are not read yet",
-)
 CASES = Path("../shared/cases")
 T = 0.01 * np.arange(400)
 ANGLE = np.sin(3.0 * T) + 0.3 * np.sin(7.1 * T)
@@ -49,8 +45,6 @@ def test_cases(name: str) -> None:
     path = CASES / name
     if not path.exists():
         pytest.skip(f"{path} is not here: the cases are not ours to pass on")
-    if name in NOT_YET:
-        pytest.skip(NOT_YET[name])
     if isinstance(EXPECTED[name], Driven):
         pytest.importorskip("mujoco")
     assert faults(answer(path, EXPECTED[name]), EXPECTED[name]) == []
