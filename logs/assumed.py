@@ -45,6 +45,7 @@ from zwidth.logs.source import RecordingError, Signal, Source
 from zwidth.logs.steps import step_seen
 from zwidth.logs.timing import examine
 from zwidth.logs.units import GOAL, SI, TURN, Unit, find_unit
+from zwidth.sim.nearest import nearest
 
 Ask = Callable[[str, Sequence[str], str], str]
 """Asks a question with answers to choose from (none: any text) and one that is taken for Enter."""
@@ -52,6 +53,7 @@ Ask = Callable[[str, Sequence[str], str], str]
 GOAL_OF_LOOP, BARE_GOAL, BARE_COMMAND, GOAL_OF_SPEED = 5.0, 7.0, 7.5, 8.0
 """Where goals stand after what drives directly (`roles.rank`): named, bare, and of a speed."""
 OF_AMPLIFIER = {"current": "A", "voltage": "V"}
+MOTIONS = ("position", "velocity")
 NO_COMMAND = ("other", "acceleration", "error")
 PERIOD_S = 0.001
 FEWEST = 10  # samples in a column, below which nothing is guessed from them
@@ -80,19 +82,39 @@ class Assumed:
     doubts: list[str] = field(default_factory=list[str])
 
 
-def assumed(source: Source, file: str, ask: Ask | None = None, joint: str | None = None) -> Assumed:
+def assumed(
+    source: Source,
+    file: str,
+    ask: Ask | None = None,
+    joint: str | None = None,
+    given: Mapping[str, str] | None = None,
+) -> Assumed:
     """Return what to take the signals of a file for; file: its path as the TOML is to give it.
 
     ask: where somebody can answer. joint: the number or name of the joint to take, of a file with
-    several. Raises RecordingError where nothing in it seems to move, or no such joint is there.
+    several. given: time, command, position or velocity -> the signal that somebody named for it.
+    Raises RecordingError where nothing in it seems to move, or no such joint is there.
     """
     with np.errstate(all="ignore"):  # what overflows is no likeness, and no warning to anyone
-        return _Reader(source, file, ask, joint).read()
+        return _Reader(source, file, ask, joint, given or {}).read()
 
 
 class _Reader:
-    def __init__(self, source: Source, file: str, ask: Ask | None, joint: str | None) -> None:
+    def __init__(
+        self,
+        source: Source,
+        file: str,
+        ask: Ask | None,
+        joint: str | None,
+        given: Mapping[str, str],
+    ) -> None:
         self.source, self.file, self.ask, self.joint = source, file, ask, joint
+        for role, name in given.items():
+            if name not in source.signals:
+                raise RecordingError(
+                    f"{role} is {name!r}, no column of numbers; {nearest(name, source.signals)}"
+                )
+        self.given = given
         self.seen = {one.name: one for one in look(source)}
         self.names = {name: naming(signal) for name, signal in source.signals.items()}
         self.rows = row_count(source)
@@ -152,7 +174,10 @@ class _Reader:
             roles.append(("time", "the clock of the messages"))
             names = [n for n, one in self.seen.items() if one.seems in SI]
             return clock_lines(self.source, names)
-        time, refused = time_seen(self.source)
+        if "time" in self.given:
+            time, refused = self.source.signals[self.given["time"]], []
+        else:
+            time, refused = time_seen(self.source)
         if time is None:
             return self._period(refused)
         unit = find_unit(unit_spelled(time) or "")
@@ -241,13 +266,19 @@ class _Reader:
     def _is_long(self, name: str) -> bool:
         """Whether it is no setting of the run beside the signals, and no time."""
         one = self.seen[name]
-        return one.seems != "time" and (one.samples == self.rows or bool(one.rate))
+        if one.seems == "time" or name == self.given.get("time"):
+            return False
+        return one.samples == self.rows or bool(one.rate)
 
     def _open(self) -> list[str]:
         """Return the signals of which nothing says what they are."""
         return [n for n, one in self.seen.items() if one.seems == "" and self._is_long(n)]
 
     def _outputs(self) -> dict[str, str]:
+        if named := {f"{q}_m1": self.given[q] for q in MOTIONS if q in self.given}:
+            for key, name in named.items():
+                self.names[name] = replace(self.names[name], quantity=key[:-3], role="measured")
+            return named
         for quantity in ("position", "velocity"):
             known = self._motions(quantity)
             if known and self.joint:
@@ -400,6 +431,10 @@ class _Reader:
             place = self._place(name, said, motion, moves)
             if place is not None:
                 ranked[name] = place
+        if "command" in self.given:
+            name = self.given["command"]
+            self.goal = ranked.get(name, (0.0, False))[0] in (GOAL_OF_LOOP, BARE_GOAL)
+            return name
         known = self._with_joint_of(motion, sorted(ranked, key=lambda n: ranked[n]))
         if known:
             chosen = self._asked("which column drives the device", known, known[0])

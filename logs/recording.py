@@ -87,7 +87,7 @@ def read_described(description: Description, folder: Path) -> Trace:
         for name in dict.fromkeys(e.file for e in description.entries if e.file):
             reading(folder / name, f"is what {path.name} describes")
             others[name] = open_source(folder / name, description.csv)
-        return _read(description, own, others)
+        return _read(description, own, others, _sha256(file))
     except RecordingError as error:
         raise RecordingError(f"{path.name}: {error}") from None
     except MemoryError:
@@ -96,7 +96,17 @@ def read_described(description: Description, folder: Path) -> Trace:
         ) from None
 
 
-def _read(description: Description, source: Source, others: Mapping[str, Source]) -> Trace:
+def read_source(description: Description, source: Source) -> Trace:
+    """Return what a description makes of signals that are at hand; raises as above."""
+    try:
+        return _read(description, source, {}, "")
+    except RecordingError as error:
+        raise RecordingError(f"{source.path.name}: {error}") from None
+
+
+def _read(
+    description: Description, source: Source, others: Mapping[str, Source], digest: str
+) -> Trace:
     entries = description.entries
     signals = {entry.channel: others.get(entry.file, source)[entry.signal] for entry in entries}
     converted = {e.channel: convert(e, signals[e.channel]) for e in entries}
@@ -116,7 +126,7 @@ def _read(description: Description, source: Source, others: Mapping[str, Source]
         "recording": description.path.name,
         "source": description.source,
         "file": source.path.name,
-        "sha256": _sha256(source.path),
+        "sha256": digest,
         **({"files": {name: _sha256(one.path) for name, one in others.items()}} if others else {}),
         "format": source.kind,
         "signals": {e.channel: _signal_facts(e, converted[e.channel], signals) for e in entries},

@@ -8,7 +8,7 @@ its file. Both are there to be edited: one that a person has edited is read, and
 import os
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,8 +21,9 @@ from zwidth.files.whole import write_text
 from zwidth.identification.first_device import FirstDevice, Motion, first_device
 from zwidth.identification.first_loop import first_loop
 from zwidth.logs.assumed import Ask, assumed
+from zwidth.logs.in_memory import AnyTable, source_of
 from zwidth.logs.open_source import own_log
-from zwidth.logs.recording import read_described, read_recording
+from zwidth.logs.recording import read_described, read_recording, read_source
 from zwidth.logs.recording_file import description_of
 from zwidth.logs.source import Source
 from zwidth.logs.steps import step_seen
@@ -83,6 +84,19 @@ def taken(path: Path, ask: Ask | None = None) -> tuple[Trace, list[str]]:
     said = [f"{role}: {what}" for role, what in guess.roles]
     said += [f"assumed: {doubt}" for doubt in guess.doubts]
     return read_described(described, path.parent), said
+
+
+def taken_table(
+    table: AnyTable, given: Mapping[str, str], joint: str | None = None
+) -> tuple[Trace, list[str]]:
+    """Return a table that a program holds as a recording, and what was assumed of it.
+
+    given: time, command, position or velocity -> its column. Raises LogError.
+    """
+    source = source_of(table)
+    guess = assumed(source, source.path.name, joint=joint, given=given)
+    made = description_of(guess.text.encode(), Path("table.recording.toml"))
+    return read_source(made, source), [f"assumed: {doubt}" for doubt in guess.doubts]
 
 
 def device_of(
