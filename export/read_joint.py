@@ -2,7 +2,7 @@
 
 import math
 import os
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -13,6 +13,7 @@ from zwidth.export.mujoco_run import engine
 from zwidth.files.protection import reading
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
+from zwidth.sim.drive import Drive
 from zwidth.sim.interface import Interface
 from zwidth.sim.nearest import nearest
 from zwidth.sim.physics import make_physics
@@ -42,14 +43,16 @@ def device_of_joint(
         float(np.ravel(model.jnt_stiffness[index])[0]),
     )  # fmt: skip
     left_out: list[str] = []
-    face = _drive(mujoco, model, index, period, left_out)
+    actuator = _actuator(mujoco, model, index, period, left_out)
+    face = actuator.face
+    chain.ground_dampers[0] += actuator.damper
     origin = float(model.qpos_spring[address]) if chain.ground_spring > 0.0 else 0.0
     device = Device(
         f"{joint} of {file.name}", str(file), rotary, chain,
         replace(face, position_origin=origin),
     ).with_physics(*_effects(model, index, dof, left_out))  # fmt: skip
     _remarks(mujoco, model, index, dof, left_out)
-    return device, left_out
+    return (device if actuator.drive is None else actuator.drive.on(device)), left_out
 
 
 def joint_of(path: str | os.PathLike[str], joint: str) -> tuple[Any, Any, int]:
@@ -80,11 +83,55 @@ def _model(mujoco: Any, file: Path) -> Any:
     text = reading(file).read_text(encoding="utf-8")
     root = ElementTree.fromstring(text)
     if root.tag != "robot":
-        return mujoco.MjModel.from_xml_path(str(file))
+        try:
+            return mujoco.MjModel.from_xml_path(str(file))
+        except ValueError:
+            bare = _without_shapes(root, file)
+            if bare is None:
+                raise
+            text = ElementTree.tostring(root, encoding="unicode")
+            return mujoco.MjModel.from_xml_string(text, bare)
     for link in root.iter("link"):  # shapes are files of their own, and have no part in a motion
         for shape in (*link.findall("visual"), *link.findall("collision")):
             link.remove(shape)
     return mujoco.MjModel.from_xml_string(ElementTree.tostring(root, encoding="unicode"))
+
+
+def _without_shapes(root: ElementTree.Element, file: Path) -> dict[str, bytes] | None:
+    """Take meshes that are not there out of an MJCF model, where inertias do not come from them.
+
+    Returns the files of meshes that are there and stay; None where none can be taken out.
+    """
+    compiler = root.find("compiler")
+    own = {} if compiler is None else compiler.attrib
+    if own.get("inertiafromgeom", "auto") == "true":
+        return None
+    folder = file.parent / own.get("meshdir", own.get("assetdir", ""))
+    missing: set[str] = set()
+    kept: dict[str, bytes] = {}
+    for asset in root.iter("asset"):
+        for mesh in asset.findall("mesh"):
+            named = mesh.get("file")
+            if named is None:
+                continue
+            if (folder / named).is_file():
+                kept[named] = reading(folder / named).read_bytes()
+            else:
+                missing.add(mesh.get("name", Path(named).stem))
+                asset.remove(mesh)
+    if not missing:
+        return None
+    for body in root.iter("body"):
+        for geom in body.findall("geom"):
+            if geom.get("mesh") not in missing:
+                continue
+            if body.find("inertial") is None and geom.get("mass") != "0":
+                return None
+            body.remove(geom)
+    for world in root.iter("worldbody"):
+        for geom in [g for g in world.findall("geom") if g.get("mesh") in missing]:
+            world.remove(geom)
+    return kept
 
 
 def _effects(model: Any, index: int, dof: int, left_out: list[str]) -> list[Physics]:
@@ -105,9 +152,22 @@ def _effects(model: Any, index: int, dof: int, left_out: list[str]) -> list[Phys
     return found
 
 
-def _drive(mujoco: Any, model: Any, index: int, period: float, left_out: list[str]) -> Interface:
-    """Return the interface with gain, limit and delay of the joint's actuator, if it has one."""
-    nothing = Interface(period=period)
+@dataclass(frozen=True)
+class _Actuator:
+    """What an actuator is to a joint: an interface, a loop on its position, a damper."""
+
+    face: Interface
+    drive: Drive | None = None
+    damper: float = 0.0
+
+
+def _actuator(mujoco: Any, model: Any, index: int, period: float, left_out: list[str]) -> _Actuator:
+    """Return gain, limit, delay and loop of the joint's actuator, if it has one.
+
+    force at the joint = gear (gain ctrl + b0 + b1 gear q + b2 gear v), which is a motor where all b
+    are zero, a loop on the position where b1 < 0, and one on the speed where b2 alone is.
+    """
+    nothing = _Actuator(Interface(period=period))
     joints = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
     mine = [
         i for i in range(model.nu)
@@ -119,23 +179,49 @@ def _drive(mujoco: Any, model: Any, index: int, period: float, left_out: list[st
         return nothing
     (i,) = mine
     gear, gain = float(model.actuator_gear[i, 0]), float(model.actuator_gainprm[i, 0])
-    if int(model.actuator_biastype[i]) != int(mujoco.mjtBias.mjBIAS_NONE) or gain * gear <= 0.0:
-        left_out.append(f"its actuator {model.actuator(i).name!r}, which is no motor")
+    name = model.actuator(i).name
+    bias = [0.0, 0.0, 0.0]
+    kind = int(model.actuator_biastype[i])
+    if kind == int(mujoco.mjtBias.mjBIAS_AFFINE):
+        bias = [float(b) for b in model.actuator_biasprm[i, :3]]
+    fixed = int(model.actuator_gaintype[i]) == int(mujoco.mjtGain.mjGAIN_FIXED)
+    known = kind in (int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE)) and fixed
+    stiffness, damping = -(gear**2) * bias[1], -(gear**2) * bias[2]
+    if not known or gain * gear <= 0.0 or stiffness < 0.0 or damping < 0.0:
+        left_out.append(f"its actuator {name!r}, which is no motor and no loop on the joint")
         return nothing
-    found = {"command_gain": gain * gear}
+    if bias[0] != 0.0:
+        left_out.append(f"the constant force {gear * bias[0]:g} of its actuator {name!r}")
+    looped = stiffness > 0.0
+    found = {"command_gain": gain * gear / (stiffness if looped else 1.0)}
     limits: list[float] = []
     if model.actuator_forcelimited[i]:
         limits.append(gear * float(np.abs(model.actuator_forcerange[i]).min()))
+        if damping > 0.0 and not looped:
+            left_out.append(f"that the force of {name!r} is limited with its damping, not before")
+    if looped:
+        limit = min((one for one in limits if one > 0.0), default=math.inf)
+        drive = Drive("position", stiffness=stiffness, damping=damping, limit=limit)
+        if model.actuator_ctrllimited[i]:
+            low, high = model.actuator_ctrlrange[i].tolist()
+            left_out.append(f"the range of its goal, {low:g} to {high:g}")
+        face = _delayed(mujoco, model, i, replace(nothing.face, **found), left_out)
+        return _Actuator(face, drive)
     if model.actuator_ctrllimited[i]:
         limits.append(gain * gear * float(np.abs(model.actuator_ctrlrange[i]).min()))
     if limits and math.isfinite(min(limits)) and min(limits) > 0.0:
         found["command_limit"] = min(limits)
-    delay = float(getattr(model, "actuator_delay", np.zeros(model.nu))[i])
-    if delay > 0.0:
-        found["delay"] = delay
+    return _Actuator(
+        _delayed(mujoco, model, i, replace(nothing.face, **found), left_out), damper=damping
+    )
+
+
+def _delayed(mujoco: Any, model: Any, i: int, face: Interface, left_out: list[str]) -> Interface:
+    """Return an interface with the delay of an actuator, and say what its dynamics are."""
     if int(model.actuator_dyntype[i]) != int(mujoco.mjtDyn.mjDYN_NONE):
         left_out.append(f"the dynamics of its actuator {model.actuator(i).name!r}")
-    return replace(nothing, **found)  # pyright: ignore[reportArgumentType]
+    delay = float(getattr(model, "actuator_delay", np.zeros(model.nu))[i])
+    return replace(face, delay=delay) if delay > 0.0 else face
 
 
 def _remarks(mujoco: Any, model: Any, index: int, dof: int, left_out: list[str]) -> None:

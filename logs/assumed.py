@@ -9,33 +9,52 @@ of 0.09 in an angle is 360 degrees in 4000, and no encoder counts such a part of
 
 import math
 import re
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import tomli_w
 
 from zwidth.logs.guess import (
-    WORDS,
-    Seen,
     clock_lines,
     look,
-    time_signal,
+    naming,
+    period_told,
+    plain,
+    row_count,
+    seconds_of,
+    since_1970,
+    time_seen,
     unit_spelled,
-    words_of,
+)
+from zwidth.logs.names import Naming, kind_words, words_of
+from zwidth.logs.roles import (
+    NOTHING_NEW,
+    RATE,
+    SCALED,
+    differing,
+    follows,
+    of_joint,
+    rank,
+    sided,
+    span,
+    speed_of,
+    supplies,
 )
 from zwidth.logs.source import RecordingError, Signal, Source
 from zwidth.logs.steps import step_seen
-from zwidth.logs.units import SI, TURN, Unit, find_unit
+from zwidth.logs.timing import examine
+from zwidth.logs.units import GOAL, SI, TURN, Unit, find_unit
+from zwidth.sim.nearest import nearest
 
 Ask = Callable[[str, Sequence[str], str], str]
 """Asks a question with answers to choose from (none: any text) and one that is taken for Enter."""
 
-ROTARY_WORDS = ("angle", "theta", "phi", "joint", "encoder", "enc", "torque", "tau", "omega", "rpm")
-LINEAR_WORDS = ("x", "displacement", "stroke", "carriage", "force", "cart", "slide")
-GOALS = ("ref", "reference", "desired", "des", "goal", "target", "setpoint", "sp", "error", "err")
-FAR_SIDE = ("load", "link", "tip", "arm", "cart2", "end", "hand", "far", "m2", "2")
-NEAR_SIDE = ("motor", "mot", "rotor", "drive", "m1", "1")
+GOAL_OF_LOOP, BARE_GOAL, BARE_COMMAND, GOAL_OF_SPEED = 5.0, 7.0, 7.5, 8.0
+"""Where goals stand after what drives directly (`roles.rank`): named, bare, and of a speed."""
+OF_AMPLIFIER = {"current": "A", "voltage": "V"}
+MOTIONS = ("position", "velocity")
+NO_COMMAND = ("other", "acceleration", "error")
 PERIOD_S = 0.001
 FEWEST = 10  # samples in a column, below which nothing is guessed from them
 TURNS, METRES = 5.0, 3.0  # of travel, beyond which radians and metres are doubted
@@ -63,30 +82,57 @@ class Assumed:
     doubts: list[str] = field(default_factory=list[str])
 
 
-def assumed(source: Source, file: str, ask: Ask | None = None) -> Assumed:
+def assumed(
+    source: Source,
+    file: str,
+    ask: Ask | None = None,
+    joint: str | None = None,
+    given: Mapping[str, str] | None = None,
+) -> Assumed:
     """Return what to take the signals of a file for; file: its path as the TOML is to give it.
 
-    ask: where somebody can answer. Raises RecordingError where nothing in it seems to move.
+    ask: where somebody can answer. joint: the number or name of the joint to take, of a file with
+    several. given: time, command, position or velocity -> the signal that somebody named for it.
+    Raises RecordingError where nothing in it seems to move, or no such joint is there.
     """
-    return _Reader(source, file, ask).read()
+    with np.errstate(all="ignore"):  # what overflows is no likeness, and no warning to anyone
+        return _Reader(source, file, ask, joint, given or {}).read()
 
 
 class _Reader:
-    def __init__(self, source: Source, file: str, ask: Ask | None) -> None:
-        self.source, self.file, self.ask = source, file, ask
+    def __init__(
+        self,
+        source: Source,
+        file: str,
+        ask: Ask | None,
+        joint: str | None,
+        given: Mapping[str, str],
+    ) -> None:
+        self.source, self.file, self.ask, self.joint = source, file, ask, joint
+        for role, name in given.items():
+            if name not in source.signals:
+                raise RecordingError(
+                    f"{role} is {name!r}, no column of numbers; {nearest(name, source.signals)}"
+                )
+        self.given = given
         self.seen = {one.name: one for one in look(source)}
+        self.names = {name: naming(signal) for name, signal in source.signals.items()}
+        self.rows = row_count(source)
         self.found = Assumed()
+        self.goal = False
+        self.t = np.empty(0)
 
     def read(self) -> Assumed:
         self._are_some()
         time = self._time()
-        command = self._command()
-        outputs = self._outputs(command)
+        outputs = self._outputs()
+        command = self._command(outputs)
         rotary = self._rotary([*outputs.values(), *([command] if command else [])])
         told = {
             key: self._channel(name, key.split("_")[0], rotary) for key, name in outputs.items()
         }
-        driven = self._channel(command, "command", rotary) if command else None
+        driven = self._driven(command, rotary) if command else None
+        time = [*time, *self._resampled([*outputs.values(), *([command] if command else [])])]
         lines = [
             "# What zwidth takes this file for. Correct what is wrong: an edited file is kept, and",
             "# is read in place of a new guess. Every key: docs/reference/recording_file.md",
@@ -107,6 +153,12 @@ class _Reader:
     def _are_some(self) -> None:
         """Raise RecordingError where so few samples show nothing of what a column is."""
         most = max((int(one.known.sum()) for one in self.source.signals.values()), default=0)
+        if most < FEWEST and self.source.unreadable:
+            name, reason = next(iter(self.source.unreadable.items()))
+            raise RecordingError(
+                f"{self.source.path.name} holds no row of {FEWEST} numbers or more:"
+                f" {plain(name)} {plain(reason)}"
+            )
         if most < FEWEST:
             raise RecordingError(
                 f"{self.source.path.name} holds {most} sample{'s' * (most != 1)}, too few to see"
@@ -117,38 +169,57 @@ class _Reader:
     # --- time
 
     def _time(self) -> list[str]:
-        roles, doubts = self.found.roles, self.found.doubts
-        stamped = any(signal.stamps for signal in self.source.signals.values())
-        time = None if stamped else time_signal(self.source)
-        if stamped:
+        roles = self.found.roles
+        if any(signal.stamps for signal in self.source.signals.values()):
             roles.append(("time", "the clock of the messages"))
-            names = [n for n, one in self.seen.items() if one.seems in (*SI, "velocity")]
+            names = [n for n, one in self.seen.items() if one.seems in SI]
             return clock_lines(self.source, names)
+        if "time" in self.given:
+            time, refused = self.source.signals[self.given["time"]], []
+        else:
+            time, refused = time_seen(self.source)
         if time is None:
-            given = self._asked("sampling period in seconds", [], f"{PERIOD_S:g}")
-            period = _positive(given) or PERIOD_S
-            roles.append(("time", f"no column of it; samples every {period:g} s"))
-            if self.ask is None:
-                doubts.append(
-                    f"no column seems to be time, so {1.0 / period:g} samples a second are assumed:"
-                    " masses, dampers and times are as wrong as that is; correct period_s"
-                )
-            return [f"period_s = {period!r} # no column seems to be time"]
+            return self._period(refused)
+        unit = find_unit(unit_spelled(time) or "")
         spelled = unit_spelled(time)
-        unit = find_unit(spelled) if spelled else None
         if unit is None or unit.si != "s":
             spelled = self._time_unit(time)
             unit = find_unit(spelled)
         assert unit is not None
-        steps = np.diff(time.floats()[time.known])
-        period = float(np.median(steps[steps > 0.0])) * unit.factor
-        roles.append(("time", f"{time.name} [{spelled}], {1.0 / period:.6g} samples a second"))
+        self.t = seconds_of(time, unit.factor)
+        rate = examine(np.asarray(self.t[time.known], dtype=np.float64)).rate
+        roles.append(("time", f"{time.name} [{spelled}], {rate:.6g} samples a second"))
         named = [] if unit.factor == 1.0 else [_line("time_unit", str(spelled))]
         return [_line("time", time.name), *named]
 
+    def _period(self, refused: Sequence[str]) -> list[str]:
+        """Return the line on the period of a file without a time: told beside, or assumed."""
+        roles, doubts = self.found.roles, self.found.doubts
+        told = period_told(self.source)
+        why = f" ({'; '.join(refused[:4])})" if refused else ""
+        if told is not None:
+            period, where = told
+            roles.append(("time", f"samples every {period:.6g} s, by {where}"))
+            if why:
+                doubts.append(f"no column is used as time{why}: {where} tells the period")
+        else:
+            given = self._asked("sampling period in seconds", [], f"{PERIOD_S:g}")
+            period, where = _positive(given) or PERIOD_S, "no column seems to be time"
+            roles.append(("time", f"no column of it; samples every {period:g} s"))
+            if self.ask is None:
+                doubts.append(
+                    f"no column seems to be time{why}, so {1.0 / period:g} samples a second are"
+                    " assumed: masses, dampers and times are as wrong as that is; correct period_s"
+                )
+        self.t = period * np.arange(self.rows)
+        return [f"period_s = {period!r} # {_printable(where)}"]
+
     def _time_unit(self, time: Signal) -> str:
-        """Return the unit of stamps that have none: by what period it would give."""
-        steps = np.diff(time.floats()[time.known])
+        """Return the unit of stamps that have none: by the year, or by the period it gives."""
+        values = time.floats()[time.known]
+        if (unit := since_1970(float(values[0]))) is not None:
+            return unit
+        steps = np.diff(values)
         step = float(np.median(steps[steps > 0.0]))
         likely = next(u for u, least in (("ns", 1e5), ("us", 200.0), ("ms", 0.5), ("s", 0.0))
                       if step >= least)  # fmt: skip
@@ -161,65 +232,70 @@ class _Reader:
             )
         return likely
 
-    # --- what drives, what moves
+    def _resampled(self, names: Sequence[str]) -> list[str]:
+        """Return the line that brings signals in rows of their own onto one axis, if they are."""
+        known = {name: self.source.signals[name].known for name in names}
+        if any(self.source.signals[name].stamps for name in names) or self.t.size == 0:
+            return []
+        first = known[names[0]]
+        apart = [k for k in known.values() if (k & first).sum() < 0.1 * min(k.sum(), first.sum())]
+        if not apart or first.sum() < FEWEST:
+            return []
+        t = np.asarray(self.t, dtype=np.float64)
+        own = [examine(t[k & np.isfinite(t)]).period for k in known.values()]
+        self.found.doubts.append(
+            f"{_words(names)} stand in rows of their own, as signals on clocks of their own do:"
+            f" they are brought onto one axis of {own[0]:.6g} s"
+        )
+        return [f"resample = {float(f'{own[0]:.9g}')!r} # signals with clocks of their own"]
 
-    def _named(self, quantity: str) -> list[str]:
-        return [
+    # --- what moves, what drives
+
+    def _motions(self, quantity: str, constant: bool = False) -> list[str]:
+        """Return the signals that were measured of a quantity, those that say so first."""
+        found = [
             name
-            for name, one in self.seen.items()
-            if self._seems(one) == quantity and not _is_goal(name)
+            for name, said in self.names.items()
+            if said.quantity == quantity
+            and said.moves
+            and (constant or self.seen[name].seems != "constant")
+            and self._is_long(name)
         ]
+        return sorted(found, key=lambda name: self.names[name].role != "measured")
 
-    def _seems(self, one: Seen) -> str:
-        """Return the quantity, by the name where its unit cannot be meant: theta_m is no length."""
-        signal = self.source.signals[one.name]
-        unit = _unit(signal)
-        if one.seems in SI and unit is None and unit_spelled(signal):
-            words = words_of(one.name)
-            return next((q for q in SI if any(w in WORDS.get(q, ()) for w in words)), one.seems)
-        return one.seems
-
-    def _command(self) -> str | None:
-        known = self._named("command")
-        if len(known) > 1:
-            drives = ("cmd", "command", "u", "torque", "tau", "force", "vir")
-            known.sort(key=lambda n: not any(w in drives for w in words_of(n)))
-            chosen = self._asked("which column drives the device", known, known[0])
-            if self.ask is None:
-                self.found.doubts.append(
-                    f"{_words(known)} may each be the command: {chosen} is taken for it"
-                )
-            return chosen
-        if known:
-            return known[0]
-        moving = {*self._named("position"), *self._named("velocity")}
-        goals = [name for name, one in self.seen.items() if _is_goal(name) and one.seems in SI]
-        rest = [name for name in self._open() if name not in moving and name not in goals]
-        if len(rest) == 1 and moving and self.ask is None:
-            self.found.doubts.append(f"{rest[0]} is taken for the command: no other column is left")
-            return rest[0]
-        if not rest:
-            self.found.doubts.append(
-                "no column seems to be a command: taken as a motion that nothing drives"
-            )
-            return None
-        default = rest[0] if moving and len(rest) == 1 else NOBODY
-        chosen = self._asked("which column drives the device", [*rest, NOBODY], default)
-        if chosen == NOBODY and self.ask is None:
-            self.found.doubts.append(
-                f"none of {_words(rest)} says that it is the command: taken as a motion that"
-                " nothing drives; name the command as [input] if one drives"
-            )
-        return None if chosen == NOBODY else chosen
+    def _is_long(self, name: str) -> bool:
+        """Whether it is no setting of the run beside the signals, and no time."""
+        one = self.seen[name]
+        if one.seems == "time" or name == self.given.get("time"):
+            return False
+        return one.samples == self.rows or bool(one.rate)
 
     def _open(self) -> list[str]:
-        return [n for n, one in self.seen.items() if one.seems == ""]
+        """Return the signals of which nothing says what they are."""
+        return [n for n, one in self.seen.items() if one.seems == "" and self._is_long(n)]
 
-    def _outputs(self, command: str | None) -> dict[str, str]:
+    def _outputs(self) -> dict[str, str]:
+        if named := {f"{q}_m1": self.given[q] for q in MOTIONS if q in self.given}:
+            for key, name in named.items():
+                self.names[name] = replace(self.names[name], quantity=key[:-3], role="measured")
+            return named
         for quantity in ("position", "velocity"):
-            if known := [name for name in self._named(quantity) if name != command]:
-                return self._placed(quantity, known)
-        rest = [name for name in self._open() if name != command and not _is_goal(name)]
+            known = self._motions(quantity)
+            if known and self.joint:
+                known = self._of_joint(known)
+            if known:
+                outputs = self._placed(quantity, known)
+                if quantity == "position" and len(outputs) == 1:
+                    outputs |= self._speed_beside(outputs["position_m1"])
+                return outputs
+        if len(self._signals()) == 1:
+            raise RecordingError(
+                f"{self.source.path.name} is one column, {self._signals()[0]}, and nothing says"
+                " what drives and what moves; if time, command and position are in files of their"
+                " own, name each with file = in [input] and [[output]] of one recording TOML"
+            )
+        rest = [n for n in self._open() if self.names[n].role == "measured"]
+        rest = rest or [n for n in self._open() if self.names[n].role == ""]
         if not rest:
             raise RecordingError(
                 f"{self.source.path.name} has no column that seems to be a position or a velocity;"
@@ -235,27 +311,181 @@ class _Reader:
         self.found.doubts.append(f"{chosen} is taken for the position: nothing says what it is")
         return {"position_m1": chosen}
 
-    def _placed(self, quantity: str, known: list[str]) -> dict[str, str]:
-        """Return the channels of several signals of a quantity: the motor's side and the load's."""
-        near = next((n for n in known if any(w in NEAR_SIDE for w in words_of(n))), None)
-        far = [n for n in known if n != near and any(w in FAR_SIDE for w in words_of(n))]
-        if len(known) > 1 and far and len(far) < len(known):
-            first = near or next(n for n in known if n not in far)
-            found = {f"{quantity}_m1": first, f"{quantity}_m2": far[0]}
-            self.found.doubts.append(
-                f"{first} is taken for the side that is driven, {far[0]} for the other, m2"
+    def _signals(self) -> list[str]:
+        return [n for n, one in self.seen.items() if one.samples == self.rows]
+
+    def _of_joint(self, known: list[str]) -> list[str]:
+        assert self.joint is not None
+        found = [name for name in known if of_joint(self.names[name], self.joint)]
+        if not found:
+            raise RecordingError(
+                f"{self.source.path.name} has no joint {self.joint!r} among {_words(known)}; give"
+                " --joint the number or the name that one of them has"
             )
-            return found
-        if len(known) > 1:
-            chosen = self._asked(f"which column is the {quantity} of the driven side", known,
-                                 known[0])  # fmt: skip
+        return found
+
+    def _placed(self, quantity: str, known: list[str]) -> dict[str, str]:
+        """Return the channels of several signals of a quantity: a joint, or its two sides."""
+        if len(known) == 1:
+            return {f"{quantity}_m1": known[0]}
+        arrays = self._family(known[0])
+        joints = differing({name: self.names[name] for name in arrays})
+        indexed = sum(any(w.isdigit() for w in key) for key in joints.values())
+        driven = [n for n, said in self.names.items() if said.drives and said.joint]
+        if (sides := sided(known)) and not (indexed and (len(arrays) > 2 or driven)):
+            self.found.doubts.append(
+                f"{sides[0]} is taken for the side that is driven, {sides[1]} for the other, m2"
+            )
+            return {f"{quantity}_m1": sides[0], f"{quantity}_m2": sides[1]}
+        apart = len({joints.get(name, ()) for name in known}) == len(known)
+        if apart and (indexed or len(known) > 2):
+            moved = {name: span(self.source.signals[name]) for name in known}
+            first = max(known, key=lambda name: moved[name])
+            chosen = self._asked("which joint is it about", known, first)
             if self.ask is None:
                 self.found.doubts.append(
-                    f"{_words(known)} may each be the {quantity}: {chosen} is taken; add another as"
-                    " an [[output]] at m2 if it is of a second mass"
+                    f"{_words(known[:8])} are of several joints: {chosen} is taken, which moves"
+                    " most; --joint takes another"
                 )
             return {f"{quantity}_m1": chosen}
-        return {f"{quantity}_m1": known[0]}
+        chosen = self._asked(f"which column is the {quantity} of the driven side", known,
+                             known[0])  # fmt: skip
+        if self.ask is None:
+            self.found.doubts.append(
+                f"{_words(known)} may each be the {quantity}: {chosen} is taken; add another as"
+                " an [[output]] at m2 if it is of a second mass"
+            )
+        return {f"{quantity}_m1": chosen}
+
+    def _family(self, name: str) -> list[str]:
+        """Return the signals of the same quantity and role, those that stand still among them."""
+        own = self.names[name]
+        return [
+            n for n, one in self.names.items()
+            if (one.quantity, one.role) == (own.quantity, own.role) and self._is_long(n)
+        ]  # fmt: skip
+
+    def _key(self, name: str) -> tuple[str, ...]:
+        """Return by which words the joint of a signal differs from others of its family."""
+        return differing({n: self.names[n] for n in self._family(name)})[name]
+
+    def _with_joint_of(self, motion: str, known: list[str]) -> list[str]:
+        """Return those that are of the joint of a motion, all where their names do not say."""
+        own = set(self._key(motion))
+        if not own:
+            return known
+        same = [n for n in known if own <= set(self.names[n].joint)]
+        others = [n for n in known if not self._key(n)]
+        return [n for n in known if n in same or n in others] if same or others else known
+
+    def _speed_beside(self, position: str) -> dict[str, str]:
+        """Return the speed that was measured beside a position, if it says more than that does."""
+        signals, found = self.source.signals, dict[str, str]()
+        for name in self._with_joint_of(position, self._motions("velocity")):
+            seen = speed_of(signals[position], signals[name], self.t)
+            if seen is None:
+                continue
+            if seen.correlation < RATE:
+                self._no_speed(name, position)
+                continue
+            units = _unit(signals[name]), _unit(signals[position])
+            factors = [1.0 if unit is None else unit.factor for unit in units]
+            size = seen.size * factors[0] / factors[1]
+            if abs(size - 1.0) > SCALED:
+                self.found.doubts.append(
+                    f"{name} is {size:.4g} times the slope of {position} in these units, so one of"
+                    " the two has another: it is left out; add it as an [[output]] with scale"
+                )
+            elif seen.news > NOTHING_NEW and not found:
+                found = {"velocity_m1": name}
+        return found
+
+    def _no_speed(self, name: str, position: str) -> None:
+        """Take what is no speed by its numbers for what its name may mean besides."""
+        signals, said = self.source.signals, self.names[name]
+        if follows(signals[name], signals[position]):
+            self.names[name] = replace(said, quantity="position", role="goal")
+            other = "the goal of the position"
+        elif said.weak and "v" in said.words:
+            self.names[name] = replace(said, quantity="voltage")
+            other = "a voltage"
+        else:
+            self.found.doubts.append(
+                f"{name} is not the slope of {position}, as a velocity of it would be: left out"
+            )
+            return
+        self.found.doubts.append(
+            f"{name} may be a velocity or {other}: it is taken for {other}, since it is not the"
+            f" slope of {position}"
+        )
+
+    def _command(self, outputs: Mapping[str, str]) -> str | None:
+        motion = next(iter(outputs.values()))
+        moves = self.names[motion].quantity or "position"
+        ranked: dict[str, tuple[float, bool]] = {}
+        for name, said in self.names.items():
+            if name in outputs.values() or not self._is_long(name):
+                continue
+            if self.seen[name].seems == "constant":
+                continue
+            place = self._place(name, said, motion, moves)
+            if place is not None:
+                ranked[name] = place
+        if "command" in self.given:
+            name = self.given["command"]
+            self.goal = ranked.get(name, (0.0, False))[0] in (GOAL_OF_LOOP, BARE_GOAL)
+            return name
+        known = self._with_joint_of(motion, sorted(ranked, key=lambda n: ranked[n]))
+        if known:
+            chosen = self._asked("which column drives the device", known, known[0])
+            if self.ask is None and len(known) > 1:
+                self.found.doubts.append(
+                    f"{_words(known[:8])} may each be the command: {chosen} is taken for it"
+                )
+            self.goal = ranked[chosen][0] in (GOAL_OF_LOOP, BARE_GOAL) and moves == "position"
+            return chosen
+        return self._unnamed_command(outputs)
+
+    def _place(self, name: str, said: Naming, motion: str, moves: str) -> tuple[float, bool] | None:
+        """Return where a signal stands among what may drive, the first first; None for nowhere."""
+        signals = self.source.signals
+        if said.drives:
+            if said.quantity == "voltage" and said.role == "" and supplies(signals[name]):
+                return None
+            return rank(said)
+        if said.role == "goal" and said.quantity == moves:
+            return GOAL_OF_LOOP, False
+        if said.role == "goal" and said.quantity == "":
+            if follows(signals[name], signals[motion]):
+                return BARE_GOAL, False
+            return (BARE_COMMAND, False) if "action" in " ".join(said.words) else None
+        if said.role == "goal" and said.quantity == "velocity":
+            return GOAL_OF_SPEED, False
+        return None
+
+    def _unnamed_command(self, outputs: Mapping[str, str]) -> str | None:
+        used = {*outputs.values()}
+        rest = [n for n in self._open() if n not in used and self.names[n].role in ("", "measured")]
+        moving = all(self.names[n].moves for n in used)
+        if len(rest) == 1 and moving and self.ask is None:
+            self.found.doubts.append(f"{rest[0]} is taken for the command: no other column is left")
+            return rest[0]
+        if not rest:
+            others = [n for n in self.names if n not in used and self.seen[n].seems in NO_COMMAND]
+            none = f" ({_words(others[:8])} can be none)" if others else ""
+            self.found.doubts.append(
+                f"no column seems to be a command{none}: taken as a motion that nothing drives; if"
+                " something drives, record its torque, current, voltage or goal, too"
+            )
+            return None
+        default = rest[0] if moving and len(rest) == 1 else NOBODY
+        chosen = self._asked("which column drives the device", [*rest, NOBODY], default)
+        if chosen == NOBODY and self.ask is None:
+            self.found.doubts.append(
+                f"none of {_words(rest)} says that it is the command: taken as a motion that"
+                " nothing drives; name the command as [input] if one drives"
+            )
+        return None if chosen == NOBODY else chosen
 
     def _say_rest(self, used: set[str]) -> None:
         left = [n for n, one in self.seen.items() if n not in used and one.seems not in
@@ -270,8 +500,8 @@ class _Reader:
             unit = _unit(self.source.signals[name])
             if unit is not None and unit.si.split("/")[0] in ("rad", "N m", "m", "N"):
                 return unit.si.split("/")[0] in ("rad", "N m")
-        words = [word for name in names for word in words_of(name)]
-        turns, slides = (any(w in those for w in words) for those in (ROTARY_WORDS, LINEAR_WORDS))
+        words = [w for name in names for w in (*words_of(name), *self.names[name].words)]
+        turns, slides = (not kind_words(kind).isdisjoint(words) for kind in ("rotary", "linear"))
         if turns != slides:
             return turns
         chosen = self._asked("does the device turn or slide", ("turns", "slides"), "turns")
@@ -282,11 +512,31 @@ class _Reader:
             )
         return chosen == "turns"
 
+    def _driven(self, command: str, rotary: bool) -> Channel:
+        if not self.goal:
+            return self._channel(command, "command", rotary)
+        signal, own = self.source.signals[command], GOAL[0 if rotary else 1]
+        unit, spelled = _unit(signal), unit_spelled(signal)
+        if unit is None or unit.si != own:
+            self.found.doubts.append(f"{command} has no unit: {own} is assumed, as of the position")
+            spelled = own
+        self.found.roles.append(("goal", f"{command} [{spelled}], of a loop on the position"))
+        return Channel(command, spelled)
+
     def _channel(self, name: str, quantity: str, rotary: bool) -> Channel:
         signal = self.source.signals[name]
         own = SI[quantity][0 if rotary else 1]
         spelled, unit = unit_spelled(signal), _unit(signal)
-        if unit is None:
+        electric = OF_AMPLIFIER.get(self.names[name].quantity)
+        if unit is None and quantity == "command" and electric and not signal.unit:
+            what = f"{own} per {electric}: not known, so 1 is taken"
+            spelled, channel = electric, Channel(name, electric, 1.0, what)
+            unit = find_unit(electric)
+            assert unit is not None
+            self.found.doubts.append(
+                f"{name} has no unit: {electric} is assumed; {_unscaled(name, quantity, unit, own)}"
+            )
+        elif unit is None:
             if signal.unit:
                 self.found.doubts.append(
                     f"the unit {signal.unit!r} of {name} is not known here: 1 {own} is assumed for"
@@ -339,11 +589,8 @@ def _unit(signal: Signal) -> Unit | None:
     if unit is None or signal.unit:
         return unit
     words = words_of(signal.name)
-    if unit.si == "m" and any(
-        word in (*ROTARY_WORDS, "vel", "velocity", "speed") for word in words
-    ):
-        return None
-    return unit
+    turns = kind_words("rotary") | {"vel", "velocity", "speed"}
+    return None if unit.si == "m" and not turns.isdisjoint(words) else unit
 
 
 def _hint(signal: Signal, own: str) -> str:
@@ -382,11 +629,8 @@ def _lines_of(signal: Signal, turn: float) -> int | None:
     return None
 
 
-def _is_goal(name: str) -> bool:
-    return any(word in GOALS for word in words_of(name))
-
-
-def _words(names: Sequence[str]) -> str:
+def _words(given: Sequence[str]) -> str:
+    names = [plain(name) for name in given]
     return ", ".join(names[:-1]) + f" and {names[-1]}" if len(names) > 1 else names[0]
 
 

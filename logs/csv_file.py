@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from zwidth.logs.cells import BLANKS, NOT_A_NUMBER, Tally, number_in
 from zwidth.logs.csv_form import (
@@ -24,6 +25,7 @@ from zwidth.logs.csv_form import (
     find_form,
 )
 from zwidth.logs.source import Floats, RecordingError, Signal, Source
+from zwidth.logs.written_time import is_date, nanoseconds_of
 
 ABOUT = "# zwidth "  # begins the line of JSON in a file of our own
 COMMENTS = ("#", "%", "//")
@@ -31,14 +33,16 @@ COMMENTS = ("#", "%", "//")
 
 def read_csv(path: Path, data: bytes, options: CsvOptions = NOTHING_SAID) -> Source:
     """Return the columns of a text table; raises RecordingError where it is none."""
-    text = _decode(path, data)
+    text = decoded(path, data)
     notes: list[str] = []
     lines = _lines(text)
     about = _about(path, lines.comments)
     if about and len(lines.text) == 1:  # a log of ours without a sample
         empty = dict.fromkeys(lines.text[0].split(","), "is empty")
         return Source(path, "text table (commas)", {}, empty, about=about)
-    form = find_form(path, lines, CsvOptions(",", ".", options.header_line) if about else options)
+    if about:  # whatever its columns are called, "nan" among them
+        options = CsvOptions(",", ".", lines.numbers[0])
+    form = find_form(path, lines, options)
     if form.left_out:
         notes.append(f"lines above the table are left out: {', '.join(map(str, form.left_out))}")
     rows, numbers = lines.text[form.first :], lines.numbers[form.first :]
@@ -54,17 +58,25 @@ def read_csv(path: Path, data: bytes, options: CsvOptions = NOTHING_SAID) -> Sou
     columns = _columns(path, rows, numbers, form)
     signals: dict[str, Signal] = {}
     unreadable: dict[str, str] = {}
-    for name, unit, column in zip(form.names, form.units, columns, strict=True):
+    texts = [j for j, column in enumerate(columns) if isinstance(column, str)]
+    times = _times(rows, form, texts)
+    for j, (name, unit, column) in enumerate(zip(form.names, form.units, columns, strict=True)):
+        if j in times:
+            name = name or f"column{j + 1}"
+            values, lost = times[j]
+            signals[name] = Signal(name, values, "ns", lost=lost if lost.any() else None)
+            continue
         if isinstance(column, str):
             unreadable[name] = column
             continue
         values, note = column
         if name or not np.isnan(values).all():  # a delimiter at the end of every line names none
-            signals[name or f"column{len(signals) + 1}"] = Signal(name, values, unit, note=note)
+            name = name or f"column{len(signals) + 1}"
+            signals[name] = Signal(name, values, unit, note=note)
     return Source(path, _kind(form), signals, unreadable, tuple(notes), about)
 
 
-def _decode(path: Path, data: bytes) -> str:
+def decoded(path: Path, data: bytes) -> str:
     """Return the text: UTF-16 by its mark, UTF-8, or else the Windows code page."""
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         try:
@@ -160,6 +172,25 @@ def _slow(
         else (table[j], tally.note(form.names[j] or f"column{j + 1}", len(rows)))
         for j, tally in enumerate(tallies)
     ]
+
+
+def _times(
+    rows: list[str], form: Form, texts: Sequence[int]
+) -> dict[int, tuple[NDArray[np.int64], NDArray[np.bool_]]]:
+    """Return those columns of text that are times, a day beside a clock taken with it."""
+    found: dict[int, tuple[NDArray[np.int64], NDArray[np.bool_]]] = {}
+    if not texts:
+        return found
+    first = cells_of(rows[0], form.delimiter)
+    table = [cells_of(row, form.delimiter) for row in rows]
+    for j in texts:
+        cells = [row[j].strip('"') for row in table]
+        beside = next((i for i in (j - 1, j + 1) if i in texts and is_date(first[i])), None)
+        if beside is not None:
+            cells = [f"{row[beside]} {cell}" for row, cell in zip(table, cells, strict=True)]
+        if (times := nanoseconds_of(cells)) is not None:
+            found[j] = times
+    return found
 
 
 def _text(tally: Tally, column: int) -> str:

@@ -161,7 +161,7 @@ def _names(header: list[list[str]], width: int) -> tuple[list[str], list[str]]:
     names, units = list(padded[0]), [""] * width
     for i, name in enumerate(names):
         matched = NAME_AND_UNIT.match(name)
-        if matched:
+        if matched and not matched["unit"].strip().isdigit():  # "pos (1)": a motor
             names[i], units[i] = matched["name"], matched["unit"].strip()
         elif len(padded) == 2:
             units[i] = padded[1][i].strip("[]() ")

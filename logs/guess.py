@@ -13,12 +13,19 @@ import numpy as np
 import tomli_w
 
 from zwidth.logs.foreign_mcap import CLOCKS
+from zwidth.logs.mended_stamps import mended
+from zwidth.logs.names import DRIVES, MOTIONS, Naming, read_name, told_by, words_of
 from zwidth.logs.source import Floats, Signal, Source
 from zwidth.logs.steps import step_seen
 from zwidth.logs.timing import NOTABLE_JITTER, Stamps, Timing, common_origin, examine
 from zwidth.logs.units import SI, UNITS, Unit, find_unit
 
 LEAST_SAMPLES = 3
+YEAR_2001, YEAR_2100 = 978_307_200.0, 4_102_444_800.0  # seconds since 1970
+PERIODS = ("ts", "dt", "sampletime", "samplingtime", "sampleperiod", "samplingperiod", "timestep",
+           "deltat", "deltax", "steptime", "wfincrement")  # fmt: skip
+RATES = ("fs", "hz", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "fps")
+MOST_BACK = 0.05  # of its steps, by which a time may go back
 MOST_SENTENCES = 8
 QUANTITY_OF = {si: quantity for quantity, units in SI.items() for si in units} | {
     "V": "command",
@@ -27,19 +34,8 @@ QUANTITY_OF = {si: quantity for quantity, units in SI.items() for si in units} |
     "counts/s": "velocity",
     "counts/s2": "acceleration",
 }
-WORDS = {
-    "time": ("t", "time", "times", "timestamp", "stamp", "zeit", "tout", "clock"),
-    "command": (
-        *("u", "cmd", "command", "input", "torque", "force", "effort", "tau", "current", "voltage"),
-        *("motor", "vir", "drive", "actuator"),
-    ),
-    "position": (
-        *("position", "pos", "angle", "theta", "phi", "q", "qm", "x", "y", "encoder", "enc"),
-        *("displacement", "output"),
-    ),
-    "velocity": ("velocity", "vel", "speed", "omega", "qd", "dq"),
-    "acceleration": ("acceleration", "acc", "accel", "qdd", "ddq"),
-}
+OF_UNIT = {"N m": "torque", "N": "torque", "V": "voltage", "A": "current", "s": "time"}
+"""What a unit tells that a motion's does not."""
 CLOCK_ORDER = ("header.stamp", "stamp", "timestamp", "log_time", "publish_time")
 assert set(CLOCK_ORDER) == set(CLOCKS)
 
@@ -61,7 +57,7 @@ class Seen:
 
 def look(source: Source) -> list[Seen]:
     """Return what each signal of a file shows, in the order of the file."""
-    rows = _rows(source)
+    rows = row_count(source)
     time = time_signal(source)
     timing = None if time is None else _timing(time)
     return [_seen(signal, rows, time, timing) for signal in source.signals.values()]
@@ -88,27 +84,44 @@ def _seen(signal: Signal, rows: int, time: Signal | None, timing: Timing | None)
 
 
 def _seems(signal: Signal, rows: int) -> str:
-    """Return "command", "position" ..., "constant", or "" where nothing tells."""
+    """Return "command", "position" ..., "goal", "constant", or "" where nothing tells."""
     values = signal.floats()
     if values.size != rows and not signal.stamps:
         return "constant" if values.size == 1 else ""
     values = values[np.isfinite(values)]
     if values.size and values.min() == values.max():
         return "constant"
-    unit = unit_seen(signal)
-    if unit is not None:
-        return QUANTITY_OF.get(unit.si, "")
-    words = words_of(signal.name)
-    for quantity, known in WORDS.items():
-        if quantity != "time" and any(word in known for word in words):
-            return quantity
-    return ""
+    said = naming(signal)
+    if said.role in ("goal", "error") and said.quantity not in DRIVES:
+        return said.role
+    return "command" if said.quantity in DRIVES else said.quantity
 
 
-def words_of(name: str) -> list[str]:
-    """Return the words of a name, the last first: "jointPos_deg" -> deg, pos, joint."""
-    spaced = re.sub("([a-z0-9])([A-Z])", r"\1 \2", name)
-    return re.findall("[a-z0-9]+", spaced.lower())[::-1]
+def naming(signal: Signal) -> Naming:
+    """Return what the name and the unit of a signal say; a unit decides the quantity.
+
+    But counts are of whatever the name says, and a motion named may be told in volts.
+    """
+    core, unit = _core(signal), unit_seen(signal)
+    said = read_name(core)
+    if said.quantity == "counter":
+        steps = np.diff(signal.floats()[signal.known])
+        return said if np.all(steps >= 0.0) else told_by(said, "position")
+    if unit is None or not unit.si or said.quantity == "other":
+        return said
+    quantity = OF_UNIT.get(unit.si) or QUANTITY_OF[unit.si]
+    drives = said.quantity in DRIVES and unit.si.startswith("counts")
+    volts = said.quantity in MOTIONS and not said.weak and quantity in ("voltage", "current")
+    return said if drives or volts or said.quantity == quantity else told_by(said, quantity)
+
+
+def _core(signal: Signal) -> str:
+    """Return the name of a signal without the unit at its end."""
+    spelled = unit_spelled(signal)
+    if signal.unit or spelled is None:
+        return signal.name
+    short = _tails(signal.name)
+    return next((core for core, tail in short if tail == spelled), signal.name)
 
 
 def unit_seen(signal: Signal) -> Unit | None:
@@ -127,41 +140,125 @@ def unit_spelled(signal: Signal) -> str | None:
     """
     if signal.unit:
         return signal.unit if find_unit(signal.unit) else None
-    last = signal.name.rsplit(".", 1)[-1]
+    return next((tail for _, tail in _tails(signal.name)), None)
+
+
+def _tails(name: str) -> list[tuple[str, str]]:
+    """Return what may be a unit at the end of a name, with the rest: the longest one first.
+
+    A name that is nothing but a unit ("rpm", "axis.deg") is one, too.
+    """
+    last = name.rsplit(".", 1)[-1]
     spaced = re.sub("([a-z0-9])([A-Z])", r"\1_\2", last)
+    before = name[: len(name) - len(last)]
     found = [
-        m.group(1).strip("_ ,/") for n in (last, spaced) for m in re.finditer("(?=[_ ,/](.+))", n)
+        (before + n[: m.start()], m.group(1).strip("_ ,/"))
+        for n in (last, spaced)
+        for m in re.finditer("(?=[_ ,/](.+))", n)
     ]
-    tails = [spelled for t in found for spelled in (t, re.sub("(_per)?_", "/", t))]
-    own = [last] if last != signal.name and len(last) > 1 else []
-    known = (t for t in [*tails, *own] if t != "in" and _is_unit(t))
-    return next(known, None)
+    tails = [
+        (core, spelled) for core, tail in found for spelled in (tail, re.sub("(_per)?_", "/", tail))
+    ]
+    whole = [(name, last)] if len(last) > 1 else []
+    return [(core, t) for core, t in [*tails, *whole] if t != "in" and _is_unit(t)]
 
 
 def _is_unit(tail: str) -> bool:
     return tail in UNITS or (len(tail) > 2 and find_unit(tail) is not None) or tail == "°"
 
 
-def _rows(source: Source) -> int:
+def row_count(source: Source) -> int:
     """Return the number of samples that most signals have."""
     sizes = [signal.values.size for signal in source.signals.values()]
     long = [size for size in sizes if size >= LEAST_SAMPLES]
-    return max(sorted(set(long)), key=long.count) if long else 0
+    return max(set(long), key=lambda size: (long.count(size), size)) if long else 0
 
 
 def time_signal(source: Source) -> Signal | None:
     """Return the signal that seems to be the time stamps: it rises, by its name or evenly."""
-    rows = _rows(source)
+    return time_seen(source)[0]
+
+
+def time_seen(source: Source) -> tuple[Signal | None, list[str]]:
+    """Return the signal that seems to be time, and why others of that name are none."""
+    rows = row_count(source)
+    refused: list[str] = []
+    for signal in source.signals.values():
+        if not _is_named_time(signal):
+            continue
+        reason = _no_time(signal, rows)
+        if reason is None:
+            return signal, []
+        refused.append(f"{signal.name} {reason}")
+    for name, reason in source.unreadable.items():
+        if read_name(name).quantity == "time":
+            refused.append(f"{name} {reason}")
     rising = [s for s in source.signals.values() if s.values.size == rows and _rises(s.floats())]
-    for signal in rising:
+    unnamed = [s for s in rising if naming(s).quantity == "" and not s.stamps]
+    even = [s for s in unnamed if not _timing(s).backwards and _even(_timing(s))]
+    return (even[0] if len(even) == 1 else None), refused
+
+
+def since_1970(stamp: float) -> str | None:
+    """Return the unit in which a stamp counts since 1970, by the year it gives, or None."""
+    for unit, each in (("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)):
+        if YEAR_2001 <= stamp / each <= YEAR_2100:
+            return unit
+    return None
+
+
+def period_told(source: Source) -> tuple[float, str] | None:
+    """Return the sampling period [s] that a single number beside the signals tells, and where.
+
+    It is called Ts, dt, fs, sampling rate or the like; or it is the step of a time of another
+    length.
+    """
+    for signal in source.signals.values():
+        words = words_of(signal.name)
+        if signal.values.size != 1 or not signal.known.all():
+            continue
+        value, joined = float(signal.floats()[0]), "".join(words[::-1])
+        if not 0.0 < value < np.inf:
+            continue
         unit = unit_seen(signal)
-        if (unit is not None and unit.si == "s") or any(
-            word in WORDS["time"] for word in words_of(signal.name)
-        ):
-            return signal
-    steady = [s for s in rising if not s.stamps and not _timing(s).backwards]
-    even = [s for s in steady if _even(_timing(s))]
-    return even[0] if len(even) == 1 else None
+        if joined.endswith(PERIODS):
+            return value * (
+                unit.factor if unit is not None and unit.si == "s" else 1.0
+            ), signal.name
+        if joined.endswith(RATES):
+            return 1.0 / value, signal.name
+    for signal in source.signals.values():
+        if _is_named_time(signal) and signal.values.size >= LEAST_SAMPLES and not signal.stamps:
+            unit = unit_seen(signal)
+            factor = unit.factor if unit is not None and unit.si == "s" else 1.0
+            timing = examine(seconds_of(signal, factor)[signal.known])
+            if timing.period > 0.0 and _even(timing) and not timing.backwards:
+                return float(f"{timing.period:.9g}"), f"the steps of {signal.name}"
+    return None
+
+
+def _is_named_time(signal: Signal) -> bool:
+    unit = unit_seen(signal)
+    said = read_name(_core(signal)).quantity
+    return said != "other" and (said == "time" or (unit is not None and unit.si == "s"))
+
+
+def _no_time(signal: Signal, rows: int) -> str | None:
+    """Say why a signal that is called time is none, or return None."""
+    values = signal.floats()
+    if signal.stamps:
+        return "is a field of messages, which have a clock"
+    if values.size != rows:
+        return f"has {values.size} samples where the others have {rows}"
+    known = values[np.isfinite(values)]
+    if 2 * known.size <= values.size:
+        return f"is missing in {values.size - known.size} of {values.size} samples"
+    if known.min() == known.max():
+        return "does not move"
+    back = int(np.count_nonzero(np.diff(mended(known)[0]) < 0.0))
+    if back > MOST_BACK * known.size or known[-1] == known[0]:
+        return f"goes back in {back} of {known.size - 1} steps"
+    return None
 
 
 def _rises(values: Floats) -> bool:
@@ -184,12 +281,20 @@ def _timing(time: Signal) -> Timing:
     return _examined(Stamps(time.values[time.known], factor))
 
 
+def seconds_of(time: Signal, factor: float) -> Floats:
+    """Return the stamps of a signal [s] from its first, mended; NaN where one is missing."""
+    found, known = np.full(time.values.size, np.nan), time.known
+    stamps = Stamps(time.values[known], factor)
+    found[known] = mended(stamps.seconds(common_origin({"": stamps})))[0]
+    return found
+
+
 def _stamped(signal: Signal) -> Timing:
     return _examined(Stamps(signal.stamps[_clock(signal)], 1e-9))
 
 
 def _examined(stamps: Stamps) -> Timing:
-    return examine(stamps.seconds(common_origin({"": stamps})))
+    return examine(mended(stamps.seconds(common_origin({"": stamps})))[0])
 
 
 def _clock(signal: Signal) -> str:
@@ -259,9 +364,11 @@ def clock_lines(source: Source, chosen: list[str]) -> list[str]:
         others = " ".join(clock for clock in CLOCK_ORDER if clock in signal.stamps)
         lines = [f"{_line('time', _clock(signal))} # clocks of this topic: {others}"]
         topics = {source.signals[name].name.split(".")[0] for name in chosen}
+        stamps = [one.stamps[_clock(one)] for one in stamped]
+        apart = any(not np.array_equal(stamps[0], other) for other in stamps[1:])
         return (
             [*lines, "resample = true # topics have clocks of their own"]
-            if len(topics) > 1
+            if len(topics) > 1 or apart
             else lines
         )
     time = time_signal(source)
@@ -288,9 +395,9 @@ def _signal_lines(
 ) -> list[str]:
     if name is None:
         open_ones = [s.name for s in seen if s.seems not in ("time", "constant")]
-        return ['signal = "" # choose: ' + ", ".join(_plain(n) for n in open_ones[:12])]
+        return ['signal = "" # choose: ' + ", ".join(plain(n) for n in open_ones[:12])]
     others = [s.name for s in seen if s.seems == quantity and s.name != name]
-    note = f" # or: {', '.join(_plain(n) for n in others[:12])}" if others else ""
+    note = f" # or: {', '.join(plain(n) for n in others[:12])}" if others else ""
     lines = [_line("signal", name) + note]
     signal = source.signals[name]
     unit, spelled = unit_seen(signal), unit_spelled(signal)
@@ -306,6 +413,6 @@ def _signal_lines(
     return lines
 
 
-def _plain(name: str) -> str:
+def plain(name: str) -> str:
     """Return a name that can stand in a comment."""
     return name if name.isprintable() else ascii(name)

@@ -5,6 +5,7 @@ side), a cell `c{k}`, an element of an array of structures `s(k)`; k counts from
 """
 
 import io
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,21 +20,63 @@ DEEPEST = 16  # structures within structures
 LEAST_CELLS = 100  # of single numbers and texts, which are then a column
 MOST_PARTS = 10_000  # cells, elements, fields of one file
 MOST_BYTES = 1 << 33  # of one data set of an HDF5 file, whatever its header claims
+TO_PLAIN = {
+    "timeseries": "t = {name}.Time; x = squeeze({name}.Data); save('plain.mat', 't', 'x')",
+    "timetable": (
+        "T = timetable2table({name}); s = table2struct(T, 'ToScalar', true);"
+        " s.Time = seconds(T.(1) - T.(1)(1)); save('plain.mat', '-struct', 's')"
+    ),
+    "table": "s = table2struct({name}, 'ToScalar', true); save('plain.mat', '-struct', 's')",
+    "Simulink.SimulationOutput": (
+        "t = {name}.tout; y = {name}.yout{{1}}.Values.Data; save('plain.mat', 't', 'y')"
+    ),
+    "Simulink.SimulationData.Dataset": (
+        "e = {name}{{1}}.Values; t = e.Time; x = e.Data; save('plain.mat', 't', 'x'), and so for"
+        " each element"
+    ),
+    "iddata": (
+        "u = {name}.InputData; y = {name}.OutputData; Ts = {name}.Ts; save('plain.mat', 'u', 'y',"
+        " 'Ts')"
+    ),
+}
+"""What to type in MATLAB to have an object's numbers as arrays, which any program reads."""
+PLAIN = (
+    *(b"double", b"single", b"logical", b"char", b"cell", b"struct", b"function_handle"),
+    *(b"%sint%d" % (sign, bits) for sign in (b"", b"u") for bits in (8, 16, 32, 64)),
+)
+LABELS, NUMBERS, UNITS = ("Name", "label"), ("Data", "values"), ("Unit", "unit")
 COLUMN, CELL, ELEMENT = "{name}(:,{k})", "{name}{{{k}}}", "{name}({k})"
 
 
 class _Parts(Collector):
-    """A collector that gives up on a file of endlessly many parts."""
+    """A collector that gives up on a file of endlessly many parts.
+
+    aliases: the path of a signal that is called by its label -> that.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(COLUMN, 1)
+        self.aliases: dict[str, str] = {}
 
     def take(self, name: str, values: Any) -> None:
         if len(self.signals) + len(self.unreadable) >= MOST_PARTS:
             raise RecordingError(f"it has more than {MOST_PARTS} parts")
         self.add(name, values)
 
+    def call(self, name: str, value: dict[str, Any]) -> None:
+        """Call the data of a structure as its own label does, which dSPACE and Simulink write."""
+        label = next((value[key] for key in LABELS if isinstance(value.get(key), str)), "").strip()
+        inner = next((f"{name}.{k}" for k in NUMBERS if f"{name}.{k}" in self.signals), None)
+        if not label or inner is None or label in self.signals or label in self.aliases:
+            return
+        self.aliases[inner] = label
+        unit = next((value[k] for k in UNITS if isinstance(value.get(k), str)), "")
+        self.signals[label] = replace(self.signals.pop(inner), name=label, unit=unit)
+
 
 def read_mat(path: Path, data: bytes) -> Source:
     """Return the variables of a file before v7.3; raises RecordingError."""
-    found = _Parts(COLUMN, 1)
+    found = _Parts()
     try:
         if scipy.io.matlab.matfile_version(_stream(data))[0] == 1:
             check_elements(data)
@@ -45,7 +88,8 @@ def read_mat(path: Path, data: bytes) -> Source:
         raise
     except Exception as error:  # scipy raises what it meets: ValueError, TypeError, zlib.error ...
         raise _damaged(path, "MAT", error) from None
-    return Source(path, "MAT v7 or older", found.signals, found.unreadable)
+    kind = "MAT v7 or older"
+    return Source(path, kind, found.signals, found.unreadable, aliases=found.aliases)
 
 
 def _stream(data: bytes) -> Any:
@@ -57,8 +101,16 @@ def _walk(found: _Parts, name: str, value: Any, depth: int) -> None:
     if depth > DEEPEST:
         found.unreadable[name] = f"lies more than {DEEPEST} structures deep"
     elif isinstance(value, dict):
+        units = _units(value)
         for field, part in value.items():
-            _walk(found, f"{name}.{field}", part, depth + 1)
+            inner = f"{name}.{field}"
+            _walk(found, inner, part, depth + 1)
+            if field in units and inner in found.signals:
+                found.signals[inner] = replace(found.signals[inner], unit=units[field])
+        found.call(name, value)
+    elif isinstance(value, scipy.io.matlab.MatlabOpaque):
+        owner, _, kind = (_text_of(value.flat[0][field]) for field in ("s0", "s1", "s2"))
+        found.unreadable[owner or name] = _object(owner or name, kind)
     elif isinstance(value, np.ndarray) and value.dtype == object and _is_column(value):
         found.add_cells(name, [None if _is_empty(v) else v for v in value.flat])
     elif isinstance(value, np.ndarray) and value.dtype == object:
@@ -71,6 +123,25 @@ def _walk(found: _Parts, name: str, value: Any, depth: int) -> None:
         found.take(name, value)
     else:
         found.unreadable[name] = f"is a {type(value).__name__}; a signal is a row of numbers"
+
+
+def _units(value: dict[str, Any]) -> dict[str, str]:
+    """Return the units that an object of identification data, saved as a structure, tells."""
+    told = {f"{side}Data": value.get(f"{side}Unit") for side in ("Input", "Output")}
+    return {field: unit for field, unit in told.items() if isinstance(unit, str) and unit.strip()}
+
+
+def _text_of(value: object) -> str:
+    return value.decode(errors="replace") if isinstance(value, bytes) else str(value)
+
+
+def _object(name: str, kind: str) -> str:
+    """Say what an object of MATLAB is, and what to type there to save its numbers."""
+    how = TO_PLAIN.get(kind, "save its numbers as plain arrays, such as x = double({name}.x)")
+    return (
+        f"is a MATLAB {kind} object, whose numbers only MATLAB can read; in MATLAB type:"
+        f" {how.format(name=name)}"
+    )
 
 
 def _is_column(cells: np.ndarray) -> bool:
@@ -96,7 +167,7 @@ def read_hdf5(path: Path, data: bytes) -> Source:
     """
     import h5py
 
-    found = _Parts(COLUMN, 1)
+    found = _Parts()
     try:
         with h5py.File(io.BytesIO(data), "r") as file:
             matlab = any("MATLAB_class" in item.attrs for item in _members(file).values())
@@ -135,6 +206,8 @@ def _hdf5(found: _Parts, name: str, item: Any, above: tuple[int, ...], file: Any
         return
     if not isinstance(item, h5py.Dataset):
         found.unreadable[name] = "is a named type; a signal is a row of numbers"
+    elif (kind := item.attrs.get("MATLAB_class")) is not None and _bytes_of(kind) not in PLAIN:
+        found.unreadable[name] = _object(name, _text_of(_bytes_of(kind)))
     elif item.external or item.is_virtual:
         found.unreadable[name] = "keeps its values in another file"
     elif item.shape is None or item.size == 0 or "MATLAB_empty" in item.attrs:
@@ -151,6 +224,10 @@ def _hdf5(found: _Parts, name: str, item: Any, above: tuple[int, ...], file: Any
         found.take(name, np.asarray(item[()]).T)
     else:
         found.unreadable[name] = f"holds {item.dtype}; a signal is numbers"
+
+
+def _bytes_of(value: object) -> bytes:
+    return value if isinstance(value, bytes) else str(value).encode()
 
 
 def _address(item: Any) -> int:

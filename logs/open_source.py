@@ -9,17 +9,25 @@ from typing import BinaryIO
 
 from mcap.writer import MCAP0_MAGIC
 
+from zwidth.logs.codesys_file import is_trace, read_trace
 from zwidth.logs.csv_file import read_csv
 from zwidth.logs.csv_form import NOTHING_SAID, CsvOptions
 from zwidth.logs.errors import ForeignLog, LogEmpty
+from zwidth.logs.excel_file import is_workbook, read_excel
 from zwidth.logs.foreign_mcap import read_foreign_mcap
+from zwidth.logs.json_file import begins_as_json, read_json
+from zwidth.logs.labview_file import START as LVM
+from zwidth.logs.labview_file import read_lvm
 from zwidth.logs.mat_file import read_hdf5, read_mat
 from zwidth.logs.mcap_reader import Log, read_log
 from zwidth.logs.npz_file import read_npy, read_npz
 from zwidth.logs.opening import opened
+from zwidth.logs.optional_files import read_tdms, read_ulog
 from zwidth.logs.parquet_file import read_parquet
 from zwidth.logs.source import RecordingError, Source
 from zwidth.logs.table_log import log_of
+from zwidth.logs.wpilog_file import START as WPILOG
+from zwidth.logs.wpilog_file import read_wpilog
 
 Reader = Callable[[Path, bytes], Source]
 
@@ -30,6 +38,11 @@ STARTS: tuple[tuple[bytes, Reader], ...] = (
     (b"PK\x03\x04", read_npz),
     (b"PK\x05\x06", read_npz),
     (b"PAR1", read_parquet),
+    (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1", read_excel),
+    (LVM, read_lvm),
+    (b"TDSm", read_tdms),
+    (b"ULog\x01\x12\x35", read_ulog),
+    (WPILOG, read_wpilog),
     (HDF5, read_hdf5),
     (b"MATLAB 5.0", read_mat),
 )
@@ -46,6 +59,8 @@ def open_source(path: Path, csv: CsvOptions = NOTHING_SAID) -> Source:
         data = file.read()
     reader = _reader(path, data)
     try:
+        if reader is read_excel:
+            return read_excel(path, data, csv)
         return read_csv(path, data, csv) if reader is None else reader(path, data)
     except MemoryError:
         raise RecordingError(
@@ -103,5 +118,9 @@ def _reader(path: Path, data: bytes) -> Reader | None:
         return read_hdf5
     for start, reader in STARTS:
         if data.startswith(start):
-            return reader
+            return read_excel if reader is read_npz and is_workbook(data) else reader
+    if begins_as_json(data):
+        return read_json
+    if is_trace(data):
+        return read_trace
     return read_mat if path.suffix.lower() == ".mat" else None  # v4 starts with nothing of its own

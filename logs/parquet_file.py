@@ -8,6 +8,7 @@ import numpy as np
 
 from zwidth.logs.source import Collector, RecordingError, Signal, Source
 
+MOST_PLACES = 1000  # in a list, that become signals of their own
 ABOUT = b"zwidth"  # the key in the file's own metadata
 
 
@@ -48,11 +49,38 @@ def _take(found: Collector, name: str, column: Any) -> None:
         found.add_cells(name, column.to_pylist())
     elif pa.types.is_decimal(kind):
         found.add(name, column.cast(pa.float64()).to_numpy())
+    elif _is_list(kind):
+        _take_lists(found, name, column)
     elif pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_boolean(kind):
         values = column.to_numpy()
         found.add(name, values if values.dtype != object else values.astype(np.float64))
     else:
         found.unreadable[name] = f"holds {kind}; a signal is numbers"
+
+
+def _is_list(kind: Any) -> bool:
+    import pyarrow as pa
+
+    lists = (pa.types.is_list, pa.types.is_large_list, pa.types.is_fixed_size_list)
+    if not any(is_one(kind) for is_one in lists):
+        return False
+    inner = kind.value_type
+    return pa.types.is_integer(inner) or pa.types.is_floating(inner) or pa.types.is_boolean(inner)
+
+
+def _take_lists(found: Collector, name: str, column: Any) -> None:
+    """Take lists of equally many numbers, as of the joints of a robot: a signal for each place."""
+    import pyarrow as pa
+    import pyarrow.compute
+
+    compute: Any = pyarrow.compute  # made when it is imported, which no checker sees
+    lengths = compute.unique(compute.drop_null(compute.list_value_length(column))).to_pylist()
+    if len(lengths) != 1 or not 1 <= lengths[0] <= MOST_PLACES:
+        found.unreadable[name] = "holds lists of differing lengths; a signal is numbers"
+        return
+    for k in range(lengths[0]):
+        part = compute.list_element(column, k).cast(pa.float64()).to_numpy()
+        found.add(f"{name}[{k}]", part)
 
 
 def _take_dates(found: Collector, name: str, column: Any) -> None:

@@ -2,7 +2,7 @@
 
 import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from zwidth.files.protection import reading
 from zwidth.logs.conversion import Converted, convert
 from zwidth.logs.mcap_reader import Log
+from zwidth.logs.mended_stamps import mended
 from zwidth.logs.one_axis import Stream, group, one_axis
 from zwidth.logs.open_source import open_source, read_own
 from zwidth.logs.opening import opened
@@ -81,7 +82,12 @@ def read_described(description: Description, folder: Path) -> Trace:
     path, file = description.path, folder / description.file
     reading(file, f"is what {path.name} describes")
     try:
-        return _read(description, open_source(file, description.csv))
+        own = open_source(file, description.csv)
+        others: dict[str, Source] = {}
+        for name in dict.fromkeys(e.file for e in description.entries if e.file):
+            reading(folder / name, f"is what {path.name} describes")
+            others[name] = open_source(folder / name, description.csv)
+        return _read(description, own, others, _sha256(file))
     except RecordingError as error:
         raise RecordingError(f"{path.name}: {error}") from None
     except MemoryError:
@@ -90,9 +96,19 @@ def read_described(description: Description, folder: Path) -> Trace:
         ) from None
 
 
-def _read(description: Description, source: Source) -> Trace:
+def read_source(description: Description, source: Source) -> Trace:
+    """Return what a description makes of signals that are at hand; raises as above."""
+    try:
+        return _read(description, source, {}, "")
+    except RecordingError as error:
+        raise RecordingError(f"{source.path.name}: {error}") from None
+
+
+def _read(
+    description: Description, source: Source, others: Mapping[str, Source], digest: str
+) -> Trace:
     entries = description.entries
-    signals = {entry.channel: source[entry.signal] for entry in entries}
+    signals = {entry.channel: others.get(entry.file, source)[entry.signal] for entry in entries}
     converted = {e.channel: convert(e, signals[e.channel]) for e in entries}
     rows = {e.channel: _rows(source, e.clock, signals[e.channel]) for e in entries}
     if description.resample is not None:  # what lacks is no sample, and not NaN for its neighbours
@@ -102,19 +118,22 @@ def _read(description: Description, source: Source) -> Trace:
     }
     origin = common_origin(stamps)
     rotary = _rotary(description.rotary, entries, converted)
-    streams = group(entries, {name: s.seconds(origin) for name, s in stamps.items()})
+    clocks = {name: mended(s.seconds(origin)) for name, s in stamps.items()}
+    streams = group(entries, {name: t for name, (t, _) in clocks.items()})
     values = {name: c.values[rows[name]] for name, c in converted.items()}
     t, values, resampling = one_axis(description.resample, streams, values)
     facts: dict[str, Any] = {
         "recording": description.path.name,
         "source": description.source,
         "file": source.path.name,
-        "sha256": _sha256(source.path),
+        "sha256": digest,
+        **({"files": {name: _sha256(one.path) for name, one in others.items()}} if others else {}),
         "format": source.kind,
         "signals": {e.channel: _signal_facts(e, converted[e.channel], signals) for e in entries},
         "timing": {s.name: {"counted": s.counted, **s.timing.facts()} for s in streams},
         "warnings": [
             *_clock_notes(source, entries, rows),
+            *dict.fromkeys(note for _, note in clocks.values() if note),
             *_warnings(source, streams, converted, rotary),
         ],
     }

@@ -12,6 +12,7 @@
                                 # or resample = 0.001, onto one with that period [s]
     [input]                     # channel `command`
     signal = "vir"              # variable, column, or topic.field
+    file = "torque.txt"         # optional: where it is, if not in the file above; time is of that
     unit = "V"                  # optional: the unit of the raw numbers, SI if not said
     scale = 35.150652           # optional
     offset = 0.0                # optional
@@ -83,7 +84,7 @@ TOP_KEYS = (
     *("use", "csv", "device", "free"),
 )
 INPUT_KEYS = (
-    *("signal", "unit", "scale", "offset", "counts_per_rev", "counts_per_m", "wraps_at"),
+    *("signal", "file", "unit", "scale", "offset", "counts_per_rev", "counts_per_m", "wraps_at"),
     *(*CLOCK_KEYS, "shift_s"),
 )
 OUTPUT_KEYS = (*INPUT_KEYS, "quantity", "at")
@@ -91,7 +92,7 @@ BASE_KEYS = (*INPUT_KEYS, "quantity")
 KNOWN_FORCE_KEYS = (*INPUT_KEYS, "at")
 JOINT_KEYS = (*INPUT_KEYS, "name")
 MOTIONS = ("position", "velocity", "acceleration")
-COVARIATE_KEYS = ("signal", "unit", "scale", "offset", *CLOCK_KEYS, "shift_s")
+COVARIATE_KEYS = ("signal", "file", "unit", "scale", "offset", *CLOCK_KEYS, "shift_s")
 COVARIATE = "covariate"  # quantity of what a parameter may follow, and how its channel begins
 KNOWN_FORCE, JOINT = "known_force_", "joint_"  # what those channels begin with
 QUANTITIES = tuple(quantity for quantity in SI if quantity != "command")
@@ -116,6 +117,7 @@ class Clock:
 class Entry:
     """One channel. scale is None where the TOML gives none (then it is 1).
 
+    file: where its signal is, "" for the recording's own file, whose time it shares.
     wraps_at: raw numbers after which a counter starts anew, None for one that does not.
     over: what its SI value is divided by.
     """
@@ -131,6 +133,7 @@ class Entry:
     clock: Clock
     wraps_at: float | None = None
     over: float = 1.0
+    file: str = ""
 
 
 @dataclass(frozen=True)
@@ -264,6 +267,7 @@ def _entry(table: Table, quantity: str, channel: str, top: Table) -> Entry:
         _positive(table, "counts_per_m") if "counts_per_m" in table else None,
         _clock(table, top),
         _wraps_at(table, quantity),
+        file=table.text("file", ""),
     )
     counted = unit is not None and known_unit(unit, f"{table.path}.unit").si.startswith("counts")
     known = sum(count is not None for count in (entry.counts_per_rev, entry.counts_per_m))
@@ -308,6 +312,7 @@ def _covariate(table: Table, top: Table) -> Entry:
         None,
         None,
         _clock(table, top),
+        file=table.text("file", ""),
     )
 
 

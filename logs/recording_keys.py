@@ -10,6 +10,8 @@ _CLOCK = (
 )  # fmt: skip
 _SIGNAL = (
     ("signal", "a column, a variable, or topic.field", "", "", '"torque"'),
+    ("file", "where the signal is, if in another file than the recording's; its samples are at the"
+     " times in the recording's file", "", "the recording's", '"torque.txt"'),
     ("unit", "of the raw numbers, such as deg, mm, V or counts", "", "SI", '"deg"'),
     ("scale", "SI per raw number, or per SI unit of the kind that unit names", "", "1", "35.15"),
     ("offset", "added after the scale", "SI", "0", "0.0"),
@@ -34,6 +36,7 @@ _EXAMPLES = {
 _COVARIATE = (
     ("signal", "a column, a variable, or topic.field: a temperature, a supply, a load that"
      " parameters may follow linearly", "", "", '"temp"'),
+    _SIGNAL[1],
     ("unit", "as it is written; nothing is converted by it", "", "none", '"degC"'),
     ("scale", "times the raw numbers", "", "1", ""),
     ("offset", "added after the scale", "", "0", ""),

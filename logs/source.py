@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from zwidth.logs.cells import column_of
 from zwidth.logs.errors import LogError
+from zwidth.logs.written_time import nanoseconds_of
 from zwidth.sim.nearest import nearest
 
 Floats = NDArray[np.float64]
@@ -56,7 +57,7 @@ class Source:
 
     kind: the format, in words. unreadable: signal -> why it is no row of numbers. notes: sentences
     on what the reader met (lines above the header, a lost chunk). about: what zwidth wrote into a
-    file of its own; empty in everyone else's.
+    file of its own; empty in everyone else's. aliases: other names of signals.
     """
 
     path: Path
@@ -65,9 +66,11 @@ class Source:
     unreadable: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     notes: tuple[str, ...] = ()
     about: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+    aliases: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
 
     def __getitem__(self, name: str) -> Signal:
         """Return a signal by its name, or by its name and unit as in the file, "angle [deg]"."""
+        name = self.aliases.get(name, name)
         if name in self.signals:
             return self.signals[name]
         for signal in self.signals.values():
@@ -116,8 +119,12 @@ class Collector:
 
     def add_cells(self, name: str, cells: Iterable[object], unit: str = "") -> None:
         """Take a column of texts and numbers: a signal with gaps where the numbers are more."""
+        cells = list(cells)
         column = column_of(name, cells)
-        if column is None:
+        if column is None and (times := nanoseconds_of(cells)) is not None:
+            lost = times[1] if times[1].any() else None
+            self.signals[name] = Signal(name, times[0], "ns", lost=lost)
+        elif column is None:
             self.unreadable[name] = TEXT
         else:
             self.signals[name] = Signal(name, column[0], unit, note=column[1])

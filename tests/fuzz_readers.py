@@ -32,6 +32,7 @@ import recording_examples as examples
 from exported_examples import bare_log, full_log
 from log_examples import ATTACHMENTS, EPOCH, EVENTS, METADATA, UNITS, example
 
+from zwidth.logs.assumed import assumed
 from zwidth.logs.export import WRITERS
 from zwidth.logs.guess import clock_faults, draft, look
 from zwidth.logs.mcap_reader import Log
@@ -81,11 +82,12 @@ class Kind:
 
 
 def look_and_draft(path: Path) -> None:
-    """Read a foreign file as `zwidth convert FILE` does; what it drafts must be TOML."""
+    """Read a foreign file as `zwidth convert` and `diagnose` do; what they draft must be TOML."""
     source = open_source(path)
     seen = look(source)
     clock_faults(source)
     tomllib.loads(draft(source, seen))
+    tomllib.loads(assumed(source, path.name).text)
 
 
 def through_toml(path: Path) -> None:
@@ -119,6 +121,16 @@ def kinds(folder: Path, named: str) -> list[Kind]:
         "NPY": (examples.npy_bytes(), "a.npy"),
         "NPZ": (examples.npz_bytes(), "a.npz"),
         "Parquet": (examples.parquet_bytes(), "a.parquet"),
+        "Excel": (examples.excel_bytes(), "a.xlsx"),
+        "JSON": (examples.json_bytes(), "a.json"),
+        "JSON lines": (examples.json_lines_bytes(), "a.jsonl"),
+        "LabVIEW": (examples.lvm_bytes(), "a.lvm"),
+        "CODESYS": (examples.codesys_bytes(), "a.csv"),
+        "Parquet, lists": (examples.joint_lists_bytes(), "a.parquet"),
+        "WPILOG": (examples.wpilog_bytes(), "a.wpilog"),
+        "TDMS": (examples.tdms_bytes(), "a.tdms"),
+        "ULog": (examples.ulog_bytes(), "a.ulg"),
+        "CSV, written times": (examples.iso_csv_bytes(), "a.csv"),
         "MCAP, ROS 2": (examples.ros2_bytes(), "a.mcap"),
         "MCAP, ROS 2, no checksums": (examples.ros2_bytes(checked=False), "a.mcap"),
         "MCAP, JSON": (examples.json_mcap_bytes(), "a.mcap"),

@@ -3,7 +3,9 @@
 import io
 import json
 import math
+import struct
 import textwrap
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -72,6 +74,15 @@ def csv_bytes(samples: int = 20) -> bytes:
         f"{a!r},{b!r},{c!r}" for a, b, c in zip(t.tolist(), u.tolist(), x.tolist(), strict=True)
     ]
     return "\n".join(["# a small motion", "t [s],torque [N m],angle [rad]", *rows, ""]).encode()
+
+
+def iso_csv_bytes(samples: int = 20) -> bytes:
+    t, u, x = wave(samples)
+    rows = [
+        f"2024-05-03T10:15:{a:09.6f}Z,{b!r},{c!r}"
+        for a, b, c in zip(t.tolist(), u.tolist(), x.tolist(), strict=True)
+    ]
+    return "\n".join(["stamp,torque [N m],angle [rad]", *rows, ""]).encode()
 
 
 def german_csv_bytes(samples: int = 20) -> bytes:
@@ -224,3 +235,151 @@ def protobuf_bytes(samples: int = 20) -> bytes:
         writer.write_message("/axis", body, ns, ns, k)
     writer.finish()
     return out.getvalue()
+
+
+def excel_bytes(samples: int = 20) -> bytes:
+    """A workbook of two sheets, the second of them a table with dates in it."""
+    t, u, x = wave(samples)
+    rows = [
+        f'<row r="1">{_texts("A1", "t [s]")}{_texts("B1", "torque")}{_texts("C1", "angle")}</row>'
+    ]
+    for k, (a, b, c) in enumerate(zip(t.tolist(), u.tolist(), x.tolist(), strict=True), start=2):
+        cells = "".join(
+            f'<c r="{col}{k}"><v>{v!r}</v></c>' for col, v in zip("ABC", (a, b, c), strict=True)
+        )
+        rows.append(f'<row r="{k}">{cells}</row>')
+    main = "http://schemas.openxmlformats.org/spreadsheetml/2006/main"
+    rel = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
+    package = "http://schemas.openxmlformats.org/package/2006"
+    kind = "application/vnd.openxmlformats-officedocument.spreadsheetml"
+    head = '<?xml version="1.0" encoding="UTF-8"?>'
+    sheet = f'{head}<worksheet xmlns="{main}"><sheetData>%s</sheetData></worksheet>'
+    parts = {
+        "[Content_Types].xml": f'{head}<Types xmlns="{package}/content-types">'
+        f'<Default Extension="xml" ContentType="application/xml"/><Default Extension="rels"'
+        f' ContentType="application/vnd.openxmlformats-package.relationships+xml"/><Override'
+        f' PartName="/xl/workbook.xml" ContentType="{kind}.sheet.main+xml"/></Types>',
+        "_rels/.rels": f'{head}<Relationships xmlns="{package}/relationships"><Relationship Id="r"'
+        f' Type="{rel}/officeDocument" Target="xl/workbook.xml"/></Relationships>',
+        "xl/workbook.xml": f'{head}<workbook xmlns="{main}" xmlns:r="{rel}"><sheets><sheet'
+        ' name="notes" sheetId="1" r:id="a"/><sheet name="run" sheetId="2" r:id="b"/></sheets>'
+        "</workbook>",
+        "xl/_rels/workbook.xml.rels": f'{head}<Relationships xmlns="{package}/relationships">'
+        f'<Relationship Id="a" Type="{rel}/worksheet" Target="worksheets/sheet1.xml"/>'
+        f'<Relationship Id="b" Type="{rel}/worksheet" Target="worksheets/sheet2.xml"/>'
+        "</Relationships>",
+        "xl/worksheets/sheet1.xml": sheet % f'<row r="1">{_texts("A1", "my rig")}</row>',
+        "xl/worksheets/sheet2.xml": sheet % "".join(rows),
+    }  # fmt: skip
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w") as archive:
+        for name, text in parts.items():
+            archive.writestr(name, text)
+    return out.getvalue()
+
+
+def _texts(cell: str, text: str) -> str:
+    return f'<c r="{cell}" t="inlineStr"><is><t>{text}</t></is></c>'
+
+
+def json_bytes(samples: int = 20) -> bytes:
+    """Columns in an object, an array of joints and a setting beside."""
+    t, u, x = (row.tolist() for row in wave(samples))
+    joints = [[a, b] for a, b in zip(x, u, strict=True)]
+    return json.dumps({"rate_hz": 1000, "run": {"t": t, "u": u, "x": x, "q": joints}}).encode()
+
+
+def json_lines_bytes(samples: int = 20) -> bytes:
+    t, u, x = (row.tolist() for row in wave(samples))
+    lines = (
+        json.dumps({"stamp": {"sec": a}, "effort": [b], "position": [c, None]})
+        for a, b, c in zip(t, u, x, strict=True)
+    )
+    return "\n".join([*lines, ""]).encode()
+
+
+def lvm_bytes(samples: int = 20) -> bytes:
+    t, u, x = wave(samples)
+    head = [
+        "LabVIEW Measurement\t", "Separator\tTab", "Decimal_Separator\t,", "X_Columns\tOne",
+        "***End_of_Header***\t", "\t", "Channels\t2", "Samples\t20\t20",
+        "Y_Unit_Label\tNewton-Meter\tDegrees", "X_Dimension\tTime\tTime", "Delta_X\t0,001\t0,001",
+        "***End_of_Header***\t\t\t", "X_Value\tTorque\tAngle\tComment",
+    ]  # fmt: skip
+    rows = [
+        f"{a!r}\t{b!r}\t{c!r}\t".replace(".", ",")
+        for a, b, c in zip(t.tolist(), u.tolist(), x.tolist(), strict=True)
+    ]
+    return "\r\n".join([*head, *rows, ""]).encode()
+
+
+def codesys_bytes(samples: int = 20) -> bytes:
+    t, u, x = wave(samples)
+    lines = ["[key]; [value]", "Version; 0x03050000"]
+    for k, (name, values) in enumerate((("GVL.fTorque", u), ("GVL.fActPos", x))):
+        lines += [f"{k}.Variable; {name}", f"{k}.Class; 14", f"{k}.Data; "]
+        lines += [f"; {1e3 * a:g}; {v!r}" for a, v in zip(t.tolist(), values.tolist(), strict=True)]
+    return "\r\n".join([*lines, ""]).encode()
+
+
+def joint_lists_bytes(samples: int = 20) -> bytes:
+    """Parquet with lists of joints, as LeRobot writes them."""
+    t, u, x = wave(samples)
+    joints = {
+        "action": pa.array(np.column_stack([u, x]).tolist(), pa.list_(pa.float64())),
+        "observation.state": pa.array(np.column_stack([x, u]).tolist(), pa.list_(pa.float64(), 2)),
+        "ragged": pa.array([[0.0] * (k % 3) for k in range(samples)], pa.list_(pa.float64())),
+    }
+    out = io.BytesIO()
+    parquet.write_table(pa.table({"timestamp": t, **joints}), out)
+    return out.getvalue()
+
+
+def wpilog_bytes(samples: int = 20) -> bytes:
+    t, u, x = wave(samples)
+
+    def record(entry: int, stamp: int, payload: bytes) -> bytes:
+        sizes = struct.pack("<BII", entry, len(payload), stamp)
+        return bytes([0b0011_1100]) + sizes + payload
+
+    def begin(entry: int, name: bytes, kind: bytes) -> bytes:
+        told = struct.pack("<BI", 0, entry)
+        for text in (name, kind, b""):
+            told += struct.pack("<I", len(text)) + text
+        return record(0, 0, told)
+
+    parts = [b"WPILOG\x00\x01", struct.pack("<I", 2), b"{}"]
+    parts += [begin(1, b"/motor/volts", b"double"), begin(2, b"/arm/position", b"double[]")]
+    for k, (a, b, c) in enumerate(zip(t.tolist(), u.tolist(), x.tolist(), strict=True)):
+        stamp = round(1e6 * a)
+        parts += [
+            record(1, stamp, struct.pack("<d", b)),
+            record(2, stamp, struct.pack("<2d", c, k)),
+        ]
+    return b"".join(parts)
+
+
+def tdms_bytes(samples: int = 20) -> bytes:
+    from nptdms import ChannelObject, TdmsWriter
+
+    _, u, x = wave(samples)
+    out = io.BytesIO()
+    with TdmsWriter(out) as writer:
+        interval = {"wf_increment": PERIOD, "unit_string": "Nm"}
+        writer.write_segment([ChannelObject("run", "torque", u, interval)])
+        writer.write_segment([ChannelObject("run", "angle", x, {"unit_string": "rad"})])
+    return out.getvalue()
+
+
+def ulog_bytes(samples: int = 20) -> bytes:
+    t, u, x = wave(samples)
+
+    def message(kind: bytes, payload: bytes) -> bytes:
+        return struct.pack("<H", len(payload)) + kind + payload
+
+    parts = [b"ULog\x01\x12\x35\x01", struct.pack("<Q", 0), message(b"B", bytes(40))]
+    parts += [message(b"F", b"servo:uint64_t timestamp;double torque;double position;")]
+    parts += [message(b"A", struct.pack("<BH", 0, 0) + b"servo")]
+    for a, b, c in zip(t.tolist(), u.tolist(), x.tolist(), strict=True):
+        parts.append(message(b"D", struct.pack("<HQ2d", 0, round(1e6 * a) + 1, b, c)))
+    return b"".join(parts)

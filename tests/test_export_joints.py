@@ -164,3 +164,48 @@ def test_the_command_says_what_is_lost(to: str, tmp_path: Path):
     assert result["cost"] in out.read_text()
     if to == "sdf":
         assert result["error_over_motion"] > 0.01
+
+
+ACTUATORS = {
+    "position": (
+        '<position name="drive" joint="m1" kp="3" kv="0.02" gear="1.5" forcerange="-1 1"/>'
+    ),
+    "velocity": '<velocity name="drive" joint="m1" kv="0.05" gear="2"/>',
+    "general": (
+        '<general name="drive" joint="m1" gainprm="4" biastype="affine" biasprm="0 -2 -0.01"/>'
+    ),
+    "motor": '<motor name="drive" joint="m1" gear="0.7"/>',
+}  # fmt: skip
+
+
+@needs_mujoco
+@pytest.mark.parametrize("kind", list(ACTUATORS))
+def test_loops_of_a_model_are_drives(kind: str, tmp_path: Path):
+    """The joint in MuJoCo and the device that it was read as move alike, within 1 %.
+
+    Mutations: the gear once where it counts twice; the damping of a loop left out.
+    """
+    text = f"""<mujoco><option timestep="1e-4" integrator="RK4" gravity="0 0 0"/><worldbody>
+      <body><joint name="m1" damping="0.01" axis="0 1 0"/>
+      <inertial pos="0 0 0" mass="0.2" diaginertia="1e-3 1e-3 1e-3"/></body></worldbody>
+      <actuator>{ACTUATORS[kind]}</actuator></mujoco>"""
+    (tmp_path / "m.xml").write_text(text)
+    device, left_out = device_of_joint(tmp_path / "m.xml", "m1")
+    assert left_out == []
+    assert loss(free_run(device, COMMANDS), run_mjcf(text, COMMANDS, 0.001)) < 0.01
+    looped = [p.effect.name for p in device.physics]
+    assert ("position_servo" in looped) == (kind in ("position", "general"))
+
+
+@needs_mujoco
+def test_a_mesh_that_is_missing_costs_nothing_where_inertials_are_given(tmp_path: Path):
+    """Mutation: the shape taken out of a body whose inertia it gives."""
+    text = """<mujoco><asset><mesh name="m" file="nowhere.stl"/></asset><worldbody><body>
+      <joint name="m1" axis="0 1 0"/><geom type="mesh" mesh="m"/>{}</body></worldbody></mujoco>"""
+    inertial = '<inertial pos="0 0 0" mass="0.2" diaginertia="1e-3 2e-3 1e-3"/>'
+    (tmp_path / "m.xml").write_text(text.format(inertial))
+    device, _ = device_of_joint(tmp_path / "m.xml", "m1")
+    assert device.chain.masses[0] == pytest.approx(2e-3)
+    (tmp_path / "m.xml").write_text(text.format(""))
+    with pytest.raises(ValueError, match=r"nowhere\.stl"):
+        device_of_joint(tmp_path / "m.xml", "m1")

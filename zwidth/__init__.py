@@ -25,7 +25,8 @@ What happens in a run?
     simulate          a device under wall, texture, region, guarded (by a passivity controller),
                       recorded, none or user_controller, or a Scenario
     load_scenario, logged_run, replay    an experiment from a file, its log, the log run again
-    read_recording, load_log, write_log  recordings and logs as Trace
+    read_recording, load_log, write_log  recordings and logs as Trace; a data Frame, a dict of
+                      arrays or an array is a recording, too
 Which device?
     load_device, save_device, shipped_devices    device files; every function takes a path or name
     Device, Chain, Interface, ModalModel         a device in Python; make_physics adds an effect,
@@ -81,6 +82,7 @@ if _TYPE_CHECKING:
     from zwidth.jobs.choose import executor as executor
     from zwidth.jobs.executor import Executor as Executor
     from zwidth.logs.events import Event as Event
+    from zwidth.logs.in_memory import Frame as Frame
     from zwidth.logs.mcap_reader import Log as Log
     from zwidth.logs.mcap_writer import write_log as write_log
     from zwidth.logs.recording import load_log as load_log
@@ -153,6 +155,7 @@ HOMES = {
     "Fate": "zwidth.stability.fates",
     "FateMap": "zwidth.stability.fate_map",
     "Fates": "zwidth.stability.fates",
+    "Frame": "zwidth.logs.in_memory",
     "Finding": "zwidth.diagnosis.answer.result",
     "Fleet": "zwidth.fleet.result",
     "Identified": "zwidth.identification.identified",

@@ -75,7 +75,8 @@ def diagnose_files(
     _refuse_fitted(recordings, validate)
     known = None if name is None else load_device(name)  # what is wrong with it is said at once
     arms = _arms(*robot, known)
-    read = {path: described(console, path, out) for path in (*recordings, *validate)}
+    joint = robot[1] if robot[0] is None else None  # of a table with several, not of a model
+    read = {path: described(console, path, out, joint) for path in (*recordings, *validate)}
     with collecting(console.warn) as mishaps:
         with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # numpy's, on 1e300
             fitted_to = arms(console, _traces(console, recordings, read))
@@ -349,9 +350,10 @@ def _arms(
 ) -> Callable[[Console, Traces], Traces]:
     """What adds to recordings the force of the rest of a robot, nothing where none is given.
 
-    Raises ValueError for one of the two options without the other, and without a device.
+    A joint without a model is one of the recording's own. Raises ValueError for a model without a
+    joint, and without a device.
     """
-    if (model is None) != (joint is None):
+    if model is not None and joint is None:
         raise ValueError("--known-torque MODEL and --joint NAME go together; give both")
     if model is None or joint is None:
         return lambda _, traces: traces

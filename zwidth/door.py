@@ -8,7 +8,7 @@ its file. Both are there to be edited: one that a person has edited is read, and
 import os
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,17 +19,21 @@ from zwidth.console import Console
 from zwidth.files.protection import Protected, check
 from zwidth.files.whole import write_text
 from zwidth.identification.first_device import FirstDevice, Motion, first_device
+from zwidth.identification.first_loop import first_loop
 from zwidth.logs.assumed import Ask, assumed
+from zwidth.logs.in_memory import AnyTable, source_of
 from zwidth.logs.open_source import own_log
-from zwidth.logs.recording import read_described, read_recording
+from zwidth.logs.recording import read_described, read_recording, read_source
 from zwidth.logs.recording_file import description_of
 from zwidth.logs.source import Source
 from zwidth.logs.steps import step_seen
 from zwidth.logs.stretches import longest_stretch
 from zwidth.logs.timing import examine
 from zwidth.logs.units import GOAL
+from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import commented_text, load_device
+from zwidth.sim.drive import Drive
 from zwidth.sim.interface import Interface
 from zwidth.sim.trace import Trace
 from zwidth.sim.uncertainty import Uncertainty
@@ -40,11 +44,11 @@ FITTED = Uncertainty(masses=0.5, springs=2.0, dampers=2.0)
 ONE_TO_THREE = ("one mass", "two masses", "three masses", "four masses", "five masses")
 
 
-def described(console: Console, path: Path, out: Path) -> Path:
+def described(console: Console, path: Path, out: Path, joint: str | None = None) -> Path:
     """Return a recording that can be read as it is: the file itself, or a TOML made for it.
 
-    The TOML is OUT/NAME.recording.toml. Raises LogError where the file cannot be read or nothing
-    in it moves.
+    The TOML is OUT/NAME.recording.toml. joint: which to take, of a file with several. Raises
+    LogError where the file cannot be read or nothing in it moves.
     """
     if path.suffix.lower() == ".toml":
         return path
@@ -55,7 +59,7 @@ def described(console: Console, path: Path, out: Path) -> Path:
     if edited(target):
         console.note(f"{path.name} is read as {target} says, which was edited")
         return target
-    guess = assumed(found, _relative(path, target.parent), asker())
+    guess = assumed(found, _relative(path, target.parent), asker(), joint)
     console.note(f"{path.name} is a file of another tool ({found.kind}); it is taken for:")
     for role, what in guess.roles:
         console.note(f"  {role:<9} {what}")
@@ -80,6 +84,19 @@ def taken(path: Path, ask: Ask | None = None) -> tuple[Trace, list[str]]:
     said = [f"{role}: {what}" for role, what in guess.roles]
     said += [f"assumed: {doubt}" for doubt in guess.doubts]
     return read_described(described, path.parent), said
+
+
+def taken_table(
+    table: AnyTable, given: Mapping[str, str], joint: str | None = None
+) -> tuple[Trace, list[str]]:
+    """Return a table that a program holds as a recording, and what was assumed of it.
+
+    given: time, command, position or velocity -> its column. Raises LogError.
+    """
+    source = source_of(table)
+    guess = assumed(source, source.path.name, joint=joint, given=given)
+    made = description_of(guess.text.encode(), Path("table.recording.toml"))
+    return read_source(made, source), [f"assumed: {doubt}" for doubt in guess.doubts]
 
 
 def device_of(
@@ -120,6 +137,14 @@ def fitted(recordings: Sequence[tuple[str, Trace]]) -> tuple[Device, list[str]]:
     traces = [trace for _, trace in recordings]
     rotary = _rotary(stem, traces[0])
     motions = [_motion(name, trace, rotary) for name, trace in recordings]
+    goals = [trace.units.get("command") in GOAL for trace in traces]
+    if any(goals) and not all(goals):
+        raise ValueError(
+            "the command of some recordings is a position to go to and of others a force; diagnose"
+            " them apart, or give --device"
+        )
+    if all(goals):
+        return _fitted_loop(recordings, motions, rotary)
     found = first_device(motions)
     step = _encoder_step(traces)
     device = Device(
@@ -135,6 +160,34 @@ def fitted(recordings: Sequence[tuple[str, Trace]]) -> tuple[Device, list[str]]:
         mass = "kg m2" if rotary else "kg"
         said.append(f"nothing drives, so nothing tells the scale: m1 is counted as 1 {mass}")
     return device, said
+
+
+def _fitted_loop(
+    recordings: Sequence[tuple[str, Trace]], motions: Sequence[Motion], rotary: bool
+) -> tuple[Device, list[str]]:
+    """Return a device whose command is a goal, fitted, and what is to be said of it."""
+    stem, loop = recordings[0][0], first_loop(motions)
+    mass = Device(
+        f"{stem}, as fitted",
+        f"fitted to {', '.join(name for name, _ in recordings)}: a start, for a diagnosis to refit",
+        rotary,
+        make_chain([1.0], [loop.damper]),
+        Interface(
+            period=float(f"{motions[0].period:.9g}"),
+            encoder_step=_encoder_step([trace for _, trace in recordings]),
+        ),
+        uncertainty=FITTED,
+    )
+    unit, force = ("kg m2", "N m/rad") if rotary else ("kg", "N/m")
+    late = f" a delay of {1e3 * loop.delay:.3g} ms beside it, and" if loop.delay else ""
+    said = [
+        "no device is given: the command is a position to go to, so a loop on the position of one"
+        f' mass is taken ([drive] kind = "position", stiffness {loop.stiffness:.4g} {force});'
+        f" with{late} friction and limits left to the diagnosis, a free run of it misses"
+        f" {100.0 * loop.error:.3g} % of the motion",
+        f"a goal does not tell the scale: m1 is counted as 1 {unit}",
+    ]
+    return Drive("position", stiffness=loop.stiffness).on(mass), said
 
 
 def asker() -> Ask | None:
@@ -185,11 +238,6 @@ def _motion(name: str, trace: Trace, rotary: bool) -> Motion:
             " device cannot be fitted to it; give --device"
         )
     driven = "command" in trace.channels and np.ptp(trace["command"][np.isfinite(trace["command"])])
-    if driven and trace.units["command"] in GOAL:
-        raise ValueError(
-            f"the command of {name} is a position to go to; give --device with [drive] kind ="
-            ' "servo" or "position" (docs/device_file.md)'
-        )
     whole, _ = longest_stretch(trace, (*keys, *(["command"] if driven else [])), name)
     return Motion(
         examine(whole.t).period,

@@ -29,12 +29,19 @@ def diagnose(
     validate: AnyRecording | Sequence[AnyRecording] | None = None,
     effort: Literal["quick", "normal", "thorough"] = "normal",
     known_torque: Arms | None = None,
+    time: str | None = None,
+    command: str | None = None,
+    position: str | None = None,
+    velocity: str | None = None,
     say: Callable[[str], None] | None = None,
 ) -> Diagnosis:
     """Say why recordings differ from the simulation of a device, and what physics is missing.
 
     recordings: one or several, each a path (a recording TOML, a log, or a CSV, MAT or other file of
-    another tool, of which it warns what it assumed), a Trace, a Run or a Log. device: a Device, the
+    another tool, of which it warns what it assumed), a Trace, a Run, a Log, or a table: a data
+    frame of pandas or polars, a dict of arrays (samples,), an array (samples, signals). time,
+    command, position, velocity: the columns of a table that are that (of an array "0", "1" ...);
+    of those not named it is told by name and unit, "angle_deg", as of a CSV. device: a Device, the
     name of a shipped one, or a device file; without it one is fitted, of as many masses as the data
     ask for. validate: recordings to judge by;
     by default the last 30 % of each are kept for it. effort: how much is tried. known_torque: the
@@ -48,8 +55,10 @@ def diagnose(
     """
     if effort not in EFFORTS:
         raise ValueError(f"effort is {effort!r}; {nearest(effort, EFFORTS)}")
-    traces = named_traces(recordings)
-    judged_by = [] if validate is None else named_traces(validate)
+    named = {"time": time, "command": command, "position": position, "velocity": velocity}
+    columns = {role: name for role, name in named.items() if name is not None}
+    traces = named_traces(recordings, columns)
+    judged_by = [] if validate is None else named_traces(validate, columns)
 
     def answer(known: Device) -> Diagnosis:
         fit_on = experiments_of(traces, known, known_torque)

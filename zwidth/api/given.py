@@ -1,14 +1,15 @@
 """What a function takes for a device or a recording: the value, or where to find it."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 from zwidth.diagnosis.recording.experiment import Experiment, stretches
-from zwidth.door import taken
+from zwidth.door import taken, taken_table
 from zwidth.export.known_torque import with_known_torque
+from zwidth.logs.in_memory import AnyTable, is_table
 from zwidth.logs.mcap_reader import Log
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device
@@ -16,7 +17,7 @@ from zwidth.sim.run import Run
 from zwidth.sim.trace import Trace
 
 AnyDevice = Device | str | PathLike[str]
-AnyRecording = Trace | Run | Log | str | PathLike[str]
+AnyRecording = Trace | Run | Log | AnyTable | str | PathLike[str]
 Arms = tuple[str | PathLike[str], str]
 """The model of a robot, MJCF or URDF, and the joint in it that a device is."""
 
@@ -36,8 +37,10 @@ def device_of(given: AnyDevice) -> Device:
     )
 
 
-def trace_of(given: AnyRecording) -> Trace:
-    """Return a recording's trace: as given, of a run or a log, or read from a path.
+def trace_of(given: AnyRecording, columns: Mapping[str, str] | None = None) -> Trace:
+    """Return a recording's trace: as given, of a run or a log, of a table, or read from a path.
+
+    columns: of a table time, command, position or velocity -> its column, where somebody named it.
 
     The one place where a recording that is given becomes one. A file of another tool (a CSV) is
     taken for what its columns seem to be. What was assumed of a file, and what is odd about it, is
@@ -56,10 +59,16 @@ def trace_of(given: AnyRecording) -> Trace:
             for said in (*(line for line in assumed if line.startswith("assumed")), *odd):
                 warnings.warn(f"{Path(given).name}: {said}", stacklevel=4)
             return trace
-        case _:  # pyright: ignore[reportUnnecessaryComparison]
+        case _ if is_table(given):
+            trace, assumed = taken_table(given, columns or {})
+            odd = cast("Sequence[str]", trace.facts.get("warnings", ()))
+            for said in (*assumed, *odd):
+                warnings.warn(f"the table: {said}", stacklevel=4)
+            return trace
+        case _:
             raise TypeError(
-                f"recording is of type {type(given).__name__}; give a Trace, a Run, a Log, or the"
-                " path of a recording"
+                f"recording is of type {type(given).__name__}; give a Trace, a Run, a Log, a table"
+                " (a data frame, a dict of arrays, an array), or the path of a recording"
             )
 
 
@@ -74,15 +83,18 @@ def name_of(given: AnyRecording, place: int = 0) -> str:
             return f"recording {place + 1}" if place else "recording"
 
 
-def named_traces(given: AnyRecording | Sequence[AnyRecording]) -> list[tuple[str, Trace]]:
-    """Return one recording or several, each with what to call it.
+def named_traces(
+    given: AnyRecording | Sequence[AnyRecording], columns: Mapping[str, str] | None = None
+) -> list[tuple[str, Trace]]:
+    """Return one recording or several, each with what to call it; columns as of `trace_of`.
 
     Raises as `trace_of`, and ValueError where none is given.
     """
-    several = [given] if isinstance(given, Trace | Run | Log | str | PathLike) else list(given)
+    single = isinstance(given, Trace | Run | Log | str | PathLike) or is_table(given)
+    several = cast("list[AnyRecording]", [given] if single else list(cast("Any", given)))
     if not several:
         raise ValueError("no recording is given; give at least one")
-    return [(name_of(one, place), trace_of(one)) for place, one in enumerate(several)]
+    return [(name_of(one, place), trace_of(one, columns)) for place, one in enumerate(several)]
 
 
 def experiments_of(

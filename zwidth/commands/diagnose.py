@@ -45,7 +45,8 @@ from zwidth.options import cluster_option, force_option, json_option, out_option
     "--known-torque", "model", metavar="MODEL", type=click.Path(path_type=Path),
     help="MJCF or URDF of the robot: what its arms do to --joint in the recorded posture is known.",
 )  # fmt: skip
-@click.option("--joint", metavar="NAME", help="The joint of MODEL that the device is.")
+@click.option("--joint", metavar="INDEX|NAME",
+              help="The joint to take of a recording with several, or of MODEL.")  # fmt: skip
 @click.option("--processes", type=click.IntRange(1), help="Of a fleet: processes side by side.")
 @cluster_option
 @out_option("runs")

@@ -9,6 +9,7 @@ import numpy as np
 
 from zwidth.console import Column, Console
 from zwidth.covariance import save_covariance
+from zwidth.door import described
 from zwidth.figures.style import picture_files
 from zwidth.files.whole import write_text
 from zwidth.identification.coordinates import MAX_MODES
@@ -54,13 +55,13 @@ def command(
 ) -> None:
     """Fit a device to a recording of its command and position.
 
-    RECORDING is a log of zwidth, or a TOML that describes another file. Writes the device file,
+    RECORDING is any file that 'zwidth diagnose' reads. Writes the device file,
     NAME.toml or else RECORDING.device.toml, the covariance of its parameters, and a Bode diagram.
     """
     console = Console(json_file)
     if not recording.exists():
         raise ValueError(f"there is no recording {str(recording)!r}; check the path")
-    trace = read_recording(recording)
+    trace = read_recording(described(console, recording, out))
     stem = _file_stem(name) if name else recording.stem
     device_file = out / (f"{stem}.toml" if name else f"{stem}.device.toml")
     spread, bode = out / f"{stem}.covariance.json", out / f"{stem}_bode"

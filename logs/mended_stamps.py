@@ -1,0 +1,78 @@
+"""Stamps that a clock spoiled in a way that can be undone: too coarse, or begun anew.
+
+A clock that counts in steps longer than the sampling period gives several samples one stamp. Where
+a line through stamps over sample numbers misses none by more than such a step, samples were even,
+and the line says when; else those of one stamp are spread over the time to the next. A counter that
+starts anew goes back by the same amount every time, and the stamps then go on.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.logs.timing import times
+
+Floats = NDArray[np.float64]
+SHARED = 0.1  # of all samples, that must repeat a stamp
+ANEW = 0.5  # of the stamps' range, that a counter goes back by at least
+ALIKE = 0.02  # by which the steps back of a counter may differ
+
+
+def mended(t: Floats) -> tuple[Floats, str]:
+    """Return stamps t [s], finite, (samples,), mended, and a sentence; "" where as they are."""
+    said: list[str] = []
+    t, note = _gone_on(t)
+    said += [note] if note else []
+    t, note = _spread(t)
+    said += [note] if note else []
+    return t, "; ".join(said)
+
+
+def _gone_on(t: Floats) -> tuple[Floats, str]:
+    steps = np.diff(t)
+    with np.errstate(over="ignore", invalid="ignore"):
+        back = np.flatnonzero(steps < -ANEW * np.ptp(t)) if t.size > 2 else np.array([], np.int64)
+    forward = steps[steps > 0.0]
+    if back.size == 0 or back.size > t.size // 8 or forward.size == 0:
+        return t, ""
+    usual = float(np.median(forward))
+    sizes = usual - steps[back]
+    size = float(np.median(sizes))
+    least = 4.0 * usual
+    if not np.isfinite(size) or size < least or np.any(np.abs(sizes - size) > ALIKE * size):
+        return t, ""
+    if np.any(np.delete(steps, back) < 0.0):
+        return t, ""
+    turns = np.zeros(t.size)
+    turns[back + 1] = 1.0
+    return t + size * np.cumsum(turns), (
+        f"the clock starts anew every {size:.6g} s, {times(back.size)}: it is taken as one that"
+        " goes on"
+    )
+
+
+def _spread(t: Floats) -> tuple[Floats, str]:
+    steps = np.diff(t)
+    repeats = int(np.count_nonzero(steps == 0.0))
+    forward = steps[steps > 0.0]
+    if repeats < max(2.0, SHARED * t.size) or np.any(steps < 0.0) or forward.size < 2:
+        return t, ""
+    coarse = float(np.median(forward))
+    count = np.arange(t.size)
+    begins = np.flatnonzero(np.diff(t, prepend=t[0] - 1.0) > 0.0)
+    own = begins[1:] if begins.size > 3 else begins  # the first may have begun before
+    about = own - own.mean()
+    period = float(about @ (t[own] - t[own].mean()) / (about @ about))
+    away = t - period * count
+    line = 0.5 * float(away.min() + away.max()) + period * count
+    if np.max(np.abs(t - line)) <= 1.01 * coarse:
+        return line - line[0] + t[0], (
+            f"the clock counts in steps of {coarse:.4g} s, and {repeats} of {t.size} samples share"
+            f" a stamp with the one before: samples are taken as even, every {period:.6g} s"
+        )
+    ends = np.append(t[begins[1:]], t[begins[-1]] + coarse)
+    sizes = np.diff(np.append(begins, t.size))
+    inside = count - np.repeat(begins, sizes)
+    return t + inside * np.repeat((ends - t[begins]) / sizes, sizes), (
+        f"{repeats} of {t.size} samples share a stamp with the one before: they are spread over the"
+        " time to the next stamp"
+    )

@@ -1,0 +1,194 @@
+"""What the name of a column says: which quantity, asked or measured, of which joint.
+
+The words stand in `vocabulary.toml`, with their sources. A name is taken apart at capitals, digits
+and signs; the unit at its end is no word of it; letters before a capital that say a type, as in
+`fActPosition` of a PLC, are none either. The last word that names a quantity decides, and words
+before it say whether it is asked or measured: "present current" is a current that is measured,
+"current position" a position that is.
+"""
+
+import re
+import tomllib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any, Literal
+
+Role = Literal["goal", "command", "measured", "error", ""]
+DRIVES = ("torque", "current", "voltage", "duty", "input")
+"""Quantities that a device is driven by, the nearest to its force first; input says none."""
+MOTIONS = ("position", "velocity", "acceleration")
+TYPES = re.compile(r"^(?:lr|dw|f|r|l|g)(?=[A-Z][a-z])")  # of IEC 61131: fActPos, lrTorque
+DOTS = {"dot": 1, "ddot": 2}
+OUTPUTS = ("output", "outputs", "out")  # of a system, or of its controller
+SIDES = frozenset(("motor", "load", "link", "d"))
+SHORTEST = 3  # letters of a word within a compound
+CLOSE = frozenset(
+    ("joint", "joints", "axis", "motor", "m", "servo", "data", "value", "field", "ch")
+)
+
+
+@dataclass(frozen=True)
+class Naming:
+    """What a name says.
+
+    quantity: a table of the vocabulary's `[quantity]`, "" for none. weak: it is told by a single
+    letter. joint: the words and numbers besides, by which one joint differs from another.
+    """
+
+    words: tuple[str, ...]
+    quantity: str
+    role: Role
+    weak: bool
+    joint: tuple[str, ...]
+
+    @property
+    def drives(self) -> bool:
+        """Whether a device may be driven by it."""
+        return self.quantity in DRIVES and self.role != "error"
+
+    @property
+    def moves(self) -> bool:
+        """Whether it is a motion that was measured."""
+        return self.quantity in MOTIONS and self.role in ("measured", "")
+
+
+@cache
+def vocabulary() -> dict[str, Any]:
+    """Return the vocabulary as it stands in its file."""
+    return tomllib.loads(Path(__file__).with_name("vocabulary.toml").read_text(encoding="utf-8"))
+
+
+@cache
+def _known() -> dict[str, tuple[str, bool]]:
+    """Return word -> quantity and whether it is a letter."""
+    tables = vocabulary()["quantity"]
+    letters = {w: (name, True) for name, table in tables.items() for w in table["letters"]}
+    return letters | {w: (name, False) for name, table in tables.items() for w in table["words"]}
+
+
+@cache
+def side_words(side: Literal["near", "far"]) -> frozenset[str]:
+    """Return the words for the side of a device that is driven, or for the other."""
+    return frozenset(vocabulary()["side"][side])
+
+
+@cache
+def kind_words(kind: Literal["rotary", "linear"]) -> frozenset[str]:
+    """Return the words for what turns, or for what slides."""
+    return frozenset(vocabulary()["kind"][kind])
+
+
+def words_of(name: str) -> list[str]:
+    """Return the words of a name, the last first: "jointPos_deg" -> deg, pos, joint."""
+    return re.findall(r"[^\W_]+", _spaced(name).lower())[::-1]
+
+
+def _spaced(name: str) -> str:
+    parts = [TYPES.sub("", part) for part in re.split(r"[./\s]+", name)]
+    spaced = re.sub("([a-z0-9])([A-Z])", r"\1 \2", " ".join(parts))
+    return re.sub("([A-Z])([A-Z][a-z]{2})", r"\1 \2", spaced)
+
+
+def read_name(core: str) -> Naming:
+    """Return what a name says, without the unit at its end."""
+    words = list(_words(core))
+    at, quantity, weak = _quantity(words)
+    role = _role(words, at, quantity)
+    if quantity == "" and role == "command":
+        quantity, weak = "input", True
+    joint = tuple(w for i, w in enumerate(words) if i != at and not _said(w) and w not in CLOSE)
+    return Naming(tuple(words), quantity, role, weak, joint)
+
+
+def told_by(said: Naming, quantity: str) -> Naming:
+    """Return a naming whose quantity its unit tells; an asked motion is a goal."""
+    role = said.role
+    if quantity in MOTIONS and (role == "command" or (role == "" and said.quantity == "input")):
+        role = "goal"
+    return replace(said, quantity=quantity, role=role, weak=False)
+
+
+def _words(core: str) -> Iterator[str]:
+    """Yield the words of a name in order; a short one or a compound as the words it stands for."""
+    axes = re.sub(r"\b([iuv])[ _]+([qd])(?![a-z])", r"\1\2", _spaced(core).lower())
+    for word in re.findall(r"[^\W\d_]+|\d+", axes):
+        yield from vocabulary()["alias"].get(word) or _apart(word) or (word,)
+
+
+def _apart(word: str) -> list[str]:
+    """Return the known words that a compound is made of ("targetposition"), [] for none."""
+    if len(word) < 2 * SHORTEST or word in _all_words():
+        return []
+    for end in range(len(word) - SHORTEST, SHORTEST - 1, -1):
+        first, rest = word[:end], word[end:]
+        if first in _all_words():
+            if rest in _all_words():
+                return [first, rest]
+            if further := _apart(rest):
+                return [first, *further]
+    return []
+
+
+@cache
+def _all_words() -> frozenset[str]:
+    roles = (word for own in vocabulary()["role"].values() for word in own)
+    sides = (word for own in vocabulary()["side"].values() for word in own)
+    return frozenset(w for w in (*_known(), *roles, *sides) if len(w) >= SHORTEST)
+
+
+def _quantity(words: Sequence[str]) -> tuple[int, str, bool]:
+    """Return which word names the quantity (-1 for none), and whether it is a letter."""
+    known = _known()
+    found = [(i, *known[w]) for i, w in enumerate(words) if w in known]
+    if other := next((one for one in found if one[1] == "other"), None):
+        return other
+    spoken = [one for one in found if not one[2]]
+    lesser = [i for i, q, _ in spoken if q in ("input", "counter") or words[i] in side_words("far")]
+    if len(found) > len(lesser):  # what counts, or where it is measured, says little beside others
+        spoken = [one for one in spoken if one[0] not in lesser]
+    if spoken:
+        at, quantity, weak = spoken[-1]
+    else:
+        own = {w for w in words if not w.isdigit() and (w in known or not _is_role(w))}
+        beside = {*CLOSE, *DOTS, *SIDES}
+        letters = [one for one in found if one[2] and own <= {words[one[0]], *beside}]
+        if not letters:
+            return -1, "", False
+        at, quantity, weak = letters[-1]
+        if words[at] in OUTPUTS and any(w in vocabulary()["role"]["command"] for w in words):
+            return -1, "", False  # of a controller
+    if quantity == "position":
+        quantity = MOTIONS[min(sum(DOTS.get(w, 0) for w in words), 2)]
+    if quantity in ("current", "voltage") and "d" in words[:at]:
+        return at, "other", False  # of the axis along the field, which gives no torque
+    return at, quantity, weak
+
+
+def _is_role(word: str) -> bool:
+    return any(word in own for own in vocabulary()["role"].values())
+
+
+def _said(word: str) -> bool:
+    return _is_role(word) or word in _known() or word in DOTS
+
+
+def _role(words: Sequence[str], at: int, quantity: str) -> Role:
+    roles = vocabulary()["role"]
+    others = [w for i, w in enumerate(words) if i != at]
+    if any(w in roles["error"] for w in others):
+        return "error"
+    if any(w in roles["goal"] for w in others) or _desired(words, at, quantity):
+        return "goal"
+    asked = any(w in roles["command"] for w in others)
+    if quantity in MOTIONS and (asked or "input" in others):
+        return "goal"
+    if any(w in roles["measured"] for w in others):
+        return "measured"
+    return "command" if asked else ""
+
+
+def _desired(words: Sequence[str], at: int, quantity: str) -> bool:
+    """Whether it is q_d or tau_J_d of libfranka: the last letter says that it is desired."""
+    return words[-1:] == ["d"] and at < len(words) - 1 and quantity in (*MOTIONS, "torque")

@@ -1,0 +1,159 @@
+"""Which signal of a file drives, and which are the motion that answers: by names, then by numbers.
+
+Names say what is measured and what is asked (`logs/names.py`). Among the joints of a robot the one
+that moves is taken, with what drives that joint. What names leave open, numbers decide where they
+can: whether an "action" is a goal that the position follows, whether "v" is a speed or a voltage,
+whether a speed is a measurement of its own. Every choice among several is a sentence.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import correlate
+
+from zwidth.logs.guess import unit_seen
+from zwidth.logs.names import Naming, side_words, words_of
+from zwidth.logs.source import Signal
+
+Floats = NDArray[np.float64]
+LONGEST = 20_000  # samples that are looked at
+FOLLOWS = 0.9  # correlation at the best delay, above which a position follows a goal
+LATEST = 0.1  # of the recording, that it may follow late
+ALIKE = (0.3, 3.0)  # size of a goal over that of what follows it
+RATE = 0.9  # correlation of a speed with the slope of a position, above which it is its speed
+SCALED = 0.1  # by which the size of the two may differ
+NOTHING_NEW = 1e-3  # of a speed, that the differences of the position leave of it, and no more
+STEADILY = 0.3  # of its mean, below which a speed hardly varies
+STEADY = 0.05  # scatter of a voltage over its mean, below which it only supplies
+FIRST = {"torque": 0, "input": 1, "current": 2, "voltage": 3, "duty": 4}
+
+
+def differing(names: Mapping[str, Naming]) -> dict[str, tuple[str, ...]]:
+    """Return by which words each of several names differs from the others: its joint."""
+    sets = [set(one.joint) for one in names.values()]
+    common = set.intersection(*sets) if sets else set[str]()
+    return {key: tuple(w for w in one.joint if w not in common) for key, one in names.items()}
+
+
+def of_joint(one: Naming, joint: str) -> bool:
+    """Return whether a name is of a joint that somebody named or numbered."""
+    wanted = words_of(joint)[::-1]
+    own = list(one.words)
+    split = [part for word in wanted for part in _parts(word)]
+    return any(own[i : i + len(split)] == split for i in range(len(own) - len(split) + 1))
+
+
+def _parts(word: str) -> list[str]:
+    head = word.rstrip("0123456789")
+    return [part for part in (head, word[len(head) :]) if part]
+
+
+def follows(goal: Signal, motion: Signal) -> bool:
+    """Return whether a motion goes where a goal was, up to `LATEST` of the recording earlier."""
+    pair = _pair(goal, motion)
+    if pair is None:
+        return False
+    asked, moved = pair
+    sizes = float(np.std(asked)), float(np.std(moved))
+    if min(sizes) == 0.0 or not ALIKE[0] < sizes[0] / sizes[1] < ALIKE[1]:
+        return False
+    asked, moved = (asked - asked.mean()) / sizes[0], (moved - moved.mean()) / sizes[1]
+    late = correlate(moved, asked, "full", "fft")[asked.size - 1 :][: int(LATEST * asked.size) + 1]
+    return bool(late.max() > FOLLOWS * asked.size)
+
+
+@dataclass(frozen=True)
+class Speed:
+    """How a speed stands to a position: correlation with its slope, size over it, and news.
+
+    news: share of it that no difference of neighbouring positions gives.
+    """
+
+    correlation: float
+    size: float
+    news: float
+
+
+def speed_of(position: Signal, speed: Signal, t: NDArray[Any]) -> Speed | None:
+    """Compare a speed with the slope of a position over times t; None where nothing moves."""
+    pair = _pair(position, speed, t)
+    if pair is None or len(pair) < 3 or pair[0].size < 16:
+        return None
+    y, v, when = pair
+    steps = np.diff(when)
+    if np.any(steps <= 0.0):
+        return None
+    best, size = -1.0, 0.0
+    for over in (2, 8, 32, 128):  # the slope over few samples is all noise where steps are coarse
+        if 4 * over > y.size:
+            break
+        slope = (y[over:] - y[:-over]) / (when[over:] - when[:-over])
+        mean = np.convolve(v, np.ones(over + 1) / (over + 1), "valid")
+        alike = _alike(slope, mean)
+        if alike > best:
+            best, size = alike, _fit(slope, mean)
+    backward = np.diff(y) / steps
+    v = v[1:-1]
+    slopes = (backward[:-1], backward[1:], 0.5 * (backward[:-1] + backward[1:]))
+    norm = float(np.linalg.norm(v))
+    left = [float(np.linalg.norm(v - _fit(s, v) * s)) / norm if norm else 1.0 for s in slopes]
+    return Speed(best, size, min(left))
+
+
+def _alike(one: Floats, other: Floats) -> float:
+    """Return the correlation; about zero where both hardly vary, as of what coasts."""
+    if np.std(one) > STEADILY * abs(one.mean()):
+        one, other = one - one.mean(), other - other.mean()
+    size = float(np.linalg.norm(one) * np.linalg.norm(other))
+    return float(one @ other) / size if size else -1.0
+
+
+def _fit(x: Floats, y: Floats) -> float:
+    power = float(x @ x)
+    return float(x @ y) / power if power else 0.0
+
+
+def _pair(one: Signal, other: Signal, t: NDArray[Any] | None = None) -> list[Floats] | None:
+    a, b = one.floats(), other.floats()
+    if a.size != b.size or (t is not None and t.size != a.size):
+        return None
+    known = np.isfinite(a) & np.isfinite(b)
+    if t is not None:
+        known &= np.isfinite(t)
+    if known.sum() < 2:
+        return None
+    rows = (a, b) if t is None else (a, b, t)
+    return [np.asarray(row[known][:LONGEST], dtype=np.float64) for row in rows]
+
+
+def supplies(signal: Signal) -> bool:
+    """Return whether a voltage stands so still that it supplies, and does not drive."""
+    values = signal.floats()[signal.known]
+    return bool(values.size) and float(np.std(values)) < STEADY * abs(float(np.mean(values)))
+
+
+def span(signal: Signal) -> float:
+    """Return the standard deviation of what is known, in the signal's unit or SI."""
+    values = signal.floats()[signal.known]
+    unit = unit_seen(signal)
+    return (
+        float(np.std(values)) * (unit.factor if unit is not None else 1.0) if values.size else 0.0
+    )
+
+
+def sided(names: Sequence[str]) -> tuple[str, str] | None:
+    """Return the driven and the other side of several signals, None where they name no sides."""
+    near = next((n for n in names if any(w in side_words("near") for w in words_of(n))), None)
+    far = [n for n in names if n != near and any(w in side_words("far") for w in words_of(n))]
+    if far and len(far) < len(names):
+        return near or next(n for n in names if n not in far), far[0]
+    return None
+
+
+def rank(said: Naming) -> tuple[int, bool]:
+    """Return how near a quantity stands to the force, and among equals what is asked first."""
+    unspecific = said.quantity == "input" and said.role == "command"
+    return (6 if unspecific else FIRST[said.quantity]), said.role == "measured"
