@@ -61,15 +61,19 @@ def test_an_empty_account_divides_by_nothing() -> None:
 
 # What they took when this was written, and a tenth: whoever adds a stage sees here what it costs.
 MOST = {
-    "one mass, clean": 3500,
-    "one mass, friction": 8800,
+    "one mass, clean": 4400,
+    "one mass, friction": 10200,
     "two masses, friction": 15800,
 }
 
 
 @pytest.mark.parametrize("name", MOST)
 def test_a_diagnosis_simulates_no_more_than_it_did(name: str) -> None:
-    """Recordings of 4 s, in `quick`. Mutation: any further stage that simulates as much."""
+    """Recordings of 4 s, in `quick`. Mutation: any further stage that simulates as much.
+
+    One more number of every model (the clock's skew) and three beginnings of a device with friction
+    instead of one brought one mass from 3133 to 4089 and from 7947 to 9561.
+    """
     rig = replace(RIGS[name](), seconds=4.0)
     found = diagnose(rig.device, [rig.experiment()], effort=QUICK)
     assert 0.3 * MOST[name] < found.cost["simulations"] <= MOST[name]
