@@ -246,13 +246,14 @@ def test_a_slower_observer_is_not_whitened():
     assert float(left @ left) / left.size == pytest.approx(1.0, rel=0.05)
 
 
-def test_less_than_a_wave_along_a_line_is_no_eccentricity():
-    """On a disk a turn is a turn, however little of it is used.
+@pytest.mark.parametrize(("travel", "turns"), [(1.0, False), (15.0, True)])
+def test_less_than_two_waves_are_no_eccentricity(travel: float, turns: bool):
+    """A turn of the disk is sought where two of them were seen, along a line never.
 
-    Mutation that breaks it: the same periods on both.
+    Mutation that breaks it: a turn sought on every disk.
     """
     e = record(phantom(), 1.0)
-    span = float(np.ptp(e.measured))
+    e = replace(e, measured=e.measured * travel / np.ptp(e.measured))
     for rotary in (False, True):
         device = Device("m", "", rotary, make_chain([0.5], [0.0]), Interface(period=T))
         periods = [
@@ -260,7 +261,8 @@ def test_less_than_a_wave_along_a_line_is_no_eccentricity():
             for s in candidates(device, [replace(e, outputs=OUTPUTS)])
             if s.physics.effect.name == "encoder_eccentricity"
         ]
-        assert (max(periods) > span) is rotary
+        assert max(periods) < travel / 1.8 + 1e-9
+        assert (2.0 * np.pi in periods) is (rotary and turns)
 
 
 def swung(share: float, period: float, seconds: float = 6.0) -> Experiment:

@@ -102,7 +102,8 @@ def test_a_parameter_that_explains_nothing_costs(rubbed: list[Experiment]) -> No
     drag = make_physics("quadratic_drag", "m2", coefficient=1e-6)
     richer = bare.model.with_effect(drag, {"coefficient": 1e-6})
     more = settled(judged(rubbed, richer, np.append(bare.x, 0.0)))
-    assert abs(more.cost.misfit - bare.cost.misfit) < 12.0
+    # The recording has no noise but the encoder's, so that even the error of four substeps shows.
+    assert abs(more.cost.misfit - bare.cost.misfit) < 20.0
     assert more.cost.total > bare.cost.total
 
 
@@ -265,7 +266,8 @@ def test_friction_that_sticks_less_than_it_slides_is_no_answer(rubbed: list[Expe
     assert judged(rubbed, model, x).against_physics == ""
 
     def backwards(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
-        yield Proposal(h.experiments, model, np.append(h.x, [0.0, 0.0, 0.0]), h.family)
+        if not h.model.effects:
+            yield Proposal(h.experiments, model, np.append(h.x, [0.0, 0.0, 0.0]), h.family)
 
     moves = replace(only(), adding=(backwards,))
     found = search(drive(), rubbed, QUICK, moves=moves)

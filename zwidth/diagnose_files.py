@@ -24,6 +24,7 @@ from zwidth.diagnosis.selection.effort import EFFORTS
 from zwidth.diagnosis_report import (
     INTERRUPTED,
     Commands,
+    assumptions,
     effect_at,
     error,
     estimate,
@@ -76,7 +77,9 @@ def diagnose_files(
     known = None if name is None else load_device(name)  # what is wrong with it is said at once
     arms = _arms(*robot, known)
     joint = robot[1] if robot[0] is None else None  # of a table with several, not of a model
-    read = {path: described(console, path, out, joint) for path in (*recordings, *validate)}
+    doubts: list[str] = []
+    every = (*recordings, *validate)
+    read = {path: described(console, path, out, joint, doubts) for path in every}
     with collecting(console.warn) as mishaps:
         with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # numpy's, on 1e300
             fitted_to = arms(console, _traces(console, recordings, read))
@@ -87,7 +90,8 @@ def diagnose_files(
             device, name = known, name or str(file)
             if fresh and wall is None:
                 wall = False  # who has no device file yet has not asked about walls
-            asked = Asked(console, recordings, read, device, name, out, line, wall)
+            assumed = tuple(dict.fromkeys(doubts))
+            asked = Asked(console, recordings, read, device, name, out, line, wall, assumed)
             fit_on = _stretches(fitted_to, device)
             judged_by = arms(console, _traces(console, validate, read))
             judge_by = [e for _, e in _stretches(judged_by, device)] or None
@@ -104,7 +108,7 @@ def diagnose_files(
                     found = diagnose(device, [e for _, e in fit_on], judge_by, say, tries)
             except NotDiagnosed as end:
                 raise _unanswered(asked, end, mishaps) from end
-        _say(console, found)
+        _say(console, found, asked.assumed)
         _answer(asked, found, logs, mishaps)
     if found.interrupted:
         raise KeyboardInterrupt
@@ -126,7 +130,7 @@ class Asked:
 
     read: what each recording is read from; name: of the device, as it was given or made; line: the
     line that asks again. wall: whether to say what becomes of the stiffest wall; None for where the
-    device may render one.
+    device may render one. assumed: what was assumed of the files, in sentences.
     """
 
     console: Console
@@ -137,6 +141,7 @@ class Asked:
     out: Path
     line: str = ""
     wall: bool | None = None
+    assumed: tuple[str, ...] = ()
 
     def file(self, ending: str) -> Path:
         """The path of a file of the answer."""
@@ -190,15 +195,19 @@ def _report(
     asked: Asked, found: Diagnosis, files: Files, bounds: "AugmentedBoundary | None"
 ) -> None:
     """Write the report as far as there is an answer."""
-    shown = str(files.augmented or asked.name)
-    view = in_this_folder("zwidth", "explore", asked.name, "--compare", shown)
     with isolated("report"):
         names = [path.name for path in asked.recordings]
-        read = dict.fromkeys(str(asked.read[path]) for path in asked.recordings)
-        improved = str(files.augmented or "")
-        commands = Commands(asked.line, view, improved, asked.name, tuple(read))
         path = asked.file("diagnosis.html")
-        files.report = save_report(found, names, commands, path, bounds, files.drawn)
+        files.report = save_report(found, names, _commands(asked, files), path, bounds, files.drawn)
+
+
+def _commands(asked: Asked, files: Files) -> Commands:
+    """What the reader of an answer can do next, and what it was read from."""
+    shown = str(files.augmented or asked.name)
+    view = in_this_folder("zwidth", "explore", asked.name, "--compare", shown)
+    read = tuple(dict.fromkeys(str(asked.read[path]) for path in asked.recordings))
+    improved = str(files.augmented or "")
+    return Commands(asked.line, view, improved, asked.name, read, asked.assumed)
 
 
 def _log_files(out: Path, paths: Sequence[Path]) -> list[tuple[Path, Path]]:
@@ -231,6 +240,7 @@ def _result(
     more = {
         "boundary": bounds and bounds.as_json(),
         "device": asked.device.name,
+        "assumptions": [*asked.assumed, *assumptions(found, _commands(asked, files))],
         "augmented_device": files.augmented and str(files.augmented),
         "report": files.report and str(files.report),
         "logs": [str(p) for p in files.logs],
@@ -391,9 +401,11 @@ def _stretches(
     return found
 
 
-def _say(console: Console, found: Diagnosis) -> None:
+def _say(console: Console, found: Diagnosis, assumed: Sequence[str]) -> None:
     before = f"{INTERRUPTED}: " if found.interrupted else ""
     console.say(f"\n{before}{found.headline}\n")
+    for doubt in assumed:  # an answer is as right as these are
+        console.say(f"assumed: {doubt}")
     for caution in found.cautions:
         console.warn(caution)
     console.say(f"{verdict_line(found)}\n")

@@ -65,7 +65,8 @@ class Commands:
 
     again: computes the report again; explore: opens both devices side by side; improved: the path
     of the improved device, "" where none was written; device: the path or name of the device that
-    the recordings were compared with; read: the file that says how each recording was read.
+    the recordings were compared with; read: the file that says how each recording was read;
+    assumed: what that assumes because the recordings do not say it.
     """
 
     again: str
@@ -73,6 +74,7 @@ class Commands:
     improved: str = ""
     device: str = ""
     read: tuple[str, ...] = ()
+    assumed: tuple[str, ...] = ()
 
 
 def save_report(
@@ -220,7 +222,7 @@ def assumptions(diagnosis: Diagnosis, commands: Commands) -> list[str]:
         )
     held = "held out" if any(run.held_out for run in diagnosis.whole_runs) else "not judged alone"
     said.append(f"what judges the fit: {HELD[held]}; the intervals are 95 %")
-    return said
+    return [*commands.assumed, *said]
 
 
 def verdict_line(diagnosis: Diagnosis) -> str:

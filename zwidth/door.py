@@ -44,11 +44,18 @@ FITTED = Uncertainty(masses=0.5, springs=2.0, dampers=2.0)
 ONE_TO_THREE = ("one mass", "two masses", "three masses", "four masses", "five masses")
 
 
-def described(console: Console, path: Path, out: Path, joint: str | None = None) -> Path:
+def described(
+    console: Console,
+    path: Path,
+    out: Path,
+    joint: str | None = None,
+    doubts: list[str] | None = None,
+) -> Path:
     """Return a recording that can be read as it is: the file itself, or a TOML made for it.
 
-    The TOML is OUT/NAME.recording.toml. joint: which to take, of a file with several. Raises
-    LogError where the file cannot be read or nothing in it moves.
+    The TOML is OUT/NAME.recording.toml. joint: which to take, of a file with several. doubts: takes
+    what was assumed of it, in sentences. Raises LogError where the file cannot be read or nothing
+    in it moves.
     """
     if path.suffix.lower() == ".toml":
         return path
@@ -65,6 +72,8 @@ def described(console: Console, path: Path, out: Path, joint: str | None = None)
         console.note(f"  {role:<9} {what}")
     for doubt in guess.doubts:
         console.note(f"  assumed: {doubt}")
+    if doubts is not None:
+        doubts += guess.doubts
     console.note(f"what is wrong can be corrected in {write_text(target, guess.text)}")
     return target
 

@@ -79,6 +79,7 @@ TINY = 1e-300
 RUNS = 3  # free runs of a length at least, or nothing is said of it
 MOST_RUNS = 100  # free runs of a length in a recording
 FORGOTTEN = 4000  # ticks after which innovations know nothing of earlier ones
+LOUDER = 3.0  # times as strong as where it was fitted may noise be; convention
 REHEARSALS = 16
 TAKEN_FOR_CHANCE = 0.1  # of the motion, that free runs may err beyond the noise of readings
 MATTERS = 0.1  # of the square of errors, below which what leads them is no matter
@@ -287,11 +288,18 @@ class Believed:
 
 
 def _noise(final: Fitted, observer: Observer, seen: Sequence[Experiment]) -> Believed | None:
-    """The colour that the answer believes in, as strong as recordings have it a step ahead."""
+    """The colour that the answer believes in, as strong as recordings have it a step ahead.
+
+    Up to `LOUDER` times as strong as where it was fitted, in which its deviation is one: from there
+    on it is what the answer lacks. Of a machine without any disturbance a slow observer's
+    innovations are all that the answer lacks, and would be foretold as its noise.
+    """
     device = final.model.acting(final.x)
     weighed = [observer.weigh(innovations(device, e, observer.gain))[settling(e) :] for e in seen]
     white = np.concatenate(weighed)
     with np.errstate(all="ignore"), suppress(np.linalg.LinAlgError):
+        size = np.sqrt(np.mean(white**2, axis=0))
+        white = white * np.minimum(1.0, LOUDER / size)
         root = np.linalg.cholesky(white.T @ white / white.shape[0])
         return Believed(observer, root) if np.all(np.isfinite(root)) else None
     return None

@@ -150,14 +150,14 @@ def _differs(
     least = np.inf
     played = [replace(e, command=share * e.command, measured=share * e.measured)
               for e in experiments]  # fmt: skip
-    own = [simulated(*answer, e, found.judge)[:, 0] for e in played]
+    own = [simulated(*answer, e, found.judge, measured=False)[:, 0] for e in played]
     with np.errstate(all="ignore"):  # infinite after an overflow
         size = _rms([y - y.mean() for y in own])
         recorded = _rms([e.measured[:, 0] - e.measured[:, 0].mean() for e in experiments])
         if not MOVES * share * recorded < size < np.inf:
             return 0.0
         for other in others:
-            theirs = [simulated(*other, e, found.judge)[:, 0] for e in played]
+            theirs = [simulated(*other, e, found.judge, measured=False)[:, 0] for e in played]
             least = min(least, _rms([a - b for a, b in zip(own, theirs, strict=True)]) / size)
     return least if np.isfinite(least) else 0.0
 

@@ -120,10 +120,16 @@ def _same(a: Experiment, b: Experiment) -> bool:
     return a.name == b.name and np.array_equal(a.command, b.command)
 
 
-def simulated(model: Model, x: Floats, e: Experiment, observer: Observer) -> Floats:
-    """Outputs (ticks, o), as recorded, of a free run in which nothing is corrected."""
+def simulated(
+    model: Model, x: Floats, e: Experiment, observer: Observer, measured: bool = True
+) -> Floats:
+    """Outputs (ticks, o), as recorded, of a free run in which nothing is corrected.
+
+    measured: whether the recording says where the run begins best; else as its first samples say.
+    """
     device = model.acting(x)
-    seen = begun(device, model.seen(e, x), observer)
+    seen = model.seen(e, x)
+    seen = begun(device, seen, observer) if measured else seen
     eq, fine = ready = prepared(seen.on(device))
     with np.errstate(all="ignore"):  # infinite after an overflow
         memory, full = memory_at(ready, seen, device, observer.gain)

@@ -29,7 +29,7 @@ Floats = NDArray[np.float64]
 COMMAND = ("command",)
 POWER = 0.1  # share of its most, of the energy that a command may seem to take out of a device
 OFF_TOO = 3.0  # the same of a sign that is wrong: a wrong unit beside it is rare
-LEFT_OPEN = 3.0  # standard deviations of the command's scale that a device file leaves open
+LEFT_OPEN = 3.0  # standard deviations of the command's scale, or of masses, that a file leaves open
 SURE = 40.0  # -2 ln likelihood, from which another scale is suspected
 SHARE = 0.25  # of what the command explains in all, that another scale must explain beyond it
 CERTAIN = 3.0  # factor of the rms error, by which a wrong sign or unit is no matter of physics
@@ -235,8 +235,11 @@ def _seen(device: Device, e: Experiment, o: int) -> _Seen:
         scale = -1.0 if taken < -POWER else 1.0
     if scale < 0.0 and 1.0 / OFF_TOO < -scale < OFF_TOO:
         scale = -1.0
-    open_by = math.exp(LEFT_OPEN * device.uncertainty.command_scale)
-    if 1.0 / open_by <= abs(scale) <= open_by:  # the device file does not claim to know it
+    # What the device file does not claim to know: the scale, or masses, which it stands for. Least
+    # of all one that was fitted to this recording, to a command of the wrong sign for instance.
+    known = device.uncertainty
+    open_by = math.exp(LEFT_OPEN * max(known.command_scale, known.masses))
+    if 1.0 / open_by <= abs(scale) <= open_by:
         scale = math.copysign(1.0, scale)
     better = 1.0
     if scale != 1.0 and (as_is := driven(device, alone)) is not None:
