@@ -5,6 +5,7 @@ of PX4 by pyulog: `topic.field`, `topic_1.field` for the second of a topic.
 """
 
 import io
+import logging
 from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ def read_tdms(path: Path, data: bytes) -> Source:
     except ModuleNotFoundError:
         raise _missing(path, "TDMS", "npTDMS") from None
     found = Collector()
+    logging.getLogger("nptdms").setLevel(logging.CRITICAL)  # it warns of damage in raw bytes
     try:
         file: Any = TdmsFile.open(io.BytesIO(data))
         channels = [channel for group in file.groups() for channel in group.channels()]
@@ -47,6 +49,25 @@ def read_tdms(path: Path, data: bytes) -> Source:
     return Source(path, "TDMS", found.signals, found.unreadable)
 
 
+class _Ending(io.BytesIO):
+    """Bytes that can be read as often as there are bytes, and some: a message takes three at least.
+
+    pyulog goes back by what a message claims to hold, also where the file holds less, and then
+    reads the same for ever.
+    """
+
+    def __init__(self, data: bytes) -> None:
+        super().__init__(data)
+        self.left = len(data) + 1000
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """Read on; raises ValueError where a reader goes round in circles."""
+        self.left -= 1
+        if self.left < 0:
+            raise ValueError("its messages lead back to where they began")
+        return super().read(size)
+
+
 def read_ulog(path: Path, data: bytes) -> Source:
     """Return the fields of the topics of a ULog file; raises RecordingError."""
     try:
@@ -56,7 +77,7 @@ def read_ulog(path: Path, data: bytes) -> Source:
     signals: dict[str, Signal] = {}
     try:
         with redirect_stdout(io.StringIO()):  # where it prints what it meets
-            log: Any = ULog(io.BytesIO(data))
+            log: Any = ULog(_Ending(data))
         for topic in log.data_list:
             stamps = np.asarray(topic.data["timestamp"]).astype(np.int64) * MICROSECOND
             own = f"{topic.name}_{topic.multi_id}" if topic.multi_id else topic.name

@@ -327,3 +327,14 @@ def test_an_archive_may_claim_what_it_likes(tmp_path: Path) -> None:
         archive.writestr("v.npy", entry.getvalue())
     with pytest.raises(RecordingError):
         opened(tmp_path, out.getvalue())["v"]
+
+
+@pytest.mark.parametrize("rest", [b"", b"abc"])
+def test_a_ulog_that_leads_back_to_itself_is_refused(tmp_path: Path, rest: bytes) -> None:
+    """A message of no known kind claims more than there is, at which pyulog reads for ever.
+
+    Mutation: bytes that can be read without end.
+    """
+    damaged = examples.ulog_bytes(0)[:16] + b"\xff\xffX" + rest
+    with pytest.raises(RecordingError, match="ULog"):
+        opened(tmp_path, damaged, "a.ulg")

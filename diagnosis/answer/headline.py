@@ -186,7 +186,8 @@ def worth_in_words(f: Finding) -> str:
         return ""
     if not w.pays:
         return "without it free runs on held-out data err no more than by chance"
-    much = f"{w.times:.3g} times as much" if w.times >= 1.1 else f"{percent(w.times - 1.0)} more"
+    often = f"{w.times:.3g}" if w.times < 1000.0 else "over 1000"
+    much = f"{often} times as much" if w.times >= 1.1 else f"{percent(w.times - 1.0)} more"
     return f"without it free runs of {w.horizon:.3g} s on held-out data err {much}"
 
 
