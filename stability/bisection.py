@@ -5,7 +5,8 @@ bracket; then the zero of the growth rate by interpolation, or where that does n
 geometric mean of the ends, is tried until the bracket is narrow enough. A group of dampings
 takes its trials in the same round, so a round is one batch. A run is prolonged, twice as long each
 time, until its verdict is clear or the limit is reached; a K that stays undecided is left between
-the ends of its bracket. Nothing here knows the linear theory.
+the ends of its bracket. Nothing here knows the linear theory, but for how large the dither of a
+quantiser may be (`stability/dither.py`): that is no instability.
 
 The boundary of a linear device moves little from one damping to the next. There only every
 `LEADING`-th damping of a group is scanned from near zero; the others begin one ratio below the
@@ -17,7 +18,7 @@ device also one that lies below the boundary and ends between two dampings that 
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from dataclasses import field as with_default
 from functools import partial
 
@@ -31,6 +32,7 @@ from zwidth.sim.group import Member, member
 from zwidth.sim.growth import (
     DECAYS,
     ESCAPE,
+    GROWS,
     LIMIT_CYCLE,
     UNDECIDED,
     VERDICTS,
@@ -42,6 +44,7 @@ from zwidth.sim.growth import (
 from zwidth.sim.law import Law
 from zwidth.sim.run import Start
 from zwidth.sim.windows import MEASURES
+from zwidth.stability.dither import dither_steps, held_growth, is_dither
 from zwidth.stability.frequency import ultimate_frequencies
 
 Floats = NDArray[np.float64]
@@ -56,7 +59,8 @@ class Trial:
     start: amplitude of the start, all masses displaced by it at rest [rad | m]; with friction the
     boundary depends on it. seconds of the first run, limit_s of the longest; window_s of the energy
     windows. threshold: amplitude of a limit cycle that counts as rest (None: one encoder step, or
-    1e-3 of the start without one). substeps a tick where the device needs them. law: of the walls.
+    1e-3 of the start without one; a boundary counts dither beside it, `stability/dither.py`).
+    substeps a tick where the device needs them. law: of the walls.
 
     Raises ValueError with field, value and what is allowed.
     """
@@ -113,9 +117,10 @@ class Bracket:
     """The boundary at one damping: stable below, unstable above.
 
     stable, unstable K [N m/rad | N/m]; stable is None where the lowest K tried is unstable already,
-    unstable is None where the highest is still stable. Each end keeps its verdict and amplitude;
-    frequency [Hz] of the run at the unstable end. undecided: (lowest, highest) K between the ends
-    that stayed undecided up to the time limit, if any.
+    unstable is None where the highest is still stable. Each end keeps its verdict and amplitude:
+    dither of a quantiser (`stability/dither.py`) counts as decay, growth that the amplifier's limit
+    holds as a limit cycle. frequency [Hz] of the run at the unstable end. undecided: (lowest,
+    highest) K between the ends that stayed undecided up to the time limit, if any.
     """
 
     damping: float
@@ -126,6 +131,21 @@ class Bracket:
     unstable_amplitude: float | None = None
     frequency: float | None = None
     undecided: tuple[float, float] | None = None
+
+    @property
+    def reason(self) -> str:
+        """Why there is no stable K, in words; empty where there is one."""
+        if self.stable is not None:
+            return ""
+        if self.undecided is not None:
+            low, high = self.undecided
+            above = "" if self.unstable is None else ", and grows above"
+            doubt = f"neither settles nor grows for K = {low:.3g} to {high:.3g} in the time allowed"
+            return doubt + above
+        if self.unstable is None:
+            return "no wall was tried"
+        does = "cycles on" if self.unstable_verdict is Verdict.LIMIT_CYCLE else "grows"
+        return f"the softest wall tried, K = {self.unstable:.3g}, {does} already"
 
 
 def judge(
@@ -245,7 +265,7 @@ def threshold(device: Device, trial: Trial) -> float:
     return device.interface.encoder_step or 1e-3 * abs(trial.start)
 
 
-def is_stable(growth: Growth, limit: float) -> NDArray[np.bool_]:
+def is_stable(growth: Growth, limit: Floats | float) -> NDArray[np.bool_]:
     """Whether each run comes to rest, decays, or cycles below the limit."""
     small = (growth.verdict == LIMIT_CYCLE) & (growth.amplitude <= limit)
     return (growth.verdict == DECAYS) | small
@@ -258,7 +278,7 @@ class _Hunt:
         self, device: Device, one: Member, dampings: Floats, trial: Trial, search: Search
     ) -> None:
         self.device, self.dampings, self.search = device, dampings, search
-        self.one, self.limit = one, threshold(device, trial)
+        self.one, self.trial = one, trial
         self.lowest, self.highest = search.limits(device)
         shape = self.open = dampings.size
         self.stable, self.unstable, self.doubt_low, self.doubt_high = np.full((4, shape), np.nan)
@@ -286,13 +306,37 @@ class _Hunt:
             if active.size == 0:
                 return self.brackets(self.frequencies(trial, workers))
             some = walls(tried[active], self.dampings[active], law=trial.law)
-            growth = judge_subjects(self.subjects(active.size, trial), some, trial, workers)
-            self.learn(active, tried[active], growth)
+            steps = self.dither(active, tried[active])
+            rests = self.rests(active, tried[active], steps)
+            growth = judge_subjects(self.subjects(rests), some, trial, workers)
+            self.learn(active, tried[active], self.settled(growth, steps, rests))
 
-    def subjects(self, count: int, trial: Trial) -> Subjects:
-        """Return so many runs of the device."""
-        which = np.zeros(count, dtype=np.int64)
-        starts, rests = np.full(count, trial.start), np.full(count, self.limit)
+    def dither(self, runs: NDArray[np.int64], tried: Floats) -> Floats:
+        """How many steps count as dither at each K; none where a threshold is asked for."""
+        if self.trial.threshold is not None:
+            return np.zeros(runs.size)
+        return dither_steps(self.device, tried, self.dampings[runs])
+
+    def rests(self, runs: NDArray[np.int64], tried: Floats, steps: Floats) -> Floats:
+        """Amplitudes that count as rest at once: dither whose command reaches no limit."""
+        face = self.device.interface
+        within = face.command_limit / (tried + 2.0 * np.abs(self.dampings[runs]) / face.period)
+        dither = np.minimum(steps * face.encoder_step, within)
+        return np.maximum(threshold(self.device, self.trial), dither)
+
+    def settled(self, growth: Growth, steps: Floats, rests: Floats) -> Growth:
+        """Return the verdicts with what rests or is dither as decay, and held growth as a cycle."""
+        limit = self.device.interface.command_limit
+        held = held_growth(growth, limit, self.trial.limit_s)
+        dither = is_dither(growth, self.device, steps, self.trial.start)
+        stable = (is_stable(growth, rests) | dither) & ~held
+        verdict = np.where(held & (growth.verdict != GROWS), LIMIT_CYCLE, growth.verdict)
+        return replace(growth, verdict=np.where(stable, DECAYS, verdict))
+
+    def subjects(self, rests: Floats) -> Subjects:
+        """Return runs of the device, one for each amplitude of rest."""
+        which = np.zeros(rests.size, dtype=np.int64)
+        starts = np.full(rests.size, self.trial.start)
         return Subjects([self.one], which, starts, rests, _nonlinear(self.device))
 
     def frequencies(self, trial: Trial, workers: int) -> Floats:
@@ -304,7 +348,7 @@ class _Hunt:
         some = walls(self.unstable[known], self.dampings[known], law=trial.law)
         period = self.device.interface.period
         weights = np.zeros(round(trial.seconds / period))
-        runs = self.subjects(known.size, trial).started(some)
+        runs = self.subjects(np.zeros(known.size)).started(some)
         _, velocities, tasks, _ = runs.tasks(weights, 1, keep=True, workers=workers)
         in_parallel(tasks, workers)
         found[known] = ultimate_frequencies(velocities, period)
@@ -365,7 +409,7 @@ class _Hunt:
 
     def learn(self, runs: NDArray[np.int64], tried: Floats, growth: Growth) -> None:
         """Enter the verdicts of one round."""
-        good = is_stable(growth, self.limit)
+        good = growth.verdict == DECAYS
         doubt = growth.verdict == UNDECIDED
         bad = ~good & ~doubt
         # Begun above a band of instability: from near zero after all. Once only: what stays

@@ -22,11 +22,10 @@ from zwidth.sim.device import Device
 from zwidth.sim.ensemble import walls
 from zwidth.sim.growth import DECAYS, GROWS, LIMIT_CYCLE, UNDECIDED, Growth
 from zwidth.stability.bisection import judge_each, threshold
+from zwidth.stability.dither import drifts, held_growth
 from zwidth.stability.plane import OF_THE_DEVICE, Floats, Plane
 
 Ints = NDArray[np.int64]
-AT_THE_LIMIT = 0.999
-FEW_STEPS = 5.0
 
 
 class Fate(enum.IntEnum):
@@ -115,27 +114,24 @@ def classify(
 ) -> Fates:
     """Turn verdicts into fates.
 
-    A cycle at the amplifier's limit is growth that the limit holds; the command of a one-sided wall
-    reaches the limit on one side only. Such a cycle may seem to fall a little while it settles.
+    A cycle at the amplifier's limit is growth that the limit holds (`stability/dither.py`); the
+    command of a one-sided wall reaches the limit on one side only.
     """
     reach = (0.5 if one_sided else 1.0) * setting.limit
     stepped = setting.stepped
     with np.errstate(invalid="ignore"):
         resting = growth.amplitude <= setting.rest
-        held = growth.force >= AT_THE_LIMIT * reach
         small = growth.force < perceptible
         falling = growth.rate * limit_s < -1.0
-        few = np.maximum(np.abs(setting.start), FEW_STEPS * setting.encoder_step)
-        low = growth.amplitude < few
     decays, undecided = growth.verdict == DECAYS, growth.verdict == UNDECIDED
     restless = stepped & decays & ~resting
     grows = growth.verdict == GROWS
-    drifting = stepped & grows & low & np.isfinite(growth.rate)
+    drifting = stepped & drifts(growth, setting.start, setting.encoder_step)
     cycling = (growth.verdict == LIMIT_CYCLE) | (stepped & undecided) | drifting
     cycling |= restless & ~falling
     fate = np.full(growth.verdict.size, Fate.UNDECIDED, dtype=np.int8)
     fate[decays & ~restless] = Fate.RESTS
     fate[cycling & small] = Fate.IMPERCEPTIBLE_CYCLE
     fate[cycling & ~small] = Fate.CYCLE
-    fate[(grows & ~drifting) | (held & ~(decays & falling))] = Fate.GROWS
+    fate[(grows & ~drifting) | held_growth(growth, reach, limit_s)] = Fate.GROWS
     return Fates(fate, growth.rate, growth.amplitude, growth.force, growth.frequency)

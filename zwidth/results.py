@@ -62,7 +62,7 @@ class Point(msgspec.Struct, frozen=True, omit_defaults=True):
 
     passive: the stiffest passive wall, None where there is none; hand: K_CR over the range of hands
     at m3; hands: its quantiles over hands that were drawn; confidence95: K_CR by the covariance of
-    the parameters. Absent where not asked for.
+    the parameters. Absent where not asked for. reason: why simulated is None, in words.
     """
 
     damping: float
@@ -73,6 +73,7 @@ class Point(msgspec.Struct, frozen=True, omit_defaults=True):
     hand: Interval | UnsetType = UNSET
     hands: Quantiles | UnsetType = UNSET
     confidence95: Interval | UnsetType = UNSET
+    reason: str | UnsetType = UNSET
 
 
 class Stiffest(msgspec.Struct, frozen=True):
@@ -122,7 +123,8 @@ def point_of(point: BoundaryPoint, measured: Measured | UnsetType = UNSET) -> Po
         critical = Critical(linear.stiffness, linear.frequency_hz)
     if bracket.stable is not None:
         simulated = Bracketed(bracket.stable, bracket.unstable, bracket.frequency)
-    return Point(float(point.damping), critical, simulated, measured)
+    reason = bracket.reason or UNSET
+    return Point(float(point.damping), critical, simulated, measured, reason=reason)
 
 
 def as_json(result: msgspec.Struct) -> Mapping[str, Any]:

@@ -41,6 +41,7 @@ from zwidth.sim.device_file import load_device, remarks_on
 from zwidth.sim.run import Start
 from zwidth.stability.bisection import Bracket, Search, Trial
 from zwidth.stability.boundary import Boundary, BoundaryPoint, default_dampings, find_boundaries
+from zwidth.stability.dither import FEW
 from zwidth.stability.linear import boundary as linear_boundary
 from zwidth.stability.passivity import passive_boundary, stiffest_passive
 
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
 
 LOGGED_S = 4.0
 SAME_DAMPING = 1e-9
+SHORT_START = 2.0  # times what steps alone can hold: the start must be seen to come down to it
 ABSURD = 1e4  # times the damping that stops all masses within a period
 CORNER_POINTS = 33
 NONE = "-"  # no stable K
@@ -119,6 +121,7 @@ def command(name: str, out: Path, json_file: str | None, **options: Any) -> None
         or max(usual_substeps(device.with_interface(delay=d)) for d in delays),
         law=law,
     )
+    _say_short_start(console, device, trial)
     search = Search(tolerance=options["tolerance"])
     measured = device.name == load_device(DEVICE).name
     variants = [device.with_interface(delay=d) for d in delays]
@@ -145,6 +148,17 @@ def _refuse_absurd(device: Device, dampings: Sequence[float]) -> None:
                 f"--damping is {damping:g}; above {most:.3g} {unit}, {ABSURD:g} times what would"
                 " stop all masses within a period, no wall of this device is worth a run: give less"
             )
+
+
+def _say_short_start(console: Console, device: Device, trial: Trial) -> None:
+    """Warn where the start is within what an encoder's steps alone can hold."""
+    least = SHORT_START * FEW * device.interface.encoder_step
+    if abs(trial.start) < least:
+        steps = abs(trial.start) / device.interface.encoder_step
+        console.warn(
+            f"--start is {steps:.3g} encoder steps, and steps alone can hold {FEW:.0f}: what is"
+            f" stable from there may grow from farther out; give --start {least:.2g} or more"
+        )
 
 
 def _lever(device: Device, hand: bool, lever: float | None) -> float | None:
@@ -291,6 +305,8 @@ def _row(point: Point, bracket: Bracket) -> list[str]:
 
 
 def _note(bracket: Bracket) -> str:
+    if bracket.stable is None:
+        return bracket.reason
     if bracket.undecided is not None:
         low, high = bracket.undecided
         return f"undecided from {low:.5g} to {high:.5g}"

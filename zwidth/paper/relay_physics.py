@@ -1,7 +1,9 @@
 """The relay beside bisection under the same physics: friction, encoder step, limited amplifier.
 
 The true boundary of a nonlinear device depends on how large its oscillation is, so bisection starts
-as large as the relay's own cycle (m1 displaced by its amplitude, all at rest).
+as large as the relay's own cycle (m1 displaced by its amplitude, all at rest). With an encoder the
+boundary is here of walls that come to rest within a step, dither not allowed: a relay is asked for
+the last wall that is still.
 """
 
 from collections.abc import Callable
@@ -106,7 +108,8 @@ def changed(kind: str, value: float, device: Device) -> Changed:
     substeps = SUBSTEPS if device.physics else 1
     result = relay_run(device, DAMPING, test=replace(RelayTest(), substeps=substeps))
     trial = Trial(
-        start=result.amplitude or Trial().start, substeps=substeps, limit_s=LIMIT_S
+        start=result.amplitude or Trial().start, substeps=substeps, limit_s=LIMIT_S,
+        threshold=device.interface.encoder_step or None,  # of rest: dither ends it here
     )  # fmt: skip
     ((bracket,),) = find_brackets([device], [np.array([DAMPING])], trial, SEARCH)
     return Changed(kind, value, result, bracket)
