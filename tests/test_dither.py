@@ -173,3 +173,42 @@ def test_where_no_wall_is_stable_it_says_why() -> None:
     assert bracket.reason == "the softest wall tried, K = 0.08, cycles on already"
     ((bracket,),) = find_brackets([slider()], [np.array([50.0])])
     assert bracket.reason == "the softest wall tried, K = 0.08, grows already"
+
+
+def drawn_device(rng: np.random.Generator) -> Device:
+    """Return a slider with steps of 0.1 to 3 um, and some of delay, limit, filter and friction."""
+    interface: dict[str, Any] = {"encoder_step": float(10.0 ** rng.uniform(-7.0, -5.5))}
+    drawn = rng.random(5) < 0.4
+    options = (
+        ("delay", rng.uniform(0.0, 3e-3)), ("command_limit", 10.0 ** rng.uniform(0.0, 1.0)),
+        ("velocity_cutoff_hz", rng.uniform(30.0, 300.0)),
+        ("command_step", 10.0 ** rng.uniform(-4.0, -2.5)),
+    )  # fmt: skip
+    interface |= {
+        name: float(value) for (name, value), has in zip(options, drawn, strict=False) if has
+    }
+    level, damper = 10.0 ** rng.uniform(-3.0, -1.3), 10.0 ** rng.uniform(-1.5, 0.5)
+    return slider(float(damper), *([coulomb(float(level))] if drawn[4] else []), **interface)
+
+
+def test_boundaries_of_drawn_devices_have_no_gap_and_the_map_says_the_same() -> None:
+    """25 devices, four dampings each: a K wherever theory has one; fates 2 % beside it but for one.
+
+    Of 1080 walls drawn with seeds 2, 5 and 7 in the same way 5 differ, four of them where a limit
+    holds growth at a few steps. Mutation: one encoder step as the end of rest.
+    """
+    rng = np.random.default_rng(2)
+    apart: list[tuple[int, float]] = []
+    for i in range(25):
+        device = drawn_device(rng)
+        dampings = np.linspace(0.0, 0.85 * (last_stable_damping(device) or 0.0), 4)
+        trial = Trial(substeps=4 if device.physics else 1)
+        (brackets,) = find_brackets([device], [dampings], trial, Search(tolerance=5e-3))
+        k = np.array([bracket.stable or math.nan for bracket in brackets])
+        assert np.isfinite(k).all()
+        plane = Plane(device, Axis("B", 0.0, 50.0), Axis("K", 1e-3, 4e5), trial=trial)
+        below = evaluate(plane, dampings, 0.98 * k).fate
+        above = evaluate(plane, dampings, 1.02 * k).fate
+        wrong = (below == Fate.GROWS) | (above != Fate.GROWS)
+        apart += [(i, b) for b in dampings[wrong].tolist()]
+    assert len(apart) <= 1
