@@ -1,6 +1,6 @@
 """From what a search found to the answer: located, judged, and all that is to be said of it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -41,7 +41,6 @@ from zwidth.diagnosis.forces.locate import NOWHERE, Located, locate
 from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.mishaps import Mishaps, Say, attempt
-from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.searched import Searched, Searches
 from zwidth.sim.device import Device
 
@@ -76,13 +75,13 @@ def answered(
     seen = _seen(device, stands, say)
     found, taken, changes = stands.found, stands.taken, stands.changes
     seen_all = weighed(all_findings(device, taken, found), stands.by, taken.judge_by)
-    findings = tuple(f for f in seen_all if not may_be_nothing(f))
+    negligible = tuple(f for f in seen_all if may_be_nothing(f))
+    findings = tuple(f for f in seen_all if f not in negligible)
     intervals = partial(linear, device, found.final, taken.whole)
     refit = attempt("intervals", "linear parameters", intervals) or {}
     bounds = {} if findings else attempt("limits", "", partial(upper_bounds, found)) or {}
-    bad = (
-        attempt("adequacy", "", partial(ends_badly, stands.by.final, seen.runs, seen.forces)) or ""
-    )
+    ended = partial(ends_badly, stands.by.final, seen.runs, seen.forces)
+    bad = attempt("adequacy", "", ended) or ""
     verdict, sentence = _verdict(stands, findings, refit, mishaps, seen.free, bad)
     to_tell = partial(next_level, found, taken.fit_on, taken.judge_by)
     level = attempt("next level", "", to_tell)
@@ -93,7 +92,7 @@ def answered(
         verdict, sentence = Verdict.UNDECIDED, level.undecided(names, error)
         record = level.advice
     law, rather, halted = _law(device, stands, seen, verdict, findings, mishaps, say)
-    augment = partial(_augmented, device, taken, found, findings)
+    augment = partial(_augmented, taken, refit, found, findings)
     if verdict is Verdict.UNKNOWN_PHYSICS:
         findings = tuple(f.without_probability() for f in findings)
     if law is not None:
@@ -107,7 +106,7 @@ def answered(
             verdict = Verdict.UNKNOWN_PHYSICS
             sentence = "something is missing that no effect of the library explains"
         sentence = f"{sentence}; {law.sentence}"
-        augment = partial(_augmented, device, taken, law.found, findings)
+        augment = partial(_augmented, taken, refit, law.found, findings)
         changes = outlived(changes, law.found)
         runs = attempt("whole runs", "", partial(_whole_runs, device, stands, law.found))
         seen = replace(seen, runs=runs or seen.runs)
@@ -131,7 +130,7 @@ def answered(
         whole_runs=seen.runs, force_errors=seen.forces, learned=law, headline=first,
         cautions=cautions(findings, seen.free, stands.sound, seen.runs), changes=changes,
         events=events, next_level=level,
-        negligible=tuple(f for f in seen_all if may_be_nothing(f)),
+        negligible=negligible,
     )  # fmt: skip
 
 
@@ -286,25 +285,25 @@ def _rather_than(findings: Sequence[Finding], law: Law) -> str:
 
 
 def _augmented(
-    device: Device, taken: Taken, found: Searched, findings: Sequence[Finding]
+    taken: Taken,
+    refit: Mapping[str, tuple[float, Estimate]],
+    found: Searched,
+    findings: Sequence[Finding],
 ) -> Device:
-    """The device with refitted parameters, with all that was found and how recordings are read."""
+    """The device with refitted parameters, with all that was found and how recordings are read.
+
+    Readings that are taken before commands act delay it, where that is told from nothing.
+    """
     model = found.final.model
+    _, skew = refit.get("skew", (0.0, Estimate(0.0, 0.0, 0.0)))
     steps = [f for f in findings if f.effect == "encoder_step" and not model.has(f.effect)]
     return augmented(
         model, found.final.x, taken.whole[0].swing,
         smooth=all_smooth(taken.faults, taken.whole),
         folded=any(f.effect == "rectified_sensor" for f in findings),
         encoder_step=max((f.parameters["step"].value for f in steps), default=0.0),
-        early=_read_early(device, found, taken.whole),
+        early=-skew.value if skew.upper < 0.0 else 0.0,
     )  # fmt: skip
-
-
-def _read_early(device: Device, found: Searched, recordings: Sequence[Experiment]) -> float:
-    """By how much readings are taken before commands act [s], where that is told from nothing."""
-    told = attempt("intervals", "skew", partial(linear, device, found.final, recordings)) or {}
-    _, skew = told.get("skew", (0.0, Estimate(0.0, 0.0, 0.0)))
-    return -skew.value if skew.upper < 0.0 else 0.0
 
 
 def _verdict(

@@ -59,17 +59,21 @@ ASIDE = (1.0, 4.0, 16.0, 64.0)
 RAN_AWAY = 1e3  # deviations that stand for an overflow
 
 
+def _population(device: Device, count: int) -> Population:
+    few, many = substeps_of(device, SEARCHING)
+    return Population(alike(device, count), few, many)
+
+
 class Beginnings:
     """Where observers of several gains (gains, states, o) begin to follow with one device."""
 
     def __init__(self, device: Device, gains: Floats) -> None:
         self.device, self.gains, self.dof = device, gains, device.chain.masses.size
-        few, many = substeps_of(device, SEARCHING)
-        self.own = Population(alike(device, gains.shape[0]), few, many)
         self.smooth = smooth(device)
-        few, many = substeps_of(self.smooth, SEARCHING)
-        self.still = Population(alike(self.smooth, gains.shape[0]), few, many)
-        self.units = Population(alike(self.smooth, 2 * self.dof * gains.shape[0]), few, many)
+        count, states = gains.shape[0], 2 * self.dof
+        self.own = _population(device, count)
+        self.still = self.own if self.smooth is device else _population(self.smooth, count)
+        self.units = _population(self.smooth, states * count)
 
     def followed(self, experiment: Experiment, starts: Floats) -> Floats:
         """Return innovations (gains, ticks, o) from a beginning (2n) each."""
