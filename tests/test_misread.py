@@ -84,6 +84,19 @@ def test_a_scale_that_the_device_file_leaves_open_is_no_wrong_unit():
     assert suspected(guessed, replace(e, command=1e-4 * e.command))
 
 
+def test_masses_that_are_left_open_leave_the_scale_open_but_not_the_sign():
+    """Of a device that was fitted to the recording the scale says nothing.
+
+    Mutation: the uncertainty of the command's scale alone.
+    """
+    e = position_alone(driven_motor(1000))
+    backwards = replace(e, command=-0.25 * e.command)
+    fitted = replace(motor(), uncertainty=Uncertainty(masses=0.5))
+    assert factors(fitted, backwards)[0] == {COMMAND: -1.0}
+    assert factors(motor(), backwards)[0][COMMAND] == pytest.approx(-4.0, rel=0.15)
+    assert not suspected(fitted, replace(e, command=0.25 * e.command))
+
+
 def test_drag_and_friction_that_no_device_file_knows_are_no_wrong_unit():
     """The device moves a tenth as far as its file says.
 

@@ -14,12 +14,14 @@ from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.fitting.many import Many
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import SEARCHING, innovations, prepared
+from zwidth.diagnosis.noise.steady import read_of
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.interface import Interface
 from zwidth.sim.predict import alone
+from zwidth.sim.reading import Places
 from zwidth.sim.run import Start, start_memory
 
 Floats = NDArray[np.float64]
@@ -111,6 +113,15 @@ def test_in_lanes_it_is_that_of_a_device_alone() -> None:
             model.acting(here), model.seen(e, here), gain, ready=prepared(TWO, SEARCHING)
         )
         assert np.array_equal(own, single)
+
+
+def test_an_observer_knows_how_late_it_reads() -> None:
+    """A position and some speed, also against the other end of a link. Mutation: no speed."""
+    outputs = (Output("position", 0), Output("position", 1, 0), Output("velocity", 0))
+    late = tuple(replace(o, late=2e-4) for o in outputs)
+    e = replace(read_late(TWO, 0.0, (POSITION,), seconds=0.1), outputs=late)
+    c = read_of(e, Places(2, np.tile(np.arange(2), (2, 1))), 4)
+    assert c.tolist() == [[1.0, 0.0, 2e-4, 0.0], [-1.0, 1.0, -2e-4, 2e-4], [0.0, 0.0, 1.0, 0.0]]
 
 
 def fitted(e: Experiment, device: Device = ONE) -> Hypothesis:
