@@ -1,4 +1,4 @@
-"""Make `bench.csv`: a simulated bench whose physics is known, written as a rig's program would.
+"""Make `bench.csv`, a simulated bench whose physics is known, and `bench.svg`, what is found in it.
 
     python docs/sample/make_bench.py
 
@@ -31,7 +31,7 @@ def bench() -> zwidth.Device:
 
 
 def main() -> None:
-    """Write the recording beside this file."""
+    """Write the recording and the picture of its diagnosis beside this file."""
     t = np.arange(round(SECONDS / PERIOD)) * PERIOD
     random = np.random.default_rng(5)
     torque = np.zeros(t.size)
@@ -40,11 +40,13 @@ def main() -> None:
     run = zwidth.simulate(bench(), zwidth.recorded(torque))
     angle = np.degrees(run.trace.channels["position_m1"])[: t.size]
     angle = angle + random.normal(0, NOISE, t.size)
-    with (Path(__file__).parent / "bench.csv").open("w", newline="") as file:
+    recording = Path(__file__).with_name("bench.csv")
+    with recording.open("w", newline="") as file:
         lines = csv.writer(file)
         lines.writerow(["time_s", "torque_Nm", "angle_deg"])
         rows = zip(t, torque, angle, strict=True)
         lines.writerows([f"{a:.3f}", f"{b:.5f}", f"{c:.4f}"] for a, b, c in rows)
+    zwidth.diagnose(recording).plot("motion").savefig(recording.with_suffix(".svg"))
 
 
 if __name__ == "__main__":
