@@ -293,6 +293,8 @@ def main() -> int:
     parser.add_argument("folder", nargs="?", type=Path, default=Path("../shared/cases"))
     parser.add_argument("--doubts", action="store_true", help="print what the door doubts, too")
     options = parser.parse_args()
+    if not options.folder.is_dir():
+        parser.error(f"there is no folder {options.folder}; give the one that holds the cases")
     wrong = 0
     for name, expected in EXPECTED.items():
         path = options.folder / name

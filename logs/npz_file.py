@@ -49,7 +49,8 @@ def _entries(path: Path, data: bytes) -> dict[str, bytes]:
     except MemoryError:
         raise
     except Exception as error:  # zipfile raises what it meets: BadZipFile, zlib.error, struct.error
-        raise RecordingError(f"{path.name} is a damaged NPZ archive: {error}") from None
+        said = f"{path.name} is a damaged archive, of NPZ or Excel: {error}"
+        raise RecordingError(said) from None
 
 
 def _array(path: Path, name: str, content: bytes) -> np.ndarray:

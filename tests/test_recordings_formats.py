@@ -248,7 +248,7 @@ def test_a_cut_mcap_gives_what_is_before_the_cut(tmp_path: Path, share: float) -
     ("data", "words"),
     [
         (b"", "is empty"),
-        (b"PK\x03\x04rest", "damaged NPZ"),
+        (b"PK\x03\x04rest", "damaged archive, of NPZ or Excel"),
         (b"PAR1rest", "damaged Parquet"),
         (b"\x89HDF\r\n\x1a\nrest", "cannot be read as HDF5"),
         (b"MATLAB 5.0 MAT-file", "cannot be read as MAT"),
