@@ -44,7 +44,7 @@ def diagnose(
         moves = Moves(apart=set_apart)
         search = Searches(lambda those: searched(device, those, say, effort, moves))
         found = _sought(taken, search)
-        say("asking whether something happened once")
+        say("checking whether something happened only once")
         with stage("events"):
             taken, found, events = knowing_events(taken, found, say)
         with stage("answering"):

@@ -182,7 +182,8 @@ def _without_drive(
         return None
     sentence = (
         f"the drive of {e.name} gives no force from {off.from_s:.3g} s to {off.to_s:.3g} s, as"
-        f" where it is switched off: free runs err {off.on:.2g} times the motion where it is taken"
+        f" where it is switched off: the error of free runs is {off.on:.2g} times the motion"
+        f" where it is taken"
         f" as on, and {off.off:.2g} times where it is not; say so in [enable] of its TOML"
     )
     seconds = e.ticks * e.period

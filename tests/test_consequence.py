@@ -45,13 +45,15 @@ def test_worth_and_no_consequence_in_words() -> None:
     f = finding(0.01, 0.02)
     assert worth_in_words(f) == ""
     paid = replace(f, worth=Worth(2.1, 5.0, 0.5))
-    assert worth_in_words(paid).endswith("0.5 s on held-out data err 2.1 times as much")
+    assert worth_in_words(paid).endswith("0.5 s on held-out data is 2.1 times as large")
     little = replace(f, worth=Worth(1.04, 3.0, 0.5))
-    assert worth_in_words(little).endswith("err 4 % more")
+    assert worth_in_words(little).endswith("is 4 % larger")
     chance = replace(f, worth=Worth(1.04, 1.0, 0.5))
-    assert worth_in_words(chance).endswith("no more than by chance")
+    assert worth_in_words(chance).endswith("no more than chance")
     assert negligible_in_words([], 1) == ""
-    assert negligible_in_words([f], 1).startswith("seen, and of no consequence: Coulomb friction")
+    assert negligible_in_words([f], 1).startswith(
+        "detected, but too small to matter: Coulomb friction"
+    )
 
 
 def test_a_diagnosis_says_what_its_finding_is_worth() -> None:
@@ -105,7 +107,7 @@ def error(refit: float, after: float, held_out: bool = True) -> Any:
 def test_a_fit_that_ended_badly() -> None:
     """Mutations: a damper of nothing taken for an end; what was fitted asked; whole runs first."""
     assert ends_badly(fit(), (), ()) == ""
-    assert ends_badly(fit(m1=5.0), (), ()).startswith("the fit ends with m1 as far")
+    assert ends_badly(fit(m1=5.0), (), ()).startswith("the fit ends with m1 at the end")
     assert ends_badly(fit(k12=-5.0), (), ()) != ""
     least = next(p.lower for p in Model(drive()).linear if p.name == "b1")
     assert ends_badly(fit(b1=least), (), ()) == ""
@@ -124,4 +126,4 @@ def test_such_a_fit_is_no_answer() -> None:
     ))  # fmt: skip
     verdict, said = judged(found, (finding(0.01, 0.02),), {}, Left(0.0, ""), None, bad="it is far")
     assert verdict is Verdict.UNKNOWN_PHYSICS
-    assert said == "coulomb_friction at m1 would cost least, and is no answer: it is far"
+    assert said == "coulomb_friction at m1 would fit best, but is not acceptable: it is far"

@@ -56,8 +56,8 @@ def test_what_it_is_worth_is_one_figure_before_and_after():
     """Mutation: before and after exchanged; an infinite error printed as a number."""
     fit = HeldOut(3.0, 0.7, 0.03, 0.02)
     assert worth(fit, True).startswith(
-        "held-out free runs err 3 % of the motion with what was found, without it 70 %; noise alone"
-        " would make 2 %"
+        "error of free runs on held-out data: 3 % of the motion with what was found, without it 70"
+        " %; noise alone would cause 2 %"
     )
     assert "70 % of the motion as refitted, as in the device file 300 %" in worth(fit, False)
     assert "do not simulate with it" in worth(HeldOut(3.0, 0.7, float("inf"), 0.02), True)

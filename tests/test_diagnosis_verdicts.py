@@ -277,7 +277,7 @@ def test_no_name_is_promised_beside_disturbances_that_do_a_fifth_of_the_motion()
 
     verdict, words = said(HeldOut(0.32, 0.43, 0.19, 0.007))
     assert verdict is Verdict.UNKNOWN_PHYSICS
-    assert "err 19 % of the motion" in words
+    assert "error of 19 % of the motion" in words
     assert "43 % without" in words
     assert said(HeldOut(0.32, 0.43, 0.19, 0.18))[0] is Verdict.IDENTIFIED
     assert said(HeldOut(0.32, 0.43, 0.767, 0.757))[0] is Verdict.IDENTIFIED  # a mass that stood

@@ -54,16 +54,18 @@ def test_rivals_that_cannot_be_told_apart_stand_in_the_headline():
         " this recording cannot tell which is missing"
     )
     unsure = answer(Verdict.CONFUSABLE, replace(FRICTION, probability=0.41, with_richer=0.53))
-    assert headline(unsure).endswith("may be missing: the probability is 53 % only")
+    assert headline(unsure).endswith("may be missing: the probability is only 53 %")
 
 
 def test_unknown_physics_says_how_far_the_names_go():
     """Breaks where a name that explains nothing is given its value in the headline."""
     found = answer(Verdict.UNKNOWN_PHYSICS, FRICTION)
-    assert headline(found).endswith("; the names explain 95 % of the error")
+    assert headline(found).endswith("; these effects explain 95 % of the error")
     assert "and something else that has no name in the library" in headline(found)
     poor = replace(found, sound=replace(SOUND, explained=0.04))
-    assert headline(poor).endswith("the nearest names (Coulomb friction) explain 4 % of the error")
+    assert headline(poor).endswith(
+        "the nearest effects (Coulomb friction) explain 4 % of the error"
+    )
     bare = answer(Verdict.UNKNOWN_PHYSICS)
     assert "a force at m1 that follows time" in headline(bare)
     other = Instead(300.0, 9, "m1", "repeats every 6.3 rad", "force_ripple at m1")
@@ -174,12 +176,15 @@ def test_a_red_line_where_free_runs_stray():
     """Far above noise, or worse than the device file; breaks where these are left for a table."""
     assert cautions((FRICTION,), GOOD, SOUND, ()) == ()
     (stray,) = cautions((FRICTION,), replace(GOOD, after=0.4), SOUND, ())
-    assert "still err 40 % of the motion, where the noise of readings makes 2 %" in stray
+    assert (
+        "still have an error of 40 % of the motion, where measurement noise alone would cause 2 %"
+        in stray
+    )
     (worse,) = cautions((FRICTION,), replace(GOOD, before=0.2, after=0.4), SOUND, ())
-    assert "more than the device file as it is (20 %)" in worse
+    assert "more than with the device file as it is (20 %)" in worse
     far = replace(SOUND, ahead=(Ahead(0.5, 0.06, 0.01, 0.02, 0.0, 0.1),))
     (noise,) = cautions((FRICTION,), GOOD, far, ())
-    assert noise == "over 500 ms free runs err 6 times as far as their own noise would make them"
+    assert noise == "the error of free runs over 500 ms is 6 times what their own noise would cause"
 
 
 def whole(before: float, after: float) -> WholeRun:
@@ -191,7 +196,7 @@ def whole(before: float, after: float) -> WholeRun:
 def test_a_whole_run_that_is_worse_is_said():
     """Breaks where only windows of half a second are judged."""
     (said,) = cautions((FRICTION,), GOOD, SOUND, (whole(1e-4, 3e-4),))
-    assert said.startswith("from beginning to end the position of m1 in swing errs 300 \u00b5rad")
+    assert said.startswith("over the whole run the error of the position of m1 in swing is 300")
     assert cautions((FRICTION,), GOOD, SOUND, (whole(3e-4, 1e-4),)) == ()
 
 

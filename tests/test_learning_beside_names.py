@@ -283,7 +283,9 @@ def test_a_drag_takes_energy_and_what_pushes_makes_it() -> None:
     pushes = np.array([[0.0, 0.5, 2.0], [0.0, 2.0, -2.0]])
     law = table("free_damper", "m1", *pushes, odd=True)
     pushing = replace(curve, physics=law)
-    assert makes_energy(pushing, False).startswith("it makes energy, even with its damper and coul")
+    assert makes_energy(pushing, False).startswith(
+        "it generates energy, even with its damper and coul"
+    )
     h = curve.hypothesis
     damper = float(h.model.build(h.x).chain.ground_dampers[0])
     level = h.model.effects_at(h.x)[0].values["level"]

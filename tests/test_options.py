@@ -108,5 +108,5 @@ def test_every_command_that_writes_a_folder_asks_for_it_in_one_way():
     for name in cli.COMMANDS:
         command = import_module(f"zwidth.commands.{name}").command
         for option in command.params:
-            if "--out" in option.opts and "--save" not in option.opts:  # that of export is a file
+            if "--out" in option.opts and option.metavar == "DIR":  # of some it is a file
                 assert option.callback is options._writable, name  # pyright: ignore[reportPrivateUsage]

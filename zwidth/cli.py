@@ -12,6 +12,7 @@ import click
 
 from zwidth.errors import Status, explain, one_line
 from zwidth.files import protection
+from zwidth.heartbeat import HEART
 from zwidth.sim.own_files import own_files
 
 # Matrices here are small: threads of the linear algebra library only get in the way of ours. It
@@ -24,13 +25,13 @@ COMMANDS = {
     "diagnose": (
         "Say why recordings differ from the simulation of a device, and what physics is missing."
     ),
-    "watch": "Say what a log shows while it grows: its faults, its physics, how stiff a wall.",
+    "watch": "Diagnose a log while it is being written.",
     "convert": "Show what a recorded file holds, draft its description, or convert it.",
     "identify": "Fit a device to a recording of its command and position.",
     "plan": "Say what a recording would show, before it is made.",
     "boundary": "Find the stability boundary of a device under a sampled virtual wall.",
-    "map": "Map what becomes of a run over two quantities, with the linear boundary over it.",
-    "sweep": "Find the setting of the interface with which a device renders the most walls.",
+    "map": "Map the outcome of runs over two quantities, with the linear boundary drawn over it.",
+    "sweep": "Find the interface setting with which a device can render the most walls.",
     "explore": "Explore the K-B plane of a device in the browser.",
     "relay": (
         "Find K_CR and the ultimate frequency by a relay, as the paper did on the real device."
@@ -42,8 +43,8 @@ COMMANDS = {
     "devices": "List the devices that come with zwidth, or describe one.",
     "export": "Write a device for another simulator, and say what that cannot hold.",
     "effects": "List the effects that zwidth knows, or describe one.",
-    "conceal": "Make recordings in which physics is concealed, with sealed keys.",
-    "exam": "Diagnose concealed recordings, open the seals, and score.",
+    "conceal": "Make simulated recordings with concealed physics, to test a diagnosis.",
+    "exam": "Diagnose recordings with concealed physics, compare with the truths, and score.",
     "paper": (
         "Reproduce the paper: every figure and table, ours beside theirs, as one HTML report."
     ),
@@ -63,7 +64,7 @@ EXAMPLES = {
     "relay": "zwidth relay phantom_1_0 --delay-ms 2 --damping 0.02",
     "simulate": "zwidth simulate runs/plan/chirp.toml",
     "replay": "zwidth replay runs/chirp.mcap",
-    "devices": "zwidth devices phantom_1_0 --save mine.toml",
+    "devices": "zwidth devices phantom_1_0 --out mine.toml",
     "export": "zwidth export phantom_1_0 --to c --out phantom.c",
     "effects": "zwidth effects backlash",
     "conceal": "zwidth conceal --strata single_5x=1 --seconds 8",
@@ -110,8 +111,8 @@ class CommandsByName(click.Group):
 @click.command(
     cls=CommandsByName,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-    epilog="Nothing you made is overwritten: a command writes over its own earlier results, unless"
-    " somebody has edited them; over other files only with --force, over its inputs never."
+    epilog="A command overwrites its own earlier results unless they were edited, other files only"
+    " with --force, and its inputs never."
     " Exit status: 0 done, 1 failed, 2 bad input, 130 interrupted with Ctrl-C.",
 )
 @click.version_option(package_name="zwidth", message="%(prog)s %(version)s")
@@ -152,6 +153,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         if os.environ.get("ZWIDTH_DEBUG") == "1":
             raise
         status, sentence = explain(error)
+        HEART.said()
         print(f"error: {sentence}", file=sys.stderr)
         _silence_if_broken(sys.stdout)
     return status if isinstance(status, int) else Status.DONE
@@ -159,10 +161,16 @@ def run(arguments: Sequence[str] | None = None) -> int:
 
 def main() -> NoReturn:
     """Run the command line of this process."""
-    sys.exit(run())
+    HEART.start()
+    try:
+        status = run()
+    finally:
+        HEART.stop()
+    sys.exit(status)
 
 
 def _one_line_warning(message: Warning | str, *_: Any, **__: Any) -> None:
+    HEART.said()
     print(f"warning: {one_line(str(message))}", file=sys.stderr)
 
 

@@ -14,8 +14,9 @@ from typing import Any, TextIO
 from zwidth.errors import one_line
 from zwidth.files.protection import check
 from zwidth.files.whole import json_text, write_text
+from zwidth.heartbeat import HEART
 
-PLAIN_LINE_EVERY = 5.0  # [s], where progress is written to a file and not to a terminal
+PLAIN_LINE_EVERY = 3.0  # [s], where progress is written to a file and not to a terminal
 PLAIN_WIDTH = 160  # columns, where nobody's terminal limits them
 LONGEST_NAME = 34  # characters of a name that is kept on one line in a table
 
@@ -48,22 +49,30 @@ class Console:
 
     def say(self, text: str = "") -> None:
         """Write a line for people, on a terminal wrapped at words."""
+        HEART.said()
         print(wrapped(text, self.stream), file=self.stream)
 
     def show(self, text: str) -> None:
         """Write text as it is, such as a file to be copied."""
+        HEART.said()
         print(text, file=self.stream)
 
-    def doing(self, text: str) -> None:
-        """Write what is being done to standard error, where `progress` writes, too."""
-        print(f"... {text}", file=sys.stderr)
+    def doing(self, text: str, at: float | None = None) -> None:
+        """Write what is being done to standard error, where `progress` writes, too.
+
+        at: the time since the beginning [s], which then stands before it.
+        """
+        HEART.said(text)
+        print(f"... {text}" if at is None else f"... {at:4.0f} s  {text}", file=sys.stderr)
 
     def note(self, text: str) -> None:
         """Write a line for people to standard error: what was assumed, beside the answer."""
+        HEART.said()
         print(wrapped(text, sys.stderr), file=sys.stderr)
 
     def warn(self, text: str) -> None:
         """Write one line that begins with ``warning:`` to standard error."""
+        HEART.said()
         print(wrapped(f"warning: {one_line(text)}", sys.stderr), file=sys.stderr)
 
     def table(self, title: str, columns: Sequence[Column], rows: Sequence[Sequence[str]]) -> None:
@@ -159,7 +168,7 @@ def _bar(doing: str, total: int) -> Generator[Advance]:
         TimeLeft(),
         TextColumn("{task.fields[now]}", markup=False),
     )
-    with Progress(*columns, console=Terminal(stderr=True), transient=True) as bar:
+    with HEART.held(), Progress(*columns, console=Terminal(stderr=True), transient=True) as bar:
         task = bar.add_task(doing, total=total, now="")
 
         def advance(steps: int = 1, now: str = "") -> None:
@@ -172,13 +181,16 @@ def _bar(doing: str, total: int) -> Generator[Advance]:
 def _lines(doing: str, total: int) -> Generator[Advance]:
     done = 0
     due = time.monotonic() + PLAIN_LINE_EVERY
+    HEART.said(doing)
 
     def advance(steps: int = 1, now: str = "") -> None:
         nonlocal done, due
         done += steps
         if time.monotonic() >= due:
             due = time.monotonic() + PLAIN_LINE_EVERY
-            print(f"{doing}: {done} of {total} {now}".rstrip(), file=sys.stderr)
+            line = f"{doing}: {done} of {total} {now}".rstrip()
+            HEART.said(line)
+            print(line, file=sys.stderr)
 
     yield advance
 
@@ -189,7 +201,10 @@ def announce(console: Console) -> None:
 
     folder = cache_folder()
     if not any(folder.rglob("*.nbc")):
-        console.say(f"compiling the kernels, once for this version (about 20 s), into {folder}")
+        console.say(
+            f"compiling the simulation, once for each version (a minute or more), into {folder}"
+        )
+        HEART.said("compiling")
 
 
 def json_number(value: float | None) -> float | str | None:

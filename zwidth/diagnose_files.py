@@ -2,7 +2,6 @@
 
 import itertools
 import math
-import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
@@ -30,6 +29,7 @@ from zwidth.diagnosis_report import (
     estimate,
     gain_sentence,
     improvement,
+    in_words,
     linear_words,
     masses_of,
     output_in_words,
@@ -41,6 +41,7 @@ from zwidth.diagnosis_report import (
 from zwidth.diagnosis_summary import next_sentence
 from zwidth.door import described, device_of, kept
 from zwidth.files.whole import write_text
+from zwidth.heartbeat import HEART
 from zwidth.logs.mcap_writer import write_log
 from zwidth.logs.recording import load_log, read_recording
 from zwidth.options import in_this_folder
@@ -116,10 +117,9 @@ def diagnose_files(
 
 def _timed(console: Console) -> Callable[[str], None]:
     """What is being done, with the time since the beginning."""
-    begun = time.monotonic()
 
     def say(text: str) -> None:
-        console.doing(f"{time.monotonic() - begun:4.0f} s  {text}")
+        console.doing(in_words(text.replace("@", " at ")), HEART.elapsed())
 
     return say
 
@@ -370,7 +370,7 @@ def _arms(
     if device is None:
         raise ValueError(
             "--known-torque needs --device, the device of the joint; 'zwidth devices --from"
-            f" {model} --joint {joint} --save FILE' writes one"
+            f" {model} --joint {joint} --out FILE' writes one"
         )
     from zwidth.export.known_torque import with_known_torque
     from zwidth.export.read_joint import joint_of

@@ -318,25 +318,29 @@ def improvement(fit: HeldOut, named: bool) -> str:
     if not fit.after > 0.0 or not fit.refit > 0.0:
         return "there is too little held-out data to judge by"
     if math.isinf(fit.after):
-        return "held-out free runs of what was found run away"
+        return "free runs on held-out data diverge with what was found"
     if math.isinf(fit.refit):
         errs = of_the_motion(fit.after)
         return (
-            f"held-out free runs of the refit alone run away; with what was found they err {errs}"
+            f"free runs on held-out data diverge after the refit alone; with what was found"
+            f" their error"
+            f" is {errs}"
         )
     if not named:
         less = fit.before / fit.refit
         if not 1.02 < less < math.inf:
-            return f"held-out free runs err {of_the_motion(fit.refit)}, refitted or not"
+            return (
+                f"error of free runs on held-out data: {of_the_motion(fit.refit)}, refitted or not"
+            )
         return (
-            f"held-out free runs err {of_the_motion(fit.refit)} after the refit: {plain(less, 3)}"
-            " times less than with the device file"
+            f"error of free runs on held-out data: {of_the_motion(fit.refit)} after the refit,"
+            f" {plain(less, 3)} times smaller than with the device file"
         )
     if fit.refit <= 1.02 * fit.after:
-        return "held-out free runs are no better than with the refit alone"
+        return "free runs on held-out data are no better than with the refit alone"
     return (
-        f"held-out free runs err {of_the_motion(fit.after)}: {plain(fit.refit / fit.after, 3)}"
-        " times less than with the refit alone"
+        f"error of free runs on held-out data: {of_the_motion(fit.after)},"
+        f" {plain(fit.refit / fit.after, 3)} times smaller than with the refit alone"
     )
 
 

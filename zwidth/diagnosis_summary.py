@@ -73,17 +73,17 @@ def worth(fit: HeldOut, named: bool) -> str:
     if not after > 0.0 or not fit.refit > 0.0:
         return "there is too little held-out data to judge by"
     if math.isinf(after):
-        return "free runs of this model leave every bound on held-out data; do not simulate with it"
-    noise = f"; noise alone would make {percent(fit.noise_floor)}" if fit.noise_floor > 0.0 else ""
+        return "free runs of this model diverge on held-out data; do not simulate with it"
+    noise = f"; noise alone would cause {percent(fit.noise_floor)}" if fit.noise_floor > 0.0 else ""
     what = "with what was found" if named else "as refitted"
     rest = (
         f"without it {percent(fit.refit)}" if named else f"as in the device file {_off(fit.before)}"
     )
     if named and math.isinf(fit.refit):
-        rest = "without it they leave every bound"
+        rest = "without it they diverge"
     return (
-        f"held-out free runs err {of_the_motion(after)} {what}, {rest}{noise} (a free run is"
-        " simulated without correction; held-out data were kept out of the fit)"
+        f"error of free runs on held-out data: {of_the_motion(after)} {what}, {rest}{noise} (a free"
+        " run is simulated without correction; held-out data were kept out of the fit)"
     )
 
 

@@ -22,18 +22,19 @@ def law_options(command: Any) -> Any:
     """Add --law and the options of the laws to a command; `law_of` reads them."""
     options: list[Callable[[Any], Any]] = [
         click.option("--law", type=click.Choice(get_args(Kind)), default="wall", show_default=True,
-                     help="Of the walls: spring and damper, a grating of force, a region of damping"
-                     " and stiffness, or spring and damper under a passivity controller."),
+                     help="Control law of the wall: spring and damper, a texture (a sinusoidal"
+                     " force), a region of stiffness and damping, or spring and damper with a"
+                     " passivity controller."),
         click.option("--wavelength", type=Quantity("rad | m", above=True),
-                     help="Of a texture, whose steepest slope is K."),
+                     help="Wavelength of the texture, whose steepest slope is K."),
         click.option("--share", type=Quantity("of K"), default=None,
-                     help="Of a texture's slope that is the grating's, the rest a spring's; default"
-                     " 1."),
+                     help="Part of the texture's slope that is sinusoidal, the rest a spring."
+                     " Default: 1."),
         click.option("--width", type=Quantity("rad | m", above=True),
-                     help="Of a region, which begins at 0; else it is everywhere."),
+                     help="Width of the region, which begins at 0. Default: unlimited."),
         click.option("--most-damping", type=Quantity("N m s/rad | N s/m"),
-                     help="The most that a passivity controller adds; default a tenth of the last"
-                     " damping that is stable by itself."),
+                     help="Largest damping that the passivity controller adds. Default: a tenth of"
+                     " the last damping that is stable alone."),
     ]  # fmt: skip
     for option in reversed(options):
         command = option(command)

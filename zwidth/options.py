@@ -113,7 +113,7 @@ def _force(context: click.Context, param: click.Parameter, value: bool) -> None:
 
 force_option = click.option(
     "--force", is_flag=True, expose_value=False, callback=_force,
-    help="Write over files that this command did not make; inputs never.",
+    help="Also overwrite files that this command did not make; never its inputs.",
 )  # fmt: skip
 
 json_option = click.option(
@@ -122,7 +122,7 @@ json_option = click.option(
 
 cluster_option = click.option(
     "--cluster", metavar="ADDRESS",
-    help="Run on a Dask cluster: tcp://host:8786, or the scheduler's file (docs/scale.md).",
+    help="Run on a Dask cluster: tcp://host:8786, or a scheduler file (docs/scale.md).",
 )  # fmt: skip
 
 
@@ -152,7 +152,7 @@ def device_argument(destination: str = "device") -> Callable[[Any], Any]:
     def add(command: Any) -> Any:
         command = click.option(
             "--device", "named_device", metavar="DEVICE", is_eager=True, expose_value=False,
-            callback=named, help="The same as DEVICE.",
+            callback=named, help="Another way to give DEVICE.",
         )(command)  # fmt: skip
         argument = click.argument(
             destination, metavar="DEVICE", required=False, callback=chosen, default=None
@@ -174,7 +174,7 @@ def out_option(default: str) -> Callable[[Any], Any]:
         default=default,
         show_default=True,
         callback=_writable,
-        help="Folder for the files that the command writes; it is made.",
+        help="Folder for the results; it is made if it does not exist.",
     )
 
 

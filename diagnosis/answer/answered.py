@@ -148,9 +148,9 @@ class _Seen:
 def _seen(device: Device, stands: Stands, say: Say) -> _Seen:
     """Look where what is missing lies, and what the held-out data say."""
     found, by, taken = stands.found, stands.by, stands.taken
-    say("locating")
+    say("locating where the device and the recording differ")
     located = attempt("locate", "", partial(locate, found.problem, found.refit)) or NOWHERE
-    say("held-out data")
+    say("judging the result on data that was kept out of the fit")
     judge = partial(held_out, device, by, taken.judge_by)
     one, free = attempt("held out", "", judge) or (UNKNOWN_FIT, UNKNOWN_FIT)
     runs = attempt("whole runs", "", partial(_whole_runs, device, stands)) or ()

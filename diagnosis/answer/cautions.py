@@ -25,33 +25,33 @@ def cautions(
     said: list[str] = []
     if free.after > WORSE * free.before:
         said.append(
-            f"with {by} free runs on held-out data err {of_the_motion(free.after)}, more than"
-            f" the device file as it is ({percent(free.before)}): do not simulate with the"
+            f"with {by} free runs on held-out data have an error of {of_the_motion(free.after)},"
+            f" more than with the device file as it is ({percent(free.before)}): do not simulate"
+            f" with the"
             " augmented device"
         )
     elif wander(free.after, free.noise_floor):
         said.append(
-            f"free runs on held-out data still err {of_the_motion(free.after)}, where the"
-            f" noise of readings makes {percent(free.noise_floor)} (device file:"
+            f"free runs on held-out data still have an error of {of_the_motion(free.after)},"
+            f" where measurement noise alone would cause {percent(free.noise_floor)} (device file:"
             f" {percent(free.before)})"
         )
     if sound is not None and not sound.sound:
         worst = max(sound.ahead, key=lambda a: a.error / a.most)
         if worst.error >= OVERFLOW:
-            said.append("free runs of the answer run away")
+            said.append("free runs with the answer diverge")
         elif worst.error > worst.most:
             said.append(
-                f"over {with_unit(worst.horizon, 's', 3)} free runs err"
-                f" {plain(worst.error / worst.expected, 3)} times as far as their own noise would"
-                " make them"
+                f"the error of free runs over {with_unit(worst.horizon, 's', 3)} is"
+                f" {plain(worst.error / worst.expected, 3)} times what their own noise would cause"
             )
     for run in whole:
         before, after = run.errors["before"], run.errors["after"]
         if after > WORSE * before and not free.after > WORSE * free.before:
             size = "without bound" if math.isinf(after) else with_unit(after, run.unit, 3)
             said.append(
-                f"from beginning to end the {run.output.replace('_', ' of ')} in {run.recording}"
-                f" errs {size} with {by}, more than with the device file as it is"
+                f"over the whole run the error of the {run.output.replace('_', ' of ')} in"
+                f" {run.recording} is {size} with {by}, more than with the device file as it is"
                 f" ({with_unit(before, run.unit, 3)})"
             )
     return tuple(said)

@@ -263,7 +263,7 @@ def _one_more(
     suspect = suspected(best)
     if suspect is None:
         return None
-    say(f"asking whether {suspect.of.replace('@', ' at ')} stays the same")
+    say(f"checking whether {suspect.of.replace('@', ' at ')} stays constant")
     new = varied(best, suspect)
     if new is None or not _over_all_that_stays(found.tried, new, new.hypothesis):
         return None
@@ -273,11 +273,11 @@ def _one_more(
         held_out(device, found, taken.judge_by), held_out(device, other, judge_by)
     )  # fmt: skip
     if not with_it.after <= without.after:
-        say("it seems to change, but free runs on held-out data err more so: not said")
+        say("a change would explain the fit but not the held-out data: dropped")
         return None
     tried = _rivals_anew(found.tried, new)
     if not _over_all_that_stays(found.tried, new, tried.best):
-        say("it seems to change, but a law that stays the same explains as much: not said")
+        say("a change explains no more than a constant law: dropped")
         return None
     change = change_of(new, best.experiments, (without.after, with_it.after))
     with_rivals = as_found(device, tried)

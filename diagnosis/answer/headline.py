@@ -37,7 +37,7 @@ def place_in_words(at: Place, masses: int) -> str:
         case "clock":
             return "in the timing"
         case "velocity":
-            return "in the velocities that are read"
+            return "in the measured velocity"
         case "command" | "sensor":
             return f"in the {at.kind}"
 
@@ -116,9 +116,11 @@ SAYINGS: dict[str, Callable[[Values], str]] = {
     "servo_limit": lambda p: f"a limit of {said(p['limit'])} in the servo",
     "servo_dead_zone": lambda p: f"a dead zone of {said(p['half'])} in the servo",
     "servo_integral": lambda p: f"integral action of {said(p['rate'])} in the servo",
-    "goal_rate_limit": lambda p: f"a servo's goal that goes at {said(p['rate'])} at most",
+    "goal_rate_limit": lambda p: f"a servo goal that moves at {said(p['rate'])} at most",
     "falling_limit": lambda p: f"a limit of {said(p['limit'])} that falls with speed",
-    "open_winding": lambda p: f"a winding that is open while off ({said(p['damping'])} less)",
+    "open_winding": lambda p: (
+        f"a winding that is open while off ({said(p['damping'])} less damping)"
+    ),
     "rate_limit": lambda p: f"a command that changes by {said(p['rate'])} at most",
     "saturation": lambda p: f"a limit of {said(p['limit'])}",
     "dead_band": lambda p: f"a dead band of {said(p['width'])}",
@@ -185,17 +187,18 @@ def worth_in_words(f: Finding) -> str:
     if w is None:
         return ""
     if not w.pays:
-        return "without it free runs on held-out data err no more than by chance"
+        return "without it the error of free runs on held-out data grows by no more than chance"
     often = f"{w.times:.3g}" if w.times < 1000.0 else "over 1000"
-    much = f"{often} times as much" if w.times >= 1.1 else f"{percent(w.times - 1.0)} more"
-    return f"without it free runs of {w.horizon:.3g} s on held-out data err {much}"
+    much = f"{often} times as large" if w.times >= 1.1 else f"{percent(w.times - 1.0)} larger"
+    runs = f"free runs over {w.horizon:.3g} s on held-out data"
+    return f"without it the error of {runs} is {much}"
 
 
 def negligible_in_words(findings: Sequence[Finding], masses: int) -> str:
     """Return what was seen and is of no consequence as a sentence, "" for nothing."""
     if not findings:
         return ""
-    return f"seen, and of no consequence: {all_in_words(findings, masses)}"
+    return f"detected, but too small to matter: {all_in_words(findings, masses)}"
 
 
 @dataclass(frozen=True)
@@ -251,7 +254,7 @@ def _confusable(a: Answer) -> str:
         least = min(doubtful, key=lambda f: f.with_richer or 0.0)
         odds = f"{100.0 * (least.with_richer or 0.0):.0f} %"
         of = "" if len(a.findings) == 1 else f" of {effect_in_words(least.effect)}"
-        return f"{all_of_them} may be missing: the probability{of} is {odds} only"
+        return f"{all_of_them} may be missing: the probability{of} is only {odds}"
     near = [
         f"{effect_in_words(r.effect)} {place_in_words(place_at(r.at), a.masses)}"
         for r in confused.confusable_with[:RIVALS]
@@ -262,8 +265,8 @@ def _confusable(a: Answer) -> str:
         rivals = " or ".join(others)
         return f"{all_of_them}, or {rivals}: this recording cannot tell which is missing"
     return (
-        f"{all_of_them} are missing; in place of the {effect_in_words(confused.effect)} it may be"
-        f" {' or '.join(others)}, which this recording cannot tell apart"
+        f"{all_of_them} are missing; instead of the {effect_in_words(confused.effect)} it may be"
+        f" {' or '.join(others)}: this recording cannot tell them apart"
     )
 
 
@@ -281,14 +284,14 @@ def _unknown(a: Answer) -> str:
     names = all_in_words(a.findings, a.masses)
     if a.bad and a.left.gained == 0.0 and (a.sound is None or a.sound.adequate):
         return (
-            "something is missing that has no name in the library; what explains most of it"
-            f" ({names}) is no answer: {a.bad}"
+            "something is missing that has no name in the library; the best explanation"
+            f" ({names}) is not acceptable: {a.bad}"
         )
     if a.sound is not None and a.sound.explained < HALF:
         names = _listed([effect_in_words(f.effect) for f in a.findings])
         share = f"{100.0 * max(0.0, a.sound.explained):.0f} %"
         return (
-            f"something is missing that has no name in the library; the nearest names ({names})"
+            f"something is missing that has no name in the library; the nearest effects ({names})"
             f" explain {share} of the error"
         )
     return (
@@ -308,7 +311,7 @@ def _explained(sound: Adequacy | None) -> str:
     """How much of the error over half a second the names take away, where that is something."""
     if sound is None or not 0.0 < sound.explained < 1.0:
         return ""
-    return f"; the names explain {most(sound.explained)} of the error"
+    return f"; these effects explain {most(sound.explained)} of the error"
 
 
 def _linear(a: Answer) -> str:
@@ -365,8 +368,8 @@ def _undecided(a: Answer) -> str:
             " too little was held out to judge by"
         )
     return (
-        f"undecided: free runs err {of_the_motion(a.free.after)}, and no effect of the"
-        " library can be told from chance"
+        f"undecided: free runs have an error of {of_the_motion(a.free.after)}, and no effect of"
+        " the library is significant"
     )
 
 

@@ -49,7 +49,7 @@ def knowing_events(
         said_of = partial(all_said, _every(taken), found.tried.best, known)
         events = attempt("events", "what they brought", said_of) or ()
     except KeyboardInterrupt:
-        say("interrupted: what was found until now is judged; once more to leave")
+        say("interrupted: judging what was found so far; press Ctrl-C again to leave")
         return taken, replace(found, tried=replace(found.tried, interrupted=True)), ()
     for event in events:
         say(event.sentence)
@@ -63,7 +63,7 @@ def _known(taken: Taken, found: Searched, say: Say) -> tuple[Taken, Searched, tu
         later = peak is not None and taken.whole_unopened and not _in_fit(peak, taken)
         named: Search | None = None
         if peak is not None and (later or apart):
-            say("something may have happened: asking whether one effect explains it")
+            say("something may have happened: checking whether one effect explains it")
             named = _with_a_name(found.tried, taken, taken.whole if later else taken.fit_on)
         if named is not None and not later:
             return taken, _searched_on(found, named, say), ()
@@ -183,7 +183,7 @@ def _anew(found: Searched, experiments: Sequence[Experiment], say: Say) -> Searc
 
 
 def _searched_on(found: Searched, tried: Search, say: Say) -> Searched:
-    say(f"searching on from {tried.best.model.label}, knowing what happened")
+    say(f"searching on from {tried.best.model.label}, with the event known")
     searched_on(tried)
     return replace(_held(tried), far=found.far)
 

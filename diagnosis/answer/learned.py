@@ -97,7 +97,7 @@ class LearnedLaw:
         over = self.over.rstrip(",")
         return (
             f"{what} that has no name in the library: up to {most} over {over}{looks};"
-            f" with it free runs on held-out data err {own:.2g} % of the motion, and {other:.2g} %"
+            f" error of free runs on held-out data {own:.2g} % of the motion with it, {other:.2g} %"
             " without"
         )
 
@@ -113,13 +113,13 @@ class LearnedLaw:
         curve = self.curve
         what = {
             "free_amplifier": "what is added to the command",
-            "free_sensor": "what the reading errs by",
+            "free_sensor": "the error of the reading",
         }.get(curve.physics.effect.name, f"a force at {curve.physics.at}")
         looks = f", {self._looks(self.formula)}," if self.formula else ""
         own, other = 100.0 * self.law.after, 100.0 * self.names.after
         return (
-            f"learned from it: {what} over {self.over}{looks} with which free runs on held-out"
-            f" data err {own:.2g} % of the motion ({other:.2g} % without)"
+            f"learned from it: {what} over {self.over}{looks}; error of free runs on held-out"
+            f" data {own:.2g} % of the motion with it, {other:.2g} % without"
         )
 
     @property
@@ -256,7 +256,7 @@ def learned(
     held-out data of what is named. turns: only what repeats, in the place of a ripple that is
     named.
     """
-    say("learning what repeats" if turns else "no name explains it: learning a law")
+    say("learning what repeats" if turns else "no known effect explains it: learning a law")
     hopeful = partial(_hopeful, judge_by, names)
     horizons = [(search, laws(search, say, turns, hopeful)) for search in _horizons(found)]
     for _ in range(LAWS):
@@ -290,7 +290,7 @@ def learned_over_two(
     left = names if one is None else one.law
     if not left.after**2 > BEYOND * left.noise_floor**2:
         return None
-    say("asking whether what is left follows two states together")
+    say("checking whether what is left depends on two quantities together")
     hopeful = partial(_hopeful, judge_by, left)
     told: list[LearnedSurface] = []
     for search in _horizons(found):
@@ -348,7 +348,7 @@ def replacement(
     """
     if len(found.tried.best.model.effects) < 2:
         return None
-    say("asking whether one law of no name explains it as well as these names together")
+    say("checking whether one learned law explains as much as these effects together")
     hopeful = partial(_hopeful, judge_by, names)
     for curve in itertools.islice(replacing(found.tried, say, hopeful), LAWS):
         law = _judged(device, found.tried, curve, found, judge_by, names, say)
@@ -377,7 +377,7 @@ def _judged(
         return None
     looks, both = like_what(curve)
     if looks and looks[0].form.name in STRAIGHT:  # within a band that holds anything
-        say("what was learned looks like a straight line: that is no law")
+        say("the learned law is a straight line, which is a linear parameter: dropped")
         return None
     return LearnedLaw(curve, looks, both, names, *fit)
 
@@ -396,7 +396,7 @@ def _held_out_fit(
     free = held_out(device, with_law, judge_by)[1]
     if _better(h, with_law, found, judge_by, names, free):
         return free, with_law
-    say("the law that was learned does not hold on held-out data")
+    say("the learned law does not predict the held-out data: dropped")
     return None
 
 

@@ -109,7 +109,7 @@ class LearnedSurface:
     def _worth(self) -> str:
         own, other = 100.0 * self.law.after, 100.0 * self.names.after
         return (
-            f"with it free runs on held-out data err {own:.2g} % of the motion, and {other:.2g} %"
+            f"error of free runs on held-out data {own:.2g} % of the motion with it, {other:.2g} %"
             " without"
         )
 
@@ -160,7 +160,7 @@ class LearnedSurface:
         does = "takes" if own.mean() <= 0.0 else "feeds in"
         said = f"by itself it {does} {mean} on the average of what was recorded"
         if float(whole.max()) <= LITTLE * float(np.abs(whole).max()):
-            return f"{said}, and with its damper makes energy at no time"
+            return f"{said}, and with its damper never generates energy"
         return f"{said}, and with its damper feeds in up to {with_unit(float(whole.max()), 'W', 2)}"
 
     def as_json(self) -> dict[str, Any]:

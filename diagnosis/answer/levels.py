@@ -73,19 +73,19 @@ class NextLevel:
     def undecided(self, names: str, error: float) -> str:
         """Say of names that a second level decides about them."""
         return (
-            f"{names} would explain what is missing, at the one level that the command has; free"
-            f" runs on held-out data err {percent(error)} of the motion, by which what comes"
-            " nearest cannot be told from it there"
+            f"{names} would explain what is missing, at the single level of the command; but the"
+            f" error of free runs on held-out data, {percent(error)} of the motion, is too large to"
+            " tell the nearest rival from it"
         )
 
     @property
     def sentence(self) -> str:
         """Say what to record, without a full stop."""
         return (
-            f"the command has one level, {with_unit(self.level, self.unit, 3)}, at which friction"
-            f" is little else than a weaker command: {self.advice}"
-            " and diagnose both together; there this answer and what comes nearest to it differ by"
-            f" {percent(self.differs)} of the motion, and here by {percent(self.now)}"
+            f"the command has a single level, {with_unit(self.level, self.unit, 3)}, at which"
+            f" friction looks like a weaker command: {self.advice} and diagnose both together; at"
+            f" that level this answer and its nearest rival differ by {percent(self.differs)} of"
+            f" the motion, at the present level by {percent(self.now)}"
         )
 
 

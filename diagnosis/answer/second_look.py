@@ -41,7 +41,7 @@ def second_look(
     note, where nothing new has a name, something is still left, a name is lost, or it was
     interrupted, which it then says.
     """
-    say("what was held out shows more than was named: all that was recorded is searched")
+    say("the held-out data show more than was found: searching all of the recording")
     try:
         again = search(acted)
     except NoObserver:

@@ -61,7 +61,7 @@ def what_stands(
         first, second = _both(found if found.far else farther(device, found, say), found)
         # Nothing is promised, so the better of two is said.
         if second is not None and runs_freer(second, first, taken.judge_by):
-            say(f"freer on held-out data: {second.final.model.label}")
+            say(f"better on held-out data: {second.final.model.label}")
             again, how = standing(device, taken, second, say)
             if again is second or not first.final.model.effects:  # and not refused itself
                 first, sound = again, how
@@ -118,9 +118,9 @@ def standing(
     sound = attempt("adequacy", "", partial(held_adequacy, device, found, taken))
     if sound is None or sound.useful:
         return found, sound
-    say(f"{found.final.model.label} predicts held-out data no better than without: not named")
+    say(f"{found.final.model.label} predicts the held-out data no better than without it: dropped")
     for other in next_believed(found):
-        say(f"asking the held-out data of {other.final.model.label}")
+        say(f"judging {other.final.model.label} on the held-out data")
         stands = attempt("adequacy", "", partial(held_adequacy, device, other, taken))
         if stands is not None and stands.useful:
             return other, stands

@@ -113,16 +113,16 @@ def ends_badly(final: Fitted, runs: Sequence[WholeRun], forces: Sequence[ForceEr
     linear = zip(final.model.linear, final.x.tolist(), strict=False)
     far = next((p for p, x in linear if _at_its_end(p, x)), None)
     if far is not None:
-        return f"the fit ends with {far.name} as far from the device file as it may go"
+        return f"the fit ends with {far.name} at the end of its allowed range"
     for told, times_most, what in (
         ([(f.errors["after"], f.errors["refit"]) for f in forces if f.held_out], WORSE_FORCE,
-         "the force that held-out motion needs"),
+         "the force that the held-out motion needs"),
         ([(r.errors["after"], r.errors["refit"]) for r in runs if r.held_out], WORSE_RUN,
-         "a free run over all that was held out"),
+         "a free run over all held-out data"),
     ):  # fmt: skip
         if told and all(after > times_most * refit for after, refit in told):
             times = max(after / refit if refit else math.inf for after, refit in told)
-            return f"{what} is {times:.3g} times as far off as without it"
+            return f"{what} has an error {times:.3g} times as large as without it"
         if told:
             return ""
     return ""
@@ -163,7 +163,7 @@ def judged(
         return Verdict.UNKNOWN_PHYSICS, not_adequate(findings, sound)
     if findings and bad:
         names = " and ".join(f"{f.effect} at {f.at}" for f in findings)
-        return Verdict.UNKNOWN_PHYSICS, f"{names} would cost least, and is no answer: {bad}"
+        return Verdict.UNKNOWN_PHYSICS, f"{names} would fit best, but is not acceptable: {bad}"
     odd = next(((f, h) for f in findings for h in f.regimes if h.fails), None)
     if odd is not None:
         return Verdict.UNKNOWN_PHYSICS, not_everywhere(findings, *odd)
@@ -187,8 +187,8 @@ def judged(
         if doubtful:
             least = min(doubtful, key=lambda f: f.with_richer or 0.0)
             return Verdict.CONFUSABLE, (
-                f"{names} explain{'' if many else 's'} what is missing, and this recording leaves"
-                f" {least.effect} at {least.at} a probability of {least.with_richer:.2g} only"
+                f"{names} explain{'' if many else 's'} what is missing, but the probability of"
+                f" {least.effect} at {least.at} is only {least.with_richer:.2g}"
             )
         return Verdict.IDENTIFIED, f"{names} {'are' if many else 'is'} missing from the simulation"
     if wander(free.after, free.noise_floor):
@@ -210,8 +210,8 @@ def judged(
 def told_from_chance(free: HeldOut) -> str:
     """Say of a recording that nothing was found in how much of its motion nothing explains."""
     return (
-        "no effect of the library can be told from chance, and free runs on held-out data err"
-        f" {of_the_motion(free.after)} all the same, where noise of readings makes"
+        "no effect of the library is significant, but free runs on held-out data have an error"
+        f" of {of_the_motion(free.after)}, where measurement noise alone would cause"
         f" {percent(free.noise_floor)}: disturbances, or physics that this recording is too"
         " short or too coarse to show; record for longer, at a higher level, or with a finer sensor"
     )
@@ -230,9 +230,9 @@ def too_disturbed(findings: tuple[Finding, ...], free: HeldOut) -> str:
     """Say of names beside which chance disturbances do too much how much that is."""
     names = " and ".join(f"{f.effect} at {f.at}" for f in findings)
     return (
-        f"something is missing beyond {names}: free runs on held-out data still err"
-        f" {of_the_motion(free.after)}, which only disturbances by chance explain"
-        f" ({percent(free.refit)} without the names)"
+        f"something is missing beyond {names}: free runs on held-out data still have an"
+        f" error of {of_the_motion(free.after)}, which only random disturbances explain"
+        f" ({percent(free.refit)} without these effects)"
     )
 
 
@@ -241,7 +241,7 @@ def not_everywhere(findings: tuple[Finding, ...], odd: Finding, where: Held) -> 
     names = " and ".join(f"{f.effect} at {f.at}" for f in findings)
     return (
         f"something is missing beyond {names}: {odd.effect} at {odd.at} as fitted {where.other}"
-        f" makes what was recorded {where.regime} less likely than doing without it; record more"
+        f" explains what was recorded {where.regime} worse than no such effect; record more"
         f" {where.regime}"
     )
 
@@ -250,22 +250,22 @@ def not_adequate(findings: tuple[Finding, ...], sound: Adequacy) -> str:
     """Say of names that do not hold on held-out data how far they go."""
     names = " and ".join(f"{f.effect} at {f.at}" for f in findings)
     beyond = f" beyond {names}" if findings else " that no effect of the library explains"
-    share = f"; the names explain {most(sound.explained)} of the square error"
+    share = f"; these effects explain {most(sound.explained)} of the squared error"
     share = share if findings else ""
     if sound.sound:
-        return f"{names} predict held-out data no better than device file and refit do without"
+        return f"{names} predict held-out data no better than the refitted device without them"
     worst = max(sound.ahead, key=lambda a: a.error / a.most)
     if worst.error <= worst.most:
         led = max(sound.ahead, key=lambda a: a.led - a.most_led)
         return (
-            f"something is missing{beyond}: forces that follow the motion would explain"
-            f" {100.0 * led.led:.0f} % of the square of what free runs over {led.horizon:.3g} s err"
+            f"something is missing{beyond}: forces that depend on the motion would explain"
+            f" {100.0 * led.led:.0f} % of the squared error of free runs over {led.horizon:.3g} s"
             f" on held-out data, noise {100.0 * led.most_led:.0f} % at most{share}"
         )
     if worst.error >= OVERFLOW:
-        return f"something is missing{beyond}: free runs of the answer run away{share}"
+        return f"something is missing{beyond}: free runs with the answer diverge{share}"
     return (
-        f"something is missing{beyond}: over {worst.horizon:.3g} s free runs on held-out data"
-        f" err {worst.error / worst.expected:.3g} times as far as its own noise would make them"
-        f"{share}"
+        f"something is missing{beyond}: the error of free runs over {worst.horizon:.3g} s on"
+        f" held-out"
+        f" data is {worst.error / worst.expected:.3g} times what its own noise would cause{share}"
     )

@@ -73,6 +73,7 @@ FEWER = 2  # names, that a law must stand for to replace them where they explain
 ASKED = 3  # places and states that are fitted, beside each set of names
 HOPE = 20.0  # -2 ln, that a law may cost more than names before these are asked beside it
 BEHIND = 200.0  # the same, that a law without names may cost more than beside them
+STATES = {"spring": "position", "damper": "velocity", "amplifier": "command"}  # of a law, in words
 TELLING = MANY  # states at which what acts together is worked out: more tell no more
 
 
@@ -196,7 +197,7 @@ def _is_a_name(found: Search, curve: Learned, say: Say) -> bool:
             continue
         both = _shaped(full, against(full, alone).phi, site)
         if both.cost.total < h.cost.total:
-            say(f"{one.effect.name} with what it leaves costs less: it is that")
+            say(f"{one.effect.name} explains it with fewer numbers than a learned law")
             return True
     return False
 
@@ -231,7 +232,7 @@ def _believed_laws(
         near = [one for one in each if _promise([one]) < _promise(each) + BEHIND]
         likely = [one for one in near if hopeful(one[0])]
         if not likely:
-            say(f"a law over {_at_what(each[0][1])} gains free runs too little: not sought further")
+            say(f"a law over {_at_what(each[0][1])} improves free runs too little: dropped")
             continue
         full = [(_without_changes(without_names(found, h)), site) for h, site in likely]
         alike = {h.labels: (h, site) for h, site in sorted(full, key=_costs, reverse=True)}
@@ -247,7 +248,8 @@ def _believed_laws(
 
 
 def _at_what(site: Site) -> str:
-    return f"{site.effect.removeprefix('free_')} at {site.at}"
+    kind = site.effect.removeprefix("free_")
+    return f"{STATES.get(kind, kind.replace('_', ' '))} at {site.at}"
 
 
 def _costs(begun: Begun) -> float:
@@ -264,7 +266,7 @@ def _is_line(h: Hypothesis, site: Site, say: Say) -> bool:
     rival = None if site.period > 0.0 else _in_its_place(h, site, _line(h, site))
     if rival is None or believed(h.cost, rival.cost, against(h, rival).phi):
         return False
-    say("a straight line would do as well: that is no law, but a spring, a damper or a constant")
+    say("a straight line fits as well, which is a spring, a damper or a constant: dropped")
     return True
 
 
@@ -272,7 +274,7 @@ def _over_states(base: Hypothesis, say: Say) -> Iterator[Begun]:
     """Yield laws of many points beside what a hypothesis has, where they would gain most."""
     found = None if base.slopes is None else attempt("learn", "where", partial(sites, base, ASKED))
     for site, begun in found or ():
-        say(f"learning a law over {site.effect.removeprefix('free_')} at {site.at}")
+        say(f"learning a law over {_at_what(site)}")
         h = attempt("learn", site.at, partial(settled, begun))
         if h is not None and not np.isfinite(h.cost.total):  # not all of its points are told
             law = law_over(site, FEW, False)

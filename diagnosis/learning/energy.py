@@ -24,11 +24,11 @@ def makes_energy(curve: Learned, rotary: bool) -> str:
     """Say whether a law ever makes energy over the states that were seen."""
     match curve.physics.effect.name:
         case "free_spring":
-            return "it follows a position alone, so that round any closed path it makes no energy"
+            return "it depends on position alone, so it generates no energy over a closed path"
         case "free_damper":
             return _fed(curve, rotary)
         case _:
-            return "it enters by the drive, which brings energy of its own"
+            return "it enters through the drive, which supplies energy"
 
 
 def _fed(curve: Learned, rotary: bool) -> str:
@@ -40,13 +40,13 @@ def _fed(curve: Learned, rotary: bool) -> str:
         f" and {' and '.join(curve.together.names)}" if curve.together is not None else ""
     )
     if float(own.max()) <= LITTLE * float(np.abs(own).max()):
-        return "it takes energy at every velocity that was seen, and makes none"
+        return "it dissipates energy at every velocity in the recording"
     if float(all_of.max()) <= LITTLE * float(np.abs(all_of).max()):
-        return f"by itself it makes energy at some velocities, together with {with_it} at none"
+        return f"alone it generates energy at some velocities, together with {with_it} at none"
     most = int(np.argmax(all_of))
     at = with_unit(float(v[most]), "rad/s" if rotary else "m/s", 2)
     power = with_unit(float(all_of[most]), "W", 2)
-    return f"it makes energy, even with {with_it}: up to {power} at {at}"
+    return f"it generates energy, even with {with_it}: up to {power} at {at}"
 
 
 def powers(curve: Learned, v: Floats) -> Floats:

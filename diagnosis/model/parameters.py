@@ -598,8 +598,8 @@ class Model:
 
     @property
     def label(self) -> str:
-        """The effects by name, or "linear"."""
-        return " + ".join(place_label(p) for p in self.effects) or "linear"
+        """The effects by name, or "the linear device"."""
+        return " + ".join(place_label(p) for p in self.effects) or "the linear device"
 
 
 def _times(physics: Physics, scale: float) -> Physics:

@@ -59,6 +59,7 @@ Result = TypeVar("Result")
 Apart = Callable[[Hypothesis], "Sequence[Experiment] | None"]
 LESS = (1.0, 1e-1, 1e-2)  # of the own ratio, under which they grow where play is there
 LADDER = (1.0, 1e-1, 1e-2, 1e-3, 1e-4)  # ratios under which populations grow
+WORTH_SAYING = 2.0  # [s], that fits must take to be announced
 GROWN_TICKS = 10000  # of all recordings together, to which populations grow
 AGAIN, STILL = 6, 10.0  # turns about the best, and what one must gain in misfit for another
 MOST_APART, LEAST_LEFT = 8, 0.5  # parts that are set apart in turn; of all ticks, that are searched
@@ -141,7 +142,7 @@ def search(
     ticks = sum(e.ticks for e in experiments)
     found = Search(plain, plain, effort, say, moves, recorded=ticks)
     found.keep(plain)
-    say(f"the device as refitted costs {plain.cost.misfit:.0f}; trying every effect")
+    say("the linear parameters are refitted; trying every effect")
     _until_nothing_gains(found, _rounds)
     return found
 
@@ -175,7 +176,7 @@ def two_at_once(found: Search) -> bool:
         begun = sorted(alone, key=lambda h: h.cost.total)[: found.effort.beside]
         if not begun or len(before.model.effects) + 2 > found.effort.effects:
             return
-        found.say(f"what two effects together explain beside {before.model.label}")
+        found.say("trying two more effects together")
         proposals = [
             p
             for h in begun
@@ -185,7 +186,7 @@ def two_at_once(found: Search) -> bool:
         for h in fitted(found, proposals, found.effort.ended):
             if found.ahead(h, before):
                 found.best = h
-                found.say(f"taken: {h.model.label}")
+                found.say(f"accepted: {h.model.label}")
                 _rounds(found)
                 return
 
@@ -203,7 +204,7 @@ def _until_nothing_gains(found: Search, work: Callable[[Search], None]) -> None:
         with isolated("search", "a further effect"):
             work(found)
     except KeyboardInterrupt:
-        found.say("interrupted: what was found until now is judged; once more to leave")
+        found.say("interrupted: judging what was found so far; press Ctrl-C again to leave")
         found.interrupted = True
 
 
@@ -234,7 +235,7 @@ def _ended(found: Search) -> None:
     ]
     if not near:
         return
-    found.say(f"fitting what comes near {best.model.label} to its end")
+    found.say("fitting the closest rivals until they converge")
     with stage("ending rivals"):
         again = _each("candidates", [(h.model.label, partial(settled, h)) for h in near])
     for h in again:
@@ -256,7 +257,7 @@ def _grown(found: Search) -> None:
         if found.best.labels in found.grown:
             return
         found.grown.add(found.best.labels)
-        found.say(f"what may be missing beside {found.best.model.label}")
+        found.say("trying one more effect")
         before, accepted = found.best, _believed_beside(found, beam)
         gained = before.cost.misfit - accepted[0].cost.misfit if accepted else 0.0
         if _set_apart(found, gained):
@@ -265,7 +266,7 @@ def _grown(found: Search) -> None:
         if not accepted:
             return
         found.best, beam = accepted[0], accepted[: found.effort.beam]
-        found.say(f"taken: {found.best.model.label}")
+        found.say(f"accepted: {found.best.model.label}")
         beam = [found.best, *(h for h in beam if h.labels != found.best.labels)]
 
 
@@ -290,7 +291,9 @@ def _set_apart(found: Search, gained: float) -> bool:
         explained = before.cost.misfit - best.cost.misfit * before.samples / best.samples
         if not explained > max(gained, PURSUIT.near_rival):
             return False
-        found.say("something seems to have happened once: the search goes on without that part")
+        found.say(
+            "something seems to have happened once: searching on without that part of the recording"
+        )
         restart(found, best if before is found.plain else again(found.plain), best)
         found.apart += 1
         return True
@@ -324,7 +327,7 @@ def _believed_beside(found: Search, beam: Sequence[Hypothesis]) -> list[Hypothes
         if not new:
             found.clear = found.clear and asked is not moves.glancing
             continue
-        found.say(f"best of {len(proposals)}: {new[0].model.label}")
+        found.say(f"best of {len(proposals)} tried: {new[0].model.label}")
         accepted = [h for h in new if found.ahead(h, found.best)]
         if not accepted and asked is moves.adding:
             accepted = _in_place_of(found, new[0])
@@ -348,7 +351,7 @@ def _in_place_of(found: Search, doubtful: Hypothesis) -> list[Hypothesis]:
     if not beyond or not doubtful.cost.total < found.best.cost.total:
         return []
     (index,) = more
-    found.say(f"what may stand in the place of what {doubtful.model.label} has more")
+    found.say("trying other effects in place of the one added last")
     others = _proposed(found.moves.replacing(index), doubtful, found.effort)
     return [h for h in fitted(found, others, found.effort.beside) if found.ahead(h, found.best)]
 
@@ -356,15 +359,15 @@ def _in_place_of(found: Search, doubtful: Hypothesis) -> list[Hypothesis]:
 def _exchanged(found: Search) -> None:
     """Put simpler, other and fewer effects in place while that costs less.
 
-    What is tried in the place of each is its rival where it stays. What costs less is gone on with
-    at once: what else might stand in its place is asked of that.
+    What is tried in place of an effect becomes its rival where the effect stays. As soon as
+    something costs less, the search goes on from there.
     """
     left: set[frozenset[str]] = set()  # for what costs less, before all was asked
     for _ in range(4 * found.effort.effects):
         h = found.best
         if not h.model.effects or h.labels in found.exchanged:
             return
-        found.say(f"what may stand in the place of {h.model.label}")
+        found.say("trying other effects in place of each")
         left.add(h.labels)
         less: list[Hypothesis] = []
         for some in _instead(found):
@@ -374,7 +377,7 @@ def _exchanged(found: Search) -> None:
             better = idle or [n for n in less if n.labels not in found.exchanged | left]
             if better:
                 found.best = min(better, key=lambda n: n.cost.total)
-                found.say(f"rather: {found.best.model.label}")
+                found.say(f"better: {found.best.model.label}")
                 break
         else:  # what is left costs no less, or was gone on from before
             found.exchanged.add(h.labels)
@@ -384,7 +387,7 @@ def _exchanged(found: Search) -> None:
 def _instead(found: Search) -> Iterator[list[Hypothesis]]:
     """Yield what may stand in the place of the best, move by move, fitted as it is asked for.
 
-    In the place of what explains least first: that is what most often stands for something else.
+    The effect that explains least is replaced first: it most often stands for another one.
     """
     h, effort = found.best, found.effort
     many = max(effort.ended, len(h.model.effects))
@@ -450,7 +453,7 @@ def look_for_valleys(found: Search, always: bool = False) -> None:
     if not (h.has_valleys or always):
         return
     found.looked.add(h.labels)
-    found.say(f"looking for the valley of {h.model.label} anew")
+    found.say(f"fitting {h.model.label} again from other starting values")
     prior = np.array([p.prior for p in h.model.parameters])
     starts = [h.x, np.where(prior, 0.0, h.x)]
     near = tuple(h.ratio * less for less in LESS) if h.family.whitening else (h.ratio,)
@@ -522,8 +525,9 @@ def fitted(found: Search, proposals: Iterable[Proposal], ended: int) -> list[Hyp
     """
     asked, begun_at = list(proposals), time.monotonic()
     if found.fits and asked:
-        each = found.spent / found.fits
-        found.say(f"fitting {len(asked)} hypotheses, about {each * len(asked):.0f} s")
+        expected = found.spent / found.fits * len(asked)
+        if expected >= WORTH_SAYING:
+            found.say(f"fitting {len(asked)} candidates, about {expected:.0f} s")
     views: dict[int, list[Begun]] = {}
     for start in _each("candidates", [(p.label, p.begun) for p in asked]):
         views.setdefault(id(start.proposal.under), []).append(start)

@@ -132,7 +132,7 @@ def farther(device: Device, found: Searched, say: Say) -> Searched:
     second = replace(as_found(device, far), far=True, near=near.best)
     first = replace(found, tried=replace(near, interrupted=far.interrupted), far=True)
     if runs_freer(second, first, near.best.experiments):
-        say(f"over a longer horizon rather: {far.best.model.label}")
+        say(f"better over a longer horizon: {far.best.model.label}")
         return replace(second, beside=first)
     return replace(first, beside=second)
 

@@ -60,33 +60,34 @@ SIDES = ("stable", "unstable")  # of a boundary's top, a log each
 @click.command("boundary", cls=ManyNumbers)
 @device_argument("name")
 @click.option("--delay-ms", cls=Quantities, type=Quantity("ms"), metavar="MS ...",
-              help="Loop delays, a boundary each; else the device's own.")  # fmt: skip
+              help="Loop delays, one boundary each. Default: the device's own delay.")  # fmt: skip
 @click.option("--damping", cls=Quantities, type=Quantity("N m s/rad | N s/m"), rising=True,
-              metavar="B ...", help="Virtual dampings in rising order; else from 0 to 1.2 times the"
-              " last one with a stable wall, in 41 steps, and those measured.")  # fmt: skip
+              metavar="B ...", help="Virtual dampings in rising order. Default: 41 values up to 1.2"
+              " times the last with a stable wall, and the measured ones.")  # fmt: skip
 @click.option("--start", type=Quantity("rad | m", above=True), default=1e-3, show_default=True,
               help="Start amplitude; with friction the boundary depends on it.")  # fmt: skip
 @click.option("--tolerance", type=Quantity("of K", above=True), default=5e-4, show_default=True,
-              help="Width of a bracket over its K.")  # fmt: skip
+              help="Relative accuracy of each K.")  # fmt: skip
 @click.option("--substeps", type=click.IntRange(1, 1000), default=None,
-              help="Substeps a tick; default 1 where that is exact, else 10.")  # fmt: skip
+              help="Integration steps per sample. Default: 1 where that is exact, else"
+              " 10.")  # fmt: skip
 @click.option("--limit-s", type=Quantity("s", above=True), default=64.0, show_default=True,
-              help="Longest run for a verdict.")  # fmt: skip
+              help="Longest simulated time of one run.")  # fmt: skip
 @click.option("--criterion", type=click.Choice(["stability", "passivity"]), default="stability",
-              show_default=True, help="With passivity, the stiffest passive wall beside the"
-              " stable one (Colgate and Schenkel, with the delay).")  # fmt: skip
-@click.option("--hand", is_flag=True, help="K_CR over the range of fingers that may hold the last"
-              " mass, as a band.")  # fmt: skip
+              show_default=True, help="passivity also shows the stiffest passive wall"
+              " (Colgate and Schenkel, with the delay).")  # fmt: skip
+@click.option("--hand", is_flag=True, help="Also show the band of K_CR when a finger holds the last"
+              " mass.")  # fmt: skip
 @click.option("--lever", type=Quantity("m", above=True),
               help="Distance of the hand from the axis of a rotary device.")  # fmt: skip
 @click.option("--hands", type=click.IntRange(10, 100_000), default=None, metavar="N",
-              help="K_CR over N fingers drawn from the published range: quantiles.")  # fmt: skip
+              help="Quantiles of K_CR over N fingers drawn from the published range.")  # fmt: skip
 @click.option("--covariance", "covariance_file", metavar="FILE",
               type=click.Path(exists=True, dir_okay=False, path_type=Path),
-              help="95 % band of K_CR from the parameters' covariance, as `zwidth identify` wrote"
-              " it.")  # fmt: skip
+              help="Covariance file of 'zwidth identify': also show the 95 % band of"
+              " K_CR.")  # fmt: skip
 @law_options
-@click.option("--table", "in_full", is_flag=True, help="Print the boundary at every damping, too.")
+@click.option("--table", "in_full", is_flag=True, help="Also print the boundary at every damping.")
 @out_option("runs/boundary")
 @force_option
 @json_option
@@ -94,8 +95,7 @@ def command(name: str, out: Path, json_file: str | None, **options: Any) -> None
     """Find the stability boundary of a device under a sampled virtual wall.
 
     DEVICE is a shipped device or a device file. Says how stiff a wall may be at each delay, draws
-    the boundaries, and logs the two runs on either side of each boundary's top. --table prints the
-    boundary point by point.
+    the boundaries, and logs two runs for each: just below and just above its highest point.
     """
     console = Console(json_file)
     device = load_device(name)

@@ -15,19 +15,22 @@ CLASSES = "; ".join(f"{s.name}: {s.title}" for s in STRATA.values())
 
 @click.command("conceal", epilog=f"Classes: {CLASSES}.")
 @click.option("--count", type=click.IntRange(1),
-              help="How many recordings at the limit, shared out over its classes; 200 where"
-              " nothing else is asked for.")  # fmt: skip
+              help="Number of recordings with effects near the detection limit, over all"
+              " classes. Default: 200 if no other option asks for any.")  # fmt: skip
 @click.option("--strata", metavar="NAME=N,...",
-              help="How many of each class instead, as none=100,single_2x=50.")  # fmt: skip
+              help="Number per class instead, as none=100,single_2x=50.")  # fmt: skip
 @click.option("--rigs", type=click.IntRange(0), default=0,
-              help="How many rigs at full size besides.")  # fmt: skip
+              help="Number of rigs with effects at full size.")  # fmt: skip
 @click.option("--outside", type=click.IntRange(0), default=0,
-              help="How many with a law of no name besides.")  # fmt: skip
+              help="Number with a law that is not in the library.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True,
-              help="Same seed, same recordings, to the byte; keep it as the keys.")  # fmt: skip
+              help="Seed; the same seed makes the same files. It is as secret as the"
+              " keys.")  # fmt: skip
 @click.option("--seconds", type=Quantity("s", 2.0),
-              help="Length of each recording, else 10 to 20 s, of rigs 6 to 30 s.")  # fmt: skip
-@click.option("--processes", type=click.IntRange(1), help="Processes side by side, else one.")
+              help="Length of each recording. Default: 10 to 20 s, rigs 6 to 30 s.")  # fmt: skip
+@click.option(
+    "--processes", type=click.IntRange(1), help="Number of parallel processes. Default: 1."
+)
 @cluster_option
 @out_option("runs/concealed")
 @force_option
@@ -44,12 +47,12 @@ def command(
     out: Path,
     json_file: str | None,
 ) -> None:
-    """Make recordings in which physics is concealed, with sealed keys.
+    """Make simulated recordings with concealed physics, to test a diagnosis.
 
-    DIR/recordings holds what a diagnosis gets: a CSV, its description and a device file each, which
-    give nothing away; a rig may come with a second recording (r0001_2) and one to judge by
-    (r0001_validation). DIR/keys holds what is concealed; keep it apart until the diagnoses are in.
-    An interrupted run is taken up where it stopped.
+    DIR/recordings holds what a diagnosis may see: a CSV, its description and a device file for
+    each. A rig may have a second recording (r0001_2) and one to judge by (r0001_validation).
+    DIR/keys holds the concealed truths; keep it apart until the diagnoses are done. After an
+    interruption, the same command continues where it stopped.
     """
     console = Console(json_file)
     default = None if strata or rigs or outside else 200

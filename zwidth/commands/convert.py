@@ -24,18 +24,24 @@ TARGETS = (".mcap", *WRITERS, ".toml")
 @click.command("convert")
 @click.argument("source", metavar="SOURCE", type=click.Path(path_type=Path))
 @click.argument("target", metavar="[TARGET]", required=False, type=click.Path(path_type=Path))
+@click.option("--out", "other", metavar="FILE", type=click.Path(path_type=Path),
+              help="Another way to give TARGET.")  # fmt: skip
 @force_option
 @json_option
-def command(source: Path, target: Path | None, json_file: str | None) -> None:
+def command(source: Path, target: Path | None, other: Path | None, json_file: str | None) -> None:
     """Show what a recorded file holds, draft its description, or convert it.
 
     SOURCE is a recording TOML, a log that zwidth wrote (MCAP, CSV, Parquet, NPZ), or a file of
-    another tool (also MAT, NPY, HDF5, text tables). Without TARGET its signals are listed, and for
-    a file of another tool a recording TOML to start from is printed.
+    another tool (also MAT, NPY, HDF5, text tables). Without TARGET the signals are listed; for a
+    file of another tool, a recording TOML to start from is printed too.
 
-    TARGET is the file to write: .mcap, .csv, .parquet or .npz, or .toml for the draft.
+    TARGET is the file to write: .mcap, .csv, .parquet or .npz for the data, or .toml for the
+    description.
     """
     console = Console(json_file)
+    if target is not None and other is not None:
+        raise click.UsageError(f"the target is given twice, {target} and --out {other}; give one")
+    target = target or other
     if target is None:
         _show(console, source)
     elif target.suffix.lower() == ".toml":

@@ -30,17 +30,19 @@ TURN = 2.0 * math.pi
 @click.command("devices")
 @click.argument("device", metavar="[DEVICE]", required=False)
 @click.option(
-    "--passive", is_flag=True, help="Describe the nearest chain without negative dampers."
+    "--passive", is_flag=True, help="Describe the nearest device without negative dampers."
 )
 @click.option(
+    "--out",
     "--save",
+    "save",
     metavar="FILE",
     type=click.Path(path_type=Path),
-    help="Write what is described as a device file, to be edited or used in other commands.",
+    help="Write the device as a file, to edit or to use in other commands.",
 )
 @click.option(
     "--template", type=click.IntRange(1, MAX_MASSES), metavar="MASSES",
-    help="Print a device file of so many masses to start from, with every key explained.",
+    help="Print a device file to start from, with this many masses and every key explained.",
 )  # fmt: skip
 @click.option("--from", "model", metavar="FILE", type=click.Path(path_type=Path),
               help="Describe a joint of an MJCF or URDF model as a device.")  # fmt: skip
@@ -81,7 +83,7 @@ def command(
     elif device is not None:
         _describe(console, load_device(device), passive, save, {})
     elif passive or save:
-        raise click.UsageError("--passive and --save need a DEVICE, give its name or file")
+        raise click.UsageError("--passive and --out need a DEVICE, give its name or file")
     else:
         _list(console)
 

@@ -19,35 +19,42 @@ from zwidth.options import cluster_option, force_option, json_option, out_option
 )
 @click.option(
     "--device", "name", metavar="DEVICE",
-    help="Device file or name; without it one is fitted: one to three masses, as the data ask.",
+    help="Device file or the name of a shipped device. Without it a device with one to three"
+    " masses is"
+    " fitted to the recording.",
 )  # fmt: skip
 @click.option(
     "--validate",
     metavar="RECORDING",
     multiple=True,
     type=click.Path(path_type=Path),
-    help="Judge by this recording; without it by the last 30 % of each.",
+    help="Judge the answer on this recording; without it, on the last 30 % of each recording.",
 )
 @click.option(
     "--effort",
     type=click.Choice(list(EFFORTS)),
     default="normal",
     show_default=True,
-    help="How much to try: quick looks for three effects at most, for no play and for no law of no"
-    " name over two states.",
+    help="How much to try. quick finds three effects at most, and tries neither play nor learned"
+    " laws of two quantities.",
 )
 @click.option(
     "--wall/--no-wall",
     default=None,
-    help="Say what becomes of the stiffest wall, or not; else where a --device may render one.",
+    help="Also compute the stiffest stable wall, before and after. Default: only for a --device"
+    " that"
+    " can render one.",
 )
 @click.option(
     "--known-torque", "model", metavar="MODEL", type=click.Path(path_type=Path),
-    help="MJCF or URDF of the robot: what its arms do to --joint in the recorded posture is known.",
+    help="MJCF or URDF model of the robot. The torque of its arms on --joint is then computed, not"
+    " searched for.",
 )  # fmt: skip
 @click.option("--joint", metavar="INDEX|NAME",
-              help="The joint to take of a recording with several, or of MODEL.")  # fmt: skip
-@click.option("--processes", type=click.IntRange(1), help="Of a fleet: processes side by side.")
+              help="The joint to diagnose, in a recording with several or in MODEL.")  # fmt: skip
+@click.option(
+    "--processes", type=click.IntRange(1), help="For a fleet: number of parallel processes."
+)
 @cluster_option
 @out_option("runs")
 @force_option
@@ -67,19 +74,19 @@ def command(
 ) -> None:
     """Say why recordings differ from the simulation of a device, and what physics is missing.
 
-    RECORDING is any file that 'zwidth convert' reads: a CSV, MAT, HDF5, NPY or MCAP of another
-    tool, a recording TOML, or a log that zwidth wrote; several are diagnosed together. What a file
-    of another tool is taken for is said, and written as NAME.recording.toml; a device that is not
-    given is fitted, and written as NAME.device.toml. Edit either and give the same line again.
+    RECORDING is a CSV, MAT, HDF5, NPY or MCAP file of another tool, a recording TOML, or a log
+    that zwidth wrote. Several recordings are diagnosed together. For a file of another tool, the
+    channels that were recognised are written to NAME.recording.toml. Without --device, a device is
+    fitted and written to NAME.device.toml. Correct either file and run the same line again.
 
-    Writes NAME.diagnosis.html, the report; NAME.augmented.toml, the device with what was found,
-    which every command takes; NAME.diagnosis.mcap, residual, missing force and predictions, which
-    opens beside the recording; and NAME.next.toml, what to record where rivals are left. Ctrl-C
-    ends the search and judges what was found until then.
+    Writes the report (NAME.diagnosis.html), the improved device, which every command takes
+    (NAME.augmented.toml), a log with residual, missing force and predictions
+    (NAME.diagnosis.mcap), and, where two explanations are left, what to record next
+    (NAME.next.toml). Ctrl-C stops the search; what was found so far is then judged.
 
-    A folder of recordings, or a table of them (CSV or TOML: recording, device, date, known values),
-    is a fleet: what is shared, what differs from device to device, what changed and when, and which
-    recordings are unlike the others and why. Writes NAME.fleet.html (docs/fleets.md).
+    A folder of recordings, or a table of them (CSV or TOML with recording, device, date, known
+    values), is a fleet: the report NAME.fleet.html says what the devices share, where they differ,
+    what changed and when, and which recordings are unlike the others (docs/fleets.md).
     """
     # What a diagnosis needs takes seconds to load, and help and a mistyped option need none of it.
     from zwidth.console import Console

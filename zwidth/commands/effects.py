@@ -33,12 +33,12 @@ LETTERS = (
 @click.argument("name", metavar="[NAME]", required=False)
 @click.option(
     "--learned", metavar="FILE", type=click.Path(path_type=Path),
-    help="Keep what a diagnosis has learned (its --json FILE) as an effect NAME of your own, in"
-    " effects/NAME.toml.",
+    help="Result of 'zwidth diagnose --json FILE': save the law that it learned as your own effect"
+    " NAME, in effects/NAME.toml.",
 )  # fmt: skip
 @click.option(
-    "--picture", metavar="FILE", type=click.Path(path_type=Path),
-    help="Draw its law, and a motion with and without it, as FILE.png and FILE.svg.",
+    "--out", "--picture", "picture", metavar="FILE", type=click.Path(path_type=Path),
+    help="Draw the effect NAME, and a motion with and without it, as FILE.png and FILE.svg.",
 )  # fmt: skip
 @force_option
 @json_option
@@ -48,14 +48,14 @@ def command(
     """List the effects that zwidth knows, or describe one.
 
     An effect is physics that a device may have besides its masses, springs and dampers: friction,
-    play, a limit. Device files give them as [[physics]], the diagnosis seeks them.
+    play, a limit. A device file states them as [[physics]]; a diagnosis searches for them.
     """
     console = Console(json_file)
     if learned is not None:
         _keep(console, name, learned)
         return
     if picture is not None and name is None:
-        raise click.UsageError("--picture needs the NAME of the effect to draw")
+        raise click.UsageError("--out needs the NAME of the effect to draw")
     named = picture is not None and picture.suffix in (".png", ".svg")
     stem = picture.with_suffix("") if picture is not None and named else picture
     console.will_write(*(picture_files(stem) if stem else ()))

@@ -25,17 +25,19 @@ PICTURES = ("confusion", "magnitude", "reliability")
 @click.command("exam")
 @click.argument("folder", metavar="DIR", type=click.Path(file_okay=False, path_type=Path))
 @click.option("--count", type=click.IntRange(1),
-              help="Make so many recordings in DIR first, as zwidth conceal does.")  # fmt: skip
-@click.option("--strata", metavar="NAME=N,...", help="Make so many of each class first.")
-@click.option("--rigs", type=click.IntRange(0), default=0, help="Make so many rigs first.")
+              help="First make this many recordings in DIR, as 'zwidth conceal' does.")  # fmt: skip
+@click.option("--strata", metavar="NAME=N,...", help="First make this many of each class.")
+@click.option("--rigs", type=click.IntRange(0), default=0, help="First make this many rigs.")
 @click.option("--outside", type=click.IntRange(0), default=0,
-              help="Make so many with a law of no name first.")  # fmt: skip
+              help="First make this many with a law that is not in the library.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), help="Seed of the recordings made first.")
-@click.option("--seconds", type=Quantity("s", 2.0), help="Length of each, else 10 to 20 s.")
-@click.option("--processes", type=click.IntRange(1), help="Processes side by side, else one.")
+@click.option("--seconds", type=Quantity("s", 2.0), help="Length of each. Default: 10 to 20 s.")
+@click.option(
+    "--processes", type=click.IntRange(1), help="Number of parallel processes. Default: 1."
+)
 @cluster_option
 @click.option("--page", "page_file", type=click.Path(dir_okay=False, path_type=Path),
-              help="Write the page of evidence here too, with its pictures beside it.")  # fmt: skip
+              help="Also write the result as a page of evidence, with its pictures.")  # fmt: skip
 @force_option
 @json_option
 def command(
@@ -51,12 +53,12 @@ def command(
     page_file: Path | None,
     json_file: str | None,
 ) -> None:
-    """Diagnose concealed recordings, open the seals, and score.
+    """Diagnose recordings with concealed physics, compare with the truths, and score.
 
-    DIR is a folder of zwidth conceal, or is filled first where --count, --strata, --rigs or
-    --outside is given. Writes DIR/exam.json and DIR/exam.md with its pictures. Answers are kept as
-    they come: an interrupted exam goes on where it stopped. Delete DIR/answers and DIR/marks to sit
-    it again.
+    DIR is a folder that 'zwidth conceal' made; with --count, --strata, --rigs or --outside its
+    recordings are made first. Writes DIR/exam.json and DIR/exam.md with its pictures. After an
+    interruption, the same command continues where it stopped. Delete DIR/answers and DIR/marks to
+    start again.
     """
     console = Console(json_file)
     making = count is not None or strata is not None or rigs > 0 or outside > 0

@@ -8,6 +8,7 @@ import click
 
 from zwidth.console import Console, announce, progress
 from zwidth.door import asker, fitted, taken
+from zwidth.heartbeat import HEART
 from zwidth.options import device_argument
 from zwidth.sim.device_file import load_device, remarks_on, shipped_devices
 from zwidth.sim.trace import Trace
@@ -18,26 +19,29 @@ PORT = 5006
 @click.command("explore")
 @device_argument()
 @click.option("--compare", multiple=True, metavar="DEVICE2",
-              help="Another device, which a button on the page puts in place of the first (again"
-              " for more); what `zwidth diagnose` has found, for one.")  # fmt: skip
+              help="A second device to switch to on the page, for example NAME.augmented.toml"
+              " of zwidth diagnose; may be repeated.")  # fmt: skip
 @click.option("--recording", metavar="FILE", type=click.Path(path_type=Path),
-              help="Recording that lies beside every run; the page takes one, too.")  # fmt: skip
+              help="Recording to draw beside every run; a file dropped on the page works"
+              " too.")  # fmt: skip
 @click.option("--port", type=click.IntRange(0, 65535), default=PORT, show_default=True,
-              help="Port of the page; 0 for any that is free.")  # fmt: skip
+              help="Port of the page; 0 for any free port.")  # fmt: skip
 @click.option("--address", default="localhost", show_default=True, metavar="HOST",
-              help="Name or number by which others reach this machine, to let them in, too; they"
-              " need no password.")  # fmt: skip
-@click.option("--no-browser", is_flag=True, help="Only say where the page is.")
+              help="Host name or address of this machine, to let others on the network open the"
+              " page. There is no password.")  # fmt: skip
+@click.option(
+    "--no-browser", is_flag=True, help="Print the address of the page and open no browser."
+)
 def command(
     device: str, compare: tuple[str, ...], recording: Path | None, port: int, address: str,
     no_browser: bool,
 ) -> None:  # fmt: skip
     """Explore the K-B plane of a device in the browser.
 
-    DEVICE is a shipped device, a device file, or a recording of any kind, such as a CSV, to which a
-    device is fitted and which lies beside every run. Sliders change encoder, amplifier, delay,
-    friction and start; a click on a wall shows its run, which can be saved as a log or a scenario.
-    The address of the page holds all that it shows. Ctrl-C ends it.
+    DEVICE is a shipped device, a device file, or a recording such as a CSV. To a recording a device
+    is fitted, and the recording is drawn beside every run. Sliders change encoder, amplifier,
+    delay, friction and start. A click on the plane simulates that wall; its run can be saved as a
+    log or a scenario. The address of the page holds all settings. Ctrl-C ends it.
     """
     console = Console()
     if find_spec("bokeh") is None:
@@ -74,6 +78,7 @@ def command(
             console.warn(f"whoever reaches {url} may use it; there is no password")
         server.start()
         console.say(f"{bench.devices[0].name}: {url} (Ctrl-C ends it)")
+        HEART.stop()  # from here on it waits for the browser
         if not no_browser:
             server.io_loop.add_callback(webbrowser.open, url)
         server.io_loop.start()

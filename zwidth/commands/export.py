@@ -25,11 +25,11 @@ FORMATS = ("c", "fmu", "mjcf", "urdf", "sdf")
 @click.option("out", "-o", "--out", "--save", metavar="FILE", required=True,
               type=click.Path(dir_okay=False, path_type=Path),
               help="The file to write.")  # fmt: skip
-@click.option("--name", help="What names in the file begin with, else that of FILE.")
+@click.option("--name", help="Prefix of the names in the file. Default: the name of FILE.")
 @click.option("--seconds", type=Quantity("s", 0.1), default=2.0, show_default=True,
-              help="Length of the run by which the cost is measured.")  # fmt: skip
+              help="Length of the run by which the error is measured.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0, 2**64 - 1), default=0, show_default=True,
-              help="Of what happens at random (lost samples).")  # fmt: skip
+              help="Seed of random events (lost samples).")  # fmt: skip
 @force_option
 @json_option
 def command(
@@ -41,14 +41,19 @@ def command(
     seed: int,
     json_file: str | None,
 ) -> None:
-    """Write a device for another simulator, and say what that cannot hold.
+    r"""Write a device for another simulator, and say what that cannot hold.
 
-    DEVICE is a shipped device or a device file. c is C99 without dependencies: NAME_reset,
-    NAME_read and NAME_step, one tick each; fmu is FMI 3.0 for co-simulation, the same with
-    parameters that may be set, and needs fmpy; mjcf is MuJoCo's; urdf and sdf have joints with
-    damping and dry friction, sdf with springs too. What is not held is said, stands at the head of
-    FILE (of an fmu in its documentation), and is measured where FILE can be run: the same command
-    through both.
+    DEVICE is a shipped device or a device file.
+
+    \b
+    c     C99 without dependencies: NAME_reset, NAME_read, NAME_step
+    fmu   FMI 3.0 for co-simulation, with parameters that may be set; needs fmpy
+    mjcf  MuJoCo
+    urdf  joints with damping and dry friction
+    sdf   the same, and springs
+
+    What the format cannot hold is printed and written at the head of FILE. Where FILE can be run,
+    the error is measured by the same command through both.
     """
     console = Console(json_file)
     given = load_device(device)

@@ -26,18 +26,18 @@ from zwidth.sim.device_file import commented_text
 @click.command("identify")
 @click.argument("recording", type=click.Path(path_type=Path))
 @click.option("--modes", type=click.IntRange(1, MAX_MODES),
-              help="Number of vibration modes; else as many as the data show.")  # fmt: skip
+              help="Number of vibration modes. Default: as many as the data show.")  # fmt: skip
 @click.option("--delay-ms", metavar="MS|fit", default="0", show_default=True,
-              help="Known delay from command to force, or fit to find it too.")  # fmt: skip
+              help="Known delay from command to force, or 'fit' to fit it too.")  # fmt: skip
 @click.option("--command", "channel", default="command", show_default=True,
-              help="Channel that drives the device.")  # fmt: skip
+              help="Channel of the command.")  # fmt: skip
 @click.option("--position", default="position_m1", show_default=True,
-              help="Channel that it moves.")  # fmt: skip
+              help="Channel of the position.")  # fmt: skip
 @click.option("--from-hz", type=Quantity("Hz", above=True), default=0.7, show_default=True,
               help="Lowest frequency used.")  # fmt: skip
 @click.option("--to-hz", type=Quantity("Hz", above=True), default=300.0, show_default=True,
               help="Highest frequency used.")  # fmt: skip
-@click.option("--name", help="Name of the device and of its files; else the recording's.")
+@click.option("--name", help="Name of the device and of its files. Default: the recording's.")
 @out_option("runs/identify")
 @force_option
 @json_option
@@ -55,8 +55,8 @@ def command(
 ) -> None:
     """Fit a device to a recording of its command and position.
 
-    RECORDING is any file that 'zwidth diagnose' reads. Writes the device file,
-    NAME.toml or else RECORDING.device.toml, the covariance of its parameters, and a Bode diagram.
+    RECORDING is any file that 'zwidth diagnose' reads. Writes the device file (NAME.toml with
+    --name, else RECORDING.device.toml), the covariance of its parameters, and a Bode diagram.
     """
     console = Console(json_file)
     if not recording.exists():

@@ -41,35 +41,43 @@ FIXED_BY: dict[Quantities, str] = {
 @click.option("--axes", nargs=2, type=click.Choice(QUANTITIES), default=("B", "K"),
               show_default=True, help="Two quantities, horizontal and vertical.")  # fmt: skip
 @click.option("--x-range", nargs=2, type=Quantity("SI"),
-              help="From and to of the first axis; else around the linear boundary.")  # fmt: skip
-@click.option("--y-range", nargs=2, type=Quantity("SI"), help="From and to of the second axis.")
-@click.option("--log", multiple=True, type=click.Choice(QUANTITIES), help="Axis in equal ratios.")
+              help="Range of the first axis. Default: around the linear boundary.")  # fmt: skip
+@click.option("--y-range", nargs=2, type=Quantity("SI"), help="Range of the second axis.")
+@click.option(
+    "--log",
+    multiple=True,
+    type=click.Choice(QUANTITIES),
+    help="Space the values of this axis logarithmically.",
+)
 @click.option("--stiffness", type=Quantity("N m/rad | N/m", above=True), default=10.0,
-              show_default=True, help="K where it is no axis.")  # fmt: skip
+              show_default=True, help="K, where it is not an axis.")  # fmt: skip
 @click.option("--damping", type=Quantity("N m s/rad | N s/m"), default=0.0, show_default=True,
-              help="B where it is no axis.")  # fmt: skip
-@click.option("--delay-ms", type=Quantity("ms"), help="Loop delay, else the device's own.")
-@click.option("--encoder-step", type=Quantity("rad | m"), help="Encoder step, else the device's.")
+              help="B, where it is not an axis.")  # fmt: skip
+@click.option("--delay-ms", type=Quantity("ms"), help="Loop delay. Default: the device's.")
+@click.option(
+    "--encoder-step", type=Quantity("rad | m"), help="Encoder step. Default: the device's."
+)
 @click.option("--command-limit", type=Quantity("N m | N", above=True),
-              help="Limit, else the device's.")  # fmt: skip
+              help="Largest command. Default: the device's.")  # fmt: skip
 @click.option("--friction", type=Quantity("N m | N"),
-              help="Coulomb friction at m1, else the device's.")  # fmt: skip
+              help="Coulomb friction at m1. Default: the device's.")  # fmt: skip
 @click.option("--cutoff-hz", type=Quantity("Hz", above=True),
-              help="Cut-off of the velocity filter, else the device's.")  # fmt: skip
+              help="Cut-off of the velocity filter. Default: the device's.")  # fmt: skip
 @click.option("--start", type=Quantity("rad | m", above=True), default=1e-3, show_default=True,
-              help="Start amplitude where it is no axis.")  # fmt: skip
+              help="Start amplitude, where it is not an axis.")  # fmt: skip
 @click.option("--seconds", type=Quantity("s", above=True), default=4.0, show_default=True,
-              help="Length of a run; undecided ones go on up to four times as long.")  # fmt: skip
+              help="Length of a run; up to four times as long where the outcome is"
+              " unclear.")  # fmt: skip
 @click.option("--substeps", type=click.IntRange(1, 1000), default=None,
-              help="Substeps a tick; else 10 with friction or other physics, and 1.")  # fmt: skip
+              help="Integration steps per sample. Default: 10 with friction, else 1.")  # fmt: skip
 @click.option("--perceptible", type=Quantity("N m | N"), default=0.01, show_default=True,
-              help="Force from which an oscillation is felt.")  # fmt: skip
+              help="Smallest force of an oscillation that a hand feels.")  # fmt: skip
 @click.option("--one-sided", is_flag=True, help="The wall only pushes.")
 @law_options
 @click.option("--coarse", type=click.IntRange(3, 513), default=25, show_default=True,
-              help="Points a side before refinement.")  # fmt: skip
+              help="Points along each axis before refinement.")  # fmt: skip
 @click.option("--levels", type=click.IntRange(0, 8), default=3, show_default=True,
-              help="Refinements, each halving the step where the fate changes.")  # fmt: skip
+              help="Refinements; each halves the step where the outcome changes.")  # fmt: skip
 @cluster_option
 @out_option("runs/map")
 @force_option
@@ -83,11 +91,11 @@ def command(
     json_file: str | None,
     **options: Any,
 ) -> None:
-    """Map what becomes of a run over two quantities, with the linear boundary over it.
+    """Map the outcome of runs over two quantities, with the linear boundary drawn over it.
 
-    DEVICE is a shipped device or a device file. A run comes to rest, oscillates on, or grows to the
-    limit. The folder keeps every finished part: the same command takes an interrupted map up where
-    it stopped, here or on a cluster.
+    DEVICE is a shipped device or a device file. A run comes to rest, keeps oscillating, or grows
+    without bound. Finished parts are kept in the folder: after an interruption, the same command
+    continues where it stopped, here or on a cluster.
     """
     console = Console(json_file)
     _refuse_idle_options(context, options)
@@ -196,7 +204,7 @@ def _say(console: Console, found: dict[str, Any], rotary: bool) -> None:
         f" come to rest, {100.0 * found['stable_but_perceptible']:.1f} % perceptibly"
     )
     share = 100.0 * found["unstable_but_resting"]
-    console.say(f"of the linearly unstable part {share:.1f} % comes to rest all the same")
+    console.say(f"of the linearly unstable part {share:.1f} % comes to rest nevertheless")
     if witness := found["describing_function"]:
         console.say(
             f"cycles at the limit: describing functions predict their frequency within"

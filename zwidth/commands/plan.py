@@ -36,20 +36,21 @@ Floats = NDArray[np.float64]
 @click.command("plan")
 @device_argument("name")
 @click.option("--noise", type=Quantity("rad | m", above=True), default=None,
-              help="Of a measured position, rms; default an encoder step's rounding.")  # fmt: skip
+              help="Noise of the measured position, rms. Default: rounding to an encoder"
+              " step.")  # fmt: skip
 @click.option("--process-noise", type=Quantity("N m | N", above=True), default=None,
-              help="Random force at m1, new every tick, rms; default 0.2 % of the largest"
+              help="Random force at m1, new every tick, rms. Default: 0.2 % of the largest"
               " command.")  # fmt: skip
 @click.option("--seconds", type=Quantity("s", above=True), default=20.0, show_default=True,
               help="Length of the recording.")  # fmt: skip
 @click.option("--excitation", "names", metavar="NAME|SCENARIO.toml", multiple=True,
               default=("standard_session",), show_default=True,
               help=f"One of {', '.join(LIBRARY)}, or a scenario whose command is played; may be"
-              " given several times.")  # fmt: skip
+              " repeated.")  # fmt: skip
 @click.option("--level", type=Quantity("N m | N", above=True), default=None,
-              help="Largest command; default 90 % of the device's limit.")  # fmt: skip
+              help="Largest command. Default: 90 % of the device's limit.")  # fmt: skip
 @click.option("--travel", type=Quantity("rad | m", above=True), default=None,
-              help="Largest travel of m1; default 1 rad or 0.1 m.")  # fmt: skip
+              help="Largest travel of m1. Default: 1 rad or 0.1 m.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True,
               help="Seed of excitation and noise.")  # fmt: skip
 @out_option("runs/plan")
@@ -71,9 +72,9 @@ def command(
 
     DEVICE is a shipped device or a device file.
 
-    For every effect the smallest magnitude that stands five sigma above what a refit of the known
-    parameters absorbs; the pairs of effects that it could not tell apart, and which excitation
-    would. Writes a picture, and each excitation as a scenario that zwidth and rigs can play.
+    Lists the smallest size of each effect that the recording would detect with five sigma, after
+    the known parameters are refitted; then the pairs of effects that it could not tell apart, and
+    the excitation that would. Writes a picture, and each excitation as a scenario to play.
     """
     console = Console(json_file)
     device = load_device(name)

@@ -33,17 +33,19 @@ NONE = "-"
 @click.command("relay", cls=ManyNumbers)
 @device_argument("name")
 @click.option("--delay-ms", cls=Quantities, type=Quantity("ms"), metavar="MS ...",
-              help="Loop delays, crossed with --damping; else those of Table II.")  # fmt: skip
+              help="Loop delays; each is combined with each --damping. Default: Table"
+              " II.")  # fmt: skip
 @click.option("--damping", cls=Quantities, type=Quantity("N m s/rad | N s/m"), metavar="B ...",
-              help="Virtual dampings, crossed with --delay-ms.")  # fmt: skip
+              help="Virtual dampings; each is combined with each --delay-ms.")  # fmt: skip
 @click.option("--level", type=Quantity("N m | N", above=True), default=0.05, show_default=True,
               help="Force of the relay.")  # fmt: skip
 @click.option("--starts", type=click.IntRange(0, 10_000), default=60, show_default=True,
-              help="Random starts a condition, to find all limit cycles.")  # fmt: skip
+              help="Random starts per condition, to find all limit cycles.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True,
               help="Seed of the random starts.")  # fmt: skip
 @click.option("--substeps", type=click.IntRange(1, 1000), default=None,
-              help="Substeps a tick; default 1 where that is exact, else 10.")  # fmt: skip
+              help="Integration steps per sample. Default: 1 where that is exact, else"
+              " 10.")  # fmt: skip
 @out_option("runs/relay")
 @force_option
 @json_option
@@ -60,9 +62,10 @@ def command(
 ) -> None:
     """Find K_CR and the ultimate frequency by a relay, as the paper did on the real device.
 
-    DEVICE is a shipped device or a device file. Every condition runs from one reference start (m1
-    at 1e-3, at rest) and from random ones: the cycle on which most of them end is told first. A
-    loop that keeps growing diverges.
+    DEVICE is a shipped device or a device file. K_CR is the largest stable stiffness. Each
+    condition (delay, damping) is run from a reference start (m1 at 1e-3, at rest) and from random
+    starts; the limit cycle that most of them reach is listed first. A run that keeps growing is
+    listed as diverging.
     """
     console = Console(json_file)
     device = load_device(name)

@@ -23,8 +23,8 @@ from zwidth.user_law import controller_option
 def command(log: Path, controller: Step | None, json_file: str | None) -> int:
     """Simulate a logged run again, from the log alone, and compare every value bit for bit.
 
-    A log cut short is compared as far as it goes. Exit status: 0 identical, 1 different (the first
-    tick and channel are named), 2 a log that cannot be replayed.
+    A log that ends early is compared as far as it goes. Exit status: 0 identical, 1 different (the
+    first tick and channel are named), 2 a log that cannot be replayed.
     """
     console = Console(json_file)
     reading(log)

@@ -52,7 +52,7 @@ def command(scenario: Path, controller: Step | None, out: Path, json_file: str |
     log, picture = out / f"{scenario.stem}.mcap", out / f"{scenario.stem}.png"
     console.will_write(log, picture)
     if not cache_folder().exists():
-        console.say("compiling the kernels, once for this version (about 20 s)")
+        console.say("compiling the simulation, once for each version (a minute or more)")
     out.mkdir(parents=True, exist_ok=True)
     with progress("simulating", described.ticks) as advance:
         logged = logged_run(described, log, on_block=advance)

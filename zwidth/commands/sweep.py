@@ -28,35 +28,37 @@ from zwidth.views.sweep import table
 @click.command("sweep", cls=ManyNumbers)
 @device_argument("name")
 @click.option("--over", "setting", type=click.Choice(get_args(Setting)), default="cutoff",
-              show_default=True, help="The setting: cut-off of the velocity filter [Hz], period,"
-              " delay [s], encoder step, or how many samples pass from one velocity estimate, or"
-              " one position of the law, to the next.")  # fmt: skip
+              show_default=True, help="The setting: cut-off of the velocity filter [Hz], sample"
+              " period [s], delay [s], encoder step, or the number of samples between two updates"
+              " of the velocity or of the position.")  # fmt: skip
 @click.option("--values", cls=Quantities, type=Quantity("SI"), rising=True, metavar="X ...",
-              help="Values in rising order; else the setting's usual range. The device's own value"
-              " is tried as well.")  # fmt: skip
+              help="Values in rising order. Default: the setting's usual range. The device's"
+              " own value is always included.")  # fmt: skip
 @click.option("--order", type=click.IntRange(1, 2), default=None,
-              help="Order of the velocity filter, else the device's.")  # fmt: skip
-@click.option("--encoder-step", type=Quantity("rad | m"), help="Encoder step, else the device's.")
-@click.option("--delay-ms", type=Quantity("ms"), help="Loop delay, else the device's own.")
+              help="Order of the velocity filter. Default: the device's.")  # fmt: skip
+@click.option(
+    "--encoder-step", type=Quantity("rad | m"), help="Encoder step. Default: the device's."
+)
+@click.option("--delay-ms", type=Quantity("ms"), help="Loop delay. Default: the device's.")
 @click.option("--dampings", type=click.IntRange(3, 1001), default=DAMPINGS, show_default=True,
-              help="Dampings of each boundary.")  # fmt: skip
+              help="Number of dampings in each boundary.")  # fmt: skip
 @click.option("--rounds", type=click.IntRange(0, 20), default=ROUNDS, show_default=True,
-              help="How often values beside the best are tried.")  # fmt: skip
+              help="Number of refinements around the best value.")  # fmt: skip
 @click.option("--start", type=Quantity("rad | m", above=True), default=1e-3, show_default=True,
               help="Start amplitude; with friction the boundary depends on it.")  # fmt: skip
 @click.option("--tolerance", type=Quantity("of K", above=True), default=TOLERANCE,
-              show_default=True, help="Width of a bracket over its K.")  # fmt: skip
+              show_default=True, help="Relative accuracy of each K.")  # fmt: skip
 @click.option("--limit-s", type=Quantity("s", above=True), default=64.0, show_default=True,
-              help="Longest run for a verdict.")  # fmt: skip
+              help="Longest simulated time of one run.")  # fmt: skip
 @out_option("runs/sweep")
 @force_option
 @json_option
 def command(name: str, out: Path, json_file: str | None, **options: Any) -> None:
-    """Find the setting of the interface with which a device renders the most walls.
+    """Find the interface setting with which a device can render the most walls.
 
-    DEVICE is a shipped device or a device file. The Z-width, the area of stable walls in the plane
-    of damping and stiffness, is found over the values of one setting, by simulation and by linear
-    theory. best.toml is the device at the best value.
+    DEVICE is a shipped device or a device file. For each value of one setting it computes the
+    Z-width, the area of stable walls in the plane of damping and stiffness, by simulation and by
+    linear theory. Writes the device with the best value as best.toml.
     """
     console = Console(json_file)
     device = load_device(name)

@@ -20,6 +20,7 @@ from zwidth.diagnose_files import RESULTS, diagnose_files
 from zwidth.diagnosis.selection.effort import EFFORTS
 from zwidth.files import protection
 from zwidth.files.whole import write_bytes, write_text
+from zwidth.heartbeat import HEART
 from zwidth.logs.recording_file import Description, load_description
 from zwidth.options import Quantity, force_option, json_option, out_option, typed_line
 from zwidth.sim.device_file import load_device
@@ -38,27 +39,30 @@ GIVES_WAY = 5  # niceness of searches, which may wait for the gate and for what 
 @click.argument("log", metavar="FILE|-", type=click.Path(path_type=Path, allow_dash=True))
 @click.option(
     "--device", "name", metavar="DEVICE",
-    help="Device file or name; without it one is fitted: one to three masses, as the data ask.",
+    help="Device file or the name of a shipped device. Without it a device with one to three"
+    " masses is"
+    " fitted to the recording.",
 )  # fmt: skip
 @click.option(
     "--idle", type=Quantity("s", above=True),
-    help="End when nothing has come for so long; without it at Ctrl-C, or where the source ends.",
+    help="Stop after so many seconds without new data; else at the end of the source, or at"
+    " Ctrl-C.",
 )  # fmt: skip
 @click.option(
     "--damping", type=Quantity("N m s/rad | N s/m"), default=0.0, show_default=True,
-    help="Of the wall of which it is said how stiff it may be.",
+    help="Damping of the wall whose largest stable stiffness is shown.",
 )  # fmt: skip
 @click.option(
     "--wall/--no-wall",
     default=None,
-    help="Say how stiff a wall may be, or not; else where the device may render one.",
+    help="Show the stiffest stable wall. Default: only for a device that can render one.",
 )
 @click.option(
     "--effort",
     type=click.Choice(list(EFFORTS)),
     default="normal",
     show_default=True,
-    help="Of the answer at the end; what is searched on the way is searched quickly.",
+    help="Effort of the final diagnosis; searches on the way are quick ones.",
 )
 @out_option("runs")
 @force_option
@@ -73,16 +77,17 @@ def command(
     out: Path,
     json_file: str | None,
 ) -> None:
-    """Say what a log shows while it grows: its faults, its physics, how stiff a wall.
+    """Diagnose a log while it is being written.
 
-    FILE is a text table or an MCAP log that somebody is writing, or a recording TOML that describes
-    one; - is standard input, which is kept as OUT/stdin.csv or .mcap. A line says each thing that
-    is odd about the recording, whether the physics found so far explains the last samples (a quick
-    fit, every few seconds), and what a search of all that has come finds, each time that has
-    doubled.
+    FILE is a text table or an MCAP log that another program is writing, or a recording TOML that
+    describes one. With -, standard input is read, and kept as OUT/stdin.csv or .mcap.
 
-    When the source ends, or with --idle, the whole is diagnosed as 'zwidth diagnose FILE' does it:
-    the same answer, and the same files. Ctrl-C ends without. --json writes each line as JSON.
+    While data come in, it reports faults of the recording, a quick fit every few seconds (does the
+    physics found so far explain the latest samples?), and the result of a new search each time the
+    amount of data has doubled.
+
+    At the end of the source, or after --idle, it diagnoses the whole recording and writes the same
+    files as 'zwidth diagnose FILE'. Ctrl-C stops without that. --json writes each line as JSON.
     """
     console = Console(json_file)
     device = None if name is None else load_device(name)
@@ -101,7 +106,7 @@ def command(
         lines = _Lines(console)
         asked = Asked(growing, description, log.stem if not is_stream else "stdin", device,
                       damping, wall, idle)  # fmt: skip
-        with shown(console, log.name if not is_stream else "standard input") as show:
+        with HEART.held(), shown(console, log.name if not is_stream else "standard input") as show:
 
             def tell(update: Update) -> None:
                 show(update)

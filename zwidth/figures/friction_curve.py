@@ -1,4 +1,4 @@
-"""Friction as a curve over velocity, with its band and what each sample asks for."""
+"""Friction as a curve over velocity, with its band and the force that each sample needs."""
 
 import numpy as np
 from matplotlib import rc_context
@@ -33,7 +33,7 @@ def friction_curve_figure(curve: FrictionCurve, rotary: bool) -> Figure:
         axes = figure.subplots()
         axes.axhline(0.0, color="0.6", linewidth=0.8)
         axes.plot(x * v, y * asked, ".", color=SAMPLES, markersize=3.2, rasterized=True,
-                  label=f"what each sample asks for{beyond}")  # fmt: skip
+                  label=f"the force that each sample needs{beyond}")  # fmt: skip
         for side in (whole.states < 0.0, whole.states > 0.0):
             if not side.any():
                 continue

@@ -73,7 +73,7 @@ def _samples(axes: Axes, law: LearnedLaw, x: float, y: float) -> None:
     tall = SPREAD * float(np.abs(law.curve.forces).max())
     states, forces = _turned(law, states)[::every], np.clip(forces[::every], -tall, tall)
     axes.plot(x * states, y * forces, ".", color=SAMPLES, markersize=1.6, rasterized=True,
-              label="with what each sample asks for beyond it")  # fmt: skip
+              label="with the force that each sample needs beyond it")  # fmt: skip
 
 
 def _points(axes: Axes, law: LearnedLaw, s: Floats, x: float, y: float) -> None:

@@ -69,13 +69,15 @@ class Quick:
         """Say whether what was found stands."""
         names = " and ".join(s.replace("_", " ").replace("@", " at ") for s in self.structure)
         if self.structure and self.gained <= SURELY:
-            return f"{names} no longer explains more than chance would"
-        much = "" if self.ahead is None else f"free runs err {self.ahead:.3g} times their noise"
+            return f"{names} no longer explains more than chance"
+        much = (
+            "" if self.ahead is None else f"error of free runs {self.ahead:.3g} times their noise"
+        )
         if self.stands and self.ahead is not None and self.ahead > MUCH:
             much += ", as so few may by chance"
         far = f" ({much})" if much else ""
         if self.stands:
-            return (f"{names} explains it" if names else "nothing is seen to be missing") + far
+            return (f"{names} explains it" if names else "nothing seems to be missing") + far
         return f"something is missing beyond {names or 'what is known of the device'}{far}"
 
     @property
