@@ -3,6 +3,7 @@
 import time
 
 import pytest
+
 from zwidth import heartbeat
 from zwidth.console import Console
 
