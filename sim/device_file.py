@@ -66,13 +66,19 @@ INTERFACE_KEYS = {
     "position_ticks": "position_ticks",
     "force_sensor": "force_sensor",
     "force_gain": "force_gain",
+    "velocity_estimator": "velocity_estimator",
+    "velocity_window": "velocity_window",
+    "velocity_band": "velocity_band",
+    "velocity_noise": "velocity_noise",
+    "velocity_acceleration": "velocity_acceleration",
 }
 NEUTRAL, USUAL = Interface(), Uncertainty()
-INTERFACE_TEXTS = ("encoder_rounding", "command_hold", "force_sensor")
+INTERFACE_TEXTS = ("encoder_rounding", "command_hold", "force_sensor", "velocity_estimator")
 # Written where they say something: a device without them has the text, and the hash, of zwidth 0.1.
 WHERE_NEEDED = (
     "command_gain", "position_origin", "command_hold", "velocity_order", "velocity_ticks",
-    "position_ticks", "force_sensor", "force_gain",
+    "position_ticks", "force_sensor", "force_gain", "velocity_estimator", "velocity_window",
+    "velocity_band", "velocity_noise", "velocity_acceleration",
 )  # fmt: skip
 
 

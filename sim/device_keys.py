@@ -3,6 +3,7 @@
 from dataclasses import fields
 
 from zwidth.sim.drive import NEEDED, POSSIBLE
+from zwidth.sim.estimators import ESTIMATORS, MOST_WINDOW
 from zwidth.sim.interface import Interface
 from zwidth.sim.keys import Key
 from zwidth.sim.uncertainty import Uncertainty
@@ -64,6 +65,19 @@ DEVICE_KEYS: tuple[Key, ...] = (
     _interface("velocity_order", "velocity_order", "of that low-pass, 1 or 2 (Butterworth)"),
     _interface("velocity_ticks", "velocity_ticks",
                "every how many samples the speed is estimated, over just as many"),
+    _interface("velocity_estimator", "velocity_estimator",
+               f"what makes the speed of the readings: {', '.join(ESTIMATORS)}"),
+    _interface("velocity_window", "velocity_window",
+               f"foaw, foaw_end: most samples to look back, 2 to {MOST_WINDOW}"),
+    _interface("velocity_band", "velocity_band",
+               "foaw, foaw_end: how far readings may lie off the line; mostly encoder_step",
+               *_LENGTH),
+    _interface("velocity_noise", "velocity_noise",
+               "kalman, kalman_acceleration: how far a reading is off (one sigma); of an encoder"
+               " its step over 3.46", *_LENGTH),
+    _interface("velocity_acceleration", "velocity_acceleration",
+               "levant: the largest acceleration; kalman: one sigma of it; kalman_acceleration: one"
+               " sigma of its change in a sample", "rad/s2", "m/s2"),
     _interface("position_ticks", "position_ticks",
                "every how many samples the law is given a new position (a slower outer loop)"),
     _interface("force_sensor", "force_sensor", 'the link whose force is measured; "": none',

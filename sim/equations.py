@@ -58,6 +58,7 @@ class Equations(NamedTuple):
     mass as a row on w; springs (m, 2) places and spring_stiffness (m,) for the stored energy.
     looped: whether a loop on the position is among the linear part; command_rate: what a command
     changes by in a tick at most.
+    estimator: code of the velocity's (`sim/estimators`), window and estimating (m,) its numbers;
     rate of velocity estimates; filter (3,): the second-order one's other weights, else (0,);
     force_row (2 n,): the measured force as a row on the state, (0,) without a sensor. read: place
     whose position the encoder reads; reads, followers: of all readings (`sim/reading.py`), behind
@@ -84,6 +85,9 @@ class Equations(NamedTuple):
     clocks: EffectTable
     whole_delay: int
     period: float
+    estimator: int
+    window: int
+    estimating: Floats
     rate: float
     smoothing: float
     filter: Floats
@@ -166,6 +170,9 @@ def frame(device: Device, substeps: int, seed: int = 0) -> tuple[Equations, Plan
         clocks=table["clock"],
         whole_delay=whole,
         period=interface.period,
+        estimator=interface.estimator.code,
+        window=int(interface.velocity_window),
+        estimating=np.array(interface.estimator.numbers(interface.estimator_settings)),
         rate=1.0 / interface.velocity_period,
         smoothing=interface.velocity_smoothing,
         filter=np.array(interface.velocity_filter[1:] if interface.second_order else ()),

@@ -25,8 +25,8 @@ from zwidth.sim.propagation import Choice, lane_choice
 Floats = NDArray[np.float64]
 Structure = tuple[Any, ...]
 NUMBERS = (
-    "durations", "reaction", "masses", "smoothing", "filter", "force_row", "force_gain",
-    "encoder_step", "command_step", "command_gain", "command_limit", "command_rate",
+    "durations", "reaction", "masses", "estimating", "smoothing", "filter", "force_row",
+    "force_gain", "encoder_step", "command_step", "command_gain", "command_limit", "command_rate",
     "position_origin", "behind",
 )  # fmt: skip
 TABLES = ("forces", "frictions", "sensors", "amplifiers", "clocks")
@@ -60,8 +60,19 @@ class Member(NamedTuple):
         ]
         seeds = eq.clocks.parameters[:, 1:].tobytes()
         reads = eq.reads.tobytes(), eq.followers.tobytes()
+        estimates = eq.estimator, eq.window
         rates = eq.second_order, eq.velocity_ticks, eq.position_ticks, eq.force_row.size, eq.looped
-        return eq.states, eq.dof, *shapes, seeds, eq.period, eq.encoder_floor, *rates, *reads
+        return (
+            eq.states,
+            eq.dof,
+            *shapes,
+            seeds,
+            eq.period,
+            eq.encoder_floor,
+            *estimates,
+            *rates,
+            *reads,
+        )
 
     @property
     def structure(self) -> Structure:
@@ -183,7 +194,8 @@ def lane_equations(eq):
         as_lanes(eq.propagators), eq.quadratics, as_lanes(eq.reaction), as_lanes(eq.masses),
         eq.springs, eq.spring_stiffness, lane_table(eq.forces), lane_table(eq.frictions),
         eq.bounds_vary, lane_table(eq.sensors), lane_table(eq.amplifiers), lane_table(eq.clocks),
-        eq.whole_delay, eq.period, eq.rate, lanes_of(eq.smoothing), as_lanes(eq.filter),
+        eq.whole_delay, eq.period, eq.estimator, eq.window, as_lanes(eq.estimating), eq.rate,
+        lanes_of(eq.smoothing), as_lanes(eq.filter),
         eq.second_order, eq.velocity_ticks, eq.position_ticks, as_lanes(eq.force_row),
         lanes_of(eq.force_gain), lanes_of(eq.encoder_step),
         eq.encoder_floor, lanes_of(eq.command_step), lanes_of(eq.command_gain),

@@ -4,6 +4,9 @@ import math
 from dataclasses import dataclass, fields
 from typing import Literal
 
+from zwidth.sim.estimators import ESTIMATORS, MOST_WINDOW, Estimator, Settings
+from zwidth.sim.nearest import nearest
+
 LINKS = ("link12", "link23", "link34", "link45")
 MOST_RATIO = 1000  # of the rates of two loops
 
@@ -26,6 +29,10 @@ class Interface:
     estimated, over just as many, and held in between. position_ticks: every how many periods the
     law is given a new position, as an outer loop is that is slower than the device's own.
 
+    velocity_estimator: what makes a velocity of the readings, before that low-pass, a name of
+    `sim/estimators`; velocity_window, velocity_band [rad | m], velocity_noise [rad | m] and
+    velocity_acceleration [rad/s2 | m/s2]: what it is set to, 0 where it takes none.
+
     force_sensor: the link whose force is measured ("link12"), "" for none; force_gain G of its
     feedback (`sim/force_sensor.py`).
 
@@ -47,6 +54,11 @@ class Interface:
     position_ticks: int = 1
     force_sensor: str = ""
     force_gain: float = 0.0
+    velocity_estimator: str = "difference"
+    velocity_window: int = 0
+    velocity_band: float = 0.0
+    velocity_noise: float = 0.0
+    velocity_acceleration: float = 0.0
 
     def __post_init__(self) -> None:
         for field, allowed, holds in (
@@ -84,6 +96,46 @@ class Interface:
             if not holds:
                 value = getattr(self, field)
                 raise ValueError(f"interface.{field} is {value}; allowed is {allowed}")
+        self._check_estimator()
+
+    def _check_estimator(self) -> None:
+        """Raise ValueError for an unknown estimator, or one that is not set to what it takes."""
+        if self.velocity_estimator not in ESTIMATORS:
+            raise ValueError(
+                f"interface.velocity_estimator is {self.velocity_estimator!r};"
+                f" {nearest(self.velocity_estimator, list(ESTIMATORS))}"
+            )
+        taken = self.estimator.settings
+        for setting in ("window", "band", "noise", "acceleration"):
+            field, value = f"velocity_{setting}", getattr(self, f"velocity_{setting}")
+            allowed = "> 0 and finite"
+            if setting not in taken:
+                allowed, holds = "0", value == 0.0
+            elif setting == "window":
+                allowed = f"a whole number from 2 to {MOST_WINDOW}"
+                holds = _whole(value) and 2 <= value <= MOST_WINDOW
+            elif setting in self.estimator.may_be_zero:
+                allowed, holds = ">= 0 and finite", 0.0 <= value < math.inf
+            else:
+                holds = 0.0 < value < math.inf
+            if not holds:
+                raise ValueError(
+                    f"interface.{field} is {value}; with velocity_estimator"
+                    f" {self.velocity_estimator!r} allowed is {allowed}"
+                )
+
+    @property
+    def estimator(self) -> Estimator:
+        """The estimator of velocity."""
+        return ESTIMATORS[self.velocity_estimator]
+
+    @property
+    def estimator_settings(self) -> Settings:
+        """What the estimator is set to."""
+        return Settings(
+            self.velocity_period, int(self.velocity_window), self.velocity_band,
+            self.velocity_noise, self.velocity_acceleration,
+        )  # fmt: skip
 
     @property
     def delay_ticks(self) -> tuple[int, float]:
@@ -114,7 +166,8 @@ class Interface:
     def velocity_filter(self) -> tuple[float, float, float, float]:
         """Weights (a, b, c, d) of the velocity filter.
 
-        With e the backward difference less the last v, and r the slope of v times its period T,
+        With e the estimate (by default the backward difference) less the last v, and r the slope of
+        v times its period T,
 
             v_k = v_{k-1} + a e + b r_{k-1},    r_k = c e + d r_{k-1}.
 
@@ -141,11 +194,19 @@ class Interface:
         """True where nothing in the interface is nonlinear."""
         return (
             self.encoder_step == 0.0 and self.command_step == 0.0 and math.isinf(self.command_limit)
-        )
+            and self.estimator.linear is not None
+        )  # fmt: skip
 
 
 def _whole(value: float) -> bool:
     return float(value).is_integer()
+
+
+DIFFERENCE_ALONE = {
+    "velocity_estimator": "difference", "velocity_window": 0, "velocity_band": 0.0,
+    "velocity_noise": 0.0, "velocity_acceleration": 0.0,
+}  # fmt: skip
+"""The fields of an interface whose estimator is the backward difference."""
 
 
 INTERFACE_FIELDS = tuple(field.name for field in fields(Interface))

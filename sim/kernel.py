@@ -3,8 +3,8 @@
 
 At t = kT, before anything moves:
 (1) the encoder reads m1's position (sensor effects, then its step);
-(2) the velocity is estimated, by default (y_k - y_{k-1})/T, every so many ticks where the interface
-    says so, and held in between;
+(2) the velocity is estimated, by default (y_k - y_{k-1})/T, else by another of `sim/estimators`,
+    every so many ticks where the interface says so, and held in between;
 (3) the controller computes the command (a one-sided wall pulls never) from the position, which a
     slower outer loop renews every so many ticks only, and that velocity; where a force is measured,
     its feedback is added;
@@ -35,6 +35,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.sim.estimators.difference import DIFFERENCE
+from zwidth.sim.estimators.dispatch import slope_of
 from zwidth.sim.jit import jit, part
 from zwidth.sim.lane_type import any_lane, greatest, least, select
 from zwidth.sim.physics.command_step import quantise_command
@@ -69,10 +71,11 @@ class Memory(NamedTuple):
     """All that survives a tick, changed in place; copy it to resume from here.
 
     x (32,): states, then held command and forces on the masses, which every substep writes anew;
-    line (d + 2,) delay line; controller (its memory,); internal (force effects,); scalars (8,):
+    line (d + 2,) delay line; controller (its memory,); internal (force effects,); scalars (8 + m,):
     last reading, velocity estimate, last command, last applied, reading of the last estimate, slope
     of the filter, position that the law was given, time [s] of tick 0 since the run or the
-    recording began; counters (2,): tick, head of the line; totals (entries,) of the ledger.
+    recording began, and what the velocity estimator remembers; counters (2,): tick, head of the
+    line; totals (entries,) of the ledger.
     """
 
     x: Floats
@@ -494,11 +497,18 @@ def estimate(eq, tick, y, y_before, v, scalars):
         if eq.velocity_ticks > 1:
             y_before = scalars[EARLIER]
             scalars[EARLIER] = y
-        e = (y - y_before) * eq.rate - v
+        if eq.estimator == DIFFERENCE:
+            slope = y - y_before
+        else:
+            slope = slope_of(
+                eq.estimator, eq.window, eq.estimating, tick // eq.velocity_ticks, y, scalars,
+                SCALARS,
+            )  # fmt: skip
+        e = slope * eq.rate - v
         if eq.second_order:
-            slope = scalars[SLOPE]
-            v += eq.smoothing * e + eq.filter[0] * slope
-            scalars[SLOPE] = eq.filter[1] * e + eq.filter[2] * slope
+            turn = scalars[SLOPE]
+            v += eq.smoothing * e + eq.filter[0] * turn
+            scalars[SLOPE] = eq.filter[1] * e + eq.filter[2] * turn
         else:
             v += eq.smoothing * e
     return v

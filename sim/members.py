@@ -320,6 +320,7 @@ def _stack(
         "durations": durations[which],
         "reaction": reaction(plant),
         "masses": np.diagonal(plant.matrices.mass, axis1=-2, axis2=-1),
+        "estimating": _rows(first.estimating, members.size),
         "smoothing": np.full(members.size, first.smoothing),
         "force_row": _rows(first.force_row, members.size),
         "behind": behind(plant, first.followers),

@@ -12,6 +12,7 @@ from zwidth.shown import Shown
 from zwidth.sim.controller import Controller
 from zwidth.sim.device import Device
 from zwidth.sim.equations import Equations, equations, ledger_names
+from zwidth.sim.estimators import ESTIMATORS, Settings
 from zwidth.sim.kernel import (
     DONE,
     ESCAPED,
@@ -29,6 +30,7 @@ from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
 BLOCK_TICKS = 1000
+ESTIMATOR_OF = {e.code: e for e in ESTIMATORS.values()}
 
 
 class Outcome(enum.Enum):
@@ -113,6 +115,10 @@ def start_memory(
     q, v = x[eq.read], x[eq.dof + eq.read]
     before = read_position(eq, q - eq.period * v)
     earlier = read_position(eq, q - v / eq.rate)
+    settings = Settings(1.0 / eq.rate, eq.window, 0.0, 0.0, 0.0)
+    estimates = ESTIMATOR_OF[eq.estimator].begin(
+        settings, lambda k: read_position(eq, q - k * v / eq.rate), v
+    )
     internal = [
         first_internal(code, across(x, 0, i, origin), p)
         for code, i, _, origin, p in zip(*eq.forces, strict=True)
@@ -122,7 +128,7 @@ def start_memory(
         line=np.zeros(eq.whole_delay + 2),
         controller=np.zeros(memory),
         internal=np.array(internal, dtype=np.float64),
-        scalars=np.array([before, x[eq.dof], 0.0, 0.0, earlier, 0.0, before, began]),
+        scalars=np.array([before, x[eq.dof], 0.0, 0.0, earlier, 0.0, before, began, *estimates]),
         counters=np.zeros(2, dtype=np.int64),
         totals=np.zeros(entries),
     )

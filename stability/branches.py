@@ -1,10 +1,11 @@
 """Root loci named by where they start: which mode of the device goes unstable in the wall.
 
-At K = B = 0 the eigenvalues of the one-tick loop are e^{pT} for the poles p of the device, and 0
-for every stored command and reading. From there each one is followed to (0, B) and on to (K, B), in
-steps short against its distance to the others. Where a step cannot be short, because two real
-eigenvalues meet and leave the axis as a pair, the pair carries the name of the mechanical one.
-Names depend on the way: round a point where two branches meet they trade places.
+At K = B = 0 the eigenvalues of the one-tick loop are e^{pT} for the poles p of the device, those of
+the velocity's estimator and filter, and 0 for every stored command and reading. From there each one
+is followed to (0, B) and on to (K, B), in steps short against its distance to the others. Where a
+step cannot be short, because two real eigenvalues meet and leave the axis as a pair, the pair
+carries the name of the mechanical one. Names depend on the way: round a point where two branches
+meet they trade places.
 
 The viscous force of a delayed damper turns with frequency: over the force of a true damper it is
 w(z) G_h(jw) e^{-jw t_d}/(jw), G_h = (1 - e^{-jwT})/(jwT), whose angle is about -w (T + t_d). A mode
@@ -20,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linear_sum_assignment
 
 from zwidth.sim.device import Device
-from zwidth.stability.loop import Loop, open_loop
+from zwidth.stability.loop import Loop, linear_estimator, open_loop
 from zwidth.stability.types import LinearPoint
 from zwidth.stability.velocity import refuse_force, velocity_response
 
@@ -117,9 +118,12 @@ def _start(device: Device) -> tuple[tuple[str, ...], Complexes]:
     if plant.lag > 0.0:
         names.append(AMPLIFIER)
         z.append(np.exp(-interface.period / plant.lag))
-    for _ in range(whole + (remainder > 0.0) + 1):
+    for _ in range(whole + (remainder > 0.0)):
         names.append(DELAY)
         z.append(0.0)
+    remembered = np.linalg.eigvals(linear_estimator(interface).keep).tolist()
+    names += [FILTER if abs(one) > 0.0 else DELAY for one in remembered]
+    z += remembered
     straight, from_slope, to_slope, kept = interface.velocity_filter
     if interface.second_order:
         names += [FILTER, FILTER]

@@ -18,8 +18,9 @@ well damped walls, whose higher harmonics the first one leaves out, and walls th
 holds beyond the linear boundary.
 
 Limits: half the range of m1's position is compared, also where the encoder sits on another mass;
-the linear loop has no friction, play or other physics in it; of a loop of several rates `FEW` alone
-counts. Gelb & Vander Velde, Multiple-Input Describing Functions, 1968, has the gains.
+the linear loop has no friction, play or other physics in it; of a loop of several rates, or with an
+estimator of velocity that is not linear, `FEW` alone counts. Gelb & Vander Velde, Multiple-Input
+Describing Functions, 1968, has the gains.
 """
 
 import math
@@ -50,7 +51,7 @@ def dither_steps(device: Device, stiffness: Floats, damping: Floats) -> Floats:
     if face.encoder_step == 0.0 and face.command_step == 0.0:
         return np.zeros(stiffness.size)
     found = np.full(stiffness.size, FEW)
-    if face.multirate or face.delay_ticks[0] > MOST_TICKS:
+    if face.multirate or face.delay_ticks[0] > MOST_TICKS or face.estimator.linear is None:
         return found
     loop = open_loop(device)
     zeros = np.linalg.eigvals(loop.transition).astype(np.complex128)

@@ -7,7 +7,8 @@ over [kT + r, (k + 1) T), so that
     u_k = -(K y_k + B v_k),   v_k = (1 - a) v_{k-1} + a (y_k - y_{k-1}) / T
 
 State s = [x; u_{k-1} .. u_{k-D}; y_{k-1}; v_{k-1} where filtered; its slope where that is of second
-order], D = d or, with r > 0, d + 1.
+order], D = d or, with r > 0, d + 1. Where the velocity is that of another linear estimator, its
+memory stands in the place of y_{k-1} and its estimate in that of the difference.
 Command, reading and velocity enter as single vectors, so K and B are both rank-one changes:
 
     s_{k+1} = (A - b (K c_y + B c_v)) s_k
@@ -21,7 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.sim.device import Device
+from zwidth.sim.estimators import Linear
 from zwidth.sim.force_sensor import force_row
+from zwidth.sim.interface import Interface
 from zwidth.sim.plant import hold
 
 Floats = NDArray[np.float64]
@@ -77,7 +80,8 @@ class Loop(NamedTuple):
 def open_loop(device: Device) -> Loop:
     """Return the one-tick equations of a device, command and readings still unconnected.
 
-    Raises ValueError for a delay of more than `MOST_TICKS` periods.
+    Raises ValueError for a delay of more than `MOST_TICKS` periods, several rates, or an estimator
+    of velocity that is not linear.
     """
     plant = device.plant()
     period = device.interface.period
@@ -100,14 +104,31 @@ def open_loop(device: Device) -> Loop:
     gain = device.interface.command_gain
     newer, older = gain * newer[:, 0], None if older is None else gain * older
     read = int(device.reading().reads[0, 0])
-    loop = wired(transition, newer, older, whole, period, device.interface.velocity_filter, read)
+    estimator = linear_estimator(device.interface)
+    loop = wired(
+        transition, newer, older, whole, period, device.interface.velocity_filter, read, estimator
+    )
     if device.interface.force_gain > 0.0:
         loop = _fed_back(device, plant.dof, loop)
     shift = loop.shift
     grounded = plant.matrices.stiffness
     if np.all(np.abs(grounded.sum(axis=1)) <= 1e-14 * np.diag(grounded)):
-        shift[: plant.dof] = shift[plant.size + whole + (remainder > 0.0)] = 1.0
+        shift[: plant.dof] = 1.0
+        first = plant.size + whole + (remainder > 0.0)
+        shift[first : first + estimator.rest.size] = estimator.rest
     return loop
+
+
+def linear_estimator(interface: Interface) -> Linear:
+    """Return the equations of the velocity estimator; raises ValueError where it has none."""
+    estimator = interface.estimator
+    if estimator.linear is None:
+        raise ValueError(
+            f"velocity_estimator is {estimator.name!r}, whose gain depends on the motion, and"
+            " linear theory takes none such: use difference, kalman or kalman_acceleration, or look"
+            " at simulated runs"
+        )
+    return estimator.linear(interface.estimator_settings)
 
 
 def _fed_back(device: Device, dof: int, loop: Loop) -> Loop:
@@ -124,19 +145,23 @@ def _fed_back(device: Device, dof: int, loop: Loop) -> Loop:
 def wired(
     transition: Floats, newer: Floats, older: Floats | None, whole: int, period: float,
     weights: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0), read: int = 0,
+    estimator: Linear | None = None,
 ) -> Loop:  # fmt: skip
     """Return the loop around a device whose position is the state `read`, shift left zero.
 
     transition (n, n) over a period; newer, older (n,): what the commands add that are `whole` and
     whole + 1 ticks old, older None without remainder. weights: of the velocity filter
-    (`Interface.velocity_filter`).
+    (`Interface.velocity_filter`), behind the estimator (None: the backward difference).
     """
+    if estimator is None:
+        estimator = linear_estimator(Interface())
     n, depth = transition.shape[0], whole + (older is not None)
-    last_reading = n + depth
+    first, v = n + depth, n + depth + estimator.rest.size
+    kept_there = slice(first, v)
     straight, from_slope, to_slope, kept = weights
     second = from_slope != 0.0
     filtered = second or straight < 1.0
-    size = last_reading + 1 + filtered + second
+    size = v + filtered + second
     a = np.zeros((size, size))
     b, reading, velocity, shift = np.zeros((4, size))
     a[:n, :n] = transition
@@ -151,14 +176,16 @@ def wired(
     if older is not None:
         a[:n, n + whole] = older
     reading[read] = 1.0
-    a[last_reading] = reading
-    velocity[read], velocity[last_reading] = straight / period, -straight / period
+    a[kept_there, kept_there] = estimator.keep
+    a[kept_there, read] = estimator.take
+    velocity[read] = straight * estimator.through / period
+    velocity[kept_there] = straight * estimator.out / period
     if filtered:
-        v = last_reading + 1
         velocity[v] = 1.0 - straight
         if second:
             velocity[v + 1] = from_slope
-            a[v + 1, read], a[v + 1, last_reading] = to_slope / period, -to_slope / period
+            a[v + 1, read] = to_slope * estimator.through / period
+            a[v + 1, kept_there] = to_slope * estimator.out / period
             a[v + 1, v], a[v + 1, v + 1] = -to_slope, kept
         a[v] = velocity
     return Loop(a, b, reading, velocity, shift, period)

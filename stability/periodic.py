@@ -1,9 +1,10 @@
 """The closed loop of several rates: what one cycle of ticks makes of the state.
 
 The state is that of `stability/loop.py`, and before each tick's command, in this order, what is
-read of it: the position y^ that the law has, the reading y* of the last velocity estimate, the
-estimate v, its filter's slope r. At a tick that renews them they are set by a linear map M of the
-state, else left; then u = -(K y^ + B v), and the chain moves over one tick, P:
+read of it: the position y^ that the law has, the reading y* of the last velocity estimate (or what
+another estimator remembers), the estimate v, its filter's slope r. At a tick that renews them they
+are set by a linear map M of the state, else left; then u = -(K y^ + B v), and the chain moves over
+one tick, P:
 
     s_{k+1} = (P - b (K c_y + B c_v)) M_k s_k.
 
@@ -26,8 +27,9 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
 from zwidth.sim.device import Device
-from zwidth.sim.interface import Interface
-from zwidth.stability.loop import open_loop
+from zwidth.sim.estimators import Linear
+from zwidth.sim.interface import DIFFERENCE_ALONE, Interface
+from zwidth.stability.loop import linear_estimator, open_loop
 from zwidth.stability.types import Corner, LinearPoint
 
 Floats = NDArray[np.float64]
@@ -79,27 +81,28 @@ def periodic_loop(device: Device) -> PeriodicLoop:
     face = device.interface
     plain = open_loop(device.with_interface(**ONE_RATE))
     n = plain.entry.size - 1  # without the stored reading
-    first = {"position": n, "earlier": n + 1, "velocity": n + 2, "slope": n + 3}
-    moves = np.eye(n + 4)
+    estimator = linear_estimator(face)
+    more = 3 + estimator.rest.size
+    moves = np.eye(n + more)
     moves[:n, :n] = plain.transition[:n, :n]
-    entry = np.append(plain.entry[:n], np.zeros(4))
+    entry = np.append(plain.entry[:n], np.zeros(more))
     cycle = math.lcm(int(face.position_ticks), int(face.velocity_ticks))
-    measure = np.array([_measured(face, n, k) for k in range(cycle)])
-    return PeriodicLoop(
-        moves, entry, measure, first["position"], first["velocity"], cycle * face.period, plain.free
-    )
+    measure = np.array([_measured(face, estimator, n, k) for k in range(cycle)])
+    return PeriodicLoop(moves, entry, measure, n, n + more - 2, cycle * face.period, plain.free)
 
 
 ONE_RATE = {
     "velocity_ticks": 1, "position_ticks": 1, "velocity_cutoff_hz": math.inf, "velocity_order": 1,
+    **DIFFERENCE_ALONE,
 }  # fmt: skip
 
 
-def _measured(face: Interface, n: int, tick: int) -> Floats:
+def _measured(face: Interface, estimator: Linear, n: int, tick: int) -> Floats:
     """Return M of a tick: what is renewed of y^, y*, v and r before the command."""
     straight, from_slope, to_slope, kept = face.velocity_filter
-    m = np.eye(n + 4)
-    given, earlier, v, slope = n, n + 1, n + 2, n + 3
+    given, v = n, n + 1 + estimator.rest.size
+    kept_there, slope = slice(n + 1, v), v + 1
+    m = np.eye(slope + 1)
     if tick % face.position_ticks == 0:
         m[given] = 0.0
         m[given, 0] = 1.0
@@ -107,11 +110,13 @@ def _measured(face: Interface, n: int, tick: int) -> Floats:
         rate = 1.0 / face.velocity_period
         m[[v, slope]] = 0.0
         for row, weight in ((v, straight), (slope, to_slope)):
-            m[row, 0], m[row, earlier], m[row, v] = weight * rate, -weight * rate, -weight
+            m[row, 0], m[row, v] = weight * estimator.through * rate, -weight
+            m[row, kept_there] = weight * estimator.out * rate
         m[v, v] += 1.0
         m[v, slope], m[slope, slope] = from_slope, kept
-        m[earlier] = 0.0
-        m[earlier, 0] = 1.0
+        m[kept_there, :] = 0.0
+        m[kept_there, kept_there] = estimator.keep
+        m[kept_there, 0] = estimator.take
     return m
 
 

@@ -1,10 +1,12 @@
 """What the velocity estimate makes of a motion: its response in z.
 
-With q = 1/z and the weights (a, b, c, d) of the filter (`Interface.velocity_filter`),
+With q = 1/z, the weights (a, b, c, d) of the filter (`Interface.velocity_filter`), and the response
+E of the estimator over the backward difference (`sim/estimators`),
 
-    v (1 - q + q G) = G (1 - q) y / T,    G = a + b c q / (1 - d q).
+    v (1 - q + q G) = G E (1 - q) y / T,    G = a + b c q / (1 - d q).
 
-Limits: one rate; an estimate every so many ticks is no function of z alone.
+Limits: one rate; an estimate every so many ticks is no function of z alone, and no estimate whose
+gain depends on the motion.
 """
 
 import numpy as np
@@ -12,16 +14,23 @@ from numpy.typing import NDArray
 
 from zwidth.sim.device import Device
 from zwidth.sim.interface import Interface
+from zwidth.stability.loop import linear_estimator
 
 Complexes = NDArray[np.complex128]
 
 
 def filter_response(interface: Interface, z: Complexes) -> Complexes:
-    """Return the velocity filter's response at z: v over the backward difference."""
+    """Return the response of estimator and filter at z: v over the backward difference.
+
+    Raises ValueError for an estimator that is not linear.
+    """
+    linear_estimator(interface)
+    estimated = interface.estimator.response
+    first = 1.0 if estimated is None else estimated(interface.estimator_settings, z)
     a, b, c, d = interface.velocity_filter
     behind = 1.0 / z
     straight = a + b * c * behind / (1.0 - d * behind)
-    return straight / (1.0 - behind + behind * straight)
+    return first * straight / (1.0 - behind + behind * straight)
 
 
 def velocity_response(interface: Interface, z: Complexes) -> Complexes:

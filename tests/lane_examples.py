@@ -10,6 +10,7 @@ from zwidth.sim.device import Device
 from zwidth.sim.ensemble import Runs, Walls, advance_runs, start_runs
 from zwidth.sim.group import member
 from zwidth.sim.growth import window_weights
+from zwidth.sim.kernel import SCALARS
 from zwidth.sim.lane_type import WIDTH
 from zwidth.sim.law import Law
 from zwidth.sim.physics.effect import Physics
@@ -100,6 +101,7 @@ def assert_equal_runs(
         assert np.array_equal(after.bank.x[:n, i], one.memory.x[:n])
         assert np.array_equal(after.bank.internal[:, i], one.memory.internal)
         assert np.array_equal(after.bank.scalars[:3, i], one.memory.scalars[:3])
+        assert np.array_equal(after.bank.scalars[SCALARS:, i], one.memory.scalars[SCALARS:])
         assert np.array_equal(after.bank.counters, one.memory.counters)
         trace = one.trace
         x, v, u = trace["position_m1"], trace["velocity_m1"], trace["command"]

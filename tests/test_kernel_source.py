@@ -10,6 +10,7 @@ import json
 
 import numpy as np
 from engine_examples import Floats, coulomb, one_mass, phantom, uncompiled
+from estimator_examples import SET
 
 from zwidth.controllers.wall import wall
 from zwidth.sim.device import Device
@@ -92,6 +93,7 @@ def fingerprints() -> dict[str, str]:
             ),
             1,
         ),
+        **{f"estimator {n}": (phantom().with_interface(**s), 1) for n, s in SET.items()},
         "force sensor": (
             phantom().with_interface(force_sensor="link23", force_gain=0.5, delay=0.0), 1,
         ),
@@ -116,6 +118,7 @@ def fingerprints() -> dict[str, str]:
         "windows": phantom().with_interface(delay=0.0023),
         "windows, steps": phantom().with_interface(**stepped),
         "windows, friction": phantom().with_physics(coulomb(2e-3)),
+        **{f"windows, estimator {n}": phantom().with_interface(**s) for n, s in SET.items()},
     }.items():
         found[name] = _hash(*_windows(device))
         for law in LAWS[1:]:

@@ -6,6 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 from engine_examples import Floats, coulomb, one_mass, phantom
+from estimator_examples import SET
 from lane_examples import RUNS, TICKS, assert_equal_runs, some_starts, some_walls, started, varied
 from physics_examples import EVERYWHERE, example
 
@@ -47,6 +48,7 @@ DEVICES: dict[str, tuple[Device, int]] = {
         ),
         1,
     ),
+    **{f"estimator {n}": (phantom().with_interface(**s), 1) for n, s in SET.items()},
     "force sensor": (
         phantom().with_interface(force_sensor="link12", force_gain=0.4, delay=5e-4),
         1,

@@ -22,7 +22,7 @@ from zwidth.sim.device_file import (
 )
 from zwidth.sim.modal import ModalModel, from_chain
 from zwidth.sim.passive import nearest_passive
-from zwidth.views.device import in_points
+from zwidth.views.device import in_points, said_of_estimator
 
 TURN = 2.0 * math.pi
 
@@ -210,6 +210,8 @@ def _settings(console: Console, device: Device) -> None:
     ):
         if value != none:
             console.say(f"{what} {value if isinstance(value, str) else f'{value:g}'}")
+    for line in said_of_estimator(interface, device.rotary):
+        console.say(line)
     known = device.uncertainty
     for what, value, usual in (
         ("command scale", known.command_scale, USUAL.command_scale),

@@ -56,7 +56,20 @@ def _interface(device: Device, unit: Units) -> str:
         )
         if value != neutral
     ]
-    return ", ".join([sampled, *more])
+    return ", ".join([sampled, *more, *said_of_estimator(face, device.rotary)])
+
+
+def said_of_estimator(face: Interface, rotary: bool) -> list[str]:
+    """Say what makes the velocity and what it is set to, where that is not the difference."""
+    if face.velocity_estimator == Interface().velocity_estimator:
+        return []
+    length = units(rotary).length
+    own = {"window": "samples", "acceleration": f"{length}/s2"}
+    set_to = (
+        f"{name} {getattr(face, f'velocity_{name}'):g} {own.get(name, length)}"
+        for name in face.estimator.settings
+    )
+    return [f"velocity by {face.velocity_estimator} ({', '.join(set_to)})"]
 
 
 def in_points(physics: Physics) -> str:
