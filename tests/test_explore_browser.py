@@ -183,9 +183,9 @@ def test_a_laptop_shows_it_all_and_its_keyboard_reaches_it(
         met.append(page.evaluate(FOCUS))
     wanted = [
         "slider Encoder step", "slider Command limit", "slider Delay", "slider Friction at m1",
-        "slider Start amplitude", "BUTTON Sliders back to the device's own",
+        "slider Start amplitude", "BUTTON Reset the sliders to the device",
         "INPUT The wall only pushes", "INPUT K [N m/rad]", "INPUT B [N m s/rad]", "A log (MCAP)",
-        "A scenario", "INPUT Drop a recording, to lie beside:", "BUTTON Verdict",
+        "A scenario", "INPUT Recording to draw beside the run:", "BUTTON Verdict",
         "BUTTON Amplitude", "BUTTON Frequency",
     ]  # fmt: skip
     assert [one for one in met if one in wanted] == wanted
@@ -203,13 +203,46 @@ def test_a_laptop_shows_it_all_and_its_keyboard_reaches_it(
     with page.expect_download() as saving:
         page.get_by_role("link", name="log (MCAP)").click()
     saving.value.save_as(log := tmp_path / "run.mcap")
-    chooser = page.get_by_label("Drop a recording")
+    chooser = page.get_by_label("Recording to draw")
     page.evaluate(DROP, ["wrong.csv", "a,b\n1,2\n"])
     expect(page.get_by_text("wrong.csv holds 1 sample, too few")).to_be_visible()
     assert page.evaluate(RECORDED) == 0
     chooser.set_input_files(log)
     page.wait_for_function(f"() => ({RECORDED})() > 0")
     expect(page.get_by_text("Beside: run.mcap")).to_be_visible()
+    page.close()
+
+
+@pytest.mark.parametrize("width", [420, 768, 1024])
+def test_a_phone_and_a_tablet_show_it_all(browser: Browser, address: str, width: int):
+    """Nothing lies beyond the right edge. Mutations: a least width of a figure is left; no wrap."""
+    page = browser.new_page(viewport={"width": width, "height": 900})
+    page.goto(address + "?encoder_step=0.0001&command_limit=0.5")
+    finished(page)
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    x, _, across, high = page.evaluate(AXES, "plane")
+    assert 0.0 <= x < x + across <= width
+    assert high > 200.0
+    before = page.evaluate(RUN)
+    at = page.evaluate(PLACE, [0.05, 40.0])
+    page.mouse.click(*at)
+    page.wait_for_function(f"before => ({RUN})() !== before", arg=before)
+    page.close()
+
+
+def test_the_tour_takes_three_clicks(browser: Browser, address: str):
+    """And ends as it says. Mutation: the steps are not compared with what is shown."""
+    page = opened(browser, address)
+    said = list[str]()
+    for number, name in ((1, "below the boundary"), (2, "beyond it"), (3, "a coarse encoder")):
+        page.get_by_role("link", name=f"{number} {name}").click()
+        finished(page)
+        page.wait_for_function(f"() => ({WORDS})() !== ''")
+        said.append(page.evaluate(WORDS))
+        expect(page.locator("b", has_text=f"{number} {name}")).to_be_visible()
+    assert "comes to rest" in said[0]
+    assert "grows without bound" in said[1]
+    assert "keeps oscillating" in said[2]
     page.close()
 
 

@@ -68,11 +68,11 @@ class Controls:
         self.devices.update(
             orientation="vertical", visible=len(bench.devices) > 1, stylesheets=[LONG_LABELS]
         )
-        self.reset = Button(label="Sliders back to the device's own", sizing_mode="stretch_width")
+        self.reset = Button(label="Reset the sliders to the device", sizing_mode="stretch_width")
         self.one_sided = Checkbox(label="The wall only pushes")
         self.stiffness, self.damping = (_number(f"{q} [{units_of(plane, q)}]") for q in "KB")
         self.files = FileInput(
-            title="Drop a recording, to lie beside:", multiple=True, name="recording",
+            title="Recording to draw beside the run:", multiple=True, name="recording",
             sizing_mode="stretch_width", stylesheets=[DROP],
         )  # fmt: skip
         self.recording_from = _number("Recording from [s]")

@@ -12,11 +12,11 @@ from bokeh.models import Column, CustomJS, Div, Row, UIElement
 from bokeh.models.dom import HTML
 from bokeh.models.ui import Pane
 
-from zwidth.explore import words
+from zwidth.explore import tour, words
 from zwidth.explore.bench import SECONDS, Bench
 from zwidth.explore.controls import Controls, User
 from zwidth.explore.plane_figure import PlaneFigure
-from zwidth.explore.run_figures import RunFigures
+from zwidth.explore.run_figures import HEIGHTS, RunFigures
 from zwidth.explore.view import View
 from zwidth.sim.readable import with_unit
 from zwidth.sim.trace import Trace
@@ -24,6 +24,16 @@ from zwidth.stability.fate_map import units_of
 
 # Style sheets are text: as models they could be in one page only.
 NARROW = ":host { font-size: 12.5px; line-height: 1.3; margin: 2px 4px; }"
+# Below these widths the four columns stand two by two, and then one under the other.
+TABLET = "@media (max-width: 1260px) {{ :host {{ {} }} }}"
+PHONE = "@media (max-width: 760px) {{ :host {{ {} }} }}"
+FLOWS = TABLET.format("height: auto !important; min-height: 0 !important;")
+WRAPS = TABLET.format(
+    "flex-wrap: wrap !important; height: auto !important; flex: none !important;"
+) + PHONE.format("flex-direction: column !important;")
+PART = TABLET.format(
+    "flex: 1 1 45% !important; min-width: 0 !important; height: auto !important;"
+) + PHONE.format("flex: none !important; width: auto !important;")
 INSET = ":host { padding: 0 10px 0 8px; box-sizing: border-box; }"
 SAVES = (
     'Save this run: <a href="run.mcap?{query}" download>log (MCAP)</a>,'
@@ -67,8 +77,8 @@ class Page:
         self.controls = Controls(bench, view, user)
         self.address = Address(query=view.query())
         self.address.js_on_change("query", CustomJS(code=WRITE_ADDRESS))
-        self.title, self.trouble, self.besides, self.whose = (
-            _said(name) for name in ("title", "trouble", "besides", "whose")
+        self.title, self.tour, self.trouble, self.besides, self.whose = (
+            _said(name) for name in ("title", "tour", "trouble", "besides", "whose")
         )
         self.trouble.html_attributes = {"role": "alert"}
         self.saves, self.progress, self.wall = (
@@ -85,16 +95,27 @@ class Page:
         ]  # fmt: skip
         controls = Column(
             children=children, width=246, sizing_mode="stretch_height", spacing=1,
-            stylesheets=[INSET],
+            stylesheets=[INSET, PART, PHONE.format("order: 2;")],
         )  # fmt: skip
-        plane = _column(
-            1.45, 430, self.controls.layers, self.plane.figure, legend, _pane(self.progress, 3)
-        )
-        run = _column(1.1, 310, _pane(self.wall, 3, live=True), *self.runs.over_time.values())
-        more = _column(0.8, 250, self.whose, self.runs.phase_plane, self.runs.spectrum)
-        body = Row(children=[controls, plane, run, more], sizing_mode="stretch_both", spacing=4)
-        top: list[UIElement] = [self.title, self.trouble, body]
-        return Column(children=top, sizing_mode="stretch_both", min_height=560)
+        over_time, more = self.runs.over_time, [self.runs.phase_plane, self.runs.spectrum]
+        for figure, height in (
+            (self.plane.figure, 400),
+            *((one, 40 * HEIGHTS[name]) for name, one in over_time.items()),
+            *((one, 240) for one in more),
+        ):
+            rule = f"min-width: 0 !important; flex: none !important; height: {height}px !important;"
+            figure.stylesheets = [TABLET.format(rule)]
+        columns: list[UIElement] = [
+            controls,
+            _column(
+                1.45, 430, self.controls.layers, self.plane.figure, legend, _pane(self.progress, 3)
+            ),
+            _column(1.1, 310, _pane(self.wall, 3, live=True), *over_time.values(), order=1),
+            _column(0.8, 250, self.whose, *more, order=3),
+        ]
+        body = Row(children=columns, sizing_mode="stretch_both", spacing=4, stylesheets=[WRAPS])
+        top: list[UIElement] = [self.title, self.tour, self.trouble, body]
+        return Column(children=top, sizing_mode="stretch_both", min_height=560, stylesheets=[FLOWS])
 
     def put_on(self, document: Document) -> None:
         """Make this the content of a document."""
@@ -111,6 +132,8 @@ class Page:
         self.controls.show(bench, view)
         device = bench.device(view)
         self.title.text = words.heading(bench, view)
+        said = tour.links(bench, view)
+        self.tour.update(text=said, visible=bool(said))
         self.besides.text = words.of_the_device(device)
         assert view.damping_range is not None
         assert view.stiffness_range is not None
@@ -163,9 +186,13 @@ def _pane(content: HTML, lines: int, live: bool = False) -> Pane:
     return Pane(elements=[content], stylesheets=[NARROW, style], html_attributes=attributes)
 
 
-def _column(share: float, least: int, *children: UIElement) -> Column:
-    """Return a column that takes a share of the width, and pixels at least."""
+def _column(share: float, least: int, *children: UIElement, order: int = 0) -> Column:
+    """Return a column that takes a share of the width, and pixels at least.
+
+    order: its place on a phone, where all stand under one another.
+    """
     flex = dict[str, str | None](flex=f"{share} 1 0")
     return Column(
-        children=list(children), sizing_mode="stretch_both", spacing=2, styles=flex, min_width=least
-    )
+        children=list(children), sizing_mode="stretch_both", spacing=2, styles=flex,
+        min_width=least, stylesheets=[PART, PHONE.format(f"order: {order};")],
+    )  # fmt: skip

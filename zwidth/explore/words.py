@@ -33,9 +33,10 @@ def heading(bench: Bench, view: View) -> str:
         name = f"{name}, {shown}"
     return (
         f'<h1 style="font-size:17px;margin:0;display:inline">{escape(name)}</h1>&emsp;'
-        "Each point is a virtual wall, its colour what a run does in the end. <b>Click a wall</b>"
-        " to see its run. <b>Move a slider</b> to change the device: give it an encoder step, and"
-        " stable walls begin to buzz."
+        "Each point is a virtual wall; its colour says how a run against it ends. <b>Click a"
+        " wall</b>"
+        " to see its run. <b>Move a slider</b> to change the device. <b>Drop a recording</b>"
+        " anywhere to see it beside the run."
     )
 
 
@@ -78,10 +79,10 @@ def _seen(found: Look, plane: Plane, fate: Fate, limited: bool) -> str:
         at = f", at {hertz:.3g} Hz" if math.isfinite(hertz) else ""
         return f"grows without bound{at}{lost}"
     return {
-        Fate.IMPERCEPTIBLE_CYCLE: f"oscillates on, too weakly to feel: {size}",
-        Fate.CYCLE: f"oscillates on for ever: {size}",
+        Fate.IMPERCEPTIBLE_CYCLE: f"keeps oscillating, too weakly to feel: {size}",
+        Fate.CYCLE: f"keeps oscillating: {size}",
         Fate.GROWS: f"grows until the amplifier's limit holds it: {size}",
-        Fate.UNDECIDED: f"has not shown in 16 s what becomes of it: {size}",
+        Fate.UNDECIDED: f"is undecided after 16 s: {size}",
     }[fate]
 
 
@@ -169,4 +170,4 @@ def of_the_device(device: Device) -> str:
     """Return what a device has besides what the sliders set, as HTML; empty for nothing."""
     effects = [place_label(p) for p in device.physics if not is_friction_at_m1(p)]
     names = [f"{label.replace('_', ' ').replace('@', ' at ')}" for label in effects]
-    return f"In the device, too: {escape(', '.join(names))}." if names else ""
+    return f"Also in the device: {escape(', '.join(names))}." if names else ""
