@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from zwidth.shown import Shown
 from zwidth.sim.device import Device
 from zwidth.stability.bisection import Bracket, Search, Trial, find_brackets
-from zwidth.stability.linear import boundary, corner, last_stable_damping
+from zwidth.stability.linear import corner, known_boundary, last_stable_damping, stand_in
 from zwidth.stability.types import LinearPoint
 
 Floats = NDArray[np.float64]
@@ -48,18 +48,20 @@ class Boundary(Shown):
 def default_dampings(device: Device) -> Floats:
     """Return B from 0 to 1.2 times the last B with a stable K, in 41 steps, and the top's B.
 
-    The top is a corner for most devices: a grid that misses it shows a boundary cut off.
+    The top is a corner for most devices: a grid that misses it shows a boundary cut off. Of an
+    estimator without linear theory the grid is that of the backward difference.
 
     Raises ValueError for a device that has no stable wall at all.
     """
-    last = last_stable_damping(device)
+    known = stand_in(device)
+    last = last_stable_damping(known)
     if last is None or last <= 0.0:
         raise ValueError(
             f"{device.name} with a delay of {1e3 * device.interface.delay:g} ms has no stable wall"
             " at any damping; give --damping values to look at, or a shorter delay"
         )
     grid = np.linspace(0.0, MARGIN * last, GRID)
-    top = corner(device)
+    top = corner(known)
     return grid if top is None else np.union1d(grid, [top.damping, NEAR_END * last])
 
 
@@ -75,7 +77,7 @@ def find_boundaries(
     progress: called with the share of time-domain brackets closed. Raises ValueError as
     `stability.linear` and `stability.bisection` do.
     """
-    theory = [boundary(device, grid) for device, grid in zip(devices, dampings, strict=True)]
+    theory = [known_boundary(device, grid) for device, grid in zip(devices, dampings, strict=True)]
     brackets = find_brackets(devices, dampings, trial, search, progress)
     return [
         Boundary(device, tuple(map(BoundaryPoint, linear, simulated)))

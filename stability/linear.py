@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from zwidth.sim.device import Device
+from zwidth.sim.interface import DIFFERENCE_ALONE
 from zwidth.stability.crossings import Crossings, crossings
 from zwidth.stability.loop import Loop, open_loop
 from zwidth.stability.periodic import (
@@ -54,6 +55,27 @@ def boundary(device: Device, dampings: Iterable[float]) -> list[LinearPoint]:
         return periodic_boundary(device, dampings)
     loop = open_loop(device)
     return [_critical(loop, damping) for damping in dampings]
+
+
+def has_theory(device: Device) -> bool:
+    """Whether linear theory takes the device: not where its velocity's estimator is not linear."""
+    return device.interface.estimator.linear is not None
+
+
+def known_boundary(device: Device, dampings: Iterable[float]) -> list[LinearPoint]:
+    """Return `boundary`, or points without a stiffness where there is no theory of the device."""
+    if has_theory(device):
+        return boundary(device, dampings)
+    return [LinearPoint(damping, None, None, None) for damping in dampings]
+
+
+def stand_in(device: Device) -> Device:
+    """Return a device that says where to look: itself, or one with the backward difference.
+
+    The other where linear theory does not take the device; what theory says of it is a range of K
+    and B to try, and no statement on the device.
+    """
+    return device if has_theory(device) else device.with_interface(**DIFFERENCE_ALONE)
 
 
 def any_loop(device: Device) -> Loop | PeriodicLoop:

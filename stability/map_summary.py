@@ -4,9 +4,11 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from zwidth.stability.fate_map import FateMap
 from zwidth.stability.fates import Fate
+from zwidth.stability.linear import has_theory
 from zwidth.stability.plane import Floats
 from zwidth.stability.plane_theory import cycle_at_the_limit
 
@@ -18,10 +20,10 @@ def summary(result: FateMap) -> dict[str, Any]:
 
     fates: of each its share of the plane and, at the points that were run, [median, most] of the
     amplitude [rad | m], the same in encoder steps, and of the force [N m | N], escaped ones left
-    out. transitions: for each x the y up to which all runs rest and that from which one grows.
+    out. What linear theory calls stable or not is compared where it takes the device, else None.
+    transitions: for each x the y up to which all runs rest and that from which one grows.
     """
     plane, fate = result.plane, result.fates.fate
-    stable = result.linear < 0.0
     rests, grows = result.transitions()
     imperceptible = (fate == Fate.RESTS) | (fate == Fate.IMPERCEPTIBLE_CYCLE)
     return {
@@ -31,15 +33,25 @@ def summary(result: FateMap) -> dict[str, Any]:
         "lattice": result.run.size,
         "perceptible": plane.perceptible,
         "fates": {f.name.lower(): _of_fate(result, f) for f in Fate},
-        "stable_but_not_resting": _share(fate != Fate.RESTS, stable),
-        "stable_but_perceptible": _share(~imperceptible, stable),
-        "unstable_but_resting": _share(fate == Fate.RESTS, ~stable),
+        **_beside_theory(result, fate != Fate.RESTS, ~imperceptible),
         "transitions": [
             {"x": float(x), "rests_up_to": _known(r), "grows_from": _known(g)}
             for x, r, g in zip(result.x, rests, grows, strict=True)
         ],
         "describing_function": _witnesses(result),
     }
+
+
+def _beside_theory(
+    result: FateMap, moving: NDArray[np.bool_], felt: NDArray[np.bool_]
+) -> dict[str, float | None]:
+    """Shares of what linear theory calls stable or not that do otherwise; None without theory."""
+    names = ("stable_but_not_resting", "stable_but_perceptible", "unstable_but_resting")
+    if not has_theory(result.plane.device):
+        return dict.fromkeys(names)
+    stable = result.linear < 0.0
+    shares = _share(moving, stable), _share(felt, stable), _share(~moving, ~stable)
+    return dict(zip(names, shares, strict=True))
 
 
 def _share(what: np.ndarray, where: np.ndarray) -> float:

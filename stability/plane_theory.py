@@ -12,7 +12,7 @@ from zwidth.stability.describing import (
     quantiser_boundaries,
     saturation_cycle,
 )
-from zwidth.stability.linear import any_loop
+from zwidth.stability.linear import any_loop, has_theory
 from zwidth.stability.loop import Loop
 from zwidth.stability.periodic import PeriodicLoop
 from zwidth.stability.plane import Axis, Floats, Plane, Quantity, with_friction
@@ -24,7 +24,10 @@ def linear_radius(plane: Plane, x: Floats, y: Floats) -> Floats:
     """Return the spectral radius of the linear loop less one at lattice values, (y, x).
 
     Its zero line is the linear boundary; friction, steps, limits and amplitude do not change it.
+    NaN where the velocity's estimator has no linear theory.
     """
+    if not has_theory(plane.device):
+        return np.full((y.size, x.size), math.nan)
     loops: dict[tuple[float, float], Loop | PeriodicLoop] = {}
     face = plane.device.interface
 
@@ -65,7 +68,7 @@ def describing_lines(plane: Plane, points: int = LINE_POINTS) -> list[Line]:
     encoder step with friction, a limit in reach or a one-sided wall is no case of either theory.
     """
     axes = (plane.x, plane.y)
-    plain = plane.trial.law.linear and not plane.one_sided
+    plain = plane.trial.law.linear and not plane.one_sided and has_theory(plane.device)
     if "K" not in (plane.x.quantity, plane.y.quantity) or not plain:
         return []
     k_axis, other = axes if plane.x.quantity == "K" else axes[::-1]
@@ -121,6 +124,7 @@ def cycle_at_the_limit(plane: Plane, x: float, y: float) -> PredictedCycle | Non
     alone = not device.physics and not device.interface.command_step and not at["encoder_step"]
     if (
         plane.one_sided
+        or not has_theory(plane.device)
         or not plane.trial.law.linear
         or not alone
         or not math.isfinite(at["command_limit"])

@@ -27,7 +27,7 @@ from zwidth.shown import Shown
 from zwidth.sim.device import Device
 from zwidth.sim.nearest import nearest
 from zwidth.stability.bisection import Bracket, Search, Trial, find_brackets
-from zwidth.stability.linear import boundary, last_stable_damping
+from zwidth.stability.linear import has_theory, known_boundary, last_stable_damping, stand_in
 
 Floats = NDArray[np.float64]
 Setting = Literal["cutoff", "period", "delay", "encoder_step", "velocity_ticks", "position_ticks"]
@@ -82,7 +82,7 @@ class Step:
     """One value of the setting: the device with it, and the boundary over its dampings.
 
     linear, simulated (dampings,): K_CR [N m/rad | N/m], 0 where no K is stable; simulated is the
-    middle of each bracket.
+    middle of each bracket; linear is NaN where the velocity's estimator has no linear theory.
     """
 
     value: float
@@ -121,8 +121,10 @@ class Sweep(Shown):
         return max(self.steps, key=lambda step: step.area)
 
     @cached_property
-    def best_by_theory(self) -> Step:
-        """The step with the widest Z-width by linear theory."""
+    def best_by_theory(self) -> Step | None:
+        """The step with the widest Z-width by linear theory, None where there is none."""
+        if not has_theory(self.device):
+            return None
         return max(self.steps, key=lambda step: step.linear_area)
 
     @property
@@ -204,12 +206,13 @@ def _step(
     device: Device, field: str, value: float, dampings: int, trial: Trial, search: Search
 ) -> Step:
     own = device.with_interface(**{field: int(value) if field in WHOLE else value})
-    last = last_stable_damping(own)
+    last = last_stable_damping(stand_in(own))
     if not last or last <= 0.0:
         nothing = np.zeros(dampings)
         return Step(value, own, nothing, nothing, nothing)
     grid = np.linspace(0.0, BEYOND * last, dampings)
-    theory = np.array([point.stiffness or 0.0 for point in boundary(own, grid.tolist())])
+    nothing = 0.0 if has_theory(own) else math.nan
+    theory = np.array([p.stiffness or nothing for p in known_boundary(own, grid.tolist())])
     period = own.interface.period
     judged = replace(trial, window_s=max(trial.window_s, 8.0 * period))
     found = find_brackets([own], [grid], judged, search)[0]

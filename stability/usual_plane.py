@@ -3,7 +3,7 @@
 from zwidth.sim.device import Device
 from zwidth.sim.equations import enough_substeps
 from zwidth.stability.bisection import Trial
-from zwidth.stability.linear import corner, last_stable_damping
+from zwidth.stability.linear import corner, last_stable_damping, stand_in
 from zwidth.stability.plane import Axis, Plane, Quantity
 
 CUSTOMARY = {
@@ -21,9 +21,9 @@ def usual_axis(device: Device, quantity: Quantity, ratios: bool = False) -> Axis
     ratios: in equal ratios, where it would rise evenly.
     """
     if quantity == "B":
-        low, high = 0.0, 1.2 * (last_stable_damping(device) or 0.1)
+        low, high = 0.0, 1.2 * (last_stable_damping(stand_in(device)) or 0.1)
     elif quantity == "K":
-        top = corner(device)
+        top = corner(stand_in(device))
         high = 1.4 * top.stiffness if top is not None else 50.0
         low = 0.01 * high
     else:

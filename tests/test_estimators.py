@@ -21,6 +21,7 @@ from zwidth.sim.device_file import device_from_text, device_to_text
 from zwidth.sim.estimators import ESTIMATORS, Settings
 from zwidth.sim.estimators.kalman import kalman
 from zwidth.sim.estimators.kalman_acceleration import kalman_acceleration
+from zwidth.sim.group import member
 from zwidth.sim.interface import Interface
 from zwidth.sim.run import Run, Start, simulate
 from zwidth.stability.bisection import Search, Trial, find_brackets
@@ -372,3 +373,9 @@ def test_foaw_and_levant_have_boundaries_in_the_time_domain(name: str) -> None:
     )[0]
     assert bracket.stable is not None
     assert bracket.stable == pytest.approx(plain, rel=0.01)
+
+
+def test_two_estimators_make_no_ensemble() -> None:
+    """Mutation: `Member.kind` without the estimator (the second would have that of the first)."""
+    devices = [phantom().with_interface(**SET[name] | NO_FILTER) for name in ("levant", "kalman")]
+    assert len({member(device, 1).kind for device in devices}) == 2

@@ -6,7 +6,7 @@ from zwidth.console import Column, Console
 from zwidth.results import BoundaryResult, DelayBoundary, Point, Stiffest
 from zwidth.sim.readable import plain
 from zwidth.stability.boundary import Boundary
-from zwidth.stability.linear import corner, last_stable_damping
+from zwidth.stability.linear import corner, has_theory, last_stable_damping
 
 NONE = "-"
 JUMPS = 1.2  # ratio of the frequencies on either side of the top, from which it is a jump
@@ -15,7 +15,8 @@ JUMPS = 1.2  # ratio of the frequencies on either side of the top, from which it
 def stiffest(boundary: Boundary) -> Stiffest:
     """Return the top and the end of a boundary, by both ways."""
     stable = [p for p in boundary.points if p.simulated.stable is not None]
-    best, top = boundary.top, corner(boundary.device)
+    theory = has_theory(boundary.device)
+    best, top = boundary.top, corner(boundary.device) if theory else None
     return Stiffest(
         None if best is None else best.simulated.stable,
         None if best is None else float(best.damping),
@@ -24,7 +25,7 @@ def stiffest(boundary: Boundary) -> Stiffest:
         top and float(top.damping),
         top and float(top.frequency_below_hz),
         top and float(top.frequency_above_hz),
-        last_stable_damping(boundary.device),
+        last_stable_damping(boundary.device) if theory else None,
     )
 
 

@@ -9,7 +9,7 @@ from zwidth.options import Quantity
 from zwidth.sim.device import Device
 from zwidth.sim.law import Kind, Law
 from zwidth.sim.readable import plain
-from zwidth.stability.linear import last_stable_damping
+from zwidth.stability.linear import last_stable_damping, stand_in
 
 OF: dict[str, tuple[str, ...]] = {
     "wavelength": ("texture",), "share": ("texture",), "width": ("region",),
@@ -57,7 +57,7 @@ def law_of(devices: Sequence[Device], options: dict[str, Any]) -> Law:
     if kind == "texture" and "wavelength" not in given:
         raise ValueError("--law texture needs --wavelength, from crest to crest")
     if kind == "guarded" and "most_damping" not in given:
-        least = min(last_stable_damping(device) or 0.0 for device in devices)
+        least = min(last_stable_damping(stand_in(device)) or 0.0 for device in devices)
         given["most_damping"] = USUAL_SHARE * least
     return Law(kind, **given)
 

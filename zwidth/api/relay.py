@@ -9,7 +9,7 @@ from zwidth.identification.cycles import RelayReadings, relay_conditions
 from zwidth.identification.relay import RelayTest
 from zwidth.scenarios.scenario import usual_substeps
 from zwidth.sim.device import Device
-from zwidth.stability.linear import last_stable_damping
+from zwidth.stability.linear import last_stable_damping, stand_in
 
 CONDITIONS = 4  # dampings, where none are given
 
@@ -40,5 +40,5 @@ def relay(
 
 
 def _usual(device: Device) -> list[float]:
-    last = last_stable_damping(device) or 0.0
+    last = last_stable_damping(stand_in(device)) or 0.0
     return np.linspace(0.0, last, CONDITIONS, endpoint=False).tolist()

@@ -13,6 +13,7 @@ from zwidth.boundary_summary import say_stiffest, stiffest
 from zwidth.console import Column, Console, announce, progress
 from zwidth.controllers.of_law import controller_of
 from zwidth.covariance import load_covariance
+from zwidth.estimator_option import estimator_option, say_without_theory, with_estimator
 from zwidth.figures.style import picture_files
 from zwidth.law_options import law_of, law_options, said_of
 from zwidth.options import (
@@ -86,6 +87,7 @@ SIDES = ("stable", "unstable")  # of a boundary's top, a log each
               type=click.Path(exists=True, dir_okay=False, path_type=Path),
               help="Covariance file of 'zwidth identify': also show the 95 % band of"
               " K_CR.")  # fmt: skip
+@estimator_option
 @law_options
 @click.option("--table", "in_full", is_flag=True, help="Also print the boundary at every damping.")
 @out_option("runs/boundary")
@@ -101,7 +103,9 @@ def command(name: str, out: Path, json_file: str | None, **options: Any) -> None
     device = load_device(name)
     for warning in remarks_on(device):
         console.warn(warning)
+    device = with_estimator(device, options["estimator"])
     _refuse_absurd(device, options["damping"])
+    say_without_theory(console, device)
     delays = [1e-3 * ms for ms in options["delay_ms"]] or [device.interface.delay]
     asked = Asked(
         options["criterion"] == "passivity",

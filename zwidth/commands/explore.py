@@ -8,6 +8,7 @@ import click
 
 from zwidth.console import Console, announce, progress
 from zwidth.door import asker, fitted, taken
+from zwidth.estimator_option import estimator_option, with_estimator
 from zwidth.heartbeat import HEART
 from zwidth.options import device_argument
 from zwidth.sim.device_file import load_device, remarks_on, shipped_devices
@@ -24,6 +25,7 @@ PORT = 5006
 @click.option("--recording", metavar="FILE", type=click.Path(path_type=Path),
               help="Recording to draw beside every run; a file dropped on the page works"
               " too.")  # fmt: skip
+@estimator_option
 @click.option("--port", type=click.IntRange(0, 65535), default=PORT, show_default=True,
               help="Port of the page; 0 for any free port.")  # fmt: skip
 @click.option("--address", default="localhost", show_default=True, metavar="HOST",
@@ -33,8 +35,8 @@ PORT = 5006
     "--no-browser", is_flag=True, help="Print the address of the page and open no browser."
 )
 def command(
-    device: str, compare: tuple[str, ...], recording: Path | None, port: int, address: str,
-    no_browser: bool,
+    device: str, compare: tuple[str, ...], recording: Path | None, estimator: str | None,
+    port: int, address: str, no_browser: bool,
 ) -> None:  # fmt: skip
     """Explore the K-B plane of a device in the browser.
 
@@ -57,6 +59,7 @@ def command(
             console.note(line)
     else:
         own = load_device(device)
+    own = with_estimator(own, estimator)
     devices = [own, *(load_device(name) for name in compare)]
     for warning in dict.fromkeys(w for d in devices for w in remarks_on(d)):
         console.warn(warning)

@@ -7,6 +7,7 @@ import click
 from click.core import ParameterSource
 
 from zwidth.console import Column, Console, announce, progress
+from zwidth.estimator_option import estimator_option, say_without_theory, with_estimator
 from zwidth.figures.style import picture_files, save_figure
 from zwidth.jobs.choose import executor
 from zwidth.law_options import law_of, law_options
@@ -78,6 +79,7 @@ FIXED_BY: dict[Quantities, str] = {
               help="Points along each axis before refinement.")  # fmt: skip
 @click.option("--levels", type=click.IntRange(0, 8), default=3, show_default=True,
               help="Refinements; each halves the step where the outcome changes.")  # fmt: skip
+@estimator_option
 @cluster_option
 @out_option("runs/map")
 @force_option
@@ -100,6 +102,7 @@ def command(
     console = Console(json_file)
     _refuse_idle_options(context, options)
     plane = _plane(load_device(device), options)
+    say_without_theory(console, plane.device)
     console.will_write(out / "map.nc", *picture_files(out / "map"))
     announce(console)
     with executor(cluster) as runner, progress("mapping, percent", 100) as advance:
@@ -151,7 +154,7 @@ def _plane(device: Device, options: dict[str, Any]) -> Plane:
         )
         if options[option] is not None
     }
-    device = device.with_interface(**changes)
+    device = with_estimator(device.with_interface(**changes), options["estimator"])
     if options["friction"] is not None:
         device = with_friction(device, options["friction"])
     quantities = options["axes"]
@@ -199,18 +202,23 @@ def _say(console: Console, found: dict[str, Any], rotary: bool) -> None:
         f"{found['runs']} runs for a lattice of {found['lattice']} points ({found['device']})",
         columns, rows,
     )  # fmt: skip
-    console.say(
-        f"of the linearly stable part {100.0 * found['stable_but_not_resting']:.1f} % does not"
-        f" come to rest, {100.0 * found['stable_but_perceptible']:.1f} % perceptibly"
-    )
-    share = 100.0 * found["unstable_but_resting"]
-    console.say(f"of the linearly unstable part {share:.1f} % comes to rest nevertheless")
+    if found["stable_but_not_resting"] is not None:
+        _say_beside_theory(console, found)
     if witness := found["describing_function"]:
         console.say(
             f"cycles at the limit: describing functions predict their frequency within"
             f" {100.0 * witness['frequency_error']:.1f} %, their amplitude within"
             f" {100.0 * witness['amplitude_error']:.1f} % (median of {witness['points']} points)"
         )
+
+
+def _say_beside_theory(console: Console, found: dict[str, Any]) -> None:
+    console.say(
+        f"of the linearly stable part {100.0 * found['stable_but_not_resting']:.1f} % does not"
+        f" come to rest, {100.0 * found['stable_but_perceptible']:.1f} % perceptibly"
+    )
+    share = 100.0 * found["unstable_but_resting"]
+    console.say(f"of the linearly unstable part {share:.1f} % comes to rest nevertheless")
 
 
 def _two(values: list[float] | None) -> tuple[str, str]:

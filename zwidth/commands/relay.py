@@ -6,6 +6,7 @@ from pathlib import Path
 import click
 
 from zwidth.console import Column, Console, announce, progress
+from zwidth.estimator_option import estimator_option, say_without_theory, with_estimator
 from zwidth.figures.style import picture_files
 from zwidth.identification.cycles import RelayCondition, relay_conditions
 from zwidth.identification.relay import RelayTest, waveform
@@ -23,7 +24,7 @@ from zwidth.scenarios.table_2 import table_2
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device, remarks_on
 from zwidth.sim.run import Start
-from zwidth.stability.linear import critical_stiffness
+from zwidth.stability.linear import known_boundary
 
 SHOWN_S = 0.4
 LISTED = 2  # cycles beside the likeliest
@@ -46,6 +47,7 @@ NONE = "-"
 @click.option("--substeps", type=click.IntRange(1, 1000), default=None,
               help="Integration steps per sample. Default: 1 where that is exact, else"
               " 10.")  # fmt: skip
+@estimator_option
 @out_option("runs/relay")
 @force_option
 @json_option
@@ -57,6 +59,7 @@ def command(
     starts: int,
     seed: int,
     substeps: int | None,
+    estimator: str | None,
     out: Path,
     json_file: str | None,
 ) -> None:
@@ -71,6 +74,8 @@ def command(
     device = load_device(name)
     for warning in remarks_on(device):
         console.warn(warning)
+    device = with_estimator(device, estimator)
+    say_without_theory(console, device)
     console.will_write(*picture_files(out / "relay"), *picture_files(out / "relay_boundary"))
     announce(console)
     asked = _asked(device, delay_ms, damping)
@@ -118,7 +123,7 @@ def _tell(console: Console, devices: Sequence[Device], found: Sequence[RelayCond
 
 def _row(device: Device, condition: RelayCondition) -> list[str]:
     cycle, reference = condition.read, condition.reference
-    linear = critical_stiffness(device, condition.damping).stiffness
+    linear = known_boundary(device, [condition.damping])[0].stiffness
     off = NONE
     if cycle is not None and linear is not None:
         off = f"{100.0 * (cycle.stiffness / linear - 1.0):+.1f} %"

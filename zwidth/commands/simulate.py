@@ -1,12 +1,14 @@
 """`zwidth simulate`: run a scenario, log it, draw it, and say what happened."""
 
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 
 import click
 import numpy as np
 
 from zwidth.console import Column, Console, json_number, progress
+from zwidth.estimator_option import estimator_option, with_estimator
 from zwidth.figures.run import run_figure
 from zwidth.figures.style import draw
 from zwidth.files.whole import replacing
@@ -36,10 +38,17 @@ WORDS = {
 @click.command("simulate")
 @click.argument("scenario", metavar="SCENARIO.toml", type=click.Path(path_type=Path))
 @controller_option
+@estimator_option
 @out_option("runs")
 @force_option
 @json_option
-def command(scenario: Path, controller: Step | None, out: Path, json_file: str | None) -> None:
+def command(
+    scenario: Path,
+    controller: Step | None,
+    estimator: str | None,
+    out: Path,
+    json_file: str | None,
+) -> None:
     """Run the experiment that a TOML file describes.
 
     Writes NAME.mcap, which 'zwidth replay' repeats bit for bit, and NAME.png. Interrupted, it
@@ -47,6 +56,7 @@ def command(scenario: Path, controller: Step | None, out: Path, json_file: str |
     """
     console = Console(json_file)
     described = load_scenario(scenario, controller)
+    described = replace(described, device=with_estimator(described.device, estimator))
     for warning in remarks_on(described.device):
         console.warn(warning)
     log, picture = out / f"{scenario.stem}.mcap", out / f"{scenario.stem}.png"

@@ -7,6 +7,7 @@ import click
 import numpy as np
 
 from zwidth.console import Column, Console, announce, progress
+from zwidth.estimator_option import estimator_option, say_without_theory, with_estimator
 from zwidth.figures.style import picture_files
 from zwidth.files.whole import write_text
 from zwidth.options import (
@@ -50,6 +51,7 @@ from zwidth.views.sweep import table
               show_default=True, help="Relative accuracy of each K.")  # fmt: skip
 @click.option("--limit-s", type=Quantity("s", above=True), default=64.0, show_default=True,
               help="Longest simulated time of one run.")  # fmt: skip
+@estimator_option
 @out_option("runs/sweep")
 @force_option
 @json_option
@@ -73,7 +75,8 @@ def command(name: str, out: Path, json_file: str | None, **options: Any) -> None
         if options[option] is not None
     }  # fmt: skip
     _refuse_idle(options)
-    device = device.with_interface(**changes)
+    device = with_estimator(device.with_interface(**changes), options["estimator"])
+    say_without_theory(console, device)
     console.will_write(out / "best.toml", *picture_files(out / "sweep"))
     announce(console)
     limit = max(options["limit_s"], 4.0)
@@ -114,7 +117,7 @@ def _refuse_idle(options: dict[str, Any]) -> None:
 
 
 def as_result(found: Sweep) -> dict[str, Any]:
-    """Return what JSON says of a sweep; null for a cut-off that is none."""
+    """Return what JSON says of a sweep; null for a cut-off that is none and for no theory."""
 
     def value(number: float) -> float | None:
         return number if np.isfinite(number) else None
@@ -124,15 +127,15 @@ def as_result(found: Sweep) -> dict[str, Any]:
         "setting": found.setting,
         "unit": found.unit,
         "best": value(found.best.value),
-        "best_by_theory": value(found.best_by_theory.value),
+        "best_by_theory": None if (best := found.best_by_theory) is None else value(best.value),
         "steps": [
             {
                 "value": value(step.value),
                 "area": step.area,
-                "linear_area": step.linear_area,
+                "linear_area": value(step.linear_area),
                 "stiffest": step.stiffest,
                 "dampings": step.dampings.tolist(),
-                "linear": step.linear.tolist(),
+                "linear": [value(k) for k in step.linear.tolist()],
                 "simulated": step.simulated.tolist(),
             }
             for step in found.steps

@@ -18,7 +18,7 @@ from zwidth.sim.interface import INTERFACE_FIELDS
 from zwidth.sim.run import Start
 from zwidth.sim.trace import Trace
 from zwidth.stability.bisection import Trial
-from zwidth.stability.linear import boundary, last_stable_damping
+from zwidth.stability.linear import boundary, has_theory, last_stable_damping, stand_in
 from zwidth.stability.plane import Axis, Plane, with_friction
 
 Floats = NDArray[np.float64]
@@ -30,11 +30,15 @@ LOST = 100.0  # starts, or ten encoder steps, at which a run that nothing limits
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """The linear boundary: B, K_CR and ultimate frequency [Hz], each (n,); NaN where none."""
+    """The linear boundary: B, K_CR and ultimate frequency [Hz], each (n,); NaN where none.
+
+    without: the estimator of velocity that linear theory does not take, "" where it takes it.
+    """
 
     damping: Floats
     stiffness: Floats
     frequency: Floats
+    without: str = ""
 
     @property
     def top(self) -> float | None:
@@ -114,7 +118,16 @@ class Bench:
 
     def line(self, view: View) -> Line:
         """Return the linear boundary of the device of a view."""
-        linear = with_friction(self.device(view), 0.0)
+        device = self.device(view)
+        if not has_theory(device):
+            nothing = np.full(2, math.nan)
+            estimator = device.interface.velocity_estimator
+            return Line(np.array([0.0, 1.0]), nothing, nothing, estimator)
+        return self._guide(view)
+
+    def _guide(self, view: View) -> Line:
+        """The line that says where the axes go: of what stands in where there is no theory."""
+        linear = with_friction(stand_in(self.device(view)), 0.0)
         return _line(linear.with_interface(encoder_step=0.0, command_limit=math.inf))
 
     def measured(self, view: View) -> list[MeasuredPoint]:
@@ -138,7 +151,7 @@ class Bench:
         return all(_fits(extent, span) for extent, span in pairs)
 
     def _extent(self, view: View) -> tuple[float, float]:
-        line, delay = self.line(view), self.device(view).interface.delay
+        line, delay = self._guide(view), self.device(view).interface.delay
         here = [p for p in self.measured(view) if abs(p.delay - delay) < 1e-9]
         if line.top is None:
             return WITHOUT_BOUNDARY

@@ -60,6 +60,8 @@ def of_the_wall(found: Look, plane: Plane, line: Line) -> str:
         limit, frequency = with_unit(critical[0], units_of(plane, "K")), critical[1]
         theory = f"{word} (its limit at this B: K = {limit}, {frequency:.3g} Hz)"
     surprise = stable == (fate in (Fate.CYCLE, Fate.GROWS, Fate.IMPERCEPTIBLE_CYCLE))
+    if line.without:
+        return f"<b>{escape(wall)}</b> {escape(seen)}; linear theory takes no {line.without}."
     verb = "<b>but</b> linear theory says" if surprise else "linear theory:"
     return f"<b>{escape(wall)}</b> {escape(seen)}; {verb} {escape(theory)}."
 

@@ -17,7 +17,7 @@ from zwidth.identification.cycles import Cycle, RelayCondition
 from zwidth.identification.relay import RelayTest, Waveform
 from zwidth.sim.device import Device
 from zwidth.sim.readable import scaled, with_unit
-from zwidth.stability.linear import boundary, last_stable_damping
+from zwidth.stability.linear import boundary, has_theory, last_stable_damping
 
 Floats = NDArray[np.float64]
 
@@ -90,7 +90,10 @@ def relay_boundary_figure(
             )  # fmt: skip
         grey: dict[str, Any] = {"color": "0.35", "linestyle": "none"}
         handles += [
-            Line2D([], [], color="0.35", label="line: linear boundary"),
+            *(
+                [Line2D([], [], color="0.35", label="line: linear boundary")]
+                if any(map(has_theory, devices)) else []
+            ),
             Line2D([], [], marker="o", markersize=8, alpha=0.6, **grey,
                    label="cycle by relay, area: share of starts"),
             Line2D([], [], marker="o", markersize=9, markerfacecolor="none", **grey,
@@ -108,6 +111,8 @@ def relay_boundary_figure(
 
 def _linear_line(axes: Axes, device: Device, furthest: float, colour: str, dashes: Any) -> None:
     """The linear boundary, to where it ends or a little beyond what was asked."""
+    if not has_theory(device):
+        return
     last = last_stable_damping(device)
     if last is None or last <= 0.0:
         return

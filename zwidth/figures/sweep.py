@@ -47,7 +47,8 @@ def _areas(axes: Axes, result: Sweep) -> None:
     inner = [i for i, s in enumerate(steps) if math.isfinite(s.value)]
     theory = np.array([s.linear_area for s in steps])
     seen = np.array([s.area for s in steps])
-    axes.plot(np.array(places)[inner], theory[inner], color=COLOURS[0], label="linear theory")
+    if result.best_by_theory is not None:
+        axes.plot(np.array(places)[inner], theory[inner], color=COLOURS[0], label="linear theory")
     axes.plot(places, seen, color=COLOURS[1], linestyle="none", marker="o", label="simulated")
     outer = [i for i in range(len(steps)) if i not in inner]
     axes.plot(np.array(places)[outer], theory[outer], color=COLOURS[0], linestyle="none",

@@ -25,8 +25,9 @@ def table(result: FateMap) -> Table:
         if fate["share"] > 0.0
     ]  # fmt: skip
     over = f"{plane.y.quantity} over {plane.x.quantity}"
-    share = 100.0 * found["stable_but_not_resting"]
-    said = [f"Of the linearly stable part {share:.1f} % does not come to rest."]
+    share = found["stable_but_not_resting"]
+    words = f"Of the linearly stable part {100.0 * (share or 0.0):.1f} % does not come to rest."
+    said = [] if share is None else [words]
     title = f"Map of {plane.device.name}, {over}: {result.runs} runs for {result.run.size} points"
     return Table(title, said, headings, grid)
 

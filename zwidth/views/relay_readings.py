@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from zwidth.identification.cycles import RelayCondition, RelayReadings
 from zwidth.identification.relay import waveform
 from zwidth.sim.run import Start
-from zwidth.stability.linear import critical_stiffness
+from zwidth.stability.linear import known_boundary
 from zwidth.views.table import Table, number
 from zwidth.views.units import numbers, rows, units
 
@@ -39,7 +39,8 @@ def _share(c: RelayCondition) -> str:
 
 
 def _linear(found: RelayReadings) -> list[float | None]:
-    return [critical_stiffness(found.device, c.damping).stiffness for c in found.conditions]
+    dampings = [c.damping for c in found.conditions]
+    return [point.stiffness for point in known_boundary(found.device, dampings)]
 
 
 def dataset(found: RelayReadings) -> "Dataset":

@@ -1,5 +1,6 @@
 """The Z-width over a setting of the interface."""
 
+from math import isnan
 from typing import TYPE_CHECKING
 
 from zwidth.stability.sweep import WHOLE, Sweep
@@ -22,11 +23,15 @@ def table(result: Sweep) -> Table:
     grid = [
         ["none" if step.value == float("inf") else number(step.value),
          f"{100.0 * step.area / best.area:.1f} %",
-         f"{100.0 * step.linear_area / best.area:.1f} %", number(step.stiffest)]
+         _share(step.linear_area / best.area), number(step.stiffest)]
         for step in result.steps
     ]  # fmt: skip
     said = [f"The Z-width is widest at {result.setting} {_value(result)}, {_gain(result)}."]
     return Table(f"Z-width of {result.device.name} over {result.setting}", said, headings, grid)
+
+
+def _share(share: float) -> str:
+    return "-" if isnan(share) else f"{100.0 * share:.1f} %"
 
 
 def _value(result: Sweep) -> str:

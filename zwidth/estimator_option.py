@@ -1,0 +1,96 @@
+"""The option that says what makes a device's velocity of its readings."""
+
+import math
+from typing import Any
+
+import click
+
+from zwidth.console import Console
+from zwidth.sim.device import Device
+from zwidth.sim.estimators import ESTIMATORS
+from zwidth.sim.interface import DIFFERENCE_ALONE
+from zwidth.sim.nearest import nearest
+from zwidth.stability.linear import has_theory
+
+USUAL_WINDOW = 16
+ROUNDING = math.sqrt(12.0)  # a step over the standard deviation of rounding to it
+
+
+def estimator_option(command: Any) -> Any:
+    """Add --estimator to a command; `with_estimator` reads it."""
+    return click.option(
+        "--estimator", metavar="NAME[:KEY=X,...]", default=None,
+        help="What makes the velocity of the readings, else the device's own:"
+        f" {', '.join(ESTIMATORS)}. KEY: window, band, noise, acceleration; what is left out"
+        " follows from the encoder's step and the largest force.",
+    )(command)  # fmt: skip
+
+
+def with_estimator(device: Device, asked: str | None) -> Device:
+    """Return a device with the estimator "NAME:KEY=X,..", unchanged for None.
+
+    What is left out: a window of `USUAL_WINDOW` samples, a band of one encoder step, the noise of
+    its rounding, and as acceleration (of levant and kalman) the largest force over all masses.
+    Raises ValueError for what is not known, not taken, or does not follow from the device.
+    """
+    if asked is None:
+        return device
+    name, _, rest = asked.partition(":")
+    if name not in ESTIMATORS:
+        raise ValueError(f"--estimator is {name!r}; {nearest(name, ESTIMATORS)}")
+    given = _numbers(name, rest)
+    settings = {key: given.get(key, _usual(device, name, key)) for key in ESTIMATORS[name].settings}
+    for key, value in settings.items():
+        if value is None:
+            why = {
+                "acceleration": "does not follow from the device's largest force",
+                "noise": "does not follow from an encoder, which the device does not have",
+                "band": "does not follow from an encoder, which the device does not have",
+            }[key]
+            raise ValueError(f"--estimator {name} needs {key}, which {why}: give {name}:{key}=X")
+    return device.with_interface(
+        **DIFFERENCE_ALONE
+        | {"velocity_estimator": name}
+        | {f"velocity_{key}": value for key, value in settings.items()}
+    )
+
+
+def say_without_theory(console: Console, device: Device) -> None:
+    """Say why nothing stands in the place of linear theory, where it does not take the device."""
+    if not has_theory(device):
+        console.note(
+            f"linear theory takes no {device.interface.velocity_estimator}, whose gain depends on"
+            " the motion: its place stays empty, and ranges are those of the difference"
+        )
+
+
+def _numbers(name: str, text: str) -> dict[str, float]:
+    """Read "KEY=X,KEY=X"; raises ValueError (key or value, what is allowed)."""
+    taken = ESTIMATORS[name].settings
+    found: dict[str, float] = {}
+    for part in filter(None, text.split(",")):
+        key, _, value = part.partition("=")
+        if key not in taken:
+            allowed = f"it takes {', '.join(taken)}" if taken else "it takes no settings"
+            raise ValueError(f"--estimator {name} has no {key!r}; {allowed}")
+        try:
+            found[key] = int(value) if key == "window" else float(value)
+        except ValueError:
+            kind = "a whole number" if key == "window" else "a number"
+            raise ValueError(f"--estimator {name}: {key} is {value!r}; give {kind}") from None
+    return found
+
+
+def _usual(device: Device, name: str, key: str) -> float | None:
+    face = device.interface
+    match key:
+        case "window":
+            return USUAL_WINDOW
+        case "band":
+            return face.encoder_step or None
+        case "noise":
+            return face.encoder_step / ROUNDING or None
+        case _:
+            if name == "kalman_acceleration" or math.isinf(face.command_limit):
+                return None
+            return face.command_limit / float(device.chain.masses.sum())
