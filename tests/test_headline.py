@@ -160,16 +160,18 @@ def test_where_agrees_with_the_finding_or_says_why_not():
     Breaks where "55 % lies elsewhere (55 % of the time)" is said.
     """
     agrees = where(held(force_map("m1", "velocity"), 0.9), (FRICTION,), 1)
-    assert agrees.startswith("90 % of what the refitted device cannot predict lies within 12 ms")
+    assert agrees.startswith(
+        "90 % of the prediction error of the refitted device lies within 12 ms"
+    )
     assert agrees.endswith("would explain most of it, as the Coulomb friction there does")
     even = where(held(force_map("m1", "velocity"), 0.55), (FRICTION,), 1)
     assert even.startswith("a force at the motor that follows the velocity, against the motion,")
     elsewhere = where(held(force_map("m2", "velocity"), 0.5), (FRICTION,), 3)
-    assert "the Coulomb friction was found at the motor (m1) all the same" in elsewhere
+    assert "the Coulomb friction was nevertheless found at the motor (m1)" in elsewhere
     timed = where(held(force_map("m1", "time"), 0.5), (FRICTION,), 1)
     assert "is no force that changes with time alone" in timed
     quiet = where(held(force_map("m1", "velocity", 9.0), 0.5), (), 1)
-    assert quiet.endswith("stands out of the noise")
+    assert quiet.endswith("stands out from the noise")
 
 
 def test_a_red_line_where_free_runs_stray():
@@ -208,8 +210,8 @@ def test_the_first_picture_shows_before_and_after_with_their_errors():
     assert error.get_ylabel() == "error [mrad]"
     labels = [line.get_label() for line in motion.get_lines()]
     assert labels[0] == "measured"
-    assert "with what was found: errs 100 \u00b5rad rms (13 %)" in labels
-    assert any(str(label).startswith("device file: errs 300") for label in labels)
+    assert "with what was found: error 100 \u00b5rad rms (13 %)" in labels
+    assert any(str(label).startswith("device file: error 300") for label in labels)
     alone = whole_run_figure(whole(3e-4, 1e-4), named=False).axes[0]
     assert [str(line.get_label())[:9] for line in alone.get_lines()][2] == "refitted:"
 

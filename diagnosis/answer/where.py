@@ -31,13 +31,12 @@ def where(located: Located, findings: Sequence[Finding], masses: int) -> str:
     if top is None:
         return located.sentence
     if not stands_out(top):
-        seen = "no force that follows position, velocity, command or time stands out of the noise"
+        seen = "no force that follows position, velocity, command or time stands out from the noise"
         if not findings:
             return seen
         shows = "shows" if len(findings) == 1 else "show"
-        return (
-            f"{seen}; {_names(findings)} {shows} in the run as a whole, and in no map of eight bins"
-        )
+        return f"{seen}; {_names(findings)} {shows} in the run as a whole, but not in a map of"
+                      f" eight bins"
     at = place_at(top.place)
     force = f"a force {place_in_words(at, masses)} that {_like(top.against)}{sign_of(top)}"
     first = f"{densest(located.state)}{force} would explain most of it"
@@ -64,12 +63,12 @@ def _beside(against: str, at: Place, findings: Sequence[Finding], masses: int) -
     name, found_at = effect_in_words(f.effect), place_in_words(place_at(f.at), masses)
     if like:
         return (
-            f"; the {name} was found {found_at} all the same: the map follows one state in eight"
-            " bins, while the search simulated each effect whole and believed this place more"
+            f"; the {name} was nevertheless found {found_at}: the map shows one state in eight"
+            " bins, while the search simulated each effect and found this place more probable"
         )
     return (
-        f"; the {name} {found_at} is no force that {_like(against)} alone, and explained more when"
-        " it was simulated whole"
+        f"; the {name} {found_at} is not a force that {_like(against)} alone, but explains more"
+        " when it is simulated"
     )
 
 

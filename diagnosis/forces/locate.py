@@ -209,7 +209,7 @@ def _entry(maps: Sequence[ForceMap]) -> list[Share]:
 def _sentence(state: Sequence[Share], maps: Sequence[ForceMap]) -> str:
     top = max(maps, key=lambda m: m.gained)
     if not stands_out(top):
-        return "no force of any shape at any place would explain more than noise does"
+        return "no force at any place would explain more than noise"
     force = f"a force at {top.place} that follows {top.against}{sign_of(top)}"
     return f"{densest(state)}{force} explains most of it"
 
@@ -231,8 +231,8 @@ def densest(state: Sequence[Share]) -> str:
     name, share, time = str(most["name"]), float(most["share"]), float(most["time_share"])
     name = name if name.startswith("within") else f"in the {name}"
     return (
-        f"{100.0 * share:.0f} % of what the refitted device cannot predict lies {name}, in"
-        f" {100.0 * time:.0f} % of the time; "
+        f"{100.0 * share:.0f} % of the prediction error of the refitted device lies {name}, which"
+        f" is {100.0 * time:.0f} % of the time; "
     )
 
 

@@ -156,7 +156,7 @@ def force_error_figure(forces: ForceError, named: bool = True) -> Figure:
         for name, (label, colour, dashes) in (WITH_NAMES if named else WITHOUT).items():
             lacking = factor * forces.lacking[name]
             size = forces.errors[name]
-            rms = "runs away" if math.isinf(size) else f"lacks {with_unit(size, forces.unit, 3)}"
+            rms = "runs away" if math.isinf(size) else f"error {with_unit(size, forces.unit, 3)}"
             said = f"{label}: {rms} ({percent(forces.shares[name])})"
             style: dict[str, Any] = {"color": colour, "linewidth": 1.1, "linestyle": dashes}
             acting = factor * forces.acting[name]
@@ -168,7 +168,7 @@ def force_error_figure(forces: ForceError, named: bool = True) -> Figure:
         if 0.0 < most < math.inf:
             lacks.set_ylim(-factor * most, factor * most)
         force.set_ylabel(f"force at m1 [{unit}]")
-        lacks.set_ylabel(f"lacking [{unit}]")
+        lacks.set_ylabel(f"missing [{unit}]")
         lacks.set_xlabel("time [s]")
         lacks.margins(x=0.01)
         held = "kept out of the fit" if forces.held_out else "part of the fit"
@@ -218,7 +218,7 @@ def _motion(
             off = factor * (simulated - measured)
             drawn = factor * simulated
         size = run.errors[name]
-        rms = "runs away" if math.isinf(size) else f"errs {with_unit(size, run.unit, 3)} rms"
+        rms = "runs away" if math.isinf(size) else f"error {with_unit(size, run.unit, 3)} rms"
         said = f"{label}: {rms} ({percent(run.shares[name])})"
         style: dict[str, Any] = {"color": colour, "linewidth": 1.1, "linestyle": dashes}
         motion.plot(*envelope(t, drawn), label=said, **style)
