@@ -35,8 +35,10 @@ def where(located: Located, findings: Sequence[Finding], masses: int) -> str:
         if not findings:
             return seen
         shows = "shows" if len(findings) == 1 else "show"
-        return f"{seen}; {_names(findings)} {shows} in the run as a whole, but not in a map of"
-                      f" eight bins"
+        return (
+            f"{seen}; {_names(findings)} {shows} in the run as a whole, but not in a map of eight"
+            " bins"
+        )
     at = place_at(top.place)
     force = f"a force {place_in_words(at, masses)} that {_like(top.against)}{sign_of(top)}"
     first = f"{densest(located.state)}{force} would explain most of it"
