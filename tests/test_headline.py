@@ -169,7 +169,7 @@ def test_where_agrees_with_the_finding_or_says_why_not():
     elsewhere = where(held(force_map("m2", "velocity"), 0.5), (FRICTION,), 3)
     assert "the Coulomb friction was nevertheless found at the motor (m1)" in elsewhere
     timed = where(held(force_map("m1", "time"), 0.5), (FRICTION,), 1)
-    assert "is no force that changes with time alone" in timed
+    assert "is not a force that changes with time alone" in timed
     quiet = where(held(force_map("m1", "velocity", 9.0), 0.5), (), 1)
     assert quiet.endswith("stands out from the noise")
 
