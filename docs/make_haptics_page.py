@@ -39,13 +39,13 @@ from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device
 from zwidth.sim.ensemble import walls
+from zwidth.sim.fate import Fate
 from zwidth.sim.interface import Interface
 from zwidth.sim.law import Law
 from zwidth.sim.physics import make_physics
 from zwidth.sim.run import Start, simulate
 from zwidth.stability.bisection import Trial, find_brackets, judge
 from zwidth.stability.fate_map import FateMap, make_map
-from zwidth.stability.fates import Fate
 from zwidth.stability.hand import draw_hands, hand_quantiles, with_hand
 from zwidth.stability.linear import boundary, corner, critical_stiffness, last_stable_damping
 from zwidth.stability.plane import Axis, Plane

@@ -22,10 +22,10 @@ from zwidth.figures.map import draw_fates, legend
 from zwidth.files.protection import writing_as
 from zwidth.files.whole import write_text, write_with
 from zwidth.sim.device_file import load_device
+from zwidth.sim.fate import Fate
 from zwidth.sim.jit import cache_folder
 from zwidth.stability.bisection import Trial
 from zwidth.stability.fate_map import FateMap, make_map
-from zwidth.stability.fates import Fate
 from zwidth.stability.map_summary import summary
 from zwidth.stability.plane import Axis, Plane, with_friction
 from zwidth.stability.plane_theory import describing_lines
@@ -184,7 +184,7 @@ Every picture and number here is made by `python docs/make_linear_boundary_page.
 {percent(fine["stable_but_not_resting"])} oscillates on at a step of 1e-5 rad,
 {percent(middle["stable_but_not_resting"])} at 1e-4 and
 {percent(rough["stable_but_not_resting"])} at 1e-3, by a median amplitude of
-{fine["fates"]["imperceptible_cycle"]["encoder_steps"][0]:.1f} steps at 1e-5; the step decides
+{fine["fates"]["dithers"]["encoder_steps"][0]:.1f} steps at 1e-5; the step decides
 whether that is felt: {percent(fine["stable_but_perceptible"])},
 {percent(middle["stable_but_perceptible"])} and {percent(rough["stable_but_perceptible"])}.
 

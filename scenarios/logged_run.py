@@ -181,8 +181,10 @@ def _description(scenario: Scenario) -> dict[str, str]:
 
 def _conclusion(scenario: Scenario, trace: Trace, outcome: Outcome) -> dict[str, str]:
     """What is known after the run."""
-    verdict = run_verdict(scenario, trace, outcome)
-    judged = {} if verdict is None else {"verdict": verdict.value}
+    found = run_verdict(scenario, trace, outcome)
+    judged = {} if found is None else {"verdict": found.verdict.value}
+    if found is not None and found.fate is not None:
+        judged["fate"] = found.fate.word
     return {"outcome": outcome.name.lower(), "ticks_done": str(len(trace))} | judged
 
 

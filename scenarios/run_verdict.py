@@ -1,12 +1,15 @@
-"""What a run does once left alone: decay, cycle or grow."""
+"""What a run does once left alone: decay, cycle or grow; and what becomes of it at a wall."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.scenarios.scenario import Scenario
+from zwidth.sim.fate import Conditions, Fate, fates_of, rest_amplitude
 from zwidth.sim.growth import VERDICTS, Verdict, assess, window_weights
+from zwidth.sim.perception import Perception
 from zwidth.sim.run import Outcome
 from zwidth.sim.trace import Trace
 from zwidth.sim.windows import (
@@ -22,34 +25,53 @@ from zwidth.sim.windows import (
 
 Floats = NDArray[np.float64]
 DRIVEN = "recorded"  # its command does not come to rest with the device
+WALLS = ("wall", "texture", "region", "guarded", "none")  # controllers that a wall's fate is of
 WINDOW_S = 0.5
 FEWEST_WINDOWS = 8
 FEWEST_TICKS = 16
 
 
-def run_verdict(scenario: Scenario, trace: Trace, outcome: Outcome) -> Verdict | None:
-    """Return the verdict on one finished run, None where it says nothing of stability.
+class Ending(NamedTuple):
+    """What a run does in the end: its trend; its fate, None where the controller is no wall."""
+
+    verdict: Verdict
+    fate: Fate | None
+
+
+def run_verdict(scenario: Scenario, trace: Trace, outcome: Outcome) -> Ending | None:
+    """Return what one finished run does in the end, None where it says nothing of stability.
 
     Judged is the part in which no disturbance changes, in windows of 0.5 s, or shorter ones where
     the run is short; a run that escaped grows. None for a driven device and for too short a run.
     """
-    if scenario.controller.kind == DRIVEN or len(trace) == 0 or trace.t[-1] < scenario.free_from:
+    law, device = scenario.controller, scenario.device
+    if law.kind == DRIVEN or len(trace) == 0 or trace.t[-1] < scenario.free_from:
         return None
+    of_wall = law.kind in WALLS
     if outcome is not Outcome.COMPLETED:
-        return Verdict.GROWS
+        return Ending(Verdict.GROWS, Fate.GROWS if of_wall else None)
     free = trace.between(scenario.free_from, math.inf)
-    period = scenario.device.interface.period
+    period = device.interface.period
     ticks = min(round(WINDOW_S / period), len(free) // FEWEST_WINDOWS)
     if ticks < FEWEST_TICKS:
         return None
-    masses = np.diag(scenario.device.plant().matrices.mass)[: scenario.masses]
+    masses = np.diag(device.plant().matrices.mass)[: scenario.masses]
     measures = _measures(free, masses, ticks)
     start = float(np.abs(free["position_m1"][:ticks]).max())
     if start == 0.0:
-        return Verdict.DECAYS
-    rest = scenario.device.interface.encoder_step or 1e-3 * start
+        return Ending(Verdict.DECAYS, Fate.RESTS if of_wall else None)
+    rest = rest_amplitude(device, start)
     growth = assess(measures, ticks * period, start, rest, not is_linear(scenario))
-    return VERDICTS[int(growth.verdict[0])]
+    fate = None
+    if of_wall:
+        given = (law.facts.get(name, 0.0) for name in ("stiffness", "damping"))
+        stiffness, damping = (np.array([x if isinstance(x, float) else 0.0]) for x in given)
+        conditions = Conditions(
+            [device], np.zeros(1, np.int64), stiffness, damping, np.array([start]),
+            np.array([rest]), bool(law.facts.get("one_sided", False)),
+        )  # fmt: skip
+        fate = Fate(int(fates_of(growth, conditions, len(free) * period, Perception())[0]))
+    return Ending(VERDICTS[int(growth.verdict[0])], fate)
 
 
 def is_linear(scenario: Scenario) -> bool:

@@ -5,8 +5,8 @@ bracket; then the zero of the growth rate by interpolation, or where that does n
 geometric mean of the ends, is tried until the bracket is narrow enough. A group of dampings
 takes its trials in the same round, so a round is one batch. A run is prolonged, twice as long each
 time, until its verdict is clear or the limit is reached; a K that stays undecided is left between
-the ends of its bracket. Nothing here knows the linear theory, but for how large the dither of a
-quantiser may be (`stability/dither.py`): that is no instability.
+the ends of its bracket. A wall is stable unless it grows, as `sim/fate.py` says for all; of the
+linear theory that alone knows, for how large the dither of a quantiser may be.
 
 The boundary of a linear device moves little from one damping to the next. There only every
 `LEADING`-th damping of a group is scanned from near zero; the others begin one ratio below the
@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import Device
 from zwidth.sim.ensemble import Runs, Walls, advance_runs, start_runs, walls
+from zwidth.sim.fate import Conditions, Fate, dither_steps, fates_of, rest_amplitude
 from zwidth.sim.group import Member, member
 from zwidth.sim.growth import (
     DECAYS,
@@ -42,9 +43,9 @@ from zwidth.sim.growth import (
     window_weights,
 )
 from zwidth.sim.law import Law
+from zwidth.sim.perception import Perception
 from zwidth.sim.run import Start
 from zwidth.sim.windows import MEASURES
-from zwidth.stability.dither import dither_steps, held_growth, is_dither
 from zwidth.stability.frequency import ultimate_frequencies
 
 Floats = NDArray[np.float64]
@@ -58,9 +59,9 @@ class Trial:
 
     start: amplitude of the start, all masses displaced by it at rest [rad | m]; with friction the
     boundary depends on it. seconds of the first run, limit_s of the longest; window_s of the energy
-    windows. threshold: amplitude of a limit cycle that counts as rest (None: one encoder step, or
-    1e-3 of the start without one; a boundary counts dither beside it, `stability/dither.py`).
-    substeps a tick where the device needs them. law: of the walls.
+    windows. threshold: amplitude of a limit cycle that counts as rest, and beyond which none is
+    dither (None: as `sim/fate.py` has it). substeps a tick where the device needs them. law: of the
+    walls. perception: what of an oscillation is felt.
 
     Raises ValueError with field, value and what is allowed.
     """
@@ -72,6 +73,7 @@ class Trial:
     threshold: float | None = None
     substeps: int = 1
     law: Law = with_default(default_factory=Law)
+    perception: Perception = with_default(default_factory=Perception)
 
     def __post_init__(self) -> None:
         if not 0.0 < abs(self.start) < math.inf:
@@ -118,9 +120,9 @@ class Bracket:
 
     stable, unstable K [N m/rad | N/m]; stable is None where the lowest K tried is unstable already,
     unstable is None where the highest is still stable. Each end keeps its verdict and amplitude:
-    dither of a quantiser (`stability/dither.py`) counts as decay, growth that the amplifier's limit
-    holds as a limit cycle. frequency [Hz] of the run at the unstable end. undecided: (lowest,
-    highest) K between the ends that stayed undecided up to the time limit, if any.
+    dither of a quantiser counts as decay, growth that the amplifier's limit holds as a limit cycle.
+    frequency [Hz] of the run at the unstable end. undecided: (lowest, highest) K between the ends
+    that stayed undecided up to the time limit, if any.
     """
 
     damping: float
@@ -260,15 +262,7 @@ def judge_subjects(subjects: Subjects, ensemble: Walls, trial: Trial, workers: i
 
 def threshold(device: Device, trial: Trial) -> float:
     """Return the amplitude of a limit cycle that counts as rest."""
-    if trial.threshold is not None:
-        return trial.threshold
-    return device.interface.encoder_step or 1e-3 * abs(trial.start)
-
-
-def is_stable(growth: Growth, limit: Floats | float) -> NDArray[np.bool_]:
-    """Whether each run comes to rest, decays, or cycles below the limit."""
-    small = (growth.verdict == LIMIT_CYCLE) & (growth.amplitude <= limit)
-    return (growth.verdict == DECAYS) | small
+    return rest_amplitude(device, trial.start) if trial.threshold is None else trial.threshold
 
 
 class _Hunt:
@@ -309,7 +303,8 @@ class _Hunt:
             steps = self.dither(active, tried[active])
             rests = self.rests(active, tried[active], steps)
             growth = judge_subjects(self.subjects(rests), some, trial, workers)
-            self.learn(active, tried[active], self.settled(growth, steps, rests))
+            found = self.settled(active, tried[active], growth, steps, rests)
+            self.learn(active, tried[active], found)
 
     def dither(self, runs: NDArray[np.int64], tried: Floats) -> Floats:
         """How many steps count as dither at each K; none where a threshold is asked for."""
@@ -324,14 +319,21 @@ class _Hunt:
         dither = np.minimum(steps * face.encoder_step, within)
         return np.maximum(threshold(self.device, self.trial), dither)
 
-    def settled(self, growth: Growth, steps: Floats, rests: Floats) -> Growth:
-        """Return the verdicts with what rests or is dither as decay, and held growth as a cycle."""
-        limit = self.device.interface.command_limit
-        held = held_growth(growth, limit, self.trial.limit_s)
-        dither = is_dither(growth, self.device, steps, self.trial.start)
-        stable = (is_stable(growth, rests) | dither) & ~held
-        verdict = np.where(held & (growth.verdict != GROWS), LIMIT_CYCLE, growth.verdict)
-        return replace(growth, verdict=np.where(stable, DECAYS, verdict))
+    def settled(
+        self, runs: NDArray[np.int64], tried: Floats, growth: Growth, steps: Floats, rests: Floats
+    ) -> Growth:
+        """Return the verdicts with stable walls as decay, and growth that settles as a cycle."""
+        starts = np.full(runs.size, self.trial.start)
+        which = np.zeros(runs.size, dtype=np.int64)
+        conditions = Conditions(
+            [self.device], which, tried, self.dampings[runs], starts, rests, steps=steps
+        )
+        fate = fates_of(growth, conditions, self.trial.limit_s, self.trial.perception)
+        grows = fate == Fate.GROWS
+        doubt = (fate == Fate.UNDECIDED) & (growth.verdict != DECAYS)  # what falls is stable
+        verdict = np.where(grows & (growth.verdict != GROWS), LIMIT_CYCLE, growth.verdict)
+        verdict = np.where(doubt, UNDECIDED, verdict)
+        return replace(growth, verdict=np.where(grows | doubt, verdict, DECAYS))
 
     def subjects(self, rests: Floats) -> Subjects:
         """Return runs of the device, one for each amplitude of rest."""

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linear_sum_assignment
 
 from zwidth.sim.device import Device
-from zwidth.stability.loop import Loop, linear_estimator, open_loop
+from zwidth.sim.loop import Loop, linear_estimator, open_loop
 from zwidth.stability.types import LinearPoint
 from zwidth.stability.velocity import refuse_force, velocity_response
 

@@ -20,9 +20,10 @@ from zwidth.jobs.only_driver import only_driver
 from zwidth.jobs.store import PartStore
 from zwidth.shown import Shown
 from zwidth.sim.device_file import device_to_text
+from zwidth.sim.fate import Fate
 from zwidth.sim.jit import cache_folder
 from zwidth.stability.adaptive import filled, rounds, side
-from zwidth.stability.fates import Fate, Fates
+from zwidth.stability.fates import Fates
 from zwidth.stability.map_parts import run_parts
 from zwidth.stability.plane import Floats, Plane
 from zwidth.stability.plane_theory import linear_radius
@@ -130,7 +131,6 @@ def description(plane: Plane, coarse: int, levels: int) -> dict[str, Any]:
         "stiffness": plane.stiffness,
         "damping": plane.damping,
         "trial": asdict(plane.trial),
-        "perceptible": plane.perceptible,
         "one_sided": plane.one_sided,
         "coarse": coarse,
         "levels": levels,
@@ -164,7 +164,7 @@ def map_dataset(result: FateMap) -> "Dataset":
     contents: dict[str, Any] = {
         "fate": (whole, result.fates.fate, {
             "flag_values": np.array([int(f) for f in Fate], dtype=np.int8),
-            "flag_meanings": " ".join(f.name.lower() for f in Fate),
+            "flag_meanings": " ".join(f.word for f in Fate),
         }),
         "rate": (whole, result.fates.rate, {"units": "1/s"}),
         "amplitude": (whole, result.fates.amplitude, {"units": unit}),
@@ -188,7 +188,6 @@ def map_dataset(result: FateMap) -> "Dataset":
         "device": identity["device"],
         "settings": json.dumps({q: str(v) for q, v in plane.at({}).items()}),
         "trial": json.dumps(identity["trial"]),
-        "perceptible": plane.perceptible,
         "one_sided": int(plane.one_sided),
     }
     return xarray.Dataset(contents, axes, attributes)

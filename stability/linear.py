@@ -22,8 +22,8 @@ from scipy.optimize import minimize_scalar
 
 from zwidth.sim.device import Device
 from zwidth.sim.interface import DIFFERENCE_ALONE
+from zwidth.sim.loop import Loop, open_loop
 from zwidth.stability.crossings import Crossings, crossings
-from zwidth.stability.loop import Loop, open_loop
 from zwidth.stability.periodic import (
     PeriodicLoop,
     periodic_boundary,

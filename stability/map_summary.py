@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.sim.fate import Fate
 from zwidth.stability.fate_map import FateMap
-from zwidth.stability.fates import Fate
 from zwidth.stability.linear import has_theory
 from zwidth.stability.plane import Floats
 from zwidth.stability.plane_theory import cycle_at_the_limit
@@ -21,18 +21,21 @@ def summary(result: FateMap) -> dict[str, Any]:
     fates: of each its share of the plane and, at the points that were run, [median, most] of the
     amplitude [rad | m], the same in encoder steps, and of the force [N m | N], escaped ones left
     out. What linear theory calls stable or not is compared where it takes the device, else None.
-    transitions: for each x the y up to which all runs rest and that from which one grows.
+    perceptible [N m | N], perceptible_position [rad | m], None for that of the skin: from what on
+    an oscillation is felt. transitions: for each x the y up to which all runs rest and that from
+    which one grows.
     """
     plane, fate = result.plane, result.fates.fate
     rests, grows = result.transitions()
-    imperceptible = (fate == Fate.RESTS) | (fate == Fate.IMPERCEPTIBLE_CYCLE)
+    imperceptible = (fate == Fate.RESTS) | (fate == Fate.DITHERS)
     return {
         "device": plane.device.name,
         "axes": [plane.x.quantity, plane.y.quantity],
         "runs": result.runs,
         "lattice": result.run.size,
-        "perceptible": plane.perceptible,
-        "fates": {f.name.lower(): _of_fate(result, f) for f in Fate},
+        "perceptible": plane.trial.perception.force,
+        "perceptible_position": plane.trial.perception.position,
+        "fates": {f.word: _of_fate(result, f) for f in Fate},
         **_beside_theory(result, fate != Fate.RESTS, ~imperceptible),
         "transitions": [
             {"x": float(x), "rests_up_to": _known(r), "grows_from": _known(g)}

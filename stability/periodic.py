@@ -1,6 +1,6 @@
 """The closed loop of several rates: what one cycle of ticks makes of the state.
 
-The state is that of `stability/loop.py`, and before each tick's command, in this order, what is
+The state is that of `sim/loop.py`, and before each tick's command, in this order, what is
 read of it: the position y^ that the law has, the reading y* of the last velocity estimate (or what
 another estimator remembers), the estimate v, its filter's slope r. At a tick that renews them they
 are set by a linear map M of the state, else left; then u = -(K y^ + B v), and the chain moves over
@@ -29,7 +29,7 @@ from scipy.optimize import brentq, minimize_scalar
 from zwidth.sim.device import Device
 from zwidth.sim.estimators import Linear
 from zwidth.sim.interface import DIFFERENCE_ALONE, Interface
-from zwidth.stability.loop import linear_estimator, open_loop
+from zwidth.sim.loop import linear_estimator, open_loop
 from zwidth.stability.types import Corner, LinearPoint
 
 Floats = NDArray[np.float64]

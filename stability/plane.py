@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.sim.device import Device, place_label
+from zwidth.sim.fate import rest_amplitude
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
 from zwidth.stability.bisection import Trial
@@ -27,7 +28,6 @@ NEVER_ZERO: tuple[Quantity, ...] = ("K", "command_limit", "amplitude", "cutoff")
 FIELDS: dict[str, str] = {"cutoff": "velocity_cutoff_hz"}  # of the interface, where named otherwise
 FEWEST_TICKS = 64  # of a run: eight windows of eight ticks
 MOST_TICKS = 50  # of delay: linear theory takes the eigenvalues of as many states at every point
-REST_OF_START, REST_OF_STEP = 1e-3, 0.02
 
 
 @dataclass(frozen=True)
@@ -71,10 +71,9 @@ class Plane:
     """Two axes over a device; what is on no axis has its value in the device, or here.
 
     stiffness, damping: of the wall, whose law is trial.law. Friction on an axis is the level of
-    Coulomb friction at m1 [N m | N], cutoff that of the velocity filter [Hz]. perceptible:
-    amplitude of the command [N m | N] from which a sustained oscillation is felt. one_sided: the
-    wall fills y > 0 and the run starts inside it. trial.threshold None: a run rests below 1e-3 of
-    its start and 0.02 of an encoder step.
+    Coulomb friction at m1 [N m | N], cutoff that of the velocity filter [Hz]. one_sided: the wall
+    fills y > 0 and the run starts inside it. trial.threshold None: a run rests below 1e-3 of its
+    start and 0.02 of an encoder step.
 
     Raises ValueError (field, value, what is allowed).
     """
@@ -85,13 +84,12 @@ class Plane:
     stiffness: float = 1.0
     damping: float = 0.0
     trial: Trial = field(default_factory=lambda: Trial(limit_s=16.0))
-    perceptible: float = 0.01
     one_sided: bool = False
 
     def __post_init__(self) -> None:
         if self.x.quantity == self.y.quantity:
             raise ValueError(f"both axes are {self.x.quantity}; choose two different quantities")
-        for name in ("stiffness", "damping", "perceptible"):
+        for name in ("stiffness", "damping"):
             value = getattr(self, name)
             if not 0.0 <= value < math.inf:
                 raise ValueError(f"{name} is {value}; it must be finite and >= 0")
@@ -138,14 +136,10 @@ class Plane:
         device = self.device.with_interface(**changes) if changes else self.device
         return with_friction(device, values["friction"]) if "friction" in values else device
 
-    def trial_at(self, device: Device, start: float) -> Trial:
-        """Return the trial of a device of this plane from a start."""
+    def rest(self, device: Device, start: float) -> float:
+        """Return the amplitude below which an oscillation of a device of this plane is none."""
         threshold = self.trial.threshold
-        if threshold is None:
-            step = device.interface.encoder_step
-            threshold = REST_OF_START * abs(start)
-            threshold = min(threshold, REST_OF_STEP * step) if step > 0.0 else threshold
-        return replace(self.trial, start=start, threshold=threshold)
+        return rest_amplitude(device, start) if threshold is None else threshold
 
 
 def is_friction_at_m1(physics: Physics) -> bool:

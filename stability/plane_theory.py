@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from zwidth.sim.interface import Interface
+from zwidth.sim.loop import Loop
 from zwidth.stability.describing import (
     PredictedCycle,
     friction_boundary,
@@ -13,7 +14,6 @@ from zwidth.stability.describing import (
     saturation_cycle,
 )
 from zwidth.stability.linear import any_loop, has_theory
-from zwidth.stability.loop import Loop
 from zwidth.stability.periodic import PeriodicLoop
 from zwidth.stability.plane import Axis, Floats, Plane, Quantity, with_friction
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from zwidth.sim.device import Device
 from zwidth.sim.interface import Interface
-from zwidth.stability.loop import linear_estimator
+from zwidth.sim.loop import linear_estimator
 
 Complexes = NDArray[np.complex128]
 

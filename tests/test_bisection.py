@@ -13,11 +13,13 @@ from scipy.optimize import brentq
 import zwidth.stability.bisection as bisection
 import zwidth.stability.frequency
 from zwidth.sim.ensemble import walls
+from zwidth.sim.fate import Conditions, Fate, fates_of
 from zwidth.sim.growth import DECAYS, GROWS, LIMIT_CYCLE, UNDECIDED, Verdict
+from zwidth.sim.loop import open_loop
+from zwidth.sim.perception import Perception
 from zwidth.sim.physics import make_physics
 from zwidth.stability.bisection import Bracket, Search, Trial, find_brackets, judge
 from zwidth.stability.linear import boundary, critical_stiffness, last_stable_damping
-from zwidth.stability.loop import open_loop
 
 MASS = 1.2e-3
 
@@ -258,8 +260,10 @@ def test_the_cycle_of_an_encoder_step() -> None:
         assert growth.verdict[0] == LIMIT_CYCLE
         assert growth.amplitude[0] == pytest.approx(expected, rel=0.08)
         assert growth.frequency[0] == pytest.approx(point.frequency_hz, rel=0.02)
-        assert not bisection.is_stable(growth, step)[0]
-        assert bisection.is_stable(growth, 3.0 * step)[0]
+        wall = np.array([stiffness]), np.zeros(1)
+        start_rest = np.array([start]), np.array([0.02 * step])
+        conditions = Conditions([device], np.zeros(1, np.int64), *wall, *start_rest)
+        assert fates_of(growth, conditions, 64.0, Perception())[0] == Fate.DITHERS
 
 
 def test_nearly_neutral_is_no_cycle() -> None:

@@ -7,6 +7,7 @@ import pytest
 from engine_examples import phantom
 from scipy.integrate import quad
 
+from zwidth.sim.fate import Fate
 from zwidth.stability.bisection import Trial
 from zwidth.stability.describing import (
     friction_boundary,
@@ -14,7 +15,7 @@ from zwidth.stability.describing import (
     saturation_cycle,
     saturation_gain,
 )
-from zwidth.stability.fates import Fate, evaluate
+from zwidth.stability.fates import evaluate
 from zwidth.stability.linear import critical_stiffness
 from zwidth.stability.plane import Axis, Plane, with_friction
 from zwidth.stability.plane_theory import describing_lines
@@ -122,7 +123,7 @@ def test_a_quantiser_cycles_wherever_it_is_predicted_to() -> None:
     plane = Plane(device, B, K, trial=Trial(1.3e-3, 8.0, 128.0))
     above = np.linspace(1.001 * predicted, 0.98 * critical, 12)
     below = np.linspace(0.3 * predicted, 0.55 * predicted, 6)
-    cycles = {Fate.IMPERCEPTIBLE_CYCLE, Fate.CYCLE}
+    cycles = {Fate.DITHERS, Fate.FELT}
     assert set(evaluate(plane, np.zeros(12), above).fate) <= cycles
     assert set(evaluate(plane, np.zeros(6), below).fate) == {Fate.RESTS}
 

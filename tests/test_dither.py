@@ -10,13 +10,13 @@ from engine_examples import coulomb, phantom
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.ensemble import walls
+from zwidth.sim.fate import FEW, Fate, dither_steps
 from zwidth.sim.growth import Verdict
 from zwidth.sim.interface import Interface
+from zwidth.sim.loop import open_loop
 from zwidth.stability.bisection import Bracket, Search, Trial, find_brackets, judge
-from zwidth.stability.dither import FEW, dither_steps
-from zwidth.stability.fates import Fate, evaluate
+from zwidth.stability.fates import evaluate
 from zwidth.stability.linear import boundary, critical_stiffness, last_stable_damping
-from zwidth.stability.loop import open_loop
 from zwidth.stability.plane import Axis, Plane
 
 MASS, PERIOD = 0.02, 1e-3

@@ -23,12 +23,12 @@ from zwidth.sim.estimators.kalman import kalman
 from zwidth.sim.estimators.kalman_acceleration import kalman_acceleration
 from zwidth.sim.group import member
 from zwidth.sim.interface import Interface
+from zwidth.sim.loop import open_loop
 from zwidth.sim.run import Run, Start, simulate
 from zwidth.stability.bisection import Search, Trial, find_brackets
 from zwidth.stability.branches import critical_mode, damping_locus
 from zwidth.stability.decomposition import curve
 from zwidth.stability.linear import boundary, critical_stiffness, last_stable_damping
-from zwidth.stability.loop import open_loop
 from zwidth.stability.passivity import passive_boundary
 from zwidth.stability.periodic import periodic_boundary, periodic_loop
 from zwidth.stability.velocity import velocity_response

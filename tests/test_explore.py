@@ -25,11 +25,12 @@ from zwidth.figures.map import COLOURS
 from zwidth.scenarios.paddle import paddle_boundary
 from zwidth.scenarios.scenario_file import scenario_from_text, scenario_to_text
 from zwidth.sim.device_file import load_device, save_device
+from zwidth.sim.fate import Fate
 from zwidth.sim.readable import with_unit
 from zwidth.stability import sketch as sketching
 from zwidth.stability.bisection import Trial
 from zwidth.stability.fate_map import make_map
-from zwidth.stability.fates import Fate, evaluate
+from zwidth.stability.fates import evaluate
 from zwidth.stability.linear import critical_stiffness
 from zwidth.stability.plane import Axis, Plane, with_friction
 from zwidth.stability.sketch import Sketch, sketch
@@ -158,7 +159,7 @@ def test_pictures_have_the_colours_of_the_legend_and_a_scale_where_they_need_one
         r, g, b = bytes.fromhex(COLOURS[fate][1:])
         there = result.fates.fate == fate
         assert set(image[there].tolist()) <= {r | g << 8 | b << 16 | 255 << 24}
-    cycles = np.isin(result.fates.fate, [Fate.CYCLE, Fate.IMPERCEPTIBLE_CYCLE, Fate.UNDECIDED])
+    cycles = np.isin(result.fates.fate, [Fate.FELT, Fate.DITHERS, Fate.UNDECIDED])
     low, high = picture(result, "amplitude").scale or (0.0, 0.0)
     assert np.mean(result.fates.amplitude[cycles] < low) == pytest.approx(0.02, abs=1e-3)
     assert high == result.fates.amplitude[cycles].max()

@@ -11,6 +11,7 @@ from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device
 from zwidth.sim.interface import Interface
+from zwidth.sim.loop import open_loop
 from zwidth.sim.physics.actuator_lag import actuator_lag
 from zwidth.sim.physics.effect import Physics
 from zwidth.stability import linear
@@ -23,7 +24,6 @@ from zwidth.stability.linear import (
     last_stable_damping,
     stable_dampings,
 )
-from zwidth.stability.loop import open_loop
 from zwidth.stability.types import LinearPoint
 
 PHANTOM = load_device("phantom_1_0")

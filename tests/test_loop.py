@@ -11,10 +11,10 @@ from zwidth.controllers.wall import wall
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.interface import Interface
+from zwidth.sim.loop import MOST_TICKS, open_loop
 from zwidth.sim.physics.actuator_lag import actuator_lag
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.run import Start, simulate
-from zwidth.stability.loop import MOST_TICKS, open_loop
 
 PERIOD = 0.001
 STIFFNESS, DAMPING = 300.0, 0.15

@@ -26,7 +26,7 @@ def test_it_writes_map_pictures_and_json(
     said = json.loads(capsys.readouterr().out)
     assert said["axes"] == ["B", "K"]
     assert said["lattice"] == 81
-    cycle = said["fates"]["cycle"]
+    cycle = said["fates"]["felt"]
     assert cycle["encoder_steps"] == pytest.approx([a / 1e-4 for a in cycle["amplitude"]])
     assert [t["x"] for t in said["transitions"]] == pytest.approx(
         np.linspace(0.0, 0.1196, 9), rel=1e-3

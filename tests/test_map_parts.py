@@ -114,7 +114,7 @@ def test_parts_without_a_description_are_somebody_elses(tmp_path: Path) -> None:
 
 def test_a_folder_of_another_map_is_refused(tmp_path: Path) -> None:
     make_map(plane(), 3, 0, tmp_path)
-    for other in (replace(plane(), perceptible=0.02), replace(plane(), x=Axis("B", 0.0, 0.1))):
+    for other in (replace(plane(), one_sided=True), replace(plane(), x=Axis("B", 0.0, 0.1))):
         with pytest.raises(ValueError, match="holds a map of another plane; choose another folder"):
             make_map(other, 3, 0, tmp_path)
     with pytest.raises(ValueError, match="another plane"):

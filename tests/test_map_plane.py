@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 from engine_examples import coulomb, phantom
 
+from zwidth.sim.fate import Conditions, Fate, fates_of
 from zwidth.sim.growth import DECAYS, GROWS, LIMIT_CYCLE, UNDECIDED, Growth
+from zwidth.sim.perception import Perception
 from zwidth.sim.physics import make_physics
 from zwidth.stability.bisection import Trial
 from zwidth.stability.fate_map import make_map, save_map
-from zwidth.stability.fates import Fate, Setting, classify, evaluate
+from zwidth.stability.fates import evaluate
 from zwidth.stability.linear import critical_stiffness
 from zwidth.stability.map_summary import summary
 from zwidth.stability.plane import Axis, Plane, with_friction
@@ -60,7 +62,7 @@ def test_a_limit_holds_growth_and_only_growth() -> None:
 def test_a_cycle_at_the_limit_that_settles_is_growth() -> None:
     """Right of the corner, limit 0.5 N m: the cycle falls a little for longer than a run lasts.
 
-    Mutation: `held & ~decays` in `classify`: some of the points rest.
+    Mutation: `held & ~decays` in `fates_of`: some of the points rest.
     """
     device = phantom().with_interface(command_limit=0.5)
     some = Plane(device, B, K)
@@ -100,16 +102,18 @@ def growth(verdict: int, rate: float, amplitude: float, force: float) -> Growth:
         ((DECAYS, -3.0, 1e-9, 0.0), 0.0, Fate.RESTS),
         ((DECAYS, -3.0, 1e-9, 0.0), STEP, Fate.RESTS),
         ((DECAYS, -0.2, 1e-4, 0.05), STEP, Fate.UNDECIDED),  # falls, but steps may stop it
-        ((DECAYS, -0.001, 1e-4, 0.05), STEP, Fate.CYCLE),  # hardly falls
+        ((DECAYS, -0.001, 1e-4, 0.05), STEP, Fate.FELT),  # hardly falls
         ((DECAYS, -0.001, 1e-4, 0.05), 0.0, Fate.RESTS),  # linear: it will
-        ((LIMIT_CYCLE, 0.0, 1e-4, 0.005), STEP, Fate.IMPERCEPTIBLE_CYCLE),
-        ((LIMIT_CYCLE, 0.0, 1e-4, 0.01), STEP, Fate.CYCLE),
+        ((LIMIT_CYCLE, 0.0, 1e-4, 0.005), STEP, Fate.DITHERS),
+        ((LIMIT_CYCLE, 0.0, 1e-4, 0.01), STEP, Fate.FELT),
         ((LIMIT_CYCLE, 0.0, 1e-2, 0.5), STEP, Fate.GROWS),  # at the limit
+        ((LIMIT_CYCLE, 0.0, 1e-2, 0.05), STEP, Fate.GROWS),  # of 100 steps, not theirs
+        ((LIMIT_CYCLE, 0.0, 1e-4, 0.005), 0.0, Fate.GROWS),  # without any steps
         ((DECAYS, -0.003, 1e-2, 0.5), 0.0, Fate.GROWS),  # at the limit, and settling
         ((DECAYS, -0.3, 1e-2, 0.5), 0.0, Fate.RESTS),  # at the limit, and coming down
-        ((UNDECIDED, 0.1, 1e-4, 0.02), STEP, Fate.CYCLE),  # irregular
+        ((UNDECIDED, 0.1, 1e-4, 0.02), STEP, Fate.FELT),  # irregular
         ((UNDECIDED, 0.0, 1e-3, 0.02), 0.0, Fate.UNDECIDED),  # on the linear boundary
-        ((GROWS, 0.01, 1e-4, 0.02), STEP, Fate.CYCLE),  # below the start and a few steps
+        ((GROWS, 0.01, 1e-4, 0.02), STEP, Fate.FELT),  # below the start and a few steps
         ((GROWS, 0.01, 2e-3, 0.02), STEP, Fate.GROWS),
         ((GROWS, math.inf, 1e9, 1e9), STEP, Fate.GROWS),
     ],
@@ -119,18 +123,22 @@ def test_verdicts_become_fates(
 ) -> None:
     """Perceptible from 0.01 N m on, limit 0.5 N m, start 1e-3 rad, 16 s.
 
-    Mutations: any one of `restless`, `drifting`, `held`, `small` left out fails a row.
+    Mutations: any one of `restless`, `drifts`, `held_growth`, `_small` left out fails a row.
     """
     device = phantom().with_interface(encoder_step=step, command_limit=0.5)
     plane = Plane(device, B, K)
-    setting = Setting.of(plane, [device], np.zeros(1, np.int64), np.array([1e-3]))
-    assert classify(growth(*found), setting, plane.trial.limit_s, 0.01).fate[0] == fate
+    one = np.ones(1)
+    conditions = Conditions(
+        [device], np.zeros(1, np.int64), 10.0 * one, 0.0 * one, 1e-3 * one,
+        plane.rest(device, 1e-3) * one,
+    )  # fmt: skip
+    assert fates_of(growth(*found), conditions, plane.trial.limit_s, Perception())[0] == fate
 
 
 def test_irregular_oscillations_are_judged_as_in_eight_times_the_time() -> None:
     """60 seeded points of the stable part with steps: equal answers after 8 s and after 64 s.
 
-    Mutation: `(stepped & undecided)` left out of `cycling`.
+    Mutation: `(verdict == UNDECIDED)` left out of `irregular`.
     """
     rng = np.random.default_rng(5)
     device = phantom().with_interface(encoder_step=STEP)
@@ -245,7 +253,6 @@ def test_axes_that_cannot_be(arguments: tuple[object, ...], says: str) -> None:
         ({"x": K}, "both axes are K; choose two different quantities"),
         ({"stiffness": math.nan}, "stiffness is nan; it must be finite and >= 0"),
         ({"damping": -1.0}, "damping is -1.0; it must be finite and >= 0"),
-        ({"perceptible": math.inf}, "perceptible is inf"),
         ({"x": Axis("delay", 0.0, 0.06)}, "the delay reaches 0.06 s; a map allows 50 ticks"),
         ({"device": phantom().with_interface(delay=0.051)}, "a map allows 50 ticks"),
         (

@@ -9,9 +9,10 @@ from scipy.optimize import brentq
 
 from zwidth.controllers.wall import wall
 from zwidth.sim.device import Device
+from zwidth.sim.fate import Fate
 from zwidth.sim.run import Start, simulate
 from zwidth.stability.bisection import Trial
-from zwidth.stability.fates import Fate, evaluate
+from zwidth.stability.fates import evaluate
 from zwidth.stability.plane import Axis, Plane
 
 T = 1e-3
@@ -97,7 +98,7 @@ def quantised(share: float) -> Device:
     ("share", "fates"),
     [
         (4.0, {Fate.RESTS}),
-        (1.3, {Fate.IMPERCEPTIBLE_CYCLE, Fate.CYCLE}),
+        (1.3, {Fate.DITHERS, Fate.FELT}),
         (0.02, {Fate.GROWS}),
     ],
 )

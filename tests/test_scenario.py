@@ -29,6 +29,7 @@ from zwidth.sim.chain import make_chain
 from zwidth.sim.controller import user_controller
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import device_to_text, load_device
+from zwidth.sim.fate import Fate
 from zwidth.sim.growth import Verdict
 from zwidth.sim.interface import Interface
 from zwidth.sim.physics import make_physics
@@ -316,7 +317,10 @@ def test_verdict_on_both_sides_of_the_boundary(stiffness: float, verdict: Verdic
     """K_CR is 22.996 at B = 0.05 and 2 ms. Mutation: measures of the first windows only."""
     scenario = Scenario(PHANTOM, wall(stiffness, 0.05), 4.0, Start(1e-3))
     run = simulate(PHANTOM, wall(stiffness, 0.05), duration=4.0, start=Start(1e-3))
-    assert run_verdict(scenario, run.trace, run.outcome) is verdict
+    found = run_verdict(scenario, run.trace, run.outcome)
+    assert found is not None
+    assert found.verdict is verdict
+    assert found.fate is (Fate.RESTS if verdict is Verdict.DECAYS else Fate.GROWS)
 
 
 def test_no_verdict_while_something_drives():

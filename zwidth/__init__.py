@@ -20,7 +20,8 @@ How stiff a wall?
     sweep             the setting, as of the velocity filter, with the widest Z-width
     relay             critical stiffness and frequency as a relay experiment reads them
     find_boundaries   boundaries of several devices over dampings that you choose; Trial(law=Law())
-                      says which law the walls follow
+                      says which law the walls follow, Trial(perception=
+                      Perception()) from what on an oscillation is felt
 What happens in a run?
     simulate          a device under wall, texture, region, guarded (by a passivity controller),
                       recorded, none or user_controller, or a Scenario
@@ -104,12 +105,14 @@ if _TYPE_CHECKING:
     from zwidth.sim.device_file import load_device as load_device
     from zwidth.sim.device_file import save_device as save_device
     from zwidth.sim.device_file import shipped_devices as shipped_devices
+    from zwidth.sim.fate import Fate as Fate
     from zwidth.sim.interface import Interface as Interface
     from zwidth.sim.law import Law as Law
     from zwidth.sim.modal import ModalModel as ModalModel
     from zwidth.sim.modal import Mode as Mode
     from zwidth.sim.passive import PassiveFit as PassiveFit
     from zwidth.sim.passive import nearest_passive as nearest_passive
+    from zwidth.sim.perception import Perception as Perception
     from zwidth.sim.physics import make_physics as make_physics
     from zwidth.sim.physics.effect import Physics as Physics
     from zwidth.sim.run import Outcome as Outcome
@@ -125,7 +128,6 @@ if _TYPE_CHECKING:
     from zwidth.stability.boundary import find_boundaries as find_boundaries
     from zwidth.stability.fate_map import FateMap as FateMap
     from zwidth.stability.fate_map import save_map as save_map
-    from zwidth.stability.fates import Fate as Fate
     from zwidth.stability.fates import Fates as Fates
     from zwidth.stability.linear import corner as corner
     from zwidth.stability.linear import critical_stiffness as critical_stiffness
@@ -152,7 +154,7 @@ HOMES = {
     "Estimate": "zwidth.diagnosis.answer.result",
     "Event": "zwidth.logs.events",
     "Executor": "zwidth.jobs.executor",
-    "Fate": "zwidth.stability.fates",
+    "Fate": "zwidth.sim.fate",
     "FateMap": "zwidth.stability.fate_map",
     "Fates": "zwidth.stability.fates",
     "Frame": "zwidth.logs.in_memory",
@@ -170,6 +172,7 @@ HOMES = {
     "NotDiagnosed": "zwidth.diagnosis.answer.result",
     "Outcome": "zwidth.sim.run",
     "PassiveFit": "zwidth.sim.passive",
+    "Perception": "zwidth.sim.perception",
     "Physics": "zwidth.sim.physics.effect",
     "Plan": "zwidth.planning.plan",
     "Plane": "zwidth.stability.plane",

@@ -39,10 +39,10 @@ from zwidth.scenarios.scenario import Scenario, usual_substeps
 from zwidth.scenarios.table_2 import DEVICE, MeasuredPoint, measured_at
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device, remarks_on
+from zwidth.sim.fate import FEW
 from zwidth.sim.run import Start
 from zwidth.stability.bisection import Bracket, Search, Trial
 from zwidth.stability.boundary import Boundary, BoundaryPoint, default_dampings, find_boundaries
-from zwidth.stability.dither import FEW
 from zwidth.stability.linear import boundary as linear_boundary
 from zwidth.stability.passivity import passive_boundary, stiffest_passive
 

@@ -22,6 +22,7 @@ from zwidth.options import (
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device
 from zwidth.sim.equations import enough_substeps
+from zwidth.sim.perception import FORCE, Perception
 from zwidth.stability.bisection import Trial
 from zwidth.stability.fate_map import make_map, save_map
 from zwidth.stability.map_summary import summary
@@ -71,8 +72,11 @@ FIXED_BY: dict[Quantities, str] = {
               " unclear.")  # fmt: skip
 @click.option("--substeps", type=click.IntRange(1, 1000), default=None,
               help="Integration steps per sample. Default: 10 with friction, else 1.")  # fmt: skip
-@click.option("--perceptible", type=Quantity("N m | N"), default=0.01, show_default=True,
+@click.option("--perceptible", type=Quantity("N m | N"), default=FORCE, show_default=True,
               help="Smallest force of an oscillation that a hand feels.")  # fmt: skip
+@click.option("--perceptible-position", type=Quantity("rad | m", above=True),
+              help="Smallest amplitude that a hand feels. Default: the threshold of vibration on"
+              " the skin, for a linear device.")  # fmt: skip
 @click.option("--one-sided", is_flag=True, help="The wall only pushes.")
 @law_options
 @click.option("--coarse", type=click.IntRange(3, 513), default=25, show_default=True,
@@ -95,9 +99,9 @@ def command(
 ) -> None:
     """Map the outcome of runs over two quantities, with the linear boundary drawn over it.
 
-    DEVICE is a shipped device or a device file. A run comes to rest, keeps oscillating, or grows
-    without bound. Finished parts are kept in the folder: after an interruption, the same command
-    continues where it stopped, here or on a cluster.
+    DEVICE is a shipped device or a device file. A run comes to rest, dithers (oscillates under the
+    steps of encoder or command, unfelt or felt), or grows. Finished parts are kept in the folder:
+    after an interruption, the same command continues where it stopped, here or on a cluster.
     """
     console = Console(json_file)
     _refuse_idle_options(context, options)
@@ -168,10 +172,11 @@ def _plane(device: Device, options: dict[str, Any]) -> Plane:
         options["start"], seconds, 4.0 * seconds, min(0.5, seconds / 8.0),
         substeps=options["substeps"] or enough_substeps(rubbing, 10 if rubbing.physics else 1),
         law=law_of([device], options),
+        perception=Perception(options["perceptible"], options["perceptible_position"]),
     )  # fmt: skip
     return Plane(
         device, axes[0], axes[1], options["stiffness"], options["damping"], trial,
-        options["perceptible"], options["one_sided"],
+        options["one_sided"],
     )  # fmt: skip
 
 
@@ -194,7 +199,7 @@ def _say(console: Console, found: dict[str, Any], rotary: bool) -> None:
         Column(f"force [{force}]: median"), Column("most"),
     ]  # fmt: skip
     rows = [
-        [name.replace("_", " "), f"{100.0 * f['share']:.1f} %", *_two(f["amplitude"]),
+        [name, f"{100.0 * f['share']:.1f} %", *_two(f["amplitude"]),
          *_two(f["encoder_steps"]), *_two(f["force"])]
         for name, f in fates.items() if f["share"] > 0.0
     ]  # fmt: skip

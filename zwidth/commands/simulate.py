@@ -33,6 +33,14 @@ WORDS = {
     "limit_cycle": "settles on a limit cycle",
     "undecided": "has not shown yet whether it decays or grows",
 }
+FATES = {  # of a wall: what of `sim/fate.py` is said beside it
+    "rests": "comes to rest",
+    "dithers": "dithers, too weakly to be felt",
+    "felt": "dithers, and is felt",
+}
+
+
+SETTLED = " that the steps of encoder and command alone cannot keep up"
 
 
 @click.command("simulate")
@@ -81,6 +89,7 @@ def command(
             "duration_s": len(logged.run.trace) * described.device.interface.period,
             "outcome": logged.run.outcome.name.lower(),
             "verdict": logged.metadata.get("verdict"),
+            "fate": logged.metadata.get("fate"),
             "events": dict(Counter(event.kind for event in logged.events)),
             "peaks": {name: json_number(value) for name, value in _peaks(logged.run).items()},
             "energy": {name: json_number(value) for name, value in _energy(logged.run).items()},
@@ -103,7 +112,11 @@ def _say(console: Console, scenario: Scenario, logged: LoggedRun) -> None:
     run, period = logged.run, scenario.device.interface.period
     console.say(_title(scenario, logged))
     verdict = logged.metadata.get("verdict")
-    judged = f"; left alone, it {WORDS[verdict]}" if verdict is not None else ""
+    fate = logged.metadata.get("fate", "")
+    judged = ""
+    if verdict is not None:
+        judged = f"; left alone, it {FATES.get(fate, WORDS[verdict])}"
+        judged += SETTLED if (fate, verdict) == ("grows", "limit_cycle") else ""
     console.say(f"{len(run.trace)} ticks of {1e3 * period:g} ms: {run.outcome.value}{judged}")
     counts = Counter(event.kind.replace("_", " ") for event in logged.events)
     if counts:

@@ -85,7 +85,8 @@ class Page:
             HTML(name=n, html="") for n in ("saves", "progress", "wall")
         )
         measured = bool(bench.measured(view))
-        legend = _said("legend", words.legend(with_unit(plane.perceptible, force), measured))
+        felt = with_unit(plane.trial.perception.force, force)
+        legend = _said("legend", words.legend(felt, measured))
         self.root = self._layout(legend)
 
     def _layout(self, legend: Div) -> Column:

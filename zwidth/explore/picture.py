@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from zwidth.explore.view import Layer
 from zwidth.figures.map import COLOURS
+from zwidth.sim.fate import Fate
 from zwidth.stability.fate_map import FateMap
-from zwidth.stability.fates import Fate
 
 Floats = NDArray[np.float64]
 Colours = NDArray[np.uint32]
@@ -33,7 +33,7 @@ def picture(result: FateMap, layer: Layer) -> Picture:
         return Picture(by_fate[fate], None)
     values = _stays(result, layer)
     known = np.isfinite(values)
-    quiet = np.isin(fate, [Fate.IMPERCEPTIBLE_CYCLE, Fate.CYCLE])
+    quiet = np.isin(fate, [Fate.DITHERS, Fate.FELT])
     ground = by_fate[np.where(quiet, int(Fate.UNDECIDED), fate)]
     if not known.any():
         return Picture(ground, None)

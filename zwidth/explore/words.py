@@ -6,21 +6,21 @@ from html import escape
 
 import numpy as np
 
-from zwidth.explore.bench import SECONDS, Bench, Line
+from zwidth.explore.bench import LIMIT_S, SECONDS, Bench, Line
 from zwidth.explore.look import Look
 from zwidth.explore.view import View
 from zwidth.figures.map import COLOURS, NAMES, PREDICTED
 from zwidth.sim.device import Device, place_label
+from zwidth.sim.fate import Fate, settles
 from zwidth.sim.readable import plain, with_unit
 from zwidth.stability.fate_map import FateMap, units_of
-from zwidth.stability.fates import Fate
 from zwidth.stability.plane import Plane, is_friction_at_m1
 
 EARLY = 0.98  # of the time that is shown, before which a run that ends was lost
 SHORT = {
     Fate.RESTS: "rest",
-    Fate.IMPERCEPTIBLE_CYCLE: "buzz unfelt",
-    Fate.CYCLE: "buzz",
+    Fate.DITHERS: "dither",
+    Fate.FELT: "felt",
     Fate.GROWS: "grow",
     Fate.UNDECIDED: "undecided",
 }
@@ -59,7 +59,7 @@ def of_the_wall(found: Look, plane: Plane, line: Line) -> str:
         word = "stable" if stable else "unstable"
         limit, frequency = with_unit(critical[0], units_of(plane, "K")), critical[1]
         theory = f"{word} (its limit at this B: K = {limit}, {frequency:.3g} Hz)"
-    surprise = stable == (fate in (Fate.CYCLE, Fate.GROWS, Fate.IMPERCEPTIBLE_CYCLE))
+    surprise = stable == (fate in (Fate.FELT, Fate.GROWS, Fate.DITHERS))
     if line.without:
         return f"<b>{escape(wall)}</b> {escape(seen)}; linear theory takes no {line.without}."
     verb = "<b>but</b> linear theory says" if surprise else "linear theory:"
@@ -75,14 +75,16 @@ def _seen(found: Look, plane: Plane, fate: Fate, limited: bool) -> str:
     )
     if fate == Fate.RESTS:
         return "comes to rest"
+    if fate == Fate.GROWS and settles(fates.rate, LIMIT_S)[0] and not limited:
+        return f"settles on an oscillation that steps alone cannot keep up: {size}"
     if fate == Fate.GROWS and not limited:
         lost = f"; lost after {with_unit(ends, 's', 3)}" if (ends := _ends(found)) else ""
         hertz = float(fates.frequency[0])
         at = f", at {hertz:.3g} Hz" if math.isfinite(hertz) else ""
         return f"grows without bound{at}{lost}"
     return {
-        Fate.IMPERCEPTIBLE_CYCLE: f"keeps oscillating, too weakly to feel: {size}",
-        Fate.CYCLE: f"keeps oscillating: {size}",
+        Fate.DITHERS: f"dithers, too weakly to feel: {size}",
+        Fate.FELT: f"dithers, and is felt: {size}",
         Fate.GROWS: f"grows until the amplifier's limit holds it: {size}",
         Fate.UNDECIDED: f"is undecided after 16 s: {size}",
     }[fate]
@@ -136,7 +138,7 @@ def legend(perceptible: str, measured: bool) -> str:
     names = {
         **NAMES,
         Fate.GROWS: "grows (to the limit, if any)",
-        Fate.CYCLE: f"{NAMES[Fate.CYCLE]} (felt: from {perceptible})",
+        Fate.FELT: f"{NAMES[Fate.FELT]} (from {perceptible})",
     }
     names[Fate.UNDECIDED] = "undecided"
     entries = [(SWATCH.format(colour=COLOURS[f]), name) for f, name in names.items()]

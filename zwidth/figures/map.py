@@ -11,17 +11,17 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from zwidth.law_options import said_of
+from zwidth.sim.fate import Fate
 from zwidth.sim.readable import scaled, with_unit
 from zwidth.stability.fate_map import FateMap, units_of
-from zwidth.stability.fates import Fate
 from zwidth.stability.plane import Plane
 from zwidth.stability.plane_theory import Line, describing_lines
 
 # Told apart by the colour-blind, and by lightness alone in print.
 COLOURS = {
     Fate.RESTS: "#f2f2f2",
-    Fate.IMPERCEPTIBLE_CYCLE: "#b3d3ec",
-    Fate.CYCLE: "#4a90c4",
+    Fate.DITHERS: "#b3d3ec",
+    Fate.FELT: "#4a90c4",
     Fate.GROWS: "#7f2704",
     Fate.UNDECIDED: "#ffd92f",
 }
@@ -29,8 +29,8 @@ PREDICTED = "#d01c8b"
 FEWEST_TICKS = 3
 NAMES = {
     Fate.RESTS: "comes to rest",
-    Fate.IMPERCEPTIBLE_CYCLE: "imperceptible oscillation",
-    Fate.CYCLE: "sustained oscillation",
+    Fate.DITHERS: "dithers, not felt",
+    Fate.FELT: "dithers and is felt",
     Fate.GROWS: "grows to the limit",
     Fate.UNDECIDED: "undecided in the time given",
 }
@@ -128,7 +128,7 @@ def round_ticks(low: float, high: float) -> list[float]:
 
 
 def _draw_force(figure: Figure, axes: Axes, result: FateMap) -> None:
-    cycling = np.isin(result.fates.fate, [Fate.IMPERCEPTIBLE_CYCLE, Fate.CYCLE])
+    cycling = np.isin(result.fates.fate, [Fate.DITHERS, Fate.FELT])
     held = _held(result.plane)
     shown = cycling | ((result.fates.fate == Fate.GROWS) & held)
     force = np.where(shown & (result.fates.force > 0.0), result.fates.force, np.nan)

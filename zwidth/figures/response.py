@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from zwidth.figures.style import STYLE
 from zwidth.sim.device import Device
-from zwidth.stability.loop import open_loop
+from zwidth.sim.loop import open_loop
 
 Floats = NDArray[np.float64]
 FROM_HZ, POINTS = 0.5, 1200

@@ -29,9 +29,9 @@ from zwidth.paper.table_2_theories import NOT_NEGATIVE, SPREAD, Theory, theory
 from zwidth.scenarios.misprints import JUMPED_HZ
 from zwidth.scenarios.table_2 import MeasuredPoint
 from zwidth.sim.interface import Interface
+from zwidth.sim.loop import wired
 from zwidth.sim.sampled import state_space
 from zwidth.stability.limited_relay import command_share, passed_share
-from zwidth.stability.loop import wired
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

@@ -19,7 +19,7 @@ def table(result: FateMap) -> Table:
     headings = ("fate", "share of the plane", f"median amplitude [{unit.length}]",
                 f"median force [{unit.force}]")  # fmt: skip
     grid = [
-        [name.replace("_", " "), f"{100.0 * fate['share']:.1f} %",
+        [name, f"{100.0 * fate['share']:.1f} %",
          *(NONE if fate[key] is None else number(fate[key][0]) for key in ("amplitude", "force"))]
         for name, fate in found["fates"].items()
         if fate["share"] > 0.0

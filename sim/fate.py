@@ -1,0 +1,214 @@
+"""What becomes of a wall's run: the one place that says so.
+
+rests     comes to rest, or decays towards it
+dithers   oscillates on, kept up by the steps of encoder or command alone, and too weakly to be felt
+felt      the same, and a hand feels it
+grows     grows, without bound or until the amplifier's limit holds it, or settles on an oscillation
+          that steps alone cannot keep up (that of play, of friction, of the limit)
+undecided none of these yet when the time is up
+
+A wall is stable unless it grows. What divides dither from growth is a bound. A step of the encoder
+or of the command is an error e of at most half a step, |e| <= D/2, added to what is read. On a loop
+that is stable without it, such an error can keep an oscillation up but not let it grow. How large
+that may be, in first harmonics (describing function):
+
+    y = -T_c e,  T_c = L / (1 + L),   |e|_1 <= (4/pi) D/2,   so   A <= (2/pi) D max_w |T_c(w)|
+
+the last because no signal within +-D/2 has a larger first harmonic than the square wave, whatever
+its phase. The usual gain N(A) of a quantiser (`stability/describing.py`) comes to 1 faster, as
+(D/A)^1.5; but it takes samples at all phases of the cycle, and a cycle of a whole number of ticks
+meets the same few again and again. So the bound is of the worst case, |N - 1| <= (2/pi) D/A. With
+S = 1 / (1 + L) = det(z - open) / det(z - closed) it is 1 - S at the angles of the poles.
+
+Beside it `FEW` steps are dither on any wall: there |N - 1| <= 0.02, the quantiser is a gain of one
+within 2 % and a delay within 0.02 rad, and an oscillation beyond has another cause. This covers
+well damped walls, whose higher harmonics the first one leaves out, and walls that friction
+holds beyond the linear boundary.
+
+Under steps an oscillation may be irregular: it has no constant amplitude, and no trend that lasts.
+At the end of the longest run it counts as one that lasts, also where it seems to grow but is below
+the start and below a few steps. One that still falls there is undecided: it rests or dithers.
+
+Limits: half the range of m1's position is compared, also where the encoder sits on another mass;
+the linear loop has no friction, play or other physics in it; of a loop of several rates, or with an
+estimator of velocity that is not linear, `FEW` alone counts. Gelb & Vander Velde, Multiple-Input
+Describing Functions, 1968, has the gains.
+"""
+
+import enum
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.sim.device import Device
+from zwidth.sim.growth import DECAYS, GROWS, LIMIT_CYCLE, UNDECIDED, Growth
+from zwidth.sim.loop import MOST_TICKS, open_loop
+from zwidth.sim.perception import Perception
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Indices = NDArray[np.int64]
+WITHIN = 0.02  # of one: the quantiser's gain from FEW steps on
+FEW = 2.0 / (math.pi * WITHIN)  # steps, 32
+LARGEST = 1e6  # steps: no bound is asked for beyond
+DRIFTS = 5.0  # steps up to which a trend is none
+AT_THE_LIMIT = 0.999  # of the command's limit
+REST_OF_START, REST_OF_STEP = 1e-3, 0.02
+
+
+class Fate(enum.IntEnum):
+    """What a run does in the end."""
+
+    RESTS = 0
+    DITHERS = 1
+    FELT = 2
+    GROWS = 3
+    UNDECIDED = 4
+
+    @property
+    def word(self) -> str:
+        """The word that tables and files use."""
+        return self.name.lower()
+
+
+class Conditions(NamedTuple):
+    """What of walls and devices decides the fates of runs (runs,).
+
+    devices, which: those of the runs; stiffness [N m/rad | N/m], damping [N m s/rad | N s/m]: of
+    their walls; start: amplitudes at t = 0; rest: amplitudes up to which an oscillation is none;
+    steps: amplitudes, in steps, up to which one is dither, None for `dither_steps`.
+    """
+
+    devices: Sequence[Device]
+    which: Indices
+    stiffness: Floats
+    damping: Floats
+    start: Floats
+    rest: Floats
+    one_sided: bool = False
+    steps: Floats | None = None
+
+    def of_interface(self, field: str) -> Floats:
+        """Return a number of the interface, one a run."""
+        values = [float(getattr(device.interface, field)) for device in self.devices]
+        return np.array(values)[self.which]
+
+    def most_steps(self, asked: Flags) -> Floats:
+        """Return the bound of the runs that are asked for, `FEW` for the others."""
+        if self.steps is not None:
+            return self.steps
+        found = np.full(self.which.size, FEW)
+        for i, device in enumerate(self.devices):
+            some = np.flatnonzero(asked & (self.which == i))
+            if some.size:
+                found[some] = dither_steps(device, self.stiffness[some], self.damping[some])
+        return found
+
+
+def rest_amplitude(device: Device, start: float) -> float:
+    """Return the amplitude below which an oscillation is none: 1e-3 of its start, 0.02 steps."""
+    step = device.interface.encoder_step
+    rest = REST_OF_START * abs(start)
+    return min(rest, REST_OF_STEP * step) if step > 0.0 else rest
+
+
+def fates_of(
+    growth: Growth, conditions: Conditions, limit_s: float, perception: Perception
+) -> NDArray[np.int8]:
+    """Return the `Fate` of each run (runs,).
+
+    limit_s [s]: the longest a run may go on. The command of a one-sided wall reaches the limit on
+    one side only.
+    """
+    encoder_step = conditions.of_interface("encoder_step")
+    command_step = conditions.of_interface("command_step")
+    reach = (0.5 if conditions.one_sided else 1.0) * conditions.of_interface("command_limit")
+    stepped = (encoder_step > 0.0) | (command_step > 0.0)
+    verdict = growth.verdict
+    with np.errstate(invalid="ignore"):
+        resting = growth.amplitude <= conditions.rest
+        falling = growth.rate * limit_s < -1.0
+    restless = stepped & (verdict == DECAYS) & ~resting
+    irregular = (verdict == UNDECIDED) | drifts(growth, conditions.start, encoder_step)
+    irregular |= restless & ~falling
+    lasting = (verdict == LIMIT_CYCLE) | (stepped & irregular)
+    dither = lasting & _small(growth, conditions, lasting, encoder_step, command_step)
+    felt = perception.feels(growth, conditions.devices[0].rotary)
+    fate = np.full(verdict.size, Fate.UNDECIDED, dtype=np.int8)
+    fate[(verdict == GROWS) | (verdict == LIMIT_CYCLE)] = Fate.GROWS
+    fate[(verdict == DECAYS) & ~restless] = Fate.RESTS
+    fate[dither & ~felt] = Fate.DITHERS
+    fate[dither & felt] = Fate.FELT
+    fate[(verdict == LIMIT_CYCLE) & resting] = Fate.RESTS
+    fate[held_growth(growth, reach, limit_s)] = Fate.GROWS
+    return fate
+
+
+def _small(
+    growth: Growth, conditions: Conditions, lasting: Flags, encoder_step: Floats,
+    command_step: Floats,
+) -> Flags:  # fmt: skip
+    """Whether the amplitude, or the command's, is within what steps alone may keep up."""
+
+    def within(steps: Floats | float) -> Flags:
+        small = growth.amplitude <= steps * encoder_step
+        return small | ((command_step > 0.0) & (growth.force <= steps * command_step))
+
+    few = FEW if conditions.steps is None else conditions.steps
+    return within(conditions.most_steps(lasting & ~within(few)))
+
+
+def dither_steps(device: Device, stiffness: Floats, damping: Floats) -> Floats:
+    """Return the amplitude, in steps, up to which an oscillation is the quantiser's own.
+
+    stiffness [N m/rad | N/m], damping [N m s/rad | N s/m] of walls, each (n,); the result (n,). 0
+    for a device without steps, `FEW` where the loop is not stable without them.
+    """
+    face = device.interface
+    if face.encoder_step == 0.0 and face.command_step == 0.0:
+        return np.zeros(stiffness.size)
+    found = np.full(stiffness.size, FEW)
+    if face.multirate or face.delay_ticks[0] > MOST_TICKS or face.estimator.linear is None:
+        return found
+    loop = open_loop(device)
+    zeros = np.linalg.eigvals(loop.transition).astype(np.complex128)
+    closed = np.array(
+        [loop.closed(k, b) for k, b in zip(stiffness.tolist(), damping.tolist(), strict=True)]
+    )
+    for i, poles in enumerate(np.linalg.eigvals(closed).astype(np.complex128)):
+        if np.abs(poles).max() < 1.0:
+            found[i] = max(FEW, min(2.0 / math.pi * _peak(zeros, poles), LARGEST))
+    return found
+
+
+def _peak(zeros: NDArray[np.complex128], poles: NDArray[np.complex128]) -> float:
+    """Largest |T_c| on the unit circle, taken at the angles of the poles."""
+    on_circle = np.exp(1j * np.angle(poles))[:, None]
+    with np.errstate(all="ignore"):
+        sensitivity = np.prod((on_circle - zeros) / (on_circle - poles), axis=1)
+    return float(np.nanmax(np.abs(1.0 - sensitivity)))
+
+
+def held_growth(growth: Growth, reach: Floats | float, limit_s: float) -> Flags:
+    """Whether the command swings to its limit (reach) at the end: growth that the limit holds.
+
+    Such a cycle may seem to fall a little while it settles.
+    """
+    with np.errstate(invalid="ignore"):
+        falling = (growth.verdict == DECAYS) & (growth.rate * limit_s < -1.0)
+        return (growth.force >= AT_THE_LIMIT * reach) & ~falling
+
+
+def drifts(growth: Growth, start: Floats | float, step: Floats | float) -> Flags:
+    """Whether what seems to grow is below the start and a few steps: irregular, without a trend."""
+    low = growth.amplitude < np.maximum(np.abs(start), DRIFTS * np.asarray(step))
+    return (growth.verdict == GROWS) & low & np.isfinite(growth.rate)
+
+
+def settles(rate: Floats, limit_s: float) -> Flags:
+    """Whether what grows has settled on an oscillation: no trend at the end of the longest run."""
+    with np.errstate(invalid="ignore"):
+        return np.abs(rate) * limit_s < 1.0
