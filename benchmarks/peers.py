@@ -7,8 +7,8 @@
 RECORDINGS: the folder that has the published files, a folder a set; they are not ours to pass on.
 Every method is fitted to the same part and judged by the same free run over what is held out
 (`benchmarks/peer`). Rows are kept in runs/peers, where a row that is computed again takes the place
-of the old one; --draw writes docs/peers.md and docs/peers.png from what is kept and computes
-nothing. The other methods are installed with `pip install 'zwidth[peers]'`.
+of the old one; --draw writes peers.md and peers.png in benchmarks/notes from what is kept and
+computes nothing. The other methods are installed with `pip install 'zwidth[peers]'`.
 """
 
 import argparse
@@ -31,7 +31,7 @@ from zwidth.errors import explain
 from zwidth.files.protection import writing_as
 from zwidth.files.whole import write_text, write_with
 
-DOCS = Path(__file__).parents[1] / "docs"
+NOTES = Path(__file__).parent / "notes"
 RESULTS = Path(__file__).parents[1] / "runs" / "peers"
 MEASURED = "measured"
 
@@ -169,7 +169,7 @@ def draw() -> None:
         raise ValueError(
             f"nothing is kept in {RESULTS}; compute first, with the recordings' folder"
         )
-    page = DOCS / "peers.md"
+    page = NOTES / "peers.md"
     # A law is learned on some sets alone.
     expected = {key: said for key, said in KNOWN.items() if key[1] != by_zwidth.LAW}
     made = table(rows, ORDER, KNOWN) + "\n" + not_computed(rows, expected) + found(rows, ORDER)
@@ -181,7 +181,7 @@ def draw() -> None:
     with writing_as("peers", overwrite=True):
         write_text(page, text)
         write_with(
-            DOCS / "peers.png", lambda file: picture.savefig(file, format="png", dpi=130)
+            NOTES / "peers.png", lambda file: picture.savefig(file, format="png", dpi=130)
         )  # fmt: skip
 
 

@@ -218,7 +218,7 @@ Gil, Puerto, Diaz and Sanchez measured the boundary of this PHANToM by the relay
 and 8 ms of delay (IROS 2010, Table II); their Table I is the device here, identified from another
 recording, and nothing of it is fitted to what follows. Rows with a damper, before the sudden rise
 of frequency; K in N m/rad, B in N m s/rad. "Refitted" has two numbers, inertia and damping, fitted
-to the same rows ([table_2.md](table_2.md)).
+to the same rows ([table_2.md](../benchmarks/notes/table_2.md)).
 
 [[measured]]
 

@@ -112,7 +112,7 @@ def by_itself(name: str, data: Path) -> str:
     found = diagnose(device, fit, None, progress, EFFORTS[machine.effort])
     one = Machine((machine.alone,), effort=machine.effort)
     lines = ["", f"From `{machine.alone}` by itself:", "", "```sh", command(one), "```", ""]
-    lines += [f"**{found.headline}.**", "", f"`{found.verdict.value}`: {found.sentence}.", ""]
+    lines += [f"**{found.headline}.**", "", f"Verdict: `{found.verdict.value}`.", ""]
     if found.next_level is not None:
         lines += [f"**What to record next**: {found.next_level.sentence}.", ""]
     return "\n".join(lines)
@@ -129,12 +129,11 @@ def command(machine: Machine) -> str:
 def answer(name: str, found: Diagnosis, seconds: float) -> str:
     """Return what was found, as a section of the page."""
     lines = ["```sh", command(MACHINES[name]), "```", "", f"**{found.headline}.**", ""]
-    lines += [f"`{found.verdict.value}`: {found.sentence}.", ""]
-    lines += ["| effect | parameter | value and 95 % | sigma |", "|---|---|---|---|"]
+    lines += [f"Verdict: `{found.verdict.value}`.", ""]
+    lines += ["| effect | values with 95 % | sigma |", "|---|---|---|"]
     for f in found.findings:
-        for key, value in f.parameters.items():
-            said = f"| `{f.effect}` at {f.at} | {key} | {estimate(value)} |"
-            lines.append(f"{said} {number(f.separation_sigma)} |")
+        values = "; ".join(f"{key} {estimate(value)}" for key, value in f.parameters.items())
+        lines.append(f"| `{f.effect}` at {f.at} | {values} | {number(f.separation_sigma)} |")
     lines += ["", "| linear parameter | device file | refitted |", "|---|---|---|"]
     for key, (nominal, value) in found.linear_refit.items():
         lines.append(f"| {key} | {number(nominal)} | {estimate(value)} |")
@@ -142,27 +141,17 @@ def answer(name: str, found: Diagnosis, seconds: float) -> str:
     when = (*WHEN, "law") if runs and "law" in runs[0].errors else WHEN
     more = " with the law |" * (len(when) - len(WHEN))
     lines += [
-        "", "Free runs, never corrected, over a whole recording or, of one that was fitted, over the last 30 % kept out of the fit: rms error, and over the rms of the", # noqa: E501
-        "motion about its mean.", "",
+        "", "Free runs over a whole recording, or over the last 30 % of a fitted one: rms error"
+        " over the rms of the motion.", "",
         f"| output | device file | refitted | with what was found |{more} |",
         "|---|---|---|---|---|" + "---|" * (len(when) - len(WHEN)),
     ]  # fmt: skip
     for run in runs:
-        each = [f"{number(run.errors[w])} {run.unit} ({100.0 * run.shares[w]:.3g} %)" for w in when]
+        shares = [f"{100.0 * run.shares[w]:.3g} %" for w in when]
+        last = f"{shares[-1]} ({number(run.errors[when[-1]])} {run.unit})"
         held = "held out" if run.held_out else "fitted"
-        lines.append(f"| {run.output} of {run.recording} | {' | '.join(each)} | {held} |")
-    if found.force_errors:
-        lines += [
-            "", "The inverse model: rms of the force that the recorded motion needs less the force that acts, and over the", # noqa: E501
-            "rms of that.", "",
-            "| force at the drive | device file | refitted | with what was found | |",
-            "|---|---|---|---|---|",
-        ]  # fmt: skip
-    for run in found.force_errors:
-        each = [f"{number(run.errors[w])} {run.unit} ({100.0 * run.shares[w]:.3g} %)" for w in WHEN]
-        held = "held out" if run.held_out else "fitted"
-        where = f"{run.recording}, up to {number(run.band)} Hz"
-        lines.append(f"| {where} | {' | '.join(each)} | {held} |")
+        cells = " | ".join([*shares[:-1], last, held])
+        lines.append(f"| {run.output} of {run.recording} | {cells} |")
     lines += ["", f"![Measured beside simulated]({name}.png)", ""]
     if friction_curve(found.searched) is not None:
         lines += [f"![The friction that was found, over velocity]({name}_friction.png)", ""]

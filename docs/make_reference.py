@@ -107,13 +107,22 @@ def _index() -> str:
     lines = [
         f"{MADE}# Effects\n",
         "Physics that a device may have besides its masses, springs and dampers. `zwidth effects`"
-        " prints this list, `zwidth effects NAME` one of them. How the diagnosis seeks each, and"
-        " how likely it is beforehand: [effects in a diagnosis](../../effects.md).\n",
-        "| effect | at | what it is |",
-        "|---|---|---|",
-        *(f"| [{e.name}]({e.name}.md) | {places(e)} | {e.summary} |" for e in EFFECTS.values()),
+        " prints this list, `zwidth effects NAME` one of them. What the last three columns mean:"
+        " [effects in a diagnosis](../../effects.md).\n",
+        "| effect | at | what it is | prior | contains | sought |",
+        "|---|---|---|---|---|---|",
+        *(_index_row(e) for e in EFFECTS.values()),
     ]
     return "\n".join(lines) + "\n"
+
+
+def _index_row(effect: Effect) -> str:
+    prior = f"{effect.prior:g}"
+    if effect.elsewhere is not None:
+        prior += f", elsewhere {effect.elsewhere:g}"
+    name = f"[{effect.name}]({effect.name}.md)"
+    cells = (name, places(effect), effect.summary, prior, ", ".join(effect.contains), effect.sought)
+    return f"| {' | '.join(cells)} |"
 
 
 def _effect_page(effect: Effect) -> str:

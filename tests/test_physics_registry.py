@@ -2,7 +2,6 @@
 
 import itertools
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ from zwidth.sim.device import Device, DeviceError
 from zwidth.sim.device_file import device_from_text, device_to_text
 from zwidth.sim.equations import enough_substeps
 from zwidth.sim.physics import EFFECTS, PROBES
-from zwidth.sim.physics.effect import Effect, Physics
+from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.free_force import COLUMN, OVER, ROW, VALUE
 from zwidth.sim.physics.free_law import AT, FORCE
 from zwidth.sim.physics.two_tables import AT_FIRST, AT_SECOND, LAW_FIRST, LAW_SECOND
@@ -85,36 +84,6 @@ def test_the_registry_is_the_table_of_the_design() -> None:
     }
     assert found == TABLE
     assert all(name == effect.name for name, effect in EFFECTS.items())
-
-
-def test_the_page_of_effects_says_what_they_declare() -> None:
-    page = (Path(__file__).parents[1] / "docs" / "effects.md").read_text(encoding="utf-8")
-    rows = [line for line in page.splitlines() if line.startswith("| `")]
-    assert rows == [_row(effect) for effect in EFFECTS.values()]
-
-
-def _row(effect: Effect) -> str:
-    places = " ".join(effect.places)
-    for every, words in ((MASSES, "any mass"), (LINKS, "any link")):
-        places = places.replace(" ".join(every), words)
-    parameters = [f"{p.name} [{p.unit}]" if p.unit else p.name for p in effect.parameters]
-    if effect.name == "free_force":
-        unit = effect.parameter(VALUE[0]).unit
-        parameters = ["over", "rows", "columns", f"table of forces ([{unit}])"]
-    elif effect.name == "free_product":
-        unit = effect.parameter(LAW_FIRST[0]).unit
-        parameters = ["over", f"first: table of forces ([{unit}])", "second: table of numbers"]
-    elif effect.name == "free_shift":
-        unit = effect.parameter(LAW_FIRST[0]).unit
-        parameters = ["over", f"first: table of forces ([{unit}])", "second: table of shifts"]
-    elif effect.name.startswith("free_"):
-        state, makes = effect.parameter(AT[0]), effect.parameter(FORCE[0])
-        parameters = ["odd", "period", f"table of points ([{state.unit}], [{makes.unit}])"]
-    prior = f"{effect.prior:g}"
-    if effect.elsewhere is not None:
-        prior += f", elsewhere {effect.elsewhere:g}"
-    cells = (places, ", ".join(parameters) or "none", prior, " ".join(effect.contains))
-    return " | ".join([f"| `{effect.name}`", *cells, f"{effect.sought} |"])
 
 
 def test_codes_are_unique_under_each_hook() -> None:
