@@ -141,7 +141,7 @@ def cell(device: Device, to: str) -> str:
     share = cost_of(made, device, to, "dev", SECONDS).share
     if share is None:
         return "runs away"
-    said = percent(share) if share > 0.0 else "to the bit"
+    said = percent(share) if share > 0.0 else "exact"
     return said if made.lost else f"**{said}**"
 
 
@@ -152,7 +152,7 @@ def page() -> str:
     chosen = {"none": base()} | {name: with_effect(name, moves) for name in LIBRARY}
     for name, device in chosen.items():
         cells = " | ".join(cell(device, to) for to in MAKERS)
-        rows.append(f"| {name.replace('_', ' ')} | {cells} |")
+        rows.append(f"| {name} | {cells} |")
         print(rows[-1])
     return TEXT.replace("[[table]]", "\n".join(rows)).replace("[[seconds]]", f"{SECONDS:g}")
 
@@ -160,74 +160,63 @@ def page() -> str:
 TEXT = """\
 # Into other simulators
 
-    zwidth export mine.toml --to c -o mine.c
-    zwidth export mine.toml --to fmu -o mine.fmu
-    zwidth export mine.toml --to mjcf -o mine.xml
-    zwidth export mine.toml --to urdf -o mine.urdf
-    zwidth export mine.toml --to sdf -o mine.sdf
+    zwidth export mine.toml --to c --out mine.c
+    zwidth export mine.toml --to fmu --out mine.fmu
 
-What a format cannot hold of the device is printed, a sentence each, stands in `--json FILE`, and
-as a comment at the head of the file (of an FMU in its documentation). Where the file can be run
-here, so does what that costs: device and export follow the same multisine, and the rms of their
-difference is given over the rms of the motion.
+What a format cannot hold of the device is printed, written at the head of the file (of an FMU
+in its documentation), and listed in `--json FILE`. Where the file can be run on this machine,
+its error is measured: device and export follow the same multisine, and the rms of their
+difference is given relative to the rms of the motion.
 
 - **C** is C99 without dependencies: `mine_reset(&state)`, `mine_read(&state)` and
-  `mine_step(&state, command)`, one tick each, for a controller's feed-forward or an observer. It
-  is the source of the kernel itself, translated with the numbers of the device in it, so that it
-  holds every effect of the library; one of your own is said to be lost. Compiled with
-  `-O2 -ffp-contract=off` it has the bits of `zwidth simulate`.
-  What cannot be held is a recorded command that is smooth between its samples, since a controller
+  `mine_step(&state, command)`, one sample each, for a controller's feed-forward or an observer.
+  It is the source of the simulation itself, so it holds every effect of the library, but not
+  one of your own. Compiled with `-O2 -ffp-contract=off` it gives the same bits as `zwidth
+  simulate`. A command that is smooth between its samples cannot be held, since a controller
   does not know the next one.
-- **FMU** is an FMI 3.0 archive for co-simulation: the C export inside FMI's functions, and so the
-  bits of `zwidth simulate`. Input is `command`, outputs are `measured`, `drive` and the position
-  and velocity of every mass, all with units. Parameters of effects, gain, limit and steps may be
-  set before a run and in it, within their bounds; masses, springs and dampers stand in propagators
-  and are constants. A step is any multiple of the sampling period. States can be kept, taken up
-  again and written as bytes. It needs fmpy (`pip install 'zwidth[fmu]'`), which brings FMI's
-  headers and builds the binary for this machine with CMake. Without a C compiler the archive has
-  its sources and no binary, and the command says so; `fmpy compile mine.fmu` adds one elsewhere.
-- **MJCF** (MuJoCo 4 or later): slides or hinges, links as tendons, the drive as an actuator with
-  gain, limit, delay and lag. The limit is one of the force, after the gain. Backlash is the slack
-  of a tendon's spring; gravity an excentric mass; two levels of friction are their mean and a
-  constant force. Dry friction is a soft constraint there, under which a held body creeps, and the
-  file chooses its stiffness and the step for it.
+- **FMU** is an FMI 3.0 archive for co-simulation around the C export, with the same bits. Input
+  is `command`; outputs are `measured`, `drive` and position and velocity of every mass, with
+  units. Parameters of effects, gain, limit and steps may be set; masses, springs and dampers
+  are constants. States can be saved and restored. It needs fmpy (`pip install 'zwidth[fmu]'`).
+  Without a C compiler the archive has sources and no binary; `fmpy compile mine.fmu` adds one
+  elsewhere.
+- **MJCF** (MuJoCo 4 or later): slides or hinges, links as tendons, the drive as an actuator
+  with gain, limit, delay and lag. Dry friction is a soft constraint there, under which a held
+  body creeps.
 - **URDF**: one body on a joint with damping, dry friction and an effort limit. Joints have no
-  springs, so that a chain is one mass.
-- **SDF**: bodies one behind the other, each link a joint with spring and damper. What acts
-  between a body farther on and the ground is held at the first. Nothing that reads SDF is asked
-  here: the cost is of what the file says, simulated by zwidth.
+  springs, so a chain becomes one mass.
+- **SDF**: bodies in a row, each link a joint with spring and damper. What acts between a later
+  body and the ground is put at the first. Its error is computed by zwidth from what the file
+  says.
 
-Neither MJCF, URDF nor SDF holds the steps of encoder and amplifier. For a tool that reads Modelica,
-use the FMU.
+MJCF, URDF and SDF hold no steps of encoder and amplifier. For a tool that reads Modelica, use
+the FMU.
 
 ## What survives where
 
-Every effect is added to one device, two masses on a belt, at the first of its places and, where
-it has a size, at about a tenth of what the device is driven by; device and export follow the same
-command for [[seconds]] s, and what is given is the rms of their difference over that of the
-motion. **Bold**: the format claims to hold the device whole. Made by `python
-docs/make_export_page.py`.
+Every effect is added to one device, two masses on a belt, with a size of about a tenth of the
+command. Device and export follow the same command for [[seconds]] s; the table shows the rms of
+their difference over the rms of the motion. **Bold**: the format claims to hold all of the
+device. *Exact*: the same bits. Made by `python docs/make_export_page.py`.
 
 [[table]]
 
-The belt is what URDF loses in every row. A device of one mass, a damper, dry friction and a limit
-is held by all five within 1 %.
+The belt is what URDF loses in every row. All five formats hold a device of one mass with a
+damper, dry friction and a limit within 1 %.
 
 ## A joint of a model as a device
 
-    zwidth devices --from robot.urdf --joint shoulder --save shoulder.toml
+    zwidth devices --from robot.urdf --joint shoulder --out shoulder.toml
 
-reads a hinge or slide of an MJCF or URDF model: the inertia about it of all that it moves, with
-the other joints in the model's zero pose, its armature, damping, dry friction, spring, and gain,
-limit and delay of its motor. What of the joint is left out, such as gravity, is printed. MuJoCo
-reads the model, without the shapes of a URDF, which need not be there. The device file is one to
-diagnose recordings against; the period of its interface, of which a model says nothing, is yours
-to set.
+reads a hinge or slide of an MJCF or URDF model: the inertia of all that it moves, with the
+other joints in the model's zero pose, its armature, damping, dry friction and spring, and gain,
+limit and delay of its motor. What is left out, such as gravity, is printed. The shapes of a
+URDF are not needed. Set the sampling period in the file; a model has none.
 
     zwidth diagnose run.toml --device shoulder.toml --known-torque robot.urdf --joint shoulder
 
-takes what the rest of the robot does to that joint, in the postures that were recorded, as a known
-torque ([recordings](recordings.md#a-force-that-is-known-and-the-rest-of-a-robot)).
+takes the torque of the rest of the robot on that joint, in the recorded postures, as known
+([recordings](recordings.md#a-force-that-is-known-and-the-rest-of-a-robot)).
 """
 
 
