@@ -71,6 +71,7 @@ INTERFACE_KEYS = {
     "velocity_band": "velocity_band",
     "velocity_noise": "velocity_noise",
     "velocity_acceleration": "velocity_acceleration",
+    "velocity_step": "velocity_step",
 }
 NEUTRAL, USUAL = Interface(), Uncertainty()
 INTERFACE_TEXTS = ("encoder_rounding", "command_hold", "force_sensor", "velocity_estimator")
@@ -78,7 +79,7 @@ INTERFACE_TEXTS = ("encoder_rounding", "command_hold", "force_sensor", "velocity
 WHERE_NEEDED = (
     "command_gain", "position_origin", "command_hold", "velocity_order", "velocity_ticks",
     "position_ticks", "force_sensor", "force_gain", "velocity_estimator", "velocity_window",
-    "velocity_band", "velocity_noise", "velocity_acceleration",
+    "velocity_band", "velocity_noise", "velocity_acceleration", "velocity_step",
 )  # fmt: skip
 
 

@@ -78,6 +78,8 @@ DEVICE_KEYS: tuple[Key, ...] = (
     _interface("velocity_acceleration", "velocity_acceleration",
                "levant: the largest acceleration; kalman: one sigma of it; kalman_acceleration: one"
                " sigma of its change in a sample", "rad/s2", "m/s2"),
+    _interface("velocity_step", "velocity_step",
+               "of the speed that a law is given, as a register holds it; 0: none", "rad/s", "m/s"),
     _interface("position_ticks", "position_ticks",
                "every how many samples the law is given a new position (a slower outer loop)"),
     _interface("force_sensor", "force_sensor", 'the link whose force is measured; "": none',

@@ -98,6 +98,7 @@ class Equations(NamedTuple):
     force_gain: float
     encoder_step: float
     encoder_floor: bool
+    velocity_step: float
     command_step: float
     command_gain: float
     command_limit: float
@@ -183,6 +184,7 @@ def frame(device: Device, substeps: int, seed: int = 0) -> tuple[Equations, Plan
         force_gain=interface.force_gain,
         encoder_step=interface.encoder_step,
         encoder_floor=interface.encoder_rounding == "floor",
+        velocity_step=interface.velocity_step,
         command_step=interface.command_step,
         command_gain=interface.command_gain,
         command_limit=interface.command_limit,

@@ -26,8 +26,8 @@ Floats = NDArray[np.float64]
 Structure = tuple[Any, ...]
 NUMBERS = (
     "durations", "reaction", "masses", "estimating", "smoothing", "filter", "force_row",
-    "force_gain", "encoder_step", "command_step", "command_gain", "command_limit", "command_rate",
-    "position_origin", "behind",
+    "force_gain", "encoder_step", "velocity_step", "command_step", "command_gain",
+    "command_limit", "command_rate", "position_origin", "behind",
 )  # fmt: skip
 TABLES = ("forces", "frictions", "sensors", "amplifiers", "clocks")
 
@@ -198,8 +198,8 @@ def lane_equations(eq):
         lanes_of(eq.smoothing), as_lanes(eq.filter),
         eq.second_order, eq.velocity_ticks, eq.position_ticks, as_lanes(eq.force_row),
         lanes_of(eq.force_gain), lanes_of(eq.encoder_step),
-        eq.encoder_floor, lanes_of(eq.command_step), lanes_of(eq.command_gain),
-        lanes_of(eq.command_limit), lanes_of(eq.command_rate), eq.looped,
+        eq.encoder_floor, lanes_of(eq.velocity_step), lanes_of(eq.command_step),
+        lanes_of(eq.command_gain), lanes_of(eq.command_limit), lanes_of(eq.command_rate), eq.looped,
         lanes_of(eq.position_origin), eq.read, eq.reads, eq.followers, as_lanes(eq.behind),
     )  # fmt: skip
 

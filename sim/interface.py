@@ -31,7 +31,8 @@ class Interface:
 
     velocity_estimator: what makes a velocity of the readings, before that low-pass, a name of
     `sim/estimators`; velocity_window, velocity_band [rad | m], velocity_noise [rad | m] and
-    velocity_acceleration [rad/s2 | m/s2]: what it is set to, 0 where it takes none.
+    velocity_acceleration [rad/s2 | m/s2]: what it is set to, 0 where it takes none. velocity_step
+    [rad/s | m/s]: steps in which the law is given it, as a register holds it; 0 for none.
 
     force_sensor: the link whose force is measured ("link12"), "" for none; force_gain G of its
     feedback (`sim/force_sensor.py`).
@@ -59,6 +60,7 @@ class Interface:
     velocity_band: float = 0.0
     velocity_noise: float = 0.0
     velocity_acceleration: float = 0.0
+    velocity_step: float = 0.0
 
     def __post_init__(self) -> None:
         for field, allowed, holds in (
@@ -66,6 +68,7 @@ class Interface:
             ("delay", ">= 0 and finite [s]", 0.0 <= self.delay < math.inf),
             ("encoder_step", ">= 0 and finite", 0.0 <= self.encoder_step < math.inf),
             ("command_step", ">= 0 and finite", 0.0 <= self.command_step < math.inf),
+            ("velocity_step", ">= 0 and finite", 0.0 <= self.velocity_step < math.inf),
             ("command_limit", "> 0, inf for none", self.command_limit > 0.0),
             ("velocity_cutoff_hz", "> 0, inf for none", self.velocity_cutoff_hz > 0.0),
             (
@@ -192,10 +195,10 @@ class Interface:
     @property
     def linear(self) -> bool:
         """True where nothing in the interface is nonlinear."""
+        steps = self.encoder_step, self.command_step, self.velocity_step
         return (
-            self.encoder_step == 0.0 and self.command_step == 0.0 and math.isinf(self.command_limit)
-            and self.estimator.linear is not None
-        )  # fmt: skip
+            not any(steps) and math.isinf(self.command_limit) and self.estimator.linear is not None
+        )
 
 
 def _whole(value: float) -> bool:

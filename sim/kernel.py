@@ -515,6 +515,12 @@ def estimate(eq, tick, y, y_before, v, scalars):
 
 
 @part
+def told(eq, v):
+    """Step (3): the velocity that the law is given, in the steps of the register that holds it."""
+    return quantise_command(v, eq.velocity_step)
+
+
+@part
 def given(eq, tick, y, scalars):
     """Step (3): the position that the law is given at this tick."""
     if eq.position_ticks == 1:
@@ -592,7 +598,8 @@ def advance(
             memory.totals[WALL] += u * (y - y_before)
         y_before = y
         at = given(eq, tick, y, scalars)
-        wanted = controller(tick, tick * eq.period, at, v, parameters, memory.controller)
+        speed = told(eq, v)
+        wanted = controller(tick, tick * eq.period, at, speed, parameters, memory.controller)
         wanted = fed_back(eq, x, wanted)
         u = select(arrives(eq, tick), amplify(eq, wanted, u, False), u)
         line[head] = u
@@ -639,7 +646,7 @@ def write(eq, memory, energy, row):
     for i in range(n):
         row[i] = memory.x[i]
     row[n] = memory.scalars[0]
-    row[n + 1] = memory.scalars[1]
+    row[n + 1] = told(eq, memory.scalars[1])
     row[n + 2] = memory.scalars[2]
     row[n + 3] = memory.scalars[3]
     row[n + 4] = memory.controller[0]

@@ -208,8 +208,8 @@ def at_work(eq, fine, space, fine_space, look):
         eq.frictions, eq.bounds_vary, eq.sensors, eq.amplifiers, eq.clocks, eq.whole_delay,
         eq.period, eq.estimator, eq.window, eq.estimating, eq.rate, eq.smoothing, eq.filter,
         eq.second_order, eq.velocity_ticks, eq.position_ticks, eq.force_row, eq.force_gain,
-        eq.encoder_step, eq.encoder_floor,
-        eq.command_step, eq.command_gain, eq.command_limit, eq.command_rate, eq.looped,
+        eq.encoder_step, eq.encoder_floor, eq.velocity_step, eq.command_step, eq.command_gain,
+        eq.command_limit, eq.command_rate, eq.looped,
         eq.position_origin, eq.read, eq.reads, eq.followers, eq.behind,
     )  # fmt: skip
     room = Scratch(

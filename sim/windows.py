@@ -23,6 +23,7 @@ from zwidth.sim.kernel import (
     given,
     read_position,
     substep,
+    told,
 )
 from zwidth.sim.lane_type import any_lane, as_lanes, greatest, least, select
 from zwidth.sim.propagation import at_once, chosen, propagate
@@ -140,7 +141,9 @@ def run_windows(device, space, banks, weights, results):
                 v = estimate(eq, tick, y, y_before, v, scalars)
                 y_before = y
                 at = given(eq, tick, y, scalars)
-                wanted = -wall_push(bank.law, wall, tick, tick * eq.period, at, v, account)
+                wanted = -wall_push(
+                    bank.law, wall, tick, tick * eq.period, at, told(eq, v), account
+                )
                 wanted = fed_back(eq, x, wanted)
                 u = select(arrives(eq, tick), amplify(eq, wanted, u, False), u)
                 low_command, high_command = least(low_command, u), greatest(high_command, u)

@@ -379,3 +379,20 @@ def test_two_estimators_make_no_ensemble() -> None:
     """Mutation: `Member.kind` without the estimator (the second would have that of the first)."""
     devices = [phantom().with_interface(**SET[name] | NO_FILTER) for name in ("levant", "kalman")]
     assert len({member(device, 1).kind for device in devices}) == 2
+
+
+@pytest.mark.parametrize("cutoff", [math.inf, 60.0])
+def test_a_register_rounds_what_the_law_is_given_and_not_the_filter(cutoff: float) -> None:
+    """1e-12. Mutations: the filter goes on from the rounded value; the law gets the other."""
+    step = 0.02
+    device = phantom().with_interface(encoder_step=STEP, velocity_cutoff_hz=cutoff)
+    ways = [device.with_interface(velocity_step=own) for own in (0.0, step)]
+    start = Start(0.0, 0.3)
+    exact, rounded = (simulate(d, wall(0.0, 0.0), duration=0.3, start=start) for d in ways)
+    v, told = exact.trace["velocity_estimate"], rounded.trace["velocity_estimate"]
+    assert np.abs(told - step * np.round(v / step)).max() < 1e-12
+    assert len(set(told.tolist())) > 3
+    run = simulate(ways[1], wall(5.0, 0.03), duration=0.3, start=start)
+    push = 5.0 * run.trace["encoder"] + 0.03 * run.trace["velocity_estimate"]
+    assert np.abs(run.trace["command"] + push).max() < 1e-12
+    assert not ways[1].interface.linear

@@ -48,6 +48,10 @@ DEVICES: dict[str, tuple[Device, int]] = {
         ),
         1,
     ),
+    "velocity in steps": (
+        phantom().with_interface(velocity_step=0.02, velocity_cutoff_hz=60.0),
+        1,
+    ),
     **{f"estimator {n}": (phantom().with_interface(**s), 1) for n, s in SET.items()},
     "force sensor": (
         phantom().with_interface(force_sensor="link12", force_gain=0.4, delay=5e-4),

@@ -202,6 +202,7 @@ def _settings(console: Console, device: Device) -> None:
         ("command gain", interface.command_gain, 1.0),
         ("position origin", interface.position_origin, 0.0),
         ("velocity cutoff [Hz]", interface.velocity_cutoff_hz, math.inf),
+        ("velocity step", interface.velocity_step, 0.0),
         ("order of the velocity filter", interface.velocity_order, 1),
         ("force sensor in", interface.force_sensor, ""),
         ("gain of the force feedback", interface.force_gain, 0.0),

@@ -48,6 +48,7 @@ def _interface(device: Device, unit: Units) -> str:
             ("command limit", face.command_limit, usual.command_limit, unit.force),
             ("command gain", face.command_gain, usual.command_gain, ""),
             ("velocity cutoff", face.velocity_cutoff_hz, usual.velocity_cutoff_hz, "Hz"),
+            ("velocity step", face.velocity_step, usual.velocity_step, f"{unit.length}/s"),
             ("velocity filter of order", face.velocity_order, usual.velocity_order, ""),
             ("velocity every", face.velocity_ticks, usual.velocity_ticks, "samples"),
             ("position every", face.position_ticks, usual.position_ticks, "samples"),
