@@ -112,3 +112,94 @@ def test_pages_for_users_stay_few():
     """Mutation: a laboratory notebook moved back."""
     pages = [p for p in PAGES if (ROOT / "docs") in p.parents and "reference" not in p.parts]
     assert sum(len(p.read_text(encoding="utf-8").split()) for p in pages) < MOST_WORDS
+
+
+# A figure that several pages give: where, and what stands about it. All must be the same number.
+SAME: dict[str, tuple[tuple[str, str], ...]] = {
+    "recordings of the exam": (
+        ("README.md", r"Of (\d+) simulated recordings"),
+        ("docs/evidence.md", r"(?m)^(\d+) recordings, in random order"),
+    ),
+    "nothing hidden, nothing claimed": (
+        ("README.md", r"claimed on \d+ of (\d+) in which"),
+        ("docs/evidence.md", r"\| nothing \| (\d+) \|"),
+    ),
+    "rigs": (
+        ("README.md", r"on \d+ of (\d+) rigs"),
+        ("docs/evidence.md", r"play, limits\) \| (\d+) \|"),
+    ),
+    "rigs of which all was found": (
+        ("README.md", r"on (\d+) of \d+ rigs"),
+        ("docs/evidence.md", r"all effects on (\d+) \("),
+    ),
+    "answers called identified": (
+        ("README.md", r"of (\d+) answers called"),
+        ("docs/evidence.md", r"and wrong \| 1 of (\d+)"),
+    ),
+    "the Silverbox with its law, of the motion": (
+        ("docs/machines/README.md", r"not quite the same to both sides: ([\d.]+) % of the motion"),
+        ("docs/machines/silverbox.md", r"held-out data ([\d.]+) % of the motion with it"),
+    ),
+    "play of the friction damper": (
+        ("docs/machines/README.md", r"play of ([\d.]+) mm in series"),
+        ("docs/machines/friction_damper.md", r"play of ([\d.]+) mm in total"),
+    ),
+}
+
+
+def differing(claims: tuple[tuple[str, str], ...]) -> list[str]:
+    """What pages say where they do not say the same, or nothing at all; empty where they agree."""
+    found = [
+        (page, number[1] if (number := re.search(about, read(page))) else "nothing")
+        for page, about in claims
+    ]
+    numbers = {number for _, number in found}
+    return [] if len(numbers) == 1 and numbers != {"nothing"} else [": ".join(f) for f in found]
+
+
+def read(page: str) -> str:
+    """A page with its lines joined where they wrap."""
+    text = (ROOT / page).read_text(encoding="utf-8")
+    return re.sub(r"(?<=\S)\n(?=[a-z(])", " ", text)
+
+
+@pytest.mark.parametrize("name", SAME)
+def test_a_figure_is_the_same_on_every_page(name: str):
+    """Mutation: an exam is held anew and one of the two pages keeps the old number."""
+    assert differing(SAME[name]) == []
+
+
+def test_figures_that_differ_are_seen():
+    """The test above is able to fail: 10 recordings hid nothing, 94 were in the exam."""
+    wrong = differing(
+        (SAME["recordings of the exam"][0], SAME["nothing hidden, nothing claimed"][1])
+    )
+    assert len(wrong) == 2
+
+
+def test_the_front_page_and_the_tutorial_show_the_same_answer():
+    """Line by line, however they are indented. Mutation: one of them made with an older search."""
+    shown = [
+        line.strip()
+        for line in (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
+        if (" sigma" in line and line.startswith("effect ")) or re.match(r"\w.* \d\d\.\d\d$", line)
+    ]
+    assert len(shown) >= 4
+    tutorial = [
+        line.strip()
+        for line in (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8").splitlines()
+    ]
+    assert [line for line in shown if line not in tutorial] == []
+
+
+def test_the_table_of_machines_has_the_verdicts_of_their_pages():
+    """Mutation: a page made anew, and its line in the table left as it was."""
+    folder = ROOT / "docs" / "machines"
+    table = (folder / "README.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| \[[^]]+\]\((\w+)\.md\) .*\| `(\w+)` \|$", table, re.MULTILINE)
+    assert len(rows) == len([p for p in folder.glob("*.md") if p.stem != "README"])
+    for name, verdict in rows:
+        page = (folder / f"{name}.md").read_text(encoding="utf-8")
+        said = re.search(r"^Verdict: `(\w+)`\.$", page, re.MULTILINE)
+        assert said is not None, name
+        assert said[1] == verdict, name
