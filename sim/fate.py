@@ -23,7 +23,8 @@ S = 1 / (1 + L) = det(z - open) / det(z - closed) it is 1 - S at the angles of t
 Beside it `FEW` steps are dither on any wall: there |N - 1| <= 0.02, the quantiser is a gain of one
 within 2 % and a delay within 0.02 rad, and an oscillation beyond has another cause. This covers
 well damped walls, whose higher harmonics the first one leaves out, and walls that friction
-holds beyond the linear boundary.
+holds beyond the linear boundary. A velocity in steps counts likewise, by the amplitude of the
+speed, 2 pi f A, and by `FEW` of its steps alone.
 
 Under steps an oscillation may be irregular: it has no constant amplitude, and no trend that lasts.
 At the end of the longest run it counts as one that lasts, also where it seems to grow but is below
@@ -125,8 +126,9 @@ def fates_of(
     """
     encoder_step = conditions.of_interface("encoder_step")
     command_step = conditions.of_interface("command_step")
+    velocity_step = conditions.of_interface("velocity_step")
     reach = (0.5 if conditions.one_sided else 1.0) * conditions.of_interface("command_limit")
-    stepped = (encoder_step > 0.0) | (command_step > 0.0)
+    stepped = (encoder_step > 0.0) | (command_step > 0.0) | (velocity_step > 0.0)
     verdict = growth.verdict
     with np.errstate(invalid="ignore"):
         resting = growth.amplitude <= conditions.rest
@@ -135,7 +137,9 @@ def fates_of(
     irregular = (verdict == UNDECIDED) | drifts(growth, conditions.start, encoder_step)
     irregular |= restless & ~falling
     lasting = (verdict == LIMIT_CYCLE) | (stepped & irregular)
-    dither = lasting & _small(growth, conditions, lasting, encoder_step, command_step)
+    dither = lasting & _small(
+        growth, conditions, lasting, encoder_step, command_step, velocity_step
+    )  # fmt: skip
     felt = perception.feels(growth, conditions.devices[0].rotary)
     fate = np.full(verdict.size, Fate.UNDECIDED, dtype=np.int8)
     fate[(verdict == GROWS) | (verdict == LIMIT_CYCLE)] = Fate.GROWS
@@ -149,16 +153,19 @@ def fates_of(
 
 def _small(
     growth: Growth, conditions: Conditions, lasting: Flags, encoder_step: Floats,
-    command_step: Floats,
+    command_step: Floats, velocity_step: Floats,
 ) -> Flags:  # fmt: skip
-    """Whether the amplitude, or the command's, is within what steps alone may keep up."""
+    """Whether the amplitude, the command's, or the speed's is within what steps alone keep up."""
 
     def within(steps: Floats | float) -> Flags:
         small = growth.amplitude <= steps * encoder_step
         return small | ((command_step > 0.0) & (growth.force <= steps * command_step))
 
     few = FEW if conditions.steps is None else conditions.steps
-    return within(conditions.most_steps(lasting & ~within(few)))
+    with np.errstate(invalid="ignore"):
+        speed = 2.0 * math.pi * growth.frequency * growth.amplitude
+        slow = (velocity_step > 0.0) & (speed <= np.minimum(few, FEW) * velocity_step)
+    return slow | within(conditions.most_steps(lasting & ~slow & ~within(few)))
 
 
 def dither_steps(device: Device, stiffness: Floats, damping: Floats) -> Floats:
@@ -168,7 +175,7 @@ def dither_steps(device: Device, stiffness: Floats, damping: Floats) -> Floats:
     for a device without steps, `FEW` where the loop is not stable without them.
     """
     face = device.interface
-    if face.encoder_step == 0.0 and face.command_step == 0.0:
+    if not any((face.encoder_step, face.command_step, face.velocity_step)):
         return np.zeros(stiffness.size)
     found = np.full(stiffness.size, FEW)
     if face.multirate or face.delay_ticks[0] > MOST_TICKS or face.estimator.linear is None:

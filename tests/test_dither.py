@@ -160,6 +160,22 @@ def test_boundary_and_map_agree_beside_the_boundary() -> None:
     assert set(evaluate(plane, DAMPINGS, 1.02 * k).fate) == {Fate.GROWS}
 
 
+def test_a_velocity_in_steps_moves_no_boundary() -> None:
+    """From a start far beyond its steps, 1 % of theory at three dampings, and no gap.
+
+    Without an encoder, so that its steps alone are what is left. Mutation: `slow` left out of
+    `_small` (the first walls with a damper are lost).
+    """
+    device = phantom().with_interface(velocity_step=2e-3)
+    last = last_stable_damping(device)
+    assert last is not None
+    dampings = np.array([0.2, 0.5, 0.8]) * last
+    found = find_brackets([device], [dampings], Trial(start=0.02, limit_s=16.0))[0]
+    for bracket in found:
+        theory = critical_stiffness(device, bracket.damping).stiffness
+        assert bracket.stable == pytest.approx(theory, rel=0.01)
+
+
 def test_where_no_wall_is_stable_it_says_why() -> None:
     """No damper at all, where a held spring feeds the mass however soft; and too much damping.
 
