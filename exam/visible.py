@@ -17,7 +17,14 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.model.parameters import Model, linear_parameters
-from zwidth.diagnosis.noise.predictor import SCREENING, SETTLING, Observer, innovations, whitened
+from zwidth.diagnosis.noise.predictor import (
+    SCREENING,
+    SETTLING,
+    Observer,
+    innovations,
+    told,
+    whitened,
+)
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.seeking.screen import Complement
 from zwidth.planning.rehearsal import Noise, known_observer
@@ -59,7 +66,7 @@ def sight(
     observer = known_observer(bare, parts[0], noise)
     device = whole.acting(x)
     errors = [innovations(device, whole.seen(e, x), observer.gain) for e in parts]
-    problem = Problem(parts, _weighed(observer, errors), SCREENING)
+    problem = Problem(parts, _weighed(observer, errors, parts), SCREENING)
     base = problem.weighted(whole, x)
     slopes = problem.jacobian(whole, x, _with_priors(whole, base))
     # A spring that is concealed is none that a refit of the device file could change.
@@ -118,9 +125,10 @@ def _model(bare: Device, effects: Sequence[Physics]) -> Model:
     return model
 
 
-def _weighed(observer: Observer, errors: Sequence[Floats]) -> Observer:
+def _weighed(observer: Observer, errors: Sequence[Floats], parts: Sequence[Experiment]) -> Observer:
     kept = np.concatenate([e[SETTLING:] for e in errors])
-    return whitened(replace(observer, deviation=np.sqrt(np.mean(kept**2, axis=0))), errors)
+    spread = np.sqrt(np.mean(kept**2, axis=0) / told(parts))
+    return whitened(replace(observer, deviation=spread), errors, parts)
 
 
 def _with_priors(model: Model, values: Floats) -> Floats:

@@ -346,7 +346,11 @@ def _reading_late(e: Experiment, model: Model, start: Floats) -> _Way | None:
     """The reading some samples earlier, by as much as costs least."""
     best: tuple[float, int, Experiment] | None = None
     for n in range(1, min(LATEST, e.ticks // 10)):
-        other = replace(e.part(0, e.ticks - n), measured=e.measured[n:], start=None)
+        later = e.part(n, e.ticks)
+        other = replace(
+            e.part(0, e.ticks - n), measured=later.measured, start=None,
+            bridged=later.bridged, uncounted=later.uncounted,
+        )  # fmt: skip
         try:
             h = judged([other], model, start)
         except (NoObserver, ValueError):
@@ -399,9 +403,9 @@ def _more(h: Hypothesis, after: Floats) -> float:
     seen = model.seen(e, x)
     size = max(float(h.noise.observer.deviation[0]), 1e-300)
     device = model.acting(x)
-    own = observer.weigh(innovations(device, seen, observer.gain))
+    own = observer.weigh(innovations(device, seen, observer.gain), seen.uncounted)
     moved = replace(seen, measured=seen.measured + size * after)
-    slope = (observer.weigh(innovations(device, moved, observer.gain)) - own) / size
+    slope = (observer.weigh(innovations(device, moved, observer.gain), seen.uncounted) - own) / size
     r, c = own[SETTLING:].ravel(), slope[SETTLING:].ravel()
     return -float(c @ r) / max(float(c @ c), 1e-300)
 

@@ -24,6 +24,7 @@ Complexes = NDArray[np.complex128]
 MIN_COHERENCE = 0.5
 INDEPENDENT = 2.0 / 3.0  # share of the bins of half-overlapping Hann windows
 Z95 = 1.959963984540054
+LEAST_CHANGE = 0.03  # of the response somewhere in the band, that a mode makes which is one
 
 
 @dataclass(frozen=True)
@@ -75,13 +76,18 @@ def fit_response(
 ) -> Fit:
     """Fit eq. (1) with a number of modes (None: as many as the data show) to a recording.
 
-    delay [s] from command to force where it is known; None fits it too. Of a recording with gaps,
-    where the clock jumps or a value is not finite, the longest stretch without one is fitted: what
-    moves the device in a gap is not known. Raises RecordingError with what to record instead where
-    the recording does not carry the fit, ValueError for bad arguments.
+    0 modes are a rigid body with a damper. Of as many as the data show, one that changes the
+    response by less than 3 % wherever it is looked at is none: friction and steps leave errors that
+    a zero beside its pole takes off by less than they are.
+
+    delay [s] from command to force where it is known; None fits it too. Short gaps are filled in
+    (`logs/stretches.py`); of a recording with longer ones, where the clock jumps or a value is not
+    finite, the longest stretch without one is fitted: what moves the device in a gap is not known.
+    Raises RecordingError with what to record instead where the recording does not carry the fit,
+    ValueError for bad arguments.
     """
-    if modes is not None and not 1 <= modes <= MAX_MODES:
-        raise ValueError(f"modes is {modes}; allowed is 1 to {MAX_MODES}")
+    if modes is not None and not 0 <= modes <= MAX_MODES:
+        raise ValueError(f"modes is {modes}; allowed is 0, a rigid body, to {MAX_MODES}")
     if delay is not None and not 0.0 <= delay < np.inf:
         raise ValueError(f"delay is {delay}; allowed is >= 0 and finite [s]")
     note = ""
@@ -107,12 +113,28 @@ def fit_data(data: Data, modes: int | None = None, delay: float | None = 0.0) ->
     if modes is not None:
         return _fit(data, Coordinates(modes, period, delay))
     fits: list[Fit] = []
-    for count in range(1, MAX_MODES + 1):
+    for count in range(MAX_MODES + 1):
         fits.append(_fit(data, Coordinates(count, period, delay)))
         richer_is_rejected = len(fits) > 1 and propose(fits) < len(fits) - 1
         if richer_is_rejected and fits[-2].misfit <= REJECTED:
             break
-    return fits[propose(fits)]
+    chosen = propose(fits)
+    while chosen and _least_change(fits[chosen]) < LEAST_CHANGE:
+        chosen -= 1
+    return fits[chosen]
+
+
+def _least_change(fit: Fit) -> float:
+    """Return by how much the mode that does least changes the response, where it does most.
+
+    A mode is the factor (w/v)^2 (s^2 + d s + v^2) / (s^2 + c s + w^2) of G.
+    """
+    s = 2j * np.pi * fit.response.frequency_hz
+    factors = [
+        (w / v) ** 2 * (s * s + d * s + v * v) / (s * s + c * s + w * w)
+        for w, c, v, d in fit.model.modes
+    ]
+    return min(float(np.abs(factor / factor[0] - 1.0).max()) for factor in factors)
 
 
 def propose(fits: list[Fit]) -> int:

@@ -110,7 +110,8 @@ class Processes:
 
 def _as_worker() -> None:
     os.environ["ZWIDTH_THREADS"] = "1"
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C reaches all: end at once, say nothing
+    for ends in (signal.SIGINT, signal.SIGTERM):  # Ctrl-C reaches all: end at once, say nothing
+        signal.signal(ends, signal.SIG_DFL)
     Thread(target=_end_with_parent, daemon=True).start()
 
 

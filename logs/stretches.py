@@ -3,18 +3,32 @@
 A sample lacks where its row is missing, which the clock shows by a jump, and where a value of its
 row is no finite number: a sensor that begins late, a cell of text, an empty one. Both are the same,
 so rows without a number are taken out, and the clock then jumps over them.
+
+Short gaps need not cut a recording: `bridged` puts ticks into them, and says which. What was not
+measured there goes on by a monotone cubic through its neighbours, to look at and never to be judged
+by. A command that was not recorded either has to be told by its neighbours, and a gap stays one
+where a straight line between them does not tell it: it would push the device by a wrong force.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
 
+from zwidth.logs.drive_state import STATES
+from zwidth.logs.steps import step_seen
 from zwidth.sim.trace import Trace
 
 Floats = NDArray[np.float64]
+Which = NDArray[np.bool_]
 JUMP = 0.5  # periods
 BESIDE = 11  # samples
+LONGEST_BRIDGED = 10  # samples
+WHOLE = 0.2  # of the period, that a gap may differ by from whole samples, or a stamp from a tick
+TOLD = 0.05  # of the command's rms, that a line over a gap may err by
+MOST_BRIDGED = 0.5  # share of the samples
 
 
 def without_gaps(trace: Trace, channels: Sequence[str], name: str) -> tuple[Trace, str]:
@@ -53,10 +67,114 @@ def jumps(t: Floats, period: float) -> NDArray[np.int64]:
     return asked[np.array(stays, dtype=np.bool_)]
 
 
+class Bridged(NamedTuple):
+    """A trace with ticks in its short gaps, which ticks these are, and a sentence; "" for none."""
+
+    trace: Trace
+    ticks: Which
+    note: str
+
+
+def bridged(kept: Trace, whole: Trace, channels: Sequence[str], period: float) -> Bridged:
+    """Return a trace without samples that lack with ticks put into gaps of `LONGEST_BRIDGED`.
+
+    kept: of `without_gaps`, perhaps put right since. whole: before that, whose rows may know a
+    command where nothing was measured. channels: what is computed on; period [s].
+    """
+    gaps = [(k, n) for k, n in _gaps(kept.t, period) if _tells(kept, whole, k, n, period)]
+    lost = sum(n for _, n in gaps)
+    if not gaps or lost > MOST_BRIDGED * len(kept):
+        return Bridged(kept, np.zeros(len(kept), dtype=np.bool_), "")
+    at = np.concatenate([np.full(n, k) for k, n in gaps])
+    share = np.concatenate([np.arange(1, n + 1) / (n + 1) for _, n in gaps])
+    between = kept.t[at - 1] + share * (kept.t[at] - kept.t[at - 1])
+    t = np.insert(kept.t, at, between)
+    ticks = np.insert(np.zeros(len(kept), dtype=np.bool_), at, True)
+    made = {c: np.insert(v, at, _over(c, v, kept.t, between)) for c, v in kept.channels.items()}
+    for channel in ("command", *STATES):
+        if channel in made:
+            rows, values = _recorded(whole, channel, between, period)
+            made[channel][np.flatnonzero(ticks)[rows]] = values[rows]
+    widest = max(n for _, n in gaps)
+    gap = "1 gap" if len(gaps) == 1 else f"{len(gaps)} gaps"
+    many = "1 sample" if widest == 1 else f"at most {widest} samples"
+    are = "is" if len(gaps) == 1 else "are"
+    return Bridged(
+        kept.with_channels(made, t),
+        ticks,
+        f"{gap} of {many}, {lost} together, {are} bridged: the model goes on over them uncorrected,"
+        " and they count for nothing",
+    )
+
+
+def _gaps(t: Floats, period: float) -> Iterator[tuple[int, int]]:
+    """Short gaps of whole samples: the sample after each, and how many lack."""
+    cuts = jumps(t, period) if t.size > 1 else np.array([], dtype=np.int64)
+    ahead = (t - t[0]) / period - np.arange(t.size)
+    ends = [0, *cuts.tolist(), t.size]
+    for before, k, after in zip(ends[:-2], ends[1:-1], ends[2:], strict=True):
+        near = ahead[max(before, k - BESIDE) : k], ahead[k : min(after, k + BESIDE)]
+        lacking = float(np.median(near[1]) - np.median(near[0]))
+        n = round(lacking)
+        if 1 <= n <= LONGEST_BRIDGED and abs(lacking - n) <= WHOLE:
+            yield k, n
+
+
+def _tells(kept: Trace, whole: Trace, k: int, n: int, period: float) -> bool:
+    """Whether the command over a gap of n before sample k was recorded, or its neighbours tell."""
+    if "command" not in kept.channels:
+        return True
+    between = kept.t[k - 1] + np.arange(1, n + 1) / (n + 1) * (kept.t[k] - kept.t[k - 1])
+    if _recorded(whole, "command", between, period)[0].all():
+        return True
+    u = kept["command"]
+    if u.size < 2 * n + 3:
+        return False
+    middle = (n + 1) // 2
+    line = u[: -n - 1] + middle / (n + 1) * (u[n + 1 :] - u[: -n - 1])
+    wrong = u[middle : middle + line.size] - line
+    return bool(np.sqrt(np.mean(wrong**2)) <= TOLD * np.sqrt(np.mean(u**2)))
+
+
+def _recorded(whole: Trace, channel: str, at: Floats, period: float) -> tuple[Which, Floats]:
+    """Which instants a channel was recorded at, and what (instants,)."""
+    known = np.flatnonzero(np.isfinite(whole[channel]))
+    if known.size == 0:
+        return np.zeros(at.size, dtype=np.bool_), np.zeros(at.size)
+    t = whole.t[known]
+    after = np.clip(np.searchsorted(t, at), 1, max(1, t.size - 1))
+    near = np.where(np.abs(t[after - 1] - at) < np.abs(t[np.minimum(after, t.size - 1)] - at),
+                    after - 1, np.minimum(after, t.size - 1))  # fmt: skip
+    return np.abs(t[near] - at) <= WHOLE * period, whole[channel][known[near]]
+
+
+def _over(channel: str, values: Floats, t: Floats, at: Floats) -> Floats:
+    """What a channel is taken to be where it was not recorded."""
+    known = np.isfinite(values)
+    if known.sum() < 2:
+        return np.full(at.size, np.nan)
+    if channel in STATES:
+        return values[np.searchsorted(t, at) - 1]
+    if channel == "command" or np.any(np.diff(t[known]) <= 0.0):
+        return np.interp(at, t[known], values[known])
+    found = np.asarray(PchipInterpolator(t[known], values[known])(at), dtype=np.float64)
+    step = step_seen(values[known])
+    if step is None:
+        return found
+    origin = values[known][0]  # on the lattice of the encoder, where there is one
+    return origin + step * np.round((found - origin) / step)
+
+
 def longest_stretch(trace: Trace, channels: Sequence[str], name: str) -> tuple[Trace, str]:
-    """Return the longest stretch without a gap, and a sentence on what is left out, "" for none."""
+    """Return the longest stretch without a gap, and a sentence on what is left out, "" for none.
+
+    Short gaps are filled in as `bridged` does it, and said.
+    """
     kept, note = without_gaps(trace, channels, name)
     period = float(np.median(np.diff(kept.t))) if len(kept) > 1 else 0.0
+    if period > 0.0:
+        kept, _, said = bridged(kept, trace, channels, period)
+        note = "; ".join(part for part in (note, said) if part)
     cuts = jumps(kept.t, period) if period > 0.0 else np.array([], dtype=np.int64)
     if cuts.size == 0:
         return kept, note

@@ -109,7 +109,10 @@ def weighted(problem: Problem, device: Device) -> Floats:
         return np.full(samples, WORST)
     with np.errstate(all="ignore"):
         out = [innovations(device, e, gain, ready=ready) for e in problem.experiments]
-        every = [problem.observer.weigh(one)[SETTLING:] for one in out]
+        every = [
+            problem.observer.weigh(one, e.uncounted)[SETTLING:]
+            for one, e in zip(out, problem.experiments, strict=True)
+        ]
         joined = np.concatenate([one.ravel() for one in every])
     return np.clip(np.nan_to_num(joined, nan=WORST, posinf=WORST, neginf=-WORST), -WORST, WORST)
 
@@ -126,7 +129,7 @@ def reference(
     if noise is None:
         chosen = choose_observer(device, experiments)
         errors = [innovations(device, e, chosen.gain) for e in experiments]
-        observer = whitened(chosen, errors)
+        observer = whitened(chosen, errors, experiments)
     else:
         observer = known_observer(device, experiments[0], noise)
     # An encoder's rounding of what is predicted would turn every small difference into noise.

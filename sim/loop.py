@@ -16,7 +16,8 @@ Command, reading and velocity enter as single vectors, so K and B are both rank-
 Linear parts only: steps, limits, friction and other forces without slope at rest do not enter.
 """
 
-from typing import NamedTuple
+import re
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,9 @@ from zwidth.sim.estimators import Linear
 from zwidth.sim.force_sensor import force_row
 from zwidth.sim.interface import Interface
 from zwidth.sim.plant import hold
+
+if TYPE_CHECKING:
+    from control import StateSpace
 
 Floats = NDArray[np.float64]
 MOST_TICKS = 400  # of delay; the eigenproblem of the boundary takes 20 s there
@@ -129,6 +133,22 @@ def linear_estimator(interface: Interface) -> Linear:
             " at simulated runs"
         )
     return estimator.linear(interface.estimator_settings)
+
+
+def sampled_system(device: Device) -> "StateSpace":
+    """Return the open loop as an object of python-control; see `Boundary.to_control`."""
+    try:
+        import control
+    except ImportError as error:
+        raise ImportError(
+            "to_control needs python-control; install it with 'pip install control'"
+        ) from error
+    loop = open_loop(device)
+    return control.StateSpace(
+        loop.transition, loop.entry[:, None], np.vstack([loop.reading, loop.velocity]),
+        np.zeros((2, 1)), loop.period, inputs=["force"], outputs=["position", "velocity"],
+        name=re.sub(r"\W+", "_", device.name),
+    )  # fmt: skip
 
 
 def _fed_back(device: Device, dof: int, loop: Loop) -> Loop:

@@ -38,6 +38,7 @@ class Recorded:
     external (ticks, n): forces on the masses besides, the acceleration of the base after them
     (n + 1) where it moves, None for none. strengths (ticks,): how much of the drive's force counts,
     None for all of it. arriving (ticks,): what is read times each member's jitter, None for none.
+    uncounted (ticks,): which are not judged, None for none.
     """
 
     command: Floats
@@ -46,6 +47,7 @@ class Recorded:
     external: Floats | None = None
     arriving: Floats | None = None
     strengths: Floats | None = None
+    uncounted: NDArray[np.bool_] | None = None
 
     @property
     def ticks(self) -> int:
@@ -198,7 +200,10 @@ class Population:
             which = batch.members[chosen]
             coarse, fine = batch.groups(chosen)
             memory = _together([starts[i] for i in which])
-            judge = judge_of(_lanes(plain, which, 3), skipped, ticks if keep else 0, (WIDTH,))
+            judge = judge_of(
+                _lanes(plain, which, 3), skipped, ticks if keep else 0, (WIDTH,),
+                recorded.uncounted,
+            )  # fmt: skip
             external = recorded.external
             reading = _reading(readings, which, recorded, coarse.eq.states)
             with counted(which.size, ticks):

@@ -92,8 +92,10 @@ class Judge(NamedTuple):
     """What is kept of the innovations as they pass.
 
     filters (o, o, order + 1): w_k = sum over j of F_j e_(k-j) is what is left of them when they
-    are whitened. moments (o, o): sum of w w' after the first `skipped` ticks; white (o,) and piece
-    (order + PIECE, o) are working space. kept (ticks, o) takes the innovations, or is (0, o).
+    are whitened. moments (o, o): sum of w w' after the first `skipped` ticks, without those in
+    which the first output was not measured; white (o,) and piece (order + PIECE, o) are working
+    space. kept (ticks, o) takes the innovations, or is (0, o). uncounted (ticks,): which correct
+    the state and are not judged, or (0,) for none; their innovations are not numbers.
     """
 
     filters: Floats
@@ -102,6 +104,7 @@ class Judge(NamedTuple):
     white: Floats
     piece: Floats
     kept: Floats
+    uncounted: NDArray[np.bool_]
 
 
 def saved_room(eq: Equations, lanes: tuple[int, ...] = ()) -> Saved:
@@ -110,12 +113,19 @@ def saved_room(eq: Equations, lanes: tuple[int, ...] = ()) -> Saved:
     return Saved(np.zeros(states), np.zeros(forces), np.zeros(states), np.zeros(forces))
 
 
-def judge_of(filters: Floats, skipped: int, kept: int = 0, lanes: tuple[int, ...] = ()) -> Judge:
+def judge_of(
+    filters: Floats,
+    skipped: int,
+    kept: int = 0,
+    lanes: tuple[int, ...] = (),
+    uncounted: NDArray[np.bool_] | None = None,
+) -> Judge:
     """Return a judge with room; filters (o, o, order + 1, *lanes); kept: ticks kept, 0 for none."""
     o, taps = filters.shape[0], filters.shape[2]
     return Judge(
         filters, skipped, np.zeros((o, o, *lanes)), np.zeros((o, *lanes)),
         np.zeros((taps - 1 + PIECE, o, *lanes)), np.zeros((kept, o, *lanes)),
+        np.zeros(0, dtype=np.bool_) if uncounted is None else uncounted,
     )  # fmt: skip
 
 
@@ -169,7 +179,7 @@ def _lane_judge(j):
     """View a judge in lanes."""
     return Judge(
         as_lanes(j.filters), j.skipped, as_lanes(j.moments), as_lanes(j.white),
-        as_lanes(j.piece), as_lanes(j.kept),
+        as_lanes(j.piece), as_lanes(j.kept), j.uncounted,
     )  # fmt: skip
 
 
@@ -265,9 +275,10 @@ def take(judge, first, count):
                 judge.kept[first + k, a] = judge.piece[earlier + k, a]
         if first + k >= judge.skipped and judge.moments.shape[0] > 0:
             whiten(judge, earlier + k)
+            e = judge.piece[earlier + k, 0]
             for a in range(outputs):
                 for b in range(outputs):
-                    judge.moments[a, b] += judge.white[a] * judge.white[b]
+                    judge.moments[a, b] += select(e == e, judge.white[a] * judge.white[b], 0.0)
     for k in range(earlier):
         for a in range(outputs):
             judge.piece[k, a] = judge.piece[count + k, a]
@@ -323,6 +334,9 @@ def predict(
             if any_lane(known):
                 for i in range(eq.states):
                     x[i] = select(known, x[i] + reading.observer[i, o] * e, x[i])
+        if judge.uncounted.size > 0 and judge.uncounted[k]:
+            for o in range(outputs.state.size):
+                judge.piece[row, o] = select(alive, np.nan * x[0], np.inf)
         if row == judge.piece.shape[0] - 1 or k == commands.size - 1:
             take(judge, k - k % PIECE, k % PIECE + 1)
         if not any_lane(alive):

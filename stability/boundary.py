@@ -2,15 +2,20 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.shown import Shown
 from zwidth.sim.device import Device
+from zwidth.sim.loop import sampled_system
 from zwidth.stability.bisection import Bracket, Search, Trial, find_brackets
 from zwidth.stability.linear import corner, known_boundary, last_stable_damping, stand_in
 from zwidth.stability.types import LinearPoint
+
+if TYPE_CHECKING:
+    from control import StateSpace
 
 Floats = NDArray[np.float64]
 GRID = 41
@@ -43,6 +48,19 @@ class Boundary(Shown):
         """The point of highest stiffness in the time domain, None where no K was stable."""
         stable = [p for p in self.points if p.simulated.stable is not None]
         return max(stable, key=lambda p: p.simulated.stable or 0.0, default=None)
+
+    def to_control(self) -> "StateSpace":
+        """Return the device as the wall sees it, a `control.StateSpace` of python-control.
+
+        Sampled at the interface's period, exact with hold and delay: from the input "force"
+        [N m | N] to the outputs "position" [rad | m] and "velocity" [rad/s | m/s], as the interface
+        estimates it. `control.feedback(system, [[K, B]])` is the wall of stiffness K and damping B,
+        and the linear boundary is where its largest pole reaches the unit circle.
+
+        Raises ImportError where python-control is missing, with what to install, and ValueError for
+        an interface of several rates.
+        """
+        return sampled_system(self.device)
 
 
 def default_dampings(device: Device) -> Floats:

@@ -16,7 +16,7 @@ from zwidth.identification.output import position
 from zwidth.identification.prediction import predict
 from zwidth.identification.response import RecordingError, frequency_response
 from zwidth.sim.device_file import load_device
-from zwidth.sim.modal import ModalModel, Mode
+from zwidth.sim.modal import ModalModel, Mode, to_chain
 from zwidth.sim.run import simulate
 from zwidth.sim.trace import Trace
 
@@ -182,26 +182,51 @@ def test_of_a_recording_with_gaps_the_longest_stretch_is_fitted(trace: Trace) ->
     Mutation: gaps joined, as if the samples around one followed each other.
     """
     alone = fit_response(trace.with_channels(
-        {name: values[9010:28000] for name, values in trace.channels.items()}, trace.t[9010:28000]
+        {name: values[9011:28000] for name, values in trace.channels.items()}, trace.t[9011:28000]
     ), 2)  # fmt: skip
-    rows = np.r_[9000:9010, 28000]
+    rows = np.r_[9000:9011, 28000:28011]  # longer than what is bridged
     kept = np.delete(np.arange(len(trace)), rows)
     deleted = trace.with_channels({n: v[kept] for n, v in trace.channels.items()}, trace.t[kept])
     holes = trace["position_m1"].copy()
     holes[rows] = np.nan
     nan = trace.with_channels({**trace.channels, "position_m1": holes})
-    for gapped, words in ((deleted, "jumps 2 times"), (nan, "11 of 30000 samples")):
+    for gapped, words in ((deleted, "jumps 2 times"), (nan, "22 of 30000 samples")):
         fit = fit_response(gapped, 2)
         np.testing.assert_array_equal(fit.values, alone.values)
         assert words in fit.note
-        assert "18990 of" in fit.note
+        assert "18989 of" in fit.note
     assert alone.note == ""
+
+
+def test_a_short_gap_costs_no_stretch(trace: Trace) -> None:
+    """Mutation: gaps of any length cut."""
+    whole = fit_response(trace, 2)
+    holes = trace["position_m1"].copy()
+    holes[[9000, 9001, 28000]] = np.nan
+    fit = fit_response(trace.with_channels({**trace.channels, "position_m1": holes}), 2)
+    assert "2 gaps of at most 2 samples, 3 together, are bridged" in fit.note
+    np.testing.assert_allclose(fit.values, whole.values, rtol=1e-3)
+
+
+def test_a_rigid_body_is_one_and_gets_no_mode(trace: Trace) -> None:
+    """By its number, and where the data say so; a mode of next to nothing is none.
+
+    Mutations: at least one mode; a mode that changes the response by 1.7 % kept.
+    """
+    rigid = ModalModel(2e-3, 0.01, ())
+    faint = ModalModel(2e-3, 0.01, (Mode(500, 60, 499.5, 60),))
+    for model in (rigid, faint):
+        fit = fit_response(record(model))
+        assert fit.model.modes == ()
+        assert fit.model.inertia == pytest.approx(2e-3, rel=0.01)
+        assert to_chain(fit.model).masses.size == 1
+    assert fit_response(trace, 0).names == ("m", "b")
 
 
 def test_missing_channels_and_bad_arguments_are_refused(trace: Trace) -> None:
     with pytest.raises(RecordingError, match="no channel 'torque'; it has command, position_m1"):
         fit_response(trace, command="torque")
-    with pytest.raises(ValueError, match="modes is 9; allowed is 1 to 4"):
+    with pytest.raises(ValueError, match="modes is 9; allowed is 0, a rigid body, to 4"):
         fit_response(trace, 9)
     with pytest.raises(ValueError, match="delay is -1"):
         fit_response(trace, delay=-1.0)

@@ -419,6 +419,42 @@ def test_a_frame_has_a_row_for_every_point(results: dict[str, Any], name: str):
     }
 
 
+@pytest.mark.parametrize("library", ["pandas", "polars"])
+@pytest.mark.parametrize("name", RESULTS)
+def test_a_frame_has_its_axes_as_columns(results: dict[str, Any], name: str, library: str):
+    """Mutation: the axes left in the index, which polars has not."""
+    pytest.importorskip(library)
+    table, found = results[name].to_pandas(), results[name].to_frame(library)
+    assert type(found).__module__.split(".")[0] == library
+    assert found.shape[0] == len(table)
+    axes = [axis for axis in results[name].to_xarray().dims if axis in table.index.names]
+    assert list(found.columns) == [*axes, *table.columns]
+
+
+def test_another_library_of_frames_is_refused():
+    with pytest.raises(ValueError, match="library is 'arrow'; allowed are pandas and polars"):
+        recording().to_frame("arrow")  # pyright: ignore[reportArgumentType]
+    assert type(recording().to_frame()).__module__.startswith("pandas")
+
+
+def test_a_boundary_of_python_control_ends_where_the_linear_theory_says(results: dict[str, Any]):
+    """The largest pole of the closed loop is on the circle at every point of the boundary.
+
+    Mutations: the velocity without its filter; K and B exchanged.
+    """
+    control = pytest.importorskip("control")
+    boundary = results["Boundary"]
+    system = boundary.to_control()
+    assert system.dt == boundary.device.interface.period
+    assert (system.input_labels, system.output_labels) == (["force"], ["position", "velocity"])
+    ends = [p for p in boundary.points if p.linear.stiffness]
+    assert ends
+    for point in ends:
+        wall = np.array([[point.linear.stiffness, point.damping]])
+        poles = control.feedback(system, wall).poles()
+        assert np.abs(poles).max() == pytest.approx(1.0, abs=1e-6)
+
+
 def test_numbers_come_through_as_they_are(results: dict[str, Any]):
     trace = recording().trace
     found = recording().to_xarray()

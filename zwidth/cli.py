@@ -1,11 +1,13 @@
 """The command `zwidth`: loads the command asked for, and turns every error into one sentence."""
 
 import os
+import signal
 import sys
 import warnings
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Callable, Generator, Sequence
+from contextlib import contextmanager, suppress
 from importlib import import_module
+from threading import Event, current_thread, main_thread
 from typing import Any, NoReturn, TextIO
 
 import click
@@ -113,7 +115,7 @@ class CommandsByName(click.Group):
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     epilog="A command overwrites its own earlier results unless they were edited, other files only"
     " with --force, and its inputs never."
-    " Exit status: 0 done, 1 failed, 2 bad input, 130 interrupted with Ctrl-C.",
+    " Exit status: 0 done, 1 failed, 2 bad input, 130 interrupted with Ctrl-C, 143 with SIGTERM.",
 )
 @click.version_option(package_name="zwidth", message="%(prog)s %(version)s")
 @click.pass_context
@@ -140,6 +142,36 @@ def run(arguments: Sequence[str] | None = None) -> int:
     exception is let through instead.
     """
     warnings.showwarning = _one_line_warning
+    with _terminable() as terminated:
+        status = _run(arguments)
+    if terminated() and status == Status.INTERRUPTED:
+        return Status.TERMINATED
+    return status
+
+
+@contextmanager
+def _terminable() -> Generator[Callable[[], bool]]:
+    """Have SIGTERM do what Ctrl-C does, and yield what says whether it came.
+
+    A batch system sends it some time before it kills; what was found until then is worth having.
+    """
+    came = Event()
+
+    def interrupted(*_: object) -> None:
+        came.set()
+        raise KeyboardInterrupt
+
+    if current_thread() is not main_thread() or signal.getsignal(signal.SIGTERM) != signal.SIG_DFL:
+        yield came.is_set  # no signal reaches another thread; who handles it already knows better
+        return
+    signal.signal(signal.SIGTERM, interrupted)
+    try:
+        yield came.is_set
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def _run(arguments: Sequence[str] | None) -> int:
     try:
         status = zwidth.main(arguments, prog_name="zwidth", standalone_mode=False)
         sys.stdout.flush()

@@ -15,6 +15,7 @@ class Status(IntEnum):
     FAILED = 1  # the machine, or this program
     BAD_INPUT = 2  # what was asked for; the sentence says what to change
     INTERRUPTED = 130  # 128 + SIGINT, as a shell reports it
+    TERMINATED = 143  # 128 + SIGTERM, as a batch system sends it at the end of its time
 
 
 # A path that is not what it should be is the user's to change; a full disk or a refused permission

@@ -6,7 +6,7 @@ arrays of xarray and pictures of matplotlib take a second to load, and a simulat
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Protocol, cast
+from typing import TYPE_CHECKING, Any, Literal, Protocol, cast
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,6 +33,10 @@ class Views(Protocol):
         """Return the numbers as one table."""
         ...
 
+    def flat(self, result: Any, library: str | None) -> Any:
+        """Return that table with its axes as columns, of pandas or polars."""
+        ...
+
     def figure(self, result: Any, picture: str | None) -> "Figure":
         """Return a picture by its name, or the first one."""
         ...
@@ -51,7 +55,7 @@ def _views() -> Views:
 
 
 class Shown:
-    """A result: `to_xarray`, `to_pandas`, `plot`, and a table where it is looked at."""
+    """A result: `to_xarray`, `to_pandas`, `to_frame`, `plot`, a table where it is looked at."""
 
     __slots__ = ()
 
@@ -70,6 +74,15 @@ class Shown:
         Raises ImportError where pandas is missing, with what to install.
         """
         return _views().frame(self)
+
+    def to_frame(self, library: Literal["pandas", "polars"] | None = None) -> Any:
+        """Return the numbers of `to_pandas` as a data frame whose axes are columns, too.
+
+        library: of whom the frame is, "pandas" or "polars"; without it that of pandas where it is
+        installed, else that of polars. Raises ValueError for another one, ImportError where it is
+        missing, with what to install.
+        """
+        return _views().flat(self, library)
 
     def plot(self, picture: str | None = None) -> "Figure":
         """Return a `matplotlib.figure.Figure`, which a notebook shows and `savefig` writes.

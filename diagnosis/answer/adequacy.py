@@ -295,8 +295,7 @@ def _noise(final: Fitted, observer: Observer, seen: Sequence[Experiment]) -> Bel
     innovations are all that the answer lacks, and would be foretold as its noise.
     """
     device = final.model.acting(final.x)
-    weighed = [observer.weigh(innovations(device, e, observer.gain))[settling(e) :] for e in seen]
-    white = np.concatenate(weighed)
+    white = _weighed(device, seen, observer)
     with np.errstate(all="ignore"), suppress(np.linalg.LinAlgError):
         size = np.sqrt(np.mean(white**2, axis=0))
         white = white * np.minimum(1.0, LOUDER / size)
@@ -441,10 +440,18 @@ def _squares(device: Any, seen: Sequence[Experiment], observer: Observer, ticks:
 
 def _steps(device: Any, seen: Sequence[Experiment], observer: Observer) -> Floats:
     """-2 log likelihood in stretches, a step ahead, under the observer's noise."""
-    weighed = [observer.weigh(innovations(device, e, observer.gain))[settling(e) :] for e in seen]
-    each = np.sum(np.concatenate(weighed) ** 2, axis=1)
+    each = np.sum(_weighed(device, seen, observer) ** 2, axis=1)
     parts = np.array_split(each, max(3, min(20, each.size // 50)))
     return np.nan_to_num(np.array([p.sum() for p in parts]), nan=1e300, posinf=1e300)
+
+
+def _weighed(device: Any, seen: Sequence[Experiment], observer: Observer) -> Floats:
+    """Weighed innovations (samples, o) of what was measured once settled."""
+    parts: list[Floats] = []
+    for e in seen:
+        white = observer.weigh(innovations(device, e, observer.gain), e.uncounted)
+        parts.append(white[settling(e) :][e.known[settling(e) :]])
+    return np.concatenate(parts)
 
 
 def _sigma(gains: Floats) -> float:

@@ -96,6 +96,8 @@ def _explained(problem: Problem, fitted: Fitted, experiment: Experiment) -> Expl
         ahead = innovations(device, seen, gain)
         runs, _ = free_run_errors(device, seen, gain, window(seen))
     ahead[: settling(seen)] = np.nan
+    if seen.uncounted is not None:
+        ahead[seen.uncounted] = np.nan
     free = np.full(ahead.shape, np.nan)
     length = window(seen)
     for place, first in enumerate(free_run_starts(seen, length)):
@@ -110,7 +112,7 @@ def missing_force(problem: Problem, fitted: Fitted, experiment: Experiment, plac
     """
     seen = fitted.model.seen(experiment, fitted.x)
     weighted = innovations(fitted.model.acting(fitted.x), seen, problem.observer.gain)
-    weighted = np.nan_to_num(problem.observer.weigh(weighted))
+    weighted = np.nan_to_num(problem.observer.weigh(weighted, seen.uncounted))
     weighted[: settling(seen)] = 0.0
     answer = response(problem, fitted, place)
     size = next_fast_len(experiment.ticks + answer.shape[0], real=True)

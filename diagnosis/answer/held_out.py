@@ -46,7 +46,8 @@ def held_out(
         built = model.acting(x)
         # Each begins where it fits best: an observer that trusts its model forgets slowly.
         scaled = [begun(built, model.seen(e, x), found.judge) for e in judge_by]
-        one.append(_rms([innovations(built, e, gain)[settling(e) :, 0] for e in scaled]) / swing)
+        ahead = [(innovations(built, e, gain)[settling(e) :, 0], e) for e in scaled]
+        one.append(_rms([own[e.known[settling(e) :]] for own, e in ahead]) / swing)
         error, windows = _free(built, scaled, gain)
         free.append(error / windows)
     model, x = models[-1]

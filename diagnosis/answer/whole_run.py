@@ -35,7 +35,8 @@ class WholeRun:
 
     measured (ticks,), from begins [s] on, every period [s]; simulated (ticks,) "before", of the
     device file, "refit", "after", with what was found, and "law", with a law of no name that was
-    learned, where one was. held_out: whether nothing was fitted to it.
+    learned, where one was. held_out: whether nothing was fitted to it. bridged (ticks,): where
+    nothing was measured, and no error is counted.
     """
 
     recording: str
@@ -46,17 +47,25 @@ class WholeRun:
     measured: Floats
     simulated: Mapping[str, Floats]
     held_out: bool
+    bridged: NDArray[np.bool_] | None = None
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Which ticks were measured."""
+        gone = self.bridged
+        return np.ones(self.measured.size, dtype=np.bool_) if gone is None else ~gone
 
     @property
     def motion(self) -> float:
         """Rms of what was measured about its mean."""
-        return float(self.measured.std())
+        return float(self.measured[self.known].std())
 
     @property
     def errors(self) -> dict[str, float]:
         """Rms errors, infinite after an overflow."""
         with np.errstate(all="ignore"):
-            off = {name: s - self.measured for name, s in self.simulated.items()}
+            known = self.known
+            off = {name: (s - self.measured)[known] for name, s in self.simulated.items()}
             rms = {name: float(np.sqrt(np.mean(e**2))) for name, e in off.items()}
         return {name: r if math.isfinite(r) else math.inf for name, r in rms.items()}
 
@@ -111,7 +120,9 @@ def whole_runs(
             name = f"{quantity}_{output.at}"
             said = {word: found[:, o] for word, found in each.items()}
             runs.append(
-                WholeRun(e.name, name, unit, e.begins, e.period, measured[:, o], said, held)
+                WholeRun(
+                    e.name, name, unit, e.begins, e.period, measured[:, o], said, held, e.bridged
+                )
             )
     return tuple(runs)
 

@@ -148,7 +148,7 @@ class Problem:
         parts: list[Floats] = []
         for e, own in zip(seen, ready, strict=True):
             out = innovations(device, e, self.observer.gain, ready=own)
-            parts.append(self.observer.weigh(out)[SETTLING:].ravel())
+            parts.append(self.observer.weigh(out, e.uncounted)[SETTLING:].ravel())
         return _bounded(np.concatenate(parts))
 
     def weighted_each(self, model: Model, xs: Sequence[Floats], least: int = 1) -> list[Floats]:
@@ -156,13 +156,13 @@ class Problem:
         many = Many(model, xs, self.fineness, least)
         parts: list[Floats] = []
         for e in self.experiments:
-            found = self.observer.weigh(many.innovations(e, self.observer.gain))
+            found = self.observer.weigh(many.innovations(e, self.observer.gain), e.uncounted)
             parts.append(_bounded(found[:, SETTLING:].reshape(len(xs), -1)))
         return list(np.concatenate(parts, axis=1))
 
     @property
     def samples(self) -> int:
-        """Number of weighted innovations."""
+        """Number of weighted innovations, with those of bridged samples, which are zero."""
         return sum((e.ticks - SETTLING) * len(e.outputs) for e in self.experiments)
 
     def residual(self, model: Model, x: Floats, least: int = 1) -> Floats:

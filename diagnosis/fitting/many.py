@@ -86,6 +86,8 @@ class Many:
         found = np.full((self.size, *experiment.measured.shape), np.inf)
         for which, followed in self._followed(experiment, gain, keep=True):
             found[which] = followed.innovations
+        if experiment.uncounted is not None:
+            found[:, experiment.uncounted] = 0.0
         return found
 
     def moments(self, experiment: Experiment, gain: Floats, filters: Floats, skip: int) -> Floats:
@@ -125,8 +127,8 @@ class Many:
             own = starts if starts is None or starts.ndim == 1 else starts[which]
             force = experiment.external(population.dof)
             recorded = Recorded(
-                plain.command, plain.measured, experiment.places(population), force, arriving,
-                plain.strengths,
+                plain.command, plain.readings, experiment.places(population), force, arriving,
+                plain.strengths, plain.uncounted,
             )  # fmt: skip
             readings = Readings(
                 padded(gain, device, population, experiment),

@@ -120,7 +120,7 @@ def _coarsely(problem: Problem, fitted: Fitted) -> tuple[Problem, Fitted]:
     device = fitted.model.acting(fitted.x)
     seen = [fitted.model.seen(e, fitted.x) for e in problem.experiments]
     errors = [innovations(device, e, problem.observer.gain) for e in seen]
-    there = Problem(problem.experiments, whitened(problem.observer, errors, COARSE))
+    there = Problem(problem.experiments, whitened(problem.observer, errors, seen, COARSE))
     return there, there.at(fitted.model, fitted.x)
 
 

@@ -63,7 +63,7 @@ def instead_by_law(problem: Problem, final: Fitted) -> Instead | None:
     if not probes:
         return None
     rotary = final.model.nominal.rotary
-    experiments, price = problem.experiments, float(np.log(final.samples))
+    experiments, price = problem.experiments, float(np.log(problem.observer.told * final.samples))
     own = alone(final, experiments) + price * final.x.size
     least = own - CLEARLY
     best: Instead | None = None

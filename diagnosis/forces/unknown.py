@@ -227,7 +227,8 @@ def instead(
     for one in lines:
         shapes.append(_repeating(problem, without, _between_lines(problem, without, off, one), n))
     best: Instead | None = None
-    least = alone(final, experiments) + named * np.log(final.samples) - CLEARLY
+    price = float(np.log(problem.observer.told * final.samples))
+    least = alone(final, experiments) + named * price - CLEARLY
     for shape in shapes:
         one = Gained(shape, *_solved(problem, without, off, shape))
         unknowns = one.strength.size + (shape.follows != CUBE)  # its period was sought
@@ -237,7 +238,7 @@ def instead(
             paid = _with_force(problem, without, one, np.inf).cost
         except NoObserver:  # no observer follows the recording with that force
             continue
-        paid += unknowns * np.log(final.samples)
+        paid += unknowns * price
         if paid < least:
             gained = float(least + CLEARLY - paid)
             best, least = Instead(gained, unknowns, shape.place, shape.follows, name), paid

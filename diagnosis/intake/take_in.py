@@ -6,6 +6,7 @@ least is kept (`likeliest`).
 """
 
 import math
+import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext, suppress
@@ -40,6 +41,7 @@ from zwidth.diagnosis.selection.search import search
 from zwidth.sim.device import Device
 
 Result = TypeVar("Result")
+NUMBER = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?")
 LIKELY_ODDS = 1e-2  # that a recording has a wrong sign, or a unit that is mistaken for the SI
 TIE = 1.0  # -2 ln within which two fits end alike, so that the first suspect stands
 FREE_ODDS = 1e-4  # that a channel counts wrong by a factor that is no unit
@@ -204,13 +206,23 @@ def _taken(
         wrong += [fault for each in alike for fault in each]
         turned = [corrected(one.experiment, w) for one, w in zip(judges, alike, strict=True)]
         fit_on, judge_by = whole_ones, tuple(e for _, (e, _) in _each(turned, acted))
-    odd = [fault for one in looked for fault in one.odd]
+    odd = said_once([fault for one in looked for fault in one.odd])
     return Taken(
         device, whole_ones, fit_on, judge_by, (*wrong, *odd, *notes),
         max(one.factor for one in looked), whole,
         tuple(sorted({*range(asked)} - {places[place] for place, _ in kept})),
         misread, any(one.ways for one in judges),
     )  # fmt: skip
+
+
+def said_once(faults: Sequence[Fault]) -> list[Fault]:
+    """Return faults, of those that say the same of stretches of one recording the largest."""
+    found: dict[tuple[str, str, str], Fault] = {}
+    for fault in faults:
+        said = (fault.kind, fault.recording, NUMBER.sub("#", fault.sentence))
+        if said not in found or abs(fault.value) > abs(found[said].value):
+            found[said] = fault
+    return list(found.values())
 
 
 def misread_price(taken: Taken) -> float:
@@ -228,7 +240,7 @@ def misread_price(taken: Taken) -> float:
     price = 0.0
     for place, fault in taken.misread:
         if fault.channels != COMMAND:
-            samples = max(0, taken.fit_on[place].ticks - SETTLING) * len(fault.channels)
+            samples = int(taken.fit_on[place].known[SETTLING:].sum()) * len(fault.channels)
             price -= 2.0 * samples * math.log(abs(fault.value))
     kinds = Counter((fault.channels, fault.value) for _, fault in taken.misread)
     for (_, factor), count in kinds.items():

@@ -289,7 +289,7 @@ def _best_each(h: Hypothesis, sums: _Sums) -> list[Suspect]:
         amounts = -np.linalg.solve(spread, score)
         told = _told(h, sums, amounts @ shares, j)
         price = 2.0 * math.log(kinds * len(SHAPES)) + RARITY
-        freedom = (len(own) - 2) * math.log(h.samples)
+        freedom = (len(own) - 2) * math.log(h.noise.observer.told * h.samples)
         found.append(Suspect(p.name, EACH, 0.0, (0.0, 0.0), 0.0, 0.0, told, price,
                              amounts=tuple(amounts.tolist()), freedom=freedom))  # fmt: skip
     return found
@@ -474,11 +474,16 @@ def _going_through(e: Experiment, h: Hypothesis, ticks: NDArray[np.int64], stop:
     places, begun_there = held[0].places(early.coarse), begun(device, held[0], observer)
     memory, full = memory_at(early, begun_there, device, observer.gain)
     forces = held[0].external(early.coarse.dof)
+    readings = [own.readings for own in held]
+    known = None if e.uncounted is None else e.uncounted[:stop]
 
     def through(side: int, a: int, b: int, memory: Memory) -> Floats:
         own, eq = held[side], (early, late)[side]
-        return alone(eq.coarse, eq.fine, places, own.command[a:b], own.measured[a:b], full,
-                     forces[a:b], memory, own.strengths_in(slice(a, b)))  # fmt: skip
+        found = alone(eq.coarse, eq.fine, places, own.command[a:b], readings[side][a:b], full,
+                      forces[a:b], memory, own.strengths_in(slice(a, b)))  # fmt: skip
+        if e.uncounted is not None:
+            found[e.uncounted[a:b]] = 0.0
+        return found
 
     start, here = int(ticks[0]), 0
     before: list[Floats] = [through(0, 0, start, memory)]
@@ -486,7 +491,7 @@ def _going_through(e: Experiment, h: Hypothesis, ticks: NDArray[np.int64], stop:
     for here, tick in zip([start, *ticks[:-1].tolist()], ticks.tolist(), strict=True):
         before.append(through(0, here, tick, memory))
         after = through(1, tick, stop, copied(memory))
-        white = observer.weigh(np.concatenate([*before, after]))[start - SETTLING // 2 :]
+        white = observer.weigh(np.concatenate([*before, after]), known)[start - SETTLING // 2 :]
         costs.append(float(np.sum(white**2)))
     return np.nan_to_num(np.array(costs), nan=np.inf, posinf=np.inf)
 

@@ -141,7 +141,7 @@ class Window:
         own = np.zeros((e.ticks, 0)) if e.force is None else e.force
         self.forces = self.seen.external(self.ready.coarse.dof, own)
         self.memory, self.full = memory_at(self.ready, self.seen, device, self.observer.gain)
-        self._through(slice(0, self.begins), self.forces, self.seen.measured, self.memory)
+        self._through(slice(0, self.begins), self.forces, self.seen.readings, self.memory)
         self.unknown = self.white(None, np.zeros(0))
 
     def white(self, force: Floats | None, row: Floats, shift: Floats | None = None) -> Floats:
@@ -154,11 +154,15 @@ class Window:
         if force is not None:
             forces = forces.copy()  # beyond the masses: what the base does
             forces[:, : row.size] += force[:, None] * row
-        measured = self.seen.measured[there]
+        measured = self.seen.readings[there]
+        gone = None if self.seen.uncounted is None else self.seen.uncounted[there]
         if shift is not None:
             measured = measured - shift
         e = self._run(self.seen.command[there], np.ascontiguousarray(measured), forces)
-        return np.nan_to_num(self.observer.weigh(e)[LEAD // 2 :], nan=1e6, posinf=1e6).ravel()
+        if gone is not None:
+            e[gone] = 0.0
+        white = self.observer.weigh(e, gone)[LEAD // 2 :]
+        return np.nan_to_num(white, nan=1e6, posinf=1e6).ravel()
 
     def _run(self, command: Floats, measured: Floats, forces: Floats) -> Floats:
         with np.errstate(all="ignore"):

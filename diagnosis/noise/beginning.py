@@ -236,15 +236,18 @@ def innovations_each(
     dof, period = population.dof, device.interface.period
     force = experiment.external(dof)
     recorded = Recorded(
-        experiment.command, experiment.measured, experiment.places(population), force,
-        strengths=experiment.strengths,
+        experiment.command, experiment.readings, experiment.places(population), force,
+        strengths=experiment.strengths, uncounted=experiment.uncounted,
     )  # fmt: skip
     motion = np.array(first_motion(experiment.outputs, experiment.measured, period))
     motions = np.tile(motion, (population.size, 1))
     memories = observer_memories(population, motions, starts, experiment.begins)
     readings = Readings(np.stack([padded(g, device, population, experiment) for g in gains]))
     with np.errstate(all="ignore"):  # infinite after an overflow
-        return population.follow(
+        found = population.follow(
             recorded, memories, readings, keep=True,
             run_all=lambda tasks: in_parallel(tasks, threads()),
         ).innovations  # fmt: skip
+    if experiment.uncounted is not None:
+        found[:, experiment.uncounted] = 0.0
+    return found

@@ -27,6 +27,7 @@ from zwidth.diagnosis.noise.predictor import (
     Observer,
     innovations,
     prepared_each,
+    told,
     whitened,
 )
 from zwidth.diagnosis.noise.steady import NoObserver, steady_gains
@@ -139,23 +140,34 @@ def noises(
     found: list[Noise | None] = []
     for i, ratio in enumerate(ratios[usable].tolist()):
         starts, errors = [b[i] for b, _ in followed], [e[i] for _, e in followed]
-        found.append(_noise(gains[usable][i], ratio, family, starts, errors))
+        found.append(_noise(gains[usable][i], ratio, family, starts, errors, experiments))
     return [noise for noise in found if noise is not None]
 
 
 def _noise(
-    gain: Floats, ratio: float, family: Family, starts: Sequence[Floats], errors: Sequence[Floats]
+    gain: Floats,
+    ratio: float,
+    family: Family,
+    starts: Sequence[Floats],
+    errors: Sequence[Floats],
+    experiments: Sequence[Experiment],
 ) -> Noise | None:
     """The noise that an observer leaves so of recordings; None where it does not follow them."""
     if not all(np.all(np.isfinite(e)) for e in errors):
         return None
-    far = _deviation(errors) / math.sqrt(family.counts)
-    plain = Observer(gain, far, ratio, counts=family.counts)
+    share = told(experiments)
+    far = _deviation(errors) / math.sqrt(share * family.counts)
+    plain = Observer(gain, far, ratio, counts=family.counts, told=share)
     try:
-        white = whitened(plain, errors) if family.whitening else plain
+        white = whitened(plain, errors, experiments) if family.whitening else plain
     except NoObserver:
         return None
-    weighed = np.concatenate([white.weigh(e)[SETTLING:].ravel() for e in errors])
+    weighed = np.concatenate(
+        [
+            white.weigh(e, one.uncounted)[SETTLING:].ravel()
+            for e, one in zip(errors, experiments, strict=True)
+        ]
+    )
     cost = white.cost(weighed)
     return Noise(white, tuple(starts), cost, weighed) if np.isfinite(cost) else None
 
@@ -184,7 +196,7 @@ def _begun_with_play(
         innovations(device, replace(e, start=start), observer.gain, ready=one)
         for e, start, one in zip(seen, starts, ready, strict=True)
     ]
-    return _noise(observer.gain, observer.ratio, family, starts, errors)
+    return _noise(observer.gain, observer.ratio, family, starts, errors, experiments)
 
 
 def _deviation(errors: Sequence[Floats]) -> Floats:

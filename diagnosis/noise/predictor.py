@@ -49,7 +49,8 @@ class Observer:
     deviation is that of what the past of all outputs does not predict.
     counts: as how many independent samples each counts, where what is left stays coloured
     (`family.as_far_as`); deviation is then divided by its root, so that all that is weighed tells
-    so much less.
+    so much less. told: share of the samples that count; the others are bridged, weigh
+    nothing, and are not counted, nor are those just after them.
     """
 
     gain: Floats
@@ -57,18 +58,26 @@ class Observer:
     ratio: float
     whitening: Floats | None = None
     counts: float = 1.0
+    told: float = 1.0
 
-    def weigh(self, innovations: Floats) -> Floats:
-        """Return innovations (..., ticks, o) whitened, in units of their deviation."""
+    def weigh(self, innovations: Floats, uncounted: NDArray[np.bool_] | None = None) -> Floats:
+        """Return innovations (..., ticks, o) whitened, in units of their deviation.
+
+        Zero where they do not count, uncounted (ticks,).
+        """
         if self.whitening is None:
             return innovations / self.deviation
-        return filtered(innovations, self.whitening)
+        white = filtered(innovations, self.whitening)
+        if uncounted is not None:
+            white[..., uncounted, :] = 0.0
+        return white
 
     def cost(self, white: Floats) -> float:
         """Return -2 log likelihood of weighed innovations (samples,), up to a constant.
 
         The covariance left in them is concentrated out: n (ln det S_0 + ln det S), S_0 what `weigh`
-        divides by and S the covariance of what it returned; all of it counts `counts` times.
+        divides by and S the covariance of what it returned; all of it counts `counts` times. n is
+        the number of samples that were measured.
         """
         rows = white.reshape(-1, self.deviation.size)
         return float(self.cost_of((rows.T @ rows)[None], rows.shape[0])[0])
@@ -79,7 +88,8 @@ class Observer:
             divided = 2.0 * float(np.sum(np.log(self.deviation)))
         else:
             divided = -2.0 * float(np.linalg.slogdet(self.whitening[:, :, 0])[1])
-        return self.counts * rows * (divided + np.linalg.slogdet(moments / rows)[1])
+        known = self.told * rows
+        return self.counts * known * (divided + np.linalg.slogdet(moments / known)[1])
 
     def filters(self) -> Floats:
         """Return what `weigh` does as filters (o, o, taps)."""
@@ -88,8 +98,24 @@ class Observer:
         return np.diag(1.0 / self.deviation)[:, :, None]
 
 
-def whitened(observer: Observer, innovations: Sequence[Floats], memory: float = MEMORY) -> Observer:
+def told(experiments: Sequence[Experiment]) -> float:
+    """Return the share of the samples, once settled, that count."""
+    if all(e.uncounted is None for e in experiments):
+        return 1.0
+    counted = sum(e.ticks - SETTLING for e in experiments)
+    gone = sum(int(e.uncounted[SETTLING:].sum()) for e in experiments if e.uncounted is not None)
+    return max(counted - gone, 1) / max(counted, 1)
+
+
+def whitened(
+    observer: Observer,
+    innovations: Sequence[Floats],
+    experiments: Sequence[Experiment] = (),
+    memory: float = MEMORY,
+) -> Observer:
     """Return the observer with the filters that whiten innovations (ticks, o) of recordings.
+
+    experiments: the recordings, which say what does not count; without them all counts.
 
     Autoregression by Yule and Walker over all outputs at once: a disturbance moves every mass, and
     two outputs taken for independent would count it twice. Slopes depend on past readings only, so
@@ -102,9 +128,15 @@ def whitened(observer: Observer, innovations: Sequence[Floats], memory: float = 
     the spectrum that the filter makes flat is smoothed: correlation at lag k counts
     exp(-k^2 / 2 memory^2), a resolution of 1 / (2 pi memory T), 6.6 Hz at 1 kHz.
 
+    A sample that does not count has no innovation: it adds nothing to R_k, and R_k is counted over
+    as many as R_0, which keeps it that of a process.
+
     Raises NoObserver where no filter makes them white.
     """
-    size = np.sqrt(np.mean(np.concatenate([e[SETTLING:] ** 2 for e in innovations]), axis=0))
+    share = told(experiments)
+    uncounted = [e.uncounted for e in experiments] or [None] * len(innovations)
+    squares = np.mean(np.concatenate([e[SETTLING:] ** 2 for e in innovations]), axis=0)
+    size = np.sqrt(squares / share)
     if not np.all(size > 0.0):
         raise NoObserver("an output is foretold to the last digit: the device stands still")
     kept = [e[SETTLING:] / size for e in innovations]
@@ -113,7 +145,7 @@ def whitened(observer: Observer, innovations: Sequence[Floats], memory: float = 
 
     # R_k = E e_t e_(t-k)' and R_k = sum_j A_j R_(k-j)
     def together(lag: int) -> Floats:
-        found = np.sum([k[lag:].T @ k[: k.shape[0] - lag] for k in kept], axis=0) / total
+        found = np.sum([k[lag:].T @ k[: k.shape[0] - lag] for k in kept], axis=0) / (share * total)
         return found * float(np.exp(-0.5 * (lag / memory) ** 2))
 
     r = np.stack([together(lag) for lag in range(order + 1)])
@@ -126,14 +158,20 @@ def whitened(observer: Observer, innovations: Sequence[Floats], memory: float = 
         raise NoObserver(f"the innovations cannot be whitened: {error}") from error
     filters = np.concatenate([np.eye(o)[:, :, None], -a.reshape(o, order, o).swapaxes(1, 2)], 2)
     plain = replace(observer, whitening=filters, deviation=np.ones(o))
-    white = np.concatenate([plain.weigh(e / size)[SETTLING:] for e in innovations])
-    covariance = white.T @ white / white.shape[0]
+    white = np.concatenate(
+        [
+            plain.weigh(e / size, gone)[SETTLING:]
+            for e, gone in zip(innovations, uncounted, strict=True)
+        ]
+    )
+    covariance = white.T @ white / (share * white.shape[0])
     try:
         mixed = np.linalg.solve(np.linalg.cholesky(covariance), filters.reshape(o, -1))
     except np.linalg.LinAlgError as error:
         raise NoObserver(f"the outputs are no two measurements: {error}") from error
     whitening = mixed.reshape(filters.shape) / size[None, :, None]
-    return replace(observer, whitening=whitening, deviation=size * np.sqrt(np.diag(covariance)))
+    spread = size * np.sqrt(np.diag(covariance))
+    return replace(observer, whitening=whitening, deviation=spread, told=share)
 
 
 @dataclass(frozen=True)
@@ -241,7 +279,7 @@ def memory_at(
     memory, _ = memory_at(ready, before, device, gain)
     forces = before.external(eq.dof)
     places = before.places(eq)
-    alone(eq, fine, places, before.command, before.measured, full, forces, memory, before.strengths)
+    alone(eq, fine, places, before.command, before.readings, full, forces, memory, before.strengths)
     return memory, full
 
 
@@ -288,6 +326,8 @@ def innovations(
 ) -> Floats:
     """Return innovations (ticks, o); infinite from where the prediction overflowed.
 
+    Zero where a recording does not count (`Experiment.uncounted`).
+
     external: forces (ticks, n) added to the device's own, in place of those of the recording.
     ready: the device as it was in this recording (`Experiment.on`), prepared.
     """
@@ -295,10 +335,13 @@ def innovations(
     eq, fine = ready
     memory, full = memory_at(ready, experiment, device, gain)
     forces = experiment.external(eq.dof, external)
-    return alone(
-        eq, fine, experiment.places(eq), experiment.command, experiment.measured,
+    found = alone(
+        eq, fine, experiment.places(eq), experiment.command, experiment.readings,
         full, forces, memory, experiment.strengths,
     )  # fmt: skip
+    if experiment.uncounted is not None:
+        found[experiment.uncounted] = 0.0
+    return found
 
 
 def followed(device: Device, experiment: Experiment, gain: Floats) -> Floats:
@@ -313,7 +356,8 @@ def followed(device: Device, experiment: Experiment, gain: Floats) -> Floats:
     wide = replace(
         experiment,
         outputs=(*experiment.outputs, *further),
-        measured=np.hstack([experiment.measured, np.zeros((experiment.ticks, 2 * n))]),
+        measured=np.hstack([experiment.readings, np.zeros((experiment.ticks, 2 * n))]),
+        bridged=None,
     )
     still = np.hstack([gain, np.zeros((gain.shape[0], 2 * n))])
     return -innovations(bare, wide, still)[:, len(experiment.outputs) :]
@@ -414,24 +458,27 @@ def free_run_errors(
 ) -> tuple[Floats, Floats]:
     """Return (errors, measured about its mean in each window), each (windows x window, o).
 
-    Each window starts from the state that the observer has at its beginning, then runs free.
+    Both are zero where nothing was measured. Each window starts from the state that the observer
+    has at its beginning, then runs free.
     """
     eq, fine = ready = prepared(experiment.on(device))
     places = experiment.places(eq)
     memory, full = memory_at(ready, experiment, device, gain)
-    moved = experiment.external(eq.dof)
+    moved, readings = experiment.external(eq.dof), experiment.readings
     errors: list[Floats] = []
     signal: list[Floats] = []
     judged = set(free_run_starts(experiment, window))
     for first in range(0, experiment.ticks - window + 1, window):
         u = experiment.command[first : first + window]
-        y = experiment.measured[first : first + window]
+        y = readings[first : first + window]
         f = moved[first : first + window]
         s = experiment.strengths_in(slice(first, first + window))
         if first in judged:
             free = copied(memory)
-            errors.append(alone(eq, fine, places, u, y, np.zeros_like(full), f, free, s))
-            signal.append(y - y.mean(axis=0))
+            wrong = alone(eq, fine, places, u, y, np.zeros_like(full), f, free, s)
+            about = y - experiment.measured[first : first + window].mean(axis=0)
+            errors.append(np.where(np.isnan(y), 0.0, wrong))
+            signal.append(np.where(np.isnan(y), 0.0, about))
         alone(eq, fine, places, u, y, full, f, memory, s)
     empty = np.zeros((0, experiment.measured.shape[1]))
     return np.concatenate(errors or [empty]), np.concatenate(signal or [empty])
@@ -460,7 +507,7 @@ def free_runs(
         np.concatenate([places.less, np.full(2 * n, GROUND)]),
         np.concatenate([places.late, np.zeros(2 * n)]),
     )
-    measured = np.hstack([experiment.measured, np.zeros((experiment.ticks, 2 * n))])
+    measured = np.hstack([experiment.readings, np.zeros((experiment.ticks, 2 * n))])
     memory, full = memory_at(ready, experiment, device, gain)
     moved = experiment.external(eq.dof)
     nothing = np.zeros((eq.states, o + 2 * n))
@@ -476,7 +523,7 @@ def free_runs(
     for first in sorted(begins):
         before, here = slice(here, first), first
         alone(
-            eq, fine, places, experiment.command[before], experiment.measured[before], full,
+            eq, fine, places, experiment.command[before], measured[before, :o], full,
             moved[before], memory, experiment.strengths_in(before),
         )  # fmt: skip
         for i in begins[first]:
@@ -486,7 +533,8 @@ def free_runs(
                 eq, fine, wide, experiment.command[run], measured[run], nothing, moved[run], free,
                 experiment.strengths_in(run),
             )  # fmt: skip
-            found[i].append(seen[None])
+            unknown = np.isnan(measured[run])
+            found[i].append(np.where(unknown, 0.0, seen)[None])
     joined = [np.concatenate(runs) for runs in found]
     return [FreeRuns(runs[:, :, :o], -runs[:, :, o:]) for runs in joined]
 
@@ -529,7 +577,10 @@ def choose_observer(
                 innovations(device, e, gain, ready=own)[SETTLING:]
                 for e, own in zip(experiments, ready, strict=True)
             ]
-            found = sum(k.shape[0] * np.linalg.slogdet(k.T @ k / k.shape[0])[1] for k in kept)
+            known = [told([e]) * k.shape[0] for e, k in zip(experiments, kept, strict=True)]
+            found = sum(
+                n * np.linalg.slogdet(k.T @ k / n)[1] for n, k in zip(known, kept, strict=True)
+            )
             return float(found) if np.isfinite(found) else np.inf
         return np.inf
 
@@ -556,11 +607,11 @@ def choose_observer(
         )
     ratio = float(RATIOS[best])
     gain = observer_for(device, experiments[0], ratio)
-    return Observer(gain, deviation(device, experiments, gain), ratio)
+    return Observer(gain, deviation(device, experiments, gain), ratio, told=told(experiments))
 
 
 def deviation(device: Device, experiments: Sequence[Experiment], gain: Floats) -> Floats:
     """Return the rms of the innovations, (o,)."""
     kept = np.concatenate([innovations(device, e, gain)[SETTLING:] for e in experiments])
     with np.errstate(all="ignore"):  # infinite after an overflow
-        return np.sqrt(np.mean(kept**2, axis=0))
+        return np.sqrt(np.mean(kept**2, axis=0) / told(experiments))

@@ -16,6 +16,7 @@ from zwidth.diagnosis.noise.predictor import (
     deviation,
     innovations,
     observer_for,
+    told,
     whitened,
 )
 from zwidth.diagnosis.noise.steady import NoObserver
@@ -81,16 +82,17 @@ def prepared_for(
         chosen = choose_observer(device, seen, near)
     else:
         gain = observer_for(device, seen[0], ratio)
-        chosen = Observer(gain, deviation(device, seen, gain), ratio)
+        chosen = Observer(gain, deviation(device, seen, gain), ratio, told=told(seen))
     starts = [begun(device, e, chosen).start for e in seen]
     known = [replace(e, start=s) for e, s in zip(experiments, starts, strict=True)]
     errors = [innovations(device, model.seen(e, x), chosen.gain) for e in known]
     if not all(np.all(np.isfinite(e)) for e in errors):
         raise NoObserver(f"no observer follows the recording with {model.label}")
     if ratio is None or white:
-        return Problem(known, whitened(chosen, errors))
+        return Problem(known, whitened(chosen, errors, known))
     joined = np.concatenate([e[SETTLING:] for e in errors])
-    return Problem(known, replace(chosen, deviation=np.sqrt(np.mean(joined**2, axis=0))))
+    spread = np.sqrt(np.mean(joined**2, axis=0) / told(known))
+    return Problem(known, replace(chosen, deviation=spread))
 
 
 def cost_at(ratio: float, fitted: Fitted, experiments: Sequence[Experiment]) -> float:

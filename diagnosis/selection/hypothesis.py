@@ -317,9 +317,11 @@ def _blocks(ground: Landscape, residual: Floats) -> Floats:
     rows = residual[: residual.size - int(np.count_nonzero(ground.priors))].reshape(-1, o)
     moments = rows.T @ rows
     count = rows.shape[0]
-    each = float(observer.cost_of(moments[None], count)[0]) / count
-    inverse = np.linalg.pinv(moments / count)
-    own = observer.counts * (np.einsum("ki,ij,kj->k", rows, inverse, rows) - o) + each
+    known = observer.told * count
+    each = float(observer.cost_of(moments[None], count)[0]) / known
+    inverse = np.linalg.pinv(moments / known)
+    squares = np.einsum("ki,ij,kj->k", rows, inverse, rows)
+    own = observer.counts * squares + observer.told * (each - observer.counts * o)
     pieces = max(1, min(BLOCKS, count // SHORTEST_BLOCK))
     return np.array([part.sum() for part in np.array_split(own, pieces)])
 

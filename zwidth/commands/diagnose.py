@@ -82,7 +82,8 @@ def command(
     Writes the report (NAME.diagnosis.html), the improved device, which every command takes
     (NAME.augmented.toml), a log with residual, missing force and predictions
     (NAME.diagnosis.mcap), and, where two explanations are left, what to record next
-    (NAME.next.toml). Ctrl-C stops the search; what was found so far is then judged.
+    (NAME.next.toml). Ctrl-C or SIGTERM stops the search; what was found so far is
+    then judged.
 
     A folder of recordings, or a table of them (CSV or TOML with recording, device, date, known
     values), is a fleet: the report NAME.fleet.html says what the devices share, where they differ,

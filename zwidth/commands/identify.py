@@ -25,7 +25,7 @@ from zwidth.sim.device_file import commented_text
 
 @click.command("identify")
 @click.argument("recording", type=click.Path(path_type=Path))
-@click.option("--modes", type=click.IntRange(1, MAX_MODES),
+@click.option("--modes", type=click.IntRange(0, MAX_MODES),
               help="Number of vibration modes. Default: as many as the data show.")  # fmt: skip
 @click.option("--delay-ms", metavar="MS|fit", default="0", show_default=True,
               help="Known delay from command to force, or 'fit' to fit it too.")  # fmt: skip

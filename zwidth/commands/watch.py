@@ -151,7 +151,7 @@ def _followed(asked: Asked, tell: Tell) -> Read | None:
 
 @contextmanager
 def _halting() -> Generator[Callable[[], bool]]:
-    """Yield what says whether Ctrl-C came, which interrupts as ever."""
+    """Yield what says whether Ctrl-C or SIGTERM came, which interrupts as ever."""
     came = Event()
 
     def interrupted(*_: object) -> None:
@@ -161,11 +161,12 @@ def _halting() -> Generator[Callable[[], bool]]:
     if current_thread() is not main_thread():  # no signal reaches another
         yield came.is_set
         return
-    before = signal.signal(signal.SIGINT, interrupted)
+    before = {s: signal.signal(s, interrupted) for s in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield came.is_set
     finally:
-        signal.signal(signal.SIGINT, before)
+        for ends, handler in before.items():
+            signal.signal(ends, handler)
 
 
 def _finished(console: Console, log: Path, growing: Growing, out: Path) -> Path | None:

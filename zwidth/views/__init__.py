@@ -9,6 +9,7 @@ import re
 import sys
 from collections.abc import Callable
 from importlib import import_module
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, cast
 
 from zwidth.views.table import as_html, as_text
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
     from xarray import Dataset
 
+LIBRARIES = ("pandas", "polars")
 WORD = re.compile(r"(?<=[a-z])(?=[A-Z])")  # where a word of a class's name begins
 
 
@@ -46,6 +48,24 @@ def frame(result: Any) -> "DataFrame":
     left = found.drop_vars(apart)
     foreign = [name for name in left.coords if set(left.coords[name].dims) - set(axes)]
     return _with_rows(left.drop_vars(foreign))
+
+
+def flat(result: Any, library: str | None = None) -> Any:
+    """Return the same with its axes as columns, of pandas or polars; raises as `Shown.to_frame`."""
+    if library is None:
+        library = "pandas" if find_spec("pandas") or not find_spec("polars") else "polars"
+    if library not in LIBRARIES:
+        raise ValueError(f"library is {library!r}; allowed are {' and '.join(LIBRARIES)}")
+    _needed(library, "to_frame")
+    table = frame(result)
+    axes = table.index.names != [None] and table.index.names != ["row"]
+    found = table.reset_index(drop=not axes)
+    if library == "pandas":
+        found.attrs["units"] = table.attrs["units"]
+        return found
+    import polars  # pyright: ignore[reportMissingImports]
+
+    return polars.DataFrame({str(name): found[name].to_numpy() for name in found.columns})
 
 
 def _with_rows(found: "Dataset") -> "DataFrame":

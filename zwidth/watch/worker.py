@@ -72,6 +72,7 @@ def _work(orders: Connection, nice: int) -> None:
         os.nice(nice)
     os.environ["ZWIDTH_THREADS"] = "1"
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all: who follows the log ends it
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     while True:
         try:
             function, arguments = orders.recv()
