@@ -16,14 +16,13 @@ from zwidth.diagnosis.intake.take_in import said_once
 WAITING = """
 import sys
 from zwidth.cli import main
-from zwidth.console import Console
-doing = Console.doing
-def said(self, text):
-    doing(self, text)
-    if "what may be missing" in text:
-        print("it searches", flush=True)
-        sys.stdin.readline()
-Console.doing = said
+from zwidth.diagnosis.selection import search
+rounds = search._rounds
+def searched(found):
+    print("it searches", flush=True)
+    sys.stdin.readline()
+    rounds(found)
+search._rounds = searched
 sys.argv[0] = "zwidth"
 main()
 """
