@@ -114,7 +114,7 @@ def diagnose_fleet(
             repeats[name] = _repeats(values - course[place].expected[sound], errors, devices)
             floor = np.maximum(errors, 1e-300) * min(max(1.0, repeats[name]), OWN_ERRORS)
             spreads[name] = spread(values, floor, devices, known)
-    notes = tuple(f"{n} is not known of all recordings, and is left aside" for n in left)
+    notes = tuple(f"{n} is not known for all recordings and is not used" for n in left)
     return Fleet(
         found.structure, names, tuple(members), spreads, tuple(changed), found.candidates,
         repeats, notes,
@@ -163,7 +163,7 @@ def _fitted(
     structure = kept.structure(len(recordings))
     candidates: dict[str, float] = {}
     if structure is None:
-        say("looking for recordings that say most")
+        say("looking for the most informative recordings")
         structure, candidates = _structure(device, recordings, effort, say)
         kept.keep_structure(structure, len(recordings))
     keys = [kept.key(content_of(one.path), structure) for one in recordings]

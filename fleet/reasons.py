@@ -62,7 +62,7 @@ FAULTS = {
     "other_unit": "another unit",
     "swapped": "columns exchanged",
     "switched_off": "its drive is off for a while",
-    "late": "command and reading are of different times",
+    "late": "command and reading have different delays",
     "slipped": "a reading jumps",
     "stale_sensor": "a sensor that does not give new readings",
     "unreadable": "it cannot be used",
@@ -294,7 +294,7 @@ def _within(h: Hypothesis) -> tuple[float, Reason]:
     e, own = h.experiments[0], found.suspect
     at = f" at {own.at * e.period:.3g} s" if own.shape == STEP else ""
     name = own.of.replace("_", " ").replace("@", " at ")
-    sentence = f"{name} is not the same all through {e.name}: a {own.shape}{at}"
+    sentence = f"{name} changes within {e.name}: a {own.shape}{at}"
     return found.gained - RARE, Reason("changed_within", sentence, 0.0, (own.of,))
 
 
@@ -391,7 +391,7 @@ def _jump(e: Experiment, model: Model, start: Floats) -> _Way | None:
     unit = "rad" if model.nominal.rotary else "m"
     said = (
         f"{e.outputs[position].name} of {e.name} jumps by {with_unit(size, unit)} at"
-        f" {e.begins + (at + 1) * e.period:.3g} s, as where a clamp, a coupling or a sensor slips"
+        f" {e.begins + (at + 1) * e.period:.3g} s, as when a clamp, a coupling or a sensor slips"
     )
     return _Way("slipped", said, without, RARE + 2.0 * math.log(e.ticks))
 

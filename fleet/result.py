@@ -119,7 +119,7 @@ class Fleet(Shown):
             parts.append(f"differs from run to run by {with_unit(s.tau_run, unit)} rms")
         for column, slope in s.slopes.items():
             per = with_unit(slope.value, unit)
-            parts.append(f"goes with {column}: {per} for each unit of it")
+            parts.append(f"follows {column}: {per} per unit")
         return ", ".join(parts)
 
     def as_json(self) -> dict[str, Any]:

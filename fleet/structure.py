@@ -228,7 +228,7 @@ def sought(
     for labels, (structure, x, _) in found.items():
         if not labels:
             continue
-        say(f"asking all of them for {' and '.join(sorted(labels))}")
+        say(f"fitting to all of them {' and '.join(sorted(labels))}")
         model = replace(structure, nominal=bare.nominal)
         each = [_fitted(e, model, x) for e in experiments]
         fits[labels], costs[labels] = each, _cost(each, plain)

@@ -143,7 +143,7 @@ def _what_else_it_may_say(
     assert run(line) == 130
     out, _ = capsys.readouterr()
     assert "\ninterrupted, so only what was found until then: Coulomb friction of " in out
-    assert "augmented.toml\nthe command counts 0.938 times in the augmented device" in out
+    assert "augmented.toml\nthe command is multiplied by 0.938 in the augmented device" in out
     assert f"\n{SCALE}\n" in out
     assert "gain  " not in out
     assert "swing.diagnosis.mcap\nwrote o/swing-2.diagnosis.mcap\n" in out
@@ -152,7 +152,7 @@ def _what_else_it_may_say(
     assert "Coulomb friction at the motor</td>" in page
     assert '<td class="text">below 1 mN m</td>' in page
     assert '<td class="text">within 3e-7 of 1</td>' in page
-    assert "The command counts 0.938 times in the augmented device" in page
+    assert "The command is multiplied by 0.938 in the augmented device" in page
     assert SCALE[1:] in html.unescape(page)
     assert '<td class="text">gain</td>' not in page
 

@@ -122,7 +122,7 @@ def test_what_was_shifted_is_explained_as_if_it_had_not_been() -> None:
     found = diagnose(phantom(), [e], effort=QUICK)
     assert found.verdict is Verdict.RECORDING_FAULT
     assert not found.findings
-    assert "written down 6 samples" in found.sentence
+    assert "logged 6 samples" in found.sentence
 
 
 def test_a_single_sample_needs_errors_that_are_clearly_smaller() -> None:

@@ -231,7 +231,7 @@ def test_the_least_cost_is_kept_and_what_costs_as_much_is_said():
     assert costs(0.0, -50.0, -20.0)[1] == 1
     assert "nothing tells" not in costs(0.0, -50.0, -20.0)[0].faults[0].sentence
     said = costs(0.0, -50.0, -49.0)[0].faults[0].sentence
-    assert "as well it may be position_m1" in said
+    assert "instead position_m1 may be wrong" in said
     assert costs(math.inf, math.inf, 0.0)[1] == 2
     with pytest.raises(NoObserver):
         costs(math.inf, math.inf, math.inf)
@@ -270,7 +270,7 @@ def test_a_unit_or_a_sign_that_no_physics_stands_for_needs_no_search(factor: flo
     (fault,) = (f for f in taken.faults if f.wrong)
     assert (fault.kind, fault.channels) == (kind, COMMAND)
     assert fault.value == pytest.approx(factor)
-    assert "as well it may be position_m1 that is wrong" in fault.sentence
+    assert "instead position_m1 may be wrong" in fault.sentence
     assert ("is the motion in degrees or turns?" in fault.sentence) == (factor > 0.0)
 
 

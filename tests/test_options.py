@@ -51,7 +51,7 @@ def test_lists_stand_anywhere(line: str):
         ("d --delay-ms 2 inf", "'--delay-ms': inf is not allowed, give 0 or more [ms]"),
         ("d --delay-ms 2 4x", "'--delay-ms': 4x is not allowed, give 0 or more [ms]"),
         ("d --delay-ms 2,4", "'--delay-ms': 2,4 is not allowed, give 0 or more [ms]"),
-        ("d --delay-ms 2 2", "'--delay-ms': 2 stands there twice, give each number once"),
+        ("d --delay-ms 2 2", "'--delay-ms': 2 is given twice, give each number once"),
         ("d --damping 0.1 0", "'--damping': 0 follows 0.1, give the numbers in rising order"),
     ],
 )

@@ -87,7 +87,7 @@ def test_a_file_that_is_begun_anew_is_said(tmp_path: Path):
     assert log.poll() == 8
     assert log.poll() == 0
     path.write_text("u\n")
-    with pytest.raises(RecordingError, match="was begun anew"):
+    with pytest.raises(RecordingError, match="was started anew"):
         log.poll()
 
 
@@ -508,7 +508,7 @@ def test_the_terminal_has_the_last_of_each_kind():
 
     from zwidth.watch.display import table
 
-    one = Update("gate", 1.0, 1000, "nothing is odd about the recording")
+    one = Update("gate", 1.0, 1000, "no fault is seen in the recording")
     two = Update("quick", 2.5, 2500, "coulomb_friction at m1 explains it")
     screen = Console(width=100, record=True, file=StringIO())
     screen.print(table("log.csv", {u.kind: u for u in (one, two, replace(two, seconds=3.0))}))
@@ -524,5 +524,5 @@ def test_an_error_that_refuses_nothing_says_why():
     def said(ahead: float, stands: bool) -> str:
         return Quick(900, 0.0, 1.0, (), {}, stands, 0.0, ahead, x, None, 0.1).sentence
 
-    assert "3.29 times their noise, as so few may by chance" in said(3.29, True)
-    assert "by chance" not in said(1.2, True) + said(3.29, False)
+    assert "3.29 times their noise, which may be chance" in said(3.29, True)
+    assert "chance" not in said(1.2, True) + said(3.29, False)

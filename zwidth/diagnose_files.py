@@ -102,7 +102,9 @@ def diagnose_files(
             try:
                 found = diagnose(device, [e for _, e in fit_on], judge_by, say, tries)
                 if fresh and not found.interrupted and found.verdict is Verdict.LINEAR_PARAMETERS:
-                    console.note("the device as it was fitted is refitted, and asked again")
+                    console.note(
+                        "only linear parameters differ: fitting the device and searching again"
+                    )
                     device = kept(found.device, file)
                     asked = replace(asked, device=device)
                     fit_on = _stretches(fitted_to, device)

@@ -54,7 +54,7 @@ NAMES = re.compile(rf"\b({'|'.join(name for name in EFFECTS if '_' in name)})\b"
 RIVALS = 6  # of a finding that are listed
 HELD = {
     "held out": "the last 30 % of each recording, or the recordings of --validate, kept out of it",
-    "not judged alone": "what was kept out of the fit, which is too short for a run of its own",
+    "not judged alone": "data kept out of the fit, too short for a separate run",
 }
 INTERRUPTED = "interrupted, so only what was found until then"
 
@@ -209,7 +209,7 @@ def assumptions(diagnosis: Diagnosis, commands: Commands) -> list[str]:
     said = [f"{samples} samples in {count} recording{'s' if count > 1 else ''}"]
     if commands.read:
         files = " and ".join(commands.read)
-        said[0] += f"; which columns are time, command and motion, and in which units, says {files}"
+        said[0] += f"; {files} says which columns are time, command and motion, and in which units"
     compared = commands.device or diagnosis.device.name
     said.append(
         f"masses, springs and dampers start from {compared} and may move as far as its"
@@ -221,7 +221,7 @@ def assumptions(diagnosis: Diagnosis, commands: Commands) -> list[str]:
             " damper is off by 3 % (command_scale in [uncertainty] says otherwise)"
         )
     held = "held out" if any(run.held_out for run in diagnosis.whole_runs) else "not judged alone"
-    said.append(f"what judges the fit: {HELD[held]}; the intervals are 95 %")
+    said.append(f"the fit is judged by {HELD[held]}; the intervals are 95 %")
     return [*commands.assumed, *said]
 
 
@@ -292,7 +292,8 @@ def gain_sentence(diagnosis: Diagnosis) -> str:
     unit = unit_of(gain.value)
     asked = "" if unit is None else f" ({unit}?)"
     return (
-        f"the command counts {gain.value:.3g} times in the augmented device{asked} (command_gain in"
+        f"the command is multiplied by {gain.value:.3g} in the augmented device{asked}"
+        f" (command_gain in"
         " its [interface])"
     )
 

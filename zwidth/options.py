@@ -70,7 +70,7 @@ class Quantities(click.Option):
                 raise click.BadParameter(message, ctx, param)
         for number in value:
             if value.count(number) > 1:
-                message = f"{number:g} stands there twice, give each number once."
+                message = f"{number:g} is given twice, give each number once."
                 raise click.BadParameter(message, ctx, param)
         return value
 

@@ -320,7 +320,7 @@ def _verdict(
     )
     if lost := _lost(mishaps):
         verdict = Verdict.UNDECIDED
-        sentence = f"an error left out {lost}; from what was done, {sentence}"
+        sentence = f"an error prevented {lost}; from the rest: {sentence}"
     untried = list(dict.fromkeys(m.what.replace("@", " at ") for m in mishaps.of("candidates")))
     if untried:
         sentence += f"; {', '.join(untried)} could not be tried"

@@ -136,7 +136,8 @@ class Instead:
         how = how if how.startswith(("repeats", "follows")) else f"follows {how}"
         return (
             f"a force at {self.place} that {how} makes the recording likelier than"
-            f" {self.name} by {self.gained:.0f} in -2 log likelihood, the price of {number} paid"
+            f" {self.name} by {self.gained:.0f} in -2 log likelihood, after the penalty for"
+            f" {number}"
         )
 
 

@@ -49,8 +49,8 @@ def _without(e: Experiment, gone: Sequence[Output]) -> Experiment:
     kept = [i for i, o in enumerate(e.outputs) if o not in gone]
     measured = e.measured[:, kept]
     notes = [
-        f"{o.name} of {e.name} is position_m{o.mass + 1} differenced or filtered, no measurement of"
-        " its own: it is left out, since it says nothing more"
+        f"{o.name} of {e.name} is position_m{o.mass + 1} differenced or filtered, not a measurement"
+        " of its own: it is left out, since it adds nothing"
         for o in gone
     ]
     outputs = tuple(e.outputs[i] for i in kept)

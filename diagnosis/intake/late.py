@@ -163,13 +163,12 @@ def in_time(device: Device, e: Experiment) -> tuple[Experiment, list[Fault]]:
     if n < 0:
         sentence = (
             f"the motion of {e.name} follows its command {by} later than the device file says: a"
-            " delay or a lag of the drive, or the command is written down so much earlier than it"
-            " acts"
+            " delay or a lag of the drive, or the command is logged that much earlier than it acts"
         )
         return e, [Fault(EARLY, sentence, False, float(-n), e.name)]
     sentence = (
-        f"the motion of {e.name} comes before its command: the command is written down {by} later"
-        " than it acts, and is taken as so much earlier; put"
+        f"the motion of {e.name} comes before its command: the command is logged {by} later than"
+        " it acts; this is corrected here; to correct the file, put"
         f" shift_s = {-n * e.period:.6g} into [input] and resample"
     )
     fault = Fault("command_late", sentence, True, float(n), e.name)

@@ -61,7 +61,7 @@ def in_place(device: Device, e: Experiment) -> tuple[Experiment, list[Fault]]:
         output = e.outputs[int(np.argmin(leaves))]
         sentence = (
             f"the command of {e.name} moves like a mass, and {output.name} jumps like a command:"
-            " the signals of [input] and [[output]] stand for one another; exchange them in the"
+            " the signals of [input] and [[output]] are exchanged; swap them in the"
             " recording's TOML"
         )
         return e, [Fault(EXCHANGED, sentence, True, 0.0, e.name)]
@@ -71,9 +71,9 @@ def in_place(device: Device, e: Experiment) -> tuple[Experiment, list[Fault]]:
             order[a], order[b] = b, a
             names = f"{e.outputs[a].name} and {e.outputs[b].name}"
             sentence = (
-                f"{names} of {e.name} are described for one another: exchanged, the device file"
-                " predicts them by far better, and they are taken so; exchange their signals in"
-                " the recording's TOML"
+                f"{names} of {e.name} seem to be exchanged: the device file predicts them far"
+                " better the other way round, which is used; swap their signals in the"
+                " recording's TOML"
             )
             turned = replace(e, measured=np.ascontiguousarray(e.measured[:, order]))
             return turned, [Fault("outputs_exchanged", sentence, True, 0.0, e.name)]

@@ -296,7 +296,8 @@ def _doubted(fault: Fault, others: Sequence[Fault]) -> Fault:
     if not other:
         return fault
     names = " and ".join(dict.fromkeys(name for f in other for name in f.channels))
-    more = f"; as well it may be {names} that is wrong, by {other[0].value:.3g}: nothing tells"
+    by = f"{other[0].value:.3g}"
+    more = f"; instead {names} may be wrong, by a factor of {by}: the recording cannot tell"
     return replace(fault, sentence=fault.sentence + more)
 
 

@@ -374,8 +374,8 @@ def experiment(trace: Trace, device: Device, name: str = "recording") -> Experim
         random = np.random.default_rng(0)
         measured = measured + SIMULATED * swing * random.standard_normal(measured.shape)
         notes += (
-            f"{name} is a log of a simulation, which reads without noise: {SIMULATED * swing:.2g}"
-            f" {unit} of it are added, since no encoder and no step of a kernel is finer",
+            f"{name} is a log of a simulation, which has no measurement noise:"
+            f" {SIMULATED * swing:.2g} {unit} rms of noise are added",
         )
     elif beyond:
         notes += (f"{name} has {', '.join(beyond)}, which is left out: the device has {one}",)

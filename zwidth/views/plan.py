@@ -23,8 +23,8 @@ def table(found: Plan) -> Table:
     ]  # fmt: skip
     pairs = len(found.confusable)
     said = [
-        f"Shows: stands {SHOWN:g} sigma above a refit; {pairs} pair(s) cannot be told apart at"
-        f" {ALIKE:g} times that."
+        f"Smallest size that shows with {SHOWN:g} sigma after a refit; {pairs} pair(s) cannot be"
+        f" told apart at {ALIKE:g} times that."
     ]
     return Table(f"Plan: {found.excitation}, {found.seconds:g} s", said, headings, grid)
 

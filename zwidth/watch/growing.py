@@ -111,7 +111,7 @@ def of_file(path: Path, why: str = INPUT) -> Take:
             known = os.fstat(file.fileno())
             if known.st_size < taken or known.st_ino != first:
                 raise RecordingError(
-                    f"{path} was begun anew; give the same line again to follow it"
+                    f"{path} was started anew; run the same command again to follow it"
                 )
             file.seek(taken)
             new = file.read(known.st_size - taken)

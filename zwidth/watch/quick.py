@@ -74,7 +74,7 @@ class Quick:
             "" if self.ahead is None else f"error of free runs {self.ahead:.3g} times their noise"
         )
         if self.stands and self.ahead is not None and self.ahead > MUCH:
-            much += ", as so few may by chance"
+            much += ", which may be chance"
         far = f" ({much})" if much else ""
         if self.stands:
             return (f"{names} explains it" if names else "nothing seems to be missing") + far

@@ -132,7 +132,7 @@ class _Watch:
         self.gate_took = time.monotonic() - self.gated_at
         if not self.seen.problem and not self.seen.faults and self.device and not self.greeted:
             self.greeted = True
-            self._say(GATE, "nothing is odd about the recording", {"faults": [], "problem": ""})
+            self._say(GATE, "no fault is seen in the recording", {"faults": [], "problem": ""})
 
     def _tell_of(self, seen: Gate, now: str) -> None:
         """Tell of faults that are new, and of a problem that is another one than before."""
