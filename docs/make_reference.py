@@ -146,7 +146,7 @@ def _effect_page(effect: Effect) -> str:
         f"{MADE}# {effect.name}\n\n{_sentence(effect.summary)}\n",
         f"![{effect.name}]({effect.name}.png)\n",
         f"*At {shown.at}: {values or 'nothing to set'}. Left what it does, right the motion with it"
-        " and without it.*\n",
+        " and without it, and the change.*\n",
         _law(effect),
         "## Parameters\n",
     ]

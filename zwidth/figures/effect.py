@@ -14,7 +14,8 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from zwidth.controllers.recorded import recorded
-from zwidth.figures.style import STYLE
+from zwidth.diagnosis.answer.headline import effect_in_words
+from zwidth.figures.style import AFTER, STYLE
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.equations import equations
@@ -109,33 +110,41 @@ SHOWN: dict[str, Shown] = {
 
 
 def effect_figure(effect: Effect) -> Figure:
-    """Return a picture of what an effect does, and of the motion with it and without it.
+    """Return a picture of what an effect does, of the motion with it and without, and the change.
 
     Raises ValueError for an effect of the user's own, for which no size is known to draw.
     """
     if effect.name not in SHOWN:
         raise ValueError(
-            f"there is no picture of {effect.name}, an effect of your own; leave --picture out"
+            f"there is no picture of {effect.name}, an effect of your own; leave --out out"
         )
     shown = SHOWN[effect.name]
     with_it, without = _runs(effect, shown)
     x, y, labels = _law(effect, shown, with_it)
     with rc_context(STYLE):
-        figure = Figure(figsize=(7.2, 2.8), layout="constrained")
-        left, right = figure.subplots(1, 2)
+        figure = Figure(figsize=(7.2, 3.2), layout="constrained")
+        places = figure.add_gridspec(2, 2, height_ratios=(2, 1))
+        left, right = figure.add_subplot(places[:, 0]), figure.add_subplot(places[0, 1])
+        below = figure.add_subplot(places[1, 1], sharex=right)
         reads = effect.hook == "sensor" or effect.follows is not None
-        left.plot(x, y, color="C3", linewidth=1.2)
+        left.plot(x, y, color=AFTER, linewidth=1.2)
         left.xaxis.set_major_locator(MaxNLocator(5))
         if np.ptp(y) < 0.2 * float(np.abs(y).max()):  # a constant is seen as one
             left.set_ylim(0.0, 1.3 * float(y.max()))
         left.set(xlabel=labels[0], ylabel=labels[1])
-        for run, label, color in ((without, "without", "0.6"), (with_it, "with it", "C0")):
-            key = "encoder" if reads else "position_m1"
+        key = "encoder" if reads else "position_m1"
+        for run, label, color in ((without, "without", "0.6"), (with_it, "with it", AFTER)):
             right.plot(run.trace.t, run.trace[key], color=color, label=label)
+        size = min(with_it.trace.t.size, without.trace.t.size)
+        change = with_it.trace[key][:size] - without.trace[key][:size]
+        below.plot(with_it.trace.t[:size], change, color=AFTER, linewidth=1.0)
+        below.axhline(0.0, color="0.6", linewidth=0.8)
         seen = "reading" if reads else "position of m1"
-        right.set(xlabel="time [s]", ylabel=f"{seen} [rad]")
+        right.set(ylabel=f"{seen}\n[rad]")
+        right.tick_params(labelbottom=False)
+        below.set(xlabel="time [s]", ylabel="change\n[rad]")
         figure.legend(loc="outside lower right", ncols=2, frameon=False, fontsize=8)
-        figure.suptitle(f"{effect.name.replace('_', ' ')} at {shown.at}", fontsize=10)
+        figure.suptitle(f"{effect_in_words(effect.name)} at {shown.at}", fontsize=10)
     return figure
 
 

@@ -7,26 +7,28 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
+from zwidth.diagnosis.answer.headline import effect_in_words
 from zwidth.figures.style import STYLE
 from zwidth.planning.limits import SHOWN
 from zwidth.planning.plan import ALIKE, Plan, Visible
-from zwidth.sim.readable import with_unit
+from zwidth.sim.readable import plain, with_unit
 
 DOT = "#004488"
 # Distance in sigma, from alike (dark) to apart (white): grey levels tell it in print too.
-EDGES = (0.0, 1.0, 2.5, SHOWN, 10.0, 1e9)
+NEAR = 10.0  # sigma, from which on two effects are not drawn as a pair
+EDGES = (0.0, 1.0, 2.5, SHOWN, NEAR, 1e9)
 SHADES = ("#7f0000", "#bb5566", "#ddaa99", "#e6e6e6", "#ffffff")
 ROW = 0.19  # inches
 
 
 def plan_figure(plan: Plan, title: str) -> Figure:
-    """Return two panels: limits as shares of what the experiment moves by, distances of pairs.
+    """Return two panels: limits as shares of what the experiment moves by, distances of near pairs.
 
     Limits of friction, play and mass have no common unit, so the axis is the share of what would
     be all of it (a friction as large as the command), and the value itself stands beside the dot.
     """
     shown = [v for v in plan.visible if v.magnitude is not None]
-    rows = max(len(shown), len(plan.labels))
+    rows = max(len(shown), 8)
     with rc_context(STYLE):
         figure = Figure(figsize=(13.0, 2.0 + ROW * rows), layout="constrained")
         limits, pairs = figure.subplots(1, 2, width_ratios=(1.0, 1.15))
@@ -52,20 +54,23 @@ def _limits(axes: Axes, shown: list[Visible]) -> None:
     axes.grid(axis="y", visible=False)
     axes.xaxis.set_major_formatter(lambda x, _: f"{x:g} %")
     axes.set_xlabel(
-        "smallest magnitude that shows, as a share of what the experiment moves by;\n"
-        "beside the dot its value",
+        "relative to the command or the motion; beside each dot its value",
         fontsize=9,
     )
-    axes.set_title(f"Seen at {SHOWN:g} sigma above everything a linear refit absorbs", fontsize=10)
+    axes.set_title(
+        f"Smallest magnitude that shows with {SHOWN:g} sigma, after a linear refit", fontsize=10
+    )
 
 
 def _pairs(axes: Axes, plan: Plan) -> None:
     distances = np.minimum(plan.distances, plan.distances.T)
     np.fill_diagonal(distances, np.nan)
+    near = np.flatnonzero((distances < NEAR).any(axis=0))
+    distances = distances[np.ix_(near, near)]
     norm = BoundaryNorm(EDGES, len(SHADES))
     picture = axes.imshow(distances, cmap=ListedColormap(SHADES), norm=norm, aspect="auto")
-    places = np.arange(len(plan.labels))
-    names = [named(label) for label in plan.labels]
+    places = np.arange(near.size)
+    names = [named(plan.labels[i]) for i in near]
     axes.set_xticks(places, names, rotation=90, fontsize=7)
     axes.set_yticks(places, names, fontsize=7)
     axes.set_xticks(places - 0.5, minor=True)
@@ -76,7 +81,9 @@ def _pairs(axes: Axes, plan: Plan) -> None:
     for i, j in np.argwhere(distances < SHOWN):
         axes.text(j, i, f"{distances[i, j]:.0f}", ha="center", va="center", fontsize=6.5,
                   color="white" if distances[i, j] < EDGES[2] else "black")  # fmt: skip
-    axes.set_title(f"Told apart at {ALIKE:g} times the smallest magnitude", fontsize=10)
+    axes.set_title(
+        f"Pairs nearer than {NEAR:g} sigma, at {ALIKE:g} times that magnitude", fontsize=10
+    )
     bar = axes.figure.colorbar(picture, ax=axes, shrink=0.5, aspect=25, ticks=EDGES[:-1])
     bar.set_label("distance [sigma]; below 5 the two look alike", fontsize=8)
     bar.ax.set_yticklabels([f"{edge:g}" for edge in EDGES[:-1]], fontsize=8)
@@ -85,10 +92,11 @@ def _pairs(axes: Axes, plan: Plan) -> None:
 def limit_in_words(visible: Visible) -> str:
     """Return the value of a limit and the share that is drawn: "110 µN m (0.05 %)"."""
     magnitude = visible.magnitude or np.nan
-    return f"{with_unit(magnitude, visible.unit, 2)} ({100.0 * magnitude / visible.natural:.2g} %)"
+    share = plain(100.0 * magnitude / visible.natural, 2)
+    return f"{with_unit(magnitude, visible.unit, 2)} ({share} %)"
 
 
 def named(label: str) -> str:
     """Return effect@place as words."""
     effect, at = label.split("@")
-    return f"{effect.replace('_', ' ')}, {at}"
+    return f"{effect_in_words(effect)}, {at}"
