@@ -27,7 +27,14 @@ from zwidth.logs.guess import (
     time_seen,
     unit_spelled,
 )
-from zwidth.logs.names import Naming, kind_words, words_of
+from zwidth.logs.names import (
+    Naming,
+    kind_words,
+    only_measured,
+    together,
+    tool_units,
+    words_of,
+)
 from zwidth.logs.roles import (
     NOTHING_NEW,
     RATE,
@@ -44,14 +51,15 @@ from zwidth.logs.roles import (
 from zwidth.logs.source import RecordingError, Signal, Source
 from zwidth.logs.steps import step_seen
 from zwidth.logs.timing import examine
-from zwidth.logs.units import GOAL, SI, TURN, Unit, find_unit
+from zwidth.logs.units import ELECTRICAL, GOAL, SI, TURN, Unit, find_unit
 from zwidth.sim.nearest import nearest
 
 Ask = Callable[[str, Sequence[str], str], str]
 """Asks a question with answers to choose from (none: any text) and one that is taken for Enter."""
 
-GOAL_OF_LOOP, BARE_GOAL, BARE_COMMAND, GOAL_OF_SPEED = 5.0, 7.0, 7.5, 8.0
-"""Where goals stand after what drives directly (`roles.rank`): named, bare, and of a speed."""
+GOAL_OF_LOOP, MEASURED, BARE_GOAL, BARE_COMMAND, GOAL_OF_SPEED = 5.0, 5.5, 7.0, 7.5, 8.0
+"""Where goals stand after what drives directly (`roles.rank`): named, bare, and of a speed. A
+torque or a current that was measured comes after the goal of the loop that makes it."""
 OF_AMPLIFIER = {"current": "A", "voltage": "V"}
 MOTIONS = ("position", "velocity")
 NO_COMMAND = ("other", "acceleration", "error")
@@ -115,8 +123,18 @@ class _Reader:
                     f"{role} is {name!r}, no column of numbers; {nearest(name, source.signals)}"
                 )
         self.given = given
+        self.told = {
+            name: told
+            for name, told in tool_units(list(source.signals)).items()
+            if unit_spelled(source.signals[name]) is None
+        }
+        units = {n: replace(source.signals[n], unit=unit) for n, (unit, _) in self.told.items()}
+        source = self.source = replace(source, signals={**source.signals, **units})
         self.seen = {one.name: one for one in look(source)}
         self.names = {name: naming(signal) for name, signal in source.signals.items()}
+        for name in only_measured(list(source.signals)):
+            self.names[name] = replace(self.names[name], role="measured")
+        self.names |= together(list(source.signals))
         self.rows = row_count(source)
         self.found = Assumed()
         self.goal = False
@@ -297,13 +315,21 @@ class _Reader:
         rest = [n for n in self._open() if self.names[n].role == "measured"]
         rest = rest or [n for n in self._open() if self.names[n].role == ""]
         if not rest:
+            others = [n for n in self._signals() if self.seen[n].seems != "time"] or ["none"]
             raise RecordingError(
-                f"{self.source.path.name} has no column that seems to be a position or a velocity;"
-                f" say which is which in a recording TOML ('zwidth convert {self.source.path}"
-                " FILE.toml' drafts one)"
+                f"{self.source.path.name} has no column that seems to be a position or a velocity,"
+                f" but {_words(others[:8])}; say which is which in a recording TOML"
+                f" ('zwidth convert {self.source.path} FILE.toml' drafts one)"
             )
         chosen = self._asked("which column is the position", rest, rest[0])
         if len(rest) > 1 and self.ask is None:
+            unnamed = all(re.fullmatch(r"column\d+", name) for name in rest)
+            if unnamed and self.source.kind.startswith("text table"):
+                raise RecordingError(
+                    f"{self.source.path.name} has no line that names its columns, and nothing says"
+                    f" which of {_words(rest)} is the position: write a line of names above the"
+                    " numbers (time, position, torque ...), or name them in a recording TOML"
+                )
             raise RecordingError(
                 f"{self.source.path.name} does not say which of {_words(rest)} is the position; say"
                 f" it in a recording TOML; 'zwidth convert {self.source.path} FILE.toml' drafts one"
@@ -422,7 +448,7 @@ class _Reader:
     def _command(self, outputs: Mapping[str, str]) -> str | None:
         motion = next(iter(outputs.values()))
         moves = self.names[motion].quantity or "position"
-        ranked: dict[str, tuple[float, bool]] = {}
+        ranked: dict[str, tuple[float, int]] = {}
         for name, said in self.names.items():
             if name in outputs.values() or not self._is_long(name):
                 continue
@@ -433,7 +459,7 @@ class _Reader:
                 ranked[name] = place
         if "command" in self.given:
             name = self.given["command"]
-            self.goal = ranked.get(name, (0.0, False))[0] in (GOAL_OF_LOOP, BARE_GOAL)
+            self.goal = ranked.get(name, (0.0, 0))[0] in (GOAL_OF_LOOP, BARE_GOAL)
             return name
         known = self._with_joint_of(motion, sorted(ranked, key=lambda n: ranked[n]))
         if known:
@@ -446,21 +472,22 @@ class _Reader:
             return chosen
         return self._unnamed_command(outputs)
 
-    def _place(self, name: str, said: Naming, motion: str, moves: str) -> tuple[float, bool] | None:
+    def _place(self, name: str, said: Naming, motion: str, moves: str) -> tuple[float, int] | None:
         """Return where a signal stands among what may drive, the first first; None for nowhere."""
         signals = self.source.signals
         if said.drives:
             if said.quantity == "voltage" and said.role == "" and supplies(signals[name]):
                 return None
-            return rank(said)
+            near, order = rank(said)
+            return (max(near, MEASURED) if said.role == "measured" else near), order
         if said.role == "goal" and said.quantity == moves:
-            return GOAL_OF_LOOP, False
+            return GOAL_OF_LOOP, 0
         if said.role == "goal" and said.quantity == "":
             if follows(signals[name], signals[motion]):
-                return BARE_GOAL, False
-            return (BARE_COMMAND, False) if "action" in " ".join(said.words) else None
+                return BARE_GOAL, 0
+            return (BARE_COMMAND, 0) if "action" in " ".join(said.words) else None
         if said.role == "goal" and said.quantity == "velocity":
-            return GOAL_OF_SPEED, False
+            return GOAL_OF_SPEED, 0
         return None
 
     def _unnamed_command(self, outputs: Mapping[str, str]) -> str | None:
@@ -546,16 +573,34 @@ class _Reader:
             else:
                 channel = Channel(name, None, None, f"no unit is given: {own} is assumed")
                 self._say_assumed(signal, quantity, own)
+        elif quantity == "command" and unit.si in SI["velocity"]:
+            channel = Channel(name, spelled, 1.0, f"{own} per {unit.si}: of the loop, not known")
+            self.found.doubts.append(
+                f"{name} is a speed to go to: a loop in proportion to the error of the speed is"
+                f" taken, of 1 {own} per {unit.si}, so masses and friction are counted in what it"
+                " gives, and the damper holds its gain; what integrates in it is not"
+            )
         elif unit.si in SI[quantity] and unit.si == own:
             channel = Channel(name, spelled)
             self._say_doubts(signal, str(spelled), unit)
         else:
             channel = Channel(name, spelled, 1.0, f"{own} per {unit.si}: not known, so 1 is taken")
             self.found.doubts.append(_unscaled(name, quantity, unit, own))
+        if name in self.told:
+            self._say_tool(name)
+        if spelled == ELECTRICAL:
+            self.found.doubts.append(
+                f"{name} counts turns of the field, as of a motor of one pole pair: of one with n"
+                " give scale = 1 / n"
+            )
         role = "command" if quantity == "command" else quantity
         shown = spelled if unit is not None else own
         self.found.roles.append((role, f"{name} [{shown}]"))
         return channel
+
+    def _say_tool(self, name: str) -> None:
+        unit, tool = self.told[name]
+        self.found.doubts.append(f"{name} has no unit: {unit} is taken, as {tool} has it")
 
     def _say_assumed(self, signal: Signal, quantity: str, own: str) -> None:
         self.found.doubts.append(f"{signal.name} has no unit: {own} is assumed{_hint(signal, own)}")

@@ -24,6 +24,7 @@ from zwidth.logs.csv_form import (
     cells_of,
     find_form,
 )
+from zwidth.logs.labelled_text import table_of
 from zwidth.logs.source import Floats, RecordingError, Signal, Source
 from zwidth.logs.written_time import is_date, nanoseconds_of
 
@@ -35,6 +36,9 @@ def read_csv(path: Path, data: bytes, options: CsvOptions = NOTHING_SAID) -> Sou
     """Return the columns of a text table; raises RecordingError where it is none."""
     text = decoded(path, data)
     notes: list[str] = []
+    if options == NOTHING_SAID and (table := table_of(text)) is not None:
+        text = table
+        notes.append("each number stands beside its name, and other lines are left out")
     lines = _lines(text)
     about = _about(path, lines.comments)
     if about and len(lines.text) == 1:  # a log of ours without a sample

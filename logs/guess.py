@@ -26,6 +26,7 @@ PERIODS = ("ts", "dt", "sampletime", "samplingtime", "sampleperiod", "samplingpe
            "deltat", "deltax", "steptime", "wfincrement")  # fmt: skip
 RATES = ("fs", "hz", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "fps")
 MOST_BACK = 0.05  # of its steps, by which a time may go back
+COUNTED = 0.9  # share of equal steps, above which a counter counts rows, and starts anew
 MOST_SENTENCES = 8
 QUANTITY_OF = {si: quantity for quantity, units in SI.items() for si in units} | {
     "V": "command",
@@ -106,7 +107,8 @@ def naming(signal: Signal) -> Naming:
     said = read_name(core)
     if said.quantity == "counter":
         steps = np.diff(signal.floats()[signal.known])
-        return said if np.all(steps >= 0.0) else told_by(said, "position")
+        counts = np.all(steps >= 0.0) or np.mean(steps == np.median(steps)) > COUNTED
+        return said if counts else told_by(said, "position")
     if unit is None or not unit.si or said.quantity == "other":
         return said
     quantity = OF_UNIT.get(unit.si) or QUANTITY_OF[unit.si]

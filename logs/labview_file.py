@@ -52,6 +52,8 @@ def _with_units(found: Source, names: list[str], head: dict[str, list[str]]) -> 
     """Return the signals with the units of the header, and the interval where no column is time."""
     units = head.get("Y_Unit_Label", [])
     channels = [name for name in names if not name.startswith("X_Value")]
+    if head.get("X_Columns", [""])[0] == "Multi":  # then each channel has a column of times before
+        units = units[::2]
     of = dict(zip(channels, units, strict=False))
     time = head.get("X_Dimension", ["Time"])[0] == "Time"
     signals = {

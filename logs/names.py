@@ -23,6 +23,7 @@ TYPES = re.compile(r"^(?:lr|dw|f|r|l|g)(?=[A-Z][a-z])")  # of IEC 61131: fActPos
 DOTS = {"dot": 1, "ddot": 2}
 OUTPUTS = ("output", "outputs", "out")  # of a system, or of its controller
 SIDES = frozenset(("motor", "load", "link", "d"))
+NUMBERED = ("id", "no", "nr")  # before a number they say of which, "ID:001 Present Position"
 SHORTEST = 3  # letters of a word within a compound
 CLOSE = frozenset(
     ("joint", "joints", "axis", "motor", "m", "servo", "data", "value", "field", "ch")
@@ -94,12 +95,63 @@ def _spaced(name: str) -> str:
 def read_name(core: str) -> Naming:
     """Return what a name says, without the unit at its end."""
     words = list(_words(core))
+    if set(_plain_words(core)) & set(vocabulary()["pilot"]["words"]):
+        return Naming(tuple(words), "other", "", False, ())
     at, quantity, weak = _quantity(words)
     role = _role(words, at, quantity)
     if quantity == "" and role == "command":
         quantity, weak = "input", True
     joint = tuple(w for i, w in enumerate(words) if i != at and not _said(w) and w not in CLOSE)
     return Naming(tuple(words), quantity, role, weak, joint)
+
+
+def _plain_words(core: str) -> list[str]:
+    return re.findall(r"[^\W\d_]+", core.lower())
+
+
+def together(names: Sequence[str]) -> dict[str, Naming]:
+    """Return what names say that mean something else together than each alone; {} for none."""
+    own = {name.lower().strip(): name for name in names}
+    for known in vocabulary()["together"]:
+        if all(name in own for name in known.values()):
+            told = {
+                "goal": Naming((known["goal"],), "", "goal", False, ()),
+                "measured": Naming((known["measured"],), "position", "measured", False, ()),
+                "command": Naming((known["command"],), "input", "command", False, ()),
+            }
+            return {own[name]: told[role] for role, name in known.items()}
+    return {}
+
+
+def tool_of(names: Sequence[str]) -> dict[str, Any]:
+    """Return the table of the tool that is told by its names, {} for none."""
+    lower = [name.lower() for name in names]
+    words = {word for name in names for word in words_of(name)}
+
+    def told(sign: str) -> bool:
+        return sign in words or (len(sign) > SHORTEST and any(sign in name for name in lower))
+
+    return next((t for t in vocabulary()["tool"] if any(map(told, t["signs"]))), {})
+
+
+def tool_units(names: Sequence[str]) -> dict[str, tuple[str, str]]:
+    """Return the units in which a tool that is told by its names counts: name -> (unit, tool)."""
+    tool = tool_of(names)
+    found: dict[str, tuple[str, str]] = {}
+    for name in names if tool else ():
+        unit = tool.get("names", {}).get(_last(name)) or tool.get(read_name(name).quantity)
+        if unit:
+            found[name] = unit, tool["name"]
+    return found
+
+
+def only_measured(names: Sequence[str]) -> list[str]:
+    """Return the names under which a tool writes what it measured, and not what it asks."""
+    return [name for name in names if _last(name) in tool_of(names).get("measured", ())]
+
+
+def _last(name: str) -> str:
+    return re.sub(r"\W*\d*\W*$", "", re.split(r"[./]", name.lower())[-1])
 
 
 def told_by(said: Naming, quantity: str) -> Naming:
@@ -114,7 +166,15 @@ def _words(core: str) -> Iterator[str]:
     """Yield the words of a name in order; a short one or a compound as the words it stands for."""
     axes = re.sub(r"\b([iuv])[ _]+([qd])(?![a-z])", r"\1\2", _spaced(core).lower())
     for word in re.findall(r"[^\W\d_]+|\d+", axes):
-        yield from vocabulary()["alias"].get(word) or _apart(word) or (word,)
+        yield from (vocabulary()["alias"].get(word) or _lettered(word) or _apart(word) or (word,))
+
+
+def _lettered(word: str) -> list[str]:
+    """Return the letter and the role that a word is made of ("qref", "xactual"), [] for none."""
+    letter, role = word[:1], word[1:]
+    spoken = _known().get(letter, ("", False))
+    is_one = spoken[1] and spoken[0] not in ("time", "counter") and word not in _known()
+    return [letter, role] if is_one and len(role) >= SHORTEST and _is_role(role) else []
 
 
 def _apart(word: str) -> list[str]:
@@ -141,7 +201,11 @@ def _all_words() -> frozenset[str]:
 def _quantity(words: Sequence[str]) -> tuple[int, str, bool]:
     """Return which word names the quantity (-1 for none), and whether it is a letter."""
     known = _known()
-    found = [(i, *known[w]) for i, w in enumerate(words) if w in known]
+    found = [
+        (i, *known[w])
+        for i, w in enumerate(words)
+        if w in known and not (w in NUMBERED and words[i + 1 : i + 2] and words[i + 1].isdigit())
+    ]
     if other := next((one for one in found if one[1] == "other"), None):
         return other
     spoken = [one for one in found if not one[2]]
@@ -190,5 +254,10 @@ def _role(words: Sequence[str], at: int, quantity: str) -> Role:
 
 
 def _desired(words: Sequence[str], at: int, quantity: str) -> bool:
-    """Whether it is q_d or tau_J_d of libfranka: the last letter says that it is desired."""
-    return words[-1:] == ["d"] and at < len(words) - 1 and quantity in (*MOTIONS, "torque")
+    """Whether it is q_d or tau_J_d[3] of libfranka: the last letter says that it is desired.
+
+    q_d[2] may be a speed as well, which numbers tell.
+    """
+    spoken = [word for word in words if not word.isdigit()]
+    told = (*MOTIONS, "torque") if spoken == list(words) else ("torque",)
+    return spoken[-1:] == ["d"] and words[at] != "d" and quantity in told

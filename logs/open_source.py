@@ -26,6 +26,7 @@ from zwidth.logs.optional_files import read_tdms, read_ulog
 from zwidth.logs.parquet_file import read_parquet
 from zwidth.logs.source import RecordingError, Source
 from zwidth.logs.table_log import log_of
+from zwidth.logs.twincat_file import is_scope, read_scope
 from zwidth.logs.wpilog_file import START as WPILOG
 from zwidth.logs.wpilog_file import read_wpilog
 
@@ -123,4 +124,6 @@ def _reader(path: Path, data: bytes) -> Reader | None:
         return read_json
     if is_trace(data):
         return read_trace
+    if is_scope(data):
+        return read_scope
     return read_mat if path.suffix.lower() == ".mat" else None  # v4 starts with nothing of its own

@@ -153,7 +153,8 @@ def sided(names: Sequence[str]) -> tuple[str, str] | None:
     return None
 
 
-def rank(said: Naming) -> tuple[int, bool]:
+def rank(said: Naming) -> tuple[float, int]:
     """Return how near a quantity stands to the force, and among equals what is asked first."""
     unspecific = said.quantity == "input" and said.role == "command"
-    return (6 if unspecific else FIRST[said.quantity]), said.role == "measured"
+    order = 2 if said.role == "measured" else 1 if said.role == "" else 0
+    return (6.0 if unspecific else float(FIRST[said.quantity])), order

@@ -42,6 +42,7 @@ UNITS: dict[str, Unit] = {
     "deg/s": Unit("rad/s", DEGREE),
     "rev/s": Unit("rad/s", TURN),
     "rpm": Unit("rad/s", TURN / 60.0),
+    "erpm": Unit("rad/s", TURN / 60.0),  # of one pair of poles; see `ELECTRICAL`
     "m/s": Unit("m/s", 1.0),
     "cm/s": Unit("m/s", 1e-2),
     "mm/s": Unit("m/s", 1e-3),
@@ -119,6 +120,10 @@ OF_DRIVE = {"enable": ("", ""), "supply": ("V", "V")}
 """The same of what is recorded of a drive's state."""
 GOAL = SI["position"]
 """What a command may be in besides: a servo's is the position that it is to go to."""
+
+
+ELECTRICAL = "erpm"
+"""Turns of the field, of which a motor of n pole pairs takes n to one of its own."""
 
 
 def find_unit(text: str) -> Unit | None:

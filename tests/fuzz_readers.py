@@ -126,6 +126,8 @@ def kinds(folder: Path, named: str) -> list[Kind]:
         "JSON lines": (examples.json_lines_bytes(), "a.jsonl"),
         "LabVIEW": (examples.lvm_bytes(), "a.lvm"),
         "CODESYS": (examples.codesys_bytes(), "a.csv"),
+        "TwinCAT": (examples.twincat_bytes(), "a.csv"),
+        "Numbers beside names": (examples.labelled_bytes(), "a.txt"),
         "Parquet, lists": (examples.joint_lists_bytes(), "a.parquet"),
         "WPILOG": (examples.wpilog_bytes(), "a.wpilog"),
         "TDMS": (examples.tdms_bytes(), "a.tdms"),

@@ -335,6 +335,21 @@ def joint_lists_bytes(samples: int = 20) -> bytes:
     return out.getvalue()
 
 
+def twincat_bytes(samples: int = 20) -> bytes:
+    t, u, x = wave(samples)
+    lines = ["Name\tProject", "File\ta.svdx", "", "Name\tfTorque\tName\tfActPos"]
+    lines += ["SampleTime[ms]\t2\tSampleTime[ms]\t2", "SymbolName\tMAIN.u\tSymbolName\tMAIN.x", ""]
+    rows = zip(t.tolist(), u.tolist(), x.tolist(), strict=True)
+    lines += [f"{1e3 * a:.3f}\t{b!r}\t{1e3 * a:.3f}\t{c!r}" for a, b, c in rows]
+    return "\n".join([*lines, ""]).encode()
+
+
+def labelled_bytes(samples: int = 20) -> bytes:
+    t, u, x = wave(samples)
+    rows = zip(t.tolist(), u.tolist(), x.tolist(), strict=True)
+    return "".join(f"time:{a!r},torque:{b!r} angle={c!r}\n" for a, b, c in rows).encode()
+
+
 def wpilog_bytes(samples: int = 20) -> bytes:
     t, u, x = wave(samples)
 

@@ -96,15 +96,20 @@ def test_names(name: str, quantity: str, role: str) -> None:
     assert (said.quantity, said.role) == (quantity, role), said
 
 
-def test_a_goal_drives_and_what_is_torque_goes_before_it(tmp_path: Path) -> None:
-    """Mutation: goals left out of what may drive."""
+def test_a_goal_drives_before_what_was_measured_and_after_a_torque(tmp_path: Path) -> None:
+    """A current that is called measured answers the goal of its loop; a bare one drives.
+
+    Mutations: goals left out of what may drive; what was measured before them.
+    """
     late = np.roll(ANGLE, 3)
     found = taken(table(tmp_path, {"t": T, "goal_pos_deg": ANGLE, "present_pos_deg": late}))
     assert roles(found)["goal"] == "goal_pos_deg"
     assert roles(found)["position"] == "present_pos_deg"
     columns = {"t": T, "goal_pos_deg": ANGLE, "present_pos_deg": late, "present_current_mA": TORQUE}
     found = taken(table(tmp_path, columns))
-    assert roles(found)["command"] == "present_current_mA"
+    assert roles(found)["goal"] == "goal_pos_deg"
+    columns = {"t": T, "goal_pos_deg": ANGLE, "present_pos_deg": late, "current_mA": TORQUE}
+    assert roles(taken(table(tmp_path, columns)))["command"] == "current_mA"
     assert any("may each be the command" in doubt for doubt in found.doubts)
 
 

@@ -1,0 +1,213 @@
+"""Tables as well-known tools write them: whose columns are what, and in which units they count.
+
+Each is a small file of the tool's form, of a motion that was made for it.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_door import ANGLE, SPEED, TORQUE, T, roles, table, taken
+
+from zwidth.logs.assumed import assumed
+from zwidth.logs.labelled_text import table_of
+from zwidth.logs.open_source import open_source
+from zwidth.logs.recording import read_described
+from zwidth.logs.recording_file import description_of
+from zwidth.logs.source import RecordingError
+from zwidth.logs.units import TURN
+from zwidth.sim.trace import Trace
+
+LATER = np.roll(ANGLE, -4)
+TURNS = {"position": 1.0 / TURN, "velocity": 1.0 / TURN}
+NOISE = np.random.default_rng(1).standard_normal(T.size)
+
+
+def read(path: Path) -> Trace:
+    """Return the recording as the door reads it."""
+    text = assumed(open_source(path), path.name).text
+    return read_described(description_of(text.encode(), path.with_suffix(".toml")), path.parent)
+
+
+TABLES = {
+    "dynamixel wizard": (
+        {"Time(ms)": 1e3 * T, "ID:001 Goal Position": np.round(2048 + 500 * LATER),
+         "ID:001 Present Position": np.round(2048 + 500 * ANGLE),
+         "ID:001 Present Current": np.round(500 * TORQUE)},
+        "ID:001 Goal Position", "ID:001 Present Position",
+    ),
+    "lerobot": (
+        {"timestamp": np.tile(T[:200], 2), "frame_index": np.tile(np.arange(200), 2),
+         "episode_index": np.repeat([0, 1], 200), "action": LATER, "observation.state": ANGLE},
+        "action", "observation.state",
+    ),
+    "moteus": (
+        {"timestamp": T, "servo_stats.position": ANGLE / TURN,
+         "servo_stats.velocity": SPEED / TURN, "servo_stats.torque_Nm": TORQUE + 1e-3 * NOISE,
+         "servo_stats.q_A": 9.0 * TORQUE, "servo_control.torque_Nm": TORQUE},
+        "servo_control.torque_Nm", "servo_stats.position",
+    ),
+    "odrive": (
+        {"time": T, "axis0.encoder.pos_estimate": ANGLE / TURN,
+         "axis0.encoder.vel_estimate": SPEED / TURN,
+         "axis0.motor.current_control.Iq_setpoint": 9.0 * TORQUE,
+         "axis0.motor.current_control.Iq_measured": 9.0 * TORQUE + 1e-2 * NOISE},
+        "axis0.motor.current_control.Iq_setpoint", "axis0.encoder.pos_estimate",
+    ),
+    "simplefoc": (
+        {"time_us": 1e6 * T, "target": LATER, "Uq": 5.0 * TORQUE, "Ud": 0.0 * T,
+         "Iq": 2.0 * TORQUE + 1e-2 * NOISE, "angle": ANGLE},
+        "Uq", "angle",
+    ),
+    "vesc": (
+        {"ms_today": 1e3 * T, "input_voltage": 41.0 + 1e-2 * NOISE, "current_motor": TORQUE,
+         "current_in": 0.1 * TORQUE, "erpm": np.round(7.0 * 60.0 / TURN * SPEED),
+         "fault_code": 0.0 * T},
+        "current_motor", "erpm",
+    ),
+    "ur": (
+        {"timestamp": T, "target_q_0": LATER, "target_qd_0": np.gradient(LATER, 0.01),
+         "actual_q_0": ANGLE, "actual_current_0": 9.0 * TORQUE},
+        "target_q_0", "actual_q_0",
+    ),
+    "libfranka": (
+        {"duration": 1e3 * T, "q[0]": ANGLE, "q[1]": 1e-7 * NOISE, "q_d[0]": ANGLE,
+         "q_d[1]": 0.0 * T, "tau_J[0]": TORQUE + 1e-3 * NOISE, "tau_J[1]": 1e-7 * NOISE,
+         "tau_J_d[0]": TORQUE, "tau_J_d[1]": 0.0 * T},
+        "tau_J_d[0]", "q[0]",
+    ),
+    "arduino pid": (
+        {"millis": np.round(1e3 * T), "Setpoint": 100.0 * LATER, "Input": 100.0 * ANGLE,
+         "Output": 100.0 * TORQUE},
+        "Output", "Input",
+    ),
+    "betaflight": (
+        {"time (us)": 1e6 * T, "rcCommand[0]": 40.0 * TORQUE,
+         "setpoint[0]": 57.3 * np.roll(SPEED, -4),
+         "gyroADC[0]": 57.3 * SPEED, "gyroADC[1]": np.round(NOISE)},
+        "setpoint[0]", "gyroADC[0]",
+    ),
+    "trinamic": (
+        {"time_ms": 1e3 * T, "XACTUAL": np.round(2e3 * ANGLE), "XTARGET": np.round(2e3 * LATER)},
+        "XTARGET", "XACTUAL",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("tool", list(TABLES))
+def test_whose_columns_are_what(tmp_path: Path, tool: str) -> None:
+    """Mutations: "id" before a number as the current across; a counter that starts anew as a
+    position; a current that was measured before the goal of its loop; sticks as commands."""
+    columns, command, motion = TABLES[tool]
+    found = roles(taken(table(tmp_path, columns)))
+    assert found.get("command", found.get("goal")) == command
+    assert found.get("position", found.get("velocity")) == motion
+
+
+@pytest.mark.parametrize(
+    ("tool", "channel", "truth"),
+    [
+        ("moteus", "position_m1", ANGLE),
+        ("moteus", "velocity_m1", SPEED),
+        ("odrive", "position_m1", ANGLE),
+        ("vesc", "velocity_m1", 7.0 * SPEED),  # of the field: its seven pole pairs are not known
+        ("betaflight", "velocity_m1", SPEED),
+    ],
+)
+def test_units_that_a_tool_does_not_write(
+    tmp_path: Path, tool: str, channel: str, truth: np.ndarray
+) -> None:
+    """Turns, degrees and turns of the field, each said. Mutation: no unit by the tool."""
+    path = table(tmp_path, TABLES[tool][0])
+    np.testing.assert_allclose(read(path)[channel], truth, atol=0.02 * np.abs(truth).max())
+    said = " ".join(taken(path).doubts)
+    assert ("one pole pair" in said) == (tool == "vesc")
+    assert (" is taken, as " in said) == (tool != "vesc")  # whose erpm is a unit by itself
+
+
+def test_a_speed_to_go_to_is_said_to_be_one(tmp_path: Path) -> None:
+    """Not to be a command "in rad/s". Mutation: the sentence of an amplifier."""
+    rpm = 60.0 / TURN
+    path = table(tmp_path, {
+        "time_s": T, "setpoint_rpm": rpm * np.roll(SPEED, -3), "actual_rpm": rpm * SPEED,
+    })  # fmt: skip
+    said = " ".join(taken(path).doubts)
+    assert "setpoint_rpm is a speed to go to: a loop in proportion to the error" in said
+    assert "motor's constant" not in said
+    np.testing.assert_allclose(read(path)["command"], np.roll(SPEED, -3), rtol=1e-4, atol=1e-4)
+
+
+def test_numbers_beside_their_names_are_a_table(tmp_path: Path) -> None:
+    """Lines of Arduino's serial plotter. Mutations: the text before the first such line kept; a
+    name that a line lacks filled with its neighbour's number."""
+    path = tmp_path / "plotter.txt"
+    rows = [f"target:{a:.3f},angle:{b:.3f}\tpwm:{c:.3f}" for a, b, c in
+            zip(LATER, ANGLE, TORQUE, strict=True)]  # fmt: skip
+    path.write_text("\n".join(["Motor ready!", *rows, ""]))
+    source = open_source(path)
+    np.testing.assert_allclose(source["angle"].values, ANGLE, atol=5e-4)
+    found = roles(taken(path))
+    assert (found["position"], found["command"]) == ("angle", "pwm")
+    assert table_of("a=1 b=2\na=3\n") == "a,b\n1,2\n3,\n"
+    assert table_of("time: 10:03:29\ntime: 10:03:30\n") is None
+    assert table_of("a,b\n1,2\n") is None
+
+
+def test_an_export_of_twincat_scope(tmp_path: Path) -> None:
+    """Each channel has times of its own. Mutations: the header's numbers read as samples; all
+    channels with the times of the first."""
+    lines = ["Name\tProject", "File\tC:\\a.svdx", "Starttime of export\t133500000000000000", ""]
+    for key, values in {
+        "Name": ("Axis.fActPosition", "Axis.fSetTorque"), "Data-Type": ("REAL64", "REAL64"),
+        "SampleTime[ms]": ("10", "10"), "SymbolName": ("MAIN.a", "MAIN.b"),
+    }.items():  # fmt: skip
+        lines.append("\t".join(f"{key}\t{value}" for value in values))
+    lines.append("")
+    lines += [f"{1e3 * t:.3f}\t{a:.6f}\t{1e3 * t + 2.0:.3f}\t{u:.6f}" for t, a, u in
+              zip(T, ANGLE, TORQUE, strict=True)]  # fmt: skip
+    for ending, change in (("t", str), ("c", lambda s: s.replace(".", ",").replace("\t", ";"))):
+        path = tmp_path / f"{ending}.csv"
+        path.write_text(change("\n".join(lines[:1])) + "\n" + "\n".join(map(change, lines[1:])))
+        source = open_source(path)
+        position, torque = source.signals.values()
+        np.testing.assert_allclose(position.values, ANGLE, atol=1e-6)
+        np.testing.assert_allclose(torque.stamps["stamp"], np.rint(1e9 * T) + 2_000_000, atol=1)
+        found = roles(taken(path))
+        assert found["command"].endswith("SetTorque")
+        assert found["position"].endswith("ActPosition")
+    empty = tmp_path / "empty.csv"
+    empty.write_text("\n".join(lines[:9]))
+    with pytest.raises(RecordingError, match="TwinCAT Scope without a sample"):
+        open_source(empty)
+
+
+def test_units_of_a_labview_file_with_times_of_each_channel(tmp_path: Path) -> None:
+    """Mutation: the units taken in the order of the columns."""
+    path = tmp_path / "multi.lvm"
+    end = "***End_of_Header***"
+    head = ["LabVIEW Measurement\t", "Separator\tTab", "Decimal_Separator\t.", "X_Columns\tMulti",
+            f"{end}\t", "Channels\t2\t\t\t", "Y_Unit_Label\tN m\t\tDegrees\t",
+            "X_Dimension\tTime\t\tTime\t", f"{end}\t\t\t\t",
+            "X_Value\tMotor Torque\tX_Value\tAngle\tComment"]  # fmt: skip
+    rows = [f"{t:.4f}\t{u:.6f}\t{t:.4f}\t{a:.6f}\t" for t, u, a in
+            zip(T, TORQUE, ANGLE, strict=True)]  # fmt: skip
+    path.write_text("\n".join([*head, *rows, ""]))
+    source = open_source(path)
+    assert (source["Motor Torque"].unit, source["Angle"].unit) == ("N m", "Degrees")
+
+
+def test_a_table_without_names_says_what_to_write(tmp_path: Path) -> None:
+    """As `ros2 topic echo --csv` has it. Mutation: the sentence for columns with names."""
+    path = tmp_path / "echo.csv"
+    rows = [f"1700000000,{k},,shoulder,{a:.6f},{v:.6f},{u:.6f}" for k, (a, v, u) in
+            enumerate(zip(ANGLE, SPEED, TORQUE, strict=True))]  # fmt: skip
+    path.write_text("\n".join([*rows, ""]))
+    with pytest.raises(RecordingError, match=r"no line that names its columns.*write a line"):
+        taken(path)
+
+
+def test_columns_that_are_no_motion_are_named(tmp_path: Path) -> None:
+    """Mutation: the time among them."""
+    path = table(tmp_path, {"Time(s)": T, "CH1(V)": TORQUE, "CH2(V)": ANGLE})
+    with pytest.raises(RecordingError, match="position or a velocity, but CH1 and CH2; say"):
+        taken(path)
