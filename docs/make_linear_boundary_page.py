@@ -120,21 +120,22 @@ def percent(share: float) -> str:
 
 
 def table(facts: dict[Key, dict[str, Any]]) -> str:
-    """Return the table of all maps."""
+    """Return the table of all maps; limits under which all shares are the same share a row."""
     lines = [
-        "| encoder step [rad] | limit [N m] | friction [mN m] | stable, yet does not rest |"
-        " stable, yet felt | unstable, yet rests | unstable, held at the limit or lost |",
+        "| encoder step [rad] | friction [mN m] | limit [N m] | stable, but does not rest |"
+        " stable, but felt | unstable, but rests | unstable, grows |",
         "|---|---|---|---|---|---|---|",
     ]
-    for (step, limit, level), f in facts.items():
-        shares = ("stable_but_not_resting", "stable_but_perceptible", "unstable_but_resting")
-        cells = [percent(f[s]) for s in shares]
-        limit_text = "none" if limit == math.inf else f"{limit:g}"
-        lines.append(
-            f"| {step:g} | {limit_text} | {1e3 * level:g} | "
-            + " | ".join([*cells, percent(f["unstable_and_growing"])])
-            + " |"
-        )
+    shares = ("stable_but_not_resting", "stable_but_perceptible", "unstable_but_resting",
+              "unstable_and_growing")  # fmt: skip
+    for step, level in itertools.product(STEPS, LEVELS):
+        rows: dict[tuple[str, ...], list[str]] = {}
+        for limit in LIMITS:
+            cells = tuple(percent(facts[step, limit, level][s]) for s in shares)
+            rows.setdefault(cells, []).append("none" if limit == math.inf else f"{limit:g}")
+        for cells, limits in rows.items():
+            row = (f"{step:g}", f"{1e3 * level:g}", ", ".join(limits), *cells)
+            lines.append(f"| {' | '.join(row)} |")
     return "\n".join(lines)
 
 
@@ -159,7 +160,6 @@ def text(found: dict[Key, FateMap]) -> str:
     }
     single = [
         picture(found, [(step, inf, 0.0) for step in STEPS], 2, "steps"),
-        picture(found, [(0.0, limit, 0.0) for limit in LIMITS], 3, "limits"),
         picture(found, [(0.0, inf, level) for level in LEVELS], 3, "friction"),
         basin(LEVELS[1:]),
     ]
@@ -167,51 +167,50 @@ def text(found: dict[Key, FateMap]) -> str:
     lattice = sum(f["lattice"] for f in facts.values())
     return f"""# What the linear boundary does not say
 
-Linear theory knows two answers: a wall is stable or it is not. A device with an encoder, an
-amplifier and bearings has three: the run comes to rest, oscillates on at an amplitude that the
-encoder sets, or grows until the amplifier's limit, or nothing, holds it. The maps below show which,
-for the PHANToM of the paper with 2 ms of delay, released at rest 1 mrad inside a two-sided wall. An
-oscillation counts as felt from a command of 0.01 N m on. Black is the linear boundary.
+In linear theory a wall is stable or unstable. With an encoder, an amplifier and bearings, a run
+has three outcomes: it comes to rest, it keeps oscillating at an amplitude that the encoder sets,
+or it grows until the amplifier's limit, or nothing, stops it. The maps below show which, for the
+PHANToM of the paper with 2 ms of delay, released at rest 1 mrad inside a two-sided wall. An
+oscillation counts as felt from a command of 0.01 N m. The black line is the linear boundary.
 
-Every picture and number here is made by `python docs/make_linear_boundary_page.py`: {runs} runs of
-4 to 16 s for lattices of {lattice} points in all. `zwidth map` draws such a map of any device.
+`python docs/make_linear_boundary_page.py` makes all pictures and numbers of this page: {runs}
+runs of 4 to 16 s for lattices of {lattice} points. `zwidth map` draws such a map of any device.
 
 ## One thing at a time
 
 ![Maps for four encoder steps]({single[0]})
 
-**Encoder steps.** With any step almost no stable wall comes to rest: of the linearly stable part
-{percent(fine["stable_but_not_resting"])} oscillates on at a step of 1e-5 rad,
-{percent(middle["stable_but_not_resting"])} at 1e-4 and
-{percent(rough["stable_but_not_resting"])} at 1e-3, by a median amplitude of
-{fine["fates"]["dithers"]["encoder_steps"][0]:.1f} steps at 1e-5; the step decides
-whether that is felt: {percent(fine["stable_but_perceptible"])},
+**Encoder steps.** With encoder steps hardly any stable wall comes to rest:
+{percent(fine["stable_but_not_resting"])} of the linearly stable part keeps oscillating at a step
+of 1e-5 rad, {percent(middle["stable_but_not_resting"])} at 1e-4 and
+{percent(rough["stable_but_not_resting"])} at 1e-3, with a median amplitude of
+{fine["fates"]["dithers"]["encoder_steps"][0]:.1f} steps at 1e-5. The size of the step decides how
+much of this is felt: {percent(fine["stable_but_perceptible"])},
 {percent(middle["stable_but_perceptible"])} and {percent(rough["stable_but_perceptible"])}.
 
-![Maps for three limits]({single[1]})
+**Limits.** The limit of the amplifier does not move the boundary. Beyond it, growth ends in a
+steady oscillation. A describing function predicts its frequency within
+{percent(held["frequency_error"])} and its amplitude within {percent(held["amplitude_error"])}
+(median of {held["points"]} points at 0.1 N m).
 
-**Limits.** An amplifier's limit moves no boundary, but growth ends at it in a steady oscillation
-whose frequency a describing function predicts within {percent(held["frequency_error"])} and whose
-amplitude within {percent(held["amplitude_error"])} (median of {held["points"]} points at 0.1 N m).
+![Maps for three levels of friction]({single[1]})
 
-![Maps for three levels of friction]({single[2]})
+**Friction.** With dry friction, {percent(slight["unstable_but_resting"])} (2 mN m) and
+{percent(firm["unstable_but_resting"])} (10 mN m) of the unstable part come to rest from 1 mrad. A
+wall that was stable in a gentle test may therefore be far beyond the linear boundary.
 
-**Friction.** Dry friction makes {percent(slight["unstable_but_resting"])} (2 mN m) and
-{percent(firm["unstable_but_resting"])} (10 mN m) of the unstable part come to rest from 1 mrad: a
-wall that was "stable" in a gentle test may be far beyond the linear boundary.
+![K over start amplitude with friction]({single[2]})
 
-![K over start amplitude with friction]({single[3]})
+**It depends on the start.** Friction stops only small motions: the larger the oscillation, the
+less a constant force damps it. From a large start the boundary is the linear one again. The
+describing function (dashed) predicts this, and is slightly too low near the top.
 
-**The price of that.** What friction holds it holds only for small starts: the larger the
-oscillation, the less a constant force damps it, and from a large start the boundary is the linear
-one again; the describing function (dashed) says where. Near the top it is a little cautious: the
-start is no part of the cycle yet, and what goes into the modes is gone before it counts.
-
-**One-sided walls.** A mass that hits a wall from outside is caught by friction below a speed that
-depends on where between two samples it hits: with b = K tau / 2, between 1.00 and 1.01 times the
-describing function's 4 f_c / (pi (K tau - b)) at omega tau = 0.01, 1.02 to 1.04 at 0.03, and 1.06
-to 1.12 at 0.08; without b half as much above it. So the two-sided value is a lower bound, and the
-spread is what a measurement of a real wall will show (`tests/test_physics_wall_energy.py`).
+**One-sided walls.** Friction stops a mass that hits a wall from outside if its speed is below a
+limit, which depends on when it hits between two samples. With b = K tau / 2 it is 1.00 to 1.01
+times the describing function's 4 f_c / (pi (K tau - b)) at omega tau = 0.01, 1.02 to 1.04 at
+0.03, and 1.06 to 1.12 at 0.08; without b it is above it by half as much. The two-sided value is
+thus a lower bound, and a measurement of a real wall will scatter by this much
+(`tests/test_physics_wall_energy.py`).
 
 ## All together
 
@@ -219,43 +218,44 @@ Each row has one limit (none, 0.5 and 0.1 N m), each column one friction (0, 2 a
 
 ![Maps without encoder steps]({pictures[0.0]})
 
-**No steps.** Friction and limit do not meddle with each other from a start of 1 mrad: the rows are
-the same, because a run that friction catches never reaches the limit.
+**No steps.** From a start of 1 mrad the rows are the same: a run that friction stops never
+reaches the limit.
 
 ![Maps with steps of 1e-5 rad]({pictures[1e-5]})
 
-**Steps of 1e-5 rad.** 2 mN m of friction put every oscillation of the encoder to rest: a step is
-worth K times 1e-5 rad, at most 0.5 mN m here, and friction beyond half of that holds the mass.
+**Steps of 1e-5 rad.** 2 mN m of friction stop every oscillation that the encoder causes: one step
+changes the command by K times 1e-5 rad, at most 0.5 mN m here, and more than half of that in
+friction is enough.
 
 ![Maps with steps of 1e-4 rad]({pictures[1e-4]})
 
-**Steps of 1e-4 rad.** A step is now worth up to 5 mN m, and still 2 mN m of friction are enough in
-the stable part; on the right-hand side, where B times a step a tick is what the command is made of,
-the edge begins to fray.
+**Steps of 1e-4 rad.** One step now changes the command by up to 5 mN m. In the stable part 2 mN m
+of friction are still enough. On the right, where B times a step per sample dominates the command,
+the edge becomes ragged.
 
 ![Maps with steps of 1e-3 rad]({pictures[1e-3]})
 
-**Steps of 1e-3 rad.** Steps and friction now fight: with 2 mN m
-{percent(both["stable_but_perceptible"])} of the stable part oscillates perceptibly instead of
-{percent(loose["stable_but_perceptible"])}; and with a limit of 0.1 N m, one step within a tick
-commands the whole limit from B = 0.1 N m s/rad on, so the picture no longer depends on B there.
+**Steps of 1e-3 rad.** With 2 mN m of friction, {percent(both["stable_but_perceptible"])} of the
+stable part oscillates perceptibly instead of {percent(loose["stable_but_perceptible"])}. With a
+limit of 0.1 N m, one step within a sample commands the whole limit from B = 0.1 N m s/rad on, so
+the picture does not depend on B there.
 
 ## Numbers
 
-Shares of the linearly stable part that do not come to rest, and that do not and are felt; shares of
-the linearly unstable part that rest all the same, and that grow. Whatever is left of the unstable
-part oscillates on below the limit.
+Shares of the linearly stable part that do not come to rest, and that are felt; shares of the
+linearly unstable part that rest, and that grow. The rest of the unstable part keeps oscillating
+below the limit.
 
 {table(facts)}
 
 ## How the answers are found
 
-A run is judged over 4 s and, where that is not enough, up to 16 s. It rests where its amplitude
-stays below 1e-3 of the start and 0.02 of a step. It oscillates on where its amplitude neither falls
-nor rises; under encoder steps that may be irregular. It grows where its energy does, or where its
-command swings from limit to limit. Of 200 random points each for three steps, judged again over
-128\u00a0s, every one had the same answer. Cells whose corners agree are filled in; near ragged
-edges about one point in a hundred differs from a full lattice.
+A run is judged after 4 s and, if that is not enough, after up to 16 s. It rests if its amplitude
+stays below 1e-3 of the start and 0.02 of a step. It keeps oscillating if its amplitude neither
+falls nor rises. It grows if its energy does, or if its command swings from limit to limit. For
+three steps, 200 random points each were judged again over 128\u00a0s, with the same answer at
+every point. Cells whose corners agree are filled in; near ragged edges about one point in a
+hundred differs from a full lattice.
 """
 
 
