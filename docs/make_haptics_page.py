@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import paddle_prediction
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -94,6 +95,17 @@ From a start of 200 steps an encoder's steps take no area. `best.toml`, which th
 the device with the best filter. `--over` takes period, delay, encoder step and the rates of the
 loops as well. In a device file the filter is `velocity_cutoff_hz` and `velocity_order`. The areas
 agree with those below the D-decomposition within 1 % (`tests/test_sweep.py`).
+
+## Velocity estimators
+
+    zwidth boundary gaming_wheel --estimator foaw:window=8
+
+`--estimator`, or `velocity_estimator` in a device file, puts another estimator in the place of the
+difference: `foaw` or `foaw_end` (adaptive windows: Janabi-Sharifi, Hayward and Chen, IEEE T.
+Control Systems Technology 8, 1003, 2000), `levant` (a sliding mode: Automatica 34, 379, 1998),
+`kalman` or `kalman_acceleration` (steady Kalman filters). Linear theory includes the Kalman
+filters; of the others there are simulated walls alone. `velocity_step` is that of a register that
+holds a velocity, as in `serial_bus_servo`.
 
 ## Two loops, two rates
 
@@ -221,6 +233,31 @@ of frequency; K in N m/rad, B in N m s/rad. "Refitted" has two numbers, inertia 
 to the same rows ([table_2.md](../benchmarks/notes/table_2.md)).
 
 [[measured]]
+
+## Another paddle, predicted before its walls are seen
+
+    python docs/paddle_prediction.py
+
+![Walls of four estimators with intervals](haptics/paddle_walls.png)
+
+![Shapes of the boundaries, and ratios to the difference](haptics/paddle_shapes.png)
+
+Known of another teaching paddle are its firmware (350 us, 4096 counts a turn of the motor, ratio
+15, four estimators with a low-pass of 50 Hz behind each), motor and friction (1.2 to 1.7 mN m), and
+two gains at which its position loop oscillates: 60 N m/rad at 23 ms on the encoder, 12 at 45 ms on
+a Hall sensor. Its measured walls were not known when this was computed.
+
+The rest is drawn. Inertia: 7.0e-4 kg m2, 10 % (the two gains give 8.1e-4 and 5.9e-4). Delay: 0.3 to
+2 periods. Damper: what the first gain (known to 20 %) asks for beside friction. Tap: 2 to 30 mrad.
+Radius: 70 to 120 mm. Low-pass: first order. FOAW: 8 to 24 readings, a band of 1 or 2 counts.
+Levant: a bound of 0.3 to 2.5 times the motor's largest acceleration. Kalman: constant velocity or
+acceleration, 1/30 to 1 of that as one sigma. Hand and elasticity are left out. Intervals hold 90 %
+of the draws:
+
+[[paddle]]
+
+Difference and Kalman filter cannot be told apart; FOAW is the softest. Every wall, also in N/mm,
+and every rig: [paddle_prediction.json](haptics/paddle_prediction.json).
 
 ## Limits
 
@@ -738,6 +775,7 @@ def page() -> str:
         "force": draw_force(),
         "maps": draw_maps(maps()),
         "measured": measured(),
+        "paddle": paddle_prediction.made(),
     }
     for name, part in parts.items():
         assert f"[[{name}]]" in text, name

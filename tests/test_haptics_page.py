@@ -24,7 +24,7 @@ def test_every_picture_of_the_page_is_there_and_none_besides() -> None:
     """Mutation: a picture renamed in the maker only."""
     shown = set(re.findall(r"\(haptics/(\w+\.png)\)", PAGE))
     assert shown == {path.name for path in (DOCS / "haptics").glob("*.png")}
-    assert len(shown) == 7
+    assert len(shown) == 9
     assert "[[" not in PAGE
 
 
