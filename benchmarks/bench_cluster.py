@@ -23,9 +23,9 @@ from zwidth.jobs.store import PartStore
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device
 from zwidth.sim.physics import make_physics
-from zwidth.stability.bisection import Trial
 from zwidth.stability.fate_map import make_map
 from zwidth.stability.fates import evaluate
+from zwidth.stability.judging import Trial
 from zwidth.stability.plane import Axis, Plane, with_friction
 
 PORT = 18786

@@ -11,9 +11,9 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device
-from zwidth.stability.bisection import Trial
 from zwidth.stability.fate_map import make_map
 from zwidth.stability.fates import evaluate
+from zwidth.stability.judging import Trial
 from zwidth.stability.plane import Axis, Plane, with_friction
 
 B, K = Axis("B", 0.0, 0.12), Axis("K", 0.5, 50.0)

@@ -45,9 +45,10 @@ from zwidth.sim.interface import Interface
 from zwidth.sim.law import Law
 from zwidth.sim.physics import make_physics
 from zwidth.sim.run import Start, simulate
-from zwidth.stability.bisection import Trial, find_brackets, judge
+from zwidth.stability.bisection import find_brackets
 from zwidth.stability.fate_map import FateMap, make_map
 from zwidth.stability.hand import draw_hands, hand_quantiles, with_hand
+from zwidth.stability.judging import Trial, judge
 from zwidth.stability.linear import boundary, corner, critical_stiffness, last_stable_damping
 from zwidth.stability.plane import Axis, Plane
 from zwidth.stability.sweep import Sweep, sweep

@@ -24,8 +24,8 @@ from zwidth.files.whole import write_text, write_with
 from zwidth.sim.device_file import load_device
 from zwidth.sim.fate import Fate
 from zwidth.sim.jit import cache_folder
-from zwidth.stability.bisection import Trial
 from zwidth.stability.fate_map import FateMap, make_map
+from zwidth.stability.judging import Trial
 from zwidth.stability.map_summary import summary
 from zwidth.stability.plane import Axis, Plane, with_friction
 from zwidth.stability.plane_theory import describing_lines

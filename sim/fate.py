@@ -56,7 +56,7 @@ WITHIN = 0.02  # of one: the quantiser's gain from FEW steps on
 FEW = 2.0 / (math.pi * WITHIN)  # steps, 32
 LARGEST = 1e6  # steps: no bound is asked for beyond
 DRIFTS = 5.0  # steps up to which a trend is none
-AT_THE_LIMIT = 0.999  # of the command's limit
+AT_THE_LIMIT, MOST_OF_IT = 0.999, 0.9  # of the command's limit: its peak, half its range
 REST_OF_START, REST_OF_STEP = 1e-3, 0.02
 
 
@@ -127,7 +127,8 @@ def fates_of(
     encoder_step = conditions.of_interface("encoder_step")
     command_step = conditions.of_interface("command_step")
     velocity_step = conditions.of_interface("velocity_step")
-    reach = (0.5 if conditions.one_sided else 1.0) * conditions.of_interface("command_limit")
+    limit = conditions.of_interface("command_limit")
+    swing = (0.5 if conditions.one_sided else 1.0) * limit
     stepped = (encoder_step > 0.0) | (command_step > 0.0) | (velocity_step > 0.0)
     verdict = growth.verdict
     with np.errstate(invalid="ignore"):
@@ -147,7 +148,7 @@ def fates_of(
     fate[dither & ~felt] = Fate.DITHERS
     fate[dither & felt] = Fate.FELT
     fate[(verdict == LIMIT_CYCLE) & resting] = Fate.RESTS
-    fate[held_growth(growth, reach, limit_s)] = Fate.GROWS
+    fate[held_growth(growth, limit, swing, limit_s)] = Fate.GROWS
     return fate
 
 
@@ -199,14 +200,17 @@ def _peak(zeros: NDArray[np.complex128], poles: NDArray[np.complex128]) -> float
     return float(np.nanmax(np.abs(1.0 - sensitivity)))
 
 
-def held_growth(growth: Growth, reach: Floats | float, limit_s: float) -> Flags:
-    """Whether the command swings to its limit (reach) at the end: growth that the limit holds.
+def held_growth(growth: Growth, limit: Floats, swing: Floats, limit_s: float) -> Flags:
+    """Whether the command swings to its limit at the end: growth that the limit holds.
 
-    Such a cycle may seem to fall a little while it settles.
+    swing: half the range of a command that does. Under an encoder's steps it may reach the limit on
+    one side and miss it by a step on the other. Such a cycle may seem to fall a little while it
+    settles.
     """
     with np.errstate(invalid="ignore"):
         falling = (growth.verdict == DECAYS) & (growth.rate * limit_s < -1.0)
-        return (growth.force >= AT_THE_LIMIT * reach) & ~falling
+        swings = (growth.peak >= AT_THE_LIMIT * limit) & (growth.force >= MOST_OF_IT * swing)
+        return swings & ~falling
 
 
 def drifts(growth: Growth, start: Floats | float, step: Floats | float) -> Flags:

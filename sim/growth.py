@@ -23,7 +23,7 @@ Limit: two growing modes within one octave are seen as their sum.
 """
 
 import enum
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,7 +74,7 @@ class Growth:
 
     verdict: index into VERDICTS. rate [1/s] and error: of the energy that decided, the one that
     grows, else the one that decays more slowly. amplitude: half the range of m1's position in the
-    last window; force: half the range of the command there.
+    last window; force: half the range of the command there, peak: its largest absolute value.
     frequency [Hz]: half the reversals of m1's velocity a second over the last half of the run.
     """
 
@@ -84,6 +84,11 @@ class Growth:
     amplitude: Floats
     force: Floats
     frequency: Floats
+    peak: Floats
+
+    def select(self, runs: NDArray[np.int64]) -> "Growth":
+        """Return the growth of some of the runs."""
+        return Growth(*(getattr(self, field.name)[runs] for field in fields(self)))
 
 
 def assess(
@@ -136,10 +141,11 @@ def assess(
     verdict[escaped] = GROWS
     rate = np.where(escaped, np.inf, np.where(silent, -np.inf, rate))
     with np.errstate(invalid="ignore"):
-        force = 0.5 * (measures[-1, HIGHEST_COMMAND] - measures[-1, LOWEST_COMMAND])
+        highest, lowest = measures[-1, HIGHEST_COMMAND], measures[-1, LOWEST_COMMAND]
+        force, peak = 0.5 * (highest - lowest), np.maximum(np.abs(highest), np.abs(lowest))
     frequency = measures[-(windows // 2) :, REVERSALS].mean(axis=0) / (2.0 * window)
     error = np.where(escaped | silent, 0.0, error)
-    return Growth(verdict, rate, error, amplitude[-1], force, frequency)
+    return Growth(verdict, rate, error, amplitude[-1], force, frequency, peak)
 
 
 def _cycling(amplitude: Floats, kinetic: Floats, window: float, final: bool) -> NDArray[np.bool_]:

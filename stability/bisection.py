@@ -8,81 +8,51 @@ time, until its verdict is clear or the limit is reached; a K that stays undecid
 the ends of its bracket. A wall is stable unless it grows, as `sim/fate.py` says for all; of the
 linear theory that alone knows, for how large the dither of a quantiser may be.
 
+A wall is stable if all starts of the trial say so. Of a device that is not linear a wall may grow
+although a stiffer one does not, from that start: play makes bands of K in which a run finds its
+oscillation. So the K at `BELOW` of each closed bracket are tried, too, and where one grows the
+boundary is hunted on below it.
+
 The boundary of a linear device moves little from one damping to the next. There only every
 `LEADING`-th damping of a group is scanned from near zero; the others begin one ratio below the
 brackets of the two beside them, and where that is not stable, near zero after all.
 
-Limit: a band of instability narrower than the scan's ratio can be stepped over, and of a linear
-device also one that lies below the boundary and ends between two dampings that lead.
+Limit: a band of instability narrower than the scan's ratio can be stepped over (of a device that is
+not linear: narrower than the distances of `BELOW`), and of a linear device also one that lies below
+the boundary and ends between two dampings that lead.
 """
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
-from dataclasses import field as with_default
-from functools import partial
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import Device
-from zwidth.sim.ensemble import Runs, Walls, advance_runs, start_runs, walls
-from zwidth.sim.fate import Conditions, Fate, dither_steps, fates_of, rest_amplitude
-from zwidth.sim.group import Member, member
-from zwidth.sim.growth import (
-    DECAYS,
-    ESCAPE,
-    GROWS,
-    LIMIT_CYCLE,
-    UNDECIDED,
-    VERDICTS,
-    Growth,
-    Verdict,
-    assess,
-    window_weights,
-)
-from zwidth.sim.law import Law
-from zwidth.sim.perception import Perception
-from zwidth.sim.run import Start
-from zwidth.sim.windows import MEASURES
+from zwidth.sim.ensemble import walls
+from zwidth.sim.fate import Conditions, Fate, dither_steps, fates_of
+from zwidth.sim.group import Member
+from zwidth.sim.growth import DECAYS, GROWS, LIMIT_CYCLE, UNDECIDED, VERDICTS, Growth, Verdict
 from zwidth.stability.frequency import ultimate_frequencies
+from zwidth.stability.judging import (
+    Subjects,
+    Trial,
+    judge_subjects,
+    nonlinear_walls,
+    prepared,
+    threshold,
+)
 
 Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+Indices = NDArray[np.int64]
 GROUP = 128  # dampings that are hunted down together, a multiple of what runs side by side
 LEADING = 4
-
-
-@dataclass(frozen=True)
-class Trial:
-    """How a single (K, B) is judged.
-
-    start: amplitude of the start, all masses displaced by it at rest [rad | m]; with friction the
-    boundary depends on it. seconds of the first run, limit_s of the longest; window_s of the energy
-    windows. threshold: amplitude of a limit cycle that counts as rest, and beyond which none is
-    dither (None: as `sim/fate.py` has it). substeps a tick where the device needs them. law: of the
-    walls. perception: what of an oscillation is felt.
-
-    Raises ValueError with field, value and what is allowed.
-    """
-
-    start: float = 1e-3
-    seconds: float = 4.0
-    limit_s: float = 64.0
-    window_s: float = 0.5
-    threshold: float | None = None
-    substeps: int = 1
-    law: Law = with_default(default_factory=Law)
-    perception: Perception = with_default(default_factory=Perception)
-
-    def __post_init__(self) -> None:
-        if not 0.0 < abs(self.start) < math.inf:
-            raise ValueError(f"start is {self.start}; an amplitude other than 0 is needed")
-        if not 0.0 < self.window_s * 6.0 <= self.seconds <= self.limit_s < math.inf:
-            raise ValueError(
-                f"seconds is {self.seconds}; allowed is six windows ({6.0 * self.window_s} s)"
-                f" to limit_s ({self.limit_s} s)"
-            )
+SETTLED = ("friction", "structure")  # hooks of physics that brings no energy and no bands
+BELOW = np.array([0.98, 0.95, 0.9, 0.8, 0.65])  # of a closed bracket's K, tried once more
+LOOKS = 3  # times at most
 
 
 @dataclass(frozen=True)
@@ -122,7 +92,8 @@ class Bracket:
     unstable is None where the highest is still stable. Each end keeps its verdict and amplitude:
     dither of a quantiser counts as decay, growth that the amplifier's limit holds as a limit cycle.
     frequency [Hz] of the run at the unstable end. undecided: (lowest, highest) K between the ends
-    that stayed undecided up to the time limit, if any.
+    that stayed undecided up to the time limit, if any. grows_from: the starts from which the
+    unstable end grows [rad | m], where it does not from all that were tried; else empty.
     """
 
     damping: float
@@ -133,6 +104,7 @@ class Bracket:
     unstable_amplitude: float | None = None
     frequency: float | None = None
     undecided: tuple[float, float] | None = None
+    grows_from: tuple[float, ...] = ()
 
     @property
     def reason(self) -> str:
@@ -150,121 +122,6 @@ class Bracket:
         return f"the softest wall tried, K = {self.unstable:.3g}, {does} already"
 
 
-def judge(
-    device: Device, ensemble: Walls, trial: Trial = Trial(), workers: int | None = None
-) -> Growth:
-    """Run every wall of a device until its verdict is clear or the time limit is reached."""
-    count = ensemble.stiffness.size
-    starts, rests = np.full(count, trial.start), np.full(count, threshold(device, trial))
-    return judge_each([device], np.zeros(count, np.int64), ensemble, starts, rests, trial, workers)
-
-
-def judge_each(
-    devices: Sequence[Device],
-    which: NDArray[np.int64],
-    ensemble: Walls,
-    starts: Floats,
-    rests: Floats,
-    trial: Trial,
-    workers: int | None = None,
-) -> Growth:
-    """Run walls of several devices; which, starts, rests (runs,): each run's device, start, rest.
-
-    Devices of one structure go together, whatever their numbers. Raises ValueError for too few
-    substeps.
-    """
-    each = [prepared(device, trial.substeps) for device in devices]
-    kinds: dict[object, list[int]] = {}
-    for i, (one, device) in enumerate(zip(each, devices, strict=True)):
-        kinds.setdefault((one.structure, _nonlinear(device)), []).append(i)
-    groups = [np.flatnonzero(np.isin(which, some)) for some in kinds.values()]
-    workers = workers or threads()
-    inner = 1 if len(groups) >= workers else workers
-    growth = Growth(np.full(which.size, UNDECIDED), *np.full((5, which.size), np.nan))
-
-    def run(some: list[int], runs: NDArray[np.int64]) -> None:
-        place = {device: k for k, device in enumerate(some)}
-        own = np.array([place[i] for i in which[runs].tolist()], dtype=np.int64)
-        subjects = Subjects(
-            [each[i] for i in some], own, starts[runs], rests[runs], _nonlinear(devices[some[0]])
-        )
-        found = judge_subjects(subjects, ensemble.select(runs), trial, inner)
-        for field in fields(Growth):
-            getattr(growth, field.name)[runs] = getattr(found, field.name)
-
-    tasks = [partial(run, s, r) for s, r in zip(kinds.values(), groups, strict=True) if r.size]
-    in_parallel(tasks, workers)
-    return growth
-
-
-def prepared(device: Device, substeps: int) -> Member:
-    """Return a device as an ensemble takes it; raises ValueError for too few substeps."""
-    one = member(device, substeps)
-    if one.complaint is not None:
-        raise ValueError(one.complaint)
-    return one
-
-
-def _nonlinear(device: Device) -> bool:
-    """Whether limit cycles are possible under a two-sided wall."""
-    forces = any(p.effect.hook != "structure" for p in device.physics)
-    return forces or not device.interface.linear
-
-
-@dataclass(frozen=True)
-class Subjects:
-    """What runs under walls: members of one structure, which (runs,) of them each run has.
-
-    starts (runs,): amplitudes at t = 0; rests (runs,): those of a limit cycle that count as rest.
-    """
-
-    members: Sequence[Member]
-    which: NDArray[np.int64]
-    starts: Floats
-    rests: Floats
-    nonlinear: bool
-
-    def started(self, ensemble: Walls) -> Runs:
-        """Return the runs at t = 0."""
-        different = {a: Start(a) for a in self.starts.tolist()}
-        starts = [different[a] for a in self.starts.tolist()]
-        bounds = ESCAPE * np.abs(self.starts)
-        return start_runs(self.members, self.which, ensemble, starts, bounds)
-
-
-def judge_subjects(subjects: Subjects, ensemble: Walls, trial: Trial, workers: int) -> Growth:
-    """Run each wall until its verdict is clear or the time limit is reached."""
-    runs = subjects.started(ensemble)
-    period = subjects.members[0].eq.period
-    weights = window_weights(max(8, round(trial.window_s / period)))
-    window = weights.size * period
-    starts, rests = np.abs(subjects.starts), subjects.rests
-    nonlinear = subjects.nonlinear or bool(ensemble.one_sided.any()) or not ensemble.law.linear
-    judged = Growth(np.full(runs.size, UNDECIDED), *np.full((5, runs.size), np.nan))
-    pending, history = np.arange(runs.size), np.zeros((0, MEASURES, runs.size))
-    together = partial(in_parallel, workers=workers)
-    done, target = 0.0, trial.seconds
-    while True:
-        measures, runs = advance_runs(
-            runs, weights, round((target - done) / window), together, workers
-        )
-        history = np.concatenate([history, measures])
-        final = target >= trial.limit_s
-        growth = assess(history, window, starts[pending], rests[pending], nonlinear, final)
-        for field in fields(Growth):
-            getattr(judged, field.name)[pending] = getattr(growth, field.name)
-        left = np.flatnonzero(growth.verdict == UNDECIDED)
-        if left.size == 0 or target >= trial.limit_s:
-            return judged
-        pending, runs, history = pending[left], runs.select(left), history[:, :, left]
-        done, target = target, min(2.0 * target, trial.limit_s)
-
-
-def threshold(device: Device, trial: Trial) -> float:
-    """Return the amplitude of a limit cycle that counts as rest."""
-    return rest_amplitude(device, trial.start) if trial.threshold is None else trial.threshold
-
-
 class _Hunt:
     """The brackets of one device while they close; NaN stands for not known yet."""
 
@@ -274,16 +131,21 @@ class _Hunt:
         self.device, self.dampings, self.search = device, dampings, search
         self.one, self.trial = one, trial
         self.lowest, self.highest = search.limits(device)
+        self.nonlinear = nonlinear_walls(device) or not trial.law.linear
+        self.starts = np.array(trial.starts if self.nonlinear else (trial.start,))
         shape = self.open = dampings.size
         self.stable, self.unstable, self.doubt_low, self.doubt_high = np.full((4, shape), np.nan)
         self.verdicts = np.full((2, shape), -1)
         self.rates = np.full((2, shape), np.nan)  # at the stable and unstable ends
         self.widths = np.full((4, shape), np.inf)  # of the bracket, now and one to three trials ago
         self.amplitude = np.full(shape, np.nan)
+        self.grows = np.zeros((self.starts.size, shape), dtype=bool)  # from which, at the end
+        self.good: list[list[float]] = [[] for _ in range(shape)]  # every K that was stable
+        self.looks = np.full(shape, LOOKS if self.nonlinear else 0)
         self.first = np.full(shape, self.lowest)  # K to begin with
         self.order = np.argsort(dampings, kind="stable")
         self.waiting = np.zeros(shape, dtype=bool)  # for the dampings that lead
-        if not _nonlinear(device) and trial.law.linear and shape > 2:
+        if not self.nonlinear and shape > 2:
             self.waiting[self.order] = True
             self.waiting[self.order[[*range(0, shape, LEADING), -1]]] = False
 
@@ -294,52 +156,94 @@ class _Hunt:
             active = np.flatnonzero(~np.isnan(tried))
             self.open = active.size + np.count_nonzero(self.waiting)
             closed()
-            if active.size == 0 and self.waiting.any():
+            if active.size:
+                self.learn(active, tried[active], *self.judged(active, tried[active], workers))
+            elif self.waiting.any():
                 self.follow()
-                continue
-            if active.size == 0:
+            elif not self.look_below(workers):
                 return self.brackets(self.frequencies(trial, workers))
-            some = walls(tried[active], self.dampings[active], law=trial.law)
-            steps = self.dither(active, tried[active])
-            rests = self.rests(active, tried[active], steps)
-            growth = judge_subjects(self.subjects(rests), some, trial, workers)
-            found = self.settled(active, tried[active], growth, steps, rests)
-            self.learn(active, tried[active], found)
 
-    def dither(self, runs: NDArray[np.int64], tried: Floats) -> Floats:
-        """How many steps count as dither at each K; none where a threshold is asked for."""
-        if self.trial.threshold is not None:
-            return np.zeros(runs.size)
-        return dither_steps(self.device, tried, self.dampings[runs])
+    def judged(self, runs: Indices, tried: Floats, workers: int) -> tuple[Growth, Flags]:
+        """Judge dampings at a K each, from all starts: what the worst does, from which it grows.
 
-    def rests(self, runs: NDArray[np.int64], tried: Floats, steps: Floats) -> Floats:
-        """Amplitudes that count as rest at once: dither whose command reaches no limit."""
-        face = self.device.interface
-        within = face.command_limit / (tried + 2.0 * np.abs(self.dampings[runs]) / face.period)
-        dither = np.minimum(steps * face.encoder_step, within)
-        return np.maximum(threshold(self.device, self.trial), dither)
-
-    def settled(
-        self, runs: NDArray[np.int64], tried: Floats, growth: Growth, steps: Floats, rests: Floats
-    ) -> Growth:
-        """Return the verdicts with stable walls as decay, and growth that settles as a cycle."""
-        starts = np.full(runs.size, self.trial.start)
-        which = np.zeros(runs.size, dtype=np.int64)
+        runs, tried (n,). Stable walls count as decay, growth that settles as a cycle. The flags are
+        (starts, n).
+        """
+        count = self.starts.size
+        each, k = np.tile(runs, count), np.tile(tried, count)
+        starts = np.repeat(self.starts, runs.size)
+        steps = self.dither(each, k)
+        rests = self.rests(each, k, steps)
+        some = walls(k, self.dampings[each], law=self.trial.law)
+        growth = judge_subjects(self.subjects(rests, starts), some, self.trial, workers)
+        which = np.zeros(each.size, dtype=np.int64)
         conditions = Conditions(
-            [self.device], which, tried, self.dampings[runs], starts, rests, steps=steps
+            [self.device], which, k, self.dampings[each], starts, rests, steps=steps
         )
         fate = fates_of(growth, conditions, self.trial.limit_s, self.trial.perception)
         grows = fate == Fate.GROWS
         doubt = (fate == Fate.UNDECIDED) & (growth.verdict != DECAYS)  # what falls is stable
         verdict = np.where(grows & (growth.verdict != GROWS), LIMIT_CYCLE, growth.verdict)
-        verdict = np.where(doubt, UNDECIDED, verdict)
-        return replace(growth, verdict=np.where(grows | doubt, verdict, DECAYS))
+        verdict = np.where(grows | doubt, np.where(doubt, UNDECIDED, verdict), DECAYS)
+        # The worst start: what grows, before what is undecided, before what decays most slowly.
+        rate = np.clip(np.nan_to_num(growth.rate), -1e9, 1e9)
+        badness = (1e10 * (2.0 * grows + doubt) + rate).reshape(count, runs.size)
+        worst = badness.argmax(axis=0) * runs.size + np.arange(runs.size)
+        growth = replace(growth, verdict=verdict)
+        return growth.select(worst), grows.reshape(count, runs.size)
 
-    def subjects(self, rests: Floats) -> Subjects:
-        """Return runs of the device, one for each amplitude of rest."""
+    def look_below(self, workers: int) -> bool:
+        """Try walls below the closed brackets; whether any grows, and the boundary lies lower."""
+        some = np.flatnonzero((self.looks > 0) & ~np.isnan(self.stable))
+        if some.size == 0:
+            return False
+        self.looks[some] -= 1
+        runs, k = np.repeat(some, BELOW.size), np.outer(self.stable[some], BELOW).ravel()
+        there = k > self.lowest
+        runs, k = runs[there], k[there]
+        if runs.size == 0:
+            return False
+        growth, grows = self.judged(runs, k, workers)
+        bad = (growth.verdict == LIMIT_CYCLE) | (growth.verdict == GROWS)
+        for i in some.tolist():
+            here = np.flatnonzero((runs == i) & bad)
+            self.good[i] += k[(runs == i) & (growth.verdict == DECAYS)].tolist()
+            if here.size == 0:
+                self.looks[i] = 0
+                continue
+            place = here[k[here].argmin()]
+            self.good[i] = [value for value in self.good[i] if value < k[place]]
+            self.stable[i] = max(self.good[i], default=math.nan)
+            self.rates[0, i], self.widths[:, i] = math.nan, np.inf
+            self.doubt_low[i] = self.doubt_high[i] = math.nan
+            self.learn(
+                runs[[place]], k[[place]], growth.select(np.array([place])), grows[:, [place]]
+            )
+        return bool(self.looks[some].any())
+
+    def dither(self, runs: Indices, tried: Floats) -> Floats:
+        """How many steps count as dither at each K; none where a threshold is asked for."""
+        if self.trial.threshold is not None:
+            return np.zeros(runs.size)
+        return dither_steps(self.device, tried, self.dampings[runs])
+
+    def rests(self, runs: Indices, tried: Floats, steps: Floats) -> Floats:
+        """Amplitudes that count as rest at once: dither whose command reaches no limit.
+
+        Of a device with play or other forces between its masses a small oscillation says nothing of
+        what comes.
+        """
+        rest = np.full(runs.size, threshold(self.device, self.trial))
+        if not all(physics.effect.hook in SETTLED for physics in self.device.physics):
+            return rest
+        face = self.device.interface
+        within = face.command_limit / (tried + 2.0 * np.abs(self.dampings[runs]) / face.period)
+        return np.maximum(rest, np.minimum(steps * face.encoder_step, within))
+
+    def subjects(self, rests: Floats, starts: Floats) -> Subjects:
+        """Return runs of the device, one for each amplitude of rest and start."""
         which = np.zeros(rests.size, dtype=np.int64)
-        starts = np.full(rests.size, self.trial.start)
-        return Subjects([self.one], which, starts, rests, _nonlinear(self.device))
+        return Subjects([self.one], which, starts, rests, nonlinear_walls(self.device))
 
     def frequencies(self, trial: Trial, workers: int) -> Floats:
         """Ultimate frequency [Hz] of the run at each unstable end."""
@@ -350,7 +254,8 @@ class _Hunt:
         some = walls(self.unstable[known], self.dampings[known], law=trial.law)
         period = self.device.interface.period
         weights = np.zeros(round(trial.seconds / period))
-        runs = self.subjects(np.zeros(known.size)).started(some)
+        starts = self.starts[self.grows[:, known].argmax(axis=0)]
+        runs = self.subjects(np.zeros(known.size), starts).started(some)
         _, velocities, tasks, _ = runs.tasks(weights, 1, keep=True, workers=workers)
         in_parallel(tasks, workers)
         found[known] = ultimate_frequencies(velocities, period)
@@ -409,8 +314,8 @@ class _Hunt:
         ahead = np.minimum(self.doubt_high * self.search.ratio, self.highest)
         return np.where(self.doubt_high >= self.highest, np.nan, ahead)
 
-    def learn(self, runs: NDArray[np.int64], tried: Floats, growth: Growth) -> None:
-        """Enter the verdicts of one round."""
+    def learn(self, runs: Indices, tried: Floats, growth: Growth, grows: Flags) -> None:
+        """Enter the verdicts of one round; grows (starts, runs): from which start each grows."""
         good = growth.verdict == DECAYS
         doubt = growth.verdict == UNDECIDED
         bad = ~good & ~doubt
@@ -420,6 +325,9 @@ class _Hunt:
         self.first[runs[early]] = self.lowest
         self.doubt_low[runs[early]] = self.doubt_high[runs[early]] = np.nan
         bad &= ~early
+        for i, k in zip(runs[good].tolist(), tried[good].tolist(), strict=True):
+            self.good[i].append(k)
+        self.grows[:, runs[bad]] = grows[:, bad]
         self.stable[runs[good]] = tried[good]
         self.unstable[runs[bad]] = tried[bad]
         self.verdicts[0, runs[good]] = growth.verdict[good]
@@ -455,6 +363,7 @@ class _Hunt:
                 None
                 if math.isnan(self.doubt_low[i])
                 else (float(self.doubt_low[i]), float(self.doubt_high[i])),
+                () if self.grows[:, i].all() else tuple(self.starts[self.grows[:, i]].tolist()),
             )
             for i, b in enumerate(self.dampings)
         ]

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from zwidth.shown import Shown
 from zwidth.sim.device import Device
 from zwidth.sim.loop import sampled_system
-from zwidth.stability.bisection import Bracket, Search, Trial, find_brackets
+from zwidth.stability.bisection import Bracket, Search, find_brackets
+from zwidth.stability.judging import Trial
 from zwidth.stability.linear import corner, known_boundary, last_stable_damping, stand_in
 from zwidth.stability.types import LinearPoint
 

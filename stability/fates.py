@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from zwidth.sim.ensemble import walls
 from zwidth.sim.fate import Conditions, fates_of
-from zwidth.stability.bisection import judge_each
+from zwidth.stability.judging import judge_each
 from zwidth.stability.plane import OF_THE_DEVICE, Floats, Plane
 
 Ints = NDArray[np.int64]

@@ -12,7 +12,7 @@ from zwidth.sim.device import Device, place_label
 from zwidth.sim.fate import rest_amplitude
 from zwidth.sim.physics import make_physics
 from zwidth.sim.physics.effect import Physics
-from zwidth.stability.bisection import Trial
+from zwidth.stability.judging import Trial
 
 Floats = NDArray[np.float64]
 Quantity = Literal[

@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 from zwidth.shown import Shown
 from zwidth.sim.device import Device
 from zwidth.sim.nearest import nearest
-from zwidth.stability.bisection import Bracket, Search, Trial, find_brackets
+from zwidth.stability.bisection import Bracket, Search, find_brackets
+from zwidth.stability.judging import Trial
 from zwidth.stability.linear import has_theory, known_boundary, last_stable_damping, stand_in
 
 Floats = NDArray[np.float64]

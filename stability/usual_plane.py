@@ -2,7 +2,7 @@
 
 from zwidth.sim.device import Device
 from zwidth.sim.equations import enough_substeps
-from zwidth.stability.bisection import Trial
+from zwidth.stability.judging import Trial
 from zwidth.stability.linear import corner, last_stable_damping, stand_in
 from zwidth.stability.plane import Axis, Plane, Quantity
 

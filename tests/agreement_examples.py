@@ -19,13 +19,15 @@ from zwidth.sim.fate import Fate
 from zwidth.sim.interface import Interface
 from zwidth.sim.physics import make_physics
 from zwidth.sim.run import Start
-from zwidth.stability.bisection import Bracket, Search, Trial, find_brackets
+from zwidth.stability.bisection import Bracket, Search, find_brackets
 from zwidth.stability.fates import evaluate
+from zwidth.stability.judging import Trial
 from zwidth.stability.linear import boundary, last_stable_damping
 from zwidth.stability.plane import Axis, Plane
 
 Floats = NDArray[np.float64]
 MASS, START, LIMIT_S = 0.02, 1e-3, 16.0
+FEWER = 4  # substeps of a boundary under friction, where the explorer has ten
 SHARES = (0.5, 0.98, 1.02, 1.5)  # of the boundary's K: walls that are asked about
 STABLE = (Fate.RESTS, Fate.DITHERS, Fate.FELT)
 
@@ -73,16 +75,20 @@ class Asked:
     run: Fate
 
     @property
+    def said(self) -> tuple[Fate, Fate, Fate]:
+        """What the three say."""
+        return self.map, self.explorer, self.run
+
+    @property
     def agrees(self) -> bool:
         """Whether nothing contradicts the boundary; who has not decided does not."""
-        said = (self.map, self.explorer, self.run)
         against = (Fate.GROWS,) if self.stable else STABLE
-        return not any(fate in against for fate in said)
+        return not any(fate in against for fate in self.said)
 
     @property
     def decided(self) -> bool:
         """Whether all have decided."""
-        return Fate.UNDECIDED not in (self.map, self.explorer, self.run)
+        return Fate.UNDECIDED not in self.said
 
 
 def dampings_of(device: Device, count: int) -> Floats:
@@ -92,7 +98,9 @@ def dampings_of(device: Device, count: int) -> Floats:
 
 def brackets_of(device: Device, dampings: Floats, tolerance: float = 5e-3) -> list[Bracket]:
     """Return the boundary as `zwidth boundary` finds it."""
-    trial = Trial(START, substeps=usual_substeps(device))
+    play = any(physics.effect.name == "backlash" for physics in device.physics)
+    substeps = usual_substeps(device) if play else usual_substeps(device, FEWER)
+    trial = Trial(START, limit_s=LIMIT_S, substeps=substeps)
     return find_brackets([device], [dampings], trial, Search(tolerance))[0]
 
 

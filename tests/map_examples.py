@@ -5,9 +5,9 @@ from dataclasses import fields
 import numpy as np
 from engine_examples import phantom
 
-from zwidth.stability.bisection import Trial
 from zwidth.stability.fate_map import FateMap
 from zwidth.stability.fates import Fates
+from zwidth.stability.judging import Trial
 from zwidth.stability.plane import Axis, Plane
 
 COARSE, LEVELS = 9, 2

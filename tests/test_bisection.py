@@ -18,7 +18,8 @@ from zwidth.sim.growth import DECAYS, GROWS, LIMIT_CYCLE, UNDECIDED, Verdict
 from zwidth.sim.loop import open_loop
 from zwidth.sim.perception import Perception
 from zwidth.sim.physics import make_physics
-from zwidth.stability.bisection import Bracket, Search, Trial, find_brackets, judge
+from zwidth.stability.bisection import Bracket, Search, find_brackets
+from zwidth.stability.judging import Trial, judge
 from zwidth.stability.linear import boundary, critical_stiffness, last_stable_damping
 
 MASS = 1.2e-3

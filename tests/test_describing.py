@@ -8,7 +8,6 @@ from engine_examples import phantom
 from scipy.integrate import quad
 
 from zwidth.sim.fate import Fate
-from zwidth.stability.bisection import Trial
 from zwidth.stability.describing import (
     friction_boundary,
     quantiser_boundaries,
@@ -16,6 +15,7 @@ from zwidth.stability.describing import (
     saturation_gain,
 )
 from zwidth.stability.fates import evaluate
+from zwidth.stability.judging import Trial
 from zwidth.stability.linear import critical_stiffness
 from zwidth.stability.plane import Axis, Plane, with_friction
 from zwidth.stability.plane_theory import describing_lines

@@ -14,8 +14,9 @@ from zwidth.sim.fate import FEW, Fate, dither_steps
 from zwidth.sim.growth import Verdict
 from zwidth.sim.interface import Interface
 from zwidth.sim.loop import open_loop
-from zwidth.stability.bisection import Bracket, Search, Trial, find_brackets, judge
+from zwidth.stability.bisection import Bracket, Search, find_brackets
 from zwidth.stability.fates import evaluate
+from zwidth.stability.judging import Trial, judge
 from zwidth.stability.linear import boundary, critical_stiffness, last_stable_damping
 from zwidth.stability.plane import Axis, Plane
 
@@ -228,3 +229,25 @@ def test_boundaries_of_drawn_devices_have_no_gap_and_the_map_says_the_same() -> 
         wrong = (below == Fate.GROWS) | (above != Fate.GROWS)
         apart += [(i, b) for b in dampings[wrong].tolist()]
     assert len(apart) <= 1
+
+
+def test_a_wall_is_stable_if_every_start_says_so() -> None:
+    """Friction holds more from 1 mm than from 10: both together are the latter, which it says.
+
+    Mutation: the first start alone in `_Hunt.starts`.
+    """
+    device = slider(0.1, coulomb(0.02), encoder_step=0.0)
+    dampings = np.array([0.5, 6.0])
+    near, far, both = (
+        find_brackets(
+            [device], [dampings], Trial(start, others=others, substeps=4), Search(tolerance=2e-3)
+        )[0]
+        for start, others in ((1e-3, ()), (1e-2, ()), (1e-3, (1e-2,)))
+    )
+    for small, large, joined in zip(near, far, both, strict=True):
+        assert small.stable is not None
+        assert large.stable is not None
+        assert small.stable > 1.005 * large.stable
+        assert joined.stable == pytest.approx(large.stable, rel=4e-3)
+        assert joined.grows_from == (1e-2,)
+        assert large.grows_from == ()

@@ -25,9 +25,10 @@ from zwidth.sim.group import member
 from zwidth.sim.interface import Interface
 from zwidth.sim.loop import open_loop
 from zwidth.sim.run import Run, Start, simulate
-from zwidth.stability.bisection import Search, Trial, find_brackets
+from zwidth.stability.bisection import Search, find_brackets
 from zwidth.stability.branches import critical_mode, damping_locus
 from zwidth.stability.decomposition import curve
+from zwidth.stability.judging import Trial
 from zwidth.stability.linear import boundary, critical_stiffness, last_stable_damping
 from zwidth.stability.passivity import passive_boundary
 from zwidth.stability.periodic import periodic_boundary, periodic_loop

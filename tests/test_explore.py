@@ -28,9 +28,9 @@ from zwidth.sim.device_file import load_device, save_device
 from zwidth.sim.fate import Fate
 from zwidth.sim.readable import with_unit
 from zwidth.stability import sketch as sketching
-from zwidth.stability.bisection import Trial
 from zwidth.stability.fate_map import make_map
 from zwidth.stability.fates import evaluate
+from zwidth.stability.judging import Trial
 from zwidth.stability.linear import critical_stiffness
 from zwidth.stability.plane import Axis, Plane, with_friction
 from zwidth.stability.sketch import Sketch, sketch

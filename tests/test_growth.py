@@ -16,8 +16,8 @@ from zwidth.sim.growth import (
     window_weights,
 )
 from zwidth.sim.windows import MEASURES
-from zwidth.stability.bisection import judge
 from zwidth.stability.frequency import ultimate_frequencies
+from zwidth.stability.judging import judge
 
 T, WINDOW = 1e-3, 500
 TIME: Floats = np.arange(8 * WINDOW, dtype=np.float64) * T

@@ -9,7 +9,7 @@ from engine_examples import one_mass, phantom
 
 import zwidth
 from zwidth.cli import run
-from zwidth.stability.bisection import Trial, find_brackets
+from zwidth.stability.bisection import find_brackets
 from zwidth.stability.hand import (
     DAMPING,
     LEVELS,
@@ -17,6 +17,7 @@ from zwidth.stability.hand import (
     hand_quantiles,
     with_hand,
 )
+from zwidth.stability.judging import Trial
 from zwidth.stability.linear import critical_stiffness
 
 T = 1e-3

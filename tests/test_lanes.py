@@ -17,7 +17,8 @@ from zwidth.sim.growth import window_weights
 from zwidth.sim.law import Law
 from zwidth.sim.physics import make_physics
 from zwidth.sim.windows import SLOW_ENERGY
-from zwidth.stability.bisection import Search, Trial, find_brackets
+from zwidth.stability.bisection import Search, find_brackets
+from zwidth.stability.judging import Trial
 
 STEPPED = {
     "delay": 0.0013,

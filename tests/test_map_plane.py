@@ -11,9 +11,9 @@ from zwidth.sim.fate import Conditions, Fate, fates_of
 from zwidth.sim.growth import DECAYS, GROWS, LIMIT_CYCLE, UNDECIDED, Growth
 from zwidth.sim.perception import Perception
 from zwidth.sim.physics import make_physics
-from zwidth.stability.bisection import Trial
 from zwidth.stability.fate_map import make_map, save_map
 from zwidth.stability.fates import evaluate
+from zwidth.stability.judging import Trial
 from zwidth.stability.linear import critical_stiffness
 from zwidth.stability.map_summary import summary
 from zwidth.stability.plane import Axis, Plane, with_friction
@@ -92,7 +92,7 @@ def test_groups_of_points_are_points_alone() -> None:
 
 def growth(verdict: int, rate: float, amplitude: float, force: float) -> Growth:
     """Return the growth of one run."""
-    values = (np.array([v]) for v in (rate, 0.0, amplitude, force, 10.0))
+    values = (np.array([v]) for v in (rate, 0.0, amplitude, force, 10.0, force))
     return Growth(np.array([verdict]), *values)
 
 

@@ -11,8 +11,8 @@ from zwidth.controllers.wall import wall
 from zwidth.sim.device import Device
 from zwidth.sim.fate import Fate
 from zwidth.sim.run import Start, simulate
-from zwidth.stability.bisection import Trial
 from zwidth.stability.fates import evaluate
+from zwidth.stability.judging import Trial
 from zwidth.stability.plane import Axis, Plane
 
 T = 1e-3

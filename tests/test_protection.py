@@ -17,8 +17,8 @@ from zwidth.logs.mcap_writer import write_log
 from zwidth.scenarios.logged_run import logged_run
 from zwidth.scenarios.scenario import Scenario
 from zwidth.sim.device_file import load_device, save_device
-from zwidth.stability.bisection import Trial
 from zwidth.stability.fate_map import make_map, save_map
+from zwidth.stability.judging import Trial
 from zwidth.stability.plane import Axis, Plane
 
 PHANTOM = load_device("phantom_1_0")

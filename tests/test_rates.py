@@ -13,8 +13,9 @@ from zwidth.sim.device_file import device_from_text, device_to_text
 from zwidth.sim.interface import Interface
 from zwidth.sim.loop import open_loop
 from zwidth.sim.run import Start, simulate
-from zwidth.stability.bisection import Search, Trial, find_brackets
+from zwidth.stability.bisection import Search, find_brackets
 from zwidth.stability.decomposition import curve
+from zwidth.stability.judging import Trial
 from zwidth.stability.linear import boundary, corner, critical_stiffness, last_stable_damping
 from zwidth.stability.passivity import passive_boundary
 from zwidth.stability.periodic import periodic_boundary, periodic_loop

@@ -7,7 +7,8 @@ import pytest
 
 from zwidth.scenarios.scenario import usual_substeps
 from zwidth.sim.device_file import load_device
-from zwidth.stability.bisection import Search, Trial, find_brackets
+from zwidth.stability.bisection import Search, find_brackets
+from zwidth.stability.judging import Trial
 from zwidth.stability.linear import critical_stiffness, last_stable_damping
 
 TURN = 2.0 * math.pi

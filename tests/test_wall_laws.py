@@ -21,7 +21,8 @@ from zwidth.sim.interface import Interface
 from zwidth.sim.law import Law
 from zwidth.sim.physics import make_physics
 from zwidth.sim.run import Start, simulate
-from zwidth.stability.bisection import Bracket, Trial, find_brackets, judge
+from zwidth.stability.bisection import Bracket, find_brackets
+from zwidth.stability.judging import Trial, judge
 from zwidth.stability.linear import critical_stiffness, last_stable_damping
 from zwidth.stability.passivity import passive_stiffness
 

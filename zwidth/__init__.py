@@ -122,13 +122,13 @@ if _TYPE_CHECKING:
     from zwidth.sim.uncertainty import Uncertainty as Uncertainty
     from zwidth.stability.bisection import Bracket as Bracket
     from zwidth.stability.bisection import Search as Search
-    from zwidth.stability.bisection import Trial as Trial
     from zwidth.stability.boundary import Boundary as Boundary
     from zwidth.stability.boundary import BoundaryPoint as BoundaryPoint
     from zwidth.stability.boundary import find_boundaries as find_boundaries
     from zwidth.stability.fate_map import FateMap as FateMap
     from zwidth.stability.fate_map import save_map as save_map
     from zwidth.stability.fates import Fates as Fates
+    from zwidth.stability.judging import Trial as Trial
     from zwidth.stability.linear import corner as corner
     from zwidth.stability.linear import critical_stiffness as critical_stiffness
     from zwidth.stability.plane import Axis as Axis
@@ -188,7 +188,7 @@ HOMES = {
     "Step": "zwidth.stability.sweep",
     "Sweep": "zwidth.stability.sweep",
     "Trace": "zwidth.sim.trace",
-    "Trial": "zwidth.stability.bisection",
+    "Trial": "zwidth.stability.judging",
     "Uncertainty": "zwidth.sim.uncertainty",
     "Verdict": "zwidth.diagnosis.answer.result",
     "boundary": "zwidth.api.boundary",

@@ -20,15 +20,17 @@ class Critical(msgspec.Struct, frozen=True):
     frequency_hz: float
 
 
-class Bracketed(msgspec.Struct, frozen=True):
+class Bracketed(msgspec.Struct, frozen=True, omit_defaults=True):
     """The boundary in the time domain: a K that is stable and one that is not.
 
-    unstable is None where the stiffest wall tried was still stable.
+    unstable is None where the stiffest wall tried was still stable. grows_from: the starts from
+    which it grows [rad | m], absent where it does from all that were tried.
     """
 
     stable: float
     unstable: float | None
     frequency_hz: float | None
+    grows_from: list[float] | UnsetType = UNSET
 
 
 class Measured(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -122,7 +124,8 @@ def point_of(point: BoundaryPoint, measured: Measured | UnsetType = UNSET) -> Po
     if linear.stiffness is not None and linear.frequency_hz is not None:
         critical = Critical(linear.stiffness, linear.frequency_hz)
     if bracket.stable is not None:
-        simulated = Bracketed(bracket.stable, bracket.unstable, bracket.frequency)
+        starts = list(bracket.grows_from) or UNSET
+        simulated = Bracketed(bracket.stable, bracket.unstable, bracket.frequency, starts)
     reason = bracket.reason or UNSET
     return Point(float(point.damping), critical, simulated, measured, reason=reason)
 

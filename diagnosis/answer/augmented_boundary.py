@@ -15,7 +15,8 @@ from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.scenarios.scenario import usual_substeps
 from zwidth.sim.device import Device
 from zwidth.sim.readable import plain
-from zwidth.stability.bisection import Bracket, Search, Trial, find_brackets
+from zwidth.stability.bisection import Bracket, Search, find_brackets
+from zwidth.stability.judging import Trial
 from zwidth.stability.linear import boundary, corner, last_stable_damping
 
 Floats = NDArray[np.float64]

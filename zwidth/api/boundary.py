@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.api.given import AnyDevice, device_of
-from zwidth.scenarios.scenario import usual_substeps
-from zwidth.stability.bisection import Search, Trial
+from zwidth.stability.bisection import Search
 from zwidth.stability.boundary import Boundary, default_dampings, find_boundaries
+from zwidth.stability.judging import Trial, usual_trial
 
 
 def boundary(
@@ -22,7 +22,8 @@ def boundary(
 
     device: a Device, the name of a shipped one, or a device file. dampings: B [N m s/rad | N s/m],
     by default from 0 to 1.2 times the last with a stable wall, in 41 steps. trial, search: how a
-    wall is judged, and how finely it is sought. progress is called with the share done.
+    wall is judged (by default as `zwidth boundary` does it), and how finely it is sought. progress
+    is called with the share done.
 
     By linear theory and by simulation, at the device's own delay:
     `device.with_interface(delay=0.004)` is the same device with another. Raises ValueError with a
@@ -32,5 +33,5 @@ def boundary(
     grid = default_dampings(device) if dampings is None else np.asarray(dampings, dtype=np.float64)
     if grid.ndim != 1 or grid.size == 0:
         raise ValueError(f"dampings have shape {grid.shape}; give one row of at least one value")
-    trial = Trial(substeps=usual_substeps(device)) if trial is None else trial
+    trial = usual_trial(device) if trial is None else trial
     return find_boundaries([device], [grid], trial, search or Search(), progress)[0]

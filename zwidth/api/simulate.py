@@ -9,7 +9,7 @@ from zwidth.scenarios.scenario import Scenario, usual_substeps
 from zwidth.sim import run
 from zwidth.sim.controller import Controller
 from zwidth.sim.run import Run, Start
-from zwidth.stability.bisection import Trial
+from zwidth.stability.judging import Trial
 
 
 def simulate(

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from zwidth.api.given import AnyDevice, device_of
 from zwidth.scenarios.scenario import usual_substeps
 from zwidth.stability import sweep as sweeping
-from zwidth.stability.bisection import Search, Trial
+from zwidth.stability.bisection import Search
+from zwidth.stability.judging import Trial
 from zwidth.stability.sweep import DAMPINGS, ROUNDS, TOLERANCE, Setting, Sweep
 
 

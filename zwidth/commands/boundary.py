@@ -41,8 +41,9 @@ from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device, remarks_on
 from zwidth.sim.fate import FEW
 from zwidth.sim.run import Start
-from zwidth.stability.bisection import Bracket, Search, Trial
+from zwidth.stability.bisection import Bracket, Search
 from zwidth.stability.boundary import Boundary, BoundaryPoint, default_dampings, find_boundaries
+from zwidth.stability.judging import STARTS, Trial
 from zwidth.stability.linear import boundary as linear_boundary
 from zwidth.stability.passivity import passive_boundary, stiffest_passive
 
@@ -65,8 +66,9 @@ SIDES = ("stable", "unstable")  # of a boundary's top, a log each
 @click.option("--damping", cls=Quantities, type=Quantity("N m s/rad | N s/m"), rising=True,
               metavar="B ...", help="Virtual dampings in rising order. Default: 41 values up to 1.2"
               " times the last with a stable wall, and the measured ones.")  # fmt: skip
-@click.option("--start", type=Quantity("rad | m", above=True), default=1e-3, show_default=True,
-              help="Start amplitude; with friction the boundary depends on it.")  # fmt: skip
+@click.option("--start", cls=Quantities, type=Quantity("rad | m", above=True), metavar="A ...",
+              help="Start amplitudes; a wall is stable if it is from each of them. Default: 0.001,"
+              " and 0.0001 for a device that is not linear.")  # fmt: skip
 @click.option("--tolerance", type=Quantity("of K", above=True), default=5e-4, show_default=True,
               help="Relative accuracy of each K.")  # fmt: skip
 @click.option("--substeps", type=click.IntRange(1, 1000), default=None,
@@ -118,8 +120,10 @@ def command(name: str, out: Path, json_file: str | None, **options: Any) -> None
     logs = (_log_file(out, delay, side) for delay in delays for side in SIDES)
     console.will_write(*picture_files(out / "boundary"), *logs)
     announce(console)
+    starts = options["start"] or STARTS
     trial = Trial(
-        start=options["start"],
+        start=max(starts),
+        others=starts,
         limit_s=max(options["limit_s"], 4.0),
         substeps=options["substeps"]
         or max(usual_substeps(device.with_interface(delay=d)) for d in delays),
@@ -314,9 +318,12 @@ def _note(bracket: Bracket) -> str:
     if bracket.undecided is not None:
         low, high = bracket.undecided
         return f"undecided from {low:.5g} to {high:.5g}"
+    notes: list[str] = []
     if bracket.unstable_verdict is not None and bracket.unstable_verdict.value == "limit_cycle":
-        return f"limit cycle of {bracket.unstable_amplitude:.3g}"
-    return ""
+        notes.append(f"limit cycle of {bracket.unstable_amplitude:.3g}")
+    if bracket.grows_from:
+        notes.append(f"only from a start of {' or '.join(f'{a:g}' for a in bracket.grows_from)}")
+    return ", ".join(notes)
 
 
 def _number(value: float | None) -> str:

@@ -23,8 +23,8 @@ from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device
 from zwidth.sim.equations import enough_substeps
 from zwidth.sim.perception import FORCE, Perception
-from zwidth.stability.bisection import Trial
 from zwidth.stability.fate_map import make_map, save_map
+from zwidth.stability.judging import Trial
 from zwidth.stability.map_summary import summary
 from zwidth.stability.plane import QUANTITIES, Axis, Plane, with_friction
 from zwidth.stability.plane import Quantity as Quantities

@@ -21,7 +21,8 @@ from zwidth.options import (
 )
 from zwidth.scenarios.scenario import usual_substeps
 from zwidth.sim.device_file import commented_text, load_device, remarks_on
-from zwidth.stability.bisection import Search, Trial
+from zwidth.stability.bisection import Search
+from zwidth.stability.judging import Trial
 from zwidth.stability.sweep import DAMPINGS, ROUNDS, TOLERANCE, Setting, Sweep, sweep
 from zwidth.views.sweep import table
 

@@ -17,7 +17,7 @@ from zwidth.sim.device import Device, place_label
 from zwidth.sim.interface import INTERFACE_FIELDS
 from zwidth.sim.run import Start
 from zwidth.sim.trace import Trace
-from zwidth.stability.bisection import Trial
+from zwidth.stability.judging import Trial
 from zwidth.stability.linear import boundary, has_theory, last_stable_damping, stand_in
 from zwidth.stability.plane import Axis, Plane, with_friction
 

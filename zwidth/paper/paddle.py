@@ -9,7 +9,8 @@ from zwidth.paper.content import Picture, Section, Table
 from zwidth.scenarios.paddle import DEVICE, paddle_boundary
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device
-from zwidth.stability.bisection import Search, Trial, find_brackets
+from zwidth.stability.bisection import Search, find_brackets
+from zwidth.stability.judging import Trial
 from zwidth.stability.linear import boundary, last_stable_damping
 
 Floats = NDArray[np.float64]

@@ -17,7 +17,8 @@ from zwidth.paper.content import Picture, Table, number
 from zwidth.paper.theory import phantom
 from zwidth.sim.device import Device
 from zwidth.sim.physics import make_physics
-from zwidth.stability.bisection import Bracket, Search, Trial, find_brackets
+from zwidth.stability.bisection import Bracket, Search, find_brackets
+from zwidth.stability.judging import Trial
 from zwidth.stability.linear import critical_stiffness
 
 DELAY, DAMPING = 0.008, 0.08

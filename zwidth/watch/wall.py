@@ -21,7 +21,8 @@ from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.scenarios.scenario import usual_substeps
 from zwidth.sim.device import Device
 from zwidth.sim.readable import plain
-from zwidth.stability.bisection import Search, Trial, find_brackets
+from zwidth.stability.bisection import Search, find_brackets
+from zwidth.stability.judging import Trial
 
 
 @dataclass(frozen=True)
