@@ -42,8 +42,8 @@ class Member:
 class Fleet(Shown):
     """One answer for a fleet. names: unit of each reported parameter; spreads: what each does.
 
-    candidates: structures that were asked, and what they cost more; repeats: by name, how many
-    times farther repeats on one device scatter than their errors say. notes: what was left aside.
+    candidates: structures that were tried, and how much more they cost; repeats: by name, how many
+    times repeats on one device scatter more than their errors say. notes: what was not used.
     """
 
     structure: Structure

@@ -86,13 +86,15 @@ class Held:
 
 @dataclass(frozen=True)
 class Finding:
-    """One effect found. separation_sigma: from doing without it. rivals: nearest first.
+    """One effect that was found.
 
-    probability: that the device has it, among all hypotheses that were fitted; None where it was
-    seen in the recording itself, and where none of these is adequate. with_richer: that it has it
-    or a richer form of it, by which a name is promised. regimes: how it does where it was not
-    fitted. worth: how much farther free runs on held-out data err without it, None where nothing
-    was held out or it is no part of the model (`answer.consequence`).
+    separation_sigma: how much better the best model with it is than the best without it. rivals:
+    other effects in its place, nearest first. probability: that the device has it, among all
+    hypotheses that were fitted; None if it was seen in the recording itself, or if no hypothesis is
+    adequate. with_richer: probability that the device has it or a richer form of it, which decides
+    the verdict. regimes: how it does where it was not fitted. worth: how much larger the error of
+    free runs on held-out data is without it; None if nothing was held out or it is no part of the
+    model (`answer.consequence`).
     """
 
     effect: str
@@ -191,10 +193,11 @@ class Diagnosis(Shown):
     """The whole answer. device: augmented by what was found, with refitted linear parameters.
 
     headline: the answer in one line for people, without a full stop (`answer.headline`);
-    cautions: what to know before it is used; next_level: where one level was recorded, another.
-    searched: the way there; experiments: the recordings whole, as they were taken. errors: what
-    failed and cost no more than itself; left_out: the recordings, by their place, that this cost.
-    negligible: effects of the device that are seen, and of no consequence (`answer.consequence`).
+    cautions: warnings for its use; next_level: another level to record, where all commands have
+    one. searched: what the search found; experiments: the recordings as they were read. errors:
+    internal errors that prevented a part of the answer; left_out: the recordings, by index, that
+    could not be used because of them. negligible: effects that are detected, but too small to
+    matter (`answer.consequence`).
     """
 
     verdict: Verdict

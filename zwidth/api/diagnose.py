@@ -37,21 +37,22 @@ def diagnose(
 ) -> Diagnosis:
     """Say why recordings differ from the simulation of a device, and what physics is missing.
 
-    recordings: one or several, each a path (a recording TOML, a log, or a CSV, MAT or other file of
-    another tool, of which it warns what it assumed), a Trace, a Run, a Log, or a table: a data
-    frame of pandas or polars, a dict of arrays (samples,), an array (samples, signals). time,
-    command, position, velocity: the columns of a table that are that (of an array "0", "1" ...);
-    of those not named it is told by name and unit, "angle_deg", as of a CSV. device: a Device, the
-    name of a shipped one, or a device file; without it one is fitted, of as many masses as the data
-    ask for. validate: recordings to judge by;
-    by default the last 30 % of each are kept for it. effort: how much is tried. known_torque: the
-    model of a robot (MJCF or URDF) and the joint in it that the device is; what its arms do to that
-    joint in the recorded posture is known then, by MuJoCo. say: told what is
-    being done, `print` for instance, for it may take minutes.
+    recordings: one or several. Each is a path (a recording TOML, a log, or a CSV, MAT or other file
+    of another tool; a warning says what was assumed), a Trace, a Run, a Log, or a table: a data
+    frame of pandas or polars, a dict of arrays (samples,), an array (samples, signals).
+    time, command, position, velocity: the columns of a table (of an array "0", "1" ...). Columns
+    that are not named are recognised by name and unit, "angle_deg", as in a CSV.
+    device: a Device, the name of a shipped one, or a device file. Without it one is fitted, with
+    one to three masses.
+    validate: recordings to judge by; by default the last 30 % of each recording.
+    effort: how much is tried.
+    known_torque: the model of a robot (MJCF or URDF) and its joint that is the device. MuJoCo then
+    computes the torque of the robot's arms on that joint in the recorded posture.
+    say: called with what is being done, `print` for instance; a diagnosis may take minutes.
 
-    The answer holds the improved device: `save_device(answer.device, "improved.toml")`. Raises
-    ValueError with one sentence where a recording is no use with this device, and NotDiagnosed
-    where an error leaves nothing to say.
+    The answer contains the improved device: `save_device(answer.device, "improved.toml")`. Raises
+    ValueError with one sentence if a recording cannot be used with this device, and NotDiagnosed
+    if an error leaves nothing to conclude.
     """
     if effort not in EFFORTS:
         raise ValueError(f"effort is {effort!r}; {nearest(effort, EFFORTS)}")

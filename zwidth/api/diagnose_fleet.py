@@ -32,15 +32,15 @@ def diagnose_fleet(
 ) -> Fleet:
     """Say what many recordings have in common, what differs, what changed and which are odd.
 
-    recordings: a folder, a table (CSV or TOML), a list of `Listed`, or of rows as a table has them,
-    such as `frame.to_dict("records")` of pandas: recording, device, date, and known values that
-    parameters may go with. device: a Device, the name of a shipped one, or a device file. effort:
-    of the search for their physics. work: a folder that keeps what is found of each recording, so
-    that the next call costs new recordings alone; without it nothing is kept. runner: where fits
-    run, of `executor`; None for here, one after another. say: told what is being done.
+    recordings: a folder, a table (CSV or TOML), a list of `Listed`, or rows of a table, such as
+    `frame.to_dict("records")` of pandas: recording, device, date, and known values that parameters
+    may follow. device: a Device, the name of a shipped one, or a device file. effort: of the search
+    for their physics. work: a folder that keeps the result of each recording, so that the next call
+    computes only new recordings; without it nothing is kept. runner: where fits run, see
+    `executor`; by default here, one after another. say: called with what is being done.
 
-    Raises ValueError with one sentence where fewer than three recordings can be used, or what is
-    given is no list of recordings.
+    Raises ValueError with one sentence if fewer than three recordings can be used, or if
+    `recordings` is not a list of recordings.
     """
     if effort not in EFFORTS:
         raise ValueError(f"effort is {effort!r}; {nearest(effort, EFFORTS)}")

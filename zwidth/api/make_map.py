@@ -20,16 +20,16 @@ def make_map(
     workers: int | None = None,
     runner: Executor | None = None,
 ) -> FateMap:
-    """Map what becomes of a run over two quantities of a wall and its device.
+    """Map the outcome of runs over two quantities of a wall and its device.
 
-    plane: which two, and what is held fixed; of a Device, the name of a shipped one or a device
-    file, stiffness over damping around the linear boundary. coarse: points a side before
-    refinement; levels: refinements, each halving the step where the fate changes. folder: where an
-    interrupted map is taken up again; None keeps it in memory. progress is called with the share
-    done and the points run. workers: threads a part (None: all). runner: of `executor`, where parts
-    are run.
+    plane: the two quantities, and the values of the others; for a Device, the name of a shipped one
+    or a device file: stiffness over damping around the linear boundary. coarse: points along each
+    axis before refinement. levels: refinements; each halves the step where the outcome changes.
+    folder: where an interrupted map is continued; None keeps it in memory. progress is called with
+    the share done and the number of runs. workers: threads (None: all). runner: where parts are
+    computed, see `executor`.
 
-    Raises ValueError with a sentence where an argument, or what the folder holds, does not fit.
+    Raises ValueError with a sentence if an argument, or the content of the folder, does not fit.
     """
     asked = plane if isinstance(plane, Plane) else usual_plane(device_of(plane))
     return fate_map.make_map(asked, coarse, levels, folder, progress, workers, runner)

@@ -28,15 +28,15 @@ def excitation(
     travel: float | None = None,
     seed: int = 0,
 ) -> NDArray[np.float64]:
-    """Return a command [N m | N] to record, a value a tick, that a device bears.
+    """Return a command [N m | N] for a recording, one value per sample, shape (ticks,).
 
     device: a Device, the name of a shipped one, or a device file. name: standard_session,
     small_multisine, large_multisine, two_level_multisine, slow_triangle, random_steps, white_noise
-    or chirp, over so many seconds. level: the largest command, by default 90 % of the device's
-    limit. travel: the largest of m1 [rad | m], by default 1 rad or 0.1 m. seed: of what is random.
-    `recorded` makes a controller of the command.
+    or chirp. seconds: its length. level: the largest command, by default 90 % of the device's
+    limit. travel: the largest travel of m1 [rad | m], by default 1 rad or 0.1 m. seed: of random
+    numbers. `recorded` makes a controller of the command.
 
-    Raises ValueError with a sentence for an unknown name, or too short a time.
+    Raises ValueError with a sentence for an unknown name, or a time that is too short.
     """
     known = device_of(device)
     scale = scale_for(known, level=level, travel=travel)
@@ -57,16 +57,17 @@ def plan(
 ) -> Plan:
     """Say what a recording would show, before it is made.
 
-    For every effect the smallest magnitude that stands five sigma above what a refit of the known
-    parameters absorbs; the pairs that the recording could not tell apart, and what would.
+    For every effect the smallest magnitude that the recording would detect with five sigma, after
+    the known parameters are refitted; the pairs of effects that it could not tell apart, and the
+    excitations that would.
 
-    device: a Device, the name of a shipped one, or a device file. excitation: a name as of the
-    function `excitation`, over so many seconds, or a command of your own (ticks,). noise: rms of a
-    measured position [rad | m], by default an encoder step's rounding. process_noise: random
-    force at m1 [N m | N], by default 0.2 % of the largest command. level, travel, seed: see
-    `excitation`. advance is told what is done.
+    device: a Device, the name of a shipped one, or a device file. excitation: a name as in
+    `excitation`, or a command of your own (ticks,). seconds: its length. noise: rms of a measured
+    position [rad | m], by default the rounding to an encoder step. process_noise: random force at
+    m1 [N m | N], by default 0.2 % of the largest command. level, travel, seed: see `excitation`.
+    advance: called with what is done.
 
-    Raises ValueError with a sentence, also where the device has no encoder step and noise is None.
+    Raises ValueError with a sentence, also if the device has no encoder step and noise is None.
     """
     known = device_of(device)
     if not isinstance(excitation, str):
