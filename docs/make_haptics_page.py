@@ -2,8 +2,8 @@
 
     python docs/make_haptics_page.py
 
-Every number of the page is computed here; on two idle cores it takes about two minutes, most of it
-for the maps.
+Every number of the page is computed here; on two idle cores it takes about three minutes, most of
+it for the maps and the paddle.
 """
 
 import math

@@ -17,10 +17,17 @@ from zwidth.explore.bench import Bench
 from zwidth.explore.look import look
 from zwidth.explore.view import View
 from zwidth.explore.words import of_the_wall
+from zwidth.figures.boundary import boundary_figure
+from zwidth.figures.map import legend as map_legend
 from zwidth.logs.mcap_reader import read_log
+from zwidth.results import BoundaryResult, DelayBoundary, point_of
 from zwidth.scenarios.replay import replay
 from zwidth.sim.device_file import save_device
+from zwidth.stability.bisection import Trial
+from zwidth.stability.boundary import find_boundaries
+from zwidth.stability.fate_map import make_map
 from zwidth.stability.linear import stand_in
+from zwidth.stability.plane import Axis, Plane
 from zwidth.views.device import said_of_estimator
 
 DEVICE = phantom().with_interface(encoder_step=2e-5, command_limit=0.3, velocity_cutoff_hz=80.0)
@@ -131,6 +138,21 @@ def test_map_draws_no_theory_of_levant(
     assert found["describing_function"] is None
     assert found["runs"] > 0
     assert (tmp_path / "out" / "map.png").stat().st_size > 5000
+
+
+@pytest.mark.parametrize(("estimator", "lines"), [("foaw", 0), ("kalman", 1)])
+def test_pictures_name_a_linear_boundary_where_there_is_one(estimator: str, lines: int) -> None:
+    """Of a map and of a boundary. Mutation: the entry put in for all devices."""
+    device = with_estimator(DEVICE, estimator)
+    trial = Trial(seconds=0.3, limit_s=0.6, window_s=0.03)
+    plane = Plane(device, Axis("B", 0.0, 0.02), Axis("K", 1.0, 5.0), trial=trial)
+    legend = map_legend([make_map(plane, 3, 0)])
+    assert sum(h.get_label() == "linear boundary" for h in legend) == lines
+    found = find_boundaries([device], [np.array([0.0, 0.02])], Trial(limit_s=8.0))[0]
+    points = [point_of(p) for p in found.points]
+    result = BoundaryResult("x", [DelayBoundary(0.002, points)], True)
+    texts = [t.get_text() for t in boundary_figure(result).legends[0].get_texts()]
+    assert texts.count("linear theory") == lines
 
 
 def test_sweep_has_areas_of_foaw(

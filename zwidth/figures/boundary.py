@@ -224,13 +224,15 @@ def _legend(figure: Figure, result: BoundaryResult, measured_source: str) -> Non
                markerfacecolor="white", label=f"delay {1e3 * boundary.delay_s:g} ms")
         for i, boundary in enumerate(result.boundaries)
     ]  # fmt: skip
-    kinds = [Line2D([], [], color="0.35", label="linear theory"), _kind("time domain", ".")]
-    measured = [p.measured for b in result.boundaries for p in b.points if p.measured]
+    points = [point for boundary in result.boundaries for point in boundary.points]
+    kinds = [_kind("time domain", ".")]
+    if any(point.linear for point in points):
+        kinds.insert(0, Line2D([], [], color="0.35", label="linear theory"))
+    measured = [point.measured for point in points if point.measured]
     if measured:
         kinds.append(_kind(measured_source, "o", "white"))
     if any(point.damping_printed is not UNSET for point in measured):
         kinds.append(_kind("its $B$ misprinted", "x"))
-    points = [point for boundary in result.boundaries for point in boundary.points]
     if any(point.passive is not UNSET for point in points):
         kinds.append(Line2D([], [], color="0.35", linestyle=":", label="passive walls"))
     if any(point.hand is not UNSET for point in points):

@@ -14,6 +14,7 @@ from zwidth.law_options import said_of
 from zwidth.sim.fate import Fate
 from zwidth.sim.readable import scaled, with_unit
 from zwidth.stability.fate_map import FateMap, units_of
+from zwidth.stability.linear import has_theory
 from zwidth.stability.plane import Plane
 from zwidth.stability.plane_theory import Line, describing_lines
 
@@ -90,7 +91,8 @@ def legend(results: Sequence[FateMap], lines: Sequence[Line] = ()) -> list[Patch
     handles: list[Patch | Line2D] = [
         Patch(facecolor=COLOURS[f], edgecolor="0.5", label=names[f]) for f in present
     ]
-    handles.append(Line2D([], [], color="k", lw=1.6, label="linear boundary"))
+    if any(has_theory(result.plane.device) for result in results):
+        handles.append(Line2D([], [], color="k", lw=1.6, label="linear boundary"))
     handles += [Line2D([], [], color=PREDICTED, lw=1.6, ls="--", label=n.name) for n in lines]
     return handles
 
@@ -166,5 +168,7 @@ def _title(plane: Plane) -> str:
         )
     ]
     facts += [law] if (law := said_of(plane.trial.law, plane.device.rotary)) else []
+    estimator = plane.device.interface.velocity_estimator
+    facts += [] if estimator == "difference" else [f"velocity by {estimator}"]
     middle = (len(facts) + 1) // 2
     return "\n".join([plane.device.name, ", ".join(facts[:middle]), ", ".join(facts[middle:])])
