@@ -76,15 +76,15 @@ def _seen(found: Look, plane: Plane, fate: Fate, limited: bool) -> str:
     if fate == Fate.RESTS:
         return "comes to rest"
     if fate == Fate.GROWS and settles(fates.rate, LIMIT_S)[0] and not limited:
-        return f"settles on an oscillation that steps alone cannot keep up: {size}"
+        return f"grows into an oscillation that the steps alone do not cause: {size}"
     if fate == Fate.GROWS and not limited:
         lost = f"; lost after {with_unit(ends, 's', 3)}" if (ends := _ends(found)) else ""
         hertz = float(fates.frequency[0])
         at = f", at {hertz:.3g} Hz" if math.isfinite(hertz) else ""
         return f"grows without bound{at}{lost}"
     return {
-        Fate.DITHERS: f"dithers, too weakly to feel: {size}",
-        Fate.FELT: f"dithers, and is felt: {size}",
+        Fate.DITHERS: f"keeps oscillating (dither), too weakly to feel: {size}",
+        Fate.FELT: f"keeps oscillating (dither), and is felt: {size}",
         Fate.GROWS: f"grows until the amplifier's limit holds it: {size}",
         Fate.UNDECIDED: f"is undecided after 16 s: {size}",
     }[fate]
