@@ -67,10 +67,5 @@ class Pursuit:
     """Chi-square to first order in these ticks, from which a start is fitted without looking at the
     rest. Tuned, as `glance`."""
 
-    scanned: int = 4
-    """Beginnings of a play that are fitted, of those that a scan of its width shows: one from each
-    observer at most. Tuned: on a rig the one that led farthest showed the fourth largest gain
-    (`seeking.playing`)."""
-
 
 EVIDENCE, PURSUIT = Evidence(), Pursuit()

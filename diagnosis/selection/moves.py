@@ -22,12 +22,12 @@ from zwidth.diagnosis.recording.experiment import Experiment, beginnings
 from zwidth.diagnosis.seeking.candidates import Start
 from zwidth.diagnosis.seeking.lattice import stepped_trials
 from zwidth.diagnosis.seeking.places import open_places, starts_at
-from zwidth.diagnosis.seeking.playing import scanned
+from zwidth.diagnosis.seeking.playing import arrivals, scanned
 from zwidth.diagnosis.seeking.screen import Screened
 from zwidth.diagnosis.seeking.screening import View, screened, shown_starts, view
 from zwidth.diagnosis.seeking.sizes import sizes_of
 from zwidth.diagnosis.selection.effort import Effort
-from zwidth.diagnosis.selection.hypothesis import Hypothesis, Prices, judged
+from zwidth.diagnosis.selection.hypothesis import Hypothesis, Prices, judged, settled
 from zwidth.diagnosis.settings import PURSUIT
 from zwidth.sim.device import place_label
 from zwidth.sim.physics import richer_at
@@ -41,6 +41,7 @@ NO_SIGN = PURSUIT.no_sign
 SCANNED_TICKS = 3000  # of all recordings together, in scans of play and the fits from there
 TELLING_TICKS = 10 * SETTLING  # of a recording at least, by which starts are ranked
 FAR_TICKS = 6000  # of all recordings together, in far views: what is strong shows in as many
+PLAYS, PLAY_MEMBERS = 2, 2  # fitted of those that arrive; times the members of a later population
 WAITS = 0.1  # of the swing of a recording, that a device moves at least where it tells of play
 BENT = 0.05  # in x, from which a fit has left its device file, which may lie nearer the truth
 GIVEN_WAY = 2.0  # in x, that parameters give way at most before a fit
@@ -172,7 +173,7 @@ def _more(h: Hypothesis, effort: Effort, views: Iterable[View], least: float) ->
             if one.score > max(least, PURSUIT.rival_share * most):
                 yield _with(h, seen, one)
     if effort.generations:
-        yield from _played(h, h.model, h.x, play)
+        yield from _played(h, h.model, h.x, play, effort)
 
 
 def _apart(starts: Mapping[str, list[Start]]) -> tuple[Starts, Starts]:
@@ -181,18 +182,30 @@ def _apart(starts: Mapping[str, list[Start]]) -> tuple[Starts, Starts]:
     return {label: group for label, group in starts.items() if label not in play}, play
 
 
-def _played(h: Hypothesis, model: Model, x: Floats, play: Starts) -> Iterator[Proposal]:
-    """Yield a model with the play that a scan shows, from the likeliest few beginnings.
+def _played(
+    h: Hypothesis, model: Model, x: Floats, play: Starts, effort: Effort
+) -> Iterator[Proposal]:
+    """Yield a model with the play that a scan shows, one each place, fitted under its own noise.
 
-    Each is fitted under the observer that showed it (`seeking.playing`).
+    From where populations arrive that cost least (`seeking.playing`): beside the bottom of a valley
+    a play of -131 540 in -2 ln, whose fit ends at -136 500, costs more than a cubic at -131 760.
     """
     ticks = max(SCANNED_TICKS, TELLING_TICKS * len(h.experiments))
     seen = beginnings(h.experiments, ticks)
     if all(np.std(e.measured[:, 0]) < WAITS * e.swing for e in seen):
         seen = list(h.experiments)
     for group in play.values():
-        for one in scanned(seen, model, x, group)[: PURSUIT.scanned]:
-            yield Proposal(h.experiments, one.model, one.x, h.family, one.under, None, h.prices)
+        shown = scanned(seen, model, x, group)
+        found: list[Hypothesis] = []
+        members = PLAY_MEMBERS * effort.members
+        for wide, there in arrivals(seen, shown, members, effort.generations):
+            with suppress(NoObserver):
+                found.append(judged(h.experiments, wide, there.x, h.family, None, h.prices))
+        nearest = sorted(found, key=lambda one: one.cost.total)[:PLAYS]
+        ended = [settled(one, turns=1) for one in nearest]
+        if ended:
+            one = min(ended, key=lambda one: one.cost.total)
+            yield Proposal(h.experiments, one.model, one.x, h.family, None, one.ratio, h.prices)
 
 
 def stepped(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
@@ -367,7 +380,8 @@ def replaced(index: int) -> Move:
             if likely or akin or one.start.label in richer:
                 yield replace(_with(base, seen, one), akin=akin)
         if effort.generations:
-            yield from _played(h, model, x, {k: g for k, g in play.items() if k != gone})
+            others_play = {k: g for k, g in play.items() if k != gone}
+            yield from _played(h, model, x, others_play, effort)
 
     return move
 

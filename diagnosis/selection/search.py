@@ -550,19 +550,11 @@ def fitted(found: Search, proposals: Iterable[Proposal], ended: int) -> list[Hyp
     order = sorted(begun.values(), key=lambda h: h.cost.total)
     near = [h for h in order if _comes_near(found, h)] or order[:1]  # a rival that is far is said
     likely = _likely(near, ended, akin)
-    fits = [(h.model.label, partial(_to_its_end, found, h)) for h in likely]
+    fits = [(h.model.label, partial(settled, h, turns=2)) for h in likely]
     finished = [found.keep(h) for h in _each("candidates", fits) if not h.against_physics]
     found.fits += len(asked)
     found.spent += time.monotonic() - begun_at
     return sorted(finished, key=lambda h: h.cost.total)
-
-
-def _to_its_end(found: Search, h: Hypothesis) -> Hypothesis:
-    """A hypothesis fitted to its end; a population looks for its valley where play is new in it."""
-    if h.has_valleys and not found.best.has_valleys and found.effort.generations:
-        arrived = _arrived(h, found.effort, [(h.ratio, [h.x], NEAR_SPREADS[0])])
-        h = min([h, *arrived], key=lambda a: a.cost.misfit)
-    return settled(h, turns=2)
 
 
 def _comes_near(found: Search, h: Hypothesis) -> bool:
