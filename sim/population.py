@@ -317,10 +317,10 @@ def _reading(
     lates = np.zeros((size, o)) if readings.lates is None else readings.lates
     arriving = np.zeros(0) if recorded.arriving is None else recorded.arriving
     observer = _lanes(readings.observers, which, 2)
-    if observer.shape[:2] != (states, o):
+    if observer.shape[:2] not in ((states, o), (states, 2 * o)):
         raise ValueError(
             f"observers have shape {readings.observers.shape}; ({states}, {o}) or"
-            f" (members, {states}, {o}) is needed"
+            f" (members, {states}, {o}) is needed, or twice as wide with play"
         )
     return Reading(
         observer, _lanes(gains[:, None], which, 1), _lanes(origins, which, 1),

@@ -2,8 +2,8 @@
 
 At every tick, before step (1), the state is corrected by what was measured,
 
-    e_k = y_k - h(x_k),    x_k <- x_k + L e_k   (innovation form, fixed gain L),
-
+    e_k = y_k - h(x_k),    x_k <- x_k + L e_k   (innovation form, fixed gain L, or with play two:
+                                                 one while its link carries nothing),
 then the recorded command goes through amplifier and delay line and the chain moves, by the same
 parts as in a simulation. An output is a position or a velocity of one mass; m1's position is seen
 through the sensor. A sample that is not a number corrects nothing. With L = 0 it is a free run.
@@ -66,9 +66,10 @@ class Outputs(NamedTuple):
 class Reading(NamedTuple):
     """How a recording is read, which may differ from member to member of a population.
 
-    observer (states, o): the gain L. The command counts times gain (1,); from what was measured
-    origin (o,) is taken, and jitter (o,) times arriving (ticks,), or (0,) for none. late (o,) [s]:
-    by how much each output is read after the instant at which commands act (`ahead_by`).
+    observer (states, o): the gain L; (states, 2 o) where play has another while it carries nothing
+    (`free_of_contact`). The command counts times gain (1,); from what was measured origin (o,) is
+    taken, and jitter (o,) times arriving (ticks,), or (0,) for none. late (o,) [s]: by how much
+    each output is read after the instant at which commands act (`ahead_by`).
     """
 
     observer: Floats
@@ -204,6 +205,16 @@ def turned(eq, saved, memory):
 
 
 @part
+def free_of_contact(eq, pins):
+    """Whether a link with play carries nothing: its pin stands on neither side."""
+    free = False
+    for e in range(eq.forces.codes.size):
+        if eq.forces.codes[e] == BACKLASH:
+            free = free | (abs(pins[e]) < 0.5 * eq.forces.parameters[e, 0])
+    return free
+
+
+@part
 def at_work(eq, fine, space, fine_space, look):
     """Return equations and working space of a look, which differ in what substeps are made of.
 
@@ -311,6 +322,7 @@ def predict(
     alive = memory.scalars[3] == 0.0
     earlier = judge.filters.shape[2] - 1
     finer = fine.substeps[0] + fine.substeps[1] > eq.substeps[0] + eq.substeps[1]
+    parted = reading.observer.shape[1] > outputs.state.size
     for k in range(commands.size):
         row = earlier + k % PIECE
         for o in range(outputs.state.size):
@@ -328,12 +340,16 @@ def predict(
             if reading.arriving.size > 0:
                 y -= reading.jitter[o] * reading.arriving[k]
             judge.piece[row, o] = select(alive, y - there, np.inf)
+        free = parted & free_of_contact(eq, pins)
         for o in range(outputs.state.size):
             e = judge.piece[row, o]
             known = alive & (e == e)
             if any_lane(known):
                 for i in range(eq.states):
-                    x[i] = select(known, x[i] + reading.observer[i, o] * e, x[i])
+                    gain = reading.observer[i, o]
+                    if parted:
+                        gain = select(free, reading.observer[i, outputs.state.size + o], gain)
+                    x[i] = select(known, x[i] + gain * e, x[i])
         if judge.uncounted.size > 0 and judge.uncounted[k]:
             for o in range(outputs.state.size):
                 judge.piece[row, o] = select(alive, np.nan * x[0], np.inf)

@@ -30,7 +30,7 @@ from zwidth.diagnosis.noise.predictor import (
     told,
     whitened,
 )
-from zwidth.diagnosis.noise.steady import NoObserver, steady_gains
+from zwidth.diagnosis.noise.steady import NoObserver, links_with_play, steady_gains, with_apart
 from zwidth.diagnosis.recording.experiment import Experiment
 
 Floats = NDArray[np.float64]
@@ -131,6 +131,8 @@ def noises(
     seen = [model.seen(e, x) for e in experiments]
     bare = device.bare()
     gains = steady_gains([bare] * ratios.size, seen[0], ratios)
+    if links := links_with_play(device):
+        gains = with_apart(bare, links, seen[0], gains)
     usable = np.flatnonzero(np.isfinite(gains).all(axis=(1, 2)))
     if usable.size == 0:
         return []

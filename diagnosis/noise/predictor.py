@@ -359,7 +359,7 @@ def followed(device: Device, experiment: Experiment, gain: Floats) -> Floats:
         measured=np.hstack([experiment.readings, np.zeros((experiment.ticks, 2 * n))]),
         bridged=None,
     )
-    still = np.hstack([gain, np.zeros((gain.shape[0], 2 * n))])
+    still = _beside(gain, len(experiment.outputs), 2 * n)
     return -innovations(bare, wide, still)[:, len(experiment.outputs) :]
 
 
@@ -381,10 +381,17 @@ def driven(device: Device, experiment: Experiment, gain: Floats, errors: Floats)
     memory, full = memory_at(ready, experiment, device, gain)
     found = alone(
         eq, fine, outputs, experiment.command, np.hstack([errors, np.zeros(errors.shape)]),
-        np.hstack([full, np.zeros(full.shape)]), experiment.external(eq.dof),
+        _beside(full, o, o), experiment.external(eq.dof),
         memory, experiment.strengths,
     )  # fmt: skip
     return errors - found[:, o:]
+
+
+def _beside(gain: Floats, outputs: int, more: int) -> Floats:
+    """A gain with outputs that correct nothing after its own, in contact and free of it."""
+    parts = np.split(gain, gain.shape[1] // outputs, axis=1)
+    nothing = np.zeros((gain.shape[0], more))
+    return np.hstack([half for part in parts for half in (part, nothing)])
 
 
 def padded(

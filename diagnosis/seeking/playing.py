@@ -122,7 +122,6 @@ def _best(
     gaps: Floats,
     ratio: float,
 ) -> Iterator[Played]:
-    there = prepared_for(experiments, model, x, ratio)
     wide = model.with_effect(first.physics, first.scales, first.bounds)
     (j,) = (i for i, p in enumerate(wide.parameters) if i >= x.size and p.key == key)
     asked: list[Floats] = []
@@ -132,6 +131,7 @@ def _best(
         own[j] = (gap - first.physics.values[key]) / wide.parameters[j].scale
         asked.append(wide.within(own))
     # Held against no play in as many substeps, which alone gain (160 in -2 ln beside friction).
+    there = prepared_for(experiments, wide, asked[0], ratio)
     own_cost, *found = Landscape(there.experiments, there.observer, wide).costs(asked)
     costs = np.array(found)
     best = int(np.argmin(np.nan_to_num(costs, nan=np.inf)))
