@@ -5,7 +5,7 @@ import pytest
 from engine_examples import one_mass, phantom
 from lane_examples import varied
 
-from zwidth.diagnosis.noise.steady import steady, steady_gains
+from zwidth.diagnosis.noise.steady import links_with_play, steady, steady_gains, with_apart
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.sim.physics import make_physics
 
@@ -55,3 +55,48 @@ def test_a_gain_is_a_fixed_point_where_the_solver_of_one_matrix_fails() -> None:
     assert np.all(np.isfinite(found))
     close = steady_gains(devices, seen(POSITION), 1.0001e-7)
     assert np.all(np.abs(close - found) <= 1e-3 * np.abs(found).max(axis=1, keepdims=True))
+
+
+THREE = (POSITION, Output("position", 1))
+
+
+@pytest.mark.parametrize(
+    ("links", "outputs", "unseen"),
+    [
+        ((0,), (POSITION,), (1, 2)),
+        ((1,), (POSITION,), (2,)),
+        ((0,), THREE, ()),
+        ((1,), THREE, (2,)),
+        ((0, 1), (POSITION,), (1, 2)),
+        ((0, 1), THREE, (2,)),
+        ((0,), (FAR_SPEED,), (0,)),
+    ],
+)
+def test_what_lies_behind_a_cut_link_unseen_is_left_alone(
+    links: tuple[int, ...], outputs: tuple[Output, ...], unseen: tuple[int, ...]
+) -> None:
+    """Positions and speeds of its masses; the rest keeps its gain, and in contact all do.
+
+    Mutations: the first link for each; what has an output left alone.
+    """
+    device, o = phantom().without_physics(), len(outputs)
+    n = device.chain.masses.size
+    gain = steady(device, seen(*outputs), 1e-2).gain
+    both = with_apart(device, links, seen(*outputs), gain)
+    apart = both[:, o:]
+    assert np.array_equal(both[:, :o], gain)
+    left = [i + k * n for i in unseen for k in (0, 1)]
+    assert not apart[left].any()
+    kept = [i for i in range(2 * n) if i not in left]
+    assert np.array_equal(apart[kept], gain[kept])
+
+
+def test_a_device_with_play_has_both_gains() -> None:
+    """Of one and of a family; without play one. Mutation: `steady` as in contact alone."""
+    device = phantom().without_physics()
+    loose = device.with_physics(make_physics("backlash", "link12", gap=0.01))
+    assert links_with_play(device) == ()
+    assert links_with_play(loose) == (0,)
+    gain = steady(device, seen(POSITION), 1e-2).gain
+    found = steady(loose, seen(POSITION), 1e-2).gain
+    assert np.array_equal(found, with_apart(device, (0,), seen(POSITION), gain))

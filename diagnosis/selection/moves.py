@@ -41,7 +41,6 @@ NO_SIGN = PURSUIT.no_sign
 SCANNED_TICKS = 3000  # of all recordings together, in scans of play and the fits from there
 TELLING_TICKS = 10 * SETTLING  # of a recording at least, by which starts are ranked
 FAR_TICKS = 6000  # of all recordings together, in far views: what is strong shows in as many
-PLAYS, PLAY_MEMBERS = 2, 2  # fitted of those that arrive; times the members of a later population
 WAITS = 0.1  # of the swing of a recording, that a device moves at least where it tells of play
 BENT = 0.05  # in x, from which a fit has left its device file, which may lie nearer the truth
 GIVEN_WAY = 2.0  # in x, that parameters give way at most before a fit
@@ -195,16 +194,15 @@ def _played(
     if all(np.std(e.measured[:, 0]) < WAITS * e.swing for e in seen):
         seen = list(h.experiments)
     for group in play.values():
-        shown = scanned(seen, model, x, group)
         found: list[Hypothesis] = []
-        members = PLAY_MEMBERS * effort.members
-        for wide, there in arrivals(seen, shown, members, effort.generations):
-            with suppress(NoObserver):
-                found.append(judged(h.experiments, wide, there.x, h.family, None, h.prices))
-        nearest = sorted(found, key=lambda one: one.cost.total)[:PLAYS]
-        ended = [settled(one, turns=1) for one in nearest]
-        if ended:
-            one = min(ended, key=lambda one: one.cost.total)
+        for one in scanned(seen, model, x, group)[:1]:
+            for there in arrivals(seen, one, effort.members, effort.generations):
+                with suppress(NoObserver):
+                    found.append(
+                        judged(h.experiments, one.model, there.x, h.family, None, h.prices)
+                    )
+        if found:
+            one = settled(min(found, key=lambda one: one.cost.total), turns=1)
             yield Proposal(h.experiments, one.model, one.x, h.family, None, one.ratio, h.prices)
 
 
