@@ -3,12 +3,18 @@
 import numpy as np
 import pytest
 from engine_examples import one_mass, phantom
+from fitting_examples import drive, play, recording
 from lane_examples import varied
+from numpy.typing import NDArray
 
+from zwidth.diagnosis.fitting.many import Many
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.predictor import FINAL, innovations
 from zwidth.diagnosis.noise.steady import links_with_play, steady, steady_gains, with_apart
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.sim.physics import make_physics
 
+Floats = NDArray[np.float64]
 LAG = make_physics("actuator_lag", "command", time_constant=4e-4)
 POSITION, FAR_SPEED = Output("position", 0), Output("velocity", 2)
 
@@ -100,3 +106,32 @@ def test_a_device_with_play_has_both_gains() -> None:
     gain = steady(device, seen(POSITION), 1e-2).gain
     found = steady(loose, seen(POSITION), 1e-2).gain
     assert np.array_equal(found, with_apart(device, (0,), seen(POSITION), gain))
+
+
+@pytest.mark.parametrize("gap", [1e-3, 10.0])
+def test_the_second_gain_acts_while_a_pin_is_off_its_sides(gap: float) -> None:
+    """Both gains the same are one; of a gap that is never crossed only the second counts.
+
+    By one device and in lanes, to the bit. Mutations: the first gain throughout; the second one
+    also in contact; the other side's pin taken for free.
+    """
+    device = drive().with_physics(play(gap))
+    made = recording(drive().with_physics(play(1e-3)), 400, 3)
+    contact = steady(drive(), made, 1e-2).gain
+    other = 0.5 * contact
+
+    def of(gain: Floats) -> Floats:
+        found = innovations(device, made, gain)
+        model = Model(device)
+        lanes = Many(model, [np.zeros(len(model.parameters))] * 3, FINAL).innovations(made, gain)
+        assert np.array_equal(lanes, np.broadcast_to(found, lanes.shape))
+        return found
+
+    one, both = of(contact), of(np.hstack([contact, other]))
+    assert np.array_equal(of(np.hstack([contact, contact])), one)
+    if gap > 1.0:
+        assert np.array_equal(both, of(other))
+        assert not np.array_equal(both, one)
+    else:
+        assert np.std(both - of(other)) / np.std(one) > 1e-3
+        assert np.std(both - one) / np.std(one) > 1e-3
