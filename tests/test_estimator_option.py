@@ -16,7 +16,7 @@ from zwidth.estimator_option import with_estimator
 from zwidth.explore.bench import Bench
 from zwidth.explore.look import look
 from zwidth.explore.view import View
-from zwidth.explore.words import of_the_wall
+from zwidth.explore.words import legend, of_the_wall
 from zwidth.figures.boundary import boundary_figure
 from zwidth.figures.map import legend as map_legend
 from zwidth.logs.mcap_reader import read_log
@@ -203,6 +203,8 @@ def test_the_page_says_that_there_is_no_theory() -> None:
     assert np.isnan(bench.line(view).stiffness).all()
     assert bench.fitted(plain).stiffness_range == view.stiffness_range
     wall = replace(view, stiffness=2.0, damping=0.01)
+    assert "linear boundary" in legend("1 N", False, True)
+    assert "linear boundary" not in legend("1 N", False, False)
     said = of_the_wall(look(bench, wall), bench.plane(wall), bench.line(wall))
     assert "linear theory takes no foaw" in said
     assert "linear theory takes" not in of_the_wall(

@@ -21,6 +21,7 @@ from zwidth.explore.view import View
 from zwidth.sim.readable import with_unit
 from zwidth.sim.trace import Trace
 from zwidth.stability.fate_map import units_of
+from zwidth.stability.linear import has_theory
 
 # Style sheets are text: as models they could be in one page only.
 NARROW = ":host { font-size: 12.5px; line-height: 1.3; margin: 2px 4px; }"
@@ -86,7 +87,7 @@ class Page:
         )
         measured = bool(bench.measured(view))
         felt = with_unit(plane.trial.perception.force, force)
-        legend = _said("legend", words.legend(felt, measured))
+        legend = _said("legend", words.legend(felt, measured, any(map(has_theory, bench.devices))))
         self.root = self._layout(legend)
 
     def _layout(self, legend: Div) -> Column:

@@ -133,8 +133,11 @@ def _percent(share: float) -> str:
     return f"{100.0 * share:.0f} %" if share >= 0.01 else "< 1 %"
 
 
-def legend(perceptible: str, measured: bool) -> str:
-    """Return what colours, lines and marks mean, as HTML. perceptible: force that is felt."""
+def legend(perceptible: str, measured: bool, theory: bool) -> str:
+    """Return what colours, lines and marks mean, as HTML.
+
+    perceptible: force that is felt. measured, theory: whether a device has any.
+    """
     names = {
         **NAMES,
         Fate.GROWS: "grows (to the limit, if any)",
@@ -142,7 +145,8 @@ def legend(perceptible: str, measured: bool) -> str:
     }
     names[Fate.UNDECIDED] = "undecided"
     entries = [(SWATCH.format(colour=COLOURS[f]), name) for f, name in names.items()]
-    entries.append(("<b>\u2501</b>", "linear boundary"))
+    if theory:
+        entries.append(("<b>\u2501</b>", "linear boundary"))
     if measured:
         entries.append(("<b>\u25cb</b>", "measured (small: at other delays)"))
     entries.append((f'<b style="color:{PREDICTED}">\u2297</b>', "chosen"))
