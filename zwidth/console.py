@@ -151,8 +151,10 @@ def progress(doing: str, total: int) -> Generator[Advance]:
     bar with the time that is left, anything else a plain line every few seconds.
     """
     show = _bar if sys.stderr.isatty() else _lines
+    HEART.said(doing)
     with show(doing, total) as advance:
         yield advance
+    HEART.said("finishing")
 
 
 @contextmanager
@@ -181,7 +183,6 @@ def _bar(doing: str, total: int) -> Generator[Advance]:
 def _lines(doing: str, total: int) -> Generator[Advance]:
     done = 0
     due = time.monotonic() + PLAIN_LINE_EVERY
-    HEART.said(doing)
 
     def advance(steps: int = 1, now: str = "") -> None:
         nonlocal done, due
