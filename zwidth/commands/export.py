@@ -41,7 +41,7 @@ def command(
     seed: int,
     json_file: str | None,
 ) -> None:
-    r"""Write a device for another simulator, and say what that cannot hold.
+    """Write a device for another simulator, and say what that cannot hold.
 
     DEVICE is a shipped device or a device file.
 
@@ -54,7 +54,7 @@ def command(
 
     What the format cannot hold is printed and written at the head of FILE. Where FILE can be run,
     the error is measured by the same command through both.
-    """
+    """  # noqa: D301 (\b is click's mark of lines to be kept)
     console = Console(json_file)
     given = load_device(device)
     console.will_write(out)
