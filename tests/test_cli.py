@@ -200,6 +200,25 @@ def test_help_shows_an_example_that_the_command_understands(name: str):
     assert max(map(len, done.output.splitlines())) <= 80
 
 
+CHAIN = ("plan", "simulate", "replay", "identify")  # each takes what the one before it wrote
+QUICK = ("convert", "devices", "export", "effects", "conceal", "relay", "boundary")
+
+
+@pytest.mark.parametrize("names", [CHAIN, *((name,) for name in QUICK)], ids="-".join)
+def test_examples_of_the_help_run(names: tuple[str, ...], tmp_path: Path,
+                                  monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
+    """In an empty folder beside the sample. Mutations: `plan` without --noise; 4000 samples."""
+    folder = tmp_path / "docs" / "sample"
+    folder.mkdir(parents=True)
+    sample = Path(__file__).parents[1] / "docs" / "sample" / "bench.csv"
+    if not sample.is_file():
+        pytest.skip("not a clone: the wheel has no documentation")
+    (folder / sample.name).write_bytes(sample.read_bytes())
+    monkeypatch.chdir(tmp_path)
+    for name in names:
+        assert cli.run(shlex.split(cli.EXAMPLES[name])[1:]) == Status.DONE, name
+
+
 class Terminal(io.StringIO):
     """A terminal of 40 columns, as far as is asked of one."""
 
