@@ -33,23 +33,24 @@ def model_of(physics: Sequence[Physics]) -> Model:
     return Model(drive(), tuple(physics), ({},) * len(physics))
 
 
-@pytest.mark.truth
-@pytest.mark.parametrize("begin", [150, 300, 400])
+@pytest.mark.parametrize("begin", [400, 450, 500])
 def test_what_is_behind_play_begins_on_its_side(begin: int) -> None:
-    """Over 50 ms, at the truth. Mutations: the linear answer alone; no mass moved aside."""
+    """At the truth, where the noise trusts the model enough to remember it.
+
+    Mutations: the linear answer alone; nothing moved across the gap.
+    """
     e, beside = motor_alone(begin)
     model = model_of(BOTH)
     x = np.zeros(len(model.parameters))
-    far = as_far_as(0.05, [e])
-    (linear,) = noises([e], model, x, far)
-    own = likeliest([e], model, x, far)
-    assert own.cost < linear.cost - 300.0
+    linear = min(noises([e], model, x), key=lambda n: n.cost)
+    own = likeliest([e], model, x)
+    assert own.cost < linear.cost - 20.0
     m1, m2 = own.starts[0][:2]
-    assert m2 - m1 == pytest.approx(beside, abs=0.3 * GAP)
+    assert m2 - m1 == pytest.approx(beside, abs=0.1 * GAP)
     assert abs(linear.starts[0][1] - linear.starts[0][0]) < 0.1 * GAP  # in the middle
 
 
-@pytest.mark.parametrize(("far", "begin", "less"), [(False, 400, 50.0), (True, 300, 100.0)])
+@pytest.mark.parametrize(("far", "begin", "less"), [(False, 500, 50.0), (True, 300, 100.0)])
 def test_a_beginning_costs_what_it_says_and_a_judge_finds_it_too(
     far: bool, begin: int, less: float
 ) -> None:
