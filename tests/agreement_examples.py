@@ -29,6 +29,7 @@ Floats = NDArray[np.float64]
 MASS, START, LIMIT_S = 0.02, 1e-3, 16.0
 FEWER = 4  # substeps of a boundary under friction, where the explorer has ten
 SHARES = (0.5, 0.98, 1.02, 1.5)  # of the boundary's K: walls that are asked about
+WITH_PLAY = (0.5, 0.98, 1.0, 1.0)  # stiffer walls than its unstable K may hold again
 STABLE = (Fate.RESTS, Fate.DITHERS, Fate.FELT)
 
 
@@ -91,6 +92,11 @@ class Asked:
         return Fate.UNDECIDED not in self.said
 
 
+def has_play(device: Device) -> bool:
+    """Whether a link of the device has play."""
+    return any(physics.effect.name == "backlash" for physics in device.physics)
+
+
 def dampings_of(device: Device, count: int) -> Floats:
     """Return dampings up to 0.85 of the last that linear theory calls stable."""
     return np.linspace(0.0, 0.85 * (last_stable_damping(device) or 0.0), count)
@@ -98,19 +104,19 @@ def dampings_of(device: Device, count: int) -> Floats:
 
 def brackets_of(device: Device, dampings: Floats, tolerance: float = 5e-3) -> list[Bracket]:
     """Return the boundary as `zwidth boundary` finds it."""
-    play = any(physics.effect.name == "backlash" for physics in device.physics)
-    substeps = usual_substeps(device) if play else usual_substeps(device, FEWER)
+    substeps = usual_substeps(device) if has_play(device) else usual_substeps(device, FEWER)
     trial = Trial(START, limit_s=LIMIT_S, substeps=substeps)
     return find_brackets([device], [dampings], trial, Search(tolerance))[0]
 
 
 def asked(device: Device, brackets: list[Bracket]) -> list[Asked]:
-    """Ask all about walls beside the boundary, outside a band of 2 %."""
+    """Ask all about walls beside the boundary, outside a band of 2 % (under play: at its ends)."""
     known = [b for b in brackets if b.stable is not None and b.unstable is not None]
-    damping = np.repeat([b.damping for b in known], len(SHARES))
-    edge = [b.stable if share < 1.0 else b.unstable for b in known for share in SHARES]
-    stiffness = np.tile(SHARES, len(known)) * np.array(edge, dtype=np.float64)
-    stable = np.tile(SHARES, len(known)) < 1.0
+    shares = WITH_PLAY if has_play(device) else SHARES
+    damping = np.repeat([b.damping for b in known], len(shares))
+    edge = [b.stable if share < 1.0 else b.unstable for b in known for share in shares]
+    stiffness = np.tile(shares, len(known)) * np.array(edge, dtype=np.float64)
+    stable = np.tile(shares, len(known)) < 1.0
     if not known:
         return []
     trial = Trial(START, limit_s=LIMIT_S, substeps=usual_substeps(device))

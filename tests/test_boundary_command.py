@@ -60,3 +60,32 @@ def test_the_corner_of_passive_walls_is_enlarged() -> None:
     assert len(inset.collections) == 1
     none = corner._replace(passive=np.zeros(9))
     assert not boundary_figure(result, corners=[none]).axes[0].child_axes
+
+
+def test_it_answers_first_in_a_sentence(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Known: a late hold and damper by T/2 + t_d and T + t_d; friction adds, an encoder little.
+
+    Mutations: `damper_lag_deg` without the difference's half sample; `without` from other starts.
+    """
+    device = tmp_path / "slider.toml"
+    device.write_text(
+        'schema = 1\nname = "slider"\nsource = "-"\nrotary = false\n'
+        "[chain]\nmasses = [0.02]\nground_dampers = [0.1]\n"
+        "[interface]\nperiod_s = 0.001\nencoder_step = 2e-6\n"
+        '[[physics]]\neffect = "coulomb_friction"\nat = "m1"\nlevel = 0.02\n'
+    )
+    arguments = ["boundary", str(device), "--damping", "2", "6", "--out", str(tmp_path / "out")]
+    assert run([*arguments, "--json", str(tmp_path / "found.json")]) == 0
+    (line, *_) = [line for line in capsys.readouterr().out.splitlines() if line]
+    (found,) = json.loads((tmp_path / "found.json").read_text())["boundaries"]
+    top = found["stiffest"]
+    assert line == top["sentence"]
+    assert line.startswith(f"Up to {1e-3 * top['stiffness']:.4g} N/mm at B = 6 N s/m (the largest")
+    assert "the rigid body oscillates at 119 Hz" in line
+    assert "friction adds" in line
+    assert "the encoder's step changes it by less than 0.2 %" in line
+    (end,) = top["endings"]
+    assert end["spring_lag_deg"] == pytest.approx(0.18 * end["frequency_hz"])
+    assert end["damper_lag_deg"] == pytest.approx(0.36 * end["frequency_hz"])
+    assert top["without"]["friction"] < top["stiffness"]
+    assert set(top["without"]) == {"friction", "encoder_step"}

@@ -1,14 +1,33 @@
 """How stiff a wall may be, for each delay, before the boundary is told point by point."""
 
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+
 from msgspec import UNSET
+from msgspec.structs import replace
 
 from zwidth.console import Column, Console
-from zwidth.results import BoundaryResult, DelayBoundary, Point, Stiffest
+from zwidth.results import BoundaryResult, DelayBoundary, Ending, Point, Stiffest
 from zwidth.sim.readable import plain
+from zwidth.stability.bisection import Search
 from zwidth.stability.boundary import Boundary
+from zwidth.stability.branches import AMPLIFIER, DELAY, FILTER, RIGID
+from zwidth.stability.judging import Trial
 from zwidth.stability.linear import corner, has_theory, last_stable_damping
+from zwidth.stability.top import Ending as Seen
+from zwidth.stability.top import endings, without_parts
 
 NONE = "-"
+CHANGES = 2e-3  # of K, up to which a part of the device changes nothing
+IN_N_PER_MM = 1000.0
+PART_NAMES = {
+    "friction": "friction",
+    "play": "play",
+    "encoder_step": "the encoder's step",
+    "velocity_step": "the step of the velocity",
+    "command_step": "the command's step",
+    "command_limit": "the command's limit",
+}
 JUMPS = 1.2  # ratio of the frequencies on either side of the top, from which it is a jump
 
 
@@ -29,11 +48,95 @@ def stiffest(boundary: Boundary) -> Stiffest:
     )
 
 
+def answered(
+    boundary: Boundary, found: Stiffest, trial: Trial, search: Search, rotary: bool
+) -> Stiffest:
+    """Return the top with the answer in words, and with what it is made of."""
+    seen = endings(boundary)
+    without = without_parts(boundary, trial, search)
+    last = " (the largest tried)" if found.damping == boundary.points[-1].damping else ""
+    sentence = f"{_up_to(found, last, rotary)}{_because(seen)}{_parts(found, without, rotary)}"
+    return replace(
+        found,
+        sentence=sentence,
+        endings=[Ending(**asdict(one)) for one in seen],
+        without=without,
+    )
+
+
+def _up_to(found: Stiffest, last: str, rotary: bool) -> str:
+    if found.stiffness is None or found.damping is None:
+        return "No wall is stable at any of these dampings."
+    damping = _damping(found.damping, rotary)
+    return f"Up to {_stiffness(found.stiffness, rotary)} at B = {damping}{last}."
+
+
+def _because(seen: Sequence[Seen]) -> str:
+    """What begins to oscillate there, and why."""
+    if not seen:
+        return ""
+    if len(seen) == 1:
+        one = seen[0]
+        return (
+            f" Stiffer, {_named(one.mode)} oscillates at {one.frequency_hz:.3g} Hz: {_late(one)}."
+        )
+    low, high = seen
+    return (
+        f" Stiffer, {_named(low.mode)} oscillates at {low.frequency_hz:.3g} Hz; with more damping,"
+        f" {_named(high.mode)} at {high.frequency_hz:.3g} Hz: {_late(high)}."
+    )
+
+
+def _late(one: Seen) -> str:
+    """By how much the wall's forces are late, and what that makes of the damper."""
+    late = (
+        f"sampling and delay make the wall's spring {one.spring_lag_deg:.0f}\u00b0 late and its"
+        f" damper {one.damper_lag_deg:.0f}\u00b0"
+    )
+    turned = 90.0 < one.damper_lag_deg % 360.0 < 270.0
+    return f"{late}, so that the damper drives the oscillation" if turned else late
+
+
+def _named(mode: str) -> str:
+    return f"the {mode}" if mode in (RIGID, DELAY, FILTER, AMPLIFIER) else mode
+
+
+def _parts(found: Stiffest, without: Mapping[str, float | None], rotary: bool) -> str:
+    """What each part that the device has adds or takes at the top's B."""
+    if found.stiffness is None or not without:
+        return ""
+    said: list[str] = []
+    for part, stiffness in without.items():
+        change = found.stiffness - (stiffness or 0.0)
+        amount = f"{_stiffness(abs(change), rotary)}"
+        if abs(change) <= CHANGES * found.stiffness:
+            said.append(f"{PART_NAMES[part]} changes it by less than {100.0 * CHANGES:g} %")
+        else:
+            said.append(f"{PART_NAMES[part]} {'adds' if change > 0.0 else 'takes'} {amount}")
+    return f" At that B {'; '.join(said)}."
+
+
+def _stiffness(value: float, rotary: bool) -> str:
+    """In N/mm from 1000 N/m on, as people say it."""
+    if rotary or value < IN_N_PER_MM:
+        return f"{plain(value)} {'N m/rad' if rotary else 'N/m'}"
+    return f"{plain(1e-3 * value)} N/mm"
+
+
+def _damping(value: float, rotary: bool) -> str:
+    return f"{plain(value)} {'N m s/rad' if rotary else 'N s/m'}"
+
+
 def say_stiffest(console: Console, result: BoundaryResult) -> None:
     """Print a row a delay: K_max, its B, the last B with a stable K, the jump of the frequency."""
     force, length = ("N m", "rad") if result.rotary else ("N", "m")
     unit = f"{force}/{length}"
     asked = [b for b in result.boundaries if b.stiffest is not UNSET]
+    for b in asked:
+        assert b.stiffest is not UNSET
+        if b.stiffest.sentence is not UNSET:
+            delay = f"Delay {1e3 * b.delay_s:g} ms: " if len(asked) > 1 else ""
+            console.say(f"{delay}{b.stiffest.sentence}")
     extras = [name for name, of in EXTRAS.items() if any(of(b) for b in asked)]
     columns = [
         Column("delay"), Column(f"K_max [{unit}]"), Column("at B"),

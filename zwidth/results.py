@@ -78,13 +78,29 @@ class Point(msgspec.Struct, frozen=True, omit_defaults=True):
     reason: str | UnsetType = UNSET
 
 
-class Stiffest(msgspec.Struct, frozen=True):
+class Ending(msgspec.Struct, frozen=True):
+    """The oscillation in which the boundary ends near its top, by linear theory.
+
+    Its mode and frequency, and by how many degrees the wall's spring and damper are late there.
+    """
+
+    damping: float
+    mode: str
+    frequency_hz: float
+    spring_lag_deg: float
+    damper_lag_deg: float
+
+
+class Stiffest(msgspec.Struct, frozen=True, omit_defaults=True):
     """The stiffest wall: the largest stable K tried, in the time domain, and where it ends.
 
     linear_stiffness, linear_damping: the top by linear theory; frequency_below_hz and
     frequency_above_hz of it on either side of that B, which differ where the frequency jumps.
     last_stable_damping: the largest B tried with a stable K; linear_last_stable_damping by theory.
-    None where there is none.
+    None where there is none. sentence: the answer in words; endings: the oscillation in which the
+    boundary ends there, on either side of the top where they differ; without: the stable K at the
+    same B without each part that the device has (friction, play, encoder_step, velocity_step,
+    command_step, command_limit), None for none.
     """
 
     stiffness: float | None
@@ -95,6 +111,9 @@ class Stiffest(msgspec.Struct, frozen=True):
     frequency_below_hz: float | None
     frequency_above_hz: float | None
     linear_last_stable_damping: float | None
+    sentence: str | UnsetType = UNSET
+    endings: list[Ending] | UnsetType = UNSET
+    without: dict[str, float | None] | UnsetType = UNSET
 
 
 class DelayBoundary(msgspec.Struct, frozen=True, omit_defaults=True):

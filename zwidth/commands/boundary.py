@@ -9,7 +9,7 @@ import click
 import numpy as np
 
 from zwidth.boundary_extras import Asked, extra_cells, extra_headings, with_extras
-from zwidth.boundary_summary import say_stiffest, stiffest
+from zwidth.boundary_summary import answered, say_stiffest, stiffest
 from zwidth.console import Column, Console, announce, progress
 from zwidth.controllers.of_law import controller_of
 from zwidth.covariance import load_covariance
@@ -143,7 +143,9 @@ def command(name: str, out: Path, json_file: str | None, **options: Any) -> None
                 found += find_boundaries([variant], [grid], trial, search, counted)
     finally:  # after Ctrl-C too: what is finished is kept
         if found:
-            _write(console, device, found, trial, out, measured, asked, options["in_full"])
+            _write(
+                console, device, found, (trial, search), out, measured, asked, options["in_full"]
+            )
 
 
 def _refuse_absurd(device: Device, dampings: Sequence[float]) -> None:
@@ -209,19 +211,20 @@ def _write(
     console: Console,
     device: Device,
     found: list[Boundary],
-    trial: Trial,
+    judged: tuple[Trial, Search],
     out: Path,
     measured: bool,
     asked: Asked,
     in_full: bool,
 ) -> None:
+    trial, search = judged
     result = BoundaryResult(
         device.name,
         [
             DelayBoundary(
                 b.device.interface.delay,
                 with_extras(b.device, _points(b, measured), asked),
-                stiffest(b),
+                answered(b, stiffest(b), trial, search, device.rotary),
             )
             for b in found
         ],

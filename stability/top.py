@@ -1,0 +1,121 @@
+"""Why a boundary is no higher than its top, and what friction and steps make of it there.
+
+A wall presses back late: its spring by the hold's half sample and the delay, its damper by the half
+sample of the backward difference and the filter besides. As angles at the frequency of the
+oscillation in which the boundary ends,
+
+    spring  360 f (T/2 + t_d)        damper  360 f (T + t_d) - arg(filter and estimator)
+
+in degrees. A spring that is late by phi takes damping away, K sin(phi) / w; a damper that is late
+by more than 90 degrees drives what it is to damp. Which mode it is, `branches.py` follows from the
+device without a wall.
+
+What friction adds and what steps take is the difference to the boundary of the same device without
+them, at the same B, from the same starts.
+
+Limits: modes and angles are those of linear theory, of one rate and without force feedback.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from zwidth.sim.device import Device, place_label
+from zwidth.stability.bisection import Search, find_brackets
+from zwidth.stability.boundary import Boundary
+from zwidth.stability.branches import critical_mode
+from zwidth.stability.judging import Trial
+from zwidth.stability.linear import critical_stiffness, has_theory
+from zwidth.stability.velocity import filter_response
+
+BESIDE = 0.03  # of the top's B: where the two sides of it are looked at
+
+
+@dataclass(frozen=True)
+class Ending:
+    """The oscillation in which a boundary ends at a damping: mode, frequency [Hz], angles [deg].
+
+    spring_lag_deg, damper_lag_deg: by how much of a turn the wall's two forces are late there.
+    """
+
+    damping: float
+    mode: str
+    frequency_hz: float
+    spring_lag_deg: float
+    damper_lag_deg: float
+
+
+def ending(device: Device, damping: float) -> Ending | None:
+    """Return the oscillation in which the linear boundary ends at B, None where it has none."""
+    face = device.interface
+    if not has_theory(device) or face.multirate or face.force_gain > 0.0:
+        return None
+    point = critical_stiffness(device, damping)
+    mode = critical_mode(device, point)
+    if mode is None or point.frequency_hz is None:
+        return None
+    f, period = point.frequency_hz, face.period
+    z = np.exp(2j * np.pi * f * period * np.ones(1))
+    filtered = math.degrees(float(np.angle(filter_response(face, z))[0]))
+    return Ending(
+        float(damping), mode, float(f), 360.0 * f * (0.5 * period + face.delay),
+        360.0 * f * (period + face.delay) - filtered,
+    )  # fmt: skip
+
+
+def endings(boundary: Boundary) -> list[Ending]:
+    """Return the oscillation at the top, or the two on either side of it where they differ."""
+    top = boundary.top
+    if top is None:
+        return []
+    sides = [ending(boundary.device, (1.0 + s * BESIDE) * top.damping) for s in (-1.0, 1.0)]
+    known = [side for side in sides if side is not None]
+    if len(known) == 2 and known[0].mode == known[1].mode:
+        at = ending(boundary.device, top.damping)
+        return known[:1] if at is None else [at]
+    return known
+
+
+def _without_friction(device: Device) -> Device:
+    rubbing = [place_label(p) for p in device.physics if p.effect.hook == "friction"]
+    for label in rubbing:
+        device = device.without_physics(label)
+    return device
+
+
+def _without_play(device: Device) -> Device:
+    for label in [place_label(p) for p in device.physics if p.effect.name == "backlash"]:
+        device = device.without_physics(label)
+    return device
+
+
+def _without(**changes: float) -> Callable[[Device], Device]:
+    return lambda device: device.with_interface(**changes)
+
+
+PARTS: dict[str, Callable[[Device], Device]] = {
+    "friction": _without_friction,
+    "play": _without_play,
+    "encoder_step": _without(encoder_step=0.0),
+    "velocity_step": _without(velocity_step=0.0),
+    "command_step": _without(command_step=0.0),
+    "command_limit": _without(command_limit=math.inf),
+}
+
+
+def without_parts(boundary: Boundary, trial: Trial, search: Search) -> dict[str, float | None]:
+    """Return, for each part that the device has, the stable K at the top's B without it.
+
+    None where no K is stable there.
+    """
+    top, device = boundary.top, boundary.device
+    if top is None:
+        return {}
+    variants = {name: change(device) for name, change in PARTS.items()}
+    variants = {name: other for name, other in variants.items() if other != device}
+    at = [np.array([top.damping])] * len(variants)
+    found = find_brackets(list(variants.values()), at, trial, search)
+    stiffest = [None if one[0].stable is None else float(one[0].stable) for one in found]
+    return dict(zip(variants, stiffest, strict=True))
