@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, cast
 import click
 import numpy as np
 
-from zwidth.console import Column, Console
+from zwidth.console import Column, Console, announce
 from zwidth.diagnosis.answer.diagnosis_log import diagnosis_trace
 from zwidth.diagnosis.answer.headline import negligible_in_words, worth_in_words
 from zwidth.diagnosis.answer.result import Diagnosis, NotDiagnosed, Verdict
@@ -80,12 +80,15 @@ def diagnose_files(
     joint = robot[1] if robot[0] is None else None  # of a table with several, not of a model
     doubts: list[str] = []
     every = (*recordings, *validate)
+    HEART.said("reading the recordings")
     read = {path: described(console, path, out, joint, doubts) for path in every}
+    announce(console)
     with collecting(console.warn) as mishaps:
         with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # numpy's, on 1e300
             fitted_to = arms(console, _traces(console, recordings, read))
             fresh, file = False, Path(name or "")
             if known is None:
+                HEART.said("fitting a device")
                 named = [(path.stem, trace) for path, trace in fitted_to]
                 file, known, fresh = device_of(console, named, out)
             device, name = known, name or str(file)
