@@ -67,14 +67,14 @@ def described(
         console.note(f"{path.name} is read as {target} says, which was edited")
         return target
     guess = assumed(found, _relative(path, target.parent), asker(), joint)
-    console.note(f"{path.name} is a file of another tool ({found.kind}); it is taken for:")
+    console.note(f"{path.name}, {found.kind}, is read as:")
     for role, what in guess.roles:
         console.note(f"  {role:<9} {what}")
     for doubt in guess.doubts:
         console.note(f"  assumed: {doubt}")
     if doubts is not None:
         doubts += guess.doubts
-    console.note(f"what is wrong can be corrected in {write_text(target, guess.text)}")
+    console.note(f"if one of these is wrong, correct it in {write_text(target, guess.text)}")
     return target
 
 
@@ -126,7 +126,7 @@ def device_of(
     for line in said:
         console.note(line)
     written = write_text(target, commented_text(device))
-    console.note(f"what is known better can be put into {written}")
+    console.note(f"if you know the device better, edit {written}")
     return target, device, True
 
 
@@ -167,7 +167,7 @@ def fitted(recordings: Sequence[tuple[str, Trace]]) -> tuple[Device, list[str]]:
     said = [f"no device is given: {_why(found)}"]
     if all(m.command is None for m in motions):
         mass = "kg m2" if rotary else "kg"
-        said.append(f"nothing drives, so nothing tells the scale: m1 is counted as 1 {mass}")
+        said.append(f"there is no command, so the scale is unknown: m1 is set to 1 {mass}")
     return device, said
 
 
@@ -192,9 +192,9 @@ def _fitted_loop(
     said = [
         "no device is given: the command is a position to go to, so a loop on the position of one"
         f' mass is taken ([drive] kind = "position", stiffness {loop.stiffness:.4g} {force});'
-        f" with{late} friction and limits left to the diagnosis, a free run of it misses"
+        f" with{late} friction and limits left to the diagnosis, the error of its free run is"
         f" {100.0 * loop.error:.3g} % of the motion",
-        f"a goal does not tell the scale: m1 is counted as 1 {unit}",
+        f"a goal does not determine the scale: m1 is set to 1 {unit}",
     ]
     return Drive("position", stiffness=loop.stiffness).on(mass), said
 
