@@ -92,7 +92,7 @@ def diagnose_fleet(
     odd = odd_ones(every.quicks, list(names), every.devices, course)
     changed = _changes(every, list(names), course, odd)
     odd = _beside(every, list(names), course, odd, changed)
-    say(f"{len(odd)} recordings are unlike the others")
+    say(f"unlike the others: {len(odd)} of {len(every.quicks)} recordings")
     reasons = _reasons(every, odd, course, found, recordings, usable, kept, runner, advance)
     members: list[Member] = []
     places = {i: k for k, i in enumerate(usable)}
@@ -286,12 +286,12 @@ def _reasons(
             tasks[str(k)] = question
         else:
             reasons[k] = known
-    advance("asking why", len(reasons), len(questions))
+    advance("finding out why", len(reasons), len(questions))
     for key, reason in runner.run(explained, tasks):
         k = int(key)
         reasons[k] = reason
         kept.keep_reason(found.keys[usable[k]], questions[k], reason)
-        advance("asking why", len(reasons), len(questions))
+        advance("finding out why", len(reasons), len(questions))
     return reasons
 
 

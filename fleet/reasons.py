@@ -28,6 +28,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.diagnosis.answer.headline import effect_in_words
 from zwidth.diagnosis.intake.gate import COMMAND, Fault, corrected, misread, suspected
 from zwidth.diagnosis.intake.late import in_time
 from zwidth.diagnosis.intake.swapped import in_place
@@ -191,9 +192,9 @@ def _without_drive(
 
 
 def in_words(parameter: str) -> str:
-    """Return a parameter's name for people: coulomb friction at m1, level."""
+    """Return a parameter's name for people: Coulomb friction at m1, level."""
     effect, _, key = parameter.partition(".")
-    name = effect.replace("_", " ").replace("@", " at ")
+    name = effect_in_words(effect).replace("@", " at ")
     return f"{name}, {key.replace('_', ' ')}," if key else name
 
 

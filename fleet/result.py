@@ -83,12 +83,12 @@ class Fleet(Shown):
     def headline(self) -> str:
         """The answer in one line."""
         labels = self.structure.labels
-        what = " and ".join(label.replace("_", " ").replace("@", " at ") for label in labels)
+        what = " and ".join(in_words(label) for label in labels)
         count, devices = len(self.members), len(self.devices)
         whose = f"{devices} devices" if devices > 1 else "one device"
         parts = [
             f"{count} recordings of {whose} share {what or 'a linear model'}",
-            f"{len(self.odd)} are unlike the others" if self.odd else "none is unlike the others",
+            f"{len(self.odd) or 'none'} {'are' if len(self.odd) > 1 else 'is'} unlike the others",
         ]
         parts += [self.said_of(change) for change in self.changes[:2]]
         return "; ".join(parts)

@@ -205,7 +205,7 @@ def sought(
         found[frozenset(begun.labels)] = own, np.zeros(len(own.parameters)), 0.0
     wanting = len(experiments)
     for e in experiments:
-        say(f"what {e.name} asks for")
+        say(f"searching {e.name}")
         try:
             tried = search(bare.nominal, [e], effort)
         except NoObserver:

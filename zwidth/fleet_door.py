@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from zwidth.console import Column, Console, announce, progress
+from zwidth.diagnosis_report import in_words as effects_in_words
 from zwidth.door import fitted
 from zwidth.figures.fleet import fleet_figure
 from zwidth.figures.style import picture_files, save_figure
@@ -14,6 +15,7 @@ from zwidth.fleet.reading import content_of, trace_of
 from zwidth.fleet.reasons import FAULTS, in_words
 from zwidth.fleet.result import Fleet
 from zwidth.fleet_report import save_fleet_report
+from zwidth.heartbeat import HEART
 from zwidth.jobs.choose import executor
 from zwidth.jobs.parallel import threads
 from zwidth.sim.device import Device
@@ -67,9 +69,12 @@ def diagnose_recordings(
             else:
                 advance(0, now=f"{stage}: {count} of {total}")
 
+        def said(text: str) -> None:
+            console.doing(effects_in_words(text.replace("@", " at ")), HEART.elapsed())
+
         found = diagnose_fleet(
             device, recordings, stem.with_name(f"{stem.name}.fleet"), runner, effort,
-            console.doing, told,
+            said, told,
         )  # fmt: skip
     _say(console, found)
     console.say(f"wrote {write_text(typical, commented_text(found.structure.typical))}")
@@ -111,7 +116,7 @@ def _say(console: Console, found: Fleet) -> None:
         )
     columns = [
         Column("parameter", False), Column("value"), Column("differs", False), Column("rms"),
-        Column("goes with", False),
+        Column("follows", False),
     ]  # fmt: skip
     console.table("What the fleet has in common", columns, rows)
     for change in found.changes:

@@ -129,6 +129,6 @@ def _at_the_mean(fleet: Fleet, members: Sequence[Member], name: str) -> Floats:
 def _title(fleet: Fleet, name: str) -> str:
     s = fleet.spreads[name]
     levels = [word for has, word in ((s.per_device, "per device"), (s.per_run, "per run")) if has]
-    levels += [f"goes with {column}, drawn at its mean" for column in s.slopes]
+    levels += [f"follows {column}, drawn at its mean" for column in s.slopes]
     words = in_words(name).rstrip(",")
     return f"{words}: {', '.join(levels) or 'shared by all'}"

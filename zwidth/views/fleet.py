@@ -20,7 +20,7 @@ ODD = 3  # recordings that are named in the sentences
 
 def table(found: Fleet) -> Table:
     """Return the answer in sentences, and a row for each parameter."""
-    headings = ("parameter", "value", "differs", "goes with")
+    headings = ("parameter", "value", "differs", "follows")
     grid: list[list[str]] = []
     for name, s in found.spreads.items():
         unit = found.names[name]
