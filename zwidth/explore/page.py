@@ -112,7 +112,7 @@ class Page:
             _column(
                 1.45, 430, self.controls.layers, self.plane.figure, legend, _pane(self.progress, 3)
             ),
-            _column(1.1, 310, _pane(self.wall, 3, live=True), *over_time.values(), order=1),
+            _column(1.1, 310, _pane(self.wall, 4, live=True), *over_time.values(), order=1),
             _column(0.8, 250, self.whose, *more, order=3),
         ]
         body = Row(children=columns, sizing_mode="stretch_both", spacing=4, stylesheets=[WRAPS])
