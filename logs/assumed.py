@@ -122,6 +122,10 @@ class _Reader:
                 raise RecordingError(
                     f"{role} is {name!r}, no column of numbers; {nearest(name, source.signals)}"
                 )
+        sizes = {role: source.signals[name].values.size for role, name in given.items()}
+        if len(set(sizes.values())) > 1:
+            said = " and ".join(f"{role} {given[role]!r} has {n}" for role, n in sizes.items())
+            raise RecordingError(f"{said} samples; they must have equally many")
         self.given = given
         self.told = {
             name: told

@@ -5,7 +5,7 @@ import math
 from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -264,6 +264,37 @@ def _used(description: Description, trace: Trace) -> Trace:
         )
     facts = {**trace.facts, "use": {"from_s": float(used.t[0]), "to_s": float(used.t[-1])}}
     return Trace(used.t, used.channels, used.units, used.origin, facts)
+
+
+def unscaled(traces: Sequence[Trace]) -> tuple[str, str]:
+    """Return what forces and lengths are counted in where recordings do not know their scale.
+
+    That is the unit of the command ("A", "V", "counts") and of the motion ("counts") where a scale
+    of 1 takes each for one of SI; "" where it is known, or not the same in all recordings.
+    """
+    said = {(_foreign(t, ("command",)), _foreign(t, _MOTIONS)) for t in traces}
+    return said.pop() if len(said) == 1 else ("", "")
+
+
+_MOTIONS = tuple(f"{quantity}_m1" for quantity in ("position", "velocity"))
+
+
+def _foreign(trace: Trace, channels: Sequence[str]) -> str:
+    """The unit in which channels of a trace are counted as if it were SI's, "" for none."""
+    signals = cast("Mapping[str, Mapping[str, Any]]", trace.facts.get("signals", {}))
+    for name in channels:
+        told = signals.get(name)
+        if told is None:
+            continue
+        unit = find_unit(str(told["unit"]))
+        known = told["counts_per_rev"] is not None or told["counts_per_m"] is not None
+        if unit is None or known or told["scale"] != 1.0:
+            return ""
+        return unit.si.removesuffix("/s") if unit.si in _UNSCALED else ""
+    return ""
+
+
+_UNSCALED = ("A", "V", "counts", "counts/s")
 
 
 def _signal_facts(entry: Entry, converted: Converted, signals: dict[str, Signal]) -> dict[str, Any]:

@@ -4,12 +4,51 @@ Files and JSON hold plain SI; what a person reads (headlines, reports, pages) is
 """
 
 import math
+import re
+from collections.abc import Generator
+from contextlib import contextmanager
+from contextvars import ContextVar
 
 PREFIXES = {-9: "n", -6: "\u00b5", -3: "m", 0: "", 3: "k", 6: "M"}
 NO_KILO = ("rad", "s", "m", "m/s", "rad/s")  # nobody says kilosecond or kiloradian
 BARE = ("kg m2", "rms motions", "", "%")  # units that take no prefix
+UNCOUNTABLE = ("counts", "counts/s", "counts/s2")  # nor do these
 TIGHT = 5e-5  # of a value: an interval below is told in percent, and not by its ends
 LARGE = 9.995  # of the motion, from which an error is told in times and not in percent
+
+
+_scales: ContextVar[tuple[str, str]] = ContextVar("scales", default=("", ""))
+
+
+@contextmanager
+def counted_in(force: str, length: str) -> Generator[None]:
+    """Have forces written in what a command is in, lengths in what a reading is in, meanwhile.
+
+    Where their scales are not known, one of each is taken for the SI unit: a friction of 0.4 N m is
+    0.4 A then, and an inertia is in A s2/count. force: "A", "V", "counts", length: "counts"; "" for
+    a scale that is known.
+    """
+    before = _scales.set((force, length))
+    try:
+        yield
+    finally:
+        _scales.reset(before)
+
+
+def as_counted(unit: str) -> str:
+    """Return an SI unit as it is written where scales are not known (`counted_in`)."""
+    force, length = _scales.get()
+    if not (force or length):
+        return unit
+    turns = "rad" in unit or "N m" in unit or unit == "kg m2"
+    f, way = force or ("N m" if turns else "N"), length or ("rad" if turns else "m")
+    per = way.removesuffix("s") if way == "counts" else way
+    if unit in ("kg m2", "kg"):
+        return f"{f} s2/{per}"
+    above, line, below = unit.partition("/")
+    said = re.sub(r"\bN m\b|\bN\b", f, above)
+    said = re.sub(r"\b(?:rad|m)(?=\d?\b)", way, said) if said == above else said
+    return f"{said}{line}{re.sub(r'(?:rad|m)(?=[0-9]?$|[0-9]? )', per, below)}"
 
 
 def with_unit(value: float, unit: str, digits: int = 4) -> str:
@@ -29,9 +68,10 @@ def scaled(size: float, unit: str) -> tuple[float, str]:
     The same for an axis: 2e-3, "rad" -> (1e3, "mrad"). Masses go from gram to kilogram; inertias
     stay in kg m2, and angles, lengths and times never get a kilo.
     """
+    unit = as_counted(unit)
     if unit == "kg":
         return (1.0, "kg") if not 0.0 < abs(size) < 0.9995 else _by_prefix(1e3 * size, "g", 1e3)
-    if unit in BARE or not (unit[0].isalpha() and math.isfinite(size)):
+    if unit in BARE or unit in UNCOUNTABLE or not (unit[0].isalpha() and math.isfinite(size)):
         return 1.0, unit
     return _by_prefix(size, unit, 1.0)
 

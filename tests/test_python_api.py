@@ -3,7 +3,9 @@
 import inspect
 import os
 import pydoc
+import re
 import typing
+import warnings
 from collections.abc import Iterator
 from functools import cache
 from html.parser import HTMLParser
@@ -429,6 +431,38 @@ def test_a_frame_has_its_axes_as_columns(results: dict[str, Any], name: str, lib
     assert found.shape[0] == len(table)
     axes = [axis for axis in results[name].to_xarray().dims if axis in table.index.names]
     assert list(found.columns) == [*axes, *table.columns]
+
+
+T_OF_TABLE = 1e-3 * np.arange(400)
+TABLE = {"t": T_OF_TABLE, "u": np.sin(20.0 * T_OF_TABLE), "q": np.cos(20.0 * T_OF_TABLE)}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "said"),
+    [
+        ({"recordings": 5}, TypeError, "recordings is of type int"),
+        ({"validate": 5}, TypeError, "validate is of type int"),
+        ({"recordings": []}, ValueError, "recordings is empty"),
+        ({"device": 5}, TypeError, "device is of type int"),
+        ({"known_torque": "arm.xml"}, ValueError, "known_torque is 'arm.xml'; give the model"),
+        ({"time": 3}, TypeError, "time is 3; give the name of a column"),
+        ({"time": "x"}, ValueError, "time is 'x', no column of numbers"),
+        ({"command": "q", "position": "q"}, ValueError, "command and position are both 'q'"),
+        (
+            {"recordings": {**TABLE, "q": TABLE["q"][:-5]}, "command": "u", "position": "q"},
+            ValueError,
+            "command 'u' has 400 and position 'q' has 395 samples; they must have equally many",
+        ),
+    ],
+)
+def test_errors_name_the_argument(arguments: dict[str, Any], error: type[Exception], said: str):
+    """Mutation: any of the checks left out, which numpy or Python then says in words of its own."""
+    given: dict[str, Any] = {"recordings": TABLE, **arguments}
+    if "known_torque" in arguments:
+        given["device"] = cart()
+        given["recordings"] = recording()
+    with warnings.catch_warnings(action="ignore"), pytest.raises(error, match=re.escape(said)):
+        zwidth.diagnose(given.pop("recordings"), **given)
 
 
 def test_another_library_of_frames_is_refused():

@@ -4,7 +4,7 @@ import itertools
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext
+from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -43,11 +43,11 @@ from zwidth.door import described, device_of, kept
 from zwidth.files.whole import write_text
 from zwidth.heartbeat import HEART
 from zwidth.logs.mcap_writer import write_log
-from zwidth.logs.recording import load_log, read_recording
+from zwidth.logs.recording import load_log, read_recording, unscaled
 from zwidth.options import in_this_folder
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import commented_text, load_device
-from zwidth.sim.readable import number, percent
+from zwidth.sim.readable import counted_in, number, percent
 from zwidth.sim.trace import Trace
 
 if TYPE_CHECKING:
@@ -83,9 +83,10 @@ def diagnose_files(
     HEART.said("reading the recordings")
     read = {path: described(console, path, out, joint, doubts) for path in every}
     announce(console)
-    with collecting(console.warn) as mishaps:
+    with ExitStack() as scales, collecting(console.warn) as mishaps:
         with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # numpy's, on 1e300
             fitted_to = arms(console, _traces(console, recordings, read))
+            scales.enter_context(counted_in(*unscaled([trace for _, trace in fitted_to])))
             fresh, file = False, Path(name or "")
             if known is None:
                 HEART.said("fitting a device")

@@ -16,11 +16,12 @@ import click
 import numpy as np
 
 from zwidth.console import Console
+from zwidth.exchanged_columns import in_their_places
 from zwidth.files.protection import Protected, check
 from zwidth.files.whole import write_text
 from zwidth.identification.first_device import FirstDevice, Motion, first_device
 from zwidth.identification.first_loop import first_loop
-from zwidth.logs.assumed import Ask, assumed
+from zwidth.logs.assumed import Ask, Assumed, assumed
 from zwidth.logs.in_memory import AnyTable, source_of
 from zwidth.logs.open_source import own_log
 from zwidth.logs.recording import read_described, read_recording, read_source
@@ -66,7 +67,7 @@ def described(
     if edited(target):
         console.note(f"{path.name} is read as {target} says, which was edited")
         return target
-    guess = assumed(found, _relative(path, target.parent), asker(), joint)
+    guess = _guess(found, _relative(path, target.parent), asker(), joint)
     console.note(f"{path.name}, {found.kind}, is read as:")
     for role, what in guess.roles:
         console.note(f"  {role:<9} {what}")
@@ -76,6 +77,12 @@ def described(
         doubts += guess.doubts
     console.note(f"if one of these is wrong, correct it in {write_text(target, guess.text)}")
     return target
+
+
+def _guess(source: Source, file: str, ask: Ask | None, joint: str | None = None) -> Assumed:
+    """What a file is taken for, by its names and then by whether the numbers allow that."""
+    guess = assumed(source, file, ask, joint)
+    return in_their_places(guess, source)
 
 
 def taken(path: Path, ask: Ask | None = None) -> tuple[Trace, list[str]]:
@@ -88,7 +95,7 @@ def taken(path: Path, ask: Ask | None = None) -> tuple[Trace, list[str]]:
     found = own_log(path)
     if not isinstance(found, Source):
         return found.tick, []
-    guess = assumed(found, path.name, ask)
+    guess = _guess(found, path.name, ask)
     described = description_of(guess.text.encode(), path.with_suffix(".recording.toml"))
     said = [f"{role}: {what}" for role, what in guess.roles]
     said += [f"assumed: {doubt}" for doubt in guess.doubts]

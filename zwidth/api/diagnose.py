@@ -58,8 +58,15 @@ def diagnose(
         raise ValueError(f"effort is {effort!r}; {nearest(effort, EFFORTS)}")
     named = {"time": time, "command": command, "position": position, "velocity": velocity}
     columns = {role: name for role, name in named.items() if name is not None}
+    for role, name in columns.items():
+        if not isinstance(name, str):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise TypeError(f"{role} is {name!r}; give the name of a column, a str")
+        if (
+            twice := next((r for r, n in columns.items() if n == name and r != role), None)
+        ) is not None:
+            raise ValueError(f"{role} and {twice} are both {name!r}; name a column each")
     traces = named_traces(recordings, columns)
-    judged_by = [] if validate is None else named_traces(validate, columns)
+    judged_by = [] if validate is None else named_traces(validate, columns, "validate")
 
     def answer(known: Device) -> Diagnosis:
         fit_on = experiments_of(traces, known, known_torque)

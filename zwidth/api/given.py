@@ -1,7 +1,7 @@
 """What a function takes for a device or a recording: the value, or where to find it."""
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any, cast
@@ -84,16 +84,24 @@ def name_of(given: AnyRecording, place: int = 0) -> str:
 
 
 def named_traces(
-    given: AnyRecording | Sequence[AnyRecording], columns: Mapping[str, str] | None = None
+    given: AnyRecording | Sequence[AnyRecording],
+    columns: Mapping[str, str] | None = None,
+    argument: str = "recordings",
 ) -> list[tuple[str, Trace]]:
     """Return one recording or several, each with what to call it; columns as of `trace_of`.
 
-    Raises as `trace_of`, and ValueError where none is given.
+    argument: what a function calls them. Raises as `trace_of`, TypeError for what is no recording
+    and no sequence of them, and ValueError where none is given.
     """
     single = isinstance(given, Trace | Run | Log | str | PathLike) or is_table(given)
+    if not single and not isinstance(given, Iterable):  # pyright: ignore[reportUnnecessaryIsInstance]
+        raise TypeError(
+            f"{argument} is of type {type(given).__name__}; give a Trace, a Run, a Log, a table,"
+            " the path of a recording, or a list of these"
+        )
     several = cast("list[AnyRecording]", [given] if single else list(cast("Any", given)))
     if not several:
-        raise ValueError("no recording is given; give at least one")
+        raise ValueError(f"{argument} is empty: no recording is given; give at least one")
     return [(name_of(one, place), trace_of(one, columns)) for place, one in enumerate(several)]
 
 
@@ -114,4 +122,11 @@ def experiments_of(
 
 def _beside(arms: Arms | None, trace: Trace, device: Device) -> Trace:
     """Return a recording with what arms do to the device, where there are any."""
-    return trace if arms is None else with_known_torque(trace, device, *arms)[0]
+    if arms is None:
+        return trace
+    if isinstance(arms, str) or len(arms) != 2:
+        raise ValueError(
+            f"known_torque is {arms!r}; give the model of a robot, MJCF or URDF, and the joint in"
+            ' it that the device is: ("arm.xml", "elbow")'
+        )
+    return with_known_torque(trace, device, *arms)[0]

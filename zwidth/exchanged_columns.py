@@ -1,0 +1,113 @@
+"""A command and a motion whose columns a guess took for one another, exchanged again.
+
+A header may name its columns the wrong way round. What the numbers say of it is asked of one mass
+that is regressed as the names have it, m a + b v = u (`diagnosis.intake.swapped`, which needs no
+better one); where they say so, the two signals take each other's places in the description, and
+each place keeps its unit.
+"""
+
+import tomllib
+import warnings
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import tomli_w
+from scipy.signal import savgol_filter
+
+from zwidth.diagnosis.intake.swapped import EXCHANGED, in_place
+from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.recording.experiment import stretches
+from zwidth.logs.assumed import Assumed
+from zwidth.logs.recording import read_source
+from zwidth.logs.recording_file import description_of
+from zwidth.logs.source import Source
+from zwidth.logs.stretches import longest_stretch
+from zwidth.logs.timing import examine
+from zwidth.logs.units import GOAL
+from zwidth.sim.chain import make_chain
+from zwidth.sim.device import Device
+from zwidth.sim.interface import Interface
+from zwidth.sim.trace import Trace
+
+MOTION = "position_m1"
+SMOOTHED = 9  # samples over which speed and acceleration are taken
+LEAST = 0.1  # of the rms force over the rms acceleration, that a mass is
+SLOWEST = 1e-6  # of the mass over a sample, that a damper is at least
+
+
+def in_their_places(guess: Assumed, source: Source) -> Assumed:
+    """Return a guess whose command and position are exchanged where the numbers say so."""
+    said = tomllib.loads(guess.text)
+    outputs = said["output"]
+    if "input" not in said or len(outputs) != 1 or outputs[0]["quantity"] != "position":
+        return guess
+    with suppress(ValueError, NoObserver), warnings.catch_warnings():  # else the names stand
+        warnings.simplefilter("ignore", RuntimeWarning)  # numpy's, where a fit runs away
+        if not _moves_the_other_way(guess.text, source):
+            return guess
+        command, position = said["input"]["signal"], outputs[0]["signal"]
+        doubt = (
+            f"{command} moves like a mass and {position} jumps like a command: the two columns are"
+            " taken the other way round than their names say, each in the unit of its place"
+        )
+        text = _exchanged(guess.text, command, position)
+        roles = [
+            (role, _renamed(what, command, position)) if role in ("command", "position") else
+            (role, what)
+            for role, what in guess.roles
+        ]  # fmt: skip
+        return replace(guess, text=text, roles=roles, doubts=[doubt, *guess.doubts])
+    return guess
+
+
+def _moves_the_other_way(text: str, source: Source) -> bool:
+    trace = read_source(description_of(text.encode(), Path("guess.recording.toml")), source)
+    if trace.units.get("command") in GOAL or MOTION not in trace.channels:
+        return False
+    device = _one_mass(trace)
+    parts = stretches(trace, device)
+    longest = max(parts, key=lambda e: e.ticks)
+    return any(fault.kind == EXCHANGED for fault in in_place(device, longest)[1])
+
+
+def _one_mass(trace: Trace) -> Device:
+    """Return the mass and the damper of a recording by least squares.
+
+    Raises ValueError where it is too short.
+    """
+    used, _ = longest_stretch(trace, ("command", MOTION), "the recording")
+    period = examine(used.t).period
+    if len(used) < 3 * SMOOTHED or period <= 0.0:
+        raise ValueError("the recording is too short")
+    speed, acceleration = (
+        np.asarray(savgol_filter(used[MOTION], SMOOTHED, 3, deriv=d, delta=period)) for d in (1, 2)
+    )
+    rows = np.column_stack([acceleration, speed, np.ones_like(speed)])
+    mass, damper, _ = np.linalg.lstsq(rows, used["command"], rcond=None)[0].tolist()
+    rough = float(np.std(used["command"])) / (float(np.std(acceleration)) or 1.0)
+    mass = mass if mass > LEAST * rough else rough
+    chain = make_chain([mass], [max(damper, SLOWEST * mass / period)])
+    interface = Interface(period=float(f"{period:.9g}"))
+    return Device("one mass", "", trace.units[MOTION] == "rad", chain, interface)
+
+
+def _exchanged(text: str, one: str, other: str) -> str:
+    lines = {_line(one): _line(other), _line(other): _line(one)}
+    found: list[str] = []
+    for line in text.split("\n"):
+        old = next((key for key in lines if line == key or line.startswith(f"{key} #")), None)
+        found.append(line if old is None else lines[old] + line[len(old) :])
+    return "\n".join(found)
+
+
+def _line(signal: str) -> str:
+    return tomli_w.dumps({"signal": signal}).strip()
+
+
+def _renamed(what: str, one: str, other: str) -> str:
+    for old, new in ((one, other), (other, one)):
+        if what.startswith(f"{old} ["):
+            return new + what[len(old) :]
+    return what
