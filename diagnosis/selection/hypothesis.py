@@ -138,9 +138,13 @@ class Hypothesis:
         residual = np.concatenate([weighed, there.residual[weighed.size :]])
         return replace(there, noise=noise, residual=residual)
 
+    @property
+    def begun(self) -> Sequence[Floats] | None:
+        """Where its observer begins, which with play is dear to seek; None without."""
+        return self.noise.starts if self.has_valleys else None
+
     def _at(self, x: Floats, among: Family) -> "Hypothesis":
-        begun = self.noise.starts if self.has_valleys else None
-        return judged(self.experiments, self.model, x, self.family, among, self.prices, begun)
+        return judged(self.experiments, self.model, x, self.family, among, self.prices, self.begun)
 
     @property
     def fitted(self) -> Fitted:

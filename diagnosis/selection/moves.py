@@ -52,7 +52,9 @@ class Proposal:
 
     under: None where it needs no first fit. family: of its noise; near: ratio about which that is
     sought, None for all of the family. prices: as a hypothesis has them. akin: whether it differs
-    from a hypothesis in the place of an effect, or in a simpler law of the same kind there.
+    from a hypothesis in the place of an effect, or in a simpler law of the same kind there. begins:
+    where the observer of the hypothesis that it came from begins: with play it is sought once more
+    at the end of a fit, and seeking it for each was 28 % of a search beside play.
     """
 
     experiments: Sequence[Experiment]
@@ -63,6 +65,7 @@ class Proposal:
     near: float | None = None
     prices: Prices = ()
     akin: bool = False
+    begins: Sequence[Floats] | None = None
 
     def judged(self, x: Floats) -> Hypothesis:
         """Return it at x under its likeliest noise; raises NoObserver where none follows.
@@ -71,7 +74,7 @@ class Proposal:
         more than what began there.
         """
         among = None if self.near is None else self.family.near(self.near)
-        h = judged(self.experiments, self.model, x, self.family, among, self.prices)
+        h = judged(self.experiments, self.model, x, self.family, among, self.prices, self.begins)
         if among is not None or self.under is None:
             return h
         return _on_its_way(h, Effort.own_rounds)
@@ -225,7 +228,9 @@ def removed(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
     for i, gone in enumerate(h.model.effects_at(h.x)):
         model, x = h.model.less(h.x, i)
         for begun in (x, *_handed_over(model, x, gone)):
-            yield Proposal(h.experiments, model, begun, h.family, under, h.ratio, h.prices)
+            yield Proposal(
+                h.experiments, model, begun, h.family, under, h.ratio, h.prices, begins=h.begun
+            )
 
 
 def _handed_over(model: Model, x: Floats, gone: Physics) -> Iterator[Floats]:
@@ -454,7 +459,7 @@ def _with(h: Hypothesis, seen: View, one: Screened) -> Proposal:
     costs = Landscape(seen.problem.experiments, seen.problem.observer, model, SCREENING).costs(xs)
     x = xs[int(np.argmin(np.nan_to_num(costs, nan=np.inf)))]
     near = h.ratio if seen.own else None
-    return Proposal(h.experiments, model, x, h.family, seen.problem, near, h.prices)
+    return Proposal(h.experiments, model, x, h.family, seen.problem, near, h.prices, begins=h.begun)
 
 
 def _among(h: Hypothesis, model: Model, x: Floats, starts: Sequence[tuple[Start, ...]]) -> Proposal:
@@ -484,4 +489,6 @@ def _among(h: Hypothesis, model: Model, x: Floats, starts: Sequence[tuple[Start,
         other = other.with_effect(start.physics, start.scales, start.bounds)
     extra = np.zeros(len(other.parameters) - x.size)
     begin = other.within(np.concatenate([x, extra]))
-    return Proposal(h.experiments, other, begin, h.family, problem, h.ratio, h.prices)
+    return Proposal(
+        h.experiments, other, begin, h.family, problem, h.ratio, h.prices, begins=h.begun
+    )
