@@ -180,6 +180,8 @@ def _actuator(mujoco: Any, model: Any, index: int, period: float, left_out: list
     (i,) = mine
     gear, gain = float(model.actuator_gear[i, 0]), float(model.actuator_gainprm[i, 0])
     name = model.actuator(i).name
+    if int(model.actuator_gaintype[i]) == int(getattr(mujoco.mjtGain, "mjGAIN_DCMOTOR", -1)):
+        return _Actuator(_late(model, i, nothing.face), _motor(model, i, gear, left_out))
     bias = [0.0, 0.0, 0.0]
     kind = int(model.actuator_biastype[i])
     if kind == int(mujoco.mjtBias.mjBIAS_AFFINE):
@@ -216,12 +218,47 @@ def _actuator(mujoco: Any, model: Any, index: int, period: float, left_out: list
     )
 
 
+def _motor(model: Any, i: int, gear: float, left_out: list[str]) -> Drive:
+    """Return the drive of a `dcmotor` under a voltage.
+
+    force at the joint = gear K (u - gear K v) / R, behind the lag L / R: MuJoCo keeps R and K, the
+    geometric mean of torque constant and back-EMF, in gainprm, and L / R in dynprm.
+    """
+    name = model.actuator(i).name
+    resistance, constant = (float(x) for x in model.actuator_gainprm[i, :2])
+    further = (
+        model.actuator_gainprm[i, 2:],
+        model.actuator_biasprm[i],
+        model.actuator_dynprm[i, 1:],
+    )
+    if any(np.any(numbers != 0.0) for numbers in further):
+        left_out.append(
+            f"what {name!r} has beside a winding: cogging, friction, heat, a controller"
+        )
+    if model.actuator_forcelimited[i]:
+        left_out.append(
+            f"the limit of the force of {name!r},"
+            f" {gear * float(np.abs(model.actuator_forcerange[i]).min()):g} at the joint"
+        )
+    supply = math.inf
+    if model.actuator_ctrllimited[i]:
+        supply = float(np.abs(model.actuator_ctrlrange[i]).min()) or math.inf
+    return Drive(
+        "voltage", motor_constant=constant, resistance_ohm=resistance, gear=gear,
+        inductance_h=float(model.actuator_dynprm[i, 0]) * resistance, supply_v=supply,
+    )  # fmt: skip
+
+
+def _late(model: Any, i: int, face: Interface) -> Interface:
+    delay = float(getattr(model, "actuator_delay", np.zeros(model.nu))[i])
+    return replace(face, delay=delay) if delay > 0.0 else face
+
+
 def _delayed(mujoco: Any, model: Any, i: int, face: Interface, left_out: list[str]) -> Interface:
     """Return an interface with the delay of an actuator, and say what its dynamics are."""
     if int(model.actuator_dyntype[i]) != int(mujoco.mjtDyn.mjDYN_NONE):
         left_out.append(f"the dynamics of its actuator {model.actuator(i).name!r}")
-    delay = float(getattr(model, "actuator_delay", np.zeros(model.nu))[i])
-    return replace(face, delay=delay) if delay > 0.0 else face
+    return _late(model, i, face)
 
 
 def _remarks(mujoco: Any, model: Any, index: int, dof: int, left_out: list[str]) -> None:

@@ -10,6 +10,7 @@ from physics_examples import EXAMPLES
 
 from zwidth import cli
 from zwidth.controllers.excitation import multisine
+from zwidth.controllers.recorded import recorded
 from zwidth.export.mjcf import mjcf
 from zwidth.export.model import free_run, loss
 from zwidth.export.mujoco_run import engine, run_mjcf, run_urdf
@@ -20,6 +21,7 @@ from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device
 from zwidth.sim.interface import Interface
 from zwidth.sim.physics import EFFECTS, make_physics
+from zwidth.sim.run import simulate
 
 needs_mujoco = pytest.mark.skipif(engine() is None, reason="MuJoCo is not installed")
 COMMANDS = multisine(0.1, 1.0, 50.0, 0.25, 0.001)
@@ -209,3 +211,42 @@ def test_a_mesh_that_is_missing_costs_nothing_where_inertials_are_given(tmp_path
     (tmp_path / "m.xml").write_text(text.format(""))
     with pytest.raises(ValueError, match=r"nowhere\.stl"):
         device_of_joint(tmp_path / "m.xml", "m1")
+
+
+DCMOTOR = """<mujoco><option timestep="0.0001" gravity="0 0 0" integrator="implicitfast"/>
+<worldbody><body name="m1"><joint name="q" type="hinge" axis="0 0 1" damping="0.002"/>
+<inertial pos="0 0 0" mass="1" diaginertia="0.01 0.01 0.01"/></body></worldbody>
+<actuator><dcmotor name="drive" joint="q" motorconst="0.05" resistance="2" inductance="0.01"
+gear="4" {more}/></actuator></mujoco>"""
+
+
+@needs_mujoco
+def test_a_dc_motor_is_a_drive_under_a_voltage(tmp_path: Path) -> None:
+    """Gain g K / R, damper g^2 K^2 / R, lag L / R; the step response is MuJoCo's own.
+
+    Mutations: the gear once in the damper; the lag left out; cogging not said.
+    """
+    mujoco = pytest.importorskip("mujoco")
+    if not hasattr(mujoco.mjtGain, "mjGAIN_DCMOTOR"):
+        pytest.skip("this MuJoCo has no dcmotor")
+    path = tmp_path / "motor.xml"
+    text = DCMOTOR.format(more='ctrlrange="-12 12" ctrllimited="true"')
+    path.write_text(text)
+    device, left_out = device_of_joint(path, "q")
+    assert device.interface.command_gain == pytest.approx(4.0 * 0.05 / 2.0)
+    assert device.chain.ground_dampers[0] == pytest.approx(0.002 + 16.0 * 0.05**2 / 2.0)
+    assert device.interface.command_limit == pytest.approx(12.0 * 4.0 * 0.05 / 2.0)
+    (lag,) = [p for p in device.physics if p.effect.name == "actuator_lag"]
+    assert lag.values["time_constant"] == pytest.approx(0.005)
+    assert left_out == []
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    data.ctrl[0] = 3.0
+    speeds = []
+    for _ in range(3000):
+        mujoco.mj_step(model, data)
+        speeds.append(float(data.qvel[0]))
+    ours = simulate(device, recorded(np.full(300, 3.0)), duration=0.3).trace["velocity_m1"]
+    np.testing.assert_allclose(ours[1:], speeds[9:-1:10], rtol=0.01, atol=0.01 * max(speeds))
+    path.write_text(DCMOTOR.format(more='cogging="0.01"'))
+    assert any("cogging" in said for said in device_of_joint(path, "q")[1])
