@@ -51,7 +51,7 @@ Indices = NDArray[np.int64]
 GROUP = 128  # dampings that are hunted down together, a multiple of what runs side by side
 LEADING = 4
 SETTLED = ("friction", "structure")  # hooks of physics that brings no energy and no bands
-BELOW = np.array([0.98, 0.95, 0.9, 0.8, 0.65])  # of a closed bracket's K, tried once more
+BELOW = np.array([0.98, 0.95, 0.9, 0.8, 0.65, 0.5])  # of a closed bracket's K, tried once more
 LOOKS = 3  # times at most
 
 
@@ -60,13 +60,16 @@ class Search:
     """How far and how finely K is searched.
 
     tolerance: width of a bracket over its K. lowest, highest K [N m/rad | N/m], None: 1e-6 and 1
-    times 4 m / T^2, above which no sampled wall holds the whole mass m. ratio of the scan.
+    times 4 m / T^2, above which no sampled wall holds the whole mass m. ratio of the scan. felt:
+    the boundary is where a wall's oscillation begins to be felt (`sim/perception.py`), not where it
+    begins to grow.
     """
 
     tolerance: float = 5e-4
     lowest: float | None = None
     highest: float | None = None
     ratio: float = 2.0
+    felt: bool = False
 
     def __post_init__(self) -> None:
         if not 0.0 < self.tolerance < 1.0:
@@ -181,7 +184,7 @@ class _Hunt:
             [self.device], which, k, self.dampings[each], starts, rests, steps=steps
         )
         fate = fates_of(growth, conditions, self.trial.limit_s, self.trial.perception)
-        grows = fate == Fate.GROWS
+        grows = (fate == Fate.GROWS) | (self.search.felt & (fate == Fate.FELT))
         doubt = (fate == Fate.UNDECIDED) & (growth.verdict != DECAYS)  # what falls is stable
         verdict = np.where(grows & (growth.verdict != GROWS), LIMIT_CYCLE, growth.verdict)
         verdict = np.where(grows | doubt, np.where(doubt, UNDECIDED, verdict), DECAYS)
@@ -231,10 +234,11 @@ class _Hunt:
         """Amplitudes that count as rest at once: dither whose command reaches no limit.
 
         Of a device with play or other forces between its masses a small oscillation says nothing of
-        what comes.
+        what comes; and whether it is felt shows only when it has settled.
         """
         rest = np.full(runs.size, threshold(self.device, self.trial))
-        if not all(physics.effect.hook in SETTLED for physics in self.device.physics):
+        settled = all(physics.effect.hook in SETTLED for physics in self.device.physics)
+        if self.search.felt or not settled:
             return rest
         face = self.device.interface
         within = face.command_limit / (tried + 2.0 * np.abs(self.dampings[runs]) / face.period)

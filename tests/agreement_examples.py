@@ -15,7 +15,7 @@ from zwidth.scenarios.run_verdict import run_verdict
 from zwidth.scenarios.scenario import Scenario, usual_substeps
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
-from zwidth.sim.fate import Fate
+from zwidth.sim.fate import FEW, Fate
 from zwidth.sim.interface import Interface
 from zwidth.sim.physics import make_physics
 from zwidth.sim.run import Start
@@ -27,9 +27,8 @@ from zwidth.stability.plane import Axis, Plane
 
 Floats = NDArray[np.float64]
 MASS, START, LIMIT_S = 0.02, 1e-3, 16.0
-FEWER = 4  # substeps of a boundary under friction, where the explorer has ten
 SHARES = (0.5, 0.98, 1.02, 1.5)  # of the boundary's K: walls that are asked about
-WITH_PLAY = (0.5, 0.98, 1.0, 1.0)  # stiffer walls than its unstable K may hold again
+IN_BANDS = (0.5, 0.98, 1.0, 1.0)  # where stiffer walls than the unstable K may hold again
 STABLE = (Fate.RESTS, Fate.DITHERS, Fate.FELT)
 
 
@@ -97,6 +96,15 @@ def has_play(device: Device) -> bool:
     return any(physics.effect.name == "backlash" for physics in device.physics)
 
 
+def has_bands(device: Device, brackets: list[Bracket]) -> bool:
+    """Whether walls above the boundary may hold again: play, or a limit within what steps hold."""
+    face = device.interface
+    largest = max(
+        (b.stable + 2.0 * b.damping / face.period for b in brackets if b.stable), default=0
+    )
+    return has_play(device) or face.command_limit < FEW * face.encoder_step * largest
+
+
 def dampings_of(device: Device, count: int) -> Floats:
     """Return dampings up to 0.85 of the last that linear theory calls stable."""
     return np.linspace(0.0, 0.85 * (last_stable_damping(device) or 0.0), count)
@@ -104,15 +112,14 @@ def dampings_of(device: Device, count: int) -> Floats:
 
 def brackets_of(device: Device, dampings: Floats, tolerance: float = 5e-3) -> list[Bracket]:
     """Return the boundary as `zwidth boundary` finds it."""
-    substeps = usual_substeps(device) if has_play(device) else usual_substeps(device, FEWER)
-    trial = Trial(START, limit_s=LIMIT_S, substeps=substeps)
+    trial = Trial(START, limit_s=LIMIT_S, substeps=usual_substeps(device))
     return find_brackets([device], [dampings], trial, Search(tolerance))[0]
 
 
 def asked(device: Device, brackets: list[Bracket]) -> list[Asked]:
-    """Ask all about walls beside the boundary, outside a band of 2 % (under play: at its ends)."""
+    """Ask all about walls beside the boundary, outside a band of 2 % (in bands: at its ends)."""
     known = [b for b in brackets if b.stable is not None and b.unstable is not None]
-    shares = WITH_PLAY if has_play(device) else SHARES
+    shares = IN_BANDS if has_bands(device, known) else SHARES
     damping = np.repeat([b.damping for b in known], len(shares))
     edge = [b.stable if share < 1.0 else b.unstable for b in known for share in shares]
     stiffness = np.tile(shares, len(known)) * np.array(edge, dtype=np.float64)

@@ -89,3 +89,32 @@ def test_it_answers_first_in_a_sentence(tmp_path: Path, capsys: pytest.CaptureFi
     assert end["damper_lag_deg"] == pytest.approx(0.36 * end["frequency_hz"])
     assert top["without"]["friction"] < top["stiffness"]
     assert set(top["without"]) == {"friction", "encoder_step"}
+
+
+def test_what_is_felt_is_a_second_boundary(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A damper answers each step of the encoder with a pulse of B D / T: felt from 10 mN on.
+
+    Steps of 0.1 um make 0.2 mN of it at B = 2, and of 4 um 8 mN, to which the spring adds.
+    Mutation: `felt` left out of the walls that end a boundary in `_Hunt.judged`.
+    """
+    found: list[list[float]] = []
+    for step in ("1e-7", "4e-6"):
+        device = tmp_path / f"slider_{step}.toml"
+        device.write_text(
+            'schema = 1\nname = "slider"\nsource = "-"\nrotary = false\n'
+            "[chain]\nmasses = [0.02]\nground_dampers = [0.1]\n"
+            f"[interface]\nperiod_s = 0.001\nencoder_step = {step}\n"
+        )
+        arguments = ["boundary", str(device), "--damping", "2", "--out", str(tmp_path / step)]
+        assert run([*arguments, "--felt", "--json", str(tmp_path / "found.json")]) == 0
+        (boundary,) = json.loads((tmp_path / "found.json").read_text())["boundaries"]
+        (point,) = boundary["points"]
+        assert "Nothing of the steps is felt up to" in boundary["stiffest"]["sentence"]
+        found.append([point["felt"]["stable"], point["simulated"]["stable"]])
+    (fine, of_fine), (coarse, of_coarse) = found
+    assert fine > 0.95 * of_fine
+    assert coarse < 0.5 * of_coarse
+    assert run([*arguments, "--felt-force", "0.02"]) == 2
+    assert "have no use without --felt" in capsys.readouterr().err

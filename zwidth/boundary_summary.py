@@ -49,13 +49,15 @@ def stiffest(boundary: Boundary) -> Stiffest:
 
 
 def answered(
-    boundary: Boundary, found: Stiffest, trial: Trial, search: Search, rotary: bool
+    boundary: Boundary, points: Sequence[Point], trial: Trial, search: Search, rotary: bool
 ) -> Stiffest:
     """Return the top with the answer in words, and with what it is made of."""
+    found = stiffest(boundary)
     seen = endings(boundary)
     without = without_parts(boundary, trial, search)
     last = " (the largest tried)" if found.damping == boundary.points[-1].damping else ""
     sentence = f"{_up_to(found, last, rotary)}{_because(seen)}{_parts(found, without, rotary)}"
+    sentence += _unfelt(points, rotary)
     return replace(
         found,
         sentence=sentence,
@@ -69,6 +71,19 @@ def _up_to(found: Stiffest, last: str, rotary: bool) -> str:
         return "No wall is stable at any of these dampings."
     damping = _damping(found.damping, rotary)
     return f"Up to {_stiffness(found.stiffness, rotary)} at B = {damping}{last}."
+
+
+def _unfelt(points: Sequence[Point], rotary: bool) -> str:
+    """The stiffest wall of which nothing is felt, where that was asked for."""
+    asked = [point for point in points if point.felt is not UNSET]
+    known = [(point.felt.stable, point.damping) for point in asked if point.felt]
+    if not asked:
+        return ""
+    if not known:
+        return " Every wall that was tried is felt."
+    stiffness, damping = max(known)
+    where = f"{_stiffness(stiffness, rotary)} at B = {_damping(damping, rotary)}"
+    return f" Nothing of the steps is felt up to {where}."
 
 
 def _because(seen: Sequence[Seen]) -> str:

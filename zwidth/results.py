@@ -10,6 +10,7 @@ from typing import Any
 import msgspec
 from msgspec import UNSET, UnsetType
 
+from zwidth.stability.bisection import Bracket
 from zwidth.stability.boundary import BoundaryPoint
 
 
@@ -64,7 +65,8 @@ class Point(msgspec.Struct, frozen=True, omit_defaults=True):
 
     passive: the stiffest passive wall, None where there is none; hand: K_CR over the range of hands
     at m3; hands: its quantiles over hands that were drawn; confidence95: K_CR by the covariance of
-    the parameters. Absent where not asked for. reason: why simulated is None, in words.
+    the parameters; felt: where a lasting oscillation begins to be felt, None where it is however
+    soft the wall. Absent where not asked for. reason: why simulated is None, in words.
     """
 
     damping: float
@@ -76,6 +78,7 @@ class Point(msgspec.Struct, frozen=True, omit_defaults=True):
     hands: Quantiles | UnsetType = UNSET
     confidence95: Interval | UnsetType = UNSET
     reason: str | UnsetType = UNSET
+    felt: Bracketed | UnsetType | None = UNSET
 
 
 class Ending(msgspec.Struct, frozen=True):
@@ -139,14 +142,20 @@ class BoundaryResult(msgspec.Struct, frozen=True, omit_defaults=True):
 def point_of(point: BoundaryPoint, measured: Measured | UnsetType = UNSET) -> Point:
     """Return a point of a boundary, beside what was measured there."""
     linear, bracket = point.linear, point.simulated
-    critical = simulated = None
+    critical = None
     if linear.stiffness is not None and linear.frequency_hz is not None:
         critical = Critical(linear.stiffness, linear.frequency_hz)
-    if bracket.stable is not None:
-        starts = list(bracket.grows_from) or UNSET
-        simulated = Bracketed(bracket.stable, bracket.unstable, bracket.frequency, starts)
+    simulated = bracketed(bracket)
     reason = bracket.reason or UNSET
     return Point(float(point.damping), critical, simulated, measured, reason=reason)
+
+
+def bracketed(bracket: Bracket) -> Bracketed | None:
+    """Return a bracket, None where it has no stable K."""
+    if bracket.stable is None:
+        return None
+    starts = list(bracket.grows_from) or UNSET
+    return Bracketed(bracket.stable, bracket.unstable, bracket.frequency, starts)
 
 
 def as_json(result: msgspec.Struct) -> Mapping[str, Any]:

@@ -1,15 +1,17 @@
 """`zwidth boundary`: the stiffest stable wall by theory, by simulation and by measurement."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+import msgspec
 import numpy as np
 
 from zwidth.boundary_extras import Asked, extra_cells, extra_headings, with_extras
-from zwidth.boundary_summary import answered, say_stiffest, stiffest
+from zwidth.boundary_summary import answered, say_stiffest
 from zwidth.console import Column, Console, announce, progress
 from zwidth.controllers.of_law import controller_of
 from zwidth.covariance import load_covariance
@@ -32,6 +34,7 @@ from zwidth.results import (
     Measured,
     Point,
     as_json,
+    bracketed,
     point_of,
 )
 from zwidth.scenarios.logged_run import logged_run
@@ -40,8 +43,9 @@ from zwidth.scenarios.table_2 import DEVICE, MeasuredPoint, measured_at
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device, remarks_on
 from zwidth.sim.fate import FEW
+from zwidth.sim.perception import FORCE, Perception
 from zwidth.sim.run import Start
-from zwidth.stability.bisection import Bracket, Search
+from zwidth.stability.bisection import Bracket, Search, find_brackets
 from zwidth.stability.boundary import Boundary, BoundaryPoint, default_dampings, find_boundaries
 from zwidth.stability.judging import STARTS, Trial
 from zwidth.stability.linear import boundary as linear_boundary
@@ -51,6 +55,8 @@ if TYPE_CHECKING:
     from zwidth.figures.boundary import Corner
 
 LOGGED_S = 4.0
+FELT_FROM = 0.01  # of the stiffest wall: softer ones are not asked about
+FELT_TOLERANCE = 1e-2  # of K: what is felt depends on the phase in which a cycle meets the steps
 SAME_DAMPING = 1e-9
 SHORT_START = 2.0  # times what steps alone can hold: the start must be seen to come down to it
 ABSURD = 1e4  # times the damping that stops all masses within a period
@@ -79,6 +85,13 @@ SIDES = ("stable", "unstable")  # of a boundary's top, a log each
 @click.option("--criterion", type=click.Choice(["stability", "passivity"]), default="stability",
               show_default=True, help="passivity also shows the stiffest passive wall"
               " (Colgate and Schenkel, with the delay).")  # fmt: skip
+@click.option("--felt", is_flag=True, help="Also show from which K on an oscillation kept up by"
+              " steps is felt, looking from 1 % of the stiffest K up.")  # fmt: skip
+@click.option("--felt-force", type=Quantity("N m | N", above=True), default=FORCE,
+              show_default=True, help="Smallest force of it that a hand feels.")  # fmt: skip
+@click.option("--felt-position", type=Quantity("rad | m", above=True),
+              help="Smallest amplitude that a hand feels. Default: the threshold of vibration on"
+              " the skin, of a rotary device at its --lever.")  # fmt: skip
 @click.option("--hand", is_flag=True, help="Also show the band of K_CR when a finger holds the last"
               " mass.")  # fmt: skip
 @click.option("--lever", type=Quantity("m", above=True),
@@ -109,9 +122,11 @@ def command(name: str, out: Path, json_file: str | None, **options: Any) -> None
     _refuse_absurd(device, options["damping"])
     say_without_theory(console, device)
     delays = [1e-3 * ms for ms in options["delay_ms"]] or [device.interface.delay]
+    _refuse_idle_felt(options)
+    held = options["hand"] or options["hands"] is not None
     asked = Asked(
         options["criterion"] == "passivity",
-        _lever(device, options["hand"] or options["hands"] is not None, options["lever"]),
+        _lever(device, held, None if options["felt"] and not held else options["lever"]),
         None if options["covariance_file"] is None else load_covariance(options["covariance_file"]),
         options["hands"] or 0,
         options["hand"],
@@ -128,6 +143,7 @@ def command(name: str, out: Path, json_file: str | None, **options: Any) -> None
         substeps=options["substeps"]
         or max(usual_substeps(device.with_interface(delay=d)) for d in delays),
         law=law,
+        perception=Perception(options["felt_force"], options["felt_position"], options["lever"]),
     )
     _say_short_start(console, device, trial)
     search = Search(tolerance=options["tolerance"])
@@ -143,9 +159,37 @@ def command(name: str, out: Path, json_file: str | None, **options: Any) -> None
                 found += find_boundaries([variant], [grid], trial, search, counted)
     finally:  # after Ctrl-C too: what is finished is kept
         if found:
-            _write(
-                console, device, found, (trial, search), out, measured, asked, options["in_full"]
-            )
+            judged = trial, search, bool(options["felt"])
+            _write(console, device, found, judged, out, measured, asked, options["in_full"])
+
+
+def _refuse_idle_felt(options: dict[str, Any]) -> None:
+    """Raise ValueError for thresholds of what is not asked for."""
+    if not options["felt"] and (options["felt_position"] or options["felt_force"] != FORCE):
+        raise ValueError("--felt-force and --felt-position have no use without --felt; add it")
+
+
+def _with_felt(
+    boundary: Boundary, points: list[Point], judged: tuple[Trial, Search, bool]
+) -> list[Point]:
+    """Return the points with where an oscillation begins to be felt, where that is asked for.
+
+    From `FELT_FROM` of the stiffest wall on: at the edge of a step the softest walls chatter, too.
+    """
+    trial, search, felt = judged
+    top = boundary.top
+    if not felt or top is None or top.simulated.stable is None:
+        return points
+    coarser = replace(
+        search,
+        felt=True,
+        tolerance=max(search.tolerance, FELT_TOLERANCE),
+        lowest=FELT_FROM * top.simulated.stable,
+    )
+    dampings = np.array([point.damping for point in points])
+    (found,) = find_brackets([boundary.device], [dampings], trial, coarser)
+    pairs = zip(points, found, strict=True)
+    return [msgspec.structs.replace(point, felt=bracketed(bracket)) for point, bracket in pairs]
 
 
 def _refuse_absurd(device: Device, dampings: Sequence[float]) -> None:
@@ -211,22 +255,22 @@ def _write(
     console: Console,
     device: Device,
     found: list[Boundary],
-    judged: tuple[Trial, Search],
+    judged: tuple[Trial, Search, bool],
     out: Path,
     measured: bool,
     asked: Asked,
     in_full: bool,
 ) -> None:
-    trial, search = judged
+    trial, search, _ = judged
+    plain = [_with_felt(b, _points(b, measured), judged) for b in found]
+    points = [with_extras(b.device, own, asked) for b, own in zip(found, plain, strict=True)]
     result = BoundaryResult(
         device.name,
         [
             DelayBoundary(
-                b.device.interface.delay,
-                with_extras(b.device, _points(b, measured), asked),
-                answered(b, stiffest(b), trial, search, device.rotary),
+                b.device.interface.delay, own, answered(b, own, trial, search, device.rotary)
             )
-            for b in found
+            for b, own in zip(found, points, strict=True)
         ],
         device.rotary,
         said_of(trial.law, device.rotary) or UNSET,
@@ -279,6 +323,7 @@ def _point(point: BoundaryPoint, row: MeasuredPoint | None) -> Point:
 def _table(console: Console, boundary: Boundary, values: DelayBoundary, asked: Asked) -> None:
     force, length = ("N m", "rad") if boundary.device.rotary else ("N", "m")
     stiffness = f"[{force}/{length}]"
+    felt = any(point.felt is not UNSET for point in values.points)
     columns = [
         Column(f"B [{force} s/{length}]"),
         Column(f"K linear {stiffness}"),
@@ -288,6 +333,7 @@ def _table(console: Console, boundary: Boundary, values: DelayBoundary, asked: A
         Column("f [Hz]"),
         Column("K measured"),
         Column("f [Hz]"),
+        *([Column("K unfelt")] if felt else []),
         *(Column(heading) for heading in extra_headings(asked)),
         Column("note", False),
     ]
@@ -307,12 +353,19 @@ def _row(point: Point, bracket: Bracket) -> list[str]:
         cells += seen
     note = _note(bracket)
     if point.measured is UNSET:
-        return [*cells, "", "", *extra_cells(point), note]
+        return [*cells, "", "", *_felt(point), *extra_cells(point), note]
     measured = point.measured
     if measured.damping_printed is not UNSET:
         note = f"printed as B = {measured.damping_printed:g}"
     cells += [f"{measured.stiffness:.4g}", f"{measured.frequency_hz:.2f}"]
-    return [*cells, *extra_cells(point), note]
+    return [*cells, *_felt(point), *extra_cells(point), note]
+
+
+def _felt(point: Point) -> list[str]:
+    """A cell with the largest K of which nothing is felt, where that was asked for."""
+    if point.felt is UNSET:
+        return []
+    return [NONE if point.felt is None else _number(point.felt.stable)]
 
 
 def _note(bracket: Bracket) -> str:

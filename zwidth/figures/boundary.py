@@ -29,6 +29,7 @@ DASHES = (
     (0, (4, 1, 1, 1, 1, 1)),
 )
 SHAPES = ("o", "s", "^", "D", "v", "P")
+UNFELT = 0.25  # strength of the colour of walls of which nothing is felt
 JUMP = 4.0  # ratio of neighbouring frequencies that is a change of branch and no slope
 LONG_TITLE = 60
 INSET_ROOM = 1.45  # of the picture's width, for what it enlarges
@@ -92,6 +93,7 @@ def _draw(stiffness: Axes, frequency: Axes, boundary: DelayBoundary, look: Look)
         [p.damping for p in points], [_number(_passive(p)) for p in points],
         color=look.colour, linestyle=":",
     )  # fmt: skip
+    _unfelt(stiffness, points, look)
     _band(stiffness, points, lambda p: p.hand, look, 0.12)
     _hands(stiffness, points, look)
     _band(stiffness, points, lambda p: p.confidence95, look, 0.3)
@@ -144,6 +146,14 @@ def _line(axes: Axes, points: Sequence[Point], value: Value, look: Look, *, join
         x.append(point.damping)
         y.append(now)
     axes.plot(x, y, color=look.colour, linestyle=look.dashes)
+
+
+def _unfelt(axes: Axes, points: Sequence[Point], look: Look) -> None:
+    """Fill the walls of which nothing is felt."""
+    known = [(p.damping, p.felt) for p in points if p.felt is not UNSET]
+    if known:
+        most = [felt.stable if felt else 0.0 for _, felt in known]
+        axes.fill_between([b for b, _ in known], most, color=look.colour, alpha=UNFELT, linewidth=0)
 
 
 def _passive(point: Point) -> float | None:
@@ -235,6 +245,8 @@ def _legend(figure: Figure, result: BoundaryResult, measured_source: str) -> Non
         kinds.append(_kind("its $B$ misprinted", "x"))
     if any(point.passive is not UNSET for point in points):
         kinds.append(Line2D([], [], color="0.35", linestyle=":", label="passive walls"))
+    if any(point.felt is not UNSET for point in points):
+        kinds.append(_patch("nothing felt", UNFELT))
     if any(point.hand is not UNSET for point in points):
         kinds.append(_patch("held by a hand", 0.12))
     if any(point.hands is not UNSET for point in points):
