@@ -87,6 +87,10 @@ TABLES = {
          "gyroADC[0]": 57.3 * SPEED, "gyroADC[1]": np.round(NOISE)},
         "setpoint[0]", "gyroADC[0]",
     ),
+    "acs": (
+        {"Time(sec)": T, "RPOS": LATER, "FPOS": ANGLE, "FVEL": SPEED},
+        "RPOS", "FPOS",
+    ),
     "trinamic": (
         {"time_ms": 1e3 * T, "XACTUAL": np.round(2e3 * ANGLE), "XTARGET": np.round(2e3 * LATER)},
         "XTARGET", "XACTUAL",
@@ -148,6 +152,8 @@ def test_numbers_beside_their_names_are_a_table(tmp_path: Path) -> None:
     np.testing.assert_allclose(source["angle"].values, ANGLE, atol=5e-4)
     found = roles(taken(path))
     assert (found["position"], found["command"]) == ("angle", "pwm")
+    esp = "I (10) motor: q=0.1 iq=2\nI (20) motor: q=0.2 iq=3\n"
+    assert table_of(esp) == "log_time_ms,q,iq\n10,0.1,2\n20,0.2,3\n"
     assert table_of("a=1 b=2\na=3\n") == "a,b\n1,2\n3,\n"
     assert table_of("time: 10:03:29\ntime: 10:03:30\n") is None
     assert table_of("a,b\n1,2\n") is None
