@@ -225,7 +225,7 @@ def test_what_a_log_lacks_and_a_device_has_not_is_said():
     log = experiment(replace(known, origin="simulated"), device, "r")
     noise = log.measured[:, 0] - wave**2
     assert np.std(noise) == pytest.approx(1e-5 * log.swing, rel=0.1)
-    assert "without noise" in log.notes[0]
+    assert "no measurement noise" in log.notes[0]
     said = [f.sentence for f in examine(device, [log])]
     assert log.notes[0] in said
 
