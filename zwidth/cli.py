@@ -47,9 +47,7 @@ COMMANDS = {
     "effects": "List the effects that zwidth knows, or describe one.",
     "conceal": "Make simulated recordings with concealed physics, to test a diagnosis.",
     "exam": "Diagnose recordings with concealed physics, compare with the truths, and score.",
-    "paper": (
-        "Reproduce the paper: every figure and table, ours beside theirs, as one HTML report."
-    ),
+    "paper": ("Reproduce the paper's figures and tables, ours beside theirs, as one HTML report."),
 }
 
 # name -> a line that runs in a clone, in this order: later ones take what earlier ones wrote.

@@ -1,4 +1,4 @@
-"""`zwidth paper`: every figure and table of the paper, ours beside theirs, as one report."""
+"""`zwidth paper`: figures and tables of the paper, ours beside theirs, as one report."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -22,9 +22,10 @@ LONG = ("explained",)  # sections that begin first, so that none is left alone a
 @out_option("runs/paper")
 @force_option
 def command(chosen: tuple[str, ...], out: Path) -> None:
-    """Reproduce the paper: every figure and table, ours beside theirs, as one HTML report.
+    """Reproduce the paper's figures and tables, ours beside theirs, as one HTML report.
 
-    Writes DIR/report.html, which holds every picture, and each picture as PNG and SVG.
+    The diagrams (Fig. 4, 5, 9) are left out. Writes DIR/report.html, which holds every picture, and
+    each picture as PNG and SVG.
     """
     console = Console()
     console.will_write(out / "report.html")

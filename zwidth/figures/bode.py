@@ -1,4 +1,4 @@
-"""Fig. 3: a measured frequency response with the models that are meant to explain it."""
+"""Fig. 3: a recorded frequency response with the models that are meant to explain it."""
 
 import numpy as np
 from matplotlib import rc_context
@@ -20,7 +20,7 @@ def bode_figure(measured: Response, ours: Response, theirs: Response) -> Figure:
         figure = Figure(figsize=(7.2, 6.4), layout="constrained")
         magnitude, phase = figure.subplots(2, 1, sharex=True)
         _both(magnitude, phase, measured, linestyle="none", marker="o", markersize=5,
-              color="#DDAA33", label="measured (simulated device)")  # fmt: skip
+              color="#DDAA33", label="simulated device under white noise")  # fmt: skip
         _both(magnitude, phase, ours, color="#004488", linewidth=1.8, label="fitted, ours")
         _both(magnitude, phase, theirs, color="black", linestyle=THEIRS, linewidth=1.1,
               label="Table I, theirs")  # fmt: skip
