@@ -47,8 +47,8 @@ def complete(bracket: Bracket) -> bool:
 def test_all_say_the_same_of_the_walls_of_20_devices() -> None:
     """At 0.5, 0.98, 1.02 and 1.5 times the boundary's K: none says the opposite.
 
-    Mutations: a cycle that is not dither counted as stable in `fates_of`; `held_growth` left out;
-    `look_below` returns False at once; `rests` of dither for play, too.
+    That what all say is true is the matter of `test_dither.py` and `test_map_plane.py`.
+    Mutation: `look_below` left out of `run`.
     """
     found = check(1, 20)
     words = {fate for one in found for fate in one.said}
@@ -57,5 +57,5 @@ def test_all_say_the_same_of_the_walls_of_20_devices() -> None:
 
 @pytest.mark.truth
 def test_all_say_the_same_of_the_walls_of_200_devices() -> None:
-    """200 other devices; the same, and the same words where the run had the time."""
+    """200 other devices."""
     check(5, 200)
