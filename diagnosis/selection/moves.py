@@ -198,12 +198,10 @@ def _played(
         seen = list(h.experiments)
     for group in play.values():
         found: list[Hypothesis] = []
-        for one in scanned(seen, model, x, group)[:1]:
-            for there in arrivals(seen, one, effort.members, effort.generations):
-                with suppress(NoObserver):
-                    found.append(
-                        judged(h.experiments, one.model, there.x, h.family, None, h.prices)
-                    )
+        shown = scanned(seen, model, x, group)
+        for wide, there in arrivals(seen, shown, effort.members, effort.generations):
+            with suppress(NoObserver):
+                found.append(judged(h.experiments, wide, there.x, h.family, None, h.prices))
         if found:
             one = settled(min(found, key=lambda one: one.cost.total), turns=1)
             yield Proposal(h.experiments, one.model, one.x, h.family, None, one.ratio, h.prices)
