@@ -30,14 +30,14 @@ Control 77(8), 2004).
 
 While a link with play carries nothing, what lies behind it moves on its own, and an error of m1's
 reading says nothing of it. Corrected all the same, as in contact, it was moved by each such error,
-and parameters and effects that are none were fitted to where it came to lie: two masses, the motor
-alone measured, 1 kHz, cost 1500 in -2 ln less beside the truth than at it, and 60 less now. So a
-device with play has two gains beside each other, (states, 2 o): that in contact, and for as long as
-a pin is off its sides (`sim.predict`) the same without what lies behind a cut link and has no
-output. What has one keeps its gain: with noise of its own in place of that of the whole, two masses
-that are both measured were likeliest with a gap that they never cross. Of several links with play
-one that is free counts as all; how much less is known of what moved on its own for longer is left
-out.
+and parameters and effects that are none were fitted to where it came to lie. On two masses, the
+motor alone measured, 8 s at 1 kHz, the truth cost 1640 more in -2 ln than now, and a fit of its
+structure 240 less than the truth, where it now costs 75 less. So a device with play has two gains
+beside each other, (states, 2 o): that in contact, and for as long as a pin is off its sides
+(`sim.predict`) the same without what lies behind a cut link and has no output. What has one keeps
+its gain: with noise of its own in place of that of the whole, two masses that are both measured
+were likeliest with a gap that they never cross. Of several links with play one that is free counts
+as all; how much less is known of what moved on its own for longer is left out.
 """
 
 from collections.abc import Sequence

@@ -9,7 +9,7 @@ without play has bent (a softer link), and that of the device file.
 What each observer shows is no answer yet: on two masses of a CSV alone (1 kHz, 8 s, 20 mrad) best
 gaps were 2 to 4 mrad, at a k of 14 for 60 N m/rad, and gained 125 to 309 in -2 ln; on others they
 lay within 30 % of the truth and gained up to 7800. No fit follows from there, since play's valley
-is as narrow as its gap is well known: fits from each of these gaps ended at costs of -131 100, and
+is as narrow as its gap is well known: fits from such gaps had ended at costs of -131 100, and
 a cubic spring at -132 500. A population reached -135 100 in a second, and the fit that follows
 -138 100, where the truth is. Under which observer they arrive differs (1e-4 there, 1e-2 or 1e-5 on
 others), and gains under different observers do not compare. So each that shows play has a
