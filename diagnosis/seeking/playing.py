@@ -34,7 +34,7 @@ from zwidth.diagnosis.fitting.evolve import Arrived, Generations, evolve
 from zwidth.diagnosis.fitting.landscape import Landscape
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.settle import prepared_for
-from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.noise.steady import NoObserver, links_with_play, with_apart
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.seeking.candidates import Start
 from zwidth.diagnosis.settings import PURSUIT
@@ -62,7 +62,7 @@ def scanned(
     """Return the likeliest gap by each observer that shows one, at the place in x that gains most.
 
     experiments: as far as is looked at; starts: of one effect with one number, at one place.
-    Nothing where none gains `PURSUIT.clear_sign`.
+    The one that gains most first; nothing where none gains `PURSUIT.clear_sign`.
     """
     if not starts:
         return []
@@ -78,7 +78,7 @@ def scanned(
             with suppress(NoObserver), reason("scans of play"):
                 here += _best(experiments, model, begin, first, key, gaps, ratio)
         found += sorted(here, key=lambda one: -one.gained)[:1]
-    return found
+    return sorted(found, key=lambda one: -one.gained)
 
 
 def arrivals(
@@ -125,8 +125,11 @@ def _best(
         own[j] = (gap - first.physics.values[key]) / wide.parameters[j].scale
         asked.append(wide.within(own))
     # Held against no play in as many substeps, which alone gain (160 in -2 ln beside friction).
-    there = prepared_for(experiments, wide, asked[0], ratio)
-    own_cost, *found = Landscape(there.experiments, there.observer, wide).costs(asked)
+    there, device = prepared_for(experiments, model, x, ratio), wide.acting(asked[1])
+    contact = there.observer.gain[:, : len(experiments[0].outputs)]
+    gain = with_apart(device, links_with_play(device), model.seen(experiments[0], x), contact)
+    observer = replace(there.observer, gain=gain)
+    own_cost, *found = Landscape(there.experiments, observer, wide).costs(asked)
     costs = np.array(found)
     best = int(np.argmin(np.nan_to_num(costs, nan=np.inf)))
     if own_cost - costs[best] > PURSUIT.clear_sign:
