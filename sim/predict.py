@@ -190,6 +190,16 @@ VIEWS[Judge] = ("moments", 3, _lane_judge)
 
 
 @part
+def free_of_contact(eq, pins):
+    """Whether a link with play carries nothing: its pin stands on neither side."""
+    free = False
+    for e in range(eq.forces.codes.size):
+        if eq.forces.codes[e] == BACKLASH:
+            free = free | (abs(pins[e]) < 0.5 * eq.forces.parameters[e, 0])
+    return free
+
+
+@part
 def turned(eq, saved, memory):
     """Whether a mass with dry friction did not keep its velocity's sign, or a pin its side."""
     after, pins = memory.x, memory.internal
@@ -199,19 +209,8 @@ def turned(eq, saved, memory):
         turns = turns | negated(saved.x[i] * after[i] > 0.0)
     for e in range(eq.forces.codes.size):
         if eq.forces.codes[e] == BACKLASH:
-            half = 0.5 * eq.forces.parameters[e, 0]
-            turns = turns | (pins[e] != saved.internal[e]) | (abs(pins[e]) < half)
-    return turns
-
-
-@part
-def free_of_contact(eq, pins):
-    """Whether a link with play carries nothing: its pin stands on neither side."""
-    free = False
-    for e in range(eq.forces.codes.size):
-        if eq.forces.codes[e] == BACKLASH:
-            free = free | (abs(pins[e]) < 0.5 * eq.forces.parameters[e, 0])
-    return free
+            turns = turns | (pins[e] != saved.internal[e])
+    return turns | free_of_contact(eq, pins)
 
 
 @part

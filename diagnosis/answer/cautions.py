@@ -27,8 +27,7 @@ def cautions(
         said.append(
             f"with {by} free runs on held-out data have an error of {of_the_motion(free.after)},"
             f" more than with the device file as it is ({percent(free.before)}): do not simulate"
-            f" with the"
-            " augmented device"
+            " with the augmented device"
         )
     elif wander(free.after, free.noise_floor):
         said.append(

@@ -266,6 +266,6 @@ def not_adequate(findings: tuple[Finding, ...], sound: Adequacy) -> str:
         return f"something is missing{beyond}: free runs with the answer diverge{share}"
     return (
         f"something is missing{beyond}: the error of free runs over {worst.horizon:.3g} s on"
-        f" held-out"
-        f" data is {worst.error / worst.expected:.3g} times what its own noise would cause{share}"
+        f" held-out data is {worst.error / worst.expected:.3g} times what its own noise would"
+        f" cause{share}"
     )
