@@ -151,7 +151,7 @@ EXPECTED: dict[str, Taken | Refused | Driven] = {
     "robot_arrays/robot7.npz": _moves(
         "time", ("tau_command[6]", "N m"), position="q[6]|rad", velocity="qd[6]|rad/s"
     ),
-    "robot_arrays/target.csv": _moves("time", ("current (1)", "A"), position="pos (1)|rad"),
+    "robot_arrays/target.csv": _moves("time", ("current (1)", "A"), position="pos (1)|counts"),
     "rostopic/rostopic.csv": _moves(
         "time", ("field.effort0", "N m"),
         position="field.position0|rad", velocity="field.velocity0|rad/s",

@@ -57,7 +57,7 @@ from zwidth.sim.nearest import nearest
 Ask = Callable[[str, Sequence[str], str], str]
 """Asks a question with answers to choose from (none: any text) and one that is taken for Enter."""
 
-GOAL_OF_LOOP, MEASURED, BARE_GOAL, BARE_COMMAND, GOAL_OF_SPEED = 5.0, 5.5, 7.0, 7.5, 8.0
+GOAL_OF_LOOP, BARE_GOAL, MEASURED, BARE_COMMAND, GOAL_OF_SPEED = 5.0, 6.2, 6.5, 7.5, 8.0
 """Where goals stand after what drives directly (`roles.rank`): named, bare, and of a speed. A
 torque or a current that was measured comes after the goal of the loop that makes it."""
 OF_AMPLIFIER = {"current": "A", "voltage": "V"}
@@ -68,17 +68,39 @@ FEWEST = 10  # samples in a column, below which nothing is guessed from them
 TURNS, METRES = 5.0, 3.0  # of travel, beyond which radians and metres are doubted
 LEAST_LINES, MOST_LINES = 100.0, 1e7  # of an encoder, a turn
 WHOLE = 2e-3  # of a line, by which the lines of a turn may miss a whole number
+COUNTED = 64.0  # whole numbers of travel, from which on a position without a unit is in counts
+COUNTS = "counts"
+USUAL_RATES = (
+    1.0,
+    1.2,
+    1.25,
+    1.5,
+    2.0,
+    2.4,
+    2.5,
+    3.0,
+    4.0,
+    5.0,
+    6.0,
+    8.0,
+)  # Hz, times powers of 10
+NEAR = 0.025  # by which a rate that a speed tells may miss a usual one; 4.5 %: rpm beside radians
 NOBODY = "none"
 
 
 @dataclass(frozen=True)
 class Channel:
-    """A signal as a channel: name, spelled unit (None: none is known), what the TOML says of it."""
+    """A signal as a channel: name, spelled unit (None: none is known), what the TOML says of it.
+
+    per: the key and the number of counts where each is taken for one of SI, as both the goal and
+    the motion of a loop say it, so that one number mends each.
+    """
 
     signal: str
     unit: str | None
     scale: float | None = None
     note: str = ""
+    per: tuple[str, float] | None = None
 
 
 @dataclass
@@ -142,18 +164,25 @@ class _Reader:
         self.rows = row_count(source)
         self.found = Assumed()
         self.goal = False
+        self.counted = False  # whether the position is in counts
         self.t = np.empty(0)
+        self.clock: list[str] = []  # the line of a period that a speed tells
+        self.guessed: int | None = None  # which doubt says that the period is a guess
 
     def read(self) -> Assumed:
         self._are_some()
         time = self._time()
         outputs = self._outputs()
+        time = self.clock or time
         command = self._command(outputs)
         rotary = self._rotary([*outputs.values(), *([command] if command else [])])
         told = {
             key: self._channel(name, key.split("_")[0], rotary) for key, name in outputs.items()
         }
-        driven = self._driven(command, rotary) if command else None
+        if self.goal and command is not None:
+            told = self._alike(command, told, rotary)
+        motion = next(iter(told.values()))
+        driven = self._driven(command, rotary, motion) if command else None
         time = [*time, *self._resampled([*outputs.values(), *([command] if command else [])])]
         lines = [
             "# What zwidth takes this file for. Correct what is wrong: an edited file is kept, and",
@@ -229,6 +258,7 @@ class _Reader:
             period, where = _positive(given) or PERIOD_S, "no column seems to be time"
             roles.append(("time", f"no column of it; samples every {period:g} s"))
             if self.ask is None:
+                self.guessed = len(doubts)
                 doubts.append(
                     f"no column seems to be time{why}, so {1.0 / period:g} samples a second are"
                     " assumed: masses, dampers and times are as wrong as that is; correct period_s"
@@ -368,7 +398,11 @@ class _Reader:
             )
             return {f"{quantity}_m1": sides[0], f"{quantity}_m2": sides[1]}
         apart = len({joints.get(name, ()) for name in known}) == len(known)
-        if apart and (indexed or len(known) > 2):
+        each = all(
+            joints.get(name) and any(set(joints[name]) <= set(self.names[d].joint) for d in driven)
+            for name in known
+        )  # has a drive of its own: joints, and no two sides of one
+        if apart and (indexed or len(known) > 2 or each):
             moved = {name: span(self.source.signals[name]) for name in known}
             first = max(known, key=lambda name: moved[name])
             chosen = self._asked("which joint is it about", known, first)
@@ -421,6 +455,9 @@ class _Reader:
             units = _unit(signals[name]), _unit(signals[position])
             factors = [1.0 if unit is None else unit.factor for unit in units]
             size = seen.size * factors[0] / factors[1]
+            if self.guessed is not None and (period := _usual(PERIOD_S / size)):
+                self._say_period(period, name, position)
+                size = 1.0
             if abs(size - 1.0) > SCALED:
                 self.found.doubts.append(
                     f"{name} is {size:.4g} times the slope of {position} in these units, so one of"
@@ -429,6 +466,19 @@ class _Reader:
             elif seen.news > NOTHING_NEW and not found:
                 found = {"velocity_m1": name}
         return found
+
+    def _say_period(self, period: float, speed: str, position: str) -> None:
+        """Take the period at which a speed is the slope of a position, where nothing tells it."""
+        assert self.guessed is not None
+        where = f"{speed}, which is the slope of {position} at that rate"
+        self.found.doubts[self.guessed] = (
+            f"no column seems to be time: {1.0 / period:g} samples a second are taken, at which"
+            f" {speed} is the slope of {position} in these units; correct period_s"
+        )
+        at = next(i for i, (role, _) in enumerate(self.found.roles) if role == "time")
+        self.found.roles[at] = ("time", f"no column of it; samples every {period:g} s, by {speed}")
+        self.t, self.guessed = period * np.arange(self.rows), None
+        self.clock = [f"period_s = {period!r} # by {_printable(where)}"]
 
     def _no_speed(self, name: str, position: str) -> None:
         """Take what is no speed by its numbers for what its name may mean besides."""
@@ -543,11 +593,28 @@ class _Reader:
             )
         return chosen == "turns"
 
-    def _driven(self, command: str, rotary: bool) -> Channel:
+    def _alike(self, command: str, told: Mapping[str, Channel], rotary: bool) -> dict[str, Channel]:
+        """Return the channels, a position in counts as its goal in counts can say it, too."""
+        key, motion = next(iter(told.items()))
+        unit = _unit(self.source.signals[command])
+        if not (motion.unit and _is_counts(motion.unit)) or (unit and unit.si != COUNTS):
+            return dict(told)
+        per = ("counts_per_rev", TURN) if rotary else ("counts_per_m", 1.0)
+        note = f"not known, so each count is taken as 1 {GOAL[0 if rotary else 1]}"
+        return {**told, key: replace(motion, scale=None, per=per, note=note)}
+
+    def _driven(self, command: str, rotary: bool, motion: Channel) -> Channel:
         if not self.goal:
             return self._channel(command, "command", rotary)
         signal, own = self.source.signals[command], GOAL[0 if rotary else 1]
         unit, spelled = _unit(signal), unit_spelled(signal)
+        if motion.per is not None:
+            self.found.roles.append(("goal", f"{command} [counts], of a loop on the position"))
+            if unit is None:
+                self.found.doubts.append(
+                    f"{command} has no unit: it is taken to be in the counts of {motion.signal}"
+                )
+            return replace(motion, signal=command, unit=spelled or COUNTS)
         if unit is None or unit.si != own:
             self.found.doubts.append(f"{command} has no unit: {own} is assumed, as of the position")
             spelled = own
@@ -559,6 +626,15 @@ class _Reader:
         own = SI[quantity][0 if rotary else 1]
         spelled, unit = unit_spelled(signal), _unit(signal)
         electric = OF_AMPLIFIER.get(self.names[name].quantity)
+        if unit is None and quantity == "position" and (whole := _whole(signal)):
+            spelled, unit = COUNTS, find_unit(COUNTS)
+            self.found.doubts.append(
+                f"{name} has no unit and is whole numbers over {whole:g} of them: counts are taken;"
+                " correct unit if they are degrees or micrometres"
+            )
+        if unit is None and quantity == "velocity" and self.counted and not signal.unit:
+            spelled, unit = f"{COUNTS}/s", find_unit(f"{COUNTS}/s")  # the slope of the position
+        self.counted |= quantity == "position" and unit is not None and unit.si == COUNTS
         if unit is None and quantity == "command" and electric and not signal.unit:
             what = f"{own} per {electric}: not known, so 1 is taken"
             spelled, channel = electric, Channel(name, electric, 1.0, what)
@@ -642,6 +718,29 @@ def _unit(signal: Signal) -> Unit | None:
     return None if unit.si == "m" and not turns.isdisjoint(words) else unit
 
 
+def _usual(period: float) -> float:
+    """Return the period [s] of the usual rate that a period is near to, 0 where none is."""
+    if not 1e-6 < period < 1e3:
+        return 0.0
+    decade = 10.0 ** math.floor(math.log10(1.0 / period) + NEAR)
+    near = min((rate * decade for rate in USUAL_RATES), key=lambda r: abs(r * period - 1.0))
+    return 1.0 / near if abs(near * period - 1.0) < NEAR else 0.0
+
+
+def _is_counts(spelled: str) -> bool:
+    unit = find_unit(spelled)
+    return unit is not None and unit.si == COUNTS
+
+
+def _whole(signal: Signal) -> float:
+    """Return the travel of a position in whole numbers, 0 for others and where it is short."""
+    values = signal.floats()[signal.known]
+    if signal.unit or not values.size or not np.all(values == np.rint(values)):
+        return 0.0
+    travel = float(np.ptp(values))
+    return travel if travel >= COUNTED else 0.0
+
+
 def _hint(signal: Signal, own: str) -> str:
     """Return what the numbers themselves suggest in place of rad or m, in brackets, or nothing."""
     values = signal.floats()
@@ -696,7 +795,9 @@ def _lines(channel: Channel) -> list[str]:
     lines = [_line("signal", channel.signal)]
     if channel.unit is not None:
         lines.append(_line("unit", channel.unit))
-    if channel.scale is not None:
+    if channel.per is not None:
+        lines.append(f"{channel.per[0]} = {channel.per[1]!r}{note}")
+    elif channel.scale is not None:
         lines.append(f"scale = {channel.scale!r}{note}")
     elif note:
         lines[0] += note

@@ -9,7 +9,7 @@ before it say whether it is asked or measured: "present current" is a current th
 
 import re
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -21,6 +21,8 @@ DRIVES = ("torque", "current", "voltage", "duty", "input")
 MOTIONS = ("position", "velocity", "acceleration")
 TYPES = re.compile(r"^(?:lr|dw|f|r|l|g)(?=[A-Z][a-z])")  # of IEC 61131: fActPos, lrTorque
 DOTS = {"dot": 1, "ddot": 2}
+PARAMETER = re.compile(r"\b[rp]\d{2,5}(?:\[\d+\])?:?\s+(?=[A-Za-z])")
+"""The number of a parameter before its name, as SINAMICS writes it: "r63 Speed actual value"."""
 OUTPUTS = ("output", "outputs", "out")  # of a system, or of its controller
 SIDES = frozenset(("motor", "load", "link", "d"))
 NUMBERED = ("id", "no", "nr")  # before a number they say of which, "ID:001 Present Position"
@@ -87,6 +89,7 @@ def words_of(name: str) -> list[str]:
 
 
 def _spaced(name: str) -> str:
+    name = PARAMETER.sub("", name)
     parts = [TYPES.sub("", part) for part in re.split(r"[./\s]+", name)]
     spaced = re.sub("([a-z0-9])([A-Z])", r"\1 \2", " ".join(parts))
     return re.sub("([A-Z])([A-Z][a-z]{2})", r"\1 \2", spaced)
@@ -120,7 +123,40 @@ def together(names: Sequence[str]) -> dict[str, Naming]:
                 "command": Naming((known["command"],), "input", "command", False, ()),
             }
             return {own[name]: told[role] for role, name in known.items()}
-    return {}
+    return _of_motor(own)
+
+
+MOTOR = re.compile(r"(?P<letter>[pvt])(?P<end>(?:_[a-z]+|\d*))")
+ENDS: dict[str, Role] = {
+    "": "", "_out": "measured", "_fb": "measured", "_meas": "measured", "_act": "measured",
+    "_m": "measured", "_des": "goal", "_ref": "goal", "_set": "goal", "_cmd": "goal",
+    "_in": "goal", "_ff": "command",
+}  # fmt: skip
+
+
+def _of_motor(own: Mapping[str, str]) -> dict[str, Naming]:
+    """Return p, v and t of actuators under MIT's protocol (Mini Cheetah, AK, CyberGear).
+
+    A letter alone may be a pressure or a power: p is a position where v stands beside it with the
+    same ending, asked or measured, and t with an ending is a torque then.
+    """
+    found = {name: matched for name in own if (matched := MOTOR.fullmatch(name))}
+    ends = {m["end"] for m in found.values()}
+    pairs = {e for e in ends if f"p{e}" in own and f"v{e}" in own and (e in ENDS or e.isdigit())}
+    if not pairs - {""}:
+        return {}
+    told: dict[str, Naming] = {}
+    for name, matched in found.items():
+        letter, end = matched["letter"], matched["end"]
+        role = ENDS.get(end) or "measured"
+        joint = (end,) if end.isdigit() else ()
+        if letter == "t" and end and (end in ENDS or end in pairs):
+            drive = "measured" if role == "measured" else "command"
+            told[own[name]] = Naming((letter,), "torque", drive, False, joint)
+        elif letter != "t" and end in pairs:
+            quantity = "position" if letter == "p" else "velocity"
+            told[own[name]] = Naming((letter,), quantity, role, False, joint)
+    return told
 
 
 def tool_of(names: Sequence[str]) -> dict[str, Any]:
@@ -216,11 +252,14 @@ def _quantity(words: Sequence[str]) -> tuple[int, str, bool]:
         at, quantity, weak = spoken[-1]
     else:
         own = {w for w in words if not w.isdigit() and (w in known or not _is_role(w))}
+        if letters := {words[i] for i, _, letter in found if letter and not _is_role(words[i])}:
+            own -= {w for w in own if _is_role(w)}  # "state.q": the state says only of what
+            found = [one for one in found if words[one[0]] in letters]
         beside = {*CLOSE, *DOTS, *SIDES}
-        letters = [one for one in found if one[2] and own <= {words[one[0]], *beside}]
-        if not letters:
+        alone = [one for one in found if one[2] and own <= {words[one[0]], *beside}]
+        if not alone:
             return -1, "", False
-        at, quantity, weak = letters[-1]
+        at, quantity, weak = alone[-1]
         if words[at] in OUTPUTS and any(w in vocabulary()["role"]["command"] for w in words):
             return -1, "", False  # of a controller
     if quantity == "position":
@@ -248,7 +287,8 @@ def _role(words: Sequence[str], at: int, quantity: str) -> Role:
     asked = any(w in roles["command"] for w in others)
     if quantity in MOTIONS and (asked or "input" in others):
         return "goal"
-    if any(w in roles["measured"] for w in others):
+    only = vocabulary()["quantity"].get(quantity, {}).get("measured", ())
+    if (at >= 0 and words[at] in only) or any(w in roles["measured"] for w in others):
         return "measured"
     return "command" if asked else ""
 

@@ -12,6 +12,7 @@ from mcap.writer import MCAP0_MAGIC
 from zwidth.logs.codesys_file import is_trace, read_trace
 from zwidth.logs.csv_file import read_csv
 from zwidth.logs.csv_form import NOTHING_SAID, CsvOptions
+from zwidth.logs.echoed_file import is_echo, read_echo
 from zwidth.logs.errors import ForeignLog, LogEmpty
 from zwidth.logs.excel_file import is_workbook, read_excel
 from zwidth.logs.foreign_mcap import read_foreign_mcap
@@ -23,6 +24,7 @@ from zwidth.logs.mcap_reader import Log, read_log
 from zwidth.logs.npz_file import read_npy, read_npz
 from zwidth.logs.opening import opened
 from zwidth.logs.optional_files import read_tdms, read_ulog
+from zwidth.logs.other_formats import refuse_other
 from zwidth.logs.parquet_file import read_parquet
 from zwidth.logs.source import RecordingError, Source
 from zwidth.logs.table_log import log_of
@@ -126,4 +128,7 @@ def _reader(path: Path, data: bytes) -> Reader | None:
         return read_trace
     if is_scope(data):
         return read_scope
+    if is_echo(data):
+        return read_echo
+    refuse_other(path, data)
     return read_mat if path.suffix.lower() == ".mat" else None  # v4 starts with nothing of its own

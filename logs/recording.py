@@ -27,7 +27,7 @@ from zwidth.logs.recording_file import (
 )
 from zwidth.logs.source import RecordingError, Signal, Source
 from zwidth.logs.timing import Stamps, common_origin
-from zwidth.logs.units import GOAL, SI, find_unit
+from zwidth.logs.units import GOAL, SI, TURN, find_unit
 from zwidth.sim.nearest import nearest
 from zwidth.sim.trace import Trace
 
@@ -269,10 +269,14 @@ def _used(description: Description, trace: Trace) -> Trace:
 def unscaled(traces: Sequence[Trace]) -> tuple[str, str]:
     """Return what forces and lengths are counted in where recordings do not know their scale.
 
+    A count that is taken for one of SI may say so by counts_per_rev = 2 pi or counts_per_m = 1.
     That is the unit of the command ("A", "V", "counts") and of the motion ("counts") where a scale
     of 1 takes each for one of SI; "" where it is known, or not the same in all recordings.
     """
-    said = {(_foreign(t, ("command",)), _foreign(t, _MOTIONS)) for t in traces}
+    said = {
+        ("" if t.units.get("command") in GOAL else _foreign(t, ("command",)), _foreign(t, _MOTIONS))
+        for t in traces
+    }
     return said.pop() if len(said) == 1 else ("", "")
 
 
@@ -287,7 +291,10 @@ def _foreign(trace: Trace, channels: Sequence[str]) -> str:
         if told is None:
             continue
         unit = find_unit(str(told["unit"]))
-        known = told["counts_per_rev"] is not None or told["counts_per_m"] is not None
+        known = told["counts_per_rev"] not in (None, TURN) or told["counts_per_m"] not in (
+            None,
+            1.0,
+        )
         if unit is None or known or told["scale"] != 1.0:
             return ""
         return unit.si.removesuffix("/s") if unit.si in _UNSCALED else ""

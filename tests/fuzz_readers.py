@@ -128,6 +128,8 @@ def kinds(folder: Path, named: str) -> list[Kind]:
         "CODESYS": (examples.codesys_bytes(), "a.csv"),
         "TwinCAT": (examples.twincat_bytes(), "a.csv"),
         "Numbers beside names": (examples.labelled_bytes(), "a.txt"),
+        "Numbers behind stamps": (examples.stamped_bytes(), "a.log"),
+        "Joint states, echoed": (examples.echoed_bytes(), "a.csv"),
         "Parquet, lists": (examples.joint_lists_bytes(), "a.parquet"),
         "WPILOG": (examples.wpilog_bytes(), "a.wpilog"),
         "TDMS": (examples.tdms_bytes(), "a.tdms"),

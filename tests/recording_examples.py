@@ -350,6 +350,22 @@ def labelled_bytes(samples: int = 20) -> bytes:
     return "".join(f"time:{a!r},torque:{b!r} angle={c!r}\n" for a, b, c in rows).encode()
 
 
+def stamped_bytes(samples: int = 20) -> bytes:
+    t, u, x = wave(samples)
+    rows = zip(t.tolist(), u.tolist(), x.tolist(), strict=True)
+    return "".join(
+        f"2025-03-04 12:00:{a:06.3f} INFO servo torque={b!r} angle={c!r}\n" for a, b, c in rows
+    ).encode()
+
+
+def echoed_bytes(samples: int = 20) -> bytes:
+    t, u, x = wave(samples)
+    rows = zip(t.tolist(), u.tolist(), x.tolist(), strict=True)
+    return "".join(
+        f"1741089600,{round(1e9 * a)},base,j1,j2,{c!r},0.0,,{b!r},0.0\n" for a, b, c in rows
+    ).encode()
+
+
 def wpilog_bytes(samples: int = 20) -> bytes:
     t, u, x = wave(samples)
 

@@ -12,7 +12,7 @@ from test_door import ANGLE, SPEED, TORQUE, T, roles, table, taken
 from zwidth.logs.assumed import assumed
 from zwidth.logs.labelled_text import table_of
 from zwidth.logs.open_source import open_source
-from zwidth.logs.recording import read_described
+from zwidth.logs.recording import read_described, unscaled
 from zwidth.logs.recording_file import description_of
 from zwidth.logs.source import RecordingError
 from zwidth.logs.units import TURN
@@ -70,7 +70,7 @@ TABLES = {
          "actual_q_0": ANGLE, "actual_current_0": 9.0 * TORQUE},
         "target_q_0", "actual_q_0",
     ),
-    "libfranka": (
+    "libfranka csv": (
         {"duration": 1e3 * T, "q[0]": ANGLE, "q[1]": 1e-7 * NOISE, "q_d[0]": ANGLE,
          "q_d[1]": 0.0 * T, "tau_J[0]": TORQUE + 1e-3 * NOISE, "tau_J[1]": 1e-7 * NOISE,
          "tau_J_d[0]": TORQUE, "tau_J_d[1]": 0.0 * T},
@@ -90,6 +90,27 @@ TABLES = {
     "acs": (
         {"Time(sec)": T, "RPOS": LATER, "FPOS": ANGLE, "FVEL": SPEED},
         "RPOS", "FPOS",
+    ),
+    "feetech": (
+        {"timestamp": T, "goal": np.round(2048 + 500 * LATER), "pos": np.round(2048 + 500 * ANGLE),
+         "load": np.round(400 * TORQUE + NOISE)},
+        "goal", "pos",
+    ),
+    "libfranka log": (
+        {"time": T, "state.q[3]": ANGLE, "state.q_d[3]": 0.0 * T, "state.dq[3]": SPEED,
+         "state.tau_J[3]": TORQUE + 1e-2 * NOISE, "cmd.tau_J_d[3]": TORQUE},
+        "cmd.tau_J_d[3]", "state.q[3]",
+    ),
+    "mini cheetah": (
+        {"t": T, "p_des": LATER, "v_des": 0.0 * T, "kp": 0.0 * T + 6.0, "t_ff": 0.0 * T,
+         "p_out": ANGLE, "v_out": SPEED, "t_out": TORQUE},
+        "p_des", "p_out",
+    ),
+    "sinamics": (
+        {"Time [ms]": 1e3 * T, "Drive_1.r62 Speed setpoint [rpm]": 9.55 * np.roll(SPEED, -4),
+         "Drive_1.r63 Speed actual value smoothed [rpm]": 9.55 * SPEED,
+         "Drive_1.r79 Torque setpoint total [Nm]": TORQUE},
+        "Drive_1.r79 Torque setpoint total", "Drive_1.r63 Speed actual value smoothed",
     ),
     "trinamic": (
         {"time_ms": 1e3 * T, "XACTUAL": np.round(2e3 * ANGLE), "XTARGET": np.round(2e3 * LATER)},
@@ -159,6 +180,116 @@ def test_numbers_beside_their_names_are_a_table(tmp_path: Path) -> None:
     assert table_of("a,b\n1,2\n") is None
 
 
+STAMPED = {
+    "python": ("2025-03-04 {clock},{ms:03d} INFO servo 1 goal={goal:.4f} pos={pos:.4f}", "pos"),
+    "serial monitor": ("{clock}.{ms:03d} -> goal:{goal:.4f},pos:{pos:.4f}", "pos"),
+    "ros 1": ("[INFO] [17410896{s:02d}.{ms:03d}]: goal={goal:.4f}, pos={pos:.4f}", "pos"),
+    "bare": ("{clock}.{ms:03d} -> {goal:.4f}\t{pos:.4f}", "pos"),
+}
+
+
+@pytest.mark.parametrize("form", list(STAMPED))
+def test_stamps_before_the_lines_of_a_log_are_its_time(tmp_path: Path, form: str) -> None:
+    """Mutations: the comma of Python's milliseconds kept; the stamp a part of the first name."""
+    pattern, position = STAMPED[form]
+    rows: list[str] = []
+    for t, goal, pos in zip(T, LATER, ANGLE, strict=True):
+        s, ms = divmod(round(1e3 * t), 1000)
+        clock = f"12:34:{s:02d}"
+        rows.append(pattern.format(clock=clock, s=s, ms=ms, goal=goal, pos=pos))
+    if form == "bare":
+        rows.insert(0, "12:34:00.000 -> goal\tpos")
+    path = tmp_path / "log.txt"
+    path.write_text("\n".join([*rows, ""]))
+    trace = read(path)
+    np.testing.assert_allclose(trace.t - trace.t[0], T - T[0], atol=1e-6)
+    np.testing.assert_allclose(trace["position_m1"], ANGLE, atol=6e-5)
+    assert roles(taken(path))["goal"] == "goal"
+    assert position in open_source(path).signals
+
+
+def test_joint_states_of_ros2_topic_echo(tmp_path: Path) -> None:
+    """Two joints, then none with a velocity. Mutations: the quantities in another order; a blank
+    for an array that is empty taken for a cell of the next."""
+    for velocities in (True, False):
+        rows = []
+        for t, q, v, u in zip(T, ANGLE, SPEED, TORQUE, strict=True):
+            ns = 1_741_089_600_000_000_000 + round(1e9 * t)
+            moves = f"{0.1 * v:.6f},{v:.6f}" if velocities else ""
+            rows.append(f"{ns // 10**9},{ns % 10**9},,a,b,{0.1 * q:.6f},{q:.6f},{moves},0,{u:.6f}")
+        path = tmp_path / "echo.csv"
+        path.write_text("\n".join([*rows, "1741089600,5,,a", ""]))
+        source = open_source(path)
+        assert ("b.velocity" in source.signals) == velocities
+        assert source.notes == ("1 lines are no joint state of these joints and are left out",)
+        found = roles(taken(path))
+        assert (found["position"], found["command"]) == ("b.position", "b.effort")
+        trace = read(path)
+        np.testing.assert_allclose(trace["position_m1"], ANGLE, atol=1e-6)
+        np.testing.assert_allclose(trace.t - trace.t[0], T - T[0], atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("start", "words"),
+    [
+        (b"(1609459200.123456) can0 201#0011223344556677\n", "candump.*DBC"),
+        (b" can0  201   [8]  00 11 22 33 44 55 66 77\n", "candump.*DBC"),
+        (b"date Thu Mar 4\nbase hex  timestamps absolute\n", "Vector.*DBC"),
+        (b"#ROSBAG V2.0\n" + bytes(99), "bag of ROS 1.*rostopic echo -p"),
+        (b"SQLite format 3\0" + bytes(99), "bag of ROS 2.*mcap convert"),
+        (b"\x80\x04\x95" + bytes(99), "pickle.*numpy.savez"),
+        (b"MDF     4.10    " + bytes(99), "asammdf"),
+        (b"\x1f\x8b\x08" + bytes(99), "gunzip"),
+        (b"version https://git-lfs.github.com/spec/v1\noid sha256:0\n", "git lfs pull"),
+    ],
+)
+def test_what_is_known_and_not_read_says_what_to_do(
+    tmp_path: Path, start: bytes, words: str
+) -> None:
+    """Mutation: the sentence of a file that is nothing known."""
+    path = tmp_path / "a.log"
+    path.write_bytes(start)
+    with pytest.raises(RecordingError, match=words):
+        open_source(path)
+
+
+def test_a_logged_word_is_no_can_log(tmp_path: Path) -> None:
+    """A header may begin as Vector's files do. Mutation: four letters are enough."""
+    path = tmp_path / "a.csv"
+    path.write_text("LOGGED,torque,angle\n" + "".join(f"{t},{u},{a}\n" for t, u, a in
+                    zip(T, TORQUE, ANGLE, strict=True)))  # fmt: skip
+    assert len(open_source(path).signals) == 3
+
+
+def test_a_speed_tells_the_rate_of_a_file_without_time(tmp_path: Path) -> None:
+    """At which it is the slope of the position, if that is a usual one. Mutations: any rate; the
+    speed left out as of another size."""
+    rate = 1.0 / float(T[1] - T[0])
+    path = table(tmp_path, {"torque": TORQUE, "angle": ANGLE, "velocity": SPEED})
+    found = taken(path)
+    assert f"no column seems to be time: {rate:g} samples a second are taken" in found.doubts[0]
+    assert "velocity" in roles(found)
+    np.testing.assert_allclose(read(path).t, T, atol=1e-9)
+    path = table(tmp_path, {"torque": TORQUE, "angle": ANGLE, "velocity": 57.3 * SPEED})
+    assert "so 1000 samples a second are assumed" in taken(path).doubts[0]
+
+
+def test_a_loop_in_counts_says_what_a_count_is_in_both_places(tmp_path: Path) -> None:
+    """The goal and the position of a servo's register. Mutations: the goal in newton metres, or in
+    radians; counts of a turn that are 2 pi taken for known."""
+    columns = {"t": T, "goal_position": np.round(2048 + 500 * LATER),
+               "present_position": np.round(2048 + 500 * ANGLE)}  # fmt: skip
+    path = table(tmp_path, columns)
+    text = taken(path).text
+    assert text.count("counts_per_rev = 6.28") == 2
+    trace = read(path)
+    assert (trace.units["command"], trace.units["position_m1"]) == ("rad", "rad")
+    np.testing.assert_allclose(trace["command"], columns["goal_position"])
+    assert unscaled([trace]) == ("", "counts")
+    few = table(tmp_path, columns | {"present_position": np.round(10 * ANGLE)})
+    assert "counts" not in roles(taken(few))["position"]
+
+
 def test_an_export_of_twincat_scope(tmp_path: Path) -> None:
     """Each channel has times of its own. Mutations: the header's numbers read as samples; all
     channels with the times of the first."""
@@ -203,9 +334,9 @@ def test_units_of_a_labview_file_with_times_of_each_channel(tmp_path: Path) -> N
 
 
 def test_a_table_without_names_says_what_to_write(tmp_path: Path) -> None:
-    """As `ros2 topic echo --csv` has it. Mutation: the sentence for columns with names."""
-    path = tmp_path / "echo.csv"
-    rows = [f"1700000000,{k},,shoulder,{a:.6f},{v:.6f},{u:.6f}" for k, (a, v, u) in
+    """Mutation: the sentence for columns with names."""
+    path = tmp_path / "bare.csv"
+    rows = [f"{0.01 * k:.2f},shoulder,{a:.6f},{v:.6f},{u:.6f}" for k, (a, v, u) in
             enumerate(zip(ANGLE, SPEED, TORQUE, strict=True))]  # fmt: skip
     path.write_text("\n".join([*rows, ""]))
     with pytest.raises(RecordingError, match=r"no line that names its columns.*write a line"):
