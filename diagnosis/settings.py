@@ -4,8 +4,8 @@ One frozen class a part of the pipeline, one field a number. Under each stand it
 comes from (derived, by convention, elicited from engineers, or tuned) and the data behind it. What
 only steers a method (rounds of a solver, a guard against rounding) stands with the method.
 
-So far those of the search are here. Those of other parts stand at the top of their modules, and
-move here when these are rebuilt.
+So far those of the search and of the verdict are here. Those of other parts stand at the top of
+their modules, and move here when these are rebuilt.
 """
 
 from dataclasses import dataclass
@@ -68,4 +68,38 @@ class Pursuit:
     rest. Tuned, as `glance`."""
 
 
-EVIDENCE, PURSUIT = Evidence(), Pursuit()
+@dataclass(frozen=True)
+class Verdict:
+    """What an answer is called, once all is known (`answer.verdict`)."""
+
+    apart: float = 5.0
+    """Sigma within which a rival cannot be told from what was found. Convention: five sigma."""
+
+    shifted: float = 5.0
+    """Sigma by which a linear parameter must differ from the device file's. Convention, as `apart`.
+    """
+
+    sure: float = 0.95
+    """Probability of a name or a richer form of it, below which it is not promised. Convention."""
+
+    left_white: float = 0.01
+    """Of the chi-square explained, that may be left beside names. Tuned, no data kept."""
+
+    left_coloured: float = 0.05
+    """As `left_white` where a horizon was asked for, and chi-square is no statistic. Tuned, no data
+    kept."""
+
+    unnamed: float = 60.0
+    """Chi-square, times the inflation of the residual, that a force without a name must gain beyond
+    1.5 for each of its unknowns. Tuned, no data kept."""
+
+    worse_force: float = 1.05
+    """Times the error of the refit, above which an answer is none: of the force that the recorded
+    motion needs. Tuned: on eight machines' pages answers have 0.2 to 0.6."""
+
+    worse_run: float = 1.5
+    """As `worse_force` of whole runs, which drift; and times the error of the device file, from
+    which a user is warned. Tuned, as `worse_force`."""
+
+
+EVIDENCE, PURSUIT, VERDICT = Evidence(), Pursuit(), Verdict()

@@ -28,7 +28,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.answer.headline import effect_in_words
+from zwidth.diagnosis.answer.words import effect_in_words
 from zwidth.diagnosis.intake.gate import COMMAND, Fault, corrected, misread, suspected
 from zwidth.diagnosis.intake.late import in_time
 from zwidth.diagnosis.intake.swapped import in_place

@@ -2,16 +2,17 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
 from fitting_examples import drive, recording
 
 from zwidth.diagnosis.answer.consequence import Worth, may_be_nothing
-from zwidth.diagnosis.answer.headline import negligible_in_words, worth_in_words
 from zwidth.diagnosis.answer.result import Estimate, Finding, Verdict
-from zwidth.diagnosis.answer.verdict import Left, ends_badly, judged
+from zwidth.diagnosis.answer.stands import ends_badly
+from zwidth.diagnosis.answer.verdict import Facts, Left
+from zwidth.diagnosis.answer.words import negligible_in_words, why, worth_in_words
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.selection.effort import QUICK
@@ -120,10 +121,6 @@ def test_a_fit_that_ended_badly() -> None:
 
 
 def test_such_a_fit_is_no_answer() -> None:
-    found = cast("Any", SimpleNamespace(
-        refit=SimpleNamespace(chi2=2.0), final=SimpleNamespace(chi2=1.0),
-        problem=SimpleNamespace(observer=SimpleNamespace(whitening=1)),
-    ))  # fmt: skip
-    verdict, said = judged(found, (finding(0.01, 0.02),), {}, Left(0.0, ""), None, bad="it is far")
-    assert verdict is Verdict.UNKNOWN_PHYSICS
-    assert said == "coulomb_friction at m1 would fit best, but is not acceptable: it is far"
+    facts = Facts((finding(0.01, 0.02),), {}, Left(0.0, ""), bad="it is far")
+    assert facts.verdict is Verdict.UNKNOWN_PHYSICS
+    assert why(facts) == "it is far"

@@ -7,21 +7,26 @@ import pytest
 from physics_examples import example
 
 from tests.diagnosis_examples import OUTPUTS, phantom, record
-from zwidth.diagnosis.answer.augmented import augmented, free_run, scenario_of
+from zwidth.controllers.recorded import recorded
+from zwidth.diagnosis.answer.augmented import augmented
 from zwidth.diagnosis.intake.hold import smooth
-from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.noise.predictor import free_run_errors, observer_near
+from zwidth.diagnosis.model.parameters import Model, delivered
+from zwidth.diagnosis.noise.predictor import free_run_errors, observer_memory, observer_near
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.diagnosis.seeking.places import ELSEWHERE
 from zwidth.diagnosis.seeking.sizes import sizes_of
 from zwidth.exam.perfect import as_seen
+from zwidth.scenarios.scenario import Scenario
 from zwidth.scenarios.scenario_file import scenario_from_text, scenario_to_text
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import device_from_text, device_to_text, model_hash
+from zwidth.sim.equations import equations
 from zwidth.sim.interface import Interface
 from zwidth.sim.physics import EFFECTS as ALL_EFFECTS
 from zwidth.sim.physics import effect_named, make_physics
 from zwidth.sim.place import label_of, of_label, place_at
+from zwidth.sim.predict import alone
+from zwidth.sim.run import Start
 from zwidth.sim.uncertainty import Uncertainty
 
 SUBSTEPS = 4
@@ -73,6 +78,61 @@ def apart(model: Model) -> np.ndarray:
     """An x off the file in all but the skew, which is of the readings and no device's."""
     each = zip(model.linear, np.linspace(0.5, 1.5, model.linear_count), strict=True)
     return np.array([0.0 if p.kind == "skew" else off for p, off in each])
+
+
+def free_run(model: Model, x: np.ndarray, taken: Experiment, substeps: int) -> np.ndarray:
+    """Return what a fit predicts of a recording from its first sample on, never corrected.
+
+    (ticks, outputs), positions as they were recorded. taken: the recording as the diagnosis takes
+    it, with where it begins; substeps a tick.
+    """
+    device, seen = taken.on(model.acting(x)), model.seen(taken, x)
+    eq = equations(device, substeps)
+    none = np.zeros((eq.states, len(seen.outputs)))
+    silent = np.zeros(seen.measured.shape)
+    outputs = seen.places(eq)
+    errors = alone(
+        eq, eq, outputs, seen.command, silent, none, seen.external(eq.dof),
+        observer_memory(eq, seen), seen.strengths,
+    )  # fmt: skip
+    positions = np.array([o.tells_position for o in seen.outputs])
+    known = model.nominal.interface.position_origin
+    return -errors + known * positions + model.reads(model.there(x, taken)).offsets(taken)
+
+
+def scenario_of(
+    device: Device,
+    model: Model,
+    x: np.ndarray,
+    recording: Experiment,
+    taken: Experiment,
+    substeps: int,
+) -> Scenario:
+    """Return the scenario in which a saved device does what the fit does freely.
+
+    recording: with the command as it was recorded, in SI; taken: as the diagnosis takes it.
+    """
+    eq = equations(taken.on(model.acting(x)), substeps)
+    state = observer_memory(eq, model.seen(taken, x)).x
+    own = eq.dof - eq.followers.shape[0]
+    positions = state[:own] + _origin(model, x, taken.swing)
+    start = Start(positions.tolist(), state[eq.dof : eq.dof + own].tolist())
+    command = recording.command
+    if taken.dropped is not None and model.has("dropped_samples"):
+        command = delivered(command, taken.dropped)
+        device = device.without_physics("dropped_samples")
+    return Scenario(
+        taken.on(device),
+        recorded(command),
+        recording.ticks * recording.period,
+        start,
+        substeps=substeps,
+    )
+
+
+def _origin(model: Model, x: np.ndarray, swing: float) -> float:
+    known = model.nominal.interface.position_origin
+    return known + model.reads(x).origin * swing
 
 
 def runs_alike(

@@ -10,7 +10,7 @@ from scipy.stats import binomtest
 from tests.diagnosis_examples import ENCODER_NOISE, FORCE_NOISE, OUTPUTS, phantom, record
 from zwidth.controllers.excitation import noise, random_steps
 from zwidth.controllers.recorded import recorded
-from zwidth.diagnosis.answer.lost import knowing_losses
+from zwidth.diagnosis.answer.stands import knowing_losses
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.forces.leftover import leftover
 from zwidth.diagnosis.intake.gate import encoder_step_seen

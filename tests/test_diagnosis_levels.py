@@ -7,10 +7,10 @@ import pytest
 from numpy.typing import NDArray
 
 from zwidth.controllers.recorded import recorded
-from zwidth.diagnosis.answer.headline import Answer, headline
 from zwidth.diagnosis.answer.levels import NextLevel, one_level
-from zwidth.diagnosis.answer.result import Diagnosis, Verdict
-from zwidth.diagnosis.answer.verdict import Left
+from zwidth.diagnosis.answer.result import Diagnosis, HeldOut, Verdict
+from zwidth.diagnosis.answer.verdict import Facts, Left
+from zwidth.diagnosis.answer.words import headline
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.diagnosis.selection.effort import QUICK
@@ -104,18 +104,19 @@ def test_an_answer_that_errs_more_than_its_rivals_differ_promises_no_name() -> N
     and is that of a load as well at one level, is undecided then).
     """
     level = NextLevel(2.0, "N", 0.3, 0.087, 0.003)
-    assert level.undecides(0.04, 0.001)
-    assert not level.undecides(0.04, 0.035)
-    assert not level.undecides(0.002, 0.0)
-    assert not level.undecides(0.1, 0.0)
-    assert not level.undecides(float("nan"), 0.0)
     found = answer(LEVEL)
+
+    def facts(error: float, noise: float) -> Facts:
+        free = HeldOut(1.0, 1.0, error, noise)
+        return Facts(found.findings, {}, Left(0.0, ""), None, found.adequacy, free, level=level)
+
+    assert facts(0.04, 0.001).undecided_by_level
+    assert not facts(0.04, 0.035).undecided_by_level
+    assert not facts(0.002, 0.0).undecided_by_level
+    assert not facts(0.1, 0.0).undecided_by_level
+    assert not facts(float("nan"), 0.0).undecided_by_level
     assert found.verdict is Verdict.CONFUSABLE
-    said = headline(
-        Answer(
-            Verdict.UNDECIDED, found.findings, {}, (), 1, Left(0.0, ""), None, None,
-            found.free_run, record=level.advice,
-        )
-    )  # fmt: skip
+    assert facts(0.04, 0.001).verdict is Verdict.UNDECIDED
+    said = headline(facts(0.04, 0.001))
     assert said.startswith("Undecided: Coulomb friction of")
     assert said.endswith("and so would others: record the same at 600 mN (0.3 times)")

@@ -57,7 +57,7 @@ at = "m1"
 """
 
 
-AUGMENTED = "zwidth.diagnosis.answer.augmented_boundary.augmented_boundary"
+AUGMENTED = "zwidth.stability.augmented_boundary.augmented_boundary"
 
 
 class Bug(ValueError):
@@ -169,7 +169,7 @@ def answered(line: list[str], status: int) -> dict[str, Any]:
         ("adequacy", "stands.adequacy", Verdict.UNDECIDED),
         ("locate", "answered.locate", Verdict.CONFUSABLE),
         ("intervals", "findings.standard_errors", Verdict.CONFUSABLE),
-        ("augmented device", "answered._augmented", Verdict.CONFUSABLE),
+        ("augmented device", "answered.improved", Verdict.CONFUSABLE),
     ],
 )
 def test_an_error_after_the_search_costs_its_stage_alone(
@@ -348,7 +348,7 @@ def test_one_recording_of_several_that_fails_costs_itself_alone(
     ("stage", "where", "status"),
     [
         ("next experiment", "planning.separating.separating", 0),
-        ("boundary", "diagnosis.answer.augmented_boundary.augmented_boundary", 0),
+        ("boundary", "stability.augmented_boundary.augmented_boundary", 0),
         ("picture", "figures.diagnosis.force_map_figure", 0),
         ("picture", "figures.diagnosis.residual_figure", 0),
         ("picture", "figures.augmented_boundary.augmented_boundary_figure", 0),
@@ -385,7 +385,7 @@ def test_an_error_in_what_follows_leaves_all_other_files(
 
 
 def _no_boundary(*_: Any) -> Any:
-    from zwidth.diagnosis.answer.augmented_boundary import AugmentedBoundary
+    from zwidth.stability.augmented_boundary import AugmentedBoundary
 
     return AugmentedBoundary((), (), (), 1e-3, True, 0.0, "it stays")
 

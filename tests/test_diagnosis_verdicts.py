@@ -28,10 +28,14 @@ from zwidth.diagnosis.answer.result import (
     HeldOut,
     Verdict,
 )
-from zwidth.diagnosis.answer.second_look import named_only_whole, on_first_part, second_look
-from zwidth.diagnosis.answer.stands import standing
-from zwidth.diagnosis.answer.verdict import Left
-from zwidth.diagnosis.answer.verdict import judged as said_of
+from zwidth.diagnosis.answer.stands import (
+    named_only_whole,
+    on_first_part,
+    second_look,
+    standing,
+)
+from zwidth.diagnosis.answer.verdict import Facts, Left
+from zwidth.diagnosis.answer.words import why
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.intake.gate import encoder_step_seen, examine
 from zwidth.diagnosis.intake.take_in import Taken
@@ -266,26 +270,24 @@ def test_no_name_is_promised_beside_disturbances_that_do_a_fifth_of_the_motion()
 
     Mutation that breaks it: the noise floor not taken off.
     """
-    model = Model(phantom())
-    h = settled(judged([record(phantom(), 1.0)], model, np.zeros(model.linear_count)))
-    found = as_found(phantom(), Search(h, h, QUICK, silent))
     named = (Finding("extra_mode", "m1", {}, 39.0, ()),)
     sound = Adequacy((Ahead(0.5, 1.0, 1.0, 2.0, 0.1, 0.5),), 0.5, 5.0, True, 40)
 
-    def said(free: HeldOut) -> tuple[Verdict, str]:
-        return said_of(found, named, {}, Left(0.0, ""), None, sound, free)
+    def of(free: HeldOut) -> Facts:
+        return Facts(named, {}, Left(0.0, ""), None, sound, free)
 
-    verdict, words = said(HeldOut(0.32, 0.43, 0.19, 0.007))
-    assert verdict is Verdict.UNKNOWN_PHYSICS
-    assert "error of 19 % of the motion" in words
-    assert "43 % without" in words
-    assert said(HeldOut(0.32, 0.43, 0.19, 0.18))[0] is Verdict.IDENTIFIED
-    assert said(HeldOut(0.32, 0.43, 0.767, 0.757))[0] is Verdict.IDENTIFIED  # a mass that stood
-    assert said(HeldOut(0.32, 0.43, 0.02, 0.007))[0] is Verdict.IDENTIFIED
-    assert said(UNKNOWN_FIT)[0] is Verdict.IDENTIFIED
-    unjudged, words = said_of(found, named, {}, Left(0.0, ""), None, None, UNKNOWN_FIT)
-    assert unjudged is Verdict.UNDECIDED  # whatever was found, nothing has judged it
-    assert "too little was held out" in words
+    far = of(HeldOut(0.32, 0.43, 0.19, 0.007))
+    assert far.verdict is Verdict.UNKNOWN_PHYSICS
+    assert "error of 19 % of the motion" in why(far)
+    assert "43 % without" in why(far)
+    assert of(HeldOut(0.32, 0.43, 0.19, 0.18)).verdict is Verdict.IDENTIFIED
+    stood = of(HeldOut(0.32, 0.43, 0.767, 0.757))  # a mass that stood
+    assert stood.verdict is Verdict.IDENTIFIED
+    assert of(HeldOut(0.32, 0.43, 0.02, 0.007)).verdict is Verdict.IDENTIFIED
+    assert of(UNKNOWN_FIT).verdict is Verdict.IDENTIFIED
+    unjudged = replace(of(UNKNOWN_FIT), sound=None)
+    assert unjudged.verdict is Verdict.UNDECIDED  # whatever was found, nothing has judged it
+    assert "too little was held out" in why(unjudged)
 
 
 @pytest.mark.parametrize("at_once", [True, False])
@@ -313,21 +315,18 @@ def test_an_interrupted_second_look_is_said(at_once: bool):
     assert (same, note) == (left, None)
 
 
-def test_nothing_missing_is_no_promise_where_free_runs_err(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_nothing_missing_is_no_promise_where_free_runs_err() -> None:
     """A rig of five masses had free runs that erred 42 % of the motion, and nothing believed.
 
     Mutation: `wander` asked of findings alone.
     """
-    monkeypatch.setattr("zwidth.diagnosis.answer.verdict.matters", lambda *_: False)
-    found = cast("Searched", None)  # which nothing but `matters` asks
-    far, near = HeldOut(0.6, 0.42, 0.42, 0.04), HeldOut(0.6, 0.05, 0.05, 0.04)
-    verdict, words = said_of(found, (), {}, Left(0.0, ""), None, None, far)
-    assert verdict is Verdict.UNDECIDED
-    assert "42 % of the motion" in words
-    verdict, _ = said_of(found, (), {}, Left(0.0, ""), None, None, near)
-    assert verdict is Verdict.NOTHING_MISSING
+    far, near = (
+        Facts((), {}, Left(0.0, ""), free=HeldOut(0.6, after, after, 0.04))
+        for after in (0.42, 0.05)
+    )
+    assert far.verdict is Verdict.UNDECIDED
+    assert "42 % of the motion" in why(far)
+    assert near.verdict is Verdict.NOTHING_MISSING
 
 
 def test_where_held_out_data_refuse_what_is_believed_most_the_next_is_asked(

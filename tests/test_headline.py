@@ -2,18 +2,19 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
+from zwidth.diagnose_files import may_render
 from zwidth.diagnosis.answer.adequacy import Adequacy, Ahead
-from zwidth.diagnosis.answer.augmented_boundary import may_render
-from zwidth.diagnosis.answer.cautions import cautions
-from zwidth.diagnosis.answer.headline import SAYINGS, Answer, headline, in_words
-from zwidth.diagnosis.answer.result import Estimate, Finding, HeldOut, Rival, Verdict
-from zwidth.diagnosis.answer.verdict import Left, told_from_chance, too_disturbed
-from zwidth.diagnosis.answer.where import where
+from zwidth.diagnosis.answer.levels import NextLevel
+from zwidth.diagnosis.answer.result import Estimate, Finding, Held, HeldOut, Rival, Verdict
+from zwidth.diagnosis.answer.verdict import Facts, Left, Reason, reason
 from zwidth.diagnosis.answer.whole_run import WholeRun
+from zwidth.diagnosis.answer.words import SAYINGS, cautions, headline, in_words, where, why
 from zwidth.diagnosis.forces.locate import ForceMap, Located
 from zwidth.diagnosis.forces.unknown import Instead
 from zwidth.diagnosis.intake.gate import misread
@@ -30,17 +31,20 @@ FRICTION = Finding(
 BAND = Rival("dead_band", "command", 3.0, 0.3)
 GOOD = HeldOut(3.0, 0.7, 0.03, 0.02)
 SOUND = Adequacy((Ahead(0.5, 0.01, 0.01, 0.02, 0.0, 0.1),), 0.95, 9.0, True, 9)
+NOTHING = Left(0.0, "")
+FORCE = Left(90.0, "a force at m1 that follows time")
+WEAK = replace(SOUND, ahead=(Ahead(0.5, 0.06, 0.01, 0.02, 0.0, 0.1),))
 MOTOR = Device("motor", "", True, make_chain([1e-3], [6e-3]), Interface(period=0.001))
 
 
-def answer(verdict: Verdict, *findings: Finding, masses: int = 1) -> Answer:
-    left = Left(90.0, "a force at m1 that follows time")
-    return Answer(verdict, findings, {}, (), masses, left, None, SOUND, GOOD)
+def answer(*findings: Finding, **facts: Any) -> Facts:
+    known: dict[str, Any] = {"sound": SOUND, "free": GOOD, **facts}
+    return Facts(findings, known.pop("refit", {}), known.pop("left", NOTHING), **known)
 
 
 def test_what_was_found_in_the_words_of_an_engineer():
     """Breaks where the verdict or the name of a file is the heading."""
-    found = answer(Verdict.IDENTIFIED, FRICTION)
+    found = answer(FRICTION)
     missing = "Coulomb friction of 30.1 mN m (29.7 to 30.5) at the motor is missing"
     assert headline(found) == f"{missing} from the simulation"
     assert " at the motor (m1) is missing" in headline(replace(found, masses=3))
@@ -48,25 +52,25 @@ def test_what_was_found_in_the_words_of_an_engineer():
 
 def test_rivals_that_cannot_be_told_apart_stand_in_the_headline():
     """Breaks where a rival within five sigma is left for the table."""
-    found = answer(Verdict.CONFUSABLE, replace(FRICTION, rivals=(BAND,)))
+    found = answer(replace(FRICTION, rivals=(BAND,)))
     assert headline(found) == (
         "Coulomb friction of 30.1 mN m (29.7 to 30.5) at the motor, or dead band in the command:"
         " this recording cannot tell which is missing"
     )
-    unsure = answer(Verdict.CONFUSABLE, replace(FRICTION, probability=0.41, with_richer=0.53))
+    unsure = answer(replace(FRICTION, probability=0.41, with_richer=0.53))
     assert headline(unsure).endswith("may be missing: the probability is only 53 %")
 
 
 def test_unknown_physics_says_how_far_the_names_go():
     """Breaks where a name that explains nothing is given its value in the headline."""
-    found = answer(Verdict.UNKNOWN_PHYSICS, FRICTION)
+    found = answer(FRICTION, left=FORCE)
     assert headline(found).endswith("; these effects explain 95 % of the error")
     assert "and something else that has no name in the library" in headline(found)
     poor = replace(found, sound=replace(SOUND, explained=0.04))
     assert headline(poor).endswith(
         "the nearest effects (Coulomb friction) explain 4 % of the error"
     )
-    bare = answer(Verdict.UNKNOWN_PHYSICS)
+    bare = answer(left=FORCE)
     assert "a force at m1 that follows time" in headline(bare)
     other = Instead(300.0, 9, "m1", "repeats every 6.3 rad", "force_ripple at m1")
     assert "a force at the motor that repeats every 6.3 rad" in headline(
@@ -80,7 +84,7 @@ def test_no_physics_but_a_parameter_says_which_and_by_how_much():
         "m1": (1.2e-3, Estimate(1.56e-3, 1.55e-3, 1.57e-3, "kg m2")),
         "b1": (6e-3, Estimate(6.0e-3, 5.9e-3, 6.1e-3, "N m s/rad")),
     }
-    found = replace(answer(Verdict.LINEAR_PARAMETERS), refit=refit)
+    found = answer(refit=refit)
     assert headline(found) == (
         "No physics is missing, but the inertia m1 is 0.001560 kg m2 (0.001550 to 0.001570), 30 %"
         " above the device file's"
@@ -105,27 +109,62 @@ def test_a_fault_of_the_recording_comes_first(channels: tuple[str, ...], factor:
     """
     e = Experiment(0.001, np.zeros(9), np.zeros((9, 1)), (Output("position", 0),), "run")
     fault = misread(e, channels, factor)
-    assert said in headline(replace(answer(Verdict.NOTHING_MISSING), faults=(fault,)))
-    both = headline(replace(answer(Verdict.IDENTIFIED, FRICTION), faults=(fault,)))
+    assert said in headline(answer(faults=(fault,)))
+    both = headline(answer(FRICTION, faults=(fault,)))
     assert said in both
     assert "; with that corrected, Coulomb friction of 30.1 mN m" in both
 
 
 def test_nothing_and_undecided():
     """Breaks where an error is told as an answer."""
-    assert headline(answer(Verdict.NOTHING_MISSING)).startswith("Nothing is missing")
-    lost = replace(answer(Verdict.UNDECIDED, FRICTION), lost="a part of the search")
+    assert headline(answer()).startswith("Nothing is missing")
+    lost = answer(FRICTION, lost="a part of the search")
     assert headline(lost) == "Undecided: an error left out a part of the search"
-    away = replace(answer(Verdict.UNDECIDED), free=HeldOut(math.inf, math.inf, math.inf, 0.01))
+    away = answer(free=HeldOut(math.inf, math.inf, math.inf, 0.01))
     assert "without bound" in headline(away)
 
 
 def test_no_infinity_in_what_is_said():
     """Breaks where a free run that runs away is told in percent."""
     away = HeldOut(math.inf, math.inf, math.inf, 0.01)
-    said = [told_from_chance(away), too_disturbed((FRICTION,), away)]
-    said += cautions((FRICTION,), away, SOUND, ())
+    said = [why(answer(free=away)), why(answer(FRICTION, free=away))]
+    said += cautions((FRICTION,), away, ())
     assert not any("inf" in text.replace("information", "") for text in said)
+
+
+def test_a_reason_decides_and_the_first_counts():
+    """Breaks where two of the list change places, or one is not asked."""
+    fails = replace(FRICTION, regimes=(Held("forwards", "backwards", -9.0, True),))
+    law = cast("Any", SimpleNamespace(curve=SimpleNamespace(replaced=())))
+    other = Instead(300.0, 9, "m1", "repeats every 6.3 rad", "force_ripple at m1")
+    stray, level = HeldOut(3.0, 0.7, 0.4, 0.02), NextLevel(1.0, "N", 0.5, 0.1, 0.001)
+    rival = replace(FRICTION, rivals=(BAND,), with_richer=0.5)
+    moved = {"m1": (1.0, Estimate(2.0, 1.9, 2.1, "kg"))}
+    every = {
+        Reason.LOST: answer(FRICTION, lost="x", instead=True),
+        Reason.ONE_LAW: answer(FRICTION, instead=True, other=other),
+        Reason.OTHER: answer(FRICTION, other=other, left=FORCE),
+        Reason.LEFT: answer(FRICTION, left=FORCE, sound=WEAK),
+        Reason.INADEQUATE: answer(FRICTION, sound=WEAK, bad="far"),
+        Reason.BAD: answer(fails, bad="far"),
+        Reason.ONE_REGIME: answer(fails, free=stray),
+        Reason.DISTURBED: answer(FRICTION, free=stray, sound=None),
+        Reason.UNJUDGED: answer(FRICTION, sound=None, level=level),
+        Reason.ONE_LEVEL: answer(rival, level=level, free=replace(GOOD, noise_floor=0.0)),
+        Reason.RIVALS: answer(rival),
+        Reason.IMPROBABLE: answer(replace(FRICTION, with_richer=0.94)),
+        Reason.NAMED: answer(FRICTION, left=replace(FORCE, beside=91.0), refit=moved),
+        Reason.LAW: answer(free=stray, law=law),
+        Reason.STRAY: answer(free=stray, refit=moved),
+        Reason.LINEAR: answer(refit=moved),
+        Reason.NOTHING: answer(sound=replace(SOUND, better=0.0), bad="far"),
+    }
+    assert list(every) == list(Reason)
+    assert [reason(facts) for facts in every.values()] == list(Reason)
+    assert answer(sound=WEAK).verdict is Verdict.UNKNOWN_PHYSICS
+    assert answer(FRICTION, sound=replace(SOUND, better=0.5)).verdict is Verdict.UNKNOWN_PHYSICS
+    assert all(why(facts) for because, facts in every.items() if facts.law is None
+               and because is not Reason.ONE_LAW)  # fmt: skip
 
 
 def test_every_effect_has_words_and_its_size():
@@ -154,39 +193,30 @@ def force_map(place: str, against: str, gained: float = 900.0) -> ForceMap:
     return ForceMap(place, against, edges, -np.sign(middle), np.full(8, 0.1), gained)
 
 
-def test_where_agrees_with_the_finding_or_says_why_not():
+def test_where_says_what_the_map_shows():
     """And says nothing of a state that lies where the time is.
 
     Breaks where "55 % lies elsewhere (55 % of the time)" is said.
     """
-    agrees = where(held(force_map("m1", "velocity"), 0.9), (FRICTION,), 1)
+    agrees = where(held(force_map("m1", "velocity"), 0.9), 1)
     assert agrees.startswith(
         "90 % of the prediction error of the refitted device lies within 12 ms"
     )
-    assert agrees.endswith("would explain most of it, as the Coulomb friction there does")
-    even = where(held(force_map("m1", "velocity"), 0.55), (FRICTION,), 1)
-    assert even.startswith("a force at the motor that follows the velocity, against the motion,")
-    elsewhere = where(held(force_map("m2", "velocity"), 0.5), (FRICTION,), 3)
-    assert "the Coulomb friction was nevertheless found at the motor (m1)" in elsewhere
-    timed = where(held(force_map("m1", "time"), 0.5), (FRICTION,), 1)
-    assert "is not a force that changes with time alone" in timed
-    quiet = where(held(force_map("m1", "velocity", 9.0), 0.5), (), 1)
+    even = where(held(force_map("m1", "velocity"), 0.55), 1)
+    assert even == (
+        "of forces that follow one state, one at the motor that follows the velocity, against the"
+        " motion, explains most of it"
+    )
+    assert "changes with time" in where(held(force_map("m1", "time"), 0.5), 1)
+    quiet = where(held(force_map("m1", "velocity", 9.0), 0.5), 1)
     assert quiet.endswith("stands out from the noise")
 
 
-def test_a_red_line_where_free_runs_stray():
-    """Far above noise, or worse than the device file; breaks where these are left for a table."""
-    assert cautions((FRICTION,), GOOD, SOUND, ()) == ()
-    (stray,) = cautions((FRICTION,), replace(GOOD, after=0.4), SOUND, ())
-    assert (
-        "still have an error of 40 % of the motion, where measurement noise alone would cause 2 %"
-        in stray
-    )
-    (worse,) = cautions((FRICTION,), replace(GOOD, before=0.2, after=0.4), SOUND, ())
+def test_a_warning_where_an_answer_makes_a_simulation_worse():
+    """Breaks where this is left for a table."""
+    assert cautions((FRICTION,), GOOD, ()) == []
+    (worse,) = cautions((FRICTION,), replace(GOOD, before=0.2, after=0.4), ())
     assert "more than with the device file as it is (20 %)" in worse
-    far = replace(SOUND, ahead=(Ahead(0.5, 0.06, 0.01, 0.02, 0.0, 0.1),))
-    (noise,) = cautions((FRICTION,), GOOD, far, ())
-    assert noise == "the error of free runs over 500 ms is 6 times what their own noise would cause"
 
 
 def whole(before: float, after: float) -> WholeRun:
@@ -197,9 +227,9 @@ def whole(before: float, after: float) -> WholeRun:
 
 def test_a_whole_run_that_is_worse_is_said():
     """Breaks where only windows of half a second are judged."""
-    (said,) = cautions((FRICTION,), GOOD, SOUND, (whole(1e-4, 3e-4),))
+    (said,) = cautions((FRICTION,), GOOD, (whole(1e-4, 3e-4),))
     assert said.startswith("over the whole run the error of the position of m1 in swing is 300")
-    assert cautions((FRICTION,), GOOD, SOUND, (whole(3e-4, 1e-4),)) == ()
+    assert cautions((FRICTION,), GOOD, (whole(3e-4, 1e-4),)) == []
 
 
 def test_the_first_picture_shows_before_and_after_with_their_errors():

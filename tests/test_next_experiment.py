@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from tests.diagnosis_examples import phantom
-from zwidth.diagnosis.answer.augmented_boundary import augmented_boundary, critical
 from zwidth.diagnosis.answer.diagnosis_log import diagnosis_trace, missing_force
 from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.model.parameters import Model
@@ -27,6 +26,7 @@ from zwidth.sim.device import Device
 from zwidth.sim.interface import Interface
 from zwidth.sim.physics import make_physics
 from zwidth.sim.plant import hold
+from zwidth.stability.augmented_boundary import augmented_boundary, critical
 
 MASS = Device("mass", "", True, make_chain([1e-3], [5e-3]), Interface(period=0.001, delay=0.002))
 SEEN = Noise(1e-3, 1e-5)

@@ -14,8 +14,8 @@ import numpy as np
 
 from zwidth.console import Column, Console, announce
 from zwidth.diagnosis.answer.diagnosis_log import diagnosis_trace
-from zwidth.diagnosis.answer.headline import negligible_in_words, worth_in_words
 from zwidth.diagnosis.answer.result import Diagnosis, NotDiagnosed, Verdict
+from zwidth.diagnosis.answer.words import negligible_in_words, worth_in_words
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.mishaps import Mishaps, attempt, collecting, isolated
 from zwidth.diagnosis.recording.experiment import Experiment, stretches
@@ -51,7 +51,7 @@ from zwidth.sim.readable import counted_in, number, percent
 from zwidth.sim.trace import Trace
 
 if TYPE_CHECKING:
-    from zwidth.diagnosis.answer.augmented_boundary import AugmentedBoundary
+    from zwidth.stability.augmented_boundary import AugmentedBoundary
 
 # What is written beside the logs: NAME.diagnosis.html, ...
 WHEN = ("before", "refit", "after")
@@ -312,11 +312,24 @@ def _distinct(stems: Sequence[str]) -> list[str]:
     return names
 
 
+def may_render(device: Device, experiments: Sequence[Experiment]) -> bool:
+    """Whether a rig may render a virtual wall at all.
+
+    A wall needs a loop of 200 Hz at least, a force that is commanded and not made by a
+    servo's own loop or prescribed as a motion, and the position of the mass that it acts on.
+    """
+    asked = [e.command for e in experiments if e.pushed is None]
+    driven = any(np.ptp(command) > 0.0 for command in asked)
+    sees = any(o.quantity == "position" and o.mass == 0 for e in experiments for o in e.outputs)
+    servo = any(p.effect.sought == "given" for p in device.physics)
+    return driven and sees and not servo and device.interface.period <= 0.005
+
+
 def _boundary(asked: Asked, found: Diagnosis) -> "AugmentedBoundary | None":
     """The stiffest wall before and after; None where nothing was found or there is no such wall."""
     if not found.findings or asked.wall is False:
         return None
-    from zwidth.diagnosis.answer.augmented_boundary import augmented_boundary, may_render
+    from zwidth.stability.augmented_boundary import augmented_boundary
 
     console, device = asked.console, asked.device
     renders = may_render(device, found.experiments) if asked.wall is None else asked.wall
@@ -416,8 +429,7 @@ def _say(console: Console, found: Diagnosis, assumed: Sequence[str]) -> None:
         console.warn(caution)
     console.say(f"{verdict_line(found)}\n")
     for fault in found.faults:
-        if fault.sentence not in found.sentence:
-            console.say(fault.sentence)
+        console.say(fault.sentence)
     console.say(found.located.sentence)
     rows = [
         [

@@ -9,13 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from zwidth.diagnosis.answer.friction_curve import friction_curve
-from zwidth.diagnosis.answer.headline import (
-    effect_in_words,
-    negligible_in_words,
-    parameter_in_words,
-    place_in_words,
-    worth_in_words,
-)
 from zwidth.diagnosis.answer.result import (
     Diagnosis,
     Estimate,
@@ -26,6 +19,13 @@ from zwidth.diagnosis.answer.result import (
     Verdict,
 )
 from zwidth.diagnosis.answer.whole_run import WholeRun
+from zwidth.diagnosis.answer.words import (
+    effect_in_words,
+    negligible_in_words,
+    parameter_in_words,
+    place_in_words,
+    worth_in_words,
+)
 from zwidth.diagnosis.forces.locate import densest
 from zwidth.diagnosis.intake.units import unit_of
 from zwidth.diagnosis.mishaps import collecting, isolated, silent
@@ -39,7 +39,7 @@ from zwidth.sim.readable import interval, most, number, of_the_motion, percent, 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from zwidth.diagnosis.answer.augmented_boundary import AugmentedBoundary
+    from zwidth.stability.augmented_boundary import AugmentedBoundary
 
 WORDS = {
     "nothing_missing": "Nothing missing",

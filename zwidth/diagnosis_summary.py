@@ -2,8 +2,8 @@
 
 import math
 
-from zwidth.diagnosis.answer.headline import effect_in_words, place_in_words
 from zwidth.diagnosis.answer.result import Diagnosis, HeldOut, NextExperiment, Verdict
+from zwidth.diagnosis.answer.words import effect_in_words, place_in_words
 from zwidth.sim.place import place_at
 from zwidth.sim.readable import most, of_the_motion, percent, plain
 

@@ -198,14 +198,17 @@ def adequacy(
 def wander(error: float, floor: float) -> bool:
     """Whether free runs err too far beyond the noise of readings for a promise; not where unknown.
 
-    By a tenth of the motion, and by more than that noise is, which is not known to a percent. Both
-    over the motion.
+    By a tenth of the motion, and by more than that noise is. Both over the motion.
 
     A noise model of slow forces foretells any error of free runs as chance, also one that physics
     of no library makes: an answer is adequate then, and promises nothing all the same.
     """
-    beyond = error**2 - floor**2
-    return beyond > max(TAKEN_FOR_CHANCE**2, 0.5 * error**2)
+    return beyond_noise(error, floor) and error**2 - floor**2 > TAKEN_FOR_CHANCE**2
+
+
+def beyond_noise(error: float, floor: float) -> bool:
+    """Whether more than half of an error's square is something else than the noise of readings."""
+    return error**2 > 2.0 * floor**2
 
 
 def wandering(final: Fitted, observer: Observer, experiments: Sequence[Experiment]) -> bool:

@@ -9,28 +9,23 @@ Readings that are taken before their commands act (a negative skew) are a delay 
 the device's too. Limits: readings that are taken after it have no place in a device, in which a
 command follows from its reading; nor has by how much commands arrive early or late on average
 (jitter), which is a way to read a velocity and no motion. Which commands were lost is of the
-recording: a device has their rate; `scenario_of` plays those that arrived. In several recordings of
-which some had smooth commands, the device says so where all did. A simulation's drive is on and at
+recording: a device has their rate. In several recordings of which some had smooth commands, the
+device says so where all did. A simulation's drive is on and at
 its nominal supply at all times: a recording in which it was not is no scenario. What limits the
 rate of a command lets a recording begin where it is, and a simulation at zero.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.controllers.recorded import recorded
-from zwidth.diagnosis.intake.gate import Fault
-from zwidth.diagnosis.model.parameters import Model, delivered
-from zwidth.diagnosis.noise.predictor import observer_memory
-from zwidth.diagnosis.recording.experiment import Experiment
-from zwidth.scenarios.scenario import Scenario
+from zwidth.diagnosis.answer.result import Estimate, Finding
+from zwidth.diagnosis.intake.take_in import Taken
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.selection.searched import Searched
 from zwidth.sim.device import Device
-from zwidth.sim.equations import equations
 from zwidth.sim.physics import make_physics
-from zwidth.sim.predict import alone
-from zwidth.sim.run import Start
 
 Floats = NDArray[np.float64]
 
@@ -65,57 +60,24 @@ def augmented(
     return device
 
 
-def free_run(model: Model, x: Floats, taken: Experiment, substeps: int) -> Floats:
-    """Return what a fit predicts of a recording from its first sample on, never corrected.
+def improved(
+    taken: Taken,
+    found: Searched,
+    refit: Mapping[str, tuple[float, Estimate]],
+    findings: Sequence[Finding],
+) -> Device:
+    """Return the device of an answer, with all that was found and how recordings are read.
 
-    (ticks, outputs), positions as they were recorded. taken: the recording as the diagnosis takes
-    it, with where it begins; substeps a tick.
+    Readings that are taken before commands act delay it, where that is told from nothing.
     """
-    device, seen = taken.on(model.acting(x)), model.seen(taken, x)
-    eq = equations(device, substeps)
-    none = np.zeros((eq.states, len(seen.outputs)))
-    silent = np.zeros(seen.measured.shape)
-    outputs = seen.places(eq)
-    errors = alone(
-        eq, eq, outputs, seen.command, silent, none, seen.external(eq.dof),
-        observer_memory(eq, seen), seen.strengths,
+    model = found.final.model
+    _, skew = refit.get("skew", (0.0, Estimate(0.0, 0.0, 0.0)))
+    steps = [f for f in findings if f.effect == "encoder_step" and not model.has(f.effect)]
+    smooth = [fault for fault in taken.faults if fault.kind == "smooth_command"]
+    return augmented(
+        model, found.final.x, taken.whole[0].swing,
+        smooth=len(smooth) >= len(taken.whole) > 0,
+        folded=any(f.effect == "rectified_sensor" for f in findings),
+        encoder_step=max((f.parameters["step"].value for f in steps), default=0.0),
+        early=-skew.value if skew.upper < 0.0 else 0.0,
     )  # fmt: skip
-    positions = np.array([o.tells_position for o in seen.outputs])
-    known = model.nominal.interface.position_origin
-    return -errors + known * positions + model.reads(model.there(x, taken)).offsets(taken)
-
-
-def scenario_of(
-    device: Device, model: Model, x: Floats, recording: Experiment, taken: Experiment, substeps: int
-) -> Scenario:
-    """Return the scenario in which a saved device does what the fit does freely.
-
-    recording: with the command as it was recorded, in SI; taken: as the diagnosis takes it.
-    """
-    eq = equations(taken.on(model.acting(x)), substeps)
-    state = observer_memory(eq, model.seen(taken, x)).x
-    own = eq.dof - eq.followers.shape[0]
-    positions = state[:own] + _origin(model, x, taken.swing)
-    start = Start(positions.tolist(), state[eq.dof : eq.dof + own].tolist())
-    command = recording.command
-    if taken.dropped is not None and model.has("dropped_samples"):
-        command = delivered(command, taken.dropped)
-        device = device.without_physics("dropped_samples")
-    return Scenario(
-        taken.on(device),
-        recorded(command),
-        recording.ticks * recording.period,
-        start,
-        substeps=substeps,
-    )
-
-
-def all_smooth(faults: Sequence[Fault], recordings: Sequence[Experiment]) -> bool:
-    """Whether the commands of all recordings were found to be smooth."""
-    found = [fault for fault in faults if fault.kind == "smooth_command"]
-    return len(found) >= len(recordings) > 0
-
-
-def _origin(model: Model, x: Floats, swing: float) -> float:
-    known = model.nominal.interface.position_origin
-    return known + model.reads(x).origin * swing

@@ -20,14 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.answer.findings import UNITS
-from zwidth.diagnosis.answer.headline import (
+from zwidth.diagnosis.answer.held_out import held_out
+from zwidth.diagnosis.answer.result import Estimate
+from zwidth.diagnosis.answer.words import (
     effect_in_words,
     parameter_in_words,
     place_in_words,
     said,
 )
-from zwidth.diagnosis.answer.held_out import held_out
-from zwidth.diagnosis.answer.result import Estimate
 from zwidth.diagnosis.fitting.uncertainty import Z95, covariance
 from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.learning.changing import (

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.answer.headline import place_in_words, said
 from zwidth.diagnosis.answer.result import Estimate
+from zwidth.diagnosis.answer.words import place_in_words, said
 from zwidth.diagnosis.fitting.uncertainty import Z95
 from zwidth.diagnosis.learning.event_edges import edges
 from zwidth.diagnosis.learning.event_force import Happened

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.answer.adequacy import oftener_freer
+from zwidth.diagnosis.answer.adequacy import beyond_noise, oftener_freer
 from zwidth.diagnosis.answer.friction_curve import asked_beyond, read_beyond
-from zwidth.diagnosis.answer.headline import place_in_words
 from zwidth.diagnosis.answer.held_out import free_share, held_out
 from zwidth.diagnosis.answer.learned_surface import LearnedSurface, factors
 from zwidth.diagnosis.answer.result import HeldOut
+from zwidth.diagnosis.answer.words import place_in_words
 from zwidth.diagnosis.fitting.fit import Fitted
 from zwidth.diagnosis.learning.curves import Learned, laws, replacing
 from zwidth.diagnosis.learning.energy import makes_energy
@@ -41,7 +41,6 @@ BETTER = 0.8
 LETTERS = {"free_spring": "q", "free_damper": "v", "free_amplifier": "u", "free_sensor": "q"}
 # A spring, a damper, a scale, a constant force or an origin, which are parameters or have names.
 STRAIGHT = ("straight line", "line", "offset")
-BEYOND = 2.0  # times the noise's square, where half of an error's square is something else
 LAWS = 3  # of each horizon, that are held against held-out data
 ALIKE = 2  # forms that are not told apart, that a headline says
 QUANTILES = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
@@ -81,9 +80,9 @@ class LearnedLaw:
             return curve.over
         return f"{curve.over}, repeating every {with_unit(curve.period, _length(rotary), 4)},"
 
-    def headline(self, masses: int, rotary: bool) -> str:
+    def headline(self, masses: int) -> str:
         """Say it as the first line of an answer: where, over what, of which form, its worth."""
-        curve = self.curve
+        curve, rotary = self.curve, self.found.final.model.nominal.rotary
         sensor, at = curve.physics.effect.name == "free_sensor", curve.physics.place
         what = {
             "free_amplifier": "something is added to the command",
@@ -211,6 +210,9 @@ class LearnedLaw:
         }  # fmt: skip
 
 
+Law = LearnedLaw | LearnedSurface
+
+
 def _points(*columns: Floats) -> list[dict[str, float]]:
     rows = np.column_stack(columns).tolist()
     return [dict(zip(("state", "force", "lower", "upper"), row, strict=True)) for row in rows]
@@ -288,7 +290,7 @@ def learned_over_two(
     if not found.tried.effort.surfaces:
         return None
     left = names if one is None else one.law
-    if not left.after**2 > BEYOND * left.noise_floor**2:
+    if not beyond_noise(left.after, left.noise_floor):
         return None
     say("checking whether what is left depends on two quantities together")
     hopeful = partial(_hopeful, judge_by, left)

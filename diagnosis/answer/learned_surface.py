@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.answer.headline import place_in_words
 from zwidth.diagnosis.answer.result import HeldOut
+from zwidth.diagnosis.answer.words import place_in_words
 from zwidth.diagnosis.fitting.uncertainty import Z95
 from zwidth.diagnosis.forces.leftover import predicted_states
 from zwidth.diagnosis.learning.formulas import Formula, formulas
@@ -86,10 +86,10 @@ class LearnedSurface:
         """Which names were part of it: of a surface, those are said to be replaced."""
         return ""
 
-    def headline(self, masses: int, rotary: bool) -> str:
+    def headline(self, masses: int) -> str:
         """Say it as the first line of an answer: where, over what, of which form, its worth."""
-        curve = self.curve
-        most = with_unit(float(np.abs(curve.at(*curve.seen.T)).max()), "N m" if rotary else "N", 2)
+        curve, unit = self.curve, "N m" if self.found.final.model.nominal.rotary else "N"
+        most = with_unit(float(np.abs(curve.at(*curve.seen.T)).max()), unit, 2)
         looks = f", which looks like {self.form}" if self.forms else ""
         return (
             f"a force acts {place_in_words(curve.physics.place, masses)} that has no name in the"

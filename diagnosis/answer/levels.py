@@ -63,21 +63,6 @@ class NextLevel:
         level = with_unit(self.share * self.level, self.unit, 3)
         return f"record the same at {level} ({plain(self.share, 2)} times)"
 
-    def undecides(self, error: float, noise: float) -> bool:
-        """Whether names are not to be promised; error: of free runs, noise: of readings in it.
-
-        Both over the motion. Where noise makes most of the error, nothing is left to doubt by.
-        """
-        return self.now < error < self.differs and noise**2 < 0.5 * error**2
-
-    def undecided(self, names: str, error: float) -> str:
-        """Say of names that a second level decides about them."""
-        return (
-            f"{names} would explain what is missing, at the single level of the command; but the"
-            f" error of free runs on held-out data, {percent(error)} of the motion, is too large to"
-            " tell the nearest rival from it"
-        )
-
     @property
     def sentence(self) -> str:
         """Say what to record, without a full stop."""

@@ -17,6 +17,7 @@ from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.mishaps import Mishap
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.searched import Searched
+from zwidth.diagnosis.settings import VERDICT
 from zwidth.shown import Shown
 from zwidth.sim.device import Device
 from zwidth.sim.physics import contains
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
     from zwidth.diagnosis.answer.levels import NextLevel
 
 Floats = NDArray[np.float64]
-NEAR = 5.0  # sigma within which a rival cannot be told apart
 
 
 class Verdict(Enum):
@@ -114,7 +114,7 @@ class Finding:
         return tuple(
             r
             for r in self.rivals
-            if r.separation_sigma < NEAR and not contains(r.effect, place_at(r.at), *own)
+            if r.separation_sigma < VERDICT.apart and not contains(r.effect, place_at(r.at), *own)
         )
 
     def as_json(self) -> dict[str, Any]:
@@ -192,12 +192,12 @@ class NextExperiment:
 class Diagnosis(Shown):
     """The whole answer. device: augmented by what was found, with refitted linear parameters.
 
-    headline: the answer in one line for people, without a full stop (`answer.headline`);
-    cautions: warnings for its use; next_level: another level to record, where all commands have
-    one. searched: what the search found; experiments: the recordings as they were read. errors:
-    internal errors that prevented a part of the answer; left_out: the recordings, by index, that
-    could not be used because of them. negligible: effects that are detected, but too small to
-    matter (`answer.consequence`).
+    headline: the answer in one line for people; sentence: what the verdict rests on; both without
+    a full stop (`answer.words`). cautions: warnings for its use; next_level: another level to
+    record, where all commands have one. searched: what the search found; experiments: the
+    recordings as they were read. errors: internal errors that prevented a part of the answer;
+    left_out: the recordings, by index, that could not be used because of them. negligible: effects
+    that are detected, but too small to matter (`answer.consequence`).
     """
 
     verdict: Verdict

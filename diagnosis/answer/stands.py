@@ -1,18 +1,33 @@
 """Which answer stands: with what changed, before held-out data, and beside what is left over."""
 
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
+import numpy as np
+
 from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy
 from zwidth.diagnosis.answer.changes import Change, changing, outlived
-from zwidth.diagnosis.answer.lost import knowing_losses
-from zwidth.diagnosis.answer.second_look import named_only_whole, on_first_part, second_look
-from zwidth.diagnosis.answer.verdict import Left, instead_of, left_over, unexplained
-from zwidth.diagnosis.forces.unknown import Instead
+from zwidth.diagnosis.answer.inverse import ForceError
+from zwidth.diagnosis.answer.verdict import Left
+from zwidth.diagnosis.answer.whole_run import WholeRun
+from zwidth.diagnosis.fitting.fit import Fitted, Problem
+from zwidth.diagnosis.fitting.uncertainty import inflation
+from zwidth.diagnosis.forces.leftover import leftover
+from zwidth.diagnosis.forces.locate import locate
+from zwidth.diagnosis.forces.probes import instead_by_law
+from zwidth.diagnosis.forces.unknown import TOUCHED, Instead, instead, unknown
 from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.mishaps import Say, attempt, isolated
-from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.model.parameters import BENT, FACTORED, Model, effect_labels
+from zwidth.diagnosis.noise.beginning import begun, begun_as
+from zwidth.diagnosis.noise.predictor import FINAL
+from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.seeking.lattice import losses
+from zwidth.diagnosis.selection.hypothesis import EDGE
 from zwidth.diagnosis.selection.searched import (
     Searched,
     Searches,
@@ -21,7 +36,10 @@ from zwidth.diagnosis.selection.searched import (
     runs_freer,
     unnamed,
 )
+from zwidth.diagnosis.settings import VERDICT
 from zwidth.sim.device import Device
+from zwidth.sim.physics import richer_at
+from zwidth.sim.place import label_of, of_label
 
 
 @dataclass(frozen=True)
@@ -52,21 +70,27 @@ def what_stands(
     Where it does not explain them, what shows over a longer horizon is asked too, and then all that
     was recorded.
     """
-    before = taken
-    found, taken, changes, halted = _what_changes(device, found, taken, say)
+    before, changes, halted = taken, (), found.interrupted
+    if not halted:
+        try:
+            found, taken, changes = changing(device, found, taken, say)
+        except KeyboardInterrupt:
+            halted = True
     asked, taken = taken, _knowing_losses(taken, found)
     found, sound = standing(device, taken, found, say)
     left, other = _what_is_left(found, taken)
-    if not found.interrupted and unexplained(found, left, other, sound):
-        first, second = _both(found if found.far else farther(device, found, say), found)
+    if not found.interrupted and _unexplained(found, left, other, sound):
+        stood, found = found, found if found.far else farther(device, found, say)
+        second = found.beside
+        if found.final is not stood.final and second is not None:
+            found, second = second, found  # the one that stood, knowing the longer horizon
         # Nothing is promised, so the better of two is said.
-        if second is not None and runs_freer(second, first, taken.judge_by):
+        if second is not None and runs_freer(second, found, taken.judge_by):
             say(f"better on held-out data: {second.final.model.label}")
             again, how = standing(device, taken, second, say)
-            if again is second or not first.final.model.effects:  # and not refused itself
-                first, sound = again, how
-                left, other = _what_is_left(first, taken)
-        found = first
+            if again is second or not found.final.model.effects:  # and not refused itself
+                found, sound = again, how
+                left, other = _what_is_left(found, taken)
     by, faults = found, taken.faults
     if taken.whole_unopened and named_only_whole(found, left, other, sound):
         with isolated("search", "all that was recorded"):
@@ -82,29 +106,13 @@ def what_stands(
     return Stands(found, by, taken, sound, left, other, changes, faults, halted)
 
 
-def _both(asked: Searched, stood: Searched) -> tuple[Searched, Searched | None]:
-    """What stood, knowing the longer horizon, and the answer of the other judge, None for none."""
-    if asked.final is stood.final or asked.beside is None:
-        return asked, asked.beside
-    return asked.beside, asked
-
-
-def _what_changes(
-    device: Device, found: Searched, taken: Taken, say: Say
-) -> tuple[Searched, Taken, tuple[Change, ...], bool]:
-    """As `changing`, and whether it was interrupted."""
-    if found.interrupted:
-        return found, taken, (), True
-    try:
-        return *changing(device, found, taken, say), False
-    except KeyboardInterrupt:
-        return found, taken, (), True
-
-
-def _knowing_losses(taken: Taken, found: Searched) -> Taken:
-    """Recordings with what was lost in those that judge, where the answer says that such are."""
-    lost = attempt("adequacy", "lost commands", partial(knowing_losses, found, taken.judge_by))
-    return taken if lost is None else replace(taken, judge_by=tuple(lost))
+def _unexplained(
+    found: Searched, left: Left, other: Instead | None, sound: Adequacy | None
+) -> bool:
+    """Whether what is named does not explain the recordings, or not as far as free runs go."""
+    named = bool(found.final.model.effects)
+    fails = sound is not None and not (sound.adequate if named else sound.sound)
+    return other is not None or left.matters(named) or fails
 
 
 def standing(
@@ -140,3 +148,175 @@ def _what_is_left(found: Searched, taken: Taken) -> tuple[Left, Instead | None]:
     with isolated("detect", "physics of no library in the place of what was named"):
         other = instead_of(found)
     return left or Left(0.0, ""), other
+
+
+def left_over(found: Searched, acted: Sequence[Experiment]) -> Left:
+    """Hold the final residual against forces that follow one state, and that repeat or sway.
+
+    Then all that was recorded, held-out data too, against forces of free shape under observers that
+    hide none: nothing of that is kept, and a stop may first be hit in what was held out.
+    """
+    wide = inflation(found.final.white)
+    coloured = found.problem.observer.whitening is None
+    share = VERDICT.left_coloured if coloured else VERDICT.left_white
+    beside = share * max(found.refit.chi2 - found.final.chi2, 1.0)
+    located = locate(found.problem, found.final)
+    followed = [m for m in located.maps if m.against != "time" or m.gained > TOUCHED * wide]
+    top = max(followed, key=lambda m: m.gained, default=None)
+    line = leftover(found.problem, found.final)
+    if line.gained > max(line.chance * wide, 0.0 if top is None else top.gained):
+        return Left(line.gained, line.sentence(found.final.model.nominal.rotary), beside=beside)
+    if top is not None and top.gained > VERDICT.unnamed * wide:
+        return Left(top.gained, located.sentence, beside=beside)
+    try:
+        free = unknown(acted, found.final)
+    except NoObserver:  # no observer follows what was held out
+        return Left(0.0, "")
+    if free is not None and free.gained > VERDICT.unnamed * wide + 1.5 * free.unknowns:
+        return Left(free.gained, free.sentence, True, beside)
+    return Left(0.0, "")
+
+
+def instead_of(found: Searched) -> Instead | None:
+    """Return a force of no library that explains more than one of the effects, or all of them."""
+    if found.problem.observer.whitening is None:  # free runs judged, and likelihood is no judge
+        return None
+    final, effects = found.final, found.final.model.effects
+    experiments = found.problem.experiments
+    names = [f"{p.effect.name} at {p.at}" for p in effects]
+    models = [(name, found.problem.fit_without(final, i)) for i, name in enumerate(names)]
+    if len(effects) > 1:
+        models.append((" and ".join(names), found.refit))
+    asked = [
+        instead(found.problem, final, without, experiments, name)
+        for name, without in models
+        if without.x.size < final.x.size
+    ]
+    asked.append(instead_by_law(found.problem, final))
+    return max((a for a in asked if a is not None), key=lambda a: a.gained, default=None)
+
+
+def ends_badly(final: Fitted, runs: Sequence[WholeRun], forces: Sequence[ForceError]) -> str:
+    """Say why a fit is no answer though it costs least, "" where nothing speaks against it.
+
+    It ended as far from the device file as it may go; or the force that held-out motion needs, or
+    else a whole run of it, is farther off than without what was found.
+    """
+    for p, x in zip(final.model.linear, final.x.tolist(), strict=False):
+        # A mass, a spring or the gain at either end, a damper at its upper one.
+        ends = ("lower", "upper") if p.kind in FACTORED else ("upper",) if p.kind in BENT else ()
+        if p.at_end(x, ends, EDGE):
+            return f"the fit ends with {p.name} at the end of its allowed range"
+    for what, every, most in (
+        ("the force that the held-out motion needs", forces, VERDICT.worse_force),
+        ("a free run over all held-out data", runs, VERDICT.worse_run),
+    ):
+        told = [(e.errors["after"], e.errors["refit"]) for e in every if e.held_out]
+        if told and all(after > most * refit for after, refit in told):
+            times = max(after / refit if refit else math.inf for after, refit in told)
+            return f"{what} has an error {times:.3g} times as large as without it"
+        if told:
+            return ""
+    return ""
+
+
+def named_only_whole(
+    found: Searched, left: Left, other: Instead | None, sound: Adequacy | None
+) -> bool:
+    """Whether a search of all that was recorded may name what the first part of it does not.
+
+    A force without a name is left in all of it, or free runs err farther than noise makes them on
+    what was held out, and on what was fitted do not.
+    """
+    unnamed_force = left.whole and left.matters(bool(found.final.model.effects))
+    fails_later = found.held and sound is not None and not sound.sound
+    return (unnamed_force or fails_later) and other is None and not found.interrupted
+
+
+def second_look(
+    found: Searched, left: Left, acted: Sequence[Experiment], search: Searches, say: Say
+) -> tuple[Searched, Left, Fault | None]:
+    """Search all that was recorded, where a force is seen there that has no name in the first part.
+
+    A command may meet its limit in the last seconds only. What has a name then was named with the
+    data that were to judge it, which the note says. What was found before is returned, without a
+    note, where nothing new has a name, something is still left, a name is lost, or it was
+    interrupted, which it then says.
+    """
+    say("the held-out data show more than was found: searching all of the recording")
+    try:
+        again = search(acted)
+        halted = again.interrupted
+    except NoObserver:
+        return found, left, None
+    except KeyboardInterrupt:
+        again, halted = found, True
+    if halted:
+        return replace(found, tried=replace(found.tried, interrupted=True)), left, None
+    rotary = found.final.model.nominal.rotary
+    known, labels = (effect_labels(s.final.model.effects) for s in (found, again))
+
+    def akin(one: str, others: Sequence[str]) -> bool:
+        within = any(one in _containing(o, rotary) for o in others)
+        return one in others or within or bool({*others} & {*_containing(one, rotary)})
+
+    new = [label for label in labels if not akin(label, known)]
+    if not new or not all(akin(label, labels) for label in known):
+        return found, left, None
+    beyond = left_over(again, acted)
+    if beyond.matters(named=True) or instead_of(again) is not None:
+        return found, left, None
+    names = " and ".join(label.replace("@", " at ") for label in new)
+    sentence = (
+        f"{names} could be named only with the held-out data, which therefore do not judge it;"
+        " give a second recording by --validate"
+    )
+    return again, beyond, Fault("held_out_used", sentence, False, float(len(new)))
+
+
+def _containing(label: str, rotary: bool) -> Iterator[str]:
+    """The effects that contain one, where it is."""
+    return (label_of(effect.name, place) for effect, place in richer_at(*of_label(label), rotary))
+
+
+def on_first_part(found: Searched) -> Searched:
+    """The same models fitted to the first part, as far as that determines them."""
+    parts = [e.split()[0] for e in found.problem.experiments]
+    there = Problem(parts, found.problem.observer, FINAL)
+    refit, final = (there.fit(f.model, f.x) for f in (found.refit, found.final))
+    return replace(found, problem=there, refit=refit, final=final)
+
+
+def _knowing_losses(taken: Taken, found: Searched) -> Taken:
+    """Recordings with what was lost in those that judge, where the answer says that such are."""
+    lost = attempt("adequacy", "lost commands", partial(knowing_losses, found, taken.judge_by))
+    return taken if lost is None else replace(taken, judge_by=tuple(lost))
+
+
+def knowing_losses(found: Searched, judge_by: Sequence[Experiment]) -> list[Experiment]:
+    """Return recordings with the commands that were lost in them, where the answer has such.
+
+    Which ones were lost is chance: no model foretells it, and no free run is judged by it. Each
+    stands out alone, by log odds of 3 beyond the rate; no parameter is touched.
+    """
+    final, observer = found.final, found.judge
+    if not final.model.has("dropped_samples"):
+        return list(judge_by)
+    parts = found.problem.experiments
+    followed = [_going_on(e, parts) for e in judge_by]
+    device = final.model.acting(final.x)
+    seen = [begun(device, final.model.seen(e, final.x), observer) for e in followed]
+    started = [begun_as(e, mine) for e, mine in zip(followed, seen, strict=True)]
+    problem = Problem(started, observer)
+    there = replace(final, residual=problem.residual(final.model, final.x), samples=problem.samples)
+    lost = losses(problem, there)
+    return [replace(e, dropped=d) for e, d in zip(followed, lost, strict=True)]
+
+
+def _going_on(e: Experiment, parts: Sequence[Experiment]) -> Experiment:
+    """The rest of a recording, which knows what was lost in its first part."""
+    if e.before is None:
+        return e
+    command = e.before.command
+    first = next((p for p in parts if np.array_equal(p.command, command)), None)
+    return e if first is None else replace(e, before=replace(e.before, dropped=first.dropped))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.controllers.wall import wall
-from zwidth.diagnosis.answer.headline import effect_in_words
+from zwidth.diagnosis.answer.words import effect_in_words
 from zwidth.explore.measured import MeasuredPoint, measured_on
 from zwidth.explore.view import Span, View
 from zwidth.scenarios.scenario import Scenario, usual_substeps

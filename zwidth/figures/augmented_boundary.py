@@ -7,8 +7,8 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from zwidth.diagnosis.answer.augmented_boundary import AugmentedBoundary, critical
 from zwidth.figures.style import AFTER, BEFORE, STYLE
+from zwidth.stability.augmented_boundary import AugmentedBoundary, critical
 from zwidth.stability.bisection import Bracket
 
 LINEAR = "0.35"

@@ -14,7 +14,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from zwidth.controllers.recorded import recorded
-from zwidth.diagnosis.answer.headline import effect_in_words
+from zwidth.diagnosis.answer.words import effect_in_words
 from zwidth.figures.style import AFTER, STYLE
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device

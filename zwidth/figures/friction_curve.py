@@ -5,7 +5,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from zwidth.diagnosis.answer.friction_curve import FrictionCurve
-from zwidth.diagnosis.answer.headline import effect_in_words
+from zwidth.diagnosis.answer.words import effect_in_words
 from zwidth.figures.style import STYLE
 from zwidth.sim.readable import scaled
 

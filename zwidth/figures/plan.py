@@ -7,7 +7,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
-from zwidth.diagnosis.answer.headline import effect_in_words
+from zwidth.diagnosis.answer.words import effect_in_words
 from zwidth.figures.style import STYLE
 from zwidth.planning.limits import SHOWN
 from zwidth.planning.plan import ALIKE, Plan, Visible

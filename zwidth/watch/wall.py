@@ -6,7 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from zwidth.diagnosis.answer.augmented_boundary import (
+from zwidth.diagnose_files import may_render
+from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.scenarios.scenario import usual_substeps
+from zwidth.sim.device import Device
+from zwidth.sim.readable import plain
+from zwidth.stability.augmented_boundary import (
     LIMIT_S,
     LINEAR_START,
     RATIO,
@@ -15,12 +20,7 @@ from zwidth.diagnosis.answer.augmented_boundary import (
     SUBSTEPS,
     TOLERANCE,
     critical,
-    may_render,
 )
-from zwidth.diagnosis.recording.experiment import Experiment
-from zwidth.scenarios.scenario import usual_substeps
-from zwidth.sim.device import Device
-from zwidth.sim.readable import plain
 from zwidth.stability.bisection import Search, find_brackets
 from zwidth.stability.judging import Trial
 

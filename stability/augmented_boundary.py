@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.scenarios.scenario import usual_substeps
 from zwidth.sim.device import Device
 from zwidth.sim.readable import plain
@@ -25,7 +24,6 @@ DENSE = 61  # points of the linear curve
 ROTARY_START, LINEAR_START = 1e-3, 1e-4  # [rad], [m]
 SECONDS, LIMIT_S = 3.0, 6.0
 SUBSTEPS = 4
-SLOWEST = 0.005  # [s] between commands, above which nobody renders walls
 TOLERANCE, RATIO = 0.02, 2.0
 SAME = 0.03  # relative difference of K_CR that is no more than the brackets' widths
 
@@ -60,19 +58,6 @@ class AugmentedBoundary:
             ],
             "sentence": self.sentence,
         }
-
-
-def may_render(device: Device, experiments: Sequence[Experiment]) -> bool:
-    """Whether a rig may render a virtual wall at all.
-
-    A wall needs a loop of a few hundred hertz at least, a force that is commanded and not made by a
-    servo's own loop or prescribed as a motion, and the position of the mass that it acts on.
-    """
-    asked = [e.command for e in experiments if e.pushed is None]
-    driven = any(np.ptp(command) > 0.0 for command in asked)
-    sees = any(o.quantity == "position" and o.mass == 0 for e in experiments for o in e.outputs)
-    servo = any(p.effect.sought == "given" for p in device.physics)
-    return driven and sees and not servo and device.interface.period <= SLOWEST
 
 
 def augmented_boundary(

@@ -1,0 +1,451 @@
+"""All that is said of an answer, in words: terminal, report and JSON have it from here.
+
+The headline says what is missing, how much, and where, as an engineer would: "Coulomb friction of
+20.1 mN m (19.7 to 20.5) at the motor is missing". `why` says what the verdict rests on.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from zwidth.diagnosis.answer.adequacy import Adequacy
+from zwidth.diagnosis.answer.result import Estimate, Finding, HeldOut
+from zwidth.diagnosis.answer.verdict import Facts, Reason, reason
+from zwidth.diagnosis.answer.whole_run import WholeRun
+from zwidth.diagnosis.forces.locate import Located, densest, sign_of, stands_out
+from zwidth.diagnosis.intake.gate import COMMAND, Fault
+from zwidth.diagnosis.intake.units import asked_unit, unit_of
+from zwidth.diagnosis.settings import VERDICT
+from zwidth.sim.physics import EFFECTS
+from zwidth.sim.place import Place, place_at
+from zwidth.sim.predict import OVERFLOW
+from zwidth.sim.readable import interval, most, of_the_motion, percent, plain, with_unit
+
+LISTED = 3  # effects, rivals or parameters in a sentence; of more it says how many
+UNNAMED = "something is missing that has no name in the library"
+
+
+def place_in_words(at: Place, masses: int) -> str:
+    """Return where something is, for who sees the machine: "at the motor", "in the command"."""
+    match at.kind:
+        case "mass":
+            return f"at {mass_in_words(at.index, masses)}"
+        case "link":
+            ends = [mass_in_words(i, masses) for i in (at.index, at.index + 1)]
+            return f"between {' and '.join(ends)}"
+        case "ground":
+            return f"between {mass_in_words(0, masses)} and the ground"
+        case "clock":
+            return "in the timing"
+        case "velocity":
+            return "in the measured velocity"
+        case "command" | "sensor":
+            return f"in the {at.kind}"
+
+
+def mass_in_words(index: int, masses: int) -> str:
+    """Return a mass: the command acts on the first, which is the motor's; the last is the load."""
+    if index == 0:
+        return "the motor" if masses == 1 else "the motor (m1)"
+    return f"the load (m{index + 1})" if index == masses - 1 else f"the mass m{index + 1}"
+
+
+def said(value: Estimate) -> str:
+    """Return a value with its interval, in a unit that a person uses."""
+    return interval(value.value, value.lower, value.upper, value.unit)
+
+
+@dataclass(frozen=True)
+class _Said:
+    """A value in a saying: {name} with its interval, {name:...} as named here."""
+
+    value: Estimate
+
+    def __format__(self, how: str) -> str:
+        e = self.value
+        match how:
+            case "alone":
+                return with_unit(e.value, e.unit, 3)
+            case "percent":
+                return interval(100.0 * e.value, 100.0 * e.lower, 100.0 * e.upper, "%")
+            case "hertz":
+                return f"{1.0 / (2.0 * math.pi * e.value):.3g} Hz"
+            case "force":
+                return "torque" if e.unit.startswith("N m") else "force"
+            case _:
+                return said(e)
+
+
+# effect -> its name with its values.
+SAYINGS = {
+    "coulomb_friction": "Coulomb friction of {level}",
+    "stribeck_friction": "friction of {level}, {static_level} at rest (Stribeck),",
+    "rising_friction": "friction that rises from {static_level} at rest to {level} in sliding",
+    "presliding_friction": "friction of {level} that yields by {stiffness} before it slides",
+    "directional_friction": "friction of {level_plus} forwards and {level_minus} backwards",
+    "load_friction": "friction of {ratio} times the load",
+    "quadratic_drag": "quadratic drag of {coefficient}",
+    "constant_force": "a constant {level:force} of {level}",
+    "ground_spring": "a spring to the ground of {stiffness}",
+    "gravity_pendulum": "the gravity of a pendulum, {level},",
+    "force_ripple": "a ripple of {amplitude} every {period:alone}",
+    "backlash": "play of {gap}",
+    "cubic_stiffness": "a spring's cubic part of {coefficient}",
+    "hysteresis": "hysteresis of {level}",
+    "extra_mode": "a resonance at {hertz:.3g} Hz (a mass of {mass} on a spring)",
+    "servo_limit": "a limit of {limit} in the servo",
+    "servo_dead_zone": "a dead zone of {half} in the servo",
+    "servo_integral": "integral action of {rate} in the servo",
+    "goal_rate_limit": "a servo goal that moves at {rate} at most",
+    "falling_limit": "a limit of {limit} that falls with speed",
+    "open_winding": "a winding that is open while off ({damping} less damping)",
+    "rate_limit": "a command that changes by {rate} at most",
+    "saturation": "a limit of {limit}",
+    "dead_band": "a dead band of {width}",
+    "command_step": "a step of {step}",
+    "actuator_lag": "a lag of {time_constant}",
+    "gain_asymmetry": "a gain that differs by direction ({ratio})",
+    "loop_delay": "a delay of {delay}",
+    "dropped_samples": "a loss of {rate:percent} of the commands",
+    "encoder_step": "an encoder step of {step}",
+    "encoder_eccentricity": "an eccentric encoder, {amplitude} every {period:alone},",
+    "rectified_sensor": "a sensor that reads the absolute value",
+    "sensor_lag": "a lag of {time_constant}",
+    "sensor_filter": "a second-order filter of {time_constant} ({time_constant:hertz})",
+    "moving_average": "a mean over {window}",
+}
+# Effects whose saying has their place in it.
+PLACED = ("rectified_sensor", "encoder_step", "encoder_eccentricity", "servo_limit", "open_winding",
+          "servo_dead_zone", "servo_integral", "goal_rate_limit", "dropped_samples")  # fmt: skip
+
+
+def effect_in_words(name: str) -> str:
+    """Return an effect's name without its values: "Coulomb friction", "a dead band"."""
+    words = name.replace("_", " ")
+    return words.replace("coulomb", "Coulomb").replace("stribeck", "Stribeck")
+
+
+def _at(effect: str, at: str, masses: int) -> str:
+    return f"{effect_in_words(effect)} {place_in_words(place_at(at), masses)}"
+
+
+def in_words(f: Finding, masses: int) -> str:
+    """Return what was found with its size and its place."""
+    values: dict[str, object] = {name: _Said(e) for name, e in f.parameters.items()}
+    if {"stiffness", "mass"} <= f.parameters.keys():
+        stiffness, mass = (f.parameters[name].value for name in ("stiffness", "mass"))
+        still = not stiffness > 0.0 < mass
+        values["hertz"] = 0.0 if still else math.sqrt(stiffness / mass) / (2.0 * math.pi)
+    try:
+        what = SAYINGS[f.effect].format_map(values)
+    except KeyError:  # an effect without a saying, or of which an error cost a value
+        value = f.parameters.get(EFFECTS[f.effect].strength or "")
+        what = effect_in_words(f.effect) + ("" if value is None else f" of {said(value)}")
+    if f.effect in PLACED or (f.effect == "ground_spring" and masses == 1):
+        return what
+    return f"{what} {place_in_words(place_at(f.at), masses)}"
+
+
+def listed(words: Sequence[str], last: str = "and") -> str:
+    """Return words in a row; of more than `LISTED` the others are counted."""
+    more = len(words) - LISTED
+    words = [*words[:LISTED], f"{more} more"] if more > 0 else list(words)
+    return f" {last} ".join([*filter(None, [", ".join(words[:-1])]), *words[-1:]])
+
+
+def all_in_words(findings: Sequence[Finding], masses: int) -> str:
+    """Return what was found in a row, the strongest first."""
+    return listed([in_words(f, masses).rstrip(",") for f in findings])
+
+
+def worth_in_words(f: Finding) -> str:
+    """Return what a finding is worth on held-out data, "" where that is not known."""
+    w = f.worth
+    if w is None:
+        return ""
+    if not w.pays:
+        return "without it the error of free runs on held-out data grows by no more than chance"
+    often = f"{w.times:.3g}" if w.times < 1000.0 else "over 1000"
+    much = f"{often} times as large" if w.times >= 1.1 else f"{percent(w.times - 1.0)} larger"
+    return f"without it the error of free runs over {w.horizon:.3g} s on held-out data is {much}"
+
+
+def negligible_in_words(findings: Sequence[Finding], masses: int) -> str:
+    """Return what was seen and is of no consequence as a sentence, "" for nothing."""
+    if not findings:
+        return ""
+    return f"detected, but too small to matter: {all_in_words(findings, masses)}"
+
+
+def headline(f: Facts) -> str:
+    """Return the headline, a sentence without its full stop: first what is wrong, then the rest."""
+    because = reason(f)
+    words = _headline(f, because)
+    wrong = list(dict.fromkeys(_fault(fault) for fault in f.faults if fault.wrong))
+    if wrong:
+        clean = because is Reason.NOTHING
+        words = "; ".join(wrong) + ("" if clean else f"; with that corrected, {words}")
+    return words[:1].upper() + words[1:]
+
+
+def _headline(f: Facts, because: Reason) -> str:
+    names = all_in_words(f.findings, f.masses)
+    is_ = "is" if len(f.findings) == 1 else "are"
+    match because:
+        case Reason.NOTHING:
+            return "nothing is missing that this recording could show"
+        case Reason.LINEAR:
+            return _linear(f)
+        case Reason.NAMED:
+            return f"{names} {is_} missing from the simulation"
+        case Reason.RIVALS:
+            return _rivals(f, names)
+        case Reason.IMPROBABLE if f.doubtful is not None:
+            of = "" if len(f.findings) == 1 else f" of {effect_in_words(f.doubtful.effect)}"
+            odds = f"{100.0 * (f.doubtful.with_richer or 0.0):.0f} %"
+            return f"{names} may be missing: the probability{of} is only {odds}"
+        case Reason.LOST:
+            return f"undecided: an error left out {f.lost}"
+        case Reason.ONE_LEVEL if f.level is not None:
+            return (
+                f"undecided: {names} would explain what the one level of the command shows, and so"
+                f" would others: {f.level.advice}"
+            )
+        case Reason.UNJUDGED:
+            return (
+                f"undecided: {names} would explain what is missing, and too little was held out to"
+                " judge by"
+            )
+        case Reason.STRAY:
+            return (
+                f"undecided: free runs have an error of {of_the_motion(f.free.after)}, and no"
+                " effect of the library is significant"
+            )
+        case _:
+            return _unknown(f, because)
+
+
+def _rivals(f: Facts, names: str) -> str:
+    """What stands first, and what this recording cannot tell it from."""
+    confused = next(one for one in f.findings if one.confusable_with)
+    others = listed([_at(r.effect, r.at, f.masses) for r in confused.confusable_with], "or")
+    if len(f.findings) == 1:
+        return f"{names}, or {others}: this recording cannot tell which is missing"
+    return (
+        f"{names} are missing; instead of the {effect_in_words(confused.effect)} it may be"
+        f" {others}: this recording cannot tell them apart"
+    )
+
+
+def _unknown(f: Facts, because: Reason) -> str:
+    """How far the names go, and what is known of the rest."""
+    gone = () if f.law is None else f.law.curve.replaced
+    named = [one for one in f.findings if f"{one.effect} at {one.at}" not in gone]
+    names = all_in_words(named, f.masses)
+    is_ = "is" if len(named) == 1 else "are"
+    if f.law is not None:
+        return (f"{names} {is_} missing, and " if names else "") + f.law.headline(f.masses)
+    if f.other is not None:
+        at, how = place_in_words(place_at(f.other.place), f.masses), f.other.follows.rstrip(",")
+        how = how if how.startswith(("repeats", "follows")) else f"follows {how}"
+        return f"{UNNAMED}: a force {at} that {how}, and is not {f.other.name.replace('_', ' ')}"
+    if not named:
+        rest = f": {f.left.sentence}" if f.left.gained > 0.0 and f.left.sentence else ""
+        return f"{UNNAMED}{rest}"
+    if because is Reason.BAD:
+        return f"{UNNAMED}; the best explanation ({names}) is not acceptable: {f.bad}"
+    share = None if f.sound is None else f.sound.explained
+    if share is not None and share < 0.5:  # the names are not the answer then
+        near = listed([effect_in_words(one.effect) for one in named])
+        return (
+            f"{UNNAMED}; the nearest effects ({near}) explain {100.0 * max(0.0, share):.0f} % of"
+            " the error"
+        )
+    rest = "" if share is None or share >= 1.0 else f"; these effects explain {most(share)} of the"
+    return (
+        f"{names} {is_} missing, and something else that has no name in the library{rest}"
+        f"{' error' if rest else ''}"
+    )
+
+
+def _linear(f: Facts) -> str:
+    """The parameters that differ, the furthest first."""
+    moved = [
+        (abs(math.log(e.value / nominal)), name, nominal, e)
+        for name, (nominal, e) in f.refit.items()
+        if nominal > 0.0 < e.value and not e.lower <= nominal <= e.upper
+    ]
+    words = [_moved(name, nominal, e) for _, name, nominal, e in sorted(moved, reverse=True)]
+    differ = listed(words) or "linear parameters differ from the device file"
+    return f"no physics is missing, but {differ}"
+
+
+def _moved(name: str, nominal: float, e: Estimate) -> str:
+    ratio = e.value / nominal
+    how = (
+        f"{100.0 * abs(ratio - 1.0):.2g} % {'above' if ratio > 1.0 else 'below'}"
+        if 0.2 < ratio < 2.0
+        else f"{plain(ratio, 3)} times"
+    )
+    unit = unit_of(ratio) if not 0.2 < ratio < 5.0 else None
+    asked = "" if unit is None else f" ({unit}?)"
+    return f"{parameter_in_words(name, e.unit)} is {said(e)}, {how} the device file's{asked}"
+
+
+def parameter_in_words(name: str, unit: str) -> str:
+    """Return a linear parameter as people call it: "the inertia m1", "the spring k12"."""
+    if name == "gain":
+        return "the scale of the command"
+    if name == "skew":
+        return "readings after the command"
+    name, where_, word = name.partition(" in ")  # a value of some recordings' own
+    kind = {"m": "mass" if unit == "kg" else "inertia", "b": "damper", "k": "spring"}.get(name[:1])
+    called = name if kind is None or not name[1:].isdigit() else f"the {kind} {name}"
+    return f"{called}{where_}{word}"
+
+
+def _fault(fault: Fault) -> str:
+    """What is wrong with a recording, without what to do about it, which the report says."""
+    if not fault.channels:
+        return fault.sentence
+    command = fault.channels == COMMAND
+    what = "the command" if command else " and ".join(fault.channels)
+    of = f" of {fault.recording}" if fault.recording else ""
+    size = abs(fault.value)
+    if math.isclose(size, 1.0):
+        return f"the sign of {what}{of} is wrong"
+    asked = f" ({unit}?)" if (unit := asked_unit(fault.value, command)) else ""
+    less = f"{plain(max(size, 1.0 / size), 3)} times too {'little' if size > 1.0 else 'much'}"
+    return f"{what}{of} count{'' if len(fault.channels) > 1 else 's'} {less}{asked}"
+
+
+def why(f: Facts) -> str:
+    """Return what the verdict rests on, beside the headline; a sentence without its full stop."""
+    because, free, doubtful = reason(f), f.free, f.doubtful
+    law = "" if f.law is None else f.law.sentence
+    error = f"free runs on held-out data have an error of {of_the_motion(free.after)}"
+    match because:
+        case Reason.LOST:
+            told = f"an error prevented {f.lost}"
+        case Reason.ONE_LAW if f.law is not None:
+            told = f"one law over {f.law.over} explains it better than {_replaced(f)} together"
+        case Reason.OTHER if f.other is not None:
+            told = f.other.sentence
+        case Reason.LEFT:
+            told = f"beside what is named is left: {f.left.sentence}" if f.findings else (
+                f.left.sentence)  # fmt: skip
+        case Reason.INADEQUATE if f.sound is not None:
+            told = _inadequate(f.sound)
+        case Reason.BAD:
+            told = f.bad
+        case Reason.ONE_REGIME:
+            told = _one_regime(f)
+        case Reason.DISTURBED:
+            told = (
+                f"{error}, which only random disturbances explain ({percent(free.refit)} without"
+                " these effects)"
+            )
+        case Reason.UNJUDGED:
+            told = (
+                "too little was held out to judge by: record for longer, or give a second recording"
+                " by --validate"
+            )
+        case Reason.ONE_LEVEL:
+            told = (
+                f"the command has a single level, and {error}: too large to tell the nearest rival"
+                " from what was found"
+            )
+        case Reason.RIVALS:
+            told = f"other explanations are within {VERDICT.apart:g} sigma"
+        case Reason.IMPROBABLE if doubtful is not None:
+            told = (
+                f"the probability of {doubtful.effect} at {doubtful.at} is"
+                f" {doubtful.with_richer or 0.0:.2g}, and {VERDICT.sure:g} is required"
+            )
+        case Reason.STRAY:
+            told = (
+                f"{error}, where measurement noise alone would cause {percent(free.noise_floor)}:"
+                " disturbances, or physics that this recording is too short or too coarse to show;"
+                " record for longer, at a higher level, or with a finer sensor"
+            )
+        case Reason.LINEAR:
+            told = f"{', '.join(f.moved)} differ from the device file by over" + (
+                f" {VERDICT.shifted:g} sigma")  # fmt: skip
+        case Reason.NAMED:
+            told = "no other explanation comes near, and held-out data agree"
+        case Reason.NOTHING:
+            told = "no effect of the library is significant, and held-out data agree"
+        case _:
+            told = ""
+    return "; ".join(filter(None, [told, law]))
+
+
+def _replaced(f: Facts) -> str:
+    gone = () if f.law is None else f.law.curve.replaced
+    return " and ".join(n for one in f.findings if (n := f"{one.effect} at {one.at}") in gone)
+
+
+def _one_regime(f: Facts) -> str:
+    """Of a name that holds in one regime only where it does not, and what to record."""
+    odd, at = next((one, h) for one in f.findings for h in one.regimes if h.fails)
+    return (
+        f"{odd.effect} at {odd.at} as fitted {at.other} explains what was recorded {at.regime}"
+        f" worse than no such effect; record more {at.regime}"
+    )
+
+
+def _inadequate(sound: Adequacy) -> str:
+    """How far an answer goes that does not hold on held-out data."""
+    if sound.sound:
+        return "the names predict held-out data no better than the refitted device without them"
+    worst = max(sound.ahead, key=lambda a: a.error / a.most)
+    if worst.error >= OVERFLOW:
+        return "free runs with the answer diverge"
+    if worst.error > worst.most:
+        return (
+            f"the error of free runs over {worst.horizon:.3g} s on held-out data is"
+            f" {worst.error / worst.expected:.3g} times what its own noise would cause"
+        )
+    led = max(sound.ahead, key=lambda a: a.led - a.most_led)
+    return (
+        f"forces that depend on the motion would explain {100.0 * led.led:.0f} % of the squared"
+        f" error of free runs over {led.horizon:.3g} s on held-out data, noise"
+        f" {100.0 * led.most_led:.0f} % at most"
+    )
+
+
+def where(located: Located, masses: int) -> str:
+    """Say where the refitted device and the recording part, before anything has a name."""
+    top = max(located.maps, key=lambda m: m.gained, default=None)
+    if top is None:
+        return located.sentence
+    if not stands_out(top):
+        return "no force that follows position, velocity, command or time stands out from the noise"
+    like = "changes with time" if top.against == "time" else f"follows the {top.against}"
+    at = place_in_words(place_at(top.place), masses)
+    return (
+        f"{densest(located.state)}of forces that follow one state, one {at} that"
+        f" {like}{sign_of(top)} explains most of it"
+    )
+
+
+def cautions(findings: Sequence[Finding], free: HeldOut, whole: Sequence[WholeRun]) -> list[str]:
+    """Return the warnings of an answer that makes a simulation worse, without their full stops.
+
+    free, whole: free runs over windows of held-out data, and over whole recordings.
+    """
+    by = "what was found" if findings else "the refitted parameters"
+    if free.after > VERDICT.worse_run * free.before:
+        return [
+            f"with {by} free runs on held-out data have an error of {of_the_motion(free.after)},"
+            f" more than with the device file as it is ({percent(free.before)}): do not simulate"
+            " with the augmented device"
+        ]
+    return [
+        f"over the whole run the error of the {run.output.replace('_', ' of ')} in {run.recording}"
+        f" is {'without bound' if math.isinf(after) else with_unit(after, run.unit, 3)} with {by},"
+        f" more than with the device file as it is ({with_unit(before, run.unit, 3)})"
+        for run in whole
+        for before, after in [(run.errors["before"], run.errors["after"])]
+        if after > VERDICT.worse_run * before
+    ]
