@@ -2,8 +2,8 @@
 
     python docs/make_haptics_page.py
 
-Every number of the page is computed here; on two idle cores it takes about three minutes, most of
-it for the maps and the paddle.
+Every number of the page is computed here. On one core of a busy machine it took three and a half
+minutes, most of it for the maps and the paddle.
 """
 
 import math
@@ -230,8 +230,9 @@ rates and the force sensor, and of a grating and a guarded wall what they are wi
 Gil, Puerto, Diaz and Sanchez measured the boundary of this PHANToM by the relay method, with 2, 4
 and 8 ms of delay (IROS 2010, Table II); their Table I is the device here, identified from another
 recording, and nothing of it is fitted to what follows. Rows with a damper, before the sudden rise
-of frequency; K in N m/rad, B in N m s/rad. "Refitted" has two numbers, inertia and damping, fitted
-to the same rows ([table_2.md](../benchmarks/notes/table_2.md)).
+of frequency; K in N m/rad, B in N m s/rad, as printed: two of them are misprints, and are read as
+the other rows imply ([the paper](paper.md), `fig_10`). "Refitted" has two numbers, inertia and
+damping, fitted to the same rows ([table_2.md](../benchmarks/notes/table_2.md)).
 
 [[measured]]
 
@@ -335,13 +336,16 @@ def said_of_filters(found: dict[str, Sweep]) -> str:
             f"| {name} | {result.best.value:.3g} Hz | {result.best_by_theory.value:.3g} Hz |"
             f" {result.best.area / own.area:.2f} | {result.best.stiffest:.1f} |"
         )
-    bare = found[BEST].without
+    bare, very = found[BEST].without, corner(phantom())
     assert bare is not None
+    assert very is not None
+    top = f"{very.stiffness:.1f}"
     head = "| order of the filter | best cut-off, simulated | by theory |"
     head += " Z-width, times none | K_max |\n"
     return (
         head + "|---|---|---|---|---|\n" + "\n".join(rows)
-        + f"\n\nK_max in N m/rad; without a filter {bare.stiffest:.1f}."
+        + f"\n\nK_max in N m/rad at the dampings tried; without a filter {bare.stiffest:.1f} ({top}"
+        " at the very top)."
     )  # fmt: skip
 
 
@@ -732,7 +736,8 @@ def measured() -> str:
              "|---|---|---|---|---|---|---|"]  # fmt: skip
     off: dict[str, list[float]] = {"phantom_1_0": [], "phantom_1_0_table2": []}
     for row in sorted(rows, key=lambda r: (r.delay, r.place)):
-        cells = [f"{1e3 * row.delay:g} ms", f"{row.place:g}", f"{row.stiffness:g}"]
+        printed = "" if row.damping_meant is None else f", read as {row.place:g}"
+        cells = [f"{1e3 * row.delay:g} ms", f"{row.damping:g}{printed}", f"{row.stiffness:g}"]
         for name, errors in off.items():
             device = load_device(name).with_interface(delay=row.delay)
             (found,) = middles(device, np.array([row.place]))

@@ -4,7 +4,7 @@
 
 Thirty-six maps of the PHANToM over B and K: four encoder steps, three limits, three levels of
 friction; and two over start amplitude and K. They are kept under `runs/` as they are made, so an
-interrupted run goes on where it stopped; on two idle cores all of them take about a minute.
+interrupted run goes on where it stopped. On one core of a busy machine all took four minutes.
 """
 
 import itertools
@@ -16,6 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from zwidth.figures.map import draw_fates, legend
@@ -25,6 +26,7 @@ from zwidth.sim.device_file import load_device
 from zwidth.sim.fate import Fate
 from zwidth.sim.jit import cache_folder
 from zwidth.stability.fate_map import FateMap, make_map
+from zwidth.stability.fates import evaluate
 from zwidth.stability.judging import Trial
 from zwidth.stability.map_summary import summary
 from zwidth.stability.plane import Axis, Plane, with_friction
@@ -38,6 +40,7 @@ STEPS = (0.0, 1e-5, 1e-4, 1e-3)  # rad
 LIMITS = (math.inf, 0.5, 0.1)  # N m
 LEVELS = (0.0, 0.002, 0.010)  # N m
 COARSE, REFINEMENTS = 25, 2
+AGAIN, LONG_S = 200, 128.0  # points of a map that are judged again, over a longer time
 Key = tuple[float, float, float]
 
 
@@ -123,7 +126,7 @@ def table(facts: dict[Key, dict[str, Any]]) -> str:
     """Return the table of all maps; limits under which all shares are the same share a row."""
     lines = [
         "| encoder step [rad] | friction [mN m] | limit [N m] | stable, but does not rest |"
-        " stable, but felt | unstable, but rests | unstable, grows |",
+        " stable, but felt or grows | unstable, but rests | unstable, grows |",
         "|---|---|---|---|---|---|---|",
     ]
     shares = ("stable_but_not_resting", "stable_but_perceptible", "unstable_but_resting",
@@ -143,7 +146,34 @@ def facts_of(found: FateMap) -> dict[str, Any]:
     """Return the numbers of a map that the page uses."""
     grows = found.fates.fate == Fate.GROWS
     unstable = found.linear >= 0.0
-    return summary(found) | {"unstable_and_growing": float(grows[unstable].mean())}
+    return summary(found) | {
+        "unstable_and_growing": float(grows[unstable].mean()),
+        "stable_but_growing": float(grows[~unstable].mean()),
+    }
+
+
+def judged_again(found: dict[Key, FateMap]) -> str:
+    """Say how many of some points of three maps keep their fate over a longer time."""
+    rng, same, asked = np.random.default_rng(1), 0, 0
+    for step in STEPS[1:]:
+        key = step, math.inf, 0.0
+        result, longer = found[key], plane(key)
+        longer = replace(longer, trial=replace(longer.trial, limit_s=LONG_S))
+        j, i = np.nonzero(result.run)
+        some = rng.choice(j.size, AGAIN, replace=False)
+        now = evaluate(longer, result.x[i[some]], result.y[j[some]]).fate
+        same += int(np.sum(now == result.fates.fate[j[some], i[some]]))
+        asked += AGAIN
+    return f"{same} of {asked}"
+
+
+def unlike_in_full(found: dict[Key, FateMap]) -> float:
+    """Return the share of a map's points that a full lattice shows differently."""
+    key = STEPS[2], math.inf, 0.0
+    result = found[key]
+    x, y = np.meshgrid(result.x, result.y)
+    full = evaluate(plane(key), x.ravel(), y.ravel()).fate.reshape(x.shape)
+    return float(np.mean(full != result.fates.fate))
 
 
 def text(found: dict[Key, FateMap]) -> str:
@@ -154,6 +184,7 @@ def text(found: dict[Key, FateMap]) -> str:
     slight, firm = (facts[0.0, inf, level] for level in LEVELS[1:])
     held = facts[0.0, 0.1, 0.0]["describing_function"]
     both, loose = facts[1e-3, inf, 0.002], facts[1e-3, inf, 0.0]
+    tight = facts[1e-3, 0.1, 0.0]
     pictures = {
         step: picture(found, list(itertools.product((step,), LIMITS, LEVELS)), 3, f"step_{step:g}")
         for step in STEPS
@@ -168,10 +199,15 @@ def text(found: dict[Key, FateMap]) -> str:
     return f"""# What the linear boundary does not say
 
 In linear theory a wall is stable or unstable. With an encoder, an amplifier and bearings, a run
-has three outcomes: it comes to rest, it keeps oscillating at an amplitude that the encoder sets,
-or it grows until the amplifier's limit, or nothing, stops it. The maps below show which, for the
-PHANToM of the paper with 2 ms of delay, released at rest 1 mrad inside a two-sided wall. An
-oscillation counts as felt from a command of 0.01 N m. The black line is the linear boundary.
+comes to rest, or dithers (keeps oscillating by a few encoder steps, felt or not), or grows until
+the amplifier's limit, or nothing, stops it. The maps below show which, for the PHANToM of the paper
+with 2 ms of delay, released at rest 1 mrad inside a two-sided wall. The black line is the linear
+boundary.
+
+Dither counts as felt from a command of 0.01 N m. That is an assumption, which `--perceptible`
+changes: at 0.1 m from the axis it is 0.1 N, and fingertips notice forces from 0.03 N on (King,
+Donlin and Hannaford, Haptics Symposium 2010). Vibration of the skin is left out here, as the radius
+of the handle is not known.
 
 `python docs/make_linear_boundary_page.py` makes all pictures and numbers of this page: {runs}
 runs of 4 to 16 s for lattices of {lattice} points. `zwidth map` draws such a map of any device.
@@ -180,16 +216,17 @@ runs of 4 to 16 s for lattices of {lattice} points. `zwidth map` draws such a ma
 
 ![Maps for four encoder steps]({single[0]})
 
-**Encoder steps.** With encoder steps hardly any stable wall comes to rest:
-{percent(fine["stable_but_not_resting"])} of the linearly stable part keeps oscillating at a step
-of 1e-5 rad, {percent(middle["stable_but_not_resting"])} at 1e-4 and
-{percent(rough["stable_but_not_resting"])} at 1e-3, with a median amplitude of
-{fine["fates"]["dithers"]["encoder_steps"][0]:.1f} steps at 1e-5. The size of the step decides how
-much of this is felt: {percent(fine["stable_but_perceptible"])},
-{percent(middle["stable_but_perceptible"])} and {percent(rough["stable_but_perceptible"])}.
+**Encoder steps.** With encoder steps few stable walls come to rest:
+{percent(fine["stable_but_not_resting"])} of the linearly stable part dithers at a step of 1e-5 rad,
+{percent(middle["stable_but_not_resting"])} at 1e-4 and {percent(rough["stable_but_not_resting"])}
+at 1e-3, with a median amplitude of {fine["fates"]["dithers"]["encoder_steps"][0]:.1f} steps at
+1e-5. The size of the step decides how much of this is felt:
+{percent(fine["stable_but_perceptible"])}, {percent(middle["stable_but_perceptible"])} and
+{percent(rough["stable_but_perceptible"])}. Coarse steps also hold some walls beyond the line:
+{percent(1.0 - rough["unstable_and_growing"])} of the unstable part does not grow at 1e-3.
 
-**Limits.** The limit of the amplifier does not move the boundary. Beyond it, growth ends in a
-steady oscillation. A describing function predicts its frequency within
+**Limits.** Where the encoder is fine, the limit of the amplifier does not move the boundary. Beyond
+it, growth ends in a steady oscillation. A describing function predicts its frequency within
 {percent(held["frequency_error"])} and its amplitude within {percent(held["amplitude_error"])}
 (median of {held["points"]} points at 0.1 N m).
 
@@ -236,26 +273,28 @@ the edge becomes ragged.
 ![Maps with steps of 1e-3 rad]({pictures[1e-3]})
 
 **Steps of 1e-3 rad.** With 2 mN m of friction, {percent(both["stable_but_perceptible"])} of the
-stable part oscillates perceptibly instead of {percent(loose["stable_but_perceptible"])}. With a
-limit of 0.1 N m, one step within a sample commands the whole limit from B = 0.1 N m s/rad on, so
-the picture does not depend on B there.
+stable part is felt instead of {percent(loose["stable_but_perceptible"])}. With a limit of 0.1 N m,
+one step within a sample commands the whole limit from B = 0.1 N m s/rad on, so the picture does not
+depend on B there; near the top and right of it {percent(tight["stable_but_growing"])} of the stable
+part swings from limit to limit.
 
 ## Numbers
 
-Shares of the linearly stable part that do not come to rest, and that are felt; shares of the
-linearly unstable part that rest, and that grow. The rest of the unstable part keeps oscillating
-below the limit.
+Shares of the linearly stable part that do not come to rest, and that are felt or grow; shares of
+the linearly unstable part that rest, and that grow. The rest of the unstable part dithers.
 
 {table(facts)}
 
 ## How the answers are found
 
 A run is judged after 4 s and, if that is not enough, after up to 16 s. It rests if its amplitude
-stays below 1e-3 of the start and 0.02 of a step. It keeps oscillating if its amplitude neither
-falls nor rises. It grows if its energy does, or if its command swings from limit to limit. For
-three steps, 200 random points each were judged again over 128\u00a0s, with the same answer at
-every point. Cells whose corners agree are filled in; near ragged edges about one point in a
-hundred differs from a full lattice.
+stays below 1e-3 of the start and 0.02 of a step. It dithers if it neither falls nor rises, and is
+no larger than what steps alone can keep up: 32 steps, or more where a describing function allows it
+(`sim/fate.py` has the derivation). It grows if its energy does, if its command swings from limit to
+limit, or if it settles on a larger oscillation. With steps of 1e-5, 1e-4 and 1e-3 rad {AGAIN}
+points each were judged again over {LONG_S:g}\u00a0s: {judged_again(found)} keep their outcome.
+Cells whose corners agree are filled in; at a step of 1e-4 rad {percent(unlike_in_full(found))} of
+the points differ from a full lattice, near ragged edges.
 """
 
 

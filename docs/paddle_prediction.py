@@ -356,7 +356,9 @@ def draw_shapes(p: Prediction) -> Figure:
             axes.set_xlabel("$B$ at the end of the paddle [N s/mm]")
             axes.set_xticks(DAMPINGS[::4])
         left.legend(frameon=False, fontsize=9, loc="lower right")
-        right.set_title("bands: half of the draws", loc="left", fontsize=9)
+        left.set_title("shape of each boundary: median of the draws", loc="left", fontsize=9)
+        right.set_title("each over the difference: median, and half of the draws", loc="left",
+                        fontsize=9)  # fmt: skip
     return figure
 
 

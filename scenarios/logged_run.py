@@ -1,7 +1,7 @@
 """Run a scenario into a log from which it can be replayed bit for bit."""
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, version
 from itertools import takewhile
 from os import PathLike
@@ -23,6 +23,7 @@ from zwidth.scenarios.scenario import Scenario
 from zwidth.scenarios.scenario_file import scenario_to_text
 from zwidth.shown import Shown
 from zwidth.sim.device_file import device_to_text, model_hash
+from zwidth.sim.perception import Perception
 from zwidth.sim.physics.own import OWN
 from zwidth.sim.run import BLOCK_TICKS, Outcome, Run, Setup
 from zwidth.sim.trace import Trace
@@ -55,6 +56,7 @@ def logged_run(
     path: str | PathLike[str],
     *,
     metadata: Mapping[str, str] | None = None,
+    perception: Perception = Perception(),
     epoch_ns: int | None = None,
     on_block: Callable[[int], object] | None = None,
     overwrite: bool = False,
@@ -62,6 +64,7 @@ def logged_run(
     """Run a scenario and write its log to `path` while it runs.
 
     metadata: what the caller knows besides, which wins over what is found here (a "verdict").
+    perception: from what on dither is felt.
     epoch_ns: log time of t = 0 [ns since 1970], by default now. on_block is told the number of
     ticks after every block. Substeps go into the log only, Run.fine is None.
 
@@ -101,7 +104,7 @@ def logged_run(
         trace, outcome = _joined([block.tick for block in done]), done[-1].outcome
         found = ending(outcome, trace)
         log.events(found)
-        about = _description(scenario) | _conclusion(scenario, trace, outcome) | given
+        about = _description(scenario) | _conclusion(scenario, trace, outcome, perception) | given
         log.note(about)
     totals = dict(zip(setup.ledger_names, setup.memory.totals.tolist(), strict=True))
     run = Run(trace, outcome, setup.memory, totals)
@@ -179,12 +182,16 @@ def _description(scenario: Scenario) -> dict[str, str]:
     return known | own
 
 
-def _conclusion(scenario: Scenario, trace: Trace, outcome: Outcome) -> dict[str, str]:
+def _conclusion(
+    scenario: Scenario, trace: Trace, outcome: Outcome, perception: Perception
+) -> dict[str, str]:
     """What is known after the run."""
-    found = run_verdict(scenario, trace, outcome)
+    found = run_verdict(scenario, trace, outcome, perception)
     judged = {} if found is None else {"verdict": found.verdict.value}
     if found is not None and found.fate is not None:
         judged["fate"] = found.fate.word
+        given = asdict(perception).items()
+        judged |= {f"felt_{name}": repr(value) for name, value in given if value is not None}
     return {"outcome": outcome.name.lower(), "ticks_done": str(len(trace))} | judged
 
 

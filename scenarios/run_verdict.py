@@ -38,7 +38,9 @@ class Ending(NamedTuple):
     fate: Fate | None
 
 
-def run_verdict(scenario: Scenario, trace: Trace, outcome: Outcome) -> Ending | None:
+def run_verdict(
+    scenario: Scenario, trace: Trace, outcome: Outcome, perception: Perception = Perception()
+) -> Ending | None:
     """Return what one finished run does in the end, None where it says nothing of stability.
 
     Judged is the part in which no disturbance changes, in windows of 0.5 s, or shorter ones where
@@ -70,7 +72,7 @@ def run_verdict(scenario: Scenario, trace: Trace, outcome: Outcome) -> Ending | 
             [device], np.zeros(1, np.int64), stiffness, damping, np.array([start]),
             np.array([rest]), bool(law.facts.get("one_sided", False)),
         )  # fmt: skip
-        fate = Fate(int(fates_of(growth, conditions, len(free) * period, Perception())[0]))
+        fate = Fate(int(fates_of(growth, conditions, len(free) * period, perception)[0]))
     return Ending(VERDICTS[int(growth.verdict[0])], fate)
 
 

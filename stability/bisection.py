@@ -35,11 +35,11 @@ from zwidth.sim.ensemble import walls
 from zwidth.sim.fate import Conditions, Fate, dither_steps, fates_of
 from zwidth.sim.group import Member
 from zwidth.sim.growth import DECAYS, GROWS, LIMIT_CYCLE, UNDECIDED, VERDICTS, Growth, Verdict
-from zwidth.stability.frequency import ultimate_frequencies
+from zwidth.stability.frequency import largest_frequencies, ultimate_frequencies
 from zwidth.stability.judging import (
     Subjects,
     Trial,
-    judge_subjects,
+    judge_for,
     nonlinear_walls,
     prepared,
     threshold,
@@ -141,7 +141,7 @@ class _Hunt:
         self.verdicts = np.full((2, shape), -1)
         self.rates = np.full((2, shape), np.nan)  # at the stable and unstable ends
         self.widths = np.full((4, shape), np.inf)  # of the bracket, now and one to three trials ago
-        self.amplitude = np.full(shape, np.nan)
+        self.amplitude, self.seconds = np.full((2, shape), np.nan)  # of the unstable end's run
         self.grows = np.zeros((self.starts.size, shape), dtype=bool)  # from which, at the end
         self.good: list[list[float]] = [[] for _ in range(shape)]  # every K that was stable
         self.looks = np.full(shape, LOOKS if self.nonlinear else 0)
@@ -166,11 +166,11 @@ class _Hunt:
             elif not self.look_below(workers):
                 return self.brackets(self.frequencies(trial, workers))
 
-    def judged(self, runs: Indices, tried: Floats, workers: int) -> tuple[Growth, Flags]:
+    def judged(self, runs: Indices, tried: Floats, workers: int) -> tuple[Growth, Flags, Floats]:
         """Judge dampings at a K each, from all starts: what the worst does, from which it grows.
 
         runs, tried (n,). Stable walls count as decay, growth that settles as a cycle. The flags are
-        (starts, n).
+        (starts, n). Last, how long the run of the first start that grows took [s], (n,).
         """
         count = self.starts.size
         each, k = np.tile(runs, count), np.tile(tried, count)
@@ -178,7 +178,7 @@ class _Hunt:
         steps = self.dither(each, k)
         rests = self.rests(each, k, steps)
         some = walls(k, self.dampings[each], law=self.trial.law)
-        growth = judge_subjects(self.subjects(rests, starts), some, self.trial, workers)
+        growth, took = judge_for(self.subjects(rests, starts), some, self.trial, workers)
         which = np.zeros(each.size, dtype=np.int64)
         conditions = Conditions(
             [self.device], which, k, self.dampings[each], starts, rests, steps=steps
@@ -192,8 +192,9 @@ class _Hunt:
         rate = np.clip(np.nan_to_num(growth.rate), -1e9, 1e9)
         badness = (1e10 * (2.0 * grows + doubt) + rate).reshape(count, runs.size)
         worst = badness.argmax(axis=0) * runs.size + np.arange(runs.size)
-        growth = replace(growth, verdict=verdict)
-        return growth.select(worst), grows.reshape(count, runs.size)
+        growth, grows = replace(growth, verdict=verdict), grows.reshape(count, runs.size)
+        first = grows.argmax(axis=0), np.arange(runs.size)
+        return growth.select(worst), grows, took.reshape(count, runs.size)[first]
 
     def look_below(self, workers: int) -> bool:
         """Try walls below the closed brackets; whether any grows, and the boundary lies lower."""
@@ -206,7 +207,7 @@ class _Hunt:
         runs, k = runs[there], k[there]
         if runs.size == 0:
             return False
-        growth, grows = self.judged(runs, k, workers)
+        growth, grows, took = self.judged(runs, k, workers)
         bad = (growth.verdict == LIMIT_CYCLE) | (growth.verdict == GROWS)
         for i in some.tolist():
             here = np.flatnonzero((runs == i) & bad)
@@ -219,9 +220,8 @@ class _Hunt:
             self.stable[i] = max(self.good[i], default=math.nan)
             self.rates[0, i], self.widths[:, i] = math.nan, np.inf
             self.doubt_low[i] = self.doubt_high[i] = math.nan
-            self.learn(
-                runs[[place]], k[[place]], growth.select(np.array([place])), grows[:, [place]]
-            )
+            one = np.array([place])
+            self.learn(runs[one], k[one], growth.select(one), grows[:, one], took[one])
         return bool(self.looks[some].any())
 
     def dither(self, runs: Indices, tried: Floats) -> Floats:
@@ -250,19 +250,38 @@ class _Hunt:
         return Subjects([self.one], which, starts, rests, nonlinear_walls(self.device))
 
     def frequencies(self, trial: Trial, workers: int) -> Floats:
-        """Ultimate frequency [Hz] of the run at each unstable end."""
+        """Ultimate frequency [Hz] of the run at each unstable end.
+
+        Of a linear device that of the mode that grows, which the first seconds tell. Else the run
+        is followed to its verdict: before, what steps and friction keep up is larger than what
+        grows, and has lines of its own at any frequency.
+        """
         found = np.full(self.dampings.size, np.nan)
         known = np.flatnonzero(~np.isnan(self.unstable))
         if known.size == 0:
             return found
-        some = walls(self.unstable[known], self.dampings[known], law=trial.law)
         period = self.device.interface.period
         weights = np.zeros(round(trial.seconds / period))
+        some = walls(self.unstable[known], self.dampings[known], law=trial.law)
         starts = self.starts[self.grows[:, known].argmax(axis=0)]
         runs = self.subjects(np.zeros(known.size), starts).started(some)
-        _, velocities, tasks, _ = runs.tasks(weights, 1, keep=True, workers=workers)
-        in_parallel(tasks, workers)
-        found[known] = ultimate_frequencies(velocities, period)
+        seconds = self.seconds[known] if self.nonlinear else np.full(known.size, trial.seconds)
+        followed = np.full((known.size, 2 * weights.size), np.nan)  # the last two lengths of each
+        left, done = np.arange(known.size), 0.0
+        while left.size:
+            _, velocities, tasks, runs = runs.tasks(weights, 1, keep=True, workers=workers)
+            in_parallel(tasks, workers)
+            moving = ~np.isnan(velocities[:, 0])  # has not escaped before
+            followed[left[moving]] = np.hstack(
+                [followed[left[moving], weights.size :], velocities[moving]]
+            )
+            done += trial.seconds
+            on = np.flatnonzero(moving & (done + 0.5 * period < seconds[left]))
+            left, runs = left[on], runs.select(on)
+        if self.nonlinear:
+            found[known] = largest_frequencies(followed, weights.size, period)
+        else:
+            found[known] = ultimate_frequencies(followed[:, weights.size :], period)
         return found
 
     def trials(self) -> Floats:
@@ -318,8 +337,13 @@ class _Hunt:
         ahead = np.minimum(self.doubt_high * self.search.ratio, self.highest)
         return np.where(self.doubt_high >= self.highest, np.nan, ahead)
 
-    def learn(self, runs: Indices, tried: Floats, growth: Growth, grows: Flags) -> None:
-        """Enter the verdicts of one round; grows (starts, runs): from which start each grows."""
+    def learn(
+        self, runs: Indices, tried: Floats, growth: Growth, grows: Flags, took: Floats
+    ) -> None:
+        """Enter the verdicts of one round.
+
+        grows (starts, runs): from which start each grows; took (runs,): how long that run was [s].
+        """
         good = growth.verdict == DECAYS
         doubt = growth.verdict == UNDECIDED
         bad = ~good & ~doubt
@@ -336,7 +360,7 @@ class _Hunt:
         self.unstable[runs[bad]] = tried[bad]
         self.verdicts[0, runs[good]] = growth.verdict[good]
         self.verdicts[1, runs[bad]] = growth.verdict[bad]
-        self.amplitude[runs[bad]] = growth.amplitude[bad]
+        self.amplitude[runs[bad]], self.seconds[runs[bad]] = growth.amplitude[bad], took[bad]
         self.rates[0, runs[good]] = growth.rate[good]
         self.rates[1, runs[bad]] = growth.rate[bad]
         width = self.unstable[runs] - self.stable[runs]

@@ -1,10 +1,14 @@
 """The frequency at which a run near the boundary oscillates.
 
-Of all spectral peaks of m1's velocity in the last quarter of a run, the one that has grown most
-since the second quarter: at the boundary every other mode has died down by then. Of those that have
-grown alike, as the harmonics of a limit cycle do, it is the largest. A four-term
-Blackman-Harris window keeps its sidelobes (-92 dB) below the peaks that are looked at, and a
-parabola through the logarithm of three bins places the peak to about a hundredth of a bin.
+Of a linear device, of all spectral peaks of m1's velocity in the last quarter of a run, the one
+that has grown most since the second quarter: at the boundary every other mode has died down by
+then. Of those that have grown alike, as the harmonics of a limit cycle do, it is the largest. A
+four-term Blackman-Harris window keeps its sidelobes (-92 dB) below the peaks that are looked at,
+and a parabola through the logarithm of three bins places the peak to about a hundredth of a bin.
+
+Under steps and friction that rule misleads: an encoder's steps draw lines all over the spectrum,
+which grow and fade while the oscillation itself hardly grows. There the run is followed until it is
+known to grow or to cycle, and the largest peak at its end counts.
 """
 
 from functools import cache
@@ -17,6 +21,7 @@ Floats = NDArray[np.float64]
 FLOOR = 1e-3  # amplitude of a peak over the largest one's
 PADDING = 4
 FEWEST_TICKS = 8  # of a quarter of a run
+PARTS = 8  # of the end of a run, by which its growth is told
 ALIKE = 0.95  # growth of a peak over that of the one that has grown most
 
 
@@ -44,6 +49,42 @@ def ultimate_frequencies(velocities: Floats, period: float) -> Floats:
             some = lengths == length
             found[some] = _frequencies(velocities[some, :length]) / period
     return found
+
+
+def largest_frequencies(velocities: Floats, most: int, period: float) -> Floats:
+    """Return the frequency [Hz] of the largest oscillation at the end of each run, (runs,).
+
+    velocities (runs, ticks) at the sampling period [s], NaN where a run was not followed; most: the
+    ticks at its end that are looked at. NaN where nothing oscillates.
+    """
+    found = np.full(velocities.shape[0], np.nan)
+    for i, row in enumerate(velocities):
+        end = row[~np.isnan(row)][-most:]
+        if end.size >= 4 * FEWEST_TICKS:
+            found[i] = _largest(end) / period
+    return found
+
+
+def _level(velocity: Floats) -> Floats:
+    """Return a velocity (ticks,) without its exponential growth, which would blur every peak."""
+    scaled = velocity / max(float(np.abs(velocity).max()), 1e-300)
+    parts = np.array_split(scaled, PARTS)
+    rms = np.log(np.sqrt([np.mean(part * part) + 1e-300 for part in parts]))
+    slope, middle = np.polyfit(np.linspace(-0.5, 0.5, PARTS) * (1.0 - 1.0 / PARTS), rms, 1)
+    time = (np.arange(velocity.size) + 0.5) / velocity.size - 0.5
+    return scaled * np.exp(-slope * time - middle)
+
+
+def _largest(velocity: Floats) -> float:
+    """Cycles a tick of the largest peak of a velocity (ticks,), NaN where there is none."""
+    size = next_fast_len(PADDING * velocity.size, real=True)
+    level = _level(velocity)
+    spectrum = np.abs(rfft((level - level.mean()) * blackman_harris(level.size), size))
+    best = 1 + int(np.argmax(spectrum[1:-1]))
+    if not spectrum[best - 1] < spectrum[best] >= spectrum[best + 1]:
+        return np.nan
+    left, middle, right = np.log(spectrum[best - 1 : best + 2])
+    return (best + 0.5 * (left - right) / (left - 2.0 * middle + right)) / size
 
 
 def _frequencies(velocities: Floats) -> Floats:

@@ -158,6 +158,13 @@ class Subjects:
 
 def judge_subjects(subjects: Subjects, ensemble: Walls, trial: Trial, workers: int) -> Growth:
     """Run each wall until its verdict is clear or the time limit is reached."""
+    return judge_for(subjects, ensemble, trial, workers)[0]
+
+
+def judge_for(
+    subjects: Subjects, ensemble: Walls, trial: Trial, workers: int
+) -> tuple[Growth, Floats]:
+    """Judge as `judge_subjects` does; return also how long each run took [s], (runs,)."""
     runs = subjects.started(ensemble)
     period = subjects.members[0].eq.period
     weights = window_weights(max(8, round(trial.window_s / period)))
@@ -168,6 +175,7 @@ def judge_subjects(subjects: Subjects, ensemble: Walls, trial: Trial, workers: i
     pending, history = np.arange(runs.size), np.zeros((0, MEASURES, runs.size))
     together = partial(in_parallel, workers=workers)
     done, target = 0.0, trial.seconds
+    took = np.zeros(runs.size)
     while True:
         measures, runs = advance_runs(
             runs, weights, round((target - done) / window), together, workers
@@ -177,9 +185,10 @@ def judge_subjects(subjects: Subjects, ensemble: Walls, trial: Trial, workers: i
         growth = assess(history, window, starts[pending], rests[pending], nonlinear, final)
         for field in fields(Growth):
             getattr(judged, field.name)[pending] = getattr(growth, field.name)
+        took[pending] = target
         left = np.flatnonzero(growth.verdict == UNDECIDED)
         if left.size == 0 or target >= trial.limit_s:
-            return judged
+            return judged, took
         pending, runs, history = pending[left], runs.select(left), history[:, :, left]
         done, target = target, min(2.0 * target, trial.limit_s)
 

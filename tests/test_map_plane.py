@@ -207,10 +207,12 @@ def test_what_grows_without_a_limit_has_a_colour_of_its_own() -> None:
         np.testing.assert_array_equal(np.asarray(values).reshape(result.fates.fate.shape),
                                       result.fates.fate)  # fmt: skip
     labels = [str(handle.get_label()) for handle in legend([result])]
-    assert "grows without bound" in labels
+    assert "grows" in labels
     limited = make_map(plane(device=phantom().with_interface(command_limit=1.0)), 3, 0)
     labels = [str(handle.get_label()) for handle in legend([limited])]
-    assert "grows without bound" not in labels
+    assert "grows to the limit" in labels
+    labels = [str(handle.get_label()) for handle in legend([result, limited])]
+    assert "grows (to the limit, if any)" in labels
 
 
 @pytest.mark.parametrize(

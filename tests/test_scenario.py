@@ -1,5 +1,6 @@
 """Scenarios: what a file may say, what it says back, and which forces it means."""
 
+import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from physics_examples import entry_of, example
 
+from zwidth.cli import run
 from zwidth.controllers.none import none
 from zwidth.controllers.recorded import recorded
 from zwidth.controllers.relay import relay
@@ -333,6 +335,40 @@ def test_no_verdict_while_something_drives():
         assert run_verdict(scenario, run.trace, run.outcome) is None
     pushed = Scenario(PHANTOM, none(), 1.0, Start(), (Disturbance("constant", 0.1, from_s=0.2),))
     assert pushed.free_from == 0.2
+
+
+@pytest.mark.parametrize(
+    ("options", "fate"),
+    [
+        ([], "dithers"),
+        (["--felt-force", "1e-4"], "felt"),
+        (["--felt-position", "1e-6"], "felt"),
+        (["--lever", "10"], "felt"),  # a hand so far out moves by micrometres
+    ],
+)
+def test_what_is_felt_of_a_run_is_an_option(options: list[str], fate: str, tmp_path: Path):
+    """By force, by motion, or by the threshold of vibration at a lever.
+
+    Mutation: `Perception()` in `run_verdict`.
+    """
+    path = tmp_path / "wall.toml"
+    path.write_text(
+        "schema = 1\nduration_s = 8.0\n[device]\nname = 'phantom_1_0'\n[interface]\n"
+        "encoder_step = 1e-5\n[controller]\nkind = 'wall'\nstiffness = 10.0\ndamping = 0.04\n"
+        "[start]\nposition = 1e-3\n"
+    )
+    out = tmp_path / "out"
+    assert run(["simulate", str(path), *options, "--out", str(out), "--json",
+                        str(tmp_path / "found.json")]) == 0  # fmt: skip
+    assert json.loads((tmp_path / "found.json").read_text())["fate"] == fate
+    about = read_log(out / "wall.mcap").metadata
+    assert float(about["felt_force"]) == (1e-4 if "--felt-force" in options else 0.01)
+    text = path.read_text().replace(
+        "'wall'\nstiffness = 10.0\ndamping = 0.04", "'relay'\nforce = 1.0"
+    )
+    path.write_text(text)
+    refused = run(["simulate", str(path), *options, "--out", str(tmp_path / "relay")])
+    assert refused == (2 if options else 0)
 
 
 def test_events_are_the_changes_of_state(tmp_path: Path):

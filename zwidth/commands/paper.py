@@ -1,4 +1,4 @@
-"""`zwidth paper`: figures and tables of the paper, ours beside theirs, as one report."""
+"""`zwidth paper`: the tables and figures of the paper, ours beside theirs, as one report."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -22,10 +22,10 @@ LONG = ("explained",)  # sections that begin first, so that none is left alone a
 @out_option("runs/paper")
 @force_option
 def command(chosen: tuple[str, ...], out: Path) -> None:
-    """Reproduce the paper's figures and tables, ours beside theirs, as one HTML report.
+    """Compute the paper's figures and tables again, ours beside theirs, as one HTML report.
 
-    The diagrams (Fig. 4, 5, 9) are left out. Writes DIR/report.html, which holds every picture, and
-    each picture as PNG and SVG.
+    The diagrams (Fig. 4, 5, 9) are not drawn. Writes DIR/report.html, which holds every picture,
+    and each picture as PNG and SVG.
     """
     console = Console()
     console.will_write(out / "report.html")

@@ -12,13 +12,15 @@ from zwidth.estimator_option import estimator_option, with_estimator
 from zwidth.figures.run import run_figure
 from zwidth.figures.style import draw
 from zwidth.files.whole import replacing
-from zwidth.options import force_option, json_option, out_option
+from zwidth.options import Quantity, force_option, json_option, out_option
 from zwidth.scenarios.logged_run import LoggedRun, logged_run
+from zwidth.scenarios.run_verdict import WALLS
 from zwidth.scenarios.scenario import Scenario
 from zwidth.scenarios.scenario_file import load_scenario
 from zwidth.sim.controller import Step
 from zwidth.sim.device_file import remarks_on
 from zwidth.sim.jit import cache_folder
+from zwidth.sim.perception import FORCE, Perception
 from zwidth.sim.run import Run
 from zwidth.user_law import controller_option
 
@@ -47,6 +49,13 @@ SETTLED = " that the steps of encoder and command alone cannot keep up"
 @click.argument("scenario", metavar="SCENARIO.toml", type=click.Path(path_type=Path))
 @controller_option
 @estimator_option
+@click.option("--felt-force", type=Quantity("N m | N", above=True),
+              help="Smallest force of dither that a hand feels. Default: 0.01.")  # fmt: skip
+@click.option("--felt-position", type=Quantity("rad | m", above=True),
+              help="Smallest amplitude of dither that a hand feels. Default: the threshold of"
+              " vibration on the skin, of a rotary device at its --lever.")  # fmt: skip
+@click.option("--lever", type=Quantity("m", above=True),
+              help="Distance of the hand from the axis of a rotary device.")  # fmt: skip
 @out_option("runs")
 @force_option
 @json_option
@@ -54,6 +63,9 @@ def command(
     scenario: Path,
     controller: Step | None,
     estimator: str | None,
+    felt_force: float | None,
+    felt_position: float | None,
+    lever: float | None,
     out: Path,
     json_file: str | None,
 ) -> None:
@@ -67,13 +79,19 @@ def command(
     described = replace(described, device=with_estimator(described.device, estimator))
     for warning in remarks_on(described.device):
         console.warn(warning)
+    felt = Perception(FORCE if felt_force is None else felt_force, felt_position, lever)
+    if felt != Perception() and described.controller.kind not in WALLS:
+        raise ValueError(
+            "--felt-force, --felt-position and --lever say what is felt at a wall; controller.kind"
+            f" is {described.controller.kind!r}: leave them out"
+        )
     log, picture = out / f"{scenario.stem}.mcap", out / f"{scenario.stem}.png"
     console.will_write(log, picture)
     if not cache_folder().exists():
         console.say("compiling the simulation, once for each version (a minute or more)")
     out.mkdir(parents=True, exist_ok=True)
     with progress("simulating", described.ticks) as advance:
-        logged = logged_run(described, log, on_block=advance)
+        logged = logged_run(described, log, perception=felt, on_block=advance)
     _say(console, described, logged)
     console.say(f"wrote {log}")
     figure = run_figure(logged.run.trace, _title(described, logged))

@@ -62,7 +62,7 @@ def force_map_figure(located: Located, rotary: bool) -> Figure:
                 fmt="o", color=AFTER, markersize=3.5, linewidth=1.2,
             )  # fmt: skip
             axes.set_xlabel(f"{m.against} [{unit}]")
-            axes.set_title(f"explains a chi-square of {plain(m.gained, 3)}", fontsize=9)
+            axes.set_title(f"lowers chi-square by {plain(m.gained, 3)}", fontsize=9)
             axes.locator_params(axis="x", nbins=4)
         for axes in panels[: len(maps) : 2]:
             axes.set_ylabel(f"missing {'torque' if rotary else 'force'} at {top.place} [{pushed}]")
@@ -247,7 +247,7 @@ def residual_figure(residuals: Residuals) -> Figure:
     with rc_context(STYLE):
         figure = Figure(figsize=(7.2, 3.0))
         over_time, spectrum = figure.subplots(1, 2)
-        _within(figure, top=0.4, wspace=0.24)
+        _within(figure, top=0.4, wspace=0.36)
         for values, colour, label in (
             (residuals.before, BEFORE, "linear refit"),
             (residuals.after, AFTER, "with what was found"),

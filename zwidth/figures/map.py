@@ -86,7 +86,7 @@ def _fates(axes: Axes, result: FateMap) -> None:
 
 def legend(results: Sequence[FateMap], lines: Sequence[Line] = ()) -> list[Patch | Line2D]:
     """Return the legend of the fates that occur in maps, of the linear boundary and the lines."""
-    names = names_in(results[0].plane)
+    names = names_in([result.plane for result in results])
     present = [f for f in Fate if any(np.any(r.fates.fate == f) for r in results)]
     handles: list[Patch | Line2D] = [
         Patch(facecolor=COLOURS[f], edgecolor="0.5", label=names[f]) for f in present
@@ -107,10 +107,13 @@ def _draw_linear(axes: Axes, result: FateMap) -> None:
     axes.set_ylabel(axis_label(plane, plane.y.quantity))
 
 
-def names_in(plane: Plane) -> dict[Fate, str]:
-    """What the fates are called in a plane: what grows is held by a limit where there is one."""
-    bounded = _held(plane)
-    return NAMES if bounded else {**NAMES, Fate.GROWS: "grows without bound"}
+def names_in(planes: Sequence[Plane]) -> dict[Fate, str]:
+    """What the fates are called: what grows is held by a limit in the planes that have one."""
+    bounded = [_held(plane) for plane in planes]
+    if all(bounded):
+        return NAMES
+    grows = "grows (to the limit, if any)" if any(bounded) else "grows"
+    return {**NAMES, Fate.GROWS: grows}
 
 
 def _held(plane: Plane) -> bool:

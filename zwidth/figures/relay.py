@@ -24,12 +24,16 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Sweep:
-    """One quantity changed: its values, K by relay and true K, each (n,), NaN for none."""
+    """One quantity changed: its values, K by relay, true K, each (n,), NaN for none.
+
+    rests (n,): the K up to which walls come to rest, too, NaN where that is not asked.
+    """
 
     label: str
     values: Floats
     relay: Floats
     true: Floats
+    rests: Floats
     logarithmic: bool = False
 
 
@@ -170,6 +174,7 @@ def relay_sweeps_figure(sweeps: Sequence[Sweep], linear: float) -> Figure:
         for axes, sweep in zip(panels, sweeps, strict=True):
             axes.axhline(linear, color="0.5", linewidth=1.0, linestyle=(0, (5, 2)))
             axes.plot(sweep.values, sweep.true, color="#004488", marker=".", markersize=5)
+            axes.plot(sweep.values, sweep.rests, color="#004488", linestyle=":")
             axes.plot(sweep.values, sweep.relay, linestyle="none", marker="o", markersize=7,
                       markerfacecolor="none", markeredgecolor="#BB5566",
                       markeredgewidth=1.4)  # fmt: skip
@@ -184,7 +189,8 @@ def relay_sweeps_figure(sweeps: Sequence[Sweep], linear: float) -> Figure:
             Line2D([], [], color="#BB5566", linestyle="none", marker="o", markerfacecolor="none",
                    label="relay"),
             Line2D([], [], color="#004488", marker=".", label="bisection, same physics"),
+            Line2D([], [], color="#004488", linestyle=":", label="comes to rest"),
             Line2D([], [], color="0.5", linewidth=1.0, linestyle=(0, (5, 2)), label="linear"),
         ]  # fmt: skip
-        figure.legend(handles=handles, loc="outside upper left", ncols=3, frameon=False, fontsize=9)
+        figure.legend(handles=handles, loc="outside upper left", ncols=4, frameon=False, fontsize=9)
     return figure

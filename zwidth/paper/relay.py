@@ -22,10 +22,11 @@ def section() -> Section:
     conditions = relay_conditions(
         [phantom(row.delay) for row in rows], [row.place for row in rows], STARTS
     )
+    pairs = sorted(zip(rows, conditions, strict=True), key=_order)
     diverging = [
-        f"{ms(row.delay)} {row.place:g}" + _as_printed(row)
-        for row, condition in sorted(zip(rows, conditions, strict=True), key=_order)
-        if condition.reference.verdict == "diverges"
+        f"{ms(row.delay)} {row.place:g}"
+        for row, condition in pairs
+        if condition.reference.verdict == "diverges" and not _as_printed(row)
     ]
     return Section(
         "Fig. 8 and the relay: what the method measures, and how far off",
@@ -43,7 +44,8 @@ def section() -> Section:
             " whole number of ticks, so its frequency, and with it K, comes in steps; a loop may"
             " have several cycles, and the start decides; and where no K is stable the loop has no"
             f" cycle to find. {len(diverging)} conditions diverge on the model of Table I, although"
-            f" the real device oscillated steadily in all of them: {', '.join(diverging)}. A"
+            f" the real device oscillated steadily in all of them: {', '.join(diverging)}."
+            f" ({_misprinted(rows, conditions)}) A"
             " divergence is a verdict on the loop, not a number. And where a vibration mode already"
             " makes the loop unstable, the"
             " relay can stay on the slow oscillation and read a stiffness that no wall has: at 4 ms"
@@ -80,6 +82,18 @@ def _as_meant_and_as_printed() -> list[MeasuredPoint]:
 
 def _as_printed(row: MeasuredPoint) -> str:
     return "" if row.judged is not None else " as printed"
+
+
+def _misprinted(rows: list[MeasuredPoint], conditions: list[RelayCondition]) -> str:
+    """Say what a misprinted row does at the B that is printed, where no other row stands."""
+    said = [
+        f"{ms(row.delay)} {row.damping:g}, a misprint, {'diverges' if none else 'cycles'} as"
+        " printed"
+        for row, c in zip(rows, conditions, strict=True)
+        if _as_printed(row)
+        for none in [c.reference.verdict == "diverges"]
+    ]
+    return f"{'; '.join(said)}; as meant it is among the other rows."
 
 
 def _beyond(rows: list[MeasuredPoint], conditions: list[RelayCondition]) -> float | None:

@@ -1,9 +1,10 @@
 """The relay beside bisection under the same physics: friction, encoder step, limited amplifier.
 
 The true boundary of a nonlinear device depends on how large its oscillation is, so bisection starts
-as large as the relay's own cycle (m1 displaced by its amplitude, all at rest). With an encoder the
-boundary is here of walls that come to rest within a step, dither not allowed: a relay is asked for
-the last wall that is still.
+as large as the relay's own cycle (m1 displaced by its amplitude, all at rest). As everywhere, a
+wall is stable unless its oscillation grows; under an encoder step a second bracket says up to which
+K it comes to rest within a step, too. The steps are small beside the relay's cycle: from a start of
+a few steps growth could not be told from dither.
 """
 
 from collections.abc import Callable
@@ -23,7 +24,7 @@ from zwidth.stability.linear import critical_stiffness
 
 DELAY, DAMPING = 0.008, 0.08
 FRICTION = (0.0, 0.001, 0.002, 0.005, 0.01, 0.015, 0.02)
-ENCODER = (1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3)
+ENCODER = (1e-6, 3e-6, 1e-5, 3e-5, 1e-4)
 LIMIT = (0.055, 0.06, 0.07, 0.08, 0.1, 0.12, 0.15)
 SUBSTEPS = 4  # with friction
 SEARCH = Search(tolerance=2e-3, lowest=0.5, highest=200.0)
@@ -33,18 +34,26 @@ OWN = "zwidth paper --section relay"
 
 @dataclass(frozen=True)
 class Changed:
-    """A device with one thing changed to a value: what the relay reads, and the true bracket."""
+    """A device with one thing changed to a value: what the relay reads, and the true bracket.
+
+    still: of the walls that come to rest within an encoder step; None without one.
+    """
 
     kind: str
     value: float
     relay: RelayResult
     bracket: Bracket
+    still: Bracket | None = None
 
     @property
     def true(self) -> float:
         """Middle of the bracket, NaN where there is none."""
-        low, high = self.bracket.stable, self.bracket.unstable
-        return np.nan if low is None or high is None else 0.5 * (low + high)
+        return _middle(self.bracket)
+
+    @property
+    def rests(self) -> float:
+        """Middle of the bracket of walls that come to rest, NaN where there is none."""
+        return np.nan if self.still is None else _middle(self.still)
 
 
 def physics_parts() -> tuple[Picture, str, Table]:
@@ -67,6 +76,7 @@ def physics_parts() -> tuple[Picture, str, Table]:
             np.array([np.nan if c.relay.stiffness is None else c.relay.stiffness
                       for c in found[kind]]),
             np.array([c.true for c in found[kind]]),
+            np.array([c.rests for c in found[kind]]),
             kind == "encoder step",
         )
         for kind, unit, _, _ in kinds
@@ -77,22 +87,23 @@ def physics_parts() -> tuple[Picture, str, Table]:
             "relay_physics", relay_sweeps_figure(sweeps, linear),
             "What the relay reads at 8 ms and B = 0.08 (rings) and the boundary by bisection under"
             " the same physics, from a start as large as the relay's cycle (line), beside the"
-            " linear boundary (dashed).", OWN,
+            " linear boundary (dashed). Dotted: up to there walls come to rest within a step.", OWN,
         ),
         "Against the boundary under the same physics the method errs differently with each."
         f" Friction moves both: the relay is {_range(friction)} off, about its error without"
         " friction, because friction holds a wall of that amplitude just as it holds the relay's"
         " oscillation; but it is the boundary for that amplitude only, and smaller starts allow"
-        f" more. With an encoder step the relay is {_range(encoder)} off: the relay, whose cycle"
-        " spans many steps, does not see that a wall above"
-        f" {min(c.true for c in encoder):.1f} never comes to rest, but cycles about its edge by"
-        " more than one step. A limit does not move the true boundary at all, but it cuts the"
+        " more. An encoder step moves neither, and the relay is"
+        f" {_range(encoder)} off, as without it. But walls above"
+        f" {min(c.rests for c in encoder):.1f} oscillate on by more than one step, which a relay,"
+        " whose cycle spans many, does not see."
+        " A limit does not move the true boundary at all, but it cuts the"
         f" damper's share of the relay's command, and the relay is {_range(limit)} off.",
         Table(
             "Relay and bisection under the same physics at 8 ms and B = 0.08; off: the relay over"
-            " the middle of the bracket.",
+            " the middle of the bracket. K at rest: up to there walls come to rest within a step.",
             ["what is changed", "value", "relay K", "relay f [Hz]", "amplitude [mrad]",
-             "K stable", "K not", "how", "off"],
+             "K stable", "K not", "how", "off", "K at rest"],
             [_row(c) for changes in found.values() for c in changes], OWN, (0, 7),
         ),
     )  # fmt: skip
@@ -108,12 +119,21 @@ def changed(kind: str, value: float, device: Device) -> Changed:
     """Run the relay on a changed device, and bisection from its amplitude."""
     substeps = SUBSTEPS if device.physics else 1
     result = relay_run(device, DAMPING, test=replace(RelayTest(), substeps=substeps))
-    trial = Trial(
-        start=result.amplitude or Trial().start, substeps=substeps, limit_s=LIMIT_S,
-        threshold=device.interface.encoder_step or None,  # of rest: dither ends it here
-    )  # fmt: skip
+    trial = Trial(result.amplitude or Trial().start, limit_s=LIMIT_S, substeps=substeps)
+    still = None
+    if step := device.interface.encoder_step:
+        still = _bracket(device, replace(trial, threshold=step))
+    return Changed(kind, value, result, _bracket(device, trial), still)
+
+
+def _bracket(device: Device, trial: Trial) -> Bracket:
     ((bracket,),) = find_brackets([device], [np.array([DAMPING])], trial, SEARCH)
-    return Changed(kind, value, result, bracket)
+    return bracket
+
+
+def _middle(bracket: Bracket) -> float:
+    low, high = bracket.stable, bracket.unstable
+    return np.nan if low is None or high is None else 0.5 * (low + high)
 
 
 def _off(one: Changed) -> float:
@@ -137,5 +157,5 @@ def _row(one: Changed) -> list[str]:
         "" if result.amplitude is None else f"{1e3 * result.amplitude:.2f}",
         number(bracket.stable), number(bracket.unstable),
         "" if verdict is None else verdict.name.lower().replace("_", " "),
-        f"{_off(one):+.1f} %",
+        f"{_off(one):+.1f} %", "" if one.still is None else number(one.still.stable),
     ]  # fmt: skip
