@@ -46,6 +46,7 @@ from scipy.signal import fftconvolve
 from zwidth.diagnosis.fitting.fit import Fitted
 from zwidth.diagnosis.forces.spatial import response
 from zwidth.diagnosis.learning.event_force import Happened, Pulse, Source, fitted_event
+from zwidth.diagnosis.learning.scatter import scatter_in_like_states
 from zwidth.diagnosis.noise.predictor import SETTLING
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
@@ -272,30 +273,66 @@ def _searched(
 ) -> tuple[Peak | None, Chance]:
     """The highest of all peaks, and what chance reaches in stretches beside known events.
 
-    aside: so many of the highest peaks are no chance either, but may be events yet unknown.
+    aside: so many of the highest peaks are no chance either, but may be events yet unknown. Where
+    laws are nonsmooth, what Gaussian noise would not reach must stand out among like states too.
     """
-    answers, row, outputs = _answers(h), 0, h.noise.observer.deviation.size
-    gains: list[Floats] = []
-    kinds: list[list[tuple[Source, int]]] = []
+    white, answers = _in_ticks(h), _answers(h)
+    peak, chance = _standing_out(h, white, answers, known, aside)
+    gaussian = replace(chance, excess=min(chance.excess, GAUSSIAN))
+    if not h.creased or peak is None or peak.gain <= gaussian.most:
+        return peak, chance
+    apart = [np.zeros(e.ticks, dtype=np.bool_) for e in h.experiments]
+    for one in known:
+        apart[one.recording][_touched(one)] = True
+    scales = scatter_in_like_states(h, apart)
+    white = [r / scale for r, scale in zip(white, scales, strict=True)]
+    among_alike, chance = _standing_out(h, white, answers, known, aside)
+    if among_alike is None or among_alike.recording != peak.recording:
+        return among_alike, chance
+    if abs(among_alike.first - peak.first) > STRETCH:
+        return among_alike, chance
+    return peak._replace(gain=among_alike.gain), chance  # dated by what scales do not bend
+
+
+def _in_ticks(h: Hypothesis) -> list[Floats]:
+    """The whitened innovations (ticks, o) of each recording, nothing where an observer settles."""
+    row, outputs = 0, h.noise.observer.deviation.size
+    found: list[Floats] = []
     for e in h.experiments:
         white = np.zeros((e.ticks, outputs))
         rows = (e.ticks - SETTLING) * outputs
         white[SETTLING:] = h.residual[row : row + rows].reshape(-1, outputs)
         row += rows
-        own, which = _gains(white, answers, e)
+        found.append(white)
+    return found
+
+
+def _standing_out(
+    h: Hypothesis,
+    white: Sequence[Floats],
+    answers: Sequence[_Answer],
+    known: Sequence[Happened],
+    aside: int,
+) -> tuple[Peak | None, Chance]:
+    """As `_searched`, of whitened innovations (ticks, o) of each recording."""
+    gains: list[Floats] = []
+    kinds: list[list[tuple[Source, int]]] = []
+    for e, r in zip(h.experiments, white, strict=True):
+        own, which = _gains(r, answers, e)
         own[:ONSET] = 0.0
         gains.append(own)
         kinds.append(which)
     best = _highest(gains, kinds)
     kept = [g.copy() for g in gains]
     for one in known:
-        _mask(kept[one.recording], one.first, one.last)
+        kept[one.recording][_touched(one)] = np.nan
     for _ in range(aside):
         if (top := _highest(kept, kinds)) is not None:
             left = sum(_stretches(own).size for own in kept)
             # All of a long event, as far as enough is left to tell chance by.
             beside = _longest(h.experiments[top.recording]) // 3 if left > 3 * FEWEST else 0
-            _mask(kept[top.recording], top.first - beside, top.first + top.ticks + beside)
+            there = _touching(top.first - beside, top.first + top.ticks + beside)
+            kept[top.recording][there] = np.nan
     return best, _chance(np.concatenate([_stretches(own) for own in kept]))
 
 
@@ -309,9 +346,13 @@ def _highest(gains: Sequence[Floats], kinds: Sequence[list[tuple[Source, int]]])
     return Peak(i, source, first, ticks, tops[i])
 
 
-def _mask(gains: Floats, first: int, last: int) -> None:
-    """Take out what an event touches: its own ticks, and those that hold its pulses."""
-    gains[max(0, first - STRETCH) : last + 2 * STRETCH] = np.nan
+def _touching(first: int, last: int) -> slice:
+    """What something touches: its own ticks, and those that hold its pulses."""
+    return slice(max(0, first - STRETCH), last + 2 * STRETCH)
+
+
+def _touched(one: Happened) -> slice:
+    return _touching(one.first, one.last)
 
 
 def _stretches(gains: Floats) -> Floats:
