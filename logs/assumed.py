@@ -129,6 +129,23 @@ def assumed(
         return _Reader(source, file, ask, joint, given or {}).read()
 
 
+@dataclass(frozen=True)
+class Joints:
+    """The joints of a file: what `joint` calls each that moves, with its signal, and still ones."""
+
+    moving: dict[str, str]
+    still: tuple[str, ...]
+
+
+def joints_of(source: Source) -> Joints:
+    """Return the joints whose motion a file holds.
+
+    Raises RecordingError where fewer than two move, as in a file of one device.
+    """
+    with np.errstate(all="ignore"):
+        return _Reader(source, source.path.name, None, None, {}).joints()
+
+
 class _Reader:
     def __init__(
         self,
@@ -371,12 +388,32 @@ class _Reader:
         self.found.doubts.append(f"{chosen} is taken for the position: nothing says what it is")
         return {"position_m1": chosen}
 
+    def joints(self) -> Joints:
+        """Return the joints, by the words in which their names differ."""
+        self._are_some()
+        self._time()
+        known = next(filter(None, map(self._motions, ("position", "velocity"))), list[str]())
+        every = self._family(known[0]) if known else []
+        if len(known) < 2:
+            one = f"only {known[0]} moves in it" if known else "no position in it moves"
+            raise RecordingError(
+                f"{self.source.path.name} holds no several joints: {one}; leave --joint out"
+            )
+        words = differing({name: self.names[name] for name in every})
+        labels = {name: "_".join(words[name]) for name in every}
+        for name, label in labels.items():
+            told = [n for n in every if label and of_joint(self.names[n], label)]
+            labels[name] = label if told == [name] else name
+        still = tuple(label for name, label in labels.items() if name not in known)
+        return Joints({labels[name]: name for name in every if name in known}, still)
+
     def _signals(self) -> list[str]:
         return [n for n, one in self.seen.items() if one.samples == self.rows]
 
     def _of_joint(self, known: list[str]) -> list[str]:
         assert self.joint is not None
-        found = [name for name in known if of_joint(self.names[name], self.joint)]
+        found = [name for name in known if name == self.joint]
+        found = found or [name for name in known if of_joint(self.names[name], self.joint)]
         if not found:
             raise RecordingError(
                 f"{self.source.path.name} has no joint {self.joint!r} among {_words(known)}; give"

@@ -18,6 +18,7 @@ import pytest
 
 import zwidth
 import zwidth.views as views
+from zwidth import JointAnswers
 from zwidth.api.given import device_of, experiments_of, named_traces, trace_of
 from zwidth.exam.fleets import make_fleet, nominal
 from zwidth.fleet.kept import Kept
@@ -113,6 +114,7 @@ RESULTS: dict[str, Any] = {
     "ReplayResult": lambda folder: zwidth.replay(folder / "run.mcap"),
     "Scenario": lambda _: scenario(),
     "Diagnosis": lambda _: diagnosis(),
+    "JointAnswers": lambda _: JointAnswers({"0": diagnosis()}, {"1": "it stands still"}),
     "Fleet": lambda folder: fleet(folder),
     "Identified": lambda _: identified(),
     "Sweep": lambda _: zwidth.sweep(cart(), values=[20.0], dampings=3, rounds=0),

@@ -11,6 +11,7 @@
 Why does a recording differ?
     diagnose          what physics is missing, where, how much, with 95 % intervals
     diagnose_fleet    many recordings of like devices: what is shared, what changed, which are odd
+    diagnose_joints   each joint of a recording with several, as of a robot
     identify          a device from a recording of its command and position
     plan, excitation  what a recording would show before it is made; the command to record
 How stiff a wall?
@@ -35,9 +36,10 @@ Which device?
 Where does long work run?
     executor          on threads, in processes, on a cluster
 
-Every result (Boundary, Run, Trace, Log, Diagnosis, Fleet, Identified, RelayReadings, Plan, FateMap,
-Sweep, ReplayResult, Scenario, Device) has to_xarray(), to_pandas() and plot(), and shows as a table
-in a notebook. Quantities are SI; a rotary device counts in N m and rad, any other in N and m.
+Every result (Boundary, Run, Trace, Log, Diagnosis, JointAnswers, Fleet, Identified, RelayReadings,
+Plan, FateMap, Sweep, ReplayResult, Scenario, Device) has to_xarray(), to_pandas() and plot(), and
+shows as a table in a notebook. Quantities are SI; a rotary device counts in N m and rad, any other
+in N and m.
 help(zwidth.diagnose) and so on say what each takes, returns and raises; docs/python.md shows more.
 """
 
@@ -55,6 +57,7 @@ if _TYPE_CHECKING:
     from zwidth.api.boundary import boundary as boundary
     from zwidth.api.diagnose import diagnose as diagnose
     from zwidth.api.diagnose_fleet import diagnose_fleet as diagnose_fleet
+    from zwidth.api.diagnose_joints import diagnose_joints as diagnose_joints
     from zwidth.api.identify import identify as identify
     from zwidth.api.make_map import make_map as make_map
     from zwidth.api.plan import excitation as excitation
@@ -68,6 +71,7 @@ if _TYPE_CHECKING:
     from zwidth.controllers.region import region as region
     from zwidth.controllers.texture import texture as texture
     from zwidth.controllers.wall import wall as wall
+    from zwidth.diagnosis.answer.joints import JointAnswers as JointAnswers
     from zwidth.diagnosis.answer.result import Diagnosis as Diagnosis
     from zwidth.diagnosis.answer.result import Estimate as Estimate
     from zwidth.diagnosis.answer.result import Finding as Finding
@@ -162,6 +166,7 @@ HOMES = {
     "Fleet": "zwidth.fleet.result",
     "Identified": "zwidth.identification.identified",
     "Interface": "zwidth.sim.interface",
+    "JointAnswers": "zwidth.diagnosis.answer.joints",
     "Law": "zwidth.sim.law",
     "LinearPoint": "zwidth.stability.types",
     "Listed": "zwidth.fleet.listing",
@@ -196,6 +201,7 @@ HOMES = {
     "critical_stiffness": "zwidth.stability.linear",
     "diagnose": "zwidth.api.diagnose",
     "diagnose_fleet": "zwidth.api.diagnose_fleet",
+    "diagnose_joints": "zwidth.api.diagnose_joints",
     "excitation": "zwidth.api.plan",
     "executor": "zwidth.jobs.choose",
     "find_boundaries": "zwidth.stability.boundary",

@@ -68,8 +68,8 @@ def diagnose_files(
     out: Path,
     line: str,
     robot: tuple[Path | None, str | None] = (None, None),
-) -> None:
-    """Diagnose recordings, say what was found and write it; arguments as of the command.
+) -> Diagnosis:
+    """Diagnose recordings, say what was found, write and return it; arguments as of the command.
 
     line: what asks the same again. robot: its model and the joint in it. Raises ValueError and
     ClickException as the command does, and KeyboardInterrupt at its end where it was interrupted.
@@ -119,6 +119,7 @@ def diagnose_files(
         _answer(asked, found, logs, mishaps)
     if found.interrupted:
         raise KeyboardInterrupt
+    return found
 
 
 def _timed(console: Console) -> Callable[[str], None]:

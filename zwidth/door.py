@@ -51,19 +51,20 @@ def described(
     out: Path,
     joint: str | None = None,
     doubts: list[str] | None = None,
+    name: str | None = None,
 ) -> Path:
     """Return a recording that can be read as it is: the file itself, or a TOML made for it.
 
-    The TOML is OUT/NAME.recording.toml. joint: which to take, of a file with several. doubts: takes
-    what was assumed of it, in sentences. Raises LogError where the file cannot be read or nothing
-    in it moves.
+    The TOML is OUT/NAME.recording.toml; name: another name of it. joint: which to take, of a file
+    with several. doubts: takes what was assumed of it, in sentences. Raises LogError where the file
+    cannot be read or nothing in it moves.
     """
     if path.suffix.lower() == ".toml":
         return path
     found = own_log(path)
     if not isinstance(found, Source):
         return path
-    target = out / f"{path.stem}.recording.toml"
+    target = out / (name or f"{path.stem}.recording.toml")
     if edited(target):
         console.note(f"{path.name} is read as {target} says, which was edited")
         return target
@@ -85,17 +86,18 @@ def _guess(source: Source, file: str, ask: Ask | None, joint: str | None = None)
     return in_their_places(guess, source)
 
 
-def taken(path: Path, ask: Ask | None = None) -> tuple[Trace, list[str]]:
+def taken(path: Path, ask: Ask | None = None, joint: str | None = None) -> tuple[Trace, list[str]]:
     """Return a recording of any kind, and what was assumed of it, without writing a file.
 
-    ask: where somebody can answer. Raises LogError where it cannot be read.
+    ask: where somebody can answer. joint: which to take, of a file with several. Raises LogError
+    where it cannot be read.
     """
     if path.suffix.lower() == ".toml":
         return read_recording(path), []
     found = own_log(path)
     if not isinstance(found, Source):
         return found.tick, []
-    guess = _guess(found, path.name, ask)
+    guess = _guess(found, path.name, ask, joint)
     described = description_of(guess.text.encode(), path.with_suffix(".recording.toml"))
     said = [f"{role}: {what}" for role, what in guess.roles]
     said += [f"assumed: {doubt}" for doubt in guess.doubts]

@@ -33,6 +33,7 @@ def diagnose(
     command: str | None = None,
     position: str | None = None,
     velocity: str | None = None,
+    joint: str | None = None,
     say: Callable[[str], None] | None = None,
 ) -> Diagnosis:
     """Say why recordings differ from the simulation of a device, and what physics is missing.
@@ -42,6 +43,8 @@ def diagnose(
     frame of pandas or polars, a dict of arrays (samples,), an array (samples, signals).
     time, command, position, velocity: the columns of a table (of an array "0", "1" ...). Columns
     that are not named are recognised by name and unit, "angle_deg", as in a CSV.
+    joint: number or name of the joint to take, of recordings with several, as of a robot; without
+    it the one that moves most. `diagnose_joints` takes all.
     device: a Device, the name of a shipped one, or a device file. Without it one is fitted, with
     one to three masses.
     validate: recordings to judge by; by default the last 30 % of each recording.
@@ -65,8 +68,8 @@ def diagnose(
             twice := next((r for r, n in columns.items() if n == name and r != role), None)
         ) is not None:
             raise ValueError(f"{role} and {twice} are both {name!r}; name a column each")
-    traces = named_traces(recordings, columns)
-    judged_by = [] if validate is None else named_traces(validate, columns, "validate")
+    traces = named_traces(recordings, columns, joint=joint)
+    judged_by = [] if validate is None else named_traces(validate, columns, "validate", joint)
 
     def answer(known: Device) -> Diagnosis:
         fit_on = experiments_of(traces, known, known_torque)

@@ -37,10 +37,13 @@ def device_of(given: AnyDevice) -> Device:
     )
 
 
-def trace_of(given: AnyRecording, columns: Mapping[str, str] | None = None) -> Trace:
+def trace_of(
+    given: AnyRecording, columns: Mapping[str, str] | None = None, joint: str | None = None
+) -> Trace:
     """Return a recording's trace: as given, of a run or a log, of a table, or read from a path.
 
     columns: of a table time, command, position or velocity -> its column, where somebody named it.
+    joint: which to take, of a table or a file with several.
 
     The one place where a recording that is given becomes one. A file of another tool (a CSV) is
     taken for what its columns seem to be. What was assumed of a file, and what is odd about it, is
@@ -54,13 +57,13 @@ def trace_of(given: AnyRecording, columns: Mapping[str, str] | None = None) -> T
         case Log():
             return given.tick
         case str() | PathLike():
-            trace, assumed = taken(Path(given))
+            trace, assumed = taken(Path(given), joint=joint)
             odd = cast("Sequence[str]", trace.facts.get("warnings", ()))
             for said in (*(line for line in assumed if line.startswith("assumed")), *odd):
                 warnings.warn(f"{Path(given).name}: {said}", stacklevel=4)
             return trace
         case _ if is_table(given):
-            trace, assumed = taken_table(given, columns or {})
+            trace, assumed = taken_table(given, columns or {}, joint)
             odd = cast("Sequence[str]", trace.facts.get("warnings", ()))
             for said in (*assumed, *odd):
                 warnings.warn(f"the table: {said}", stacklevel=4)
@@ -87,8 +90,9 @@ def named_traces(
     given: AnyRecording | Sequence[AnyRecording],
     columns: Mapping[str, str] | None = None,
     argument: str = "recordings",
+    joint: str | None = None,
 ) -> list[tuple[str, Trace]]:
-    """Return one recording or several, each with what to call it; columns as of `trace_of`.
+    """Return one recording or several, each with what to call it; columns, joint: see `trace_of`.
 
     argument: what a function calls them. Raises as `trace_of`, TypeError for what is no recording
     and no sequence of them, and ValueError where none is given.
@@ -102,7 +106,9 @@ def named_traces(
     several = cast("list[AnyRecording]", [given] if single else list(cast("Any", given)))
     if not several:
         raise ValueError(f"{argument} is empty: no recording is given; give at least one")
-    return [(name_of(one, place), trace_of(one, columns)) for place, one in enumerate(several)]
+    return [
+        (name_of(one, place), trace_of(one, columns, joint)) for place, one in enumerate(several)
+    ]
 
 
 def experiments_of(

@@ -8,6 +8,8 @@ import click
 from zwidth.diagnosis.selection.effort import EFFORTS
 from zwidth.options import cluster_option, force_option, json_option, out_option, typed_line
 
+ALL_JOINTS = "all"
+
 
 @click.command("diagnose")
 @click.argument(
@@ -51,7 +53,8 @@ from zwidth.options import cluster_option, force_option, json_option, out_option
     " searched for.",
 )  # fmt: skip
 @click.option("--joint", metavar="INDEX|NAME",
-              help="The joint to diagnose, in a recording with several or in MODEL.")  # fmt: skip
+              help="The joint to diagnose, in a recording with several or in MODEL. all: each"
+              " that moves in the recording, by itself, and one table of them.")  # fmt: skip
 @click.option(
     "--processes", type=click.IntRange(1), help="For a fleet: number of parallel processes."
 )
@@ -109,11 +112,25 @@ def command(
             "--processes and --cluster are for a fleet, a folder or a table of recordings; leave"
             " them out, or give one"
         )
+    if joint == ALL_JOINTS and model is None:
+        _refuse_beside_all_joints(recordings, validate)
+        from zwidth.joint_door import diagnose_joints
+
+        line = typed_line(click.get_current_context())
+        diagnose_joints(console, recordings[0], name, effort, wall, out, line)
+        return
     from zwidth.diagnose_files import diagnose_files
 
     line = typed_line(click.get_current_context())
     robot = (model, joint)
     diagnose_files(console, recordings, name, validate, effort, wall, out, line, robot)
+
+
+def _refuse_beside_all_joints(recordings: Sequence[Path], validate: Sequence[Path]) -> None:
+    """Raise ValueError for what has no use where every joint of a recording is diagnosed."""
+    if len(recordings) > 1 or validate:
+        what = "--validate" if validate else f"{len(recordings)} recordings"
+        raise ValueError(f"--joint all takes one recording, and {what} beside it has no use")
 
 
 def _refuse_beside_a_fleet(

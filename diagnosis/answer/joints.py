@@ -1,0 +1,24 @@
+"""What is missing in each joint of a recording."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from zwidth.diagnosis.answer.result import Diagnosis
+from zwidth.shown import Shown
+
+
+@dataclass(frozen=True, repr=False)
+class JointAnswers(Shown):
+    """The answer for each joint of a recording.
+
+    answers: joint -> its diagnosis. left: joint -> why it has none, in a sentence.
+    """
+
+    answers: Mapping[str, Diagnosis]
+    left: Mapping[str, str]
+
+    def __getitem__(self, joint: str) -> Diagnosis:
+        """Return the diagnosis of a joint; raises KeyError, which says why there is none."""
+        if joint not in self.answers:
+            raise KeyError(self.left.get(joint, f"{joint!r} is none of {', '.join(self.answers)}"))
+        return self.answers[joint]
