@@ -142,8 +142,26 @@ def _header(lines: Lines, first: int, delimiter: str, width: int) -> list[tuple[
     open_ended = first < len(lines.text) and lines.text[first].rstrip().endswith(delimiter)
     rows = [(i, c) for i, c in above if len(c) == width or (open_ended and len(c) == width - 1)]
     if len(rows) == 2 and not all(cell == "" or _unit_of(cell) for cell in rows[1][1]):
-        return rows[1:]
+        return rows if _is_of_groups(rows[0][1], rows[1][1]) else rows[1:]
     return rows
+
+
+def _is_of_groups(upper: Sequence[str], lower: Sequence[str]) -> bool:
+    """Return whether names stand twice, under the names of what they are of: joint1 over pos, vel.
+
+    A group may be named once, over its first column.
+    """
+    spoken = [cell for cell in lower if cell]
+    return len(set(spoken)) < len(spoken) and len({cell for cell in upper if cell}) > 1
+
+
+def _grouped(upper: Sequence[str], lower: Sequence[str]) -> list[str]:
+    names: list[str] = []
+    group = ""
+    for above, cell in zip(upper, lower, strict=True):
+        group = above or group
+        names.append(f"{group} {cell}".strip() if cell else group)
+    return names
 
 
 def _spoken(lines: Lines, delimiter: str, width: int) -> list[list[str]]:
@@ -158,6 +176,8 @@ def _names(header: list[list[str]], width: int) -> tuple[list[str], list[str]]:
     if not header:
         return [f"column{i}" for i in range(1, width + 1)], [""] * width
     padded = [[*cells, *[""] * (width - len(cells))] for cells in header]
+    if len(padded) == 2 and _is_of_groups(*padded):
+        padded = [_grouped(*padded)]
     names, units = list(padded[0]), [""] * width
     for i, name in enumerate(names):
         matched = NAME_AND_UNIT.match(name)

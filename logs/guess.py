@@ -14,7 +14,7 @@ import tomli_w
 
 from zwidth.logs.foreign_mcap import CLOCKS
 from zwidth.logs.mended_stamps import mended
-from zwidth.logs.names import DRIVES, MOTIONS, Naming, read_name, told_by, words_of
+from zwidth.logs.names import DRIVES, MOTIONS, Naming, is_role, read_name, told_by, words_of
 from zwidth.logs.source import Floats, Signal, Source
 from zwidth.logs.steps import step_seen
 from zwidth.logs.timing import NOTABLE_JITTER, Stamps, Timing, common_origin, examine
@@ -151,6 +151,10 @@ def _tails(name: str) -> list[tuple[str, str]]:
     A name that is nothing but a unit ("rpm", "axis.deg") is one, too.
     """
     last = name.rsplit(".", 1)[-1]
+    before_role = re.fullmatch(r"(.+)_([a-z]+)", last)
+    if before_role and is_role(before_role[2]):  # "rpm_sp", "angle_deg_cmd"
+        inner, role = name[: -len(before_role[2]) - 1], before_role[2]
+        return [(core if core == inner else f"{core}_{role}", t) for core, t in _tails(inner)]
     spaced = re.sub("([a-z0-9])([A-Z])", r"\1_\2", last)
     before = name[: len(name) - len(last)]
     found = [

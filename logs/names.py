@@ -123,7 +123,40 @@ def together(names: Sequence[str]) -> dict[str, Naming]:
                 "command": Naming((known["command"],), "input", "command", False, ()),
             }
             return {own[name]: told[role] for role, name in known.items()}
-    return _of_motor(own)
+    return _of_motor(own) | _of_phases(own) | _of_controller(own)
+
+
+PHASES = (("ia", "ib", "ic"), ("iu", "iv", "iw"), ("i_a", "i_b", "i_c"), ("i_u", "i_v", "i_w"))
+
+
+def _of_phases(own: Mapping[str, str]) -> dict[str, Naming]:
+    """Return the currents of a motor's phases, which alone drive nothing, by two or three of them.
+
+    One alone may be that of an armature.
+    """
+    found: dict[str, Naming] = {}
+    for phases in PHASES:
+        named = [k for k in own if any(re.fullmatch(rf"{p}(_[munkμ]?a)?", k) for p in phases)]
+        if len(named) > 1:
+            found |= {own[k]: Naming((k,), "other", "measured", False, ()) for k in named}
+    return found
+
+
+def _of_controller(own: Mapping[str, str]) -> dict[str, Naming]:
+    """Return the output of a loop: "out" beside the goal and the measurement of a motion.
+
+    Beside an input, or alone, "out" is what was measured of a system.
+    """
+    read = {name: read_name(name) for name in own}
+    motions = [one for one in read.values() if one.quantity in MOTIONS and not one.weak]
+    roles = {one.role for one in motions}
+    if "goal" not in roles or roles.isdisjoint(("", "measured")):
+        return {}
+    return {
+        own[name]: Naming(one.words, "input", "command", False, ())
+        for name, one in read.items()
+        if one.weak and [w for w in one.words if not w.isdigit()][:1] in ([o] for o in OUTPUTS)
+    }
 
 
 MOTOR = re.compile(r"(?P<letter>[pvt])(?P<end>(?:_[a-z]+|\d*))")
@@ -210,7 +243,7 @@ def _lettered(word: str) -> list[str]:
     letter, role = word[:1], word[1:]
     spoken = _known().get(letter, ("", False))
     is_one = spoken[1] and spoken[0] not in ("time", "counter") and word not in _known()
-    return [letter, role] if is_one and len(role) >= SHORTEST and _is_role(role) else []
+    return [letter, role] if is_one and len(role) >= SHORTEST and is_role(role) else []
 
 
 def _apart(word: str) -> list[str]:
@@ -251,9 +284,9 @@ def _quantity(words: Sequence[str]) -> tuple[int, str, bool]:
     if spoken:
         at, quantity, weak = spoken[-1]
     else:
-        own = {w for w in words if not w.isdigit() and (w in known or not _is_role(w))}
-        if letters := {words[i] for i, _, letter in found if letter and not _is_role(words[i])}:
-            own -= {w for w in own if _is_role(w)}  # "state.q": the state says only of what
+        own = {w for w in words if not w.isdigit() and (w in known or not is_role(w))}
+        if letters := {words[i] for i, _, letter in found if letter and not is_role(words[i])}:
+            own -= {w for w in own if is_role(w)}  # "state.q": the state says only of what
             found = [one for one in found if words[one[0]] in letters]
         beside = {*CLOSE, *DOTS, *SIDES}
         alone = [one for one in found if one[2] and own <= {words[one[0]], *beside}]
@@ -269,12 +302,13 @@ def _quantity(words: Sequence[str]) -> tuple[int, str, bool]:
     return at, quantity, weak
 
 
-def _is_role(word: str) -> bool:
+def is_role(word: str) -> bool:
+    """Return whether a word says that something is asked, or measured."""
     return any(word in own for own in vocabulary()["role"].values())
 
 
 def _said(word: str) -> bool:
-    return _is_role(word) or word in _known() or word in DOTS
+    return is_role(word) or word in _known() or word in DOTS
 
 
 def _role(words: Sequence[str], at: int, quantity: str) -> Role:

@@ -112,6 +112,20 @@ TABLES = {
          "Drive_1.r79 Torque setpoint total [Nm]": TORQUE},
         "Drive_1.r79 Torque setpoint total", "Drive_1.r63 Speed actual value smoothed",
     ),
+    "speed loop": (
+        {"t": 1e3 * T, "rpm": 9.55 * SPEED, "out": TORQUE, "rpm_sp": 9.55 * np.roll(SPEED, -4)},
+        "out", "rpm",
+    ),
+    "phases": (
+        {"t": T, "ia_mA": 1e3 * NOISE, "ib_mA": 1e3 * NOISE, "ic_mA": 1e3 * NOISE,
+         "iq_mA": 1e3 * TORQUE, "theta_mrad": 1e3 * ANGLE},
+        "iq_mA", "theta_mrad",
+    ),
+    "armature": ({"t": T, "ia_mA": 1e3 * TORQUE, "theta_mrad": 1e3 * ANGLE}, "ia_mA", "theta_mrad"),
+    "filtered counts": (
+        {"i_ms": 10 * np.arange(T.size), "vfilt_cps": 500 * SPEED, "duty": TORQUE},
+        "duty", "vfilt_cps",
+    ),
     "trinamic": (
         {"time_ms": 1e3 * T, "XACTUAL": np.round(2e3 * ANGLE), "XTARGET": np.round(2e3 * LATER)},
         "XTARGET", "XACTUAL",
@@ -206,6 +220,26 @@ def test_stamps_before_the_lines_of_a_log_are_its_time(tmp_path: Path, form: str
     np.testing.assert_allclose(trace["position_m1"], ANGLE, atol=6e-5)
     assert roles(taken(path))["goal"] == "goal"
     assert position in open_source(path).signals
+
+
+def test_names_stand_under_what_they_are_of(tmp_path: Path) -> None:
+    """As pandas writes columns of two levels. Mutations: the lower line alone; a name that stands
+    once over several columns, over the first of them alone."""
+    for upper in ("t,j1,,j2,", "t,j1,j1,j2,j2"):
+        path = tmp_path / "d.csv"
+        rows = [f"{t},{0.1 * q},0,{q},{u}" for t, q, u in zip(T, ANGLE, TORQUE, strict=True)]
+        path.write_text("\n".join([upper, ",pos,tau,pos,tau", *rows, ""]))
+        found = roles(taken(path))
+        assert (found["time"], found["position"]) == ("t", "j2 pos")
+        assert found["command"] == "j2 tau"
+
+
+def test_a_unit_stands_before_what_is_asked(tmp_path: Path) -> None:
+    """Mutations: "sp" as a part of the unit; the goal without one."""
+    columns = {"time": T, "angle_deg_cmd": np.degrees(LATER), "angle_deg_meas": np.degrees(ANGLE)}
+    trace = read(table(tmp_path, columns))
+    np.testing.assert_allclose(trace["command"], LATER)
+    np.testing.assert_allclose(trace["position_m1"], ANGLE)
 
 
 def test_joint_states_of_ros2_topic_echo(tmp_path: Path) -> None:
