@@ -47,7 +47,8 @@ def as_counted(unit: str) -> str:
         return f"{f} s2/{per}"
     above, line, below = unit.partition("/")
     said = re.sub(r"\bN m\b|\bN\b", f, above)
-    said = re.sub(r"\b(?:rad|m)(?=\d?\b)", way, said) if said == above else said
+    if not re.search(r"\bN\b", above):  # the metre of a torque is no way
+        said = re.sub(r"\b(?:rad|m)(?=\d?\b)", way, said)
     return f"{said}{line}{re.sub(r'(?:rad|m)(?=[0-9]?$|[0-9]? )', per, below)}"
 
 
@@ -59,7 +60,10 @@ def with_unit(value: float, unit: str, digits: int = 4) -> str:
     if not math.isfinite(value):
         return "none" if value > 0.0 else "unknown"
     factor, shown = scaled(value, unit)
-    return f"{plain(factor * value, digits)} {shown}".rstrip()
+    number = plain(factor * value, digits)
+    if number in ("1", "-1") and shown.startswith("counts"):
+        shown = shown.replace("counts", "count", 1)
+    return f"{number} {shown}".rstrip()
 
 
 def scaled(size: float, unit: str) -> tuple[float, str]:

@@ -14,6 +14,7 @@ import numpy as np
 
 from zwidth.console import Column, Console, announce
 from zwidth.diagnosis.answer.diagnosis_log import diagnosis_trace
+from zwidth.diagnosis.answer.own_units import in_own_units
 from zwidth.diagnosis.answer.result import Diagnosis, NotDiagnosed, Verdict
 from zwidth.diagnosis.answer.words import negligible_in_words, worth_in_words
 from zwidth.diagnosis.diagnose import diagnose
@@ -243,7 +244,7 @@ def _result(
     mishaps: Mishaps,
 ) -> Any:
     """The JSON of what there is."""
-    found = replace(found, errors=tuple(mishaps.found))
+    found = in_own_units(replace(found, errors=tuple(mishaps.found)))
     more = {
         "boundary": bounds and bounds.as_json(),
         "device": asked.device.name,

@@ -14,12 +14,15 @@ from zwidth.api.given import (
     named_traces,
 )
 from zwidth.diagnosis import diagnose as pipeline
+from zwidth.diagnosis.answer.own_units import in_own_units
 from zwidth.diagnosis.answer.result import Diagnosis, Verdict
 from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.selection.effort import EFFORTS
 from zwidth.door import FITTED, fitted
+from zwidth.logs.recording import unscaled
 from zwidth.sim.device import Device
 from zwidth.sim.nearest import nearest
+from zwidth.sim.readable import counted_in
 
 
 def diagnose(
@@ -53,9 +56,11 @@ def diagnose(
     computes the torque of the robot's arms on that joint in the recorded posture.
     say: called with what is being done, `print` for instance; a diagnosis may take minutes.
 
-    The answer contains the improved device: `save_device(answer.device, "improved.toml")`. Raises
-    ValueError with one sentence if a recording cannot be used with this device, and NotDiagnosed
-    if an error leaves nothing to conclude.
+    Where a command is in A or V, or a position in counts, and no scale is known, the answer counts
+    in these, and its units say so. It contains the improved device:
+    `save_device(answer.device, "improved.toml")`. Raises ValueError with one sentence if a
+    recording cannot be used with this device, and NotDiagnosed if an error leaves nothing to
+    conclude.
     """
     if effort not in EFFORTS:
         raise ValueError(f"effort is {effort!r}; {nearest(effort, EFFORTS)}")
@@ -71,11 +76,17 @@ def diagnose(
     traces = named_traces(recordings, columns, joint=joint)
     judged_by = [] if validate is None else named_traces(validate, columns, "validate", joint)
 
+    own = unscaled([trace for _, trace in traces])
+
     def answer(known: Device) -> Diagnosis:
         fit_on = experiments_of(traces, known, known_torque)
         judge_by = experiments_of(judged_by, known, known_torque) if judged_by else None
-        with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # numpy's, on 1e300
-            return pipeline.diagnose(known, fit_on, judge_by, say or silent, EFFORTS[effort])
+        with (
+            warnings.catch_warnings(action="ignore", category=RuntimeWarning),  # numpy's, on 1e300
+            counted_in(*own),
+        ):
+            found = pipeline.diagnose(known, fit_on, judge_by, say or silent, EFFORTS[effort])
+            return in_own_units(found)
 
     if device is not None:
         return answer(device_of(device))
