@@ -3,6 +3,14 @@
 The limit of a command is after its gain, and so a range of the force. Without dry friction MuJoCo
 integrates by Runge and Kutta's fourth order; with it (a soft constraint there) implicitly, in
 steps and with an impedance at which a body held creeps by a ten-thousandth.
+
+Where a device says what its winding brakes (`open_winding`, damping D) the drive is a `dcmotor`.
+With the gain G from volts to force, and brought to the joint (gear 1), its force K (u - K v) / R
+is G u - D v for
+
+    K = D / G,    R = K / G,    inductance = lag R.
+
+Its back-EMF lags with the inductance, too, which a device's damper does not.
 """
 
 import math
@@ -16,7 +24,7 @@ from zwidth.sim.device import Device
 
 ALSO = (
     "constant_force", "cubic_stiffness", "quadratic_drag", "gravity_pendulum", "backlash",
-    "actuator_lag",
+    "actuator_lag", "open_winding",
 )  # fmt: skip
 GRAVITY = 9.81
 DRY_STEP, STEP, OF_A_RADIAN = 2e-5, 1e-4, 0.1  # [s], [s]; of the fastest mode, a step
@@ -34,14 +42,22 @@ def mjcf(device: Device, name: str) -> Exported:
                 f"backlash@link{i + 1}{i + 2}: the spring has the gap, the damper of"
                 f" {joints.between[i, i + 1][1]:g} beside it acts inside the gap too"
             )
+    if any(p.effect.name == "open_winding" for p in joints.others):
+        lost.append(
+            "open_winding@m1: the winding brakes while the drive is off (ctrl 0); nothing opens it"
+        )
+    if _winding(joints) > 0.0 and _lag(joints) > 0.0:
+        lost.append("actuator_lag@command: the inductance of a dcmotor lets its back-EMF lag, too")
     period = device.interface.period
     step = _step(joints, held, period)
-    unit = "N m" if device.rotary else "N"
+    unit = "V" if _winding(joints) > 0.0 else "N m" if device.rotary else "N"
+    needs = ("It has a dcmotor, which a MuJoCo before it refuses.",) if unit == "V" else ()
     about = (
         f"{device.name}, exported by zwidth.",
         "",
         f"Set ctrl of the actuator 'drive' [{unit}] every {period:.9g} s, which are"
         f" {round(period / step)} steps, and hold it; the joint 'm1' is what the encoder reads.",
+        *needs,
     )
     return Exported(_model(joints, held, name, step, gaps), about, tuple(lost), held)
 
@@ -97,6 +113,7 @@ def _body(joints: Joints, held: Device, i: int, step: float) -> str:
             quadratic = p.values["coefficient"]
         elif p.effect.name == "gravity_pendulum":
             inertial = _pendulum(mass, p.values["level"], p.values["angle"])
+    damper = float(joints.dampers[i]) - (_winding(joints) if i == 0 else 0.0)
     friction = ""
     if joints.friction[i] > 0.0:
         friction = (
@@ -106,7 +123,7 @@ def _body(joints: Joints, held: Device, i: int, step: float) -> str:
     return (
         f'    <body name="b{i + 1}">\n'
         f'      <joint name="m{i + 1}" type="{kind}" axis="{axis}"'
-        f' damping="{float(joints.dampers[i])!r} {quadratic!r} 0"'
+        f' damping="{damper!r} {quadratic!r} 0"'
         f' stiffness="{float(joints.springs[i])!r} 0 {cubic!r}"{friction}/>\n'
         f"      <inertial {inertial}/>\n    </body>"
     )
@@ -143,13 +160,30 @@ def _link(joints: Joints, i: int, j: int, gaps: dict[int, float]) -> str:
     )
 
 
+def _lag(joints: Joints) -> float:
+    return next((p.values["time_constant"] for p in joints.others
+                 if p.effect.name == "actuator_lag"), 0.0)  # fmt: skip
+
+
+def _winding(joints: Joints) -> float:
+    """Return the damping of m1 that is that of a winding, 0 where none is told or m1 has less."""
+    told = (p.values["damping"] for p in joints.others if p.effect.name == "open_winding")
+    damping = next(told, 0.0)
+    return damping if 0.0 < damping <= float(joints.dampers[0]) else 0.0
+
+
 def _actuators(joints: Joints, held: Device, step: float) -> str:
     face = held.interface
     gain, limit = face.command_gain, face.command_limit
-    lag = next((p.values["time_constant"] for p in joints.others
-                if p.effect.name == "actuator_lag"), 0.0)  # fmt: skip
+    lag, winding = _lag(joints), _winding(joints)
     drive = f'    <general name="drive" joint="m1" gainprm="{gain!r}"'
-    if lag > 0.0:  # the limit comes before the lag, and is then one of the command
+    if winding > 0.0:
+        constant = winding / gain
+        drive = f'    <dcmotor name="drive" joint="m1" motorconst="{constant!r}"'
+        drive += f' resistance="{constant / gain!r}"'
+        drive += f' inductance="{lag * constant / gain!r}"' if lag > 0.0 else ""
+        drive += f' ctrlrange="{-limit / gain!r} {limit / gain!r}"' if math.isfinite(limit) else ""
+    elif lag > 0.0:  # the limit comes before the lag, and is then one of the command
         drive += f' dyntype="filterexact" dynprm="{lag!r}"'
         drive += f' ctrlrange="{-limit / gain!r} {limit / gain!r}"' if math.isfinite(limit) else ""
     elif math.isfinite(limit):

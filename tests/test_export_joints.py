@@ -19,6 +19,7 @@ from zwidth.export.robots import sdf, urdf
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.device_file import load_device
+from zwidth.sim.drive import Drive
 from zwidth.sim.interface import Interface
 from zwidth.sim.physics import EFFECTS, make_physics
 from zwidth.sim.run import simulate
@@ -250,3 +251,42 @@ def test_a_dc_motor_is_a_drive_under_a_voltage(tmp_path: Path) -> None:
     np.testing.assert_allclose(ours[1:], speeds[9:-1:10], rtol=0.01, atol=0.01 * max(speeds))
     path.write_text(DCMOTOR.format(more='cogging="0.01"'))
     assert any("cogging" in said for said in device_of_joint(path, "q")[1])
+
+
+@needs_mujoco
+@pytest.mark.parametrize(("inductance", "delay"), [(0.0, 0.0), (0.002, 0.0), (0.0, 0.003)])
+def test_a_drive_whose_winding_is_told_is_written_as_a_dc_motor(
+    tmp_path: Path, inductance: float, delay: float
+) -> None:
+    """It moves in MuJoCo as the device does, within its supply and beyond, and is read as it was.
+
+    Mutations: the winding's damping left in the joint as well; the gain's square left out of R.
+    """
+    mujoco = pytest.importorskip("mujoco")
+    if not hasattr(mujoco.mjtGain, "mjGAIN_DCMOTOR"):
+        pytest.skip("this MuJoCo has no dcmotor")
+    drive = Drive(
+        "voltage", motor_constant=0.05, resistance_ohm=2.0, gear=4.0, inductance_h=inductance,
+        supply_v=12.0, when_off="open",
+    )  # fmt: skip
+    bare = Device(
+        "rig", "", True, make_chain([0.01], [0.002]), Interface(period=0.001, delay=delay)
+    )
+    device = drive.on(bare)
+    made = mjcf(device, "dev")
+    assert "<dcmotor" in made.text()
+    assert any("nothing opens it" in said for said in made.lost)
+    assert any("back-EMF lag" in said for said in made.lost) == (inductance > 0.0)
+    volts = 300.0 * COMMANDS / np.abs(COMMANDS).max() * np.linspace(0.0, 0.1, COMMANDS.size)
+    assert np.abs(volts).max() > 12.0
+    assert loss(free_run(device, volts), run_mjcf(made.text(), volts, 0.001)) < 0.01
+    (tmp_path / "m.xml").write_text(made.text())
+    again, _ = device_of_joint(tmp_path / "m.xml", "m1")
+    assert again.interface.command_gain == pytest.approx(device.interface.command_gain)
+    assert again.interface.command_limit == pytest.approx(device.interface.command_limit)
+    assert again.chain.ground_dampers[0] == pytest.approx(device.chain.ground_dampers[0])
+    lags = [
+        [p.values["time_constant"] for p in d.physics if p.effect.name == "actuator_lag"]
+        for d in (device, again)
+    ]
+    assert lags[0] == pytest.approx(lags[1])
