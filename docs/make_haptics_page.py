@@ -67,11 +67,10 @@ SHARE = 0.1  # of the last stable damping, that a passivity controller may add
 
 TEXT = """# Haptics: everything between controller and hand
 
-What decides how stiff a wall a device can render is not the device alone: the filter of its
-velocity, the rates of its loops, the law of the wall, a sensor for the force, and the hand. Each
-of them is part of the same tick here, in the device file or as a law of the walls, so that
-`boundary`, `map`, `sweep` and `simulate` take it, and each is held against a closed form in the
-tests.
+How stiff a wall a device can render depends on more than the device: on the filter of its
+velocity, the rates of its loops, the law of the wall, a force sensor, and the hand. All of them
+are simulated here, in the device file or as a law of the walls, by `boundary`, `map`, `sweep` and
+`simulate`; the tests compare each with a closed form.
 
 Every picture and number below is made by `python docs/make_haptics_page.py`. The device is the
 PHANToM of the paper, with its 2 ms of delay where nothing else is said. Lines are theory, dots are
@@ -83,30 +82,30 @@ simulations.
 
 ![Area of stable walls over the cut-off of the velocity filter, and boundaries](haptics/filter.png)
 
-A wall's damper needs a velocity, and the difference of two readings is a rough one. A low-pass
-makes it smooth and late. The Z-width, the area of stable walls in the plane of B and K, has its
-maximum in between, as Chawda, Celik and O'Malley found by simulation and confirmed on a device (J.
-Dynamic Systems, Measurement, and Control 137, 024503, 2015):
+A wall's damper needs a velocity. The difference of two readings is rough; a low-pass makes it
+smooth, but late. The Z-width, the area of stable walls in the plane of B and K, is largest in
+between, as Chawda, Celik and O'Malley found by simulation and confirmed on a device (J. Dynamic
+Systems, Measurement, and Control 137, 024503, 2015):
 
 [[filters]]
 
-Here it is not the encoder that asks for a filter but the mode at 170 Hz, which the delayed damper
-drives; the filter keeps the damper away from it, and damping that was unstable becomes usable.
-From a start of 200 steps an encoder's steps take no area. `best.toml`, which the command writes, is
-the device with the best filter. `--over` takes period, delay, encoder step and the rates of the
-loops as well. In a device file the filter is `velocity_cutoff_hz` and `velocity_order`. The areas
-agree with those below the D-decomposition within 1 % (`tests/test_sweep.py`).
+The filter helps here because the delayed damper drives a mode at 170 Hz: the filter keeps the
+damper away from it. Steps of an encoder cost hardly any area (from a start of 200 steps). The
+command writes the device with the best filter as `best.toml`. `--over` takes period, delay,
+encoder step and the rates of the loops as well. In a device file the filter is
+`velocity_cutoff_hz` and `velocity_order`. The areas agree with those below the D-decomposition
+within 1 % (`tests/test_sweep.py`).
 
 ## Velocity estimators
 
     zwidth boundary gaming_wheel --estimator foaw:window=8
 
-`--estimator`, or `velocity_estimator` in a device file, puts another estimator in the place of the
-difference: `foaw` or `foaw_end` (adaptive windows: Janabi-Sharifi, Hayward and Chen, IEEE T.
-Control Systems Technology 8, 1003, 2000), `levant` (a sliding mode: Automatica 34, 379, 1998),
-`kalman` or `kalman_acceleration` (steady Kalman filters). Linear theory includes the Kalman
-filters; of the others there are simulated walls alone. `velocity_step` is that of a register that
-holds a velocity, as in `serial_bus_servo`.
+`--estimator`, or `velocity_estimator` in a device file, replaces the difference: `foaw` or
+`foaw_end` (adaptive windows: Janabi-Sharifi, Hayward and Chen, IEEE T. Control Systems Technology
+8, 1003, 2000), `levant` (a sliding mode: Automatica 34, 379, 1998), `kalman` or
+`kalman_acceleration` (steady Kalman filters). Linear theory includes the Kalman filters; for the
+others there are only simulated walls. `velocity_step` is the resolution of a register that holds a
+velocity, as in `serial_bus_servo`.
 
 ## Two loops, two rates
 
@@ -117,29 +116,28 @@ holds a velocity, as in `serial_bus_servo`.
 
 ![Boundaries at one rate and at two, and stiffness over delay](haptics/rates.png)
 
-A simulated world is often slower than the loop that can run on the device. `position_ticks` and
-`velocity_ticks` say every how many periods the law is given a new position and a new velocity; the
-velocity is then the difference over just as many. The exact theory of the whole cycle is
-`stability/periodic.py`. K_CR and K_max in N m/rad, B in N m s/rad:
+A simulated world is often slower than the loop on the device. The law gets a new position every
+`position_ticks` periods and a new velocity every `velocity_ticks` (the difference over as many).
+The exact theory of the whole cycle is `stability/periodic.py`. K_CR and K_max in N m/rad, B in N m
+s/rad:
 
 [[rates]]
 
-(What no amplifier holds says what sampling would allow.) Without delay a slow world under a fast
-damper renders stiff walls all the same; a slow velocity takes that away, however fast the spring
-is. With a delay the rate hardly matters: a rigid device has K_CR = b / (T/2 + t_d), and from t_d =
-2 ms on the T/2 is small (J. J. Gil, E. Sanchez, T. Hulin, C. Preusche, G. Hirzinger, J. Computing
-and Information Science in Engineering 9, 011005, 2009).
+(No amplifier reaches some of these; they say what sampling would allow.) Without delay a slow
+world with a fast damper still renders stiff walls; with a slow velocity it does not, however fast
+the spring is. With a delay the rate hardly matters: a rigid device has K_CR = b / (T/2 + t_d), and
+from t_d = 2 ms on the T/2 is small (J. J. Gil, E. Sanchez, T. Hulin, C. Preusche, G. Hirzinger, J.
+Computing and Information Science in Engineering 9, 011005, 2009).
 
-Why does anybody slow the velocity down? Because an encoder of step q makes a damper's command
-chatter by B q / T_v in the most even motion. In an even motion with q = 1e-4 rad and B = 0.02 N m
-s/rad:
+Why slow the velocity down? With an encoder step q a damper's command chatters by B q / T_v,
+however even the motion. With q = 1e-4 rad and B = 0.02 N m s/rad:
 
 [[chatter]]
 
-What chatter allows of B so grows with T_v, ten times from 20 to 2 kHz. That is the gain that Koul,
-Manivannan and Saha measured (J. Intelligent & Robotic Systems 91, 2018): with position and
-velocity at 20 kHz walls end at about 0.1 N m s/rad, with the velocity at 2 kHz they hold to 1 N m
-s/rad. Their device is not simulated here.
+The largest B with the same chatter therefore grows with T_v: tenfold from 20 to 2 kHz. Koul,
+Manivannan and Saha measured this gain (J. Intelligent & Robotic Systems 91, 2018): with position
+and velocity at 20 kHz walls end at about 0.1 N m s/rad, with the velocity at 2 kHz at 1 N m s/rad.
+Their device is not simulated here.
 
 ## A passivity observer and controller
 
@@ -149,19 +147,19 @@ s/rad. Their device is not simulated here.
 ![A wall of three times the critical stiffness; the gain over the delay](haptics/guarded.png)
 
 An unstable wall gives more energy than it took. The observer of Hannaford and Ryu (IEEE T.
-Robotics and Automation 18, 1, 2002) counts it, and the controller adds damping at the very tick
-that would give too much. For a held command without delay the count is exact: to rounding it is
-the entry `wall` of the energy ledger (`tests/test_wall_laws.py`). Without delay that is worth a
-factor; every millisecond of delay takes most of it, since the force that acts is not the one that
-was counted. K in N m/rad at B = 0, damping of the controller up to a tenth of what is stable by
+Robotics and Automation 18, 1, 2002) counts it, and the controller adds damping at the tick that
+would give too much. For a held command without delay the count is exact: it equals the entry
+`wall` of the energy ledger up to rounding (`tests/test_wall_laws.py`). The gain is large without
+delay and falls with every millisecond of it, since the force that acts is not the one that was
+counted. K in N m/rad at B = 0, damping of the controller up to a tenth of what is stable by
 itself:
 
 [[guard]]
 
-Where that is not enough for a tick, a little is given after all (middle). More is no help here:
-what the controller adds counts towards the damping that a sampled loop bears, and the map at the
-end of this page shows walls that it loses at large B. A passive wall is left alone, to the bit. As
-a controller of a scenario it is `kind = "guarded"`.
+Where that damping is not enough for a tick, the wall still gives a little energy (middle). More
+damping does not help: what the controller adds counts towards the damping that a sampled loop
+bears, and the map at the end of this page shows walls lost at large B. A passive wall is not
+changed. In a scenario this controller is `kind = "guarded"`.
 
 ## Textures and regions of damping
 
@@ -169,15 +167,15 @@ a controller of a scenario it is `kind = "guarded"`.
 
 ![Amplitudes in a grating; boundaries with the worst hands](haptics/textures.png)
 
-A texture is a sinusoidal grating of force, alone or on a spring; K is its steepest slope. In its
-trough a small motion is one on a spring K, and stable up to the same K_CR (0.1 %). Above it the
-oscillation grows only until the mean slope over its swing is K_CR again, which a describing
-function says (left). Buzzing in a texture is such a cycle.
+A texture is a sinusoidal grating of force, alone or on a spring; K is its steepest slope. A small
+motion in its trough is one on a spring K, stable up to the same K_CR (within 0.1 %). Above K_CR
+the oscillation grows until the mean slope over its swing is K_CR again; a describing function
+predicts its amplitude (left). Buzzing in a texture is such a cycle.
 
-A region of damping has K = 0, and what it may be depends on the hand. A device of damping b is
-passive with a wall when b > K T/2 + B (J. E. Colgate, G. Schenkel, J. Robotic Systems 14, 37,
-1997); no hand is below that line, and the worst comes down to it: a rod that a wave crosses in
-T/2, all of whose resonances stand at half the rate once sampled (right).
+A region of damping has K = 0; its largest B depends on the hand. A device of damping b is passive
+with a wall when b > K T/2 + B (J. E. Colgate, G. Schenkel, J. Robotic Systems 14, 37, 1997); no
+hand makes a wall below that line unstable, and the worst hand reaches it: a rod that a wave
+crosses in T/2, whose resonances all lie at half the rate once sampled (right).
 
 [[textures]]
 
@@ -190,10 +188,10 @@ In Python: `zwidth.texture`, `zwidth.region`; in a scenario `kind = "texture"` a
 
 ![Boundaries over hands](haptics/hands.png)
 
-Fingers differ: mass, damping and stiffness are drawn over published ranges (A. Z. Hajian, R. D.
-Howe, J. Biomechanical Engineering 119, 109, 1997), each for itself and by equal ratios. Of a rigid
-device K_CR = 2 (b + b_h)/T whatever the hand's mass and spring, and the quantiles found are those
-of the damping, within 5 % (`tests/test_hands.py`).
+Fingers differ: mass, damping and stiffness are drawn independently, log-uniformly, from published
+ranges (A. Z. Hajian, R. D. Howe, J. Biomechanical Engineering 119, 109, 1997). A rigid device has
+K_CR = 2 (b + b_h)/T whatever the hand's mass and spring; the quantiles found are those of the
+damping within 5 % (`tests/test_hands.py`).
 
 [[hands]]
 
@@ -206,8 +204,8 @@ of the damping, within 5 % (`tests/test_hands.py`).
 ![What the hand moves, and what stiffness is left, over the gain](haptics/force.png)
 
 Feedback of the measured force divides the mass and the friction that a hand feels by 1 + G. With a
-delay it costs stiffness, and it ends at G = 1 + M/m_h, the ratio of the masses before and behind
-the sensor, where a command makes itself through the force that it causes (within 10 %,
+delay it costs stiffness. It ends at G = 1 + M/m_h, with the masses M before and m_h behind the
+sensor: from there on a command raises itself through the force that it causes (within 10 %,
 `tests/test_force_sensor.py`). With t = T/2 + t_d and t_F = T + t_d, since the force of a held
 command is that of the middle of its period,
 
@@ -219,9 +217,9 @@ command is that of the middle of its period,
 
 ![Maps of the laws](haptics/maps.png)
 
-What a run does in the end, as in [what the linear boundary does not
-say](what_the_linear_boundary_does_not_say.md); black is linear theory, which knows the filter, the
-rates and the force sensor, and of a grating and a guarded wall what they are without.
+Outcomes of runs, as in [what the linear boundary does not
+say](what_the_linear_boundary_does_not_say.md); black is linear theory, which includes the filter,
+the rates and the force sensor, but neither grating nor passivity controller.
 
 [[maps]]
 
@@ -245,16 +243,16 @@ damping, fitted to the same rows ([table_2.md](../benchmarks/notes/table_2.md)).
 ![Shapes of the boundaries, and ratios to the difference](haptics/paddle_shapes.png)
 
 Known of another teaching paddle are its firmware (350 us, 4096 counts a turn of the motor, ratio
-15, four estimators with a low-pass of 50 Hz behind each), motor and friction (1.2 to 1.7 mN m), and
-two gains at which its position loop oscillates: 60 N m/rad at 23 ms on the encoder, 12 at 45 ms on
-a Hall sensor. Its measured walls were not known when this was computed.
+15, four estimators with a low-pass of 50 Hz behind each), motor and friction (1.2 to 1.7 mN m),
+and two gains at which its position loop oscillates: 60 N m/rad at 23 ms on the encoder, 12 at 45
+ms on a Hall sensor. Its measured walls were not known when this was computed.
 
-The rest is drawn. Inertia: 7.0e-4 kg m2, 10 % (the two gains give 8.1e-4 and 5.9e-4). Delay: 0.3 to
-2 periods. Damper: what the first gain (known to 20 %) asks for beside friction. Tap: 2 to 30 mrad.
-Radius: 70 to 120 mm. Low-pass: first order. FOAW: 8 to 24 readings, a band of 1 or 2 counts.
-Levant: a bound of 0.3 to 2.5 times the motor's largest acceleration. Kalman: constant velocity or
-acceleration, 1/30 to 1 of that as one sigma. Hand and elasticity are left out. Intervals hold 90 %
-of the draws:
+The rest is drawn at random. Inertia: 7.0e-4 kg m2, 10 % (the two gains give 8.1e-4 and 5.9e-4).
+Delay: 0.3 to 2 periods. Damper: what the first gain (known to 20 %) asks for beside friction. Tap:
+2 to 30 mrad. Radius: 70 to 120 mm. Low-pass: first order. FOAW: 8 to 24 readings, a band of 1 or 2
+counts. Levant: a bound of 0.3 to 2.5 times the motor's largest acceleration. Kalman: constant
+velocity or acceleration, 1/30 to 1 of that as one sigma. Hand and elasticity are left out.
+Intervals hold 90 % of the draws:
 
 [[paddle]]
 
@@ -269,13 +267,12 @@ and every rig: [paddle_prediction.json](haptics/paddle_prediction.json).
 - The passivity observer counts what the law commands: a delay, an amplifier's limit or a slower
   position stand between that and what acts.
 - The force sensor has no noise and measures the link's own spring and damper.
-- Of what stands on this page, delay and damper are held against a published measurement; filters,
-  two rates, passivity controller, texture and hands against closed forms alone. The numbers to do
-  it with were sought and not found: of Chawda et al. and of Koul et al. abstracts and beginnings
-  could be read, without their devices' numbers or results; of Brown's thesis (Northwestern 1995,
-  behind Colgate and Brown 1994) the text, whose sixteen measured Z-widths are pictures; of Choi and
-  Tan (IROS 2004) that a texture's stiffness may grow from 0.325 to 0.904 N/mm between 250 Hz and
-  40 kHz, without the device.
+- Only delay and damper are compared with a published measurement; filters, two rates, passivity
+  controller, texture and hands with closed forms alone. No published numbers were found to do
+  more: Chawda et al. and Koul et al. could be read in part, without their devices' numbers; the
+  sixteen measured Z-widths of Brown's thesis (Northwestern 1995) are pictures; Choi and Tan (IROS
+  2004) report that a texture's stiffness may grow from 0.325 to 0.904 N/mm between 250 Hz and 40
+  kHz, without the device.
 """
 
 
@@ -724,8 +721,7 @@ def draw_maps(found: Sequence[tuple[str, FateMap]]) -> str:
         f"With the passivity controller {100.0 * after:.0f} % of the plane comes to rest, without"
         f" it {100.0 * before:.0f} %: it fills the corner of small B, where the plain wall has"
         " nothing to spend, and takes a little where B is large. In a grating what is unstable for"
-        " its K does not grow, it oscillates in its trough; what is unstable for its B grows there"
-        " as anywhere."
+        " its K oscillates in its trough; what is unstable for its B grows, as without one."
     )
 
 

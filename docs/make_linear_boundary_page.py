@@ -243,10 +243,10 @@ less a constant force damps it. From a large start the boundary is the linear on
 describing function (dashed) predicts this, and is slightly too low near the top.
 
 **One-sided walls.** Friction stops a mass that hits a wall from outside if its speed is below a
-limit, which depends on when it hits between two samples. With b = K tau / 2 it is 1.00 to 1.01
-times the describing function's 4 f_c / (pi (K tau - b)) at omega tau = 0.01, 1.02 to 1.04 at
-0.03, and 1.06 to 1.12 at 0.08; without b it is above it by half as much. The two-sided value is
-thus a lower bound, and a measurement of a real wall will scatter by this much
+limit, which depends on when it hits between two samples. The describing function of a two-sided
+wall predicts 4 f_c / (pi (K tau - b)). With b = K tau / 2 the true limit is 0 to 1 % higher at
+omega tau = 0.01, 2 to 4 % at 0.03 and 6 to 12 % at 0.08; without b half of that. The two-sided
+value is thus a lower bound, and a measurement of a real wall scatters by this much
 (`tests/test_physics_wall_energy.py`).
 
 ## All together

@@ -282,7 +282,7 @@ def _source(
             signals[_free(signal.name, signals)] = signal
         unreadable.update(topic.texts())
     if not topics:
-        raise RecordingError(f"{path.name} is an MCAP file in which no topic is left to read")
+        raise RecordingError(f"no topic of {path.name}, an MCAP file, can be read")
     return Source(path, "MCAP", signals, unreadable, tuple(notes))
 
 

@@ -27,10 +27,11 @@ from zwidth.stability.bisection import Search, find_brackets
 from zwidth.stability.boundary import Boundary
 from zwidth.stability.branches import critical_mode
 from zwidth.stability.judging import Trial
-from zwidth.stability.linear import critical_stiffness, has_theory
+from zwidth.stability.linear import corner, critical_stiffness, has_theory
 from zwidth.stability.velocity import filter_response
 
 BESIDE = 0.03  # of the top's B: where the two sides of it are looked at
+CLOSE = 1e-3  # of the B of the linear corner, where that is the top
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,12 @@ def endings(boundary: Boundary) -> list[Ending]:
     if len(known) == 2 and known[0].mode == known[1].mode:
         at = ending(boundary.device, top.damping)
         return known[:1] if at is None else [at]
-    return known
+    very = corner(boundary.device) if len(known) == 2 else None
+    if very is None or abs(very.damping - top.damping) > BESIDE * top.damping:
+        return known
+    # The two meet at the corner: their frequencies are said as they are there.
+    near = [ending(boundary.device, (1.0 + s * CLOSE) * very.damping) for s in (-1.0, 1.0)]
+    return [one or far for one, far in zip(near, known, strict=True)]
 
 
 def _without_friction(device: Device) -> Device:

@@ -10,7 +10,10 @@ from zwidth.cli import run
 from zwidth.figures.boundary import Corner, boundary_figure
 from zwidth.results import BoundaryResult, Critical, DelayBoundary, Point
 from zwidth.sim.device_file import load_device
+from zwidth.stability.boundary import find_boundaries
+from zwidth.stability.branches import RIGID
 from zwidth.stability.linear import corner, last_stable_damping
+from zwidth.stability.top import endings
 
 ASKED = "boundary phantom_1_0 --delay-ms 2 --damping 0 0.08 0.09 0.12 --limit-s 4 --tolerance 0.01"
 
@@ -89,6 +92,18 @@ def test_it_answers_first_in_a_sentence(tmp_path: Path, capsys: pytest.CaptureFi
     assert end["damper_lag_deg"] == pytest.approx(0.36 * end["frequency_hz"])
     assert top["without"]["friction"] < top["stiffness"]
     assert set(top["without"]) == {"friction", "encoder_step"}
+
+
+def test_the_two_oscillations_of_the_answer_are_those_of_the_corner() -> None:
+    """At 8 ms they meet there: frequencies within 0.5 %. Mutation: `CLOSE` as large as `BESIDE`."""
+    device = load_device("phantom_1_0").with_interface(delay=0.008)
+    top = corner(device)
+    assert top is not None
+    (found,) = find_boundaries([device], [np.array([0.05, top.damping])])
+    low, high = endings(found)
+    assert low.frequency_hz == pytest.approx(top.frequency_below_hz, rel=5e-3)
+    assert high.frequency_hz == pytest.approx(top.frequency_above_hz, rel=5e-3)
+    assert (low.mode, high.mode) == (RIGID, "mode 2")
 
 
 def test_what_is_felt_is_a_second_boundary(

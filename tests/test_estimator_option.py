@@ -206,7 +206,7 @@ def test_the_page_says_that_there_is_no_theory() -> None:
     assert "linear boundary" in legend("1 N", False, True)
     assert "linear boundary" not in legend("1 N", False, False)
     said = of_the_wall(look(bench, wall), bench.plane(wall), bench.line(wall))
-    assert "linear theory takes no foaw" in said
+    assert "there is no linear theory for foaw" in said
     assert "linear theory takes" not in of_the_wall(
         look(bench, replace(wall, device=1)), bench.plane(plain), bench.line(plain)
     )

@@ -411,7 +411,7 @@ def test_a_dropped_description_opens_no_other_file(named: str):
         (["run.csv"], ["!"], "did not arrive whole"),
         (["a.csv", "b.csv"], [encoded(TABLE)] * 2, "drop one recording"),
         (["data.csv"], [encoded(UNNAMED)], "does not say which of"),
-        ([".."], [encoded(TABLE)], "is no name of a file"),
+        ([".."], [encoded(TABLE)], "is not a file name"),
     ],
 )
 def test_what_is_no_recording_is_refused(names: list[str], contents: list[str], said: str):

@@ -176,8 +176,8 @@ def test_what_was_edited_is_read_and_not_written_over(
         file.write_text(file.read_text() + "# mine\n")
     assert run(line) == Status.DONE
     said = capsys.readouterr().err
-    assert "is read as runs/data.recording.toml says, which was edited" in said
-    assert "the device is that of runs/data.device.toml, which was edited" in said
+    assert "is read as runs/data.recording.toml says, which you edited" in said
+    assert "the device is that of runs/data.device.toml, which you edited" in said
     for file in (Path("runs/data.recording.toml"), Path("runs/data.device.toml")):
         assert file.read_text().endswith("# mine\n")
 

@@ -66,7 +66,7 @@ def described(
         return path
     target = out / (name or f"{path.stem}.recording.toml")
     if edited(target):
-        console.note(f"{path.name} is read as {target} says, which was edited")
+        console.note(f"{path.name} is read as {target} says, which you edited")
         return target
     guess = _guess(found, _relative(path, target.parent), asker(), joint)
     console.note(f"{path.name}, {found.kind}, is read as:")
@@ -129,7 +129,7 @@ def device_of(
     stem = recordings[0][0]
     target = out / f"{stem}.device.toml"
     if edited(target):
-        console.note(f"the device is that of {target}, which was edited")
+        console.note(f"the device is that of {target}, which you edited")
         return target, load_device(target), False
     device, said = fitted(recordings)
     for line in said:

@@ -59,8 +59,9 @@ def say_without_theory(console: Console, device: Device) -> None:
     """Say why nothing stands in the place of linear theory, where it does not take the device."""
     if not has_theory(device):
         console.note(
-            f"linear theory takes no {device.interface.velocity_estimator}, whose gain depends on"
-            " the motion: its place stays empty, and ranges are those of the difference"
+            f"there is no linear theory for {device.interface.velocity_estimator}, whose gain"
+            " depends on the motion: its columns stay empty, and ranges are chosen as for the"
+            " difference"
         )
 
 

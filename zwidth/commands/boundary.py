@@ -85,8 +85,8 @@ SIDES = ("stable", "unstable")  # of a boundary's top, a log each
 @click.option("--criterion", type=click.Choice(["stability", "passivity"]), default="stability",
               show_default=True, help="passivity also shows the stiffest passive wall"
               " (Colgate and Schenkel, with the delay).")  # fmt: skip
-@click.option("--felt", is_flag=True, help="Also show from which K on an oscillation kept up by"
-              " steps is felt, looking from 1 % of the stiffest K up.")  # fmt: skip
+@click.option("--felt", is_flag=True, help="Also find the K from which dither (an oscillation"
+              " that only steps keep up) is felt, from 1 % of the stiffest K on.")  # fmt: skip
 @click.option("--felt-force", type=Quantity("N m | N", above=True), default=FORCE,
               show_default=True, help="Smallest force of it that a hand feels.")  # fmt: skip
 @click.option("--felt-position", type=Quantity("rad | m", above=True),

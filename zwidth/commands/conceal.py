@@ -24,8 +24,8 @@ CLASSES = "; ".join(f"{s.name}: {s.title}" for s in STRATA.values())
 @click.option("--outside", type=click.IntRange(0), default=0,
               help="Number with a law that is not in the library.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True,
-              help="Seed; the same seed makes the same files. It is as secret as the"
-              " keys.")  # fmt: skip
+              help="Seed of all random numbers. The same seed makes the same files, so keep"
+              " it as secret as the keys.")  # fmt: skip
 @click.option("--seconds", type=Quantity("s", 2.0),
               help="Length of each recording. Default: 10 to 20 s, rigs 6 to 30 s.")  # fmt: skip
 @click.option(

@@ -129,7 +129,7 @@ def _keep(console: Console, name: str | None, file: Path) -> None:
     )
     if found.get("formula_of") == "together":
         names = " and ".join(found["together"]["names"])
-        console.say(f"it holds {names} too, which the curve was read together with")
+        console.say(f"its formula includes {names}, which were fitted together with the curve")
     console.result({"file": str(path), "effect": name, "formula": found["formula"]})
 
 

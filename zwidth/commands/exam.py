@@ -31,7 +31,11 @@ PICTURES = ("confusion", "magnitude", "reliability")
 @click.option("--outside", type=click.IntRange(0), default=0,
               help="First make this many with a law that is not in the library.")  # fmt: skip
 @click.option("--seed", type=click.IntRange(0), help="Seed of the recordings made first.")
-@click.option("--seconds", type=Quantity("s", 2.0), help="Length of each. Default: 10 to 20 s.")
+@click.option(
+    "--seconds",
+    type=Quantity("s", 2.0),
+    help="Length of each recording made first. Default: 10 to 20 s.",
+)
 @click.option(
     "--processes", type=click.IntRange(1), help="Number of parallel processes. Default: 1."
 )

@@ -41,7 +41,7 @@ def command(
     seed: int,
     json_file: str | None,
 ) -> None:
-    """Write a device for another simulator, and say what that cannot hold.
+    """Write a device for another simulator, and list what its format cannot hold.
 
     DEVICE is a shipped device or a device file.
 

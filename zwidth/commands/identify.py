@@ -75,7 +75,7 @@ def command(
         if warning:
             console.warn(f"{recording.name}: {warning}")
     if any(c.startswith(KNOWN_FORCE) for c in trace.channels):
-        console.warn(f"{recording.name} knows a force besides its command, which is not used here")
+        console.warn(f"{recording.name} has a [[known_force]], which this command does not use")
     source = f"identified from {recording.name}"
     found = identified(fit, name or recording.stem, trace.units[position], source, position)
     device = found.device
@@ -132,9 +132,9 @@ def _tell(console: Console, device: Device, fit: Fit) -> None:
         error = np.abs(fit.response.value - fit.fitted) ** 2 / fit.variance
         worst = float(fit.response.frequency_hz[int(np.argmax(error))])
         console.warn(
-            f"noise does not explain what the model leaves, most of all near {worst:.3g} Hz: the"
-            " intervals hold for noise only; allow more modes, narrow the band, or look for"
-            " friction with a second amplitude"
+            f"the model leaves more than noise, most of all near {worst:.3g} Hz, and the intervals"
+            " count noise alone; allow more modes, narrow the band, or look for friction by a"
+            " recording of another amplitude"
         )
 
 

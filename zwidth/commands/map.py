@@ -76,7 +76,7 @@ FIXED_BY: dict[Quantities, str] = {
               help="Smallest force of an oscillation that a hand feels.")  # fmt: skip
 @click.option("--perceptible-position", type=Quantity("rad | m", above=True),
               help="Smallest amplitude that a hand feels. Default: the threshold of vibration on"
-              " the skin, for a linear device.")  # fmt: skip
+              " the skin for a device that slides, none for one that turns.")  # fmt: skip
 @click.option("--one-sided", is_flag=True, help="The wall only pushes.")
 @law_options
 @click.option("--coarse", type=click.IntRange(3, 513), default=25, show_default=True,
@@ -220,10 +220,10 @@ def _say(console: Console, found: dict[str, Any], rotary: bool) -> None:
 def _say_beside_theory(console: Console, found: dict[str, Any]) -> None:
     console.say(
         f"of the linearly stable part {100.0 * found['stable_but_not_resting']:.1f} % does not"
-        f" come to rest, {100.0 * found['stable_but_perceptible']:.1f} % perceptibly"
+        f" come to rest; {100.0 * found['stable_but_perceptible']:.1f} % is felt or grows"
     )
     share = 100.0 * found["unstable_but_resting"]
-    console.say(f"of the linearly unstable part {share:.1f} % comes to rest nevertheless")
+    console.say(f"of the linearly unstable part {share:.1f} % comes to rest all the same")
 
 
 def _two(values: list[float] | None) -> tuple[str, str]:

@@ -196,8 +196,8 @@ def _magnitude(visible: Visible) -> str:
 def _say_pairs(console: Console, found: Plan) -> None:
     if not found.confusable:
         console.say(
-            f"\n{found.excitation}: the {len(found.labels)} effects that show are told apart at"
-            f" {ALIKE:g} times that"
+            f"\n{found.excitation}: the {len(found.labels)} effects that show can be told apart at"
+            f" {ALIKE:g} times these magnitudes"
         )
         return
     columns = [Column("effect", False), Column("looks like", False), Column("sigma")]

@@ -87,7 +87,8 @@ def command(
     amount of data has doubled.
 
     At the end of the source, or after --idle, it diagnoses the whole recording and writes the same
-    files as 'zwidth diagnose FILE'. Ctrl-C stops without that. --json writes each line as JSON.
+    files as 'zwidth diagnose FILE'. Ctrl-C stops without this last step. --json writes each line
+    as JSON.
     """
     console = Console(json_file)
     device = None if name is None else load_device(name)

@@ -41,7 +41,7 @@ def read_dropped(names: Sequence[str], contents: Sequence[str]) -> tuple[Trace, 
 def _written(folder: Path, name: str, text: str) -> Path:
     plain = PureWindowsPath(PurePosixPath(name).name).name
     if plain in ("", ".", "..") or "\0" in plain:
-        raise ValueError(f"{name[:40]!r} is no name of a file; rename it and drop it again")
+        raise ValueError(f"{name[:40]!r} is not a file name; rename it and drop it again")
     try:
         content = base64.b64decode(text, validate=True)
     except binascii.Error:

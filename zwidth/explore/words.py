@@ -61,7 +61,9 @@ def of_the_wall(found: Look, plane: Plane, line: Line) -> str:
         theory = f"{word} (its limit at this B: K = {limit}, {frequency:.3g} Hz)"
     surprise = stable == (fate in (Fate.FELT, Fate.GROWS, Fate.DITHERS))
     if line.without:
-        return f"<b>{escape(wall)}</b> {escape(seen)}; linear theory takes no {line.without}."
+        return (
+            f"<b>{escape(wall)}</b> {escape(seen)}; there is no linear theory for {line.without}."
+        )
     verb = "<b>but</b> linear theory says" if surprise else "linear theory:"
     return f"<b>{escape(wall)}</b> {escape(seen)}; {verb} {escape(theory)}."
 

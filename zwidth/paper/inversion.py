@@ -63,8 +63,8 @@ def section() -> Section:
         "Table II read as measurements of the plant",
         (
             "A measured point of the boundary is a measured value of the device: at its frequency"
-            " the loop is exactly marginal. Divided by Table I's model it says where the model and"
-            " the device part.",
+            " the loop is exactly marginal. Divided by Table I's model it says where model and"
+            " device differ.",
             Picture(
                 "inversion", inversion_figure(points),
                 "The sampled plant measured by each row of Table II over the model of Table I:"

@@ -62,10 +62,10 @@ def section() -> Section:
     return Section(
         "A measured boundary on another device: a haptic paddle",
         (
-            "One rigid lever, sampled at 200 Hz, with dry friction: the paper's question on a"
-            " device on which nothing was fitted. Inertia, weight and stiction are its builders';"
-            " the motor's viscous friction (2.4e-4 N m s/rad; twice as much moves K by 0.03) is yet"
-            " to be verified, and the delay of one period is an assumption.",
+            "One rigid lever, sampled at 200 Hz, with dry friction: the paper's question on"
+            " another device, with nothing fitted to it. Inertia, weight and stiction are its"
+            " builders'; the motor's viscous friction (2.4e-4 N m s/rad; twice as much moves K by"
+            " 0.03) is yet to be verified, and the delay of one period is an assumption.",
             Picture(
                 "paddle", figure,
                 "Boundary of the paddle: measured (points), linear theory without friction (grey),"
@@ -121,10 +121,11 @@ def _verdict(device: Device, columns: list[Floats], delay: float) -> str:
         f" {linear[0]:.2f} N m/rad, the time domain with the builders' stiction {plain[0]:.2f}"
         " from a start of 10 mrad,"
         f" {measured[0]:g} are measured; a smaller start allows more. It does not explain the right"
-        " end: measured K falls from B = 0.013 on and is gone at 0.08, while every loop tried"
-        f" still holds {min(beyond):.1f} to {max(beyond):.1f} at 0.065, later by"
-        f" {1e3 * (delay - device.interface.delay):.1f} ms, filtered or coarser. What these runs do"
-        " not count as unstable, and a hand does, is a sensor's noise through the damper: at"
+        " end: measured K falls from B = 0.013 on and is zero at 0.08, while every variant of the"
+        f" loop that was tried ({1e3 * (delay - device.interface.delay):.1f} ms later, a filtered"
+        f" velocity, a coarser sensor) still allows {min(beyond):.1f} to {max(beyond):.1f} at"
+        " 0.065. These runs do not count the sensor's noise, which a hand feels through the damper:"
+        f" at"
         f" B = 0.08 a jump of {1e3 * SENSOR_STEP:g} mrad between two samples commands"
         f" {1e3 * jump:.0f} mN m, as much as the friction that would hold the lever still. Which"
         " criterion the builders used is not on record."

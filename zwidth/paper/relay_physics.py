@@ -89,12 +89,11 @@ def physics_parts() -> tuple[Picture, str, Table]:
             " the same physics, from a start as large as the relay's cycle (line), beside the"
             " linear boundary (dashed). Dotted: up to there walls come to rest within a step.", OWN,
         ),
-        "Against the boundary under the same physics the method errs differently with each."
-        f" Friction moves both: the relay is {_range(friction)} off, about its error without"
-        " friction, because friction holds a wall of that amplitude just as it holds the relay's"
-        " oscillation; but it is the boundary for that amplitude only, and smaller starts allow"
-        " more. An encoder step moves neither, and the relay is"
-        f" {_range(encoder)} off, as without it. But walls above"
+        "The error of the relay against the boundary under the same physics depends on the physics."
+        f" Friction raises both, and the relay is {_range(friction)} off, about as without"
+        " friction, which brakes the wall's oscillation just as the relay's. (That is the boundary"
+        " for this amplitude; from smaller starts stiffer walls hold.) An encoder step moves"
+        f" neither, and the relay is {_range(encoder)} off, as without it. But walls above"
         f" {min(c.rests for c in encoder):.1f} oscillate on by more than one step, which a relay,"
         " whose cycle spans many, does not see."
         " A limit does not move the true boundary at all, but it cuts the"
