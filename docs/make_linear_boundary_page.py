@@ -204,7 +204,7 @@ the amplifier's limit, or nothing, stops it. The maps below show which, for the 
 with 2 ms of delay, released at rest 1 mrad inside a two-sided wall. The black line is the linear
 boundary.
 
-Dither counts as felt from a command of 0.01 N m. That is an assumption, which `--perceptible`
+Dither counts as felt from a command of 0.01 N m. That is an assumption, which `--felt-force`
 changes: at 0.1 m from the axis it is 0.1 N, and fingertips notice forces from 0.03 N on (King,
 Donlin and Hannaford, Haptics Symposium 2010). Vibration of the skin is left out here, as the radius
 of the handle is not known.

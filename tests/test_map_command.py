@@ -143,6 +143,22 @@ main()
 """
 
 
+@pytest.mark.parametrize("options", [["--felt-force", "1e-4"], ["--lever", "10"]])
+def test_what_is_felt_is_asked_as_of_a_boundary(options: list[str], tmp_path: Path) -> None:
+    """Dither under steps of 10 urad is not felt, unless a hand is as fine, or as far out.
+
+    Mutation: the lever left out of the perception.
+    """
+    found = tmp_path / "map.json"
+    asked = "--encoder-step 1e-5 --x-range 0.03 0.05 --y-range 8 12 --coarse 3 --levels 0"
+    arguments = ["map", "phantom_1_0", *asked.split(), "--json", str(found)]
+    shares: list[float] = []
+    for more in ([], options):
+        assert run([*arguments, *more, "--out", str(tmp_path / f"{len(more)}")]) == 0
+        shares.append(json.loads(found.read_text())["fates"]["felt"]["share"])
+    assert shares == [0.0, 1.0]
+
+
 @pytest.mark.skipif(os.name != "posix", reason="signals as a shell sends them are POSIX")
 def test_interrupted_it_keeps_its_parts_and_goes_on(tmp_path: Path) -> None:
     """Ctrl-C: status 130, one line, whole parts; then the rest, without the first parts again.

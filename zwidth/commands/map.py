@@ -72,11 +72,15 @@ FIXED_BY: dict[Quantities, str] = {
               " unclear.")  # fmt: skip
 @click.option("--substeps", type=click.IntRange(1, 1000), default=None,
               help="Integration steps per sample. Default: 10 with friction, else 1.")  # fmt: skip
-@click.option("--perceptible", type=Quantity("N m | N"), default=FORCE, show_default=True,
-              help="Smallest force of an oscillation that a hand feels.")  # fmt: skip
-@click.option("--perceptible-position", type=Quantity("rad | m", above=True),
-              help="Smallest amplitude that a hand feels. Default: the threshold of vibration on"
-              " the skin for a device that slides, none for one that turns.")  # fmt: skip
+@click.option("perceptible", "--felt-force", "--perceptible", type=Quantity("N m | N"),
+              default=FORCE, show_default=True,
+              help="Smallest force of dither that a hand feels.")  # fmt: skip
+@click.option("perceptible_position", "--felt-position", "--perceptible-position",
+              type=Quantity("rad | m", above=True),
+              help="Smallest amplitude of dither that a hand feels. Default: the threshold of"
+              " vibration on the skin, of a rotary device at its --lever.")  # fmt: skip
+@click.option("--lever", type=Quantity("m", above=True),
+              help="Distance of the hand from the axis of a rotary device.")  # fmt: skip
 @click.option("--one-sided", is_flag=True, help="The wall only pushes.")
 @law_options
 @click.option("--coarse", type=click.IntRange(3, 513), default=25, show_default=True,
@@ -172,7 +176,9 @@ def _plane(device: Device, options: dict[str, Any]) -> Plane:
         options["start"], seconds, 4.0 * seconds, min(0.5, seconds / 8.0),
         substeps=options["substeps"] or enough_substeps(rubbing, 10 if rubbing.physics else 1),
         law=law_of([device], options),
-        perception=Perception(options["perceptible"], options["perceptible_position"]),
+        perception=Perception(
+            options["perceptible"], options["perceptible_position"], options["lever"]
+        ),
     )  # fmt: skip
     return Plane(
         device, axes[0], axes[1], options["stiffness"], options["damping"], trial,
