@@ -166,13 +166,15 @@ def _more(h: Hypothesis, effort: Effort, views: Iterable[View], least: float) ->
     where = open_places(device)
     sizes = sizes_of(device, h.experiments, h.model.reads(h.x).gain)
     (near, play), (far, _) = (_apart(starts_at(where, sizes, far)) for far in (False, True))
+    begun: set[str] = set()  # what one view shows is begun there, and not in each that follows
     for seen in views:
         starts = _together(near, shown_starts(seen)) if seen.own else dict(far)
         count = effort.near if seen.own else effort.far
         order = screened(seen, starts)
         most = order[0].score if order else 0.0
         for one in order[:count]:
-            if one.score > max(least, PURSUIT.rival_share * most):
+            if one.score > max(least, PURSUIT.rival_share * most) and one.start.label not in begun:
+                begun.add(one.start.label)
                 yield _with(h, seen, one)
     if effort.generations:
         yield from _played(h, h.model, h.x, play, effort)
