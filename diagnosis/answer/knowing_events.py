@@ -61,15 +61,15 @@ def _known(taken: Taken, found: Searched, say: Say) -> tuple[Taken, Searched, tu
     with suppress(NoObserver):
         peak, apart = _peak(_every(taken), found), found.tried.apart > 0
         later = peak is not None and taken.whole_unopened and not _in_fit(peak, taken)
+        known = () if peak is None else _happened(taken, found.tried.best)
         named: Search | None = None
-        if peak is not None and (later or apart):
+        if (apart and peak is not None) or (later and known):
             say("something may have happened: checking whether one effect explains it")
             named = _with_a_name(found.tried, taken, taken.whole if later else taken.fit_on)
-        if named is not None and not later:
-            return taken, _searched_on(found, named, say), ()
-        # What only the held-out data name is a second look's own matter.
-        nothing = peak is None or named is not None
-        known = () if nothing else _happened(taken, found.tried.best)
+        if named is not None:
+            if not later:
+                return taken, _searched_on(found, named, say), ()
+            known = ()  # what only the held-out data name is a second look's own matter
         for one in known:
             e = _every(taken)[one.recording]
             say(f"something happened at {e.begins + one.first * e.period:.3g} s")

@@ -115,7 +115,7 @@ def _places(model: Model, x: Floats) -> Iterator[Floats]:
 
 
 class _Tried(NamedTuple):
-    """A model with the likeliest gap at one place in x, what it costs, and what none costs there."""
+    """The likeliest gap at one place in x, what it costs, and what no play costs there."""
 
     model: Model
     x: Floats
