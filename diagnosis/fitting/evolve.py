@@ -18,7 +18,7 @@ springs of 39.8 and 40.9; under ten times as much, and under a tenth, at 0.0087 
 population that walks through all of these ratios in turn leaves the valley again.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -84,12 +84,16 @@ def evolve(
         found[free] = member
         return found
 
+    # Each draws from a stream of its own: cma's is numpy's for all, which populations side by side
+    # on threads would share, and no run would be the same as the next.
     growing = [
         cma.CMAEvolutionStrategy(
-            x[free], plan.spread, {"popsize": plan.members, "seed": plan.seed + i, "verbose": -9}
+            x[free], plan.spread,
+            {"popsize": plan.members, "verbose": -9, "seed": np.nan,
+             "randn": _own_stream(plan.seed + i)},
         )
         for i, x in enumerate(inside)
-    ]
+    ]  # fmt: skip
     for _ in range(plan.generations):
         alive = [(x, s) for x, s in zip(inside, growing, strict=True) if not s.stop()]
         if not alive:
@@ -107,6 +111,11 @@ def evolve(
     costs = ground.costs([x for x, _ in arrived]).tolist()
     each = zip(arrived, costs, strict=True)
     return sorted((Arrived(x, cost, asked) for (x, asked), cost in each), key=lambda f: f.cost)
+
+
+def _own_stream(seed: int) -> Callable[..., Floats]:
+    random = np.random.default_rng(seed)
+    return lambda *shape: random.standard_normal(shape)
 
 
 def _costs(ground: Landscape, free: Sequence[Floats]) -> Floats:

@@ -13,8 +13,7 @@ is as narrow as its gap is well known: fits from such gaps had ended at costs of
 a cubic spring at -132 500. A population reached -135 100 in a second, and the fit that follows
 -138 100, where the truth is. Under which observer they arrive differs (1e-4 there, 1e-2 or 1e-5 on
 others), and gains under different observers do not compare. So each that shows play has a
-population, from its own gap, and what arrives is held against the rest under its own noise. Of a
-rig without play a gap may gain 2800; its populations then end with gaps of nothing.
+population, from its own gap, and what arrives is held against the rest under its own noise.
 
 Limits: what is left is not whitened, so that a gain counts errors as independent that are not; it
 asks for populations and decides nothing.

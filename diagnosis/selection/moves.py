@@ -166,16 +166,13 @@ def _more(h: Hypothesis, effort: Effort, views: Iterable[View], least: float) ->
     where = open_places(device)
     sizes = sizes_of(device, h.experiments, h.model.reads(h.x).gain)
     (near, play), (far, _) = (_apart(starts_at(where, sizes, far)) for far in (False, True))
-    begun: set[tuple[str, bool]] = set()  # what a view shows is begun there, not in the next alike
     for seen in views:
         starts = _together(near, shown_starts(seen)) if seen.own else dict(far)
         count = effort.near if seen.own else effort.far
         order = screened(seen, starts)
         most = order[0].score if order else 0.0
         for one in order[:count]:
-            key = (one.start.label, seen.own)
-            if one.score > max(least, PURSUIT.rival_share * most) and key not in begun:
-                begun.add(key)
+            if one.score > max(least, PURSUIT.rival_share * most):
                 yield _with(h, seen, one)
     if effort.generations:
         yield from _played(h, h.model, h.x, play, effort)

@@ -359,10 +359,9 @@ def _ahead_from_there(found: Search, new: Sequence[Hypothesis]) -> list[Hypothes
 
 
 def _in_place_of(found: Search, doubtful: Hypothesis) -> list[Hypothesis]:
-    """What is believed over the best in the place of an effect that would be, but for its scatter.
+    """What is believed over the best in the place of an effect that gains, and is not believed.
 
-    A ripple that gains in a few stretches may stand for a gravity whose own fit ended in another
-    valley.
+    A ripple that hardly gains may stand for a gravity whose own fit ended in another valley.
     """
     more = [
         i
@@ -370,7 +369,7 @@ def _in_place_of(found: Search, doubtful: Hypothesis) -> list[Hypothesis]:
         if label not in found.best.labels
     ]
     beyond = found.best.labels < doubtful.labels and len(more) == 1  # of a beam, not all are
-    if not beyond or not believed(doubtful.cost, found.best.cost):  # not even at its best odds
+    if not beyond or not doubtful.cost.total < found.best.cost.total:
         return []
     (index,) = more
     found.say("trying other effects in place of the one added last")
