@@ -54,7 +54,7 @@ def with_computed(setup: Setup, data: bytes) -> tuple[Setup, list[str]]:
         if name not in SIGNALS:
             raise NotTheSame(
                 f"{name} in the log is not what its device and start give; the log was changed, or"
-                " written by a version of zwidth that computes it otherwise"
+                " written by a version of zwidth that computes it differently"
             )
         notes.append(
             f"the {SIGNALS[name]} in the log is not what its scenario gives here; the logged one"

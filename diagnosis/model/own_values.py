@@ -80,6 +80,7 @@ def refuse_unknown_words(fit_on: Sequence[Experiment], judge_by: Sequence[Experi
         for target, word in e.own:
             if (target, word) not in known:
                 raise ExperimentError(
-                    f"{e.name} is to judge, and its [free] gives {target} as {word!r}, which no"
-                    " recording that is fitted has: nothing says what it is there; fit one too"
+                    f"{e.name} judges the answer, and its [free] gives {target} the word {word!r},"
+                    " which no fitted recording has, so its value is unknown; fit a recording with"
+                    " that word, too"
                 )

@@ -138,7 +138,7 @@ def whitened(
     squares = np.mean(np.concatenate([e[SETTLING:] ** 2 for e in innovations]), axis=0)
     size = np.sqrt(squares / share)
     if not np.all(size > 0.0):
-        raise NoObserver("an output is foretold to the last digit: the device stands still")
+        raise NoObserver("an output is predicted without any error: the device stands still")
     kept = [e[SETTLING:] / size for e in innovations]
     total, o = sum(k.shape[0] for k in kept), size.size
     order = min(ORDER, max(1, total // (SPARED * o)))
