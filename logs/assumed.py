@@ -372,6 +372,8 @@ class _Reader:
                 f" but {_words(others[:8])}; say which is which in a recording TOML"
                 f" ('zwidth convert {self.source.path} FILE.toml' drafts one)"
             )
+        if (arrays := self._array(rest)) is not None:
+            return arrays
         chosen = self._asked("which column is the position", rest, rest[0])
         if len(rest) > 1 and self.ask is None:
             unnamed = all(re.fullmatch(r"column\d+", name) for name in rest)
@@ -388,10 +390,39 @@ class _Reader:
         self.found.doubts.append(f"{chosen} is taken for the position: nothing says what it is")
         return {"position_m1": chosen}
 
+    def _array(self, rest: Sequence[str]) -> dict[str, str] | None:
+        """Return the joint that moves most of several whose names say only that they were measured.
+
+        Each is a position where its goal is there and it follows it: "J1 Actual", "J1 Command".
+        """
+        joints = differing({name: self.names[name] for name in rest})
+        asked = [n for n, one in self.names.items() if one.role in ("goal", "command")]
+        if len(rest) < 2 or len(set(joints.values())) < len(rest):
+            return None
+        for name in rest:
+            own = set(joints[name])
+            if self.names[name].role != "measured" or not any(w.isdigit() for w in own):
+                return None
+            goals = [n for n in asked if own <= set(self.names[n].joint)]
+            goal = next((n for n in goals if self._follows(n, name)), None)
+            if goal is None:
+                return None
+            self.names[goal] = replace(self.names[goal], quantity="position", role="goal")
+        for name in rest:
+            self.names[name] = replace(self.names[name], quantity="position")
+        return self._outputs()
+
+    def _follows(self, goal: str, motion: str) -> bool:
+        return self._is_long(goal) and follows(
+            self.source.signals[goal], self.source.signals[motion]
+        )
+
     def joints(self) -> Joints:
         """Return the joints, by the words in which their names differ."""
         self._are_some()
         self._time()
+        if not any(map(self._motions, MOTIONS)):
+            self._array([n for n in self._open() if self.names[n].role == "measured"])
         known = next(filter(None, map(self._motions, ("position", "velocity"))), list[str]())
         every = self._family(known[0]) if known else []
         if len(known) < 2:
@@ -476,6 +507,9 @@ class _Reader:
         if not own:
             return known
         same = [n for n in known if own <= set(self.names[n].joint)]
+        numbers = {word for word in own if word.isdigit()}
+        if not same and numbers:  # words besides may be of the quantity: AIPos.A2, MACur.A2
+            same = [n for n in known if numbers <= set(self.names[n].joint)]
         others = [n for n in known if not self._key(n)]
         return [n for n in known if n in same or n in others] if same or others else known
 

@@ -21,6 +21,7 @@ from zwidth.logs.timing import NOTABLE_JITTER, Stamps, Timing, common_origin, ex
 from zwidth.logs.units import SI, UNITS, Unit, find_unit
 
 LEAST_SAMPLES = 3
+OF_A_MOTOR = ("v", "u", "i")  # V_m is no length
 YEAR_2001, YEAR_2100 = 978_307_200.0, 4_102_444_800.0  # seconds since 1970
 PERIODS = ("ts", "dt", "sampletime", "samplingtime", "sampleperiod", "samplingperiod", "timestep",
            "deltat", "deltax", "steptime", "wfincrement")  # fmt: skip
@@ -166,7 +167,11 @@ def _tails(name: str) -> list[tuple[str, str]]:
         (core, spelled) for core, tail in found for spelled in (tail, re.sub("(_per)?_", "/", tail))
     ]
     whole = [(name, last)] if len(last) > 1 else []
-    return [(core, t) for core, t in [*tails, *whole] if t != "in" and _is_unit(t)]
+    return [
+        (core, t)
+        for core, t in [*tails, *whole]
+        if t != "in" and _is_unit(t) and not (t == "m" and core.strip("_ ").lower() in OF_A_MOTOR)
+    ]
 
 
 def _is_unit(tail: str) -> bool:

@@ -233,7 +233,8 @@ def told_by(said: Naming, quantity: str) -> Naming:
 
 def _words(core: str) -> Iterator[str]:
     """Yield the words of a name in order; a short one or a compound as the words it stands for."""
-    axes = re.sub(r"\b([iuv])[ _]+([qd])(?![a-z])", r"\1\2", _spaced(core).lower())
+    axes = re.sub(r"\b([iuv])[ _]+([qdm])(?![a-z])", r"\1\2", _spaced(core).lower())
+    axes = axes.replace("feed back", "feedback")
     for word in re.findall(r"[^\W\d_]+|\d+", axes):
         yield from (vocabulary()["alias"].get(word) or _lettered(word) or _apart(word) or (word,))
 

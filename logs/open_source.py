@@ -19,6 +19,7 @@ from zwidth.logs.foreign_mcap import read_foreign_mcap
 from zwidth.logs.json_file import begins_as_json, read_json
 from zwidth.logs.labview_file import START as LVM
 from zwidth.logs.labview_file import read_lvm
+from zwidth.logs.long_form import apart
 from zwidth.logs.mat_file import read_hdf5, read_mat
 from zwidth.logs.mcap_reader import Log, read_log
 from zwidth.logs.npz_file import read_npy, read_npz
@@ -64,7 +65,8 @@ def open_source(path: Path, csv: CsvOptions = NOTHING_SAID) -> Source:
     try:
         if reader is read_excel:
             return read_excel(path, data, csv)
-        return read_csv(path, data, csv) if reader is None else reader(path, data)
+        found = read_csv(path, data, csv) if reader is None else reader(path, data)
+        return found if found.about else apart(found)
     except MemoryError:
         raise RecordingError(
             f"{path.name} needs more memory than there is; it may be damaged, or cut it in parts"

@@ -129,6 +129,7 @@ def kinds(folder: Path, named: str) -> list[Kind]:
         "TwinCAT": (examples.twincat_bytes(), "a.csv"),
         "Numbers beside names": (examples.labelled_bytes(), "a.txt"),
         "Numbers behind stamps": (examples.stamped_bytes(), "a.log"),
+        "Motors in turn": (examples.in_turn_bytes(), "a.csv"),
         "Joint states, echoed": (examples.echoed_bytes(), "a.csv"),
         "Parquet, lists": (examples.joint_lists_bytes(), "a.parquet"),
         "WPILOG": (examples.wpilog_bytes(), "a.wpilog"),

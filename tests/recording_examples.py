@@ -366,6 +366,15 @@ def echoed_bytes(samples: int = 20) -> bytes:
     ).encode()
 
 
+def in_turn_bytes(samples: int = 40) -> bytes:
+    t, u, x = wave(samples)
+    rows = zip(t.tolist(), u.tolist(), x.tolist(), strict=True)
+    head = "time,motor_id,torque,angle\n"
+    return (
+        head + "".join(f"{a!r},{1 + k % 2},{b!r},{c!r}\n" for k, (a, b, c) in enumerate(rows))
+    ).encode()
+
+
 def wpilog_bytes(samples: int = 20) -> bytes:
     t, u, x = wave(samples)
 

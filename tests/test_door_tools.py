@@ -126,6 +126,24 @@ TABLES = {
         {"i_ms": 10 * np.arange(T.size), "vfilt_cps": 500 * SPEED, "duty": TORQUE},
         "duty", "vfilt_cps",
     ),
+    "elmo": (
+        {"Time": T, "Position [cnt]": np.round(500 * ANGLE),
+         "Position Command [cnt]": np.round(500 * LATER), "Active Current [A]": TORQUE},
+        "Position Command", "Position",
+    ),
+    "quanser": (
+        {"t": T, "V_m": 10.0 * TORQUE, "theta_m": ANGLE, "theta_dot": SPEED}, "V_m", "theta_m",
+    ),
+    "egm": (
+        {"time": T, "feedBack.joints[0]": 0.1 * ANGLE, "feedBack.joints[1]": ANGLE,
+         "planned.joints[0]": 0.1 * LATER, "planned.joints[1]": LATER},
+        "planned.joints[1]", "feedBack.joints[1]",
+    ),
+    "kuka": (
+        {"IPOC": 1e3 * T, "AIPos.A1": 0.1 * ANGLE, "AIPos.A2": ANGLE, "MACur.A1": TORQUE,
+         "MACur.A2": TORQUE},
+        "MACur.A2", "AIPos.A2",
+    ),
     "trinamic": (
         {"time_ms": 1e3 * T, "XACTUAL": np.round(2e3 * ANGLE), "XTARGET": np.round(2e3 * LATER)},
         "XTARGET", "XACTUAL",
@@ -232,6 +250,33 @@ def test_names_stand_under_what_they_are_of(tmp_path: Path) -> None:
         found = roles(taken(path))
         assert (found["time"], found["position"]) == ("t", "j2 pos")
         assert found["command"] == "j2 tau"
+
+
+def test_rows_of_several_motors_in_turn_are_taken_apart(tmp_path: Path) -> None:
+    """Each with the times of its rows. Mutations: all rows as of one motor; the times of the
+    first. A number that seldom changes is no motor's."""
+    twice = {name: np.repeat(values, 2) for name, values in {"time": T, "position": ANGLE,
+             "current": TORQUE}.items()}  # fmt: skip
+    twice["time"][1::2] += 2e-4
+    twice["position"][::2] *= 0.1
+    motor = np.tile([3, 7], T.size)
+
+    def written(motor: np.ndarray) -> Path:
+        path = tmp_path / "bus.csv"
+        rows = zip(twice["time"], motor, twice["position"], twice["current"], strict=True)
+        lines = [",".join(map(str, row)) for row in rows]
+        path.write_text("\n".join(["time,motor_id,position,current", *lines, ""]))
+        return path
+
+    path = written(motor)
+    found = roles(taken(path))
+    assert (found["position"], found["command"]) == ("position 7", "current 7")
+    trace = read(path)
+    np.testing.assert_allclose(trace["position_m1"], ANGLE)
+    np.testing.assert_allclose(np.diff(trace.t), np.diff(T), atol=1e-9)
+    assert roles(taken(path, "3"))["position"] == "position 3"
+    source = open_source(written(np.repeat([3, 7], T.size)))
+    assert "position" in source.signals
 
 
 def test_a_unit_stands_before_what_is_asked(tmp_path: Path) -> None:

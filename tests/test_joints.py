@@ -42,6 +42,14 @@ def test_joints_are_called_by_what_their_names_differ_in(tmp_path: Path) -> None
         assert f'signal = "{signal}"' in taken_up.text
 
 
+def test_joints_of_which_only_a_goal_says_what_they_are(tmp_path: Path) -> None:
+    """Mutation: names that say no quantity left out."""
+    later = np.roll(ANGLE, -3)
+    columns = {"t": T, "J1 Actual": 0.1 * ANGLE, "J2 Actual": ANGLE,
+               "J1 Command": 0.1 * later, "J2 Command": later}  # fmt: skip
+    assert names(tmp_path, columns)[0] == {"1": "J1 Actual", "2": "J2 Actual"}
+
+
 def test_a_recording_of_one_device_has_no_joints(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="only angle moves in it; leave --joint out"):
         names(tmp_path, {"t": T, "torque": TORQUE, "angle": ANGLE})
