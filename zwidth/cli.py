@@ -43,11 +43,13 @@ COMMANDS = {
         "Simulate a logged run again, from the log alone, and compare every value bit for bit."
     ),
     "devices": "List the devices that come with zwidth, or describe one.",
-    "export": "Write a device for another simulator, and say what that cannot hold.",
+    "export": "Write a device for another simulator, and list what its format cannot hold.",
     "effects": "List the effects that zwidth knows, or describe one.",
     "conceal": "Make simulated recordings with concealed physics, to test a diagnosis.",
     "exam": "Diagnose recordings with concealed physics, compare with the truths, and score.",
-    "paper": ("Reproduce the paper's figures and tables, ours beside theirs, as one HTML report."),
+    "paper": (
+        "Compute the paper's figures and tables again, ours beside theirs, as one HTML report."
+    ),
 }
 
 # name -> a line that runs in a clone, in this order: later ones take what earlier ones wrote.
