@@ -37,8 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from zwidth.diagnosis.answer.learned import LearnedLaw
-from zwidth.diagnosis.answer.learned_surface import LearnedSurface
+from zwidth.diagnosis.answer.laws import LearnedLaw, LearnedSurface
 from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.learning.curves import Learned
 from zwidth.diagnosis.learning.surfaces import Surface

@@ -21,7 +21,7 @@ from pathlib import Path
 
 from zwidth.diagnosis.answer.held_out import held_out
 from zwidth.diagnosis.answer.inverse import force_errors
-from zwidth.diagnosis.answer.learned import LearnedLaw, like_what
+from zwidth.diagnosis.answer.laws import LearnedLaw, like_what
 from zwidth.diagnosis.answer.result import HeldOut
 from zwidth.diagnosis.intake.take_in import Taken, take_in
 from zwidth.diagnosis.learning.curves import as_learned, over_turns
@@ -86,7 +86,7 @@ def _learned(device: Device, taken: Taken, found: Search) -> LearnedLaw | None:
         print(f"    {s:.6g}: {f:.4g} ({low:.4g} to {high:.4g})")
     for f in looks:
         print(f"  looks like {f.form.name}: {f.text('q')} (chance {f.chance:.2g})")
-    return LearnedLaw(curve, looks, whole, names, after, with_law)
+    return LearnedLaw(curve, names, after, with_law, looks, whole)
 
 
 def _fits(

@@ -93,6 +93,11 @@ class Verdict:
     """Chi-square, times the inflation of the residual, that a force without a name must gain beyond
     1.5 for each of its unknowns. Tuned, no data kept."""
 
+    worth_a_law: float = 0.8
+    """Of the error of the names' free runs, below which a learned law is worth having. Tuned:
+    nobody would act on less, and of 13 recordings without a law one got a law that left 0.94
+    (`benchmarks.learned_laws`)."""
+
     worse_force: float = 1.05
     """Times the error of the refit, above which an answer is none: of the force that the recorded
     motion needs. Tuned: on eight machines' pages answers have 0.2 to 0.6."""

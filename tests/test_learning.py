@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from learning_examples import DEVICE, Floats, Law, T, nothing, recording, without_names
 
-from zwidth.diagnosis.answer.learned import learned
+from zwidth.diagnosis.answer.learned import Asked, learned
 from zwidth.diagnosis.answer.result import HeldOut
 from zwidth.diagnosis.learning.curves import Learned, learn
 from zwidth.diagnosis.learning.energy import makes_energy
@@ -116,12 +116,12 @@ def test_a_law_is_kept_where_held_out_data_agree(names: float, worth: bool) -> N
     found = as_found(DEVICE, without_names(cube))
     held = [recording(cube).split()[1]]
     free = HeldOut(1.0, 1.0, names, 1e-5)
-    law = learned(DEVICE, found, held, free, silent)
+    law = learned(Asked(DEVICE, found, held, silent), free)
     assert (law is not None) is worth
     if law is None:
         return
     assert law.law.after < 0.01
-    first = law.headline(1, False)
+    first = law.headline(1)
     assert first.startswith("a force acts at the motor that has no name in the library: up to")
     assert "over velocity, which looks like a" in first
     assert first.endswith("and 50 % without")

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.answer.friction_curve import friction_curve
-from zwidth.diagnosis.answer.learned import like_what
+from zwidth.diagnosis.answer.laws import like_what
 from zwidth.diagnosis.learning.curves import Learned, learn, replacing
 from zwidth.diagnosis.learning.energy import makes_energy, powers
 from zwidth.diagnosis.learning.knots import known, one_way, shapes

@@ -9,8 +9,8 @@ from learning_examples import DEVICE, Law, nothing, recording, without_names
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.answer.held_out import held_out
-from zwidth.diagnosis.answer.learned import learned_over_two
-from zwidth.diagnosis.answer.learned_surface import LearnedSurface
+from zwidth.diagnosis.answer.laws import LearnedSurface
+from zwidth.diagnosis.answer.learned import Asked, learned_over_two
 from zwidth.diagnosis.learning.surface_forms import Field, filled, form_of, grid, product, told
 from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.selection.searched import as_found
@@ -37,10 +37,12 @@ def surface_of(law: Law) -> LearnedSurface | None:
     judge = [recording(law).split()[1]]
     found = as_found(DEVICE, quick)
     free = held_out(DEVICE, found, judge)[1]
-    assert learned_over_two(DEVICE, found, judge, free, None, silent) is None  # nobody asked
+    assert learned_over_two(Asked(DEVICE, found, judge, silent), free, None) is None  # nobody asked
     search = replace(quick, effort=replace(quick.effort, surfaces=True))
     found = as_found(DEVICE, search)
-    return learned_over_two(DEVICE, found, judge, held_out(DEVICE, found, judge)[1], None, silent)
+    return learned_over_two(
+        Asked(DEVICE, found, judge, silent), held_out(DEVICE, found, judge)[1], None
+    )
 
 
 def errs(law: Law, found: LearnedSurface) -> float:
@@ -67,7 +69,7 @@ def test_a_product_of_two_laws_is_learned_with_the_formula_of_each() -> None:
     assert abs(bump.numbers["w"]) == pytest.approx(0.06, rel=0.05)
     assert turns.numbers["w"] == pytest.approx(1.0 / 3.0, rel=0.05)
     assert abs(bump.numbers["a"] * turns.numbers["a"]) == pytest.approx(2.4, rel=0.05)
-    assert "a bump of position times a saturation of velocity" in found.headline(1, rotary=False)
+    assert "a bump of position times a saturation of velocity" in found.headline(1)
     assert "never generates energy" in found.energy
 
 
@@ -102,7 +104,7 @@ def test_a_law_that_another_state_shifts_is_learned_with_the_formula_of_each() -
     assert turns.numbers["a"] == pytest.approx(2.0 / 9.0, rel=0.05)
     assert turns.numbers["w"] == pytest.approx(0.5, rel=0.05)
     said = "a sine from rest of position shifted by a saturation of velocity"
-    assert said in found.headline(1, rotary=False)
+    assert said in found.headline(1)
     assert found.as_json()["formulas"][0]["form"] == "shift"
 
 

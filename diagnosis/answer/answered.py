@@ -11,7 +11,8 @@ from zwidth.diagnosis.answer.events import Event
 from zwidth.diagnosis.answer.findings import all_findings, linear, upper_bounds
 from zwidth.diagnosis.answer.held_out import held_out
 from zwidth.diagnosis.answer.inverse import force_errors
-from zwidth.diagnosis.answer.learned import BETTER, Law, learned, learned_over_two, replacement
+from zwidth.diagnosis.answer.laws import LearnedLaw, LearnedSurface
+from zwidth.diagnosis.answer.learned import Asked, learned, learned_over_two, replacement
 from zwidth.diagnosis.answer.levels import next_level
 from zwidth.diagnosis.answer.result import UNKNOWN_FIT, Diagnosis, Residuals, Verdict
 from zwidth.diagnosis.answer.stands import Stands, ends_badly, what_stands
@@ -22,6 +23,7 @@ from zwidth.diagnosis.forces.locate import NOWHERE, locate
 from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.mishaps import Mishaps, Say, attempt
 from zwidth.diagnosis.selection.searched import Searched, Searches
+from zwidth.diagnosis.settings import VERDICT
 from zwidth.sim.device import Device
 
 # Stages without which no verdict stands, and what an error in them takes from it.
@@ -109,7 +111,9 @@ def answered(
     )  # fmt: skip
 
 
-def _law(device: Device, stands: Stands, facts: Facts, say: Say) -> tuple[Law | None, bool, bool]:
+def _law(
+    device: Device, stands: Stands, facts: Facts, say: Say
+) -> tuple[LearnedLaw | LearnedSurface | None, bool, bool]:
     """A law without a name, whether it is said rather than names, and whether it was interrupted.
 
     Where names do not explain it all, or chance alone explains what free runs err by; rather than
@@ -118,22 +122,22 @@ def _law(device: Device, stands: Stands, facts: Facts, say: Say) -> tuple[Law | 
     """
     by, because, free = stands.by, reason(facts), facts.free
     unnamed = because.verdict is Verdict.UNKNOWN_PHYSICS or because is Reason.STRAY
-    named = because in (*NAMES_STAND,) and not _as_foretold(facts)
+    named = because in NAMES_STAND and not _as_foretold(facts)
     if not (unnamed or named):
         return None, False, False
     if by.interrupted:
         return None, False, True
-    law: Law | None = None
+    law: LearnedLaw | LearnedSurface | None = None
     try:
-        asked = device, by, stands.taken.judge_by, free
+        asked = Asked(device, by, stands.taken.judge_by, say)
         if named:
-            law = attempt("learn", "a law of no name", partial(replacement, *asked, say))
+            law = attempt("learn", "a law of no name", partial(replacement, asked, free))
             if law is not None or all(f.effect != "force_ripple" for f in facts.findings):
                 return law, law is not None, False
-        law = attempt("learn", "a law of no name", partial(learned, *asked, say, named))
+        law = one = attempt("learn", "a law of no name", partial(learned, asked, free, named))
         if unnamed:
-            two = partial(learned_over_two, *asked, law, say)
-            law = attempt("learn", "a law over two states", two) or law
+            two = partial(learned_over_two, asked, free, one)
+            law = attempt("learn", "a law over two states", two) or one
     except KeyboardInterrupt:
         return law, False, True
     return law, False, False
@@ -148,7 +152,7 @@ def _as_foretold(facts: Facts) -> bool:
     sound = facts.sound
     if sound is None or not sound.sound or facts.strays:
         return False
-    return all(a.expected >= BETTER * a.error for a in sound.ahead)
+    return all(a.expected >= VERDICT.worth_a_law * a.error for a in sound.ahead)
 
 
 def _facts(found: Searched, left: float) -> dict[str, Any]:

@@ -27,8 +27,7 @@ if TYPE_CHECKING:
     from zwidth.diagnosis.answer.changes import Change
     from zwidth.diagnosis.answer.consequence import Worth
     from zwidth.diagnosis.answer.events import Event
-    from zwidth.diagnosis.answer.learned import LearnedLaw
-    from zwidth.diagnosis.answer.learned_surface import LearnedSurface
+    from zwidth.diagnosis.answer.laws import LearnedLaw, LearnedSurface
     from zwidth.diagnosis.answer.levels import NextLevel
 
 Floats = NDArray[np.float64]
@@ -232,22 +231,14 @@ class Diagnosis(Shown):
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON of `zwidth diagnose`."""
-        where = {
-            "sentence": self.located.sentence,
-            "time": self.located.time,
-            "frequency_hz": self.located.frequency_hz,
-            "state": self.located.state,
-            "entry": self.located.entry,
-        }
+        where = {name: value for name, value in vars(self.located).items() if name != "maps"}
         one, free = self.one_step.as_json(), self.free_run.as_json()
         return {
             "verdict": self.verdict.value,
             "headline": self.headline,
             "sentence": self.sentence,
             "warnings": list(self.cautions),
-            "findings": [
-                f.as_json() for f in self.findings
-            ],
+            "findings": [f.as_json() for f in self.findings],
             "negligible": [f.as_json() for f in self.negligible],
             "linear_refit": {
                 k: {"nominal": nominal, **e.as_json()}
@@ -289,34 +280,25 @@ class Unanswered:
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON of `zwidth diagnose`, with nothing where nothing is known."""
-        nothing: list[Any] = []
+        lists = ("warnings", "findings", "negligible", "changes", "events")
+        tables = ("linear_refit", "upper_bounds", "facts", "cost")
+        unknown = ("adequacy", "learned", "next_experiment", "next_level")
+        where = ("time", "frequency_hz", "state", "entry")
+        fits = ("held_out", "one_step", "free_run")
         return {
             "verdict": Verdict.UNDECIDED.value,
             "headline": self.headline,
             "sentence": self.sentence,
-            "warnings": nothing,
-            "findings": nothing,
-            "negligible": nothing,
-            "linear_refit": {},
-            "where": {
-                "sentence": NOWHERE.sentence,
-                "time": nothing, "frequency_hz": nothing, "state": nothing, "entry": nothing,
-            },
-            "fit": {name: UNKNOWN_FIT.as_json() for name in ("held_out", "one_step", "free_run")}
-            | {"whole_run": nothing, "force": nothing},
-            "adequacy": None,
-            "learned": None,
-            "changes": nothing,
-            "events": nothing,
-            "upper_bounds": {},
+            "where": {"sentence": NOWHERE.sentence} | {name: list[Any]() for name in where},
+            "fit": {name: UNKNOWN_FIT.as_json() for name in fits}
+            | {name: list[Any]() for name in ("whole_run", "force")},
             "faults": [vars(f) for f in self.faults],
-            "next_experiment": None,
-            "next_level": None,
             "interrupted": False,
-            "facts": {},
-            "cost": {},
             "errors": [m.as_json() for m in self.errors],
-        }  # fmt: skip
+            **{name: list[Any]() for name in lists},
+            **{name: dict[str, Any]() for name in tables},
+            **dict.fromkeys(unknown),
+        }
 
 
 class NotDiagnosed(Exception):

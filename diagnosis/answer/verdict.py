@@ -18,7 +18,7 @@ from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.settings import VERDICT
 
 if TYPE_CHECKING:
-    from zwidth.diagnosis.answer.learned import Law
+    from zwidth.diagnosis.answer.laws import Law
 
 
 class Reason(Enum):

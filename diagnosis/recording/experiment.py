@@ -36,6 +36,8 @@ PAUSE = 5  # blocks, at least
 STILL, QUIET = 0.01, 0.3  # rms of motion and of command in a pause, over that of the recording
 STEADY = 0.05  # the same of the command's means over blocks, which noise leaves and a ramp does not
 LATE = 0.25  # of the period, that intervals of a late loop are longer by in the mean
+SAMPLED = ("command", "measured", "sensor_error", "dropped", "force", "base", "pushes",
+           "strengths", "bridged", "uncounted")  # fmt: skip
 SIMULATED = 1e-5  # noise over the swing that is added to a log without any
 
 
@@ -227,24 +229,15 @@ class Experiment:
 
     def part(self, start: int, stop: int) -> "Experiment":
         """Return the samples start <= k < stop."""
-        cut = slice(start, stop)
+        cut, first = slice(start, stop), start == 0
         return replace(
             self,
-            command=self.command[cut],
-            measured=self.measured[cut],
-            sensor_error=None if self.sensor_error is None else self.sensor_error[cut],
-            dropped=None if self.dropped is None else self.dropped[cut],
-            start=self.start if start == 0 else None,
-            force=None if self.force is None else self.force[cut],
-            base=None if self.base is None else self.base[cut],
-            pushes=None if self.pushes is None else self.pushes[cut],
+            start=self.start if first else None,
             begins=self.begins + start * self.period,
-            before=self.before if start == 0 else None,
+            before=self.before if first else None,
             pushed=None if self.pushed is None else self.pushed.part(cut),
             covariates=tuple(replace(c, values=c.values[cut]) for c in self.covariates),
-            strengths=self.strengths_in(cut),
-            bridged=None if self.bridged is None else self.bridged[cut],
-            uncounted=None if self.uncounted is None else self.uncounted[cut],
+            **{name: values[cut] for name, values in self._sampled().items()},
         )
 
     def joined(self) -> "Experiment":
@@ -252,32 +245,31 @@ class Experiment:
         first = self.before
         if first is None:
             return self
-
-        def both(a: NDArray[Any] | None, b: NDArray[Any] | None) -> Any:
-            return None if a is None or b is None else np.concatenate([a, b])
-
         pushed = self.pushed
         if pushed is not None and first.pushed is not None:
-            pushed = replace(pushed, at_zero=both(first.pushed.at_zero, pushed.at_zero))
+            zero = np.concatenate([first.pushed.at_zero, pushed.at_zero])
+            pushed = replace(pushed, at_zero=zero)
         pairs = zip(first.covariates, self.covariates, strict=True)
+        own, earlier = self._sampled(), first._sampled()
+        joined = {
+            name: np.concatenate([earlier[name], own[name]]) for name in earlier if name in own
+        }
         return replace(
             self,
-            command=both(first.command, self.command),
-            measured=both(first.measured, self.measured),
-            sensor_error=both(first.sensor_error, self.sensor_error),
-            dropped=both(first.dropped, self.dropped),
-            force=both(first.force, self.force),
-            base=both(first.base, self.base),
-            pushes=both(first.pushes, self.pushes),
             pushed=pushed,
-            covariates=tuple(replace(a, values=both(a.values, b.values)) for a, b in pairs),
-            strengths=both(first.strengths, self.strengths),
-            bridged=both(first.bridged, self.bridged),
-            uncounted=both(first.uncounted, self.uncounted),
+            covariates=tuple(
+                replace(a, values=np.concatenate([a.values, b.values])) for a, b in pairs
+            ),
             begins=first.begins,
             before=first.before,
             start=first.start,
+            **{**dict.fromkeys(SAMPLED), **joined},
         )
+
+    def _sampled(self) -> dict[str, Any]:
+        """What it has at every sample, (ticks, ...), by the names of its fields."""
+        every = {name: getattr(self, name) for name in SAMPLED}
+        return {name: values for name, values in every.items() if values is not None}
 
     def pauses(self) -> NDArray[np.bool_]:
         """Return which samples (ticks,) are of a pause: nothing is asked and nothing moves.

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.answer.learned import LearnedLaw
+from zwidth.diagnosis.answer.laws import LearnedLaw
 from zwidth.diagnosis.learning.tables import law_at
 from zwidth.diagnosis.learning.together import Together
 from zwidth.figures.style import STYLE

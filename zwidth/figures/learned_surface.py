@@ -9,8 +9,7 @@ from matplotlib.figure import Figure, SubFigure
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
-from zwidth.diagnosis.answer.learned import LearnedLaw
-from zwidth.diagnosis.answer.learned_surface import LearnedSurface
+from zwidth.diagnosis.answer.laws import LearnedLaw, LearnedSurface
 from zwidth.figures.learned import learned_figure
 from zwidth.figures.style import STYLE
 from zwidth.sim.physics.free_force import STATE_UNITS, STATES

@@ -1,0 +1,470 @@
+"""A law of no name, as an answer says it: its curve or surface, its form, and what it is worth.
+
+A law over two states is a grid, or of two tables (`learning/surfaces`). Of two tables each law is
+known with the covariance of the fit, and looks like a formula of its own (`learning/formulas`): "a
+sine of the position times a parabola of the velocity", or "shifted by" it. A grid is of no form.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from zwidth.diagnosis.answer.friction_curve import asked_beyond, read_beyond
+from zwidth.diagnosis.answer.result import HeldOut
+from zwidth.diagnosis.answer.words import listed, place_in_words
+from zwidth.diagnosis.fitting.uncertainty import Z95
+from zwidth.diagnosis.forces.leftover import predicted_states
+from zwidth.diagnosis.learning.curves import Learned
+from zwidth.diagnosis.learning.energy import makes_energy
+from zwidth.diagnosis.learning.formulas import Formula, formulas
+from zwidth.diagnosis.learning.surface_forms import TablesForm, told
+from zwidth.diagnosis.learning.surfaces import Surface
+from zwidth.diagnosis.learning.tables import law_at
+from zwidth.diagnosis.noise.predictor import SETTLING
+from zwidth.diagnosis.selection.searched import Searched
+from zwidth.sim.physics.free_force import grid_of
+from zwidth.sim.physics.two_tables import LAW_FIRST, LAW_SECOND, two_tables_of
+from zwidth.sim.readable import with_unit
+
+Floats = NDArray[np.float64]
+LETTERS = {"free_spring": "q", "free_damper": "v", "free_amplifier": "u", "free_sensor": "q",
+           "position": "q", "velocity": "v", "command": "u"}  # fmt: skip
+QUANTILES = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
+ALIKE = 3  # formulas that are not told apart, that are said
+ANYWHERE = 10.0  # of what a shift varies by, that its constant may be
+LITTLE = 1e-3  # of the largest power, below which none is made
+
+
+@dataclass(frozen=True)
+class Law(ABC):
+    """A law that was learned, and held-out fits.
+
+    names, law: errors over the motion of free runs on held-out data, with what is believed alone,
+    and with the law. found: the fit with it.
+    """
+
+    curve: Learned | Surface
+    names: HeldOut
+    law: HeldOut
+    found: Searched
+
+    @property
+    @abstractmethod
+    def over(self) -> str:
+        """What it follows, in words."""
+
+    @property
+    @abstractmethod
+    def formula(self) -> str:
+        """What it looks like, "" for no form."""
+
+    @property
+    @abstractmethod
+    def energy(self) -> str:
+        """Say whether it ever makes energy."""
+
+    @abstractmethod
+    def headline(self, masses: int) -> str:
+        """Say it as the first line of an answer: where, over what, of which form, its worth."""
+
+    @property
+    @abstractmethod
+    def sentence(self) -> str:
+        """Say what was learned, and what it is worth."""
+
+    @property
+    def rotary(self) -> bool:
+        """Whether its device is."""
+        return self.found.final.model.nominal.rotary
+
+    @property
+    def force_unit(self) -> str:
+        """The unit of a force."""
+        return "N m" if self.rotary else "N"
+
+    @property
+    def worth(self) -> str:
+        """Say what it is worth."""
+        own, other = 100.0 * self.law.after, 100.0 * self.names.after
+        return (
+            f"error of free runs on held-out data {own:.2g} % of the motion with it, {other:.2g} %"
+            " without"
+        )
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the JSON of `zwidth diagnose`: what every law has."""
+        return {
+            "effect": self.curve.physics.effect.name,
+            "at": self.curve.physics.at,
+            "over": self.over,
+            "formula": self.formula or None,
+            "beside": list(self.curve.names),
+            "absorbed": list[str](),
+            "replaced": list(self.curve.replaced),
+            "energy": self.energy,
+            "gained": self.curve.gained,
+            "free_run": {"names": self.names.after, "law": self.law.after},
+        }
+
+
+@dataclass(frozen=True)
+class LearnedLaw(Law):
+    """A law over one state, and the formulas it looks like (cheapest first, none: of no form).
+
+    formulas: of the law with the names that follow the same state at its place, where such are
+    (`whole`), else of the law.
+    """
+
+    curve: Learned
+    formulas: tuple[Formula, ...]
+    whole: bool
+
+    @property
+    def letter(self) -> str:
+        """What the formulas call the state."""
+        return LETTERS[self.curve.physics.effect.name]
+
+    @property
+    def formula(self) -> str:
+        """What it looks like, "" for no form."""
+        return self.formulas[0].text(self.letter) if self.formulas else ""
+
+    @property
+    def over(self) -> str:
+        """What it follows, and what it repeats by."""
+        period = self.curve.period
+        length = "rad" if self.rotary else "m"
+        repeats = f", repeating every {with_unit(period, length, 4)}," if period else ""
+        return f"{self.curve.over}{repeats}"
+
+    def headline(self, masses: int) -> str:
+        """Say it as the first line of an answer: where, over what, of which form, its worth."""
+        curve = self.curve
+        name = curve.physics.effect.name
+        what = {
+            "free_amplifier": "something is added to the command",
+            "free_sensor": "the reading errs",
+        }.get(name, f"a force acts {place_in_words(curve.physics.place, masses)}")
+        length = "rad" if self.rotary else "m"
+        unit = length if name == "free_sensor" else self.force_unit
+        most = with_unit(float(np.abs(curve.forces).max()), unit, 2)
+        alike = listed([_a(f.form.name) for f in self.formulas[:ALIKE]], "or")
+        return (
+            f"{what} that has no name in the library: up to {most} over {self.over.rstrip(',')}"
+            f"{self._looks(alike)}; {self.worth}"
+        )
+
+    def _looks(self, like: str) -> str:
+        if not self.formulas:
+            return ""
+        names = () if self.curve.together is None or not self.whole else self.curve.together.names
+        return f", which{f' together with {listed(names)}' if names else ''} looks like {like}"
+
+    @property
+    def sentence(self) -> str:
+        """Say what was learned, and what it is worth."""
+        what = {
+            "free_amplifier": "what is added to the command",
+            "free_sensor": "the error of the reading",
+        }.get(self.curve.physics.effect.name, f"a force at {self.curve.physics.at}")
+        said = f"learned from it: {what} over {self.over}{self._looks(self.formula)}"
+        return f"{said.rstrip(',')}; {self.worth}"
+
+    @property
+    def absorbed(self) -> str:
+        """Say which names were part of the curve, "" for none."""
+        gone = self.curve.absorbed
+        was = "was" if len(gone) == 1 else "were"
+        return f"{listed(gone)} {was} part of this curve, and not needed beside it" if gone else ""
+
+    @property
+    def size(self) -> str:
+        """How it stands in a device file."""
+        return f"a table of {self.curve.states.size} points"
+
+    @property
+    def caption(self) -> str:
+        """What its picture shows."""
+        whole = self.curve.together
+        both = "" if whole is None else (
+            " The second curve is all that follows the same state there: the table and"
+            f" {listed(whole.names)}."
+        )  # fmt: skip
+        return (
+            "The curve through its points with the 95 % band of each, and behind it what each"
+            " sample of the recording asks for beyond it; below, how often the recording was there."
+            " The band also covers what a damper, a spring or another position of rest could take"
+            f" over from the curve.{both}"
+        )
+
+    @property
+    def others(self) -> list[str]:
+        """Formulas that its band does not tell from the first."""
+        return [f"{f.form.name} ({f.text(self.letter)})" for f in self.formulas[1 : 1 + ALIKE]]
+
+    @property
+    def energy(self) -> str:
+        """Say whether it ever makes energy."""
+        return makes_energy(self.curve, self.rotary)
+
+    def samples(self) -> tuple[Floats, Floats]:
+        """Return states and forces (samples,): what the recording says of the law at each sample.
+
+        The law at the state that is predicted, and what its innovations ask for beyond it
+        (`friction_curve.asked_beyond`), of the recordings that it was fitted to.
+        """
+        physics, states = self.curve.physics, self.curve.seen
+        final, problem = self.found.final, self.found.problem
+        if physics.effect.name == "free_sensor":
+            return states, law_at(physics, states) + read_beyond(problem, final)
+        at = physics.at if physics.place.kind in ("mass", "link") else "m1"
+        return states, law_at(physics, states) + asked_beyond(problem, final, at)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the JSON of `zwidth diagnose`."""
+        curve, together = self.curve, self.curve.together
+        return super().as_json() | {
+            "odd": curve.odd,
+            "period": curve.period or None,
+            "one_way": curve.one_way,
+            "points": _points(curve.states, curve.forces, curve.lower, curve.upper),
+            "seen": _quantiles(curve.seen),
+            "formula_of": "together" if self.whole else "curve",
+            "formulas": [_formula(f, self.letter) for f in self.formulas],
+            "absorbed": list(curve.absorbed),
+            "together": together and {
+                "names": list(together.names),
+                "points": _points(
+                    together.states, together.forces, together.lower, together.upper
+                ),
+            },
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class LearnedSurface(Law):
+    """A law over two states, and what the laws of its tables look like (cheapest first).
+
+    forms: of the first and of the second state; () for a grid, and empty for a law of no form.
+    names: with the law of one state that is believed, if any.
+    """
+
+    curve: Surface
+    forms: tuple[tuple[Formula, ...], ...]
+
+    @property
+    def over(self) -> str:
+        """What it follows, in words."""
+        return " and ".join(self.curve.over)
+
+    @property
+    def formula(self) -> str:
+        """What it looks like, "" for no form."""
+        if not self.forms or not all(self.forms):
+            return ""
+        first, second = (LETTERS[state] for state in self.curve.states)
+        law, other = self.forms[0][0], self.forms[1][0].text(second)
+        if self.curve.shifts:
+            return f"{law.text('s')}, s = {first} + {other}".replace("+ -", "- ")
+        return f"({law.text(first)}) ({other})"
+
+    def formula_at(self, first: Floats, second: Floats) -> Floats:
+        """Return what the formula makes of states (...,), where there is one."""
+        law, other = (form[0] for form in self.forms)
+        if self.curve.shifts:
+            return law.at(first + other.at(second))
+        return law.at(first) * other.at(second)
+
+    @property
+    def form(self) -> str:
+        """Its form in words: of which laws it is made, "" for a grid."""
+        each = [f"a {form[0].form.name}" if form else "a law" for form in self.forms]
+        does = " shifted by " if self.curve.shifts else " times "
+        return does.join(
+            f"{law} of {state}" for law, state in zip(each, self.curve.over, strict=False)
+        )
+
+    @property
+    def absorbed(self) -> str:
+        """Which names were part of it: of a surface, those are said to be replaced."""
+        return ""
+
+    def headline(self, masses: int) -> str:
+        """Say it as the first line of an answer: where, over what, of which form, its worth."""
+        curve = self.curve
+        most = with_unit(float(np.abs(curve.at(*curve.seen.T)).max()), self.force_unit, 2)
+        looks = f", which looks like {self.form}" if self.forms else ""
+        return (
+            f"a force acts {place_in_words(curve.physics.place, masses)} that has no name in the"
+            f" library: up to {most} over {self.over} together{looks}; {self.worth}"
+        )
+
+    @property
+    def sentence(self) -> str:
+        """Say what was learned, and what it is worth."""
+        looks = f", which looks like {self.formula}" if self.formula else ""
+        return (
+            f"learned from it: a force at {self.curve.physics.at} over {self.over} together"
+            f"{looks}; {self.worth}"
+        )
+
+    @property
+    def size(self) -> str:
+        """How it stands in a device file."""
+        if isinstance(self.curve.form, TablesForm):
+            product = two_tables_of(self.curve.physics.values)
+            return f"two tables of {len(product.first)} and {len(product.second)} points"
+        grid = grid_of(self.curve.physics.values)
+        return f"a table of {len(grid.rows)} rows and {len(grid.columns)} columns"
+
+    @property
+    def caption(self) -> str:
+        """What its picture shows."""
+        first, second = self.curve.over
+        return (
+            "Above the force over both states where the recording was, with its samples; below"
+            f" over {first} at some of {second}, and over {second} at some of {first}, with the"
+            " 95 % band, in which a damper, a spring and a scale of the command are too."
+        )
+
+    @property
+    def others(self) -> list[str]:
+        """Formulas that its band does not tell from the first, of either law."""
+        return [
+            f"{f.form.name} ({f.text(LETTERS[state])}) of {state}"
+            for form, state in zip(self.forms, self.curve.states, strict=False)
+            for f in form[1:ALIKE]
+        ]
+
+    @property
+    def energy(self) -> str:
+        """Say whether it ever makes energy along what was recorded, with its place's damper."""
+        final, place = self.found.final, self.curve.physics.place
+        moved = predicted_states(self.found.problem, final)
+        n, (i, j) = moved[0].shape[1] // 2, place.ends
+        v = np.concatenate([
+            x[SETTLING:, n + i] - (x[SETTLING:, n + j] if j >= 0 else 0.0) for x in moved
+        ])  # fmt: skip
+        chain = final.model.build(final.x).chain
+        dampers = chain.link_dampers if place.kind == "link" else chain.ground_dampers
+        own = self.curve.at(*self.curve.seen.T) * v
+        whole = own - float(dampers[place.index]) * v * v
+        does = "takes" if own.mean() <= 0.0 else "feeds in"
+        mean = with_unit(abs(float(own.mean())), "W", 2)
+        said = f"by itself it {does} {mean} on the average of what was recorded"
+        if float(whole.max()) <= LITTLE * float(np.abs(whole).max()):
+            return f"{said}, and with its damper never generates energy"
+        return f"{said}, and with its damper feeds in up to {with_unit(float(whole.max()), 'W', 2)}"
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the JSON of `zwidth diagnose`."""
+        curve = self.curve
+        return super().as_json() | {
+            "states": list(curve.states),
+            **(self._tables() if isinstance(curve.form, TablesForm) else _grid(curve)),
+            "seen": {
+                state: _quantiles(seen)
+                for state, seen in zip(curve.states, curve.seen.T, strict=True)
+            },
+            "formulas": [self._likeliest()] if self.formula else [],
+        }
+
+    def _likeliest(self) -> dict[str, Any]:
+        """The likeliest formula of two tables, of its two parts."""
+        return {
+            "form": "shift" if self.curve.shifts else "product",
+            "text": self.formula,
+            "factors": [
+                {"state": state, "form": form[0].form.name, "numbers": form[0].numbers}
+                for state, form in zip(self.curve.states, self.forms, strict=True)
+            ],
+        }
+
+    def _tables(self) -> dict[str, Any]:
+        """Both tables with their bands, and what they look like."""
+        curve = self.curve
+        product = two_tables_of(curve.physics.values)
+        found: dict[str, Any] = {}
+        both = zip(("first", "second"), (product.first, product.second), (LAW_FIRST, LAW_SECOND),
+                   self.forms, curve.states, strict=True)  # fmt: skip
+        for key, table, names, form, state in both:
+            states, law = np.array(table).T
+            half = Z95 * np.sqrt(np.maximum(np.diag(curve.of(names[: len(table)])), 0.0))
+            found[key] = {
+                "points": _points(states, law, law - half, law + half, value="law"),
+                "formulas": [_formula(f, LETTERS[state]) for f in form],
+            }
+        return found
+
+
+def _grid(curve: Surface) -> dict[str, Any]:
+    """The grid with the band of what was seen of it, null where nothing was."""
+    grid = grid_of(curve.physics.values)
+    rows, columns = np.array(grid.rows), np.array(grid.columns)
+    half = curve.half(*np.meshgrid(rows, columns, indexing="ij"))
+    seen = told(curve.seen, rows, columns)
+
+    def of_what_is_told(values: Floats) -> list[list[float | None]]:
+        return np.where(seen, values, None).tolist()  # pyright: ignore[reportArgumentType,reportCallIssue]
+
+    return {
+        "rows": list(grid.rows),
+        "columns": list(grid.columns),
+        "table": grid.values.tolist(),
+        "lower": of_what_is_told(grid.values - half),
+        "upper": of_what_is_told(grid.values + half),
+    }
+
+
+def _formula(f: Formula, letter: str) -> dict[str, Any]:
+    return {"form": f.form.name, "text": f.text(letter), "numbers": f.numbers,
+            "chance": f.chance, "cost": f.cost}  # fmt: skip
+
+
+def _points(*columns: Floats, value: str = "force") -> list[dict[str, float]]:
+    rows = np.column_stack(columns).tolist()
+    return [dict(zip(("state", value, "lower", "upper"), row, strict=True)) for row in rows]
+
+
+def _quantiles(seen: Floats) -> dict[str, float]:
+    return dict(zip(map(str, QUANTILES), np.quantile(seen, QUANTILES).tolist(), strict=True))
+
+
+def _a(form: str) -> str:
+    """The name of a form with its article."""
+    first = form.split(" ")[0]
+    article = {"friction": "", "sum": "the "}.get(first, "an " if first[0] in "aeiou" else "a ")
+    return f"{article}{form}"
+
+
+def like_what(curve: Learned) -> tuple[tuple[Formula, ...], bool]:
+    """Return what a law looks like, and whether it is with the names that follow its state."""
+    whole = curve.together
+    if whole is not None:
+        rubs = any("friction" in name for name in whole.names)
+        found = formulas(whole.states, whole.forces, whole.covariance, False, rubs=rubs)
+        if found:
+            return tuple(found), True
+    own = formulas(curve.states, curve.forces, curve.covariance, curve.odd, curve.period)
+    return tuple(own), False
+
+
+def factors(curve: Surface) -> tuple[tuple[Formula, ...], ...]:
+    """Return what either law of two tables looks like, () for a grid.
+
+    A shift may have another constant, since nothing tells from where it is counted.
+    """
+    if not isinstance(curve.form, TablesForm):
+        return ()
+    tables = curve.form.tables
+    found: list[tuple[Formula, ...]] = []
+    for k, (table, names) in enumerate(((tables.first, LAW_FIRST), (tables.second, LAW_SECOND))):
+        states, laws = np.array(table).T
+        known = curve.of(names[: len(table)])
+        if curve.shifts and k == 1:
+            known = known + (ANYWHERE * np.ptp(laws)) ** 2
+        found.append(tuple(formulas(states, laws, known, odd=False)))
+    return tuple(found)
