@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from tests.diagnosis_examples import phantom
-from zwidth.diagnosis.answer.diagnosis_log import diagnosis_trace, missing_force
+from zwidth.diagnosis.answer.friction_curve import missing_force
 from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import SETTLING
 from zwidth.diagnosis.noise.steady import steady
 from zwidth.diagnosis.recording.experiment import Experiment, Output
+from zwidth.diagnosis_log import diagnosis_trace
 from zwidth.figures.augmented_boundary import augmented_boundary_figure
 from zwidth.logs.mcap_reader import read_log
 from zwidth.logs.mcap_writer import write_log

@@ -10,7 +10,7 @@ import pytest
 from fitting_examples import drive, play, recording
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.answer.beside import (
+from zwidth.diagnosis.answer.findings import (
     elsewhere,
     probability,
     rivals,
@@ -141,9 +141,11 @@ def test_what_was_fitted_has_probabilities_that_sum_to_one(
     other = make_physics("coulomb_friction", "m2", level=0.02), {"level": 0.02}
     found = search(drive(), rubbed, QUICK, moves=only(right, other))
     assert sum(shares(found).values()) == pytest.approx(1.0)
-    assert probability(found, "coulomb_friction@m1") > 0.99
+    assert probability(shares(found), "coulomb_friction@m1") > 0.99
     assert without(found, "coulomb_friction@m1") > 10.0
-    assert [r.effect for r in rivals(found, "coulomb_friction@m1")] == ["coulomb_friction"]
+    assert [r.effect for r in rivals(found, shares(found), "coulomb_friction@m1")] == [
+        "coulomb_friction"
+    ]
 
 
 def test_a_richer_form_takes_nothing_from_the_promise_of_a_name(
@@ -166,9 +168,9 @@ def test_a_richer_form_takes_nothing_from_the_promise_of_a_name(
         found.tried[other.labels] = other  # as good as the best
     every = shares(found)
     assert every[frozenset({"stribeck_friction@m1"})] > 0.1
-    assert probability(found, label) == pytest.approx(every[best.labels])
+    assert probability(shares(found), label) == pytest.approx(every[best.labels])
     elsewhere_too = every[frozenset({"coulomb_friction@m2"})]
-    assert with_richer(found, label) == pytest.approx(1.0 - elsewhere_too, abs=1e-6)
+    assert with_richer(shares(found), label) == pytest.approx(1.0 - elsewhere_too, abs=1e-6)
 
 
 def test_an_interval_holds_what_other_effects_would_make_of_a_value(
@@ -177,7 +179,9 @@ def test_an_interval_holds_what_other_effects_would_make_of_a_value(
     """Friction is another level where a ripple is beside it: half the odds, half the square."""
     right = make_physics("coulomb_friction", "m1", level=0.02), {"level": 0.02}
     found = search(drive(), rubbed, QUICK, moves=only(right))
-    assert elsewhere(found, "coulomb_friction@m1") == {"level": pytest.approx(0.0, abs=1e-8)}
+    assert elsewhere(found, shares(found), "coulomb_friction@m1") == {
+        "level": pytest.approx(0.0, abs=1e-8)
+    }
     best = found.best
     more = best.model.with_effect(make_physics("constant_force", "m1", level=1e-3), {"level": 1e-3})
     x = np.append(best.x, 0.0)
@@ -187,9 +191,9 @@ def test_an_interval_holds_what_other_effects_would_make_of_a_value(
     found.tried[other.labels] = other
     moved = more.parameters[level].scale * 0.1
     share = shares(found)[other.labels]
-    both = share / probability(found, "coulomb_friction@m1")
+    both = share / probability(shares(found), "coulomb_friction@m1")
     assert 0.0 < both < 0.5
-    spread = elsewhere(found, "coulomb_friction@m1")["level"]
+    spread = elsewhere(found, shares(found), "coulomb_friction@m1")["level"]
     assert spread == pytest.approx(both * moved**2, rel=1e-3)
 
 
@@ -509,7 +513,7 @@ def test_two_laws_at_one_place_have_one_that_contains_both_for_a_rival(
         found.keep(best)
         found.keep(other)
         for label in best.labels:
-            assert [r.effect for r in rivals(found, label)] == expected
+            assert [r.effect for r in rivals(found, shares(found), label)] == expected
 
 
 def costing(rubbed: list[Experiment], model: Model, misfit: float) -> Hypothesis:

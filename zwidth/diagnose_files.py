@@ -13,7 +13,6 @@ import click
 import numpy as np
 
 from zwidth.console import Column, Console, announce
-from zwidth.diagnosis.answer.diagnosis_log import diagnosis_trace
 from zwidth.diagnosis.answer.own_units import in_own_units
 from zwidth.diagnosis.answer.result import Diagnosis, NotDiagnosed, Verdict
 from zwidth.diagnosis.answer.words import negligible_in_words, worth_in_words
@@ -21,6 +20,7 @@ from zwidth.diagnosis.diagnose import diagnose
 from zwidth.diagnosis.mishaps import Mishaps, attempt, collecting, isolated
 from zwidth.diagnosis.recording.experiment import Experiment, stretches
 from zwidth.diagnosis.selection.effort import EFFORTS
+from zwidth.diagnosis_log import diagnosis_trace
 from zwidth.diagnosis_report import (
     INTERRUPTED,
     Commands,

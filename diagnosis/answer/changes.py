@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.answer.findings import UNITS
+from zwidth.diagnosis.answer.findings import UNITS, half_width
 from zwidth.diagnosis.answer.held_out import held_out
 from zwidth.diagnosis.answer.result import Estimate
 from zwidth.diagnosis.answer.words import (
@@ -443,7 +443,7 @@ def change_of(
         return _value(model, model.within(there), own.index)
 
     def estimate(way: Floats) -> Estimate:
-        at, half = float(way @ x), Z95 * float(np.sqrt(max(way @ spread @ way, 0.0)))
+        at, half = float(way @ x), half_width(way, spread)
         ends = value(at - half), value(at + half)
         return Estimate(value(at), min(ends), max(ends), unit)
 

@@ -2,21 +2,15 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binomtest
 
-from zwidth.diagnosis.answer.beside import (
-    elsewhere,
-    probability,
-    rivals,
-    with_richer,
-    without,
-)
 from zwidth.diagnosis.answer.regimes import held
-from zwidth.diagnosis.answer.result import Estimate, Finding, Held, Rival
+from zwidth.diagnosis.answer.result import Estimate, Finding, Rival
 from zwidth.diagnosis.fitting.fit import Fitted
 from zwidth.diagnosis.fitting.uncertainty import Z95, covariance, inflation, standard_errors
 from zwidth.diagnosis.intake.gate import ON_LATTICE, Fault
@@ -34,11 +28,17 @@ from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.seeking.candidates import candidates
 from zwidth.diagnosis.seeking.lattice import chances_seen, step_interval
 from zwidth.diagnosis.seeking.screen import Complement, screen
+from zwidth.diagnosis.selection.evidence import ALPHA, probabilities
+from zwidth.diagnosis.selection.hypothesis import Hypothesis, against
+from zwidth.diagnosis.selection.search import Search
 from zwidth.diagnosis.selection.searched import Searched
-from zwidth.sim.device import Device
+from zwidth.sim.device import Device, place_label
+from zwidth.sim.physics import EFFECTS, contains
 from zwidth.sim.physics.effect import Physics
+from zwidth.sim.place import of_label
 
 Floats = NDArray[np.float64]
+Shares = dict[frozenset[str], float]
 DAMPER, SPRING = ("N m s/rad", "N s/m"), ("N m/rad", "N/m")
 UNITS = {
     "mass": ("kg m2", "kg"), "damper": DAMPER, "link": DAMPER, "spring": SPRING, "k0": SPRING,
@@ -66,80 +66,72 @@ def all_findings(device: Device, taken: Taken, found: Searched) -> tuple[Finding
 
 def _findings(found: Searched) -> tuple[Finding, ...]:
     """The effects of the model, what explains most first."""
-    spread = attempt("intervals", "", partial(standard_errors, found.final))
-    if spread is None:
-        spread = np.full(found.final.x.size, np.nan)
+    final, tried = found.final, found.tried
+    spread = attempt("intervals", "", partial(standard_errors, final))
+    spread = np.full(final.x.size, np.nan) if spread is None else spread
     findings: list[Finding] = []
-    labels = effect_labels(found.final.model.effects)
-    for i, physics in enumerate(found.final.model.effects):
+    odds = attempt("separation", "", partial(shares, tried)) if final.model.effects else None
+    labels = effect_labels(final.model.effects)
+    for i, (physics, label) in enumerate(zip(final.model.effects, labels, strict=True)):
         name = f"{physics.effect.name} at {physics.at}"
-        among = attempt("intervals", name, partial(elsewhere, found.tried, labels[i])) or {}
-        estimates = _estimates(found.final, i, spread, among)
+        scatter = partial(elsewhere, tried, odds or {}, label)
+        among = attempt("intervals", name, scatter) or {}
+        estimates = _estimates(final, i, spread, among)
         if physics.effect.sought == "lattice":
             step = partial(_step_estimate, found, physics)
             estimates |= attempt("intervals", name, step) or {}
-        apart = attempt("separation", name, partial(_separated, found, labels[i]))
-        sigma, near, chance, kind = (np.nan, (), None, None) if apart is None else apart
-        everywhere = attempt("regimes", name, partial(_held, found, labels[i])) or ()
-        findings.append(
-            Finding(
-                physics.effect.name, physics.at, estimates, sigma, near, chance, everywhere, kind
-            )
-        )
+        one = Finding(physics.effect.name, physics.at, estimates, np.nan, ())
+        one = attempt("separation", name, partial(_separated, one, tried, odds, label)) or one
+        bare = tried.tried.get(tried.best.labels - {label})
+        everywhere = bare and attempt("regimes", name, partial(held, tried.best, bare))
+        findings.append(replace(one, regimes=tuple(everywhere or ())))
     return tuple(sorted(findings, key=lambda f: np.nan_to_num(f.separation_sigma), reverse=True))
 
 
-def _held(found: Searched, label: str) -> tuple[Held, ...]:
-    """How an effect does in each regime that was left out, beside the hypothesis without it."""
-    best = found.tried.best
-    bare = found.tried.tried.get(best.labels - {label})
-    return () if bare is None else tuple(held(best, bare))
+def _separated(one: Finding, tried: Search, odds: Shares | None, label: str) -> Finding:
+    """With how many sigma it stands above doing without it, its rivals, its probabilities."""
+    if odds is None:
+        return one
+    return replace(
+        one,
+        separation_sigma=without(tried, label),
+        rivals=rivals(tried, odds, label),
+        probability=probability(odds, label),
+        with_richer=with_richer(odds, label),
+    )
+
+
+def half_width(way: Floats, spread: Floats) -> float:
+    """Return half of the 95 % interval of way x (p,), of covariance spread (p, p) of x."""
+    return Z95 * float(np.sqrt(max(way @ spread @ way, 0.0)))
 
 
 def _estimates(
-    final: Fitted, index: int, spread: Floats, among: Mapping[str, float]
+    final: Fitted, index: int, errors: Floats, among: Mapping[str, float]
 ) -> dict[str, Estimate]:
-    """Values of an effect of the model with their intervals.
+    """Values of an effect of the model with their intervals; also "phase in WORD".
 
     among: variances over the structures that may be true, beside those in the one that was found.
     """
-    physics = final.model.effects[index]
+    model, x = final.model, final.x
+    physics, spread = model.effects[index], covariance(final)
     estimates: dict[str, Estimate] = {}
-    for j, p in enumerate(final.model.parameters):
-        if p.kind == "effect" and p.index == index:
-            value = physics.values[p.key] + p.scale * float(final.x[j])
-            half = Z95 * math.hypot(p.scale * float(spread[j]), math.sqrt(among.get(p.key, 0.0)))
-            unit = physics.effect.parameter(p.key).unit_for(final.model.nominal.rotary)
-            estimates[p.key] = Estimate(value, value - half, value + half, unit)
-    return estimates | _own_estimates(final, index)
-
-
-def _own_estimates(final: Fitted, index: int) -> dict[str, Estimate]:
-    """What recordings have of their own of an effect's numbers: "phase in WORD"."""
-    spread, model = covariance(final), final.model
-    found: dict[str, Estimate] = {}
     for j, p in enumerate(model.parameters):
-        target = model.parameters[p.index] if p.kind == "change" else None
-        if target is None or target.kind != "effect" or target.index != index:
+        target = model.parameters[p.index] if p.kind == "change" else p
+        if target.kind != "effect" or target.index != index or model.is_found(p):
             continue
-        if model.is_found(p):
-            continue
-        way = np.zeros(final.x.size)
-        way[[j, p.index]] = target.scale
-        physics = model.effects[index]
-        value = physics.values[target.key] + float(way @ final.x)
-        half = Z95 * float(np.sqrt(max(way @ spread @ way, 0.0)))
+        value, scale = physics.values[target.key], target.scale
+        if target is p:
+            name, value = p.key, value + scale * float(x[j])
+            half = Z95 * math.hypot(scale * float(errors[j]), math.sqrt(among.get(p.key, 0.0)))
+        else:  # what recordings have of their own
+            name = f"{target.key} in {p.name.partition(' in ')[2]}"
+            way = np.zeros(x.size)
+            way[[j, p.index]] = scale
+            value, half = value + float(way @ x), half_width(way, spread)
         unit = physics.effect.parameter(target.key).unit_for(model.nominal.rotary)
-        name = f"{target.key} in {p.name.partition(' in ')[2]}"
-        found[name] = Estimate(value, value - half, value + half, unit)
-    return found
-
-
-def _separated(found: Searched, label: str) -> tuple[float, tuple[Rival, ...], float, float]:
-    """At how many sigma an effect stands above doing without it, its rivals, its probabilities."""
-    tried = found.tried
-    chances = probability(tried, label), with_richer(tried, label)
-    return without(tried, label), rivals(tried, label), *chances
+        estimates[name] = Estimate(value, value - half, value + half, unit)
+    return estimates
 
 
 def _encoder(
@@ -218,7 +210,7 @@ def _of_recordings(
         target = model.parameters[p.index]
         way = np.zeros(final.x.size)
         way[[j, p.index]] = 1.0
-        half = Z95 * float(np.sqrt(max(way @ spread @ way, 0.0)))
+        half = half_width(way, spread)
         low, value, high = (
             _on(e, model, final.x, p.index, k * half, target.name) for k in (-1.0, 0.0, 1.0)
         )
@@ -242,24 +234,120 @@ def _on(e: Experiment, model: Model, x: Floats, index: int, more: float, name: s
 def upper_bounds(found: Searched) -> dict[str, dict[str, float]]:
     """The magnitude of each effect that the recording would have shown: best fit and 1.96 sigma."""
     problem, fitted = found.problem, found.final
-    built = fitted.model.build(fitted.x)
+    built, gain = fitted.model.build(fitted.x), fitted.model.reads(fitted.x).gain
     off = Complement(fitted.jacobian)
-    base = off(fitted.residual)
-    wide = np.sqrt(inflation(fitted.white))
+    base, wide = off(fitted.residual), float(np.sqrt(inflation(fitted.white)))
     bounds: dict[str, dict[str, float]] = {}
-    for one in screen(
-        problem,
-        fitted,
-        candidates(built, problem.experiments, fitted.model.reads(fitted.x).gain),
-        "limits",
-    ):
+    tried = candidates(built, problem.experiments, gain)
+    for one in screen(problem, fitted, tried, "limits"):
         effect = one.start.physics.effect
         name, size = effect.strength, float(np.linalg.norm(one.signature))
         if name is None or not effect.magnitudes or size == 0.0:
             continue
         best = max(0.0, -float(base @ one.signature) / size**2)
-        factor = best + Z95 * float(wide) / size
         none = effect.parameter(name).none_of_it()
         own = abs(one.start.physics.values[name] - none)
-        bounds[one.start.label] = {name: none + own * factor}
+        bounds[one.start.label] = {name: none + own * (best + Z95 * wide / size)}
     return bounds
+
+
+def without(found: Search, label: str) -> float:
+    """At how many sigma the best hypothesis stands above the best that lacks an effect."""
+    best = found.best
+    lacking = [h for h in found.tried.values() if label not in h.labels]
+    nearest = min(lacking, key=lambda h: h.cost.total)
+    bare = found.tried.get(best.labels - {label}, nearest)
+    return max(0.0, against(best, bare).sigma)
+
+
+def shares(found: Search) -> Shares:
+    """Return the probability of every structure that was fitted to its end, by its labels.
+
+    An effect more than the best has is one of all that was looked through, and pays for it what a
+    search asks of it (`evidence.believed`).
+    """
+    best = found.best
+    kept = list(found.tried.values())
+    more = [max(0, len(h.model.effects) - len(best.model.effects)) for h in kept]
+    looked_through = 2.0 * math.log(1.0 / ALPHA)
+    behind = [_behind(h, best) + looked_through * n for h, n in zip(kept, more, strict=True)]
+    return dict(zip((h.labels for h in kept), probabilities(behind).tolist(), strict=True))
+
+
+def probability(odds: Shares, label: str) -> float:
+    """Return the probability that a device has an effect: of all structures with it."""
+    return math.fsum(p for labels, p in odds.items() if label in labels)
+
+
+def with_richer(odds: Shares, label: str) -> float:
+    """Return the probability that a device has an effect or a richer form of it.
+
+    Who is told of a limit is told no less where that limit falls with speed: what contains an
+    effect takes nothing from its name, as it does not by its sigma (`Finding.confusable_with`).
+    """
+
+    def has(labels: frozenset[str]) -> bool:
+        return any(other == label or _contains(other, label) for other in labels)
+
+    return math.fsum(p for labels, p in odds.items() if has(labels))
+
+
+def elsewhere(found: Search, odds: Shares, label: str) -> dict[str, float]:
+    """Return by how much the values of an effect scatter over the structures that have it.
+
+    Variances about those of the best, weighed by probability: which other effects a device has is
+    not known either, and what they are moves the values.
+    """
+    own = _values(found.best, label)
+    scatter = dict.fromkeys(own, 0.0)
+    total = probability(odds, label)
+    if not total > 0.0:
+        return scatter
+    for labels, share in odds.items():
+        if label not in labels or not share > 0.0:
+            continue
+        for name, value in _values(found.tried[labels], label).items():
+            parameter = EFFECTS[of_label(label)[0]].parameter(name)
+            off = value - own[name]
+            if parameter.role == "turning" and parameter.unit == "rad":
+                off = math.remainder(off, 2.0 * math.pi)
+            scatter[name] += share / total * off**2
+    return scatter
+
+
+def _values(h: Hypothesis, label: str) -> dict[str, float]:
+    return next(dict(p.values) for p in h.model.effects_at(h.x) if place_label(p) == label)
+
+
+def rivals(found: Search, odds: Shares, label: str) -> tuple[Rival, ...]:
+    """Return what was fitted in the place of an effect of the best hypothesis, nearest first."""
+    best = found.best
+    behind: dict[str, float] = {}
+    for h in found.tried.values():
+        new, gone = h.labels - best.labels, best.labels - h.labels
+        # What costs without bound has a parameter of which the recordings say nothing.
+        if label not in gone or len(new) != 1 or not math.isfinite(h.cost.total):
+            continue
+        (other,) = new
+        # One law in the place of several is their rival where it contains them all.
+        if len(gone) == 1 or all(_contains(other, one) for one in gone):
+            sigma = math.sqrt(max(0.0, _behind(h, best)))
+            behind[other] = min(sigma, behind.get(other, math.inf))
+    ordered = sorted(behind.items(), key=lambda pair: pair[1])
+    return tuple(
+        Rival(effect, str(place), sigma, probability(odds, other))
+        for other, sigma in ordered
+        for effect, place in [of_label(other)]
+    )
+
+
+def _contains(richer: str, simple: str) -> bool:
+    return contains(*of_label(richer), *of_label(simple))
+
+
+def _behind(h: Hypothesis, best: Hypothesis) -> float:
+    """By how much a hypothesis costs more than the best, in units of the pair's overdispersion."""
+    if h is best:
+        return 0.0
+    phi = against(best, h).phi
+    return float(np.nan_to_num((h.cost.total - best.cost.total) / phi, posinf=1e300))

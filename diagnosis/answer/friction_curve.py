@@ -3,33 +3,47 @@
 What a name and its numbers say is read best as the curve that they are: all that acts at the place
 over its velocity, in steady sliding, beside what the recording asks for at each sample, which is
 the curve at the velocity that is predicted and the force that the innovations ask for beyond it
-(`diagnosis_log.missing_force`), under an observer a hundred times slower than the likeliest, which
+(`missing_force`), under an observer a hundred times slower than the likeliest, which
 takes less of it for disturbance. Where the samples lie apart from the curve, the law is another.
 
 A straight part is the damper of the device as well, and a constant the origin of its spring, so the
 band is that of the curve beside both as they were fitted.
+
+The missing force is the Wiener estimate from weighted innovations e = -R f + noise, R the response
+of observer and device to a force at the place: with E and R their transforms,
+
+    F = - sum_o conj(R_o) E_o S / (1 + sum_o |R_o|^2 S),    S the force's assumed spectrum,
+
+of a force of first-order colour whose size and corner are those of the highest likelihood. Limits:
+the device counts as linear there, and a force that a refit absorbed is not in it.
 """
 
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import next_fast_len
 
-from zwidth.diagnosis.answer.diagnosis_log import missing_force
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.forces.leftover import predicted_states
+from zwidth.diagnosis.forces.spatial import response
 from zwidth.diagnosis.forces.unknown import SLOWER
 from zwidth.diagnosis.learning.steady import along
 from zwidth.diagnosis.learning.together import Together, follows, together
-from zwidth.diagnosis.noise.predictor import SETTLING, innovations
+from zwidth.diagnosis.noise.predictor import SETTLING, innovations, settling
 from zwidth.diagnosis.noise.settle import prepared_for
 from zwidth.diagnosis.noise.steady import NoObserver
+from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.searched import Searched
 from zwidth.sim.place import Place
 
 Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
 OVER, FRICTION = "free_damper", "dry friction"
+CORNERS_HZ = (2.0, 10.0, 50.0, np.inf)
+SIZES = np.geomspace(1e-3, 1e4, 29)  # of the force that one sample's noise hides
 POINTS = 200  # velocities of the curve
 FASTEST = (0.001, 0.999)  # of the samples, between which it is drawn
 
@@ -91,3 +105,41 @@ def _slower(problem: Problem, fitted: Fitted) -> Problem:
         ratio = SLOWER * problem.observer.ratio
         return prepared_for(problem.experiments, fitted.model, fitted.x, ratio)
     return problem
+
+
+def missing_force(problem: Problem, fitted: Fitted, experiment: Experiment, place: str) -> Floats:
+    """Return the force (ticks,) at a mass or in a link that the innovations ask for [N m | N].
+
+    In a link it acts on the first mass, and its contrary on the second.
+    """
+    seen = fitted.model.seen(experiment, fitted.x)
+    weighted = innovations(fitted.model.acting(fitted.x), seen, problem.observer.gain)
+    weighted = np.nan_to_num(problem.observer.weigh(weighted, seen.uncounted))
+    weighted[: settling(seen)] = 0.0
+    answer = response(problem, fitted, place)
+    size = next_fast_len(experiment.ticks + answer.shape[0], real=True)
+    gain = -np.fft.rfft(answer, size, axis=0)
+    data = np.fft.rfft(weighted, size, axis=0)
+    pull = np.sum(np.conj(gain) * data, axis=1)
+    reach = np.sum(np.abs(gain) ** 2, axis=1)
+    colour = _likeliest(pull, reach, experiment, size)
+    return np.fft.irfft(pull * colour / (1.0 + reach * colour), size)[: experiment.ticks]
+
+
+def _likeliest(pull: Complexes, reach: Floats, experiment: Experiment, size: int) -> Floats:
+    """The spectrum S of the highest likelihood: -ln L = sum ln(1 + |R|^2 S) - |P|^2 S / (1 + ...).
+
+    The transform of white noise of unit variance has as much power as samples not padded.
+    """
+    frequency = np.fft.rfftfreq(size, experiment.period)
+    power = np.abs(pull) ** 2 / experiment.ticks
+    unit = 1.0 / max(float(reach.max()), 1e-300)
+    best: tuple[float, Floats] | None = None
+    for relative, corner_hz in product(SIZES, CORNERS_HZ):
+        colour = relative * unit / (1.0 + (frequency / corner_hz) ** 2)
+        cost = np.log1p(reach * colour) - power * colour / (1.0 + reach * colour)
+        total = float(np.sum(cost))
+        if best is None or total < best[0]:
+            best = (total, colour)
+    assert best is not None
+    return best[1]
