@@ -107,4 +107,94 @@ class Verdict:
     which a user is warned. Tuned, as `worse_force`."""
 
 
-EVIDENCE, PURSUIT, VERDICT = Evidence(), Pursuit(), Verdict()
+@dataclass(frozen=True)
+class Intake:
+    """When something about a recording itself is taken for wrong (`intake`).
+
+    Each was tuned on the recordings of machines and on faults sown in them
+    (`benchmarks.sown_faults`), unless it says otherwise.
+    """
+
+    better: float = 1.5
+    """Factor of the rms prediction error by which another way to read a recording counts."""
+
+    smooth: float = 1.3
+    """As `better`, of a command that is smooth between its samples."""
+
+    exchanged: float = 2.0
+    """As `better`, of two outputs that are read the other way round: a device file is off by half
+    in every number."""
+
+    certain: float = 3.0
+    """As `better`, of a wrong sign or unit that is no matter of physics."""
+
+    clear: float = 40.0
+    """-2 ln likelihood from which a command shows in a motion, and another scale of it is asked."""
+
+    surely: float = 100.0
+    """-2 ln likelihood from which a command is late or exchanged."""
+
+    known: float = 10.0
+    """-2 ln likelihood from which an observer knows by how much a command is late."""
+
+    share: float = 0.25
+    """Of what a command explains in all, that another scale must explain beyond it."""
+
+    off: float = 2.5
+    """Factor by which a device file may be off in how much a command drives."""
+
+    sign_off: float = 3.0
+    """As `off`, of a sign that is wrong: a wrong unit beside it is rare."""
+
+    weak: float = 0.5
+    """Scale below which a command is far too large, to which no noise adds."""
+
+    power: float = 0.1
+    """Of the most energy that a command could take out of a device, that tells its sign."""
+
+    left_open: float = 3.0
+    """Standard deviations of the command's scale, or of masses, that a device file leaves open.
+    Convention."""
+
+    near_unit: float = 1.5
+    """Factor within which what a rough device file tells is taken for a unit."""
+
+    far_unit: float = 20.0
+    """Factor by which saturation, stiction or another machine's masses do not stand for a unit."""
+
+    unit_odds: float = 1e-2
+    """Probability that a recording has a wrong sign, or a unit that is mistaken for the SI.
+    Elicited."""
+
+    factor_odds: float = 1e-4
+    """Probability that a channel counts wrong by a factor that is no unit. Elicited."""
+
+    factor_width: float = 0.2
+    """Of the logarithm of such a factor, what masses, springs and gain of a file leave open."""
+
+    tone: float = 0.95
+    """Of a command's power, in one line of its spectrum: nothing tells of columns exchanged."""
+
+    half: float = 0.5
+    """Of what a command leaves as described, that it leaves with the columns exchanged."""
+
+    whole: float = 0.1
+    """Of a step, by which values may lie beside a lattice."""
+
+    turning: float = -0.38
+    """Correlation of neighbouring errors, below which they are those of a differenced position.
+    Derived: beside what is smooth white noise has -0.35 (0.01 about that in 1000 samples), a
+    difference -0.41 to -0.53."""
+
+    worked_out: float = 0.02
+    """Of what is rough in a velocity, below which the error of a filtered position is nothing: it
+    is no measurement of its own."""
+
+    clipped: float = 0.005
+    """Of the samples of a command, that stand at its largest value. Convention."""
+
+    repeats: float = 0.02
+    """Of the samples of an output, that repeat the one before. Convention."""
+
+
+EVIDENCE, PURSUIT, VERDICT, INTAKE = Evidence(), Pursuit(), Verdict(), Intake()

@@ -29,10 +29,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.answer.words import effect_in_words
-from zwidth.diagnosis.intake.gate import COMMAND, Fault, corrected, misread, suspected
+from zwidth.diagnosis.intake.gate import COMMAND, Fault, corrected, misread, suspicion
 from zwidth.diagnosis.intake.late import in_time
 from zwidth.diagnosis.intake.swapped import in_place
-from zwidth.diagnosis.intake.take_in import LIKELY_ODDS
 from zwidth.diagnosis.intake.units import ALONG, TURNING
 from zwidth.diagnosis.learning.changing import STEP, varied
 from zwidth.diagnosis.learning.changing import suspected as changing
@@ -44,6 +43,7 @@ from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.diagnosis.selection.evidence import ALPHA
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
 from zwidth.diagnosis.selection.search import search
+from zwidth.diagnosis.settings import INTAKE
 from zwidth.fleet.odd import STILL, Odd
 from zwidth.fleet.quick import NUISANCE, estimates, names_of, physical
 from zwidth.fleet.reading import experiment_of
@@ -52,7 +52,7 @@ from zwidth.fleet.switched_off import free_error, switched_off
 from zwidth.sim.readable import with_unit
 
 Floats = NDArray[np.float64]
-RARE = -2.0 * math.log(LIKELY_ODDS)
+RARE = -2.0 * math.log(INTAKE.unit_odds)
 WIDE = 10.0  # times what a parameter is, that another device may have
 LATEST = 30  # samples that a reading may come late
 BADLY = 3.0  # times the fleet's noise, from which what is left is not explained
@@ -308,7 +308,7 @@ def _ways(e: Experiment, question: Question, model: Model, start: Floats) -> Ite
     factors = [-1.0, *units, *(1.0 / u for u in units)]
     faults = [(misread(e, channels, f),) for channels in (COMMAND, names) for f in factors]
     with suppress(NoObserver, ExperimentError), np.errstate(all="ignore"):
-        faults += suspected(device, e)
+        faults += list(suspicion(device, e).ways)
     for fault in faults:
         key = tuple((f.channels, round(f.value, 6)) for f in fault)
         if key in seen:

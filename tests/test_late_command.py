@@ -10,7 +10,7 @@ from zwidth.controllers.excitation import noise
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.answer.result import Verdict
 from zwidth.diagnosis.diagnose import diagnose
-from zwidth.diagnosis.intake.late import Shift, in_time, late_by, shifted_by
+from zwidth.diagnosis.intake.late import Shift, in_time, shifted_by
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.diagnosis.selection.effort import QUICK
 from zwidth.sim.chain import make_chain
@@ -30,13 +30,13 @@ def late(e: Experiment, samples: int) -> Experiment:
 def test_a_command_that_comes_late_is_told_to_the_sample(samples: int) -> None:
     """By a device file a few percent off. Mutation: the scale of the command held at one."""
     e = record(phantom(), 4.0)
-    assert late_by(shifted(phantom()), late(e, samples)) == samples
+    assert shifted_by(shifted(phantom()), late(e, samples)) == samples
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.002, 0.02])
 def test_a_delay_is_physics_and_no_fault(delay: float) -> None:
     e = record(phantom().with_interface(delay=delay), 4.0)
-    assert late_by(phantom(), e) == 0
+    assert shifted_by(phantom(), e) == 0
 
 
 @pytest.mark.parametrize(
@@ -61,7 +61,7 @@ def test_slow_sines_beside_physics_are_no_later_than_they_are(
     run = simulate(device, recorded(command), duration=8.0, substeps=10)
     noisy = run.trace["position_m1"] + 1e-4 * np.random.default_rng(0).standard_normal(t.size)
     e = Experiment(0.001, command, noisy[:, None], (Output("position", 0),))
-    assert late_by(phantom(), e) == 0
+    assert shifted_by(phantom(), e) == 0
 
 
 def test_a_feedback_tells_nothing_of_the_future() -> None:
@@ -71,7 +71,7 @@ def test_a_feedback_tells_nothing_of_the_future() -> None:
     jitter = 1e-4 * random.standard_normal(e.measured.shape)
     held = np.concatenate([jitter[1:, 0], [0.0]])  # the next reading's noise, fed back
     fed = replace(e, measured=e.measured + jitter, command=e.command - 3000.0 * held)
-    assert late_by(phantom(), fed) == 0
+    assert shifted_by(phantom(), fed) == 0
 
 
 def test_what_comes_later_than_the_device_file_says_is_a_fact() -> None:

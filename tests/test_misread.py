@@ -9,7 +9,7 @@ import pytest
 from tests.diagnosis_examples import OUTPUTS, phantom, record
 from zwidth.controllers.recorded import recorded
 from zwidth.diagnosis.intake.driven import driven
-from zwidth.diagnosis.intake.gate import COMMAND, corrected, misread, suspected
+from zwidth.diagnosis.intake.gate import COMMAND, corrected, misread, suspicion
 from zwidth.diagnosis.intake.rectified import unfolded
 from zwidth.diagnosis.intake.take_in import Taken, judged_anew, likeliest, misread_price, readings
 from zwidth.diagnosis.intake.units import nearest_unit, sentence, unit_of
@@ -54,7 +54,7 @@ def position_alone(e: Experiment) -> Experiment:
 
 def factors(device: Device, e: Experiment) -> list[dict[tuple[str, ...], float]]:
     """What each way that is suspected multiplies which channels by."""
-    return [{f.channels: f.value for f in way} for way in suspected(device, e)]
+    return [{f.channels: f.value for f in way} for way in suspicion(device, e).ways]
 
 
 @pytest.mark.parametrize("ticks", [300, 500, 3000])
@@ -78,10 +78,10 @@ def test_a_scale_that_the_device_file_leaves_open_is_no_wrong_unit():
     tenth = replace(e, command=0.1 * e.command)
     backwards = replace(e, command=-0.1 * e.command)
     guessed = replace(motor(), uncertainty=Uncertainty(command_scale=1.0))
-    assert suspected(motor(), tenth)
-    assert not suspected(guessed, tenth)
+    assert suspicion(motor(), tenth).ways
+    assert not suspicion(guessed, tenth).ways
     assert factors(guessed, backwards)[0] == {COMMAND: -1.0}
-    assert suspected(guessed, replace(e, command=1e-4 * e.command))
+    assert suspicion(guessed, replace(e, command=1e-4 * e.command)).ways
 
 
 def test_masses_that_are_left_open_leave_the_scale_open_but_not_the_sign():
@@ -94,7 +94,7 @@ def test_masses_that_are_left_open_leave_the_scale_open_but_not_the_sign():
     fitted = replace(motor(), uncertainty=Uncertainty(masses=0.5))
     assert factors(fitted, backwards)[0] == {COMMAND: -1.0}
     assert factors(motor(), backwards)[0][COMMAND] == pytest.approx(-4.0, rel=0.15)
-    assert not suspected(fitted, replace(e, command=0.25 * e.command))
+    assert not suspicion(fitted, replace(e, command=0.25 * e.command)).ways
 
 
 def test_drag_and_friction_that_no_device_file_knows_are_no_wrong_unit():
@@ -107,7 +107,7 @@ def test_drag_and_friction_that_no_device_file_knows_are_no_wrong_unit():
         make_physics("coulomb_friction", "m1", level=0.02),
     )
     e = position_alone(driven_motor(1500, truth=strong))
-    assert suspected(motor(), e) == []
+    assert suspicion(motor(), e).ways == ()
     told = driven(motor(), e)
     assert told is not None
     assert told.gained < 40.0
@@ -132,7 +132,7 @@ def test_noise_that_a_feedback_puts_into_the_command_takes_no_energy_out():
     speeds = np.diff(y, prepend=y[0]) / PERIOD
     assert np.corrcoef(u, speeds)[0, 1] < -0.1
     e = Experiment(PERIOD, u, speeds[:, None], (Output("velocity", 0),))
-    assert suspected(motor(coarse), e) == []
+    assert suspicion(motor(coarse), e).ways == ()
     assert factors(motor(coarse), replace(e, command=-u))[0] == {COMMAND: -1.0}
 
 

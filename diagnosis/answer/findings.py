@@ -13,7 +13,7 @@ from zwidth.diagnosis.answer.regimes import held
 from zwidth.diagnosis.answer.result import Estimate, Finding, Rival
 from zwidth.diagnosis.fitting.fit import Fitted
 from zwidth.diagnosis.fitting.uncertainty import Z95, covariance, inflation, standard_errors
-from zwidth.diagnosis.intake.gate import ON_LATTICE, Fault
+from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.mishaps import attempt, isolated
 from zwidth.diagnosis.model.parameters import (
@@ -32,6 +32,7 @@ from zwidth.diagnosis.selection.evidence import ALPHA, probabilities
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, against
 from zwidth.diagnosis.selection.search import Search
 from zwidth.diagnosis.selection.searched import Searched
+from zwidth.diagnosis.settings import INTAKE
 from zwidth.sim.device import Device, place_label
 from zwidth.sim.physics import EFFECTS, contains
 from zwidth.sim.physics.effect import Physics
@@ -139,8 +140,8 @@ def _encoder(
 ) -> Finding | None:
     """The encoder's step that the samples themselves show, where the device does not know it.
 
-    Values that were not counted would all lie within `ON_LATTICE` of a lattice with the odds of
-    (2 ON_LATTICE)^n: that gives the sigma. A step far below the noise is no matter of physics.
+    Values that were not counted would all lie within `INTAKE.whole` of a lattice with the odds of
+    (2 whole)^n: that gives the sigma. A step far below the noise is no matter of physics.
     """
     position = next((o for o in acted[0].outputs if o.tells_position), None)
     seen = [f.value for f in faults if f.kind == "encoder_step"]
@@ -151,9 +152,9 @@ def _encoder(
     if abs(step - known) < SAME_STEP * known or step < NOTICED * noise:
         return None
     values = sum(e.ticks for e in acted)
-    sigma = float(np.sqrt(-2.0 * values * np.log(2.0 * ON_LATTICE)))
+    sigma = float(np.sqrt(-2.0 * values * np.log(2.0 * INTAKE.whole)))
     unit = "rad" if device.rotary else "m"
-    half = step * ON_LATTICE / values
+    half = step * INTAKE.whole / values
     estimate = Estimate(step, step - half, step + half, unit)
     return Finding("encoder_step", "sensor", {"step": estimate}, sigma, ())
 

@@ -19,6 +19,7 @@ body s and 1 - d are one factor, so d has a narrow prior, which leaves to s what
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,10 +29,12 @@ from scipy.optimize import lsq_linear
 from zwidth.diagnosis.noise.predictor import (
     SEARCHING,
     SETTLING,
+    followed,
     innovations,
     observer_near,
     prepared,
 )
+from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.sim.device import Device
 
@@ -42,7 +45,28 @@ LEAST, MORE = -0.5, 1.0  # share by which a linear parameter may be off
 WIDTH = 0.02  # of it: its deviation, narrow, so that what either explains goes to the scale
 TURNS = 0.1  # of the rms velocity, over which dry friction changes its sign
 ROUNDS = 3  # of the scale beside the shares
-TINY = 1e-10
+LOOKED_AT = 20_000  # ticks
+FOLLOWING = 1e2  # ratio of the observer that tells how the masses move, whatever the device
+
+
+def unstepped(device: Device) -> Device:
+    """Return a device without effects, steps and limit: what a command may do at most."""
+    unlimited = {"encoder_step": 0.0, "command_step": 0.0, "command_limit": np.inf}
+    return device.bare().with_interface(**unlimited)
+
+
+def looked_at(e: Experiment) -> Experiment:
+    """Return as much of a recording as tells how it answers its command."""
+    return e.part(0, min(LOOKED_AT, e.ticks))
+
+
+def motion(device: Device, e: Experiment) -> Floats | None:
+    """Return how the masses move (ticks, 2n), None where no finite number or observer tells."""
+    # Of sizes that no number holds nothing is told.
+    with suppress(NoObserver, np.linalg.LinAlgError, ValueError), np.errstate(all="ignore"):
+        moved = followed(device, e, observer_near(device, e, FOLLOWING))
+        return moved if np.all(np.isfinite(moved)) else None
+    return None
 
 
 def resisting(moved: Floats) -> list[Floats]:
@@ -191,7 +215,7 @@ def _bounded(
     """
     size = np.sqrt(np.maximum(np.mean(columns**2, axis=0), 1e-300))
     unit = columns / size
-    square = unit.T @ unit / own.size + np.diag(TINY + prior / size**2)
+    square = unit.T @ unit / own.size + np.diag(1e-10 + prior / size**2)
     lower = np.linalg.cholesky(square)
     right = np.linalg.solve(lower, -(unit.T @ own) / own.size)
     z = lsq_linear(lower.T, right, (least * size, most * size)).x / size

@@ -28,21 +28,17 @@ from scipy.signal import savgol_filter
 
 from zwidth.diagnosis.intake.gate import encoder_step_seen, merged
 from zwidth.diagnosis.recording.experiment import Experiment, Output
+from zwidth.diagnosis.settings import INTAKE
 from zwidth.sim.device import Device
 
 Floats = NDArray[np.float64]
-WHOLE = 0.1  # of a count, by which a value may lie beside a whole one
 FEW = 400  # samples that tell a filter
 FILTERS = 1.0 - np.geomspace(1e-3, 0.99, 700)  # as dense as a whole number's neighbours ask
 STANDS = 0.03  # share of the samples in which an encoder that stands shows its filter
 ALIKE = 1e-6  # relative difference of ratios that are the same
 WRITTEN = 1e-3  # of the largest value, by which those of one count differ once unfiltered
 MOST = 1e5  # counts a sample: more leave no digit for a whole number
-# Correlation of neighbouring errors, about what SMOOTHED (window, order) takes for motion: white
-# noise is left with -0.35 by it (0.01 about that in 1000 samples), a difference with -0.41 to
-# -0.53.
-TURNS = -0.38
-SMOOTHED = (9, 3)
+SMOOTHED = (9, 3)  # samples and order of what is taken for motion
 FAST = 50.0  # counts a sample, from which motion hides how errors turn
 STILL = 0.5  # share of the samples without a count, from which motion is too slow to show it
 FEWEST = 3.0  # counts, that any sample may stand out by
@@ -158,7 +154,11 @@ def _counted(device: Device, e: Experiment, output: Output) -> Counted | None:
         counts = _unfiltered(v, a)[1:] / unit
         whole = np.round(counts)
         # One count too many would be a step of the position for ever.
-        if np.abs(whole).max() > MOST or np.abs(counts - whole).max() > WHOLE or _spiked(whole):
+        if (
+            np.abs(whole).max() > MOST
+            or np.abs(counts - whole).max() > INTAKE.whole
+            or _spiked(whole)
+        ):
             continue
         # Noise that a tachometer is rounded finer than leaves no count where it is.
         tells = np.abs(whole).max() > FAST or float(np.mean(whole == 0.0)) > STILL
@@ -225,4 +225,4 @@ def _turning(each: Sequence[Counted]) -> bool:
     """
     told = [c for c in each if not c.known]
     size = sum(c.size for c in told)
-    return not told or (size > 0.0 and sum(c.turned for c in told) / size < TURNS)
+    return not told or (size > 0.0 and sum(c.turned for c in told) / size < INTAKE.turning)

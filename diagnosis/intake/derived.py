@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from zwidth.diagnosis.recording.experiment import Experiment, Output
+from zwidth.diagnosis.settings import INTAKE
 
 Floats = NDArray[np.float64]
 LEAD, LAG = 8, 16  # samples: of central differences and smoothing, of moving means
 FEEDBACK = 2
-EXACT = 0.02  # of what is rough in v, that e is below
 FOLLOWED = 1e-3  # of v, that the filter run alone errs
 FORGOTTEN = 200  # samples after which a filter has forgotten how it began
 
@@ -74,7 +74,7 @@ def _worked_out(e: Experiment, velocity: Output) -> bool:
     found = np.linalg.lstsq(matrix / size, v[rows])[0] / size
     left = v[rows] - matrix @ found
     rough = np.diff(v, 2) / np.sqrt(6.0)
-    if not _rms(left) < EXACT * _rms(rough):
+    if not _rms(left) < INTAKE.worked_out * _rms(rough):
         return False
     a, b = found[:FEEDBACK], found[FEEDBACK:]
     if np.any(np.abs(np.roots([1.0, *-a])) >= 1.0):

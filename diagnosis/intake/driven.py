@@ -18,22 +18,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.intake.answering import Answering, resisting
-from zwidth.diagnosis.noise.predictor import followed, observer_near
+from zwidth.diagnosis.intake.answering import Answering, looked_at, motion, resisting
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.settings import INTAKE
 from zwidth.sim.device import Device
 
 Floats = NDArray[np.float64]
-MOST = 20_000  # ticks looked at
 RATIOS = (1e-6, 1e-4, 1e-2, 1.0)
-FOLLOWING = 1e2  # ratio of the observer that tells how the masses move, whatever the device
-OFF = 2.5  # factor by which a device file may be off in how much a command drives
-WEAK = 0.5  # scale below which a command is far too large, to which no noise adds
-# Rms error by which it then foretells motion that is not there; friction that holds a device which
-# hardly moves looks like a weak command as well, and leaves as little.
-FORETOLD = 1.5
-TOLD = 40.0  # -2 ln likelihood, below which a command does not show
 SMALLEST = 1e-3  # scale of a command that is known to drive forward
 
 
@@ -56,34 +48,31 @@ def driven(device: Device, e: Experiment, forward: bool = False) -> Driven | Non
 
     forward: the sign of its command is known to be right.
     """
-    bare = device.with_interface(encoder_step=0.0, command_step=0.0)
-    e = e.part(0, min(MOST, e.ticks))
-    found: list[Driven] = []
+    bare = device.bare().with_interface(encoder_step=0.0, command_step=0.0)
+    e = looked_at(e)
+    moved = motion(bare, e)
+    if moved is None:
+        return None
+    forces = resisting(moved)
     with np.errstate(all="ignore"):
-        try:
-            moved = followed(_linear(bare), e, observer_near(_linear(bare), e, FOLLOWING))
-        except NoObserver:
-            return None
-        if not np.all(np.isfinite(moved)):
-            return None
-        forces = resisting(moved)
-        for ratio in RATIOS:
-            one = _under(bare, e, forces, ratio, forward)
-            found += [] if one is None else [one]
+        each = [_under(bare, e, forces, ratio, forward) for ratio in RATIOS]
+    found = [d for d in each if d is not None]
     if not found:
         return None
     clearest = max(found, key=lambda d: d.told)
-    if clearest.scale > OFF:
-        clear = [d for d in found if d.scale > 0.0 and d.told > TOLD]
+    if clearest.scale > INTAKE.off:
+        clear = [d for d in found if d.scale > 0.0 and d.told > INTAKE.clear]
         lowest = min(clear, key=lambda d: d.scale, default=clearest)
-        clearest = lowest if lowest.scale < OFF else clearest
-    weaker = [d for d in found if d.scale < WEAK and d.told > TOLD and d.better > FORETOLD]
+        clearest = lowest if lowest.scale < INTAKE.off else clearest
+    # A command that is too large foretells motion that is not there; friction that holds a device
+    # which hardly moves looks like a weak command as well, and leaves as little.
+    weaker = [
+        d
+        for d in found
+        if d.scale < INTAKE.weak and d.told > INTAKE.clear and d.better > INTAKE.better
+    ]
     least = max(weaker, key=lambda d: d.gained, default=clearest)
     return least if least.gained > clearest.gained else clearest
-
-
-def _linear(device: Device) -> Device:
-    return device.bare()
 
 
 def _under(
@@ -91,7 +80,7 @@ def _under(
 ) -> Driven | None:
     """The same under one observer."""
     try:
-        asked = Answering(_linear(device), e, ratio, forces)
+        asked = Answering(device, e, ratio, forces)
         if not asked.usable:
             return None
         free = asked.left(None, lowest=SMALLEST if forward else -np.inf)

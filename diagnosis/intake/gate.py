@@ -1,7 +1,7 @@
 """Is the recording itself sound? Faults of the recording are findings of their own.
 
 Clipping, repeated samples and the encoder step actually seen are facts. That a sign or a unit is
-wrong is not: strong physics may look like it. So the gate only proposes it (`suspected`), with what
+wrong is not: strong physics may look like it. So the gate only proposes it (`suspicion`), with what
 would be corrected in which channel, and a search of each reading decides (`intake.readings`).
 
 Suspected is a recording whose command takes energy out of the device, which no passive one has to
@@ -19,28 +19,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.intake.driven import FORETOLD, OFF, Driven, driven
+from zwidth.diagnosis.intake.driven import Driven, driven
 from zwidth.diagnosis.intake.units import far_off, nearest_unit, sentence, unit_of
 from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.settings import INTAKE
 from zwidth.sim.device import Device
 from zwidth.sim.readable import with_unit
 
 Floats = NDArray[np.float64]
 COMMAND = ("command",)
-POWER = 0.1  # share of its most, of the energy that a command may seem to take out of a device
-OFF_TOO = 3.0  # the same of a sign that is wrong: a wrong unit beside it is rare
-LEFT_OPEN = 3.0  # standard deviations of the command's scale, or of masses, that a file leaves open
-SURE = 40.0  # -2 ln likelihood, from which another scale is suspected
-SHARE = 0.25  # of what the command explains in all, that another scale must explain beyond it
-CERTAIN = 3.0  # factor of the rms error, by which a wrong sign or unit is no matter of physics
-PASSES = 4
-TINY = 1e-9
-VOUCHED = 1.1  # factor between steps that are seen and those of the device file
-REPEATS = 0.02
-CLIPPED = 0.005
-ROUNDED = 1e-9  # of the largest value, by which rounding puts equal ones apart
-ON_LATTICE = 0.1  # of a step, by which a value may lie beside it
-FEW = 10  # neighbouring values that are one step apart
 
 
 @dataclass(frozen=True)
@@ -108,7 +95,7 @@ def misread(e: Experiment, channels: tuple[str, ...], factor: float) -> Fault:
 def _clipped(e: Experiment) -> list[Fault]:
     peak = float(np.abs(e.command).max())
     share = float(np.mean(np.abs(e.command) > (1.0 - 1e-9) * peak))
-    if share <= CLIPPED or np.unique(np.abs(e.command)).size <= 20:
+    if share <= INTAKE.clipped or np.unique(np.abs(e.command)).size <= 20:
         return []
     sentence = (
         f"{100.0 * share:.1f} % of the command of {e.name} stands at +-{peak:.4g}: it was clipped"
@@ -139,18 +126,18 @@ class _Seen:
     def certain(self, rotary: bool) -> bool:
         """Whether it is off whatever physics is: by a sign, or by a unit that is far off.
 
-        Under which the device file errs less by `CERTAIN` times, drag, friction and a file that is
+        Under which the device file errs less by `certain` times, drag, friction and a file that is
         off by half beside it; or which its steps say as well.
         """
         if self.step is not None and unit_of(self.step) is not None:
-            return far_off(self.step, rotary) and 1.0 / OFF < self.counts * self.scale < OFF
+            return far_off(self.step, rotary) and _within(self.counts * self.scale, INTAKE.off)
         unit = abs(self.scale) == 1.0 or far_off(self.scale, rotary)
-        return unit and self.better > CERTAIN
+        return unit and self.better > INTAKE.certain
 
     @property
     def vouched(self) -> bool:
         """Whether its steps are those that the device file states."""
-        return self.step is not None and 1.0 / VOUCHED < self.step < VOUCHED
+        return self.step is not None and _within(self.step, 1.1)
 
 
 @dataclass(frozen=True)
@@ -163,11 +150,6 @@ class Suspicion:
 
     ways: tuple[tuple[Fault, ...], ...] = ()
     certain: bool = False
-
-
-def suspected(device: Device, e: Experiment) -> list[tuple[Fault, ...]]:
-    """Return the ways of `suspicion`."""
-    return list(suspicion(device, e).ways)
 
 
 def suspicion(device: Device, e: Experiment) -> Suspicion:
@@ -193,7 +175,7 @@ def _ways(device: Device, e: Experiment, seen: Sequence[_Seen]) -> list[tuple[Fa
     )
     every = (misread(e, tuple(names), nearest_unit(1.0 / factor, device.rotary)),)
     outputs = each if sound or len(off) == 1 < len(seen) else every
-    if any(abs(f.value - 1.0) < TINY for f in outputs):  # the steps are those of the file
+    if any(math.isclose(f.value, 1.0) for f in outputs):  # the steps are those of the file
         return [command]
     if sound or any(s.step is not None and not s.vouched for s in off):
         return [outputs, command]
@@ -216,29 +198,30 @@ def _seen(device: Device, e: Experiment, o: int) -> _Seen:
     """
     alone = replace(e, measured=e.measured[:, [o]].copy(), outputs=(e.outputs[o],))
     taken = _energy_taken(device, alone)
-    scale, forward = -1.0 if taken < -POWER else 1.0, abs(taken) > POWER
+    scale, forward = -1.0 if taken < -INTAKE.power else 1.0, abs(taken) > INTAKE.power
 
     def tell() -> Driven | None:
         return driven(device, replace(alone, command=scale * alone.command), forward)
 
     told = tell()
-    clear = told is not None and told.told > SURE
-    for _ in range(PASSES):
+    clear = told is not None and told.told > INTAKE.clear
+    for _ in range(4):
         if told is None or not _doubtful(told):
             break
         scale *= told.scale
         told = tell()
-    if told is not None and told.told > SURE and abs(scale) != 1.0 and 0.0 < told.scale < 1.0:
+    shows = told is not None and told.told > INTAKE.clear
+    if told is not None and shows and abs(scale) != 1.0 and 0.0 < told.scale < 1.0:
         scale *= told.scale  # drag and springs have taken a part of it before
-    unclear = scale != 1.0 and told is not None and told.told < SURE
-    if unclear or 1.0 / OFF < scale < OFF:  # no command explains it either: no other scale does
-        scale = -1.0 if taken < -POWER else 1.0
-    if scale < 0.0 and 1.0 / OFF_TOO < -scale < OFF_TOO:
+    unclear = scale != 1.0 and told is not None and told.told < INTAKE.clear
+    if unclear or _within(scale, INTAKE.off):  # no command explains it either: no other scale does
+        scale = -1.0 if taken < -INTAKE.power else 1.0
+    if _within(-scale, INTAKE.sign_off):
         scale = -1.0
     # What the device file does not claim to know: the scale, or masses, which it stands for. Least
     # of all one that was fitted to this recording, to a command of the wrong sign for instance.
     known = device.uncertainty
-    open_by = math.exp(LEFT_OPEN * max(known.command_scale, known.masses))
+    open_by = math.exp(INTAKE.left_open * max(known.command_scale, known.masses))
     if 1.0 / open_by <= abs(scale) <= open_by:
         scale = math.copysign(1.0, scale)
     better = 1.0
@@ -247,12 +230,17 @@ def _seen(device: Device, e: Experiment, o: int) -> _Seen:
     return _Seen(scale, scale != 1.0, clear, _step_off(device, alone), better)
 
 
+def _within(factor: float, most: float) -> bool:
+    """Whether a factor is one, to within another."""
+    return 1.0 / most < factor < most
+
+
 def _doubtful(told: Driven) -> bool:
     return (
-        not 1.0 / OFF < told.scale < OFF
+        not _within(told.scale, INTAKE.off)
         and told.scale != 0.0
-        and told.gained > max(SURE, SHARE * told.told)
-        and (told.scale > OFF or told.scale < 0.0 or told.better > FORETOLD)
+        and told.gained > max(INTAKE.clear, INTAKE.share * told.told)
+        and (told.scale > INTAKE.off or told.scale < 0.0 or told.better > INTAKE.better)
     )
 
 
@@ -301,7 +289,7 @@ def _output_faults(device: Device, e: Experiment) -> list[Fault]:
                     step,
                 )
             )
-        elif repeats > REPEATS:
+        elif repeats > INTAKE.repeats:
             found.append(
                 Fault(
                     "repeated_samples",
@@ -329,7 +317,7 @@ def encoder_step_seen(y: Floats) -> float | None:
     The smallest difference between distinct values is a multiple of the step; it is the step if all
     differences are whole multiples of it, and enough of them are the step itself.
     """
-    levels = merged(y, ROUNDED)
+    levels = merged(y, 1e-9)  # by which rounding puts equal values apart
     if levels.size < 3:
         return None
     gaps = np.diff(levels)
@@ -340,5 +328,5 @@ def encoder_step_seen(y: Floats) -> float | None:
     step = span / max(1.0, np.round(span / step))
     counts = (levels - levels[0]) / step
     wrong = np.abs(counts - np.round(counts)).max()
-    often = near.size >= min(FEW, levels.size // 2)
-    return step if wrong < ON_LATTICE and often else None
+    often = near.size >= min(10, levels.size // 2)
+    return step if wrong < INTAKE.whole and often else None

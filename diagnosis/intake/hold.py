@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.diagnosis.intake.answering import FOLLOWING
 from zwidth.diagnosis.noise.predictor import SETTLING, innovations, observer_near
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.settings import INTAKE
 from zwidth.sim.device import Device
 from zwidth.sim.smooth_command import held_for
 
 Floats = NDArray[np.float64]
-BETTER = 1.3  # by which the rms of the prediction error must fall
-RATIO = 1e2
 UPPER_BAND = 0.4  # of the sampling frequency; a smooth signal has next to nothing above
 SHARE_ABOVE = 1e-3
 
@@ -33,11 +33,11 @@ def was_smooth(device: Device, experiment: Experiment) -> float | None:
     if float(power[above].sum()) > SHARE_ABOVE * float(power.sum()):
         return None
     try:
-        gain = observer_near(device, experiment, RATIO)
+        gain = observer_near(device, experiment, FOLLOWING)
     except NoObserver:  # then nothing can be compared
         return None
     with np.errstate(all="ignore"):
         held = float(np.std(innovations(device, experiment, gain)[SETTLING:-SETTLING, 0]))
         moved = float(np.std(innovations(device, smooth(experiment), gain)[SETTLING:-SETTLING, 0]))
     factor = held / moved if moved > 0.0 else 1.0
-    return factor if np.isfinite(factor) and factor > BETTER else None
+    return factor if np.isfinite(factor) and factor > INTAKE.smooth else None

@@ -26,47 +26,36 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.intake.answering import Answering, Left, resisting
-from zwidth.diagnosis.intake.driven import FOLLOWING
+from zwidth.diagnosis.intake.answering import (
+    Answering,
+    Left,
+    looked_at,
+    motion,
+    resisting,
+    unstepped,
+)
 from zwidth.diagnosis.intake.gate import Fault
-from zwidth.diagnosis.noise.predictor import followed, observer_near
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.evidence import compared
+from zwidth.diagnosis.settings import EVIDENCE, INTAKE, VERDICT
 from zwidth.sim.device import Device
 
 Floats = NDArray[np.float64]
 EARLY = "command_early"
 MOST_S, MOST = 0.2, 100  # s and samples that a command may be shifted by
-LOOKED_AT = 20_000  # ticks
 RATIOS = (1e-4, 1e-2)
-BETTER = 1.5  # rms error over that of the command as it was written down
-SURELY = 100.0  # -2 ln likelihood over it
-KNOWN = 10.0  # the same, from which an observer knows an answer
-ALIKE = 1.0 / 3.0  # of a shift, by which two observers may differ about it
-SIGMA = 5.0  # the same, by the scatter of blocks
-BLOCKS = 40
-
-
-def late_by(device: Device, e: Experiment) -> int:
-    """Return by how many samples the command of a recording comes late, 0 for none that shows."""
-    return max(0, shifted_by(device, e))
 
 
 def shifted_by(device: Device, e: Experiment) -> int:
     """Return by how many samples a command comes late, below 0 for early, 0 for none that shows."""
-    part = e.part(0, min(LOOKED_AT, e.ticks))
+    part = looked_at(e)
     most = min(MOST, round(MOST_S / e.period), part.ticks // 10)
     if np.ptp(part.command) == 0.0 or most < 1:
         return 0
-    bare = device.bare()
-    bare = bare.with_interface(encoder_step=0.0, command_step=0.0, command_limit=np.inf)
-    with np.errstate(all="ignore"):  # not finite after an overflow
-        try:
-            moved = followed(bare, part, observer_near(bare, part, FOLLOWING))
-        except NoObserver:
-            return 0
-    if not np.all(np.isfinite(moved)):
+    bare = unstepped(device)
+    moved = motion(bare, part)
+    if moved is None:
         return 0
     turned = [np.sin(moved[:, 0]), np.cos(moved[:, 0])] if device.rotary else []
     hangs = [np.outer(f, np.eye(moved.shape[1] // 2)[0]) for f in turned]  # far from where it hangs
@@ -77,13 +66,13 @@ def shifted_by(device: Device, e: Experiment) -> int:
             shift = _under(asked, most) if asked.usable else None
         except (NoObserver, np.linalg.LinAlgError, ValueError):  # sizes that no number holds
             continue
-        known += [shift] if shift is not None and shift.gained > KNOWN else []
+        known += [shift] if shift is not None and shift.gained > INTAKE.known else []
     if len(known) < len(RATIOS):
         return 0
     least, largest = sorted((shift.samples for shift in known), key=abs)
     if not any(shift.sure(most, abs(least) == 1) for shift in known):
         return 0
-    return least if abs(largest - least) <= max(1.0, ALIKE * abs(least)) else 0
+    return least if abs(largest - least) <= max(1.0, abs(least) / 3.0) else 0
 
 
 @dataclass(frozen=True)
@@ -103,8 +92,8 @@ class Shift:
 
         single: whether both observers agree on one sample only.
         """
-        clear = self.better > BETTER or (not single and self.sigma > SIGMA)
-        return 0 < abs(self.samples) < most and self.gained > SURELY and clear
+        clear = self.better > INTAKE.better or (not single and self.sigma > VERDICT.apart)
+        return 0 < abs(self.samples) < most and self.gained > INTAKE.surely and clear
 
 
 def _under(asked: Answering, most: int) -> Shift | None:
@@ -121,7 +110,7 @@ def _under(asked: Answering, most: int) -> Shift | None:
     as_is, other = left(0), left(best)
     if not other.square > 0.0 or not math.isfinite(as_is.square) or not other.scale > 0.0:
         return None
-    blocks = np.array_split(np.arange(asked.samples), BLOCKS)
+    blocks = np.array_split(np.arange(asked.samples), EVIDENCE.blocks)
     gains = np.array([np.sum(as_is.errors[b] ** 2 - other.errors[b] ** 2) for b in blocks])
     apart = np.array([np.sum((as_is.errors[b] - other.errors[b]) ** 2) for b in blocks])
     sigma = compared(gains / other.square, apart / other.square).sigma

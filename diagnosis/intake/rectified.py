@@ -23,13 +23,12 @@ from zwidth.diagnosis.noise.predictor import SETTLING, innovations, observer_nea
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.evidence import ALPHA
+from zwidth.diagnosis.settings import INTAKE
 from zwidth.sim.device import Device
 from zwidth.sim.physics.rectified_sensor import rectified_sensor
 from zwidth.sim.signs import likeliest_signs
 
 Floats = NDArray[np.float64]
-BETTER = 1.5
-TOUCH = 2.0 * math.log(2.0)  # -2 ln of a choice of two, for each time that zero is met
 STAYS = 10  # ticks on a side, in the mean
 RATIOS = (1e2, 1e4, 1e6)  # of observers that follow the motion whatever the device's errors
 BELOW = 0.02  # of the span, that noise may reach below zero
@@ -65,10 +64,10 @@ def unfolded(device: Device, experiment: Experiment) -> Unfolded | None:
     if not (np.isfinite(after) and before > after):
         return None
     crossings = int(np.count_nonzero(np.diff(np.signbit(z))))
-    price = TOUCH * crossings - 2.0 * math.log(ALPHA * rectified_sensor.prior)
+    price = 2.0 * math.log(2.0) * crossings - 2.0 * math.log(ALPHA * rectified_sensor.prior)
     gained = 2.0 * (y.size - SETTLING) * math.log(before / after)
     surely = y.size > STAYS * (1 + crossings) and gained > price
-    if not (surely or before > BETTER * after):
+    if not (surely or before > INTAKE.better * after):
         return None
     best = z if turned[0] == after else -z
     return Unfolded(replace(_with_first(experiment, best), folded=True), before / after)

@@ -24,31 +24,29 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import periodogram
 
-from zwidth.diagnosis.intake.answering import Answering, resisting
-from zwidth.diagnosis.intake.driven import FOLLOWING
+from zwidth.diagnosis.intake.answering import (
+    Answering,
+    looked_at,
+    motion,
+    resisting,
+    unstepped,
+)
 from zwidth.diagnosis.intake.gate import Fault
-from zwidth.diagnosis.noise.predictor import SETTLING, followed, innovations, observer_near
+from zwidth.diagnosis.noise.predictor import SETTLING, innovations, observer_near
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
+from zwidth.diagnosis.settings import INTAKE
 from zwidth.sim.device import Device
 
 Floats = NDArray[np.float64]
 EXCHANGED = "command_exchanged"
-LOOKED_AT = 20_000  # ticks
 RATIOS = (1e-4, 1e-2, 1.0)
-BETTER = 2.0  # rms error over that of the outputs as they were described
-SURELY = 100.0  # -2 ln likelihood over it
-ONE_TONE, ROUGHLY = 0.95, 0.9  # of the power, in one line: of a command, and of what was read
-PERIODS = 2  # in a recording, of what is a tone
-HALF = 0.5  # of what a command leaves as described, that it leaves the other way round
 ANSWERED = (1e-4, 1e-2)  # ratios of the observers under which a command is asked for
 
 
 def in_place(device: Device, e: Experiment) -> tuple[Experiment, list[Fault]]:
     """Return a recording with its outputs in their places, and what was wrong about its columns."""
-    bare = device.bare()
-    bare = bare.with_interface(encoder_step=0.0, command_step=0.0, command_limit=np.inf)
-    part = e.part(0, min(LOOKED_AT, e.ticks))
+    bare, part = unstepped(device), looked_at(e)
     with np.errstate(all="ignore"):  # of sizes that no square holds nothing is told
         held = np.sum(part.measured**2), np.sum(part.command**2)
     if not np.all(np.isfinite(held)):
@@ -57,7 +55,7 @@ def in_place(device: Device, e: Experiment) -> tuple[Experiment, list[Fault]]:
     # Of several that would drive the command, since each also moves the others, the one by which
     # it is explained best.
     leaves = [_left_by_motion(bare, part, o) for o in range(len(e.outputs))]
-    if min(leaves) < HALF:
+    if min(leaves) < INTAKE.half:
         output = e.outputs[int(np.argmin(leaves))]
         sentence = (
             f"the command of {e.name} moves like a mass, and {output.name} jumps like a command:"
@@ -87,8 +85,8 @@ def _exchanged(device: Device, e: Experiment, a: int, b: int) -> bool:
     most, best = _gains(device, (e, other), (a, b))
     # A wrong unit of one of the two makes the other way round look better; their shapes do not.
     alike = min(_gains(device, (_evened(e, a, b), _evened(other, a, b)), (a, b)))
-    surely = 2.0 * 2.0 * (e.ticks - SETTLING) * best > SURELY
-    return min(most, best) > math.log(BETTER) and alike > 0.0 and surely
+    surely = 2.0 * 2.0 * (e.ticks - SETTLING) * best > INTAKE.surely
+    return min(most, best) > math.log(INTAKE.exchanged) and alike > 0.0 and surely
 
 
 def _gains(
@@ -136,7 +134,7 @@ def _left_by_motion(device: Device, e: Experiment, o: int) -> float:
     1 where nothing tells.
     """
     y, u = e.measured[:, o], e.command
-    tones = one_tone(u) and (periods(u) >= PERIODS or one_tone(y, ROUGHLY))
+    tones = one_tone(u) and (periods(u) >= 2 or one_tone(y, 0.9))
     off = e.strengths is not None and not np.all(e.strengths)
     if np.ptp(u) == 0.0 or tones or off:
         return 1.0
@@ -147,11 +145,11 @@ def _left_by_motion(device: Device, e: Experiment, o: int) -> float:
     if not as_is > 0.0:
         return 1.0
     ratio = turned / as_is
-    surely = -(e.ticks - SETTLING) * math.log(max(ratio, 1e-300)) > SURELY
+    surely = -(e.ticks - SETTLING) * math.log(max(ratio, 1e-300)) > INTAKE.surely
     return ratio if surely else 1.0
 
 
-def one_tone(u: Floats, share: float = ONE_TONE) -> bool:
+def one_tone(u: Floats, share: float = INTAKE.tone) -> bool:
     """Whether nearly all of the power of a signal lies in one line."""
     _, power = periodogram(u, window="hann")
     most = int(np.argmax(power))
@@ -167,11 +165,10 @@ def periods(u: Floats) -> int:
 def _unanswered(device: Device, e: Experiment) -> float:
     """The least share of the squares of e that a command leaves, of any scale."""
     found = [1.0]
+    if (moved := motion(device, e)) is None:
+        return 1.0
     for ratio in ANSWERED:
         with suppress(NoObserver, np.linalg.LinAlgError, ValueError), np.errstate(all="ignore"):
-            moved = followed(device, e, observer_near(device, e, FOLLOWING))
-            if not np.all(np.isfinite(moved)):
-                continue
             asked = Answering(device, e, ratio, resisting(moved))
             if asked.usable and (nothing := asked.left(0.0).square) > 0.0:
                 found.append(asked.left(None).square / nothing)

@@ -22,7 +22,6 @@ from zwidth.diagnosis.intake.gate import (
     Suspicion,
     corrected,
     looked_through,
-    suspected,
     suspicion,
 )
 from zwidth.diagnosis.intake.hold import smooth, was_smooth
@@ -36,17 +35,13 @@ from zwidth.diagnosis.noise.predictor import SETTLING
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment, ExperimentError
 from zwidth.diagnosis.selection.effort import QUICK
-from zwidth.diagnosis.selection.evidence import ALPHA
+from zwidth.diagnosis.selection.evidence import ALPHA, rarity
 from zwidth.diagnosis.selection.search import search
+from zwidth.diagnosis.settings import INTAKE
 from zwidth.sim.device import Device
 
 Result = TypeVar("Result")
 NUMBER = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?")
-LIKELY_ODDS = 1e-2  # that a recording has a wrong sign, or a unit that is mistaken for the SI
-TIE = 1.0  # -2 ln within which two fits end alike, so that the first suspect stands
-FREE_ODDS = 1e-4  # that a channel counts wrong by a factor that is no unit
-FREE_RANGE = 2.0 * math.log(1e3)  # of the logarithm of such a factor
-FREE_WIDTH = 0.2  # of it, that masses, springs and gain of a device file leave open
 
 
 @dataclass(frozen=True)
@@ -251,9 +246,9 @@ def misread_price(taken: Taken) -> float:
 
 def _rarity(factor: float) -> float:
     if math.isclose(abs(factor), 1.0) or unit_of(factor) is not None:
-        return -2.0 * math.log(LIKELY_ODDS / (1.0 - LIKELY_ODDS))
-    range_price = 2.0 * math.log(FREE_RANGE / FREE_WIDTH) - math.log(2.0 * math.pi)
-    return -2.0 * math.log(FREE_ODDS / (1.0 - FREE_ODDS)) + range_price
+        return rarity([INTAKE.unit_odds])
+    wide = 2.0 * math.log(1e3) / INTAKE.factor_width  # a factor of 1000 either way
+    return rarity([INTAKE.factor_odds]) + 2.0 * math.log(wide) - math.log(2.0 * math.pi)
 
 
 def likeliest(
@@ -276,7 +271,9 @@ def likeliest(
     if not found:
         raise last or NoObserver("there is no recording")
     least = min(cost for cost, _, _ in found)
-    least, kept, result = next(one for one in found if one[0] <= least + TIE)
+    least, kept, result = next(
+        one for one in found if one[0] <= least + 1.0
+    )  # the first of those that end alike
     near = -2.0 * math.log(ALPHA)
     as_good = [t for c, t, _ in found if t is not kept and t.misread and c - least < near]
     return (_with_doubt(kept, as_good) if kept.misread else kept), result
@@ -313,7 +310,7 @@ def judged_anew(taken: Taken, found: Device) -> Taken:
     for e in taken.judge_by:
         wrong: tuple[Fault, ...] = ()
         with isolated("gate", e.name):
-            wrong = next(iter(suspected(found, e)), ())
+            wrong = next(iter(suspicion(found, e).ways), ())
         judges.append(corrected(e, wrong))
         faults += wrong
     every = tuple(sorted((*taken.faults, *faults), key=lambda fault: not fault.wrong))

@@ -3,11 +3,9 @@
 import math
 from collections.abc import Sequence
 
+from zwidth.diagnosis.settings import INTAKE
 from zwidth.sim.readable import plain
 
-NEAR = 1.5  # factor within which what a rough device file tells is taken for a unit
-NAMED = 1.03
-FAR = 20.0  # factor by which saturation, stiction or another machine's masses do not stand for one
 # Of what a channel is multiplied by to be in the SI.
 UNITS = {
     math.pi / 180.0: "degrees",
@@ -38,7 +36,7 @@ ALONG = (25.4e-3, 1e-2, 1e-3)
 def unit_of(factor: float) -> str | None:
     """Return in what a channel may be that is corrected by a factor, None for no unit."""
     near = min(UNITS, key=lambda u: abs(math.log(abs(factor) / u)))
-    return UNITS[near] if abs(math.log(abs(factor) / near)) < math.log(NAMED) else None
+    return UNITS[near] if abs(math.log(abs(factor) / near)) < math.log(1.03) else None
 
 
 def asked_unit(factor: float, command: bool) -> str | None:
@@ -55,7 +53,7 @@ def nearest_unit(factor: float, rotary: bool) -> float:
     common = TURNING if rotary else ALONG
     every = [1.0, *common, *(1.0 / u for u in common)]
     near = min(every, key=lambda u: abs(math.log(abs(factor) / u)))
-    close = abs(math.log(abs(factor) / near)) < math.log(NEAR)
+    close = abs(math.log(abs(factor) / near)) < math.log(INTAKE.near_unit)
     return math.copysign(near if close else abs(factor), factor)
 
 
@@ -64,7 +62,7 @@ def far_off(factor: float, rotary: bool) -> bool:
     size = abs(nearest_unit(factor, rotary))
     common = TURNING if rotary else ALONG
     near = any(math.isclose(size, u) or math.isclose(size, 1.0 / u) for u in common)
-    return near and abs(math.log(size)) > math.log(FAR)
+    return near and abs(math.log(size)) > math.log(INTAKE.far_unit)
 
 
 def sentence(recording: str, channels: Sequence[str], factor: float) -> str:
