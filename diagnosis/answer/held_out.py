@@ -23,6 +23,28 @@ from zwidth.sim.device import Device
 Floats = NDArray[np.float64]
 
 
+def models_of(device: Device, found: Searched) -> dict[str, tuple[Model, Floats]]:
+    """Return (model, x) "before", of the device file, "refit", and "after", of what was found."""
+    nominal = Model(device)
+    return {
+        "before": (nominal, np.zeros(nominal.linear_count)),
+        "refit": (found.refit.model, found.refit.x),
+        "after": (found.final.model, found.final.x),
+    }
+
+
+def told_of(
+    fitted: Sequence[Experiment], judge_by: Sequence[Experiment]
+) -> list[tuple[Experiment, bool]]:
+    """Return the recordings that are told of, and whether nothing was fitted to them.
+
+    Of one that was split only the rest that judges.
+    """
+    firsts = {(e.before.name, e.before.begins) for e in judge_by if e.before is not None}
+    whole = [e for e in fitted if (e.name, e.begins) not in firsts]
+    return [*((e, True) for e in judge_by), *((e, False) for e in whole)]
+
+
 def held_out(
     device: Device, found: Searched, judge_by: Sequence[Experiment]
 ) -> tuple[HeldOut, HeldOut]:
@@ -31,26 +53,19 @@ def held_out(
     Errors of the first output over its own variation; free runs start from the observer's state.
     """
     gain = found.judge.gain
-    nominal = Model(device)
-    models = [
-        (nominal, np.zeros(nominal.linear_count)),
-        (found.refit.model, found.refit.x),
-        (found.final.model, found.final.x),
-    ]
-    step = [_about_mean(e.measured[settling(e) :, 0]) for e in judge_by]
-    swing = _rms(step)
+    step = [e.measured[settling(e) :, 0] for e in judge_by]
+    windows = swing = rms([y - y.mean() for y in step])
     one: list[float] = []
     free: list[float] = []
-    windows = swing
-    for model, x in models:
+    for model, x in models_of(device, found).values():
         built = model.acting(x)
         # Each begins where it fits best: an observer that trusts its model forgets slowly.
         scaled = [begun(built, model.seen(e, x), found.judge) for e in judge_by]
         ahead = [(innovations(built, e, gain)[settling(e) :, 0], e) for e in scaled]
-        one.append(_rms([own[e.known[settling(e) :]] for own, e in ahead]) / swing)
+        one.append(rms([own[e.known[settling(e) :]] for own, e in ahead]) / swing)
         error, windows = _free(built, scaled, gain)
         free.append(error / windows)
-    model, x = models[-1]
+    model, x = found.final.model, found.final.x
     fitted_on = [model.seen(e, x) for e in found.problem.experiments]
     noise = float(deviation(model.acting(x), fitted_on, gain)[0])
     return (
@@ -72,13 +87,10 @@ def free_share(
 def _free(device: Device, seen: Sequence[Experiment], gain: Floats) -> tuple[float, float]:
     """What free runs err by in the first output, and the motion in their windows; both rms."""
     runs = [free_run_errors(device, e, gain, window(e)) for e in seen]
-    return _rms([error[:, 0] for error, _ in runs]), _rms([signal[:, 0] for _, signal in runs])
+    return rms([error[:, 0] for error, _ in runs]), rms([signal[:, 0] for _, signal in runs])
 
 
-def _about_mean(signal: Floats) -> Floats:
-    return signal - signal.mean()
-
-
-def _rms(parts: Sequence[Floats]) -> float:
+def rms(parts: Sequence[Floats]) -> float:
+    """Return the rms of all of these together, not a number for nothing."""
     joined = np.concatenate(parts)
     return float(np.sqrt(np.mean(joined**2))) if joined.size else float("nan")

@@ -39,6 +39,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 from scipy.signal import butter, cont2discrete, dlsim, sosfiltfilt
 
+from zwidth.diagnosis.answer.held_out import models_of, told_of
+from zwidth.diagnosis.answer.whole_run import finite_rms
 from zwidth.diagnosis.intake.gate import encoder_step_seen
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import observer_memory, prepared
@@ -79,22 +81,18 @@ class ForceError:
     @property
     def sizes(self) -> dict[str, float]:
         """Rms of the forces that act."""
-        return {name: float(np.sqrt(np.mean(f**2))) for name, f in self.acting.items()}
+        return {name: finite_rms(f) for name, f in self.acting.items()}
 
     @property
     def errors(self) -> dict[str, float]:
         """Rms of what lacks, infinite after an overflow."""
-        with np.errstate(all="ignore"):
-            rms = {name: float(np.sqrt(np.mean(f**2))) for name, f in self.lacking.items()}
-        return {name: r if math.isfinite(r) else math.inf for name, r in rms.items()}
+        return {name: finite_rms(f) for name, f in self.lacking.items()}
 
     @property
     def shares(self) -> dict[str, float]:
         """Rms of what lacks over that of the force that acts."""
         sizes = self.sizes
-        return {
-            name: e / sizes[name] if sizes[name] else math.nan for name, e in self.errors.items()
-        }
+        return {name: e / (sizes[name] or math.nan) for name, e in self.errors.items()}
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON form."""
@@ -113,18 +111,12 @@ def force_errors(
     Those of which the motion of a mass was not recorded, or no force was commanded, have none. The
     rest of a recording is filtered with its first part, and judged alone.
     """
-    nominal = Model(device)
-    models = {
-        "before": (nominal, np.zeros(len(nominal.parameters))),
-        "refit": (found.refit.model, found.refit.x),
-        "after": (found.final.model, found.final.x),
-    }
-    split = [e.before for e in judge_by if e.before is not None]
-    firsts = {(e.name, e.begins, e.ticks) for e in split}
-    whole = [e for e in fitted if (e.name, e.begins, e.ticks) not in firsts]
-    each = [(e, True) for e in judge_by] + [(e, False) for e in whole]
-    known = [(e, held, band) for e, held in each if (band := band_of(device, e)) is not None]
-    return tuple(_of(models, device, e, held, band) for e, held, band in known)
+    models = models_of(device, found)
+    return tuple(
+        _of(models, device, e, held, band)
+        for e, held in told_of(fitted, judge_by)
+        if (band := band_of(device, e)) is not None
+    )
 
 
 def _of(

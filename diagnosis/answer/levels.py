@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.diagnosis.answer.held_out import rms
 from zwidth.diagnosis.answer.whole_run import simulated
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.recording.experiment import Experiment
@@ -137,15 +138,11 @@ def _differs(
               for e in experiments]  # fmt: skip
     own = [simulated(*answer, e, found.judge, measured=False)[:, 0] for e in played]
     with np.errstate(all="ignore"):  # infinite after an overflow
-        size = _rms([y - y.mean() for y in own])
-        recorded = _rms([e.measured[:, 0] - e.measured[:, 0].mean() for e in experiments])
+        size = rms([y - y.mean() for y in own])
+        recorded = rms([e.measured[:, 0] - e.measured[:, 0].mean() for e in experiments])
         if not MOVES * share * recorded < size < np.inf:
             return 0.0
         for other in others:
             theirs = [simulated(*other, e, found.judge, measured=False)[:, 0] for e in played]
-            least = min(least, _rms([a - b for a, b in zip(own, theirs, strict=True)]) / size)
+            least = min(least, rms([a - b for a, b in zip(own, theirs, strict=True)]) / size)
     return least if np.isfinite(least) else 0.0
-
-
-def _rms(parts: Sequence[Floats]) -> float:
-    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))

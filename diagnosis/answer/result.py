@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.account import counts
 from zwidth.diagnosis.answer.adequacy import Adequacy
-from zwidth.diagnosis.answer.inverse import ForceError
-from zwidth.diagnosis.answer.whole_run import WholeRun
 from zwidth.diagnosis.forces.locate import NOWHERE, Located
 from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.mishaps import Mishap
@@ -27,8 +25,10 @@ if TYPE_CHECKING:
     from zwidth.diagnosis.answer.changes import Change
     from zwidth.diagnosis.answer.consequence import Worth
     from zwidth.diagnosis.answer.events import Event
+    from zwidth.diagnosis.answer.inverse import ForceError
     from zwidth.diagnosis.answer.laws import LearnedLaw, LearnedSurface
     from zwidth.diagnosis.answer.levels import NextLevel
+    from zwidth.diagnosis.answer.whole_run import WholeRun
 
 Floats = NDArray[np.float64]
 
@@ -219,8 +219,8 @@ class Diagnosis(Shown):
     errors: tuple[Mishap, ...] = ()
     left_out: tuple[int, ...] = ()
     adequacy: Adequacy | None = None
-    whole_runs: tuple[WholeRun, ...] = ()
-    force_errors: tuple[ForceError, ...] = ()
+    whole_runs: "tuple[WholeRun, ...]" = ()
+    force_errors: "tuple[ForceError, ...]" = ()
     learned: "LearnedLaw | LearnedSurface | None" = None
     headline: str = ""
     cautions: tuple[str, ...] = ()

@@ -14,13 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from zwidth.diagnosis.answer.held_out import models_of, told_of
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.beginning import begun
-from zwidth.diagnosis.noise.predictor import (
-    Observer,
-    memory_at,
-    prepared,
-)
+from zwidth.diagnosis.noise.predictor import Observer, memory_at, prepared
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.searched import Searched
 from zwidth.sim.device import Device
@@ -63,18 +60,16 @@ class WholeRun:
     @property
     def errors(self) -> dict[str, float]:
         """Rms errors, infinite after an overflow."""
+        known = self.known
         with np.errstate(all="ignore"):
-            known = self.known
             off = {name: (s - self.measured)[known] for name, s in self.simulated.items()}
-            rms = {name: float(np.sqrt(np.mean(e**2))) for name, e in off.items()}
-        return {name: r if math.isfinite(r) else math.inf for name, r in rms.items()}
+            return {name: finite_rms(e) for name, e in off.items()}
 
     @property
     def shares(self) -> dict[str, float]:
         """Rms errors over the motion."""
-        return {
-            name: e / self.motion if self.motion else math.nan for name, e in self.errors.items()
-        }
+        motion = self.motion or math.nan
+        return {name: e / motion for name, e in self.errors.items()}
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON form: errors in units, and over the motion."""
@@ -83,6 +78,13 @@ class WholeRun:
             "rms": self.errors, "motion_rms": self.motion, "share": self.shares,
             "held_out": self.held_out,
         }  # fmt: skip
+
+
+def finite_rms(errors: Floats) -> float:
+    """Return the rms of errors (ticks,), infinite after an overflow."""
+    with np.errstate(all="ignore"):
+        size = float(np.sqrt(np.mean(errors**2)))
+    return size if math.isfinite(size) else math.inf
 
 
 def whole_runs(
@@ -97,19 +99,12 @@ def whole_runs(
     Of the rest of a recording from where its first part ends, of which no whole run is given. law:
     what was found with a law of no name, None where none was learned.
     """
-    nominal = Model(device)
-    models = {
-        "before": (nominal, np.zeros(len(nominal.parameters))),
-        "refit": (found.refit.model, found.refit.x),
-        "after": (found.final.model, found.final.x),
-    }
+    models = models_of(device, found)
     if law is not None:
         models["law"] = law.final.model, law.final.x
-    rest = [e.before for e in judge_by if e.before is not None]
-    whole = [e for e in fitted if not any(_same(e, first) for first in rest)]
     length = "rad" if device.rotary else "m"
     runs: list[WholeRun] = []
-    for e, held in [*((e, True) for e in judge_by), *((e, False) for e in whole)]:
+    for e, held in told_of(fitted, judge_by):
         each = {name: simulated(model, x, e, found.judge) for name, (model, x) in models.items()}
         measured = recorded(e, e.measured)
         for o, output in enumerate(e.outputs):
@@ -119,16 +114,9 @@ def whole_runs(
                 quantity, unit = "force", "N m" if device.rotary else "N"
             name = f"{quantity}_{output.at}"
             said = {word: found[:, o] for word, found in each.items()}
-            runs.append(
-                WholeRun(
-                    e.name, name, unit, e.begins, e.period, measured[:, o], said, held, e.bridged
-                )
-            )
+            about = e.name, name, unit, e.begins, e.period
+            runs.append(WholeRun(*about, measured[:, o], said, held, e.bridged))
     return tuple(runs)
-
-
-def _same(a: Experiment, b: Experiment) -> bool:
-    return a.name == b.name and np.array_equal(a.command, b.command)
 
 
 def simulated(
