@@ -4,8 +4,8 @@ One frozen class a part of the pipeline, one field a number. Under each stand it
 comes from (derived, by convention, elicited from engineers, or tuned) and the data behind it. What
 only steers a method (rounds of a solver, a guard against rounding) stands with the method.
 
-So far those of the search and of the verdict are here. Those of other parts stand at the top of
-their modules, and move here when these are rebuilt.
+So far those of the search, the intake and the answer are here. Those of other parts stand at the
+top of their modules, and move here when these are rebuilt.
 """
 
 from dataclasses import dataclass
@@ -66,6 +66,37 @@ class Pursuit:
     clear_sign: float = 50.0
     """Chi-square to first order in these ticks, from which a start is fitted without looking at the
     rest. Tuned, as `glance`."""
+
+
+@dataclass(frozen=True)
+class Adequacy:
+    """When free runs on data that was kept out speak against an answer (`answer.adequacy`)."""
+
+    horizons: tuple[float, ...] = (0.05, 0.5, 2.0)
+    """Seconds that free runs last. Tuned: to where lags, masses and drifts show."""
+
+    runs: int = 3
+    """Free runs of a length, of which fewer say nothing. Convention."""
+
+    louder: float = 3.0
+    """Times as strong as where it was fitted, that noise may be. Convention."""
+
+    chance: float = 0.1
+    """Of the motion, that free runs may err beyond the noise of readings. Tuned: a rig of five
+    masses erred 0.42 by what was missing, with noise that foretold it."""
+
+    led: float = 0.1
+    """Of the square of errors, below which what the motion explains of it is no matter. Tuned, no
+    data kept."""
+
+    scatter: float = 1.0
+    """Sigma of stretches by which an answer must be better than doing without it. Convention."""
+
+    apart: float = 2.0
+    """Sigma by which the free runs of one answer must be better than another's. Convention."""
+
+    often: float = 0.01
+    """Probability of signed ranks by chance, below which a law's free runs err less. Convention."""
 
 
 @dataclass(frozen=True)
@@ -197,4 +228,5 @@ class Intake:
     """Of the samples of an output, that repeat the one before. Convention."""
 
 
-EVIDENCE, PURSUIT, VERDICT, INTAKE = Evidence(), Pursuit(), Verdict(), Intake()
+EVIDENCE, PURSUIT, ADEQUACY, VERDICT = Evidence(), Pursuit(), Adequacy(), Verdict()
+INTAKE = Intake()

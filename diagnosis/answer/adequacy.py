@@ -66,25 +66,16 @@ from zwidth.diagnosis.noise.predictor import (
 )
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.evidence import ALPHA, compared
+from zwidth.diagnosis.settings import ADEQUACY
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.predict import OVERFLOW
 
 Floats = NDArray[np.float64]
-HORIZONS = (0.05, 0.5, 2.0)  # s
 SHORTEST = 5  # ticks of a free run
-FAR_LESS = 0.5  # rms error over that of another, from which ratios tell as well as differences
-APART = 2.0  # sigma
-OFTEN = 0.01  # odds of ranks by chance
-TINY = 1e-300
-RUNS = 3  # free runs of a length at least, or nothing is said of it
 MOST_RUNS = 100  # free runs of a length in a recording
 FORGOTTEN = 4000  # ticks after which innovations know nothing of earlier ones
-LOUDER = 3.0  # times as strong as where it was fitted may noise be; convention
 REHEARSALS = 16
-TAKEN_FOR_CHANCE = 0.1  # of the motion, that free runs may err beyond the noise of readings
-MATTERS = 0.1  # of the square of errors, below which what leads them is no matter
 TOLD = 10.0  # information in a direction of x, of which a device file's own is one
-SCATTER = 1.0  # sigma of blocks by which an answer must be better than doing without it
 
 
 @dataclass(frozen=True)
@@ -132,7 +123,7 @@ class Adequacy:
     @property
     def useful(self) -> bool:
         """Whether what it names is better than doing without, by more than blocks scatter."""
-        return not self.names or self.better > SCATTER
+        return not self.names or self.better > ADEQUACY.scatter
 
     @property
     def adequate(self) -> bool:
@@ -182,7 +173,7 @@ def adequacy(
             continue
         expected, most = (math.exp(v) for v in size)
         most = max(most, step)
-        most_led = max(MATTERS, float(expit(share[1])))
+        most_led = max(ADEQUACY.led, float(expit(share[1])))
         # A free run that runs away is the worst of errors, and led by nothing.
         away = not math.isfinite(errors[i])
         error = OVERFLOW if away else math.exp(errors[i])
@@ -203,7 +194,7 @@ def wander(error: float, floor: float) -> bool:
     A noise model of slow forces foretells any error of free runs as chance, also one that physics
     of no library makes: an answer is adequate then, and promises nothing all the same.
     """
-    return beyond_noise(error, floor) and error**2 - floor**2 > TAKEN_FOR_CHANCE**2
+    return beyond_noise(error, floor) and error**2 - floor**2 > ADEQUACY.chance**2
 
 
 def beyond_noise(error: float, floor: float) -> bool:
@@ -228,9 +219,9 @@ def _lengths(judge_by: Sequence[Experiment]) -> list[int]:
     """Ticks of free runs of which there are enough; of short recordings as long as they allow."""
     period = judge_by[0].period
     ticks = [e.ticks - settling(e) for e in judge_by]
-    asked = [max(SHORTEST, round(h / period)) for h in HORIZONS]
-    fitting = [n for n in dict.fromkeys(asked) if sum(t // n for t in ticks) >= RUNS]
-    longest = max(ticks) // RUNS
+    asked = [max(SHORTEST, round(h / period)) for h in ADEQUACY.horizons]
+    fitting = [n for n in dict.fromkeys(asked) if sum(t // n for t in ticks) >= ADEQUACY.runs]
+    longest = max(ticks) // ADEQUACY.runs
     return fitting or ([longest] if longest >= SHORTEST else [])
 
 
@@ -242,7 +233,7 @@ def _seen(model: Model, x: Floats, e: Experiment, observer: Observer) -> Experim
 def _band(logs: Floats) -> tuple[float, float] | None:
     """Return mean, and what another of the same kind exceeds with odds of ALPHA."""
     told = logs[np.isfinite(logs)]
-    if told.size < RUNS:
+    if told.size < ADEQUACY.runs:
         return None
     spread = float(told.std(ddof=1)) * math.sqrt(1.0 + 1.0 / told.size)
     mean = float(told.mean())
@@ -293,7 +284,7 @@ class Believed:
 def _noise(final: Fitted, observer: Observer, seen: Sequence[Experiment]) -> Believed | None:
     """The colour that the answer believes in, as strong as recordings have it a step ahead.
 
-    Up to `LOUDER` times as strong as where it was fitted, in which its deviation is one: from there
+    Up to `louder` times as strong as where it was fitted, in which its deviation is one: from there
     on it is what the answer lacks. Of a machine without any disturbance a slow observer's
     innovations are all that the answer lacks, and would be foretold as its noise.
     """
@@ -301,7 +292,7 @@ def _noise(final: Fitted, observer: Observer, seen: Sequence[Experiment]) -> Bel
     white = _weighed(device, seen, observer)
     with np.errstate(all="ignore"), suppress(np.linalg.LinAlgError):
         size = np.sqrt(np.mean(white**2, axis=0))
-        white = white * np.minimum(1.0, LOUDER / size)
+        white = white * np.minimum(1.0, ADEQUACY.louder / size)
         root = np.linalg.cholesky(white.T @ white / white.shape[0])
         return Believed(observer, root) if np.all(np.isfinite(root)) else None
     return None
@@ -378,18 +369,17 @@ def freer(
 ) -> bool:
     """Whether one answer runs free better than another.
 
-    Each under its own observer; the horizon that tells most clearly decides, beyond `APART` sigma:
-    that the other's noise does not hold was shown before, so neither has the odds for it. Blocks
-    differ in how much they can show, so that a few of
-    them tell little by their differences: where one errs `FAR_LESS` of the other, the logarithms of
-    their ratios tell as well.
+    Each under its own observer; the horizon that tells most clearly decides, beyond `apart` sigma:
+    that the other's noise does not hold was shown before, so neither has the odds for it. Stretches
+    differ in how much they can show, so that a few of them tell little by their differences: where
+    one errs half of the other, the logarithms of their ratios tell as well.
     """
     told: list[float] = []
     for _, a, b in each_length(new, old, experiments):
         told.append(clearly(b - a))
-        if max(a.mean(), b.mean()) * FAR_LESS**2 > min(a.mean(), b.mean()) > 0.0:
-            told.append(clearly(np.log(np.maximum(b, TINY) / np.maximum(a, TINY))))
-    return max(told, key=abs, default=0.0) > APART
+        if max(a.mean(), b.mean()) > 4.0 * min(a.mean(), b.mean()) > 0.0:
+            told.append(clearly(log_ratios(b, a)))
+    return max(told, key=abs, default=0.0) > ADEQUACY.apart
 
 
 def oftener_freer(
@@ -398,13 +388,13 @@ def oftener_freer(
     """Whether free runs of one answer err less than those of another more often than by chance.
 
     By Wilcoxon's signed ranks of the ratios of their errors (Biometrics Bulletin 1, 1945), at any
-    horizon with odds of `OFTEN`. A law with a steep branch errs little in most runs and much in the
+    horizon with odds of `often`. A law with a steep branch errs little in most runs and much in the
     few in which it takes the wrong side; their squares would tell nothing.
     """
     each = list(each_length(new, old, experiments))
-    ratios = [np.log(np.maximum(b, TINY) / np.maximum(a, TINY)) for _, a, b in each]
+    ratios = [log_ratios(b, a) for _, a, b in each]
     odds = [wilcoxon(r, alternative="greater").pvalue for r in ratios if np.any(r)]
-    return bool(min(odds, default=1.0) < OFTEN / max(1, len(each)))
+    return bool(min(odds, default=1.0) < ADEQUACY.often / max(1, len(each)))
 
 
 def each_length(
@@ -419,6 +409,11 @@ def each_length(
             for f, o in (new, old)
         )
         yield ticks, a, b
+
+
+def log_ratios(more: Floats, less: Floats) -> Floats:
+    """Return the logarithm of what errors (runs,) are over others."""
+    return np.log(np.maximum(more, 1e-300) / np.maximum(less, 1e-300))
 
 
 def clearly(gains: Floats) -> float:

@@ -24,9 +24,11 @@ from zwidth.diagnosis.answer.held_out import held_out
 from zwidth.diagnosis.answer.result import Estimate
 from zwidth.diagnosis.answer.words import (
     effect_in_words,
+    listed,
     parameter_in_words,
     place_in_words,
     said,
+    times_in_words,
 )
 from zwidth.diagnosis.fitting.uncertainty import Z95, covariance
 from zwidth.diagnosis.intake.take_in import Taken
@@ -65,7 +67,6 @@ Floats = NDArray[np.float64]
 RIVALS = 8  # of those tried, that are fitted anew with a change
 FINE = 400  # points of a line
 PARTS, LEAST = 8, 3 * SETTLING  # that held-out data are cut into where a drift goes on, in samples
-NAMED = 4  # recordings whose values are said
 RUNS = 2  # free runs that fit into held-out data before a change, so that they still judge
 
 
@@ -162,10 +163,8 @@ class Change:
                 f" others, where it was {said(self.after)}"
             )
         if self.each:
-            values = [f"{said(value)} in {name}" for name, value in self.each]
-            more = f" and so on in {len(values) - NAMED} more" if len(values) > NAMED else ""
-            listed = ", ".join(values[:NAMED])
-            return f"{self.what} differs from recording to recording: {listed}{more}"
+            values = listed([f"{said(value)} in {name}" for name, value in self.each])
+            return f"{self.what} differs from recording to recording: {values}"
         if self.covariate is not None and self.covariate_ends is not None:
             low, high = (f"{plain(v, 3)} {self.covariate_unit}" for v in self.covariate_ends)
             over = f"from {low.rstrip()} to {high.rstrip()}"
@@ -180,9 +179,8 @@ class Change:
         elif self.at is None or self.between is None:
             when = f"from {self.recording} on"
         else:
-            low, high = self.between
-            digits = max(0, min(4, -int(np.floor(np.log10(max(0.5 * (high - low), 1e-4))))))
-            when = f"at {self.at:.{digits}f} s ({low:.{digits}f} to {high:.{digits}f} s)"
+            at, low, high = times_in_words(self.at, self.between)
+            when = f"at {at} s ({low} to {high} s)"
         return f"{self.what} {how} {self._course} {when}"
 
     @property
@@ -198,8 +196,8 @@ class Change:
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON of `zwidth diagnose`."""
-        free = None if self.free_run is None else dict(zip(("constant", "changing"), self.free_run,
-                                                           strict=True))  # fmt: skip
+        names = "constant", "changing"
+        free = self.free_run and dict(zip(names, self.free_run, strict=True))
         return {
             "parameter": self.parameter,
             "effect": self.effect,
@@ -207,12 +205,12 @@ class Change:
             "shape": self.shape,
             "recording": self.recording,
             "at_s": self.at,
-            "at_s_ci95": None if self.between is None else list(self.between),
+            "at_s_ci95": self.between and list(self.between),
             "time_constant_s": self.rate,
-            "time_constant_s_ci95": None if self.rate_between is None else list(self.rate_between),
+            "time_constant_s_ci95": self.rate_between and list(self.rate_between),
             "follows": self.covariate,
             "follows_unit": self.covariate_unit or None,
-            "follows_from_to": None if self.covariate_ends is None else list(self.covariate_ends),
+            "follows_from_to": self.covariate_ends and list(self.covariate_ends),
             "recordings": {name: value.as_json() for name, value in self.each},
             "as_well": list(self.as_well),
             "before": self.before.as_json(),
@@ -474,16 +472,17 @@ def change_of(
     physics = model.effects[target.index] if target.kind == "effect" else None
     period = experiments[0].period
     name, at, between = _when(suspect, experiments)
+    settles = suspect.shape == SETTLES
     return Change(
         target.key if physics is not None else target.name,
         None if physics is None else physics.effect.name,
         None if physics is None else physics.at,
         suspect.shape, name, at, between,
-        suspect.rate * period if suspect.shape == SETTLES else None,
+        suspect.rate * period if settles else None,
         estimate(first), estimate(last), difference(), new.gained, free_run,
         model.nominal.chain.masses.size,
         _windows(new, experiments, own.index, at is not None),
-        _seconds(suspect, period),
+        (period * suspect.rates[0], period * suspect.rates[1]) if settles else None,
         None if followed is None else followed.name,
         "" if followed is None else followed.unit,
         None if followed is None else (
@@ -491,12 +490,6 @@ def change_of(
         ),
         each, suspect.as_well,
     )  # fmt: skip
-
-
-def _seconds(suspect: Suspect, period: float) -> tuple[float, float] | None:
-    """The interval of a time constant."""
-    low, high = suspect.rates
-    return (period * low, period * high) if suspect.shape == SETTLES else None
 
 
 def _windows(new: Varied, experiments: Sequence[Experiment], index: int, dated: bool) -> Windows:

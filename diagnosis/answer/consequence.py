@@ -21,14 +21,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-import numpy as np
-
-from zwidth.diagnosis.answer.adequacy import APART, TINY, clearly, each_length
+from zwidth.diagnosis.answer.adequacy import clearly, each_length, log_ratios
 from zwidth.diagnosis.answer.result import Finding
 from zwidth.diagnosis.mishaps import attempt
 from zwidth.diagnosis.model.parameters import effect_labels
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.searched import Searched
+from zwidth.diagnosis.settings import ADEQUACY
 from zwidth.sim.physics import EFFECTS
 from zwidth.sim.place import label_of, place_at
 
@@ -44,7 +43,7 @@ class Worth:
     @property
     def pays(self) -> bool:
         """Whether they err more without it, beyond the scatter of the runs."""
-        return self.times > 1.0 and self.sigma > APART
+        return self.times > 1.0 and self.sigma > ADEQUACY.apart
 
 
 def weighed(
@@ -72,8 +71,7 @@ def worth_of(found: Searched, index: int, judge_by: Sequence[Experiment]) -> Wor
     for ticks, own, other in each_length((found.final, found.judge), (bare, found.judge), judge_by):
         if own.mean() > 0.0:
             times = math.sqrt(float(other.mean() / own.mean()))
-            ratios = np.log(np.maximum(other, TINY) / np.maximum(own, TINY))
-            sigma = max(clearly(other - own), clearly(ratios))
+            sigma = max(clearly(other - own), clearly(log_ratios(other, own)))
             told.append(Worth(times, sigma, ticks * period))
     return max(told, key=lambda w: w.sigma, default=None)
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.answer.result import Estimate
-from zwidth.diagnosis.answer.words import place_in_words, said
+from zwidth.diagnosis.answer.words import place_in_words, said, times_in_words
 from zwidth.diagnosis.fitting.uncertainty import Z95
 from zwidth.diagnosis.learning.event_edges import edges
 from zwidth.diagnosis.learning.event_force import Happened
@@ -26,11 +26,9 @@ from zwidth.sim.readable import with_unit
 
 Floats = NDArray[np.float64]
 SHORT_S, LONG_S = 0.05, 0.1  # a hit lasts less, a hand longer
-HELD = 0.1  # of the usual speed, below which what should move is held
-STOPPED = 0.1  # of the speed before, that is left after a stop
+STILL = 0.1  # of the usual speed, below which what should move is held; of that before a stop
 AT_AN_END = 0.03  # of the travel, within which a stop is
-MEAN_S = 0.02  # over which the largest force is a mean: of single ticks little is known
-BESIDE_S = 0.02  # over which speed is told, before and after
+MEAN_S = 0.02  # over which the largest force and the speed beside it are means
 PICTURE_S = 0.3  # about an event, in a picture
 HIT, STOP, JAM, TOUCH, PUSH, SLIP = "hit", "stop", "jam", "touch", "push", "slip"
 
@@ -103,10 +101,13 @@ class Event:
     @property
     def sentence(self) -> str:
         """Say what happened, when, and what it brought."""
-        when = f"at {_time(self.at, self.between)}"
+        when = f"at {times_in_words(self.at, self.between)[0]} s"
         if self.until is not None and self.until_between is not None:
-            first = _time(self.at, self.between).removesuffix(" s")
-            when = f"from {first} to {_time(self.until, self.until_between)}"
+            first, last = (
+                times_in_words(*at)[0]
+                for at in ((self.at, self.between), (self.until, self.until_between))
+            )
+            when = f"from {first} to {last} s"
         if self.kind == SLIP:
             assert self.slip is not None
             return f"a slip {self.where} by {said(self.slip)} {when}"
@@ -132,6 +133,8 @@ class Event:
     def as_json(self) -> dict[str, Any]:
         """Return the JSON of `zwidth diagnose`."""
         c = self.course
+        sizes = {"force": self.force, "impulse": self.impulse, "energy": self.energy,
+                 "slip": self.slip}  # fmt: skip
         return {
             "kind": self.kind,
             "at": self.place,
@@ -140,23 +143,13 @@ class Event:
             "at_s": self.at,
             "at_s_ci95": list(self.between),
             "until_s": self.until,
-            "until_s_ci95": None if self.until_between is None else list(self.until_between),
-            "force": self.force and self.force.as_json(),
-            "impulse": self.impulse and self.impulse.as_json(),
-            "energy": self.energy and self.energy.as_json(),
-            "slip": self.slip and self.slip.as_json(),
+            "until_s_ci95": self.until_between and list(self.until_between),
+            **{name: e and e.as_json() for name, e in sizes.items()},
             "stop": self.stop,
             "gained": self.gained,
             "course": {name: getattr(c, name).tolist()
                        for name in ("times", "force", "lower", "upper", "motion")},
         }  # fmt: skip
-
-
-def _time(at: float, between: tuple[float, float]) -> str:
-    """A time to the digits that its interval knows."""
-    half = max(0.5 * (between[1] - between[0]), 1e-4)
-    digits = max(0, min(4, -int(np.floor(np.log10(half)))))
-    return f"{at:.{digits}f} s"
 
 
 def events_in(recordings: Sequence[Experiment], h: Hypothesis, fit_on: FitOn) -> tuple[Event, ...]:
@@ -305,19 +298,19 @@ def _kind(
     b = min(max(one.first + round(ends), a + 1), q.size - 1)
     usual = float(np.std(np.diff(q))) / period
     lasts = (b - a) * period
-    if lasts > 2.0 * SHORT_S / 2.0 and b - a >= 8:
+    if lasts > SHORT_S and b - a >= 8:
         margin = max(2, (b - a) // 8)
         inner = q[a + margin : b - margin + 1]
-        if np.ptp(inner) < HELD * usual * inner.size * period:
+        if np.ptp(inner) < STILL * usual * inner.size * period:
             return JAM
     if lasts <= SHORT_S:
-        beside = max(2, round(BESIDE_S / period))
+        beside = max(2, round(MEAN_S / period))
         before = (q[a] - q[max(0, a - beside)]) / (period * min(a, beside))
         after = (q[min(q.size - 1, b + beside)] - q[b]) / (period * beside)
         way = np.sign(before)
         far = float(np.max(way * q)) - float(np.max(way * q[a : b + 1]))
         at_end = far < AT_AN_END * float(np.ptp(q))
-        if impulse * before < 0.0 and way * after < STOPPED * abs(before) and at_end:
+        if impulse * before < 0.0 and way * after < STILL * abs(before) and at_end:
             return STOP
         return HIT
     return TOUCH if lasts >= LONG_S else PUSH

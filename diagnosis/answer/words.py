@@ -119,6 +119,14 @@ PLACED = ("rectified_sensor", "encoder_step", "encoder_eccentricity", "servo_lim
           "servo_dead_zone", "servo_integral", "goal_rate_limit", "dropped_samples")  # fmt: skip
 
 
+def times_in_words(at: float, between: tuple[float, float]) -> tuple[str, str, str]:
+    """Return a time [s] and its interval to the digits that are known, without the unit."""
+    half = max(0.5 * (between[1] - between[0]), 1e-4)
+    digits = max(0, min(4, -math.floor(math.log10(half))))
+    first, *ends = (f"{t:.{digits}f}" for t in (at, *between))
+    return first, ends[0], ends[1]
+
+
 def effect_in_words(name: str) -> str:
     """Return an effect's name without its values: "Coulomb friction", "a dead band"."""
     words = name.replace("_", " ")
