@@ -2,16 +2,16 @@
 
 A hypothesis that costs least may still be wrong: it is the best of those that were tried. If it is
 right, its free runs err on data that it was not fitted to as far as its noise and what is not known
-of its parameters make them, and no farther. How far that is, is simulated (Gelman, Meng & Stern,
-Statistica Sinica 6, 1996): parameters are drawn from what the fit knows of them, and the device so
-drawn is rehearsed under the same command with innovations e of the very process that the
-hypothesis believes in, those of its observer (gain L) that its filters W make white,
+of its parameters make them, and no farther. How far that is, a parametric bootstrap says (Gelman,
+Meng & Stern, Statistica Sinica 6, 1996): parameters are drawn from what the fit knows of them, and
+the device so drawn is simulated under the same command with innovations e of the very process that
+the hypothesis believes in, those of its observer (gain L) that its filters W make white,
 
     x_(k+1) = f(x_k + L e_k, u_k),    y_k = h(x_k) + e_k,    sum_j W_j e_(k-j) = w_k,
 
 w of the covariance that recordings have a step ahead. The answer follows y in free runs as it
-follows the recording. With T its log rms error over runs of one length, and T_i those of R
-rehearsals, the answer is adequate where for all lengths
+follows the recording. With T its log rms error over runs of one length, and T_i those of R draws,
+the answer is adequate where for all lengths
 
     (T - m) / (s sqrt(1 + 1/R)) < t,    m, s: mean and deviation of T_i,
 
@@ -23,7 +23,7 @@ Size alone does not refuse what lacks physics. Errors of free runs are innovatio
 filters take what a lack of friction leaves in the innovations for noise like any other: with
 innovations drawn from the recording itself in blocks, errors are foretold to the percent whatever
 lacks. What no noise does is follow the motion. So the same is asked of a second T: the log odds of
-the share of the square of errors that forces led by the motion explain (`answer.led`).
+the share of the square of errors that forces which follow the motion explain (`answer.coherence`).
 
 And held-out data must not speak against what it names: its free runs, or its likelihood a step
 ahead, must be better than those of the better one of device file and refit by more than the scatter
@@ -48,7 +48,7 @@ from scipy.special import expit, logit
 from scipy.stats import norm, wilcoxon
 from scipy.stats import t as student
 
-from zwidth.diagnosis.answer.led import Span, span
+from zwidth.diagnosis.answer.coherence import Span, span
 from zwidth.diagnosis.fitting.fit import Fitted
 from zwidth.diagnosis.intake.gate import encoder_step_seen
 from zwidth.diagnosis.model.parameters import Model
@@ -74,7 +74,7 @@ Floats = NDArray[np.float64]
 SHORTEST = 5  # ticks of a free run
 MOST_RUNS = 100  # free runs of a length in a recording
 FORGOTTEN = 4000  # ticks after which innovations know nothing of earlier ones
-REHEARSALS = 16
+BOOTSTRAPS = 16
 TOLD = 10.0  # information in a direction of x, of which a device file's own is one
 
 
@@ -159,8 +159,8 @@ def adequacy(
     runs = _runs(final, observer, own, lengths)
     spans = [span(final.model.acting(final.x), judge_by[0], r.motion) for r in runs]
     tasks = [
-        partial(_rehearsed, final, noise, judge_by, own, lengths, spans, i)
-        for i in range(REHEARSALS)
+        partial(_bootstrapped, final, noise, judge_by, own, lengths, spans, i)
+        for i in range(BOOTSTRAPS)
     ]
     errors, led = _judged(runs, spans)
     step = _step(judge_by)
@@ -310,7 +310,7 @@ def _known(final: Fitted) -> Floats:
     return directions[:, kept] / np.sqrt(told[kept])
 
 
-def _rehearsed(
+def _bootstrapped(
     final: Fitted,
     noise: Believed,
     judge_by: Sequence[Experiment],

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.answer.friction_curve import asked_beyond, read_beyond
 from zwidth.diagnosis.answer.result import HeldOut
-from zwidth.diagnosis.answer.words import listed, place_in_words
+from zwidth.diagnosis.answer.words import LISTED, listed, place_in_words
 from zwidth.diagnosis.fitting.uncertainty import Z95
 from zwidth.diagnosis.forces.leftover import predicted_states
 from zwidth.diagnosis.learning.curves import Learned
@@ -33,7 +33,6 @@ Floats = NDArray[np.float64]
 LETTERS = {"free_spring": "q", "free_damper": "v", "free_amplifier": "u", "free_sensor": "q",
            "position": "q", "velocity": "v", "command": "u"}  # fmt: skip
 QUANTILES = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
-ALIKE = 3  # formulas that are not told apart, that are said
 ANYWHERE = 10.0  # of what a shift varies by, that its constant may be
 LITTLE = 1e-3  # of the largest power, below which none is made
 
@@ -151,7 +150,7 @@ class LearnedLaw(Law):
         length = "rad" if self.rotary else "m"
         unit = length if name == "free_sensor" else self.force_unit
         most = with_unit(float(np.abs(curve.forces).max()), unit, 2)
-        alike = listed([_a(f.form.name) for f in self.formulas[:ALIKE]], "or")
+        alike = listed([_a(f.form.name) for f in self.formulas[:LISTED]], "or")
         return (
             f"{what} that has no name in the library: up to {most} over {self.over.rstrip(',')}"
             f"{self._looks(alike)}; {self.worth}"
@@ -203,7 +202,7 @@ class LearnedLaw(Law):
     @property
     def others(self) -> list[str]:
         """Formulas that its band does not tell from the first."""
-        return [f"{f.form.name} ({f.text(self.letter)})" for f in self.formulas[1 : 1 + ALIKE]]
+        return [f"{f.form.name} ({f.text(self.letter)})" for f in self.formulas[1 : 1 + LISTED]]
 
     @property
     def energy(self) -> str:
@@ -336,7 +335,7 @@ class LearnedSurface(Law):
         return [
             f"{f.form.name} ({f.text(LETTERS[state])}) of {state}"
             for form, state in zip(self.forms, self.curve.states, strict=False)
-            for f in form[1:ALIKE]
+            for f in form[1:LISTED]
         ]
 
     @property

@@ -3,8 +3,8 @@
 Of steps between +A and -A a friction F is hardly more than a command of A - F: what bends with the
 size of the motion (dry friction, drag, a dead band, a limit) is told from linear parameters by how
 the motion turns alone, and laws that bend differently from each other by less. A second level tells
-them at once. Which one, rehearsals say: the recordings are repeated at shares of their level by the
-answer and by what comes nearest to it, each as it was fitted. Over the motion they differ by
+them at once. Which one, simulations say: the recordings are repeated at shares of their level by
+the answer and by what comes nearest to it, each as it was fitted. Over the motion they differ by
 
     d(share) = least of the others (rms(y_answer - y_other) / rms(y_answer)),
 
@@ -35,7 +35,7 @@ from zwidth.sim.readable import percent, plain, with_unit
 Floats = NDArray[np.float64]
 NOTHING = 0.05  # of the largest command, below which there is none
 SAME = 1.25  # largest over smallest level, up to which they are one
-SHARES = (0.3, 0.5, 0.75, 1.5, 2.0)  # of the level, that are rehearsed
+SHARES = (0.3, 0.5, 0.75, 1.5, 2.0)  # of the level, that are simulated
 MOVES = 0.2  # of the motion in proportion, below which a device hardly moves
 OTHERS = 3  # hypotheses beside the refit that the answer is held against
 BENDING = ("friction", "force", "command")  # hooks of laws that do not grow with the motion

@@ -30,13 +30,12 @@ from zwidth.diagnosis.noise.predictor import SETTLING
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.evidence import ALPHA, compared
 from zwidth.diagnosis.selection.hypothesis import Hypothesis
+from zwidth.diagnosis.settings import EVIDENCE
 
 Floats = NDArray[np.float64]
 Where = NDArray[np.bool_]
 LEVELS = 1.5  # ratio of the command's size in the loud half to that in the quiet one: two levels
-STRETCH_S = 0.25  # over which the command's size is a level
 LEAST = 0.15  # of the samples, that a regime must have
-PIECES = 20  # blocks of a regime, over which gains scatter
 TOLD = 0.05  # of what all samples say of a direction of x, that must be left without the regime
 
 
@@ -83,7 +82,7 @@ def _all_regimes(experiments: Sequence[Experiment]) -> Iterator[Regime]:
 
 def _size(e: Experiment) -> Floats:
     """Root mean square of the command over a stretch, (ticks,)."""
-    width = max(1, round(STRETCH_S / e.period))
+    width = max(1, round(0.25 / e.period))  # a quarter of a second is a level
     return np.sqrt(np.convolve(e.command**2, np.full(width, 1.0 / width), mode="same"))
 
 
@@ -107,7 +106,8 @@ def held(new: Hypothesis, old: Hypothesis) -> list[Held]:
         costs = [_left_out(h, regime.where) for h in (new, old)]
         if costs[0] is None or costs[1] is None:
             continue
-        gains = [part.sum() for part in np.array_split(costs[1] - costs[0], PIECES)]
+        blocks = EVIDENCE.blocks // 2  # a regime is about a half
+        gains = [part.sum() for part in np.array_split(costs[1] - costs[0], blocks)]
         told = compared(np.array(gains))
         fails = -told.gain > 2.0 * told.phi * np.log(1.0 / ALPHA)
         found.append(Held(regime.name, regime.other, told.sigma, bool(fails)))

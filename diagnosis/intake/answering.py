@@ -46,6 +46,7 @@ WIDTH = 0.02  # of it: its deviation, narrow, so that what either explains goes 
 TURNS = 0.1  # of the rms velocity, over which dry friction changes its sign
 ROUNDS = 3  # of the scale beside the shares
 LOOKED_AT = 20_000  # ticks
+RATIOS = (1e-4, 1e-2)  # of two observers that look differently far ahead
 FOLLOWING = 1e2  # ratio of the observer that tells how the masses move, whatever the device
 
 

@@ -53,14 +53,9 @@ def examine(device: Device, experiments: Sequence[Experiment]) -> list[Fault]:
     """
     faults: list[Fault] = []
     for e in experiments:
-        faults += looked_through(device, e, suspicion(device, e))
+        wrong = next(iter(suspicion(device, e).ways), ())
+        faults += [*wrong, *oddities(device, corrected(e, wrong))]
     return sorted(faults, key=lambda f: not f.wrong)
-
-
-def looked_through(device: Device, e: Experiment, suspect: "Suspicion") -> list[Fault]:
-    """Return the likeliest of what is suspected of a recording, and what is odd once corrected."""
-    wrong = list(next(iter(suspect.ways), ()))
-    return [*wrong, *oddities(device, corrected(e, wrong))]
 
 
 def oddities(device: Device, e: Experiment) -> list[Fault]:
@@ -276,29 +271,17 @@ def _output_faults(device: Device, e: Experiment) -> list[Fault]:
     found: list[Fault] = []
     length = "rad" if device.rotary else "m"
     for o, output in enumerate(e.outputs):
-        y = e.measured[:, o]
-        step = encoder_step_seen(y)
-        repeats = float(np.mean(np.diff(y) == 0.0))
+        y, position, name = e.measured[:, o], output.quantity == "position", output.name
+        step, repeats = encoder_step_seen(y), float(np.mean(np.diff(y) == 0.0))
         if step is not None:
-            unit = length if output.quantity == "position" else f"{length}/s"
-            found.append(
-                Fault(
-                    "encoder_step" if output.quantity == "position" else "velocity_step",
-                    f"{output.name} of {e.name} comes in steps of {with_unit(step, unit)}",
-                    False,
-                    step,
-                )
-            )
+            kind = "encoder_step" if position else "velocity_step"
+            size = with_unit(step, length if position else f"{length}/s")
+            said = f"{name} of {e.name} comes in steps of {size}"
+            found.append(Fault(kind, said, False, step))
         elif repeats > INTAKE.repeats:
-            found.append(
-                Fault(
-                    "repeated_samples",
-                    f"{100.0 * repeats:.1f} % of the samples of {output.name} of {e.name} repeat"
-                    " the one before",
-                    False,
-                    repeats,
-                )
-            )
+            share = f"{100.0 * repeats:.1f} %"
+            said = f"{share} of the samples of {name} of {e.name} repeat the one before"
+            found.append(Fault("repeated_samples", said, False, repeats))
     return found
 
 

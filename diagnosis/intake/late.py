@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.intake.answering import (
+    RATIOS,
     Answering,
     Left,
     looked_at,
@@ -44,7 +45,6 @@ from zwidth.sim.device import Device
 Floats = NDArray[np.float64]
 EARLY = "command_early"
 MOST_S, MOST = 0.2, 100  # s and samples that a command may be shifted by
-RATIOS = (1e-4, 1e-2)
 
 
 def shifted_by(device: Device, e: Experiment) -> int:

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from scipy.signal import periodogram
 
 from zwidth.diagnosis.intake.answering import (
+    RATIOS,
     Answering,
     looked_at,
     motion,
@@ -40,8 +41,6 @@ from zwidth.sim.device import Device
 
 Floats = NDArray[np.float64]
 EXCHANGED = "command_exchanged"
-RATIOS = (1e-4, 1e-2, 1.0)
-ANSWERED = (1e-4, 1e-2)  # ratios of the observers under which a command is asked for
 
 
 def in_place(device: Device, e: Experiment) -> tuple[Experiment, list[Fault]]:
@@ -116,7 +115,7 @@ def _evened(e: Experiment, a: int, b: int) -> Experiment:
 def _errors(device: Device, e: Experiment, outputs: Sequence[int]) -> dict[float, float]:
     """Mean log rms innovation of two outputs, under each observer that follows, by its ratio."""
     found: dict[float, float] = {}
-    for ratio in RATIOS:
+    for ratio in (*RATIOS, 1.0):
         try:
             with np.errstate(all="ignore"):  # not finite after an overflow
                 out = innovations(device, e, observer_near(device, e, ratio))[SETTLING:]
@@ -167,7 +166,7 @@ def _unanswered(device: Device, e: Experiment) -> float:
     found = [1.0]
     if (moved := motion(device, e)) is None:
         return 1.0
-    for ratio in ANSWERED:
+    for ratio in RATIOS:
         with suppress(NoObserver, np.linalg.LinAlgError, ValueError), np.errstate(all="ignore"):
             asked = Answering(device, e, ratio, resisting(moved))
             if asked.usable and (nothing := asked.left(0.0).square) > 0.0:

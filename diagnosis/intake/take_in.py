@@ -21,7 +21,7 @@ from zwidth.diagnosis.intake.gate import (
     Fault,
     Suspicion,
     corrected,
-    looked_through,
+    oddities,
     suspicion,
 )
 from zwidth.diagnosis.intake.hold import smooth, was_smooth
@@ -118,7 +118,7 @@ def readings(
             one, late = in_time(device, one) if not (lost or one.folded) else (one, [])
             found += late
         suspect = suspicion(device, one)
-        odd = [f for f in looked_through(device, one, suspect) if not f.wrong]
+        odd = oddities(device, corrected(one, next(iter(suspect.ways), ())))
         suspect = suspect if not lost else Suspicion()
         return _Looked(one, factor, tuple(found + odd), suspect.ways, suspect.certain)
 

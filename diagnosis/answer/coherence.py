@@ -1,4 +1,4 @@
-"""Whether what free runs err is led by the motion: noise is not.
+"""Whether errors of free runs are coherent with the motion: noise is not.
 
 Errors of a free run of a linear device are its innovations filtered, so noise of the right spectrum
 has errors as large as a lack of physics has, and their size alone cannot tell the two apart. But
