@@ -134,8 +134,10 @@ class Verdict:
     motion needs. Tuned: on eight machines' pages answers have 0.2 to 0.6."""
 
     worse_run: float = 1.5
-    """As `worse_force` of whole runs, which drift; and times the error of the device file, from
-    which a user is warned. Tuned, as `worse_force`."""
+    """As `worse_force` of whole runs, which drift. Tuned, as `worse_force`."""
+
+    worse_file: float = 1.2
+    """Times the error of the device file, from which a user is warned of an answer. Convention."""
 
 
 @dataclass(frozen=True)

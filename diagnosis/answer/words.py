@@ -443,7 +443,7 @@ def cautions(findings: Sequence[Finding], free: HeldOut, whole: Sequence[WholeRu
     free, whole: free runs over windows of held-out data, and over whole recordings.
     """
     by = "what was found" if findings else "the refitted parameters"
-    if free.after > VERDICT.worse_run * free.before:
+    if free.after > VERDICT.worse_file * free.before:
         return [
             f"with {by} free runs on held-out data have an error of {of_the_motion(free.after)},"
             f" more than with the device file as it is ({percent(free.before)}): do not simulate"
@@ -455,5 +455,5 @@ def cautions(findings: Sequence[Finding], free: HeldOut, whole: Sequence[WholeRu
         f" more than with the device file as it is ({with_unit(before, run.unit, 3)})"
         for run in whole
         for before, after in [(run.errors["before"], run.errors["after"])]
-        if after > VERDICT.worse_run * before
+        if after > VERDICT.worse_file * before
     ]
