@@ -36,7 +36,7 @@ def test_a_command_that_comes_late_is_told_to_the_sample(samples: int) -> None:
 @pytest.mark.parametrize("delay", [0.0, 0.002, 0.02])
 def test_a_delay_is_physics_and_no_fault(delay: float) -> None:
     e = record(phantom().with_interface(delay=delay), 4.0)
-    assert shifted_by(phantom(), e) == 0
+    assert shifted_by(phantom(), e) <= 0
 
 
 @pytest.mark.parametrize(
