@@ -4,10 +4,12 @@ One frozen class a part of the pipeline, one field a number. Under each stand it
 comes from (derived, by convention, elicited from engineers, or tuned) and the data behind it. What
 only steers a method (rounds of a solver, a guard against rounding) stands with the method.
 
-So far those of the search, the intake and the answer are here. Those of other parts stand at the
-top of their modules, and move here when these are rebuilt.
+Here are those of the search, the intake, the answer, of laws without a name, and of what changes or
+happens. Those of other parts stand at the top of their modules, and move here when these are
+rebuilt.
 """
 
+import math
 from dataclasses import dataclass
 
 
@@ -25,6 +27,26 @@ class Evidence:
     rare: float = 1e-3
     """Probability of an effect that says nothing of how common it is. Elicited: rarer than any in
     the library."""
+
+    as_well: float = 10.0
+    """In -2 ln: what costs no more than this beyond the best explains as well, as another place of
+    an event or another course of a change. Convention: odds of 150 to 1."""
+
+    once: float = 0.05
+    """Probability that something happens once in a recording, and that a parameter changes.
+    Elicited."""
+
+    told: float = 3.84
+    """Chi-square within which a number is in its 95 % interval. Derived."""
+
+    dated: float = 7.352
+    """The same of the time of a step: -2 ln (1 - sqrt(0.95)) (Hansen, Econometrica 68, 2000).
+    Derived."""
+
+    @property
+    def rarity_of_once(self) -> float:
+        """What a change or an event costs for being rare, in -2 ln."""
+        return 2.0 * math.log((1.0 - self.once) / self.once)
 
 
 @dataclass(frozen=True)
@@ -230,5 +252,84 @@ class Intake:
     """Of the samples of an output, that repeat the one before. Convention."""
 
 
+@dataclass(frozen=True)
+class Laws:
+    """When a law without a name is learned, and what it is said to look like."""
+
+    stands_for: int = 2
+    """Names that it must make superfluous to be said rather than names that explain a recording.
+    Convention."""
+
+    comes_back: float = 1.5
+    """Times that each value of a state is met, on the mean, for a law over it to be learned: of
+    what is met once a law tells time. Tuned, no data kept."""
+
+    points: int = 16
+    """Of a table, to begin with. Tuned: see docs/learned.md."""
+
+    hope: float = 20.0
+    """In -2 ln: what a law of all its points may cost more than names before those that pay are
+    looked for. Tuned, no data kept."""
+
+    within: float = 0.01
+    """Chance of a distance as large, above which a formula lies within the band. Convention."""
+
+    close: float = 6.0
+    """In -2 ln: formulas that cost no more than this beyond the likeliest are said beside it.
+    Convention: the 95 % of two numbers."""
+
+    even: float = 2.0
+    """The same, within which the formula of fewer numbers is said first. Convention."""
+
+
+@dataclass(frozen=True)
+class Changes:
+    """What may change in a recording."""
+
+    most: int = 3
+    """Changes that are looked for, one after the other. Convention."""
+
+
+@dataclass(frozen=True)
+class Events:
+    """What may happen once in a recording."""
+
+    most: int = 4
+    """Events in all that was recorded: more are missing physics. Convention."""
+
+    longest_s: float = 3.0
+    """[s] that an event lasts at most. Convention: what lasts longer is a change."""
+
+    longest_share: float = 0.2
+    """The same as a share of the recording. Convention."""
+
+    apart_s: float = 0.4
+    """[s] between two pulses from which on they are two events, if neither lasts as long.
+    Convention."""
+
+
+@dataclass(frozen=True)
+class FreeForces:
+    """When a force of free shape is said to be left, or to stand in the place of a name."""
+
+    odds: float = 1e8
+    """Recordings of white noise in one of which a line is as strong as one that is said. Tuned,
+    no data kept: noise of the same spectrum and envelope as the residual's is not all noise."""
+
+    over_time: float = 300.0
+    """In -2 ln, that a force over time alone must gain: less is slow noise. Tuned, no data kept."""
+
+    weak: float = 200.0
+    """The same, below which a slower observer must agree. Tuned, no data kept."""
+
+    rather: float = 25.0
+    """The same, by which it must be likelier than a name. Derived: five sigma of one number."""
+
+    part: float = 0.5
+    """Of what names explain, that it must explain to first order to be fitted. Tuned, no data
+    kept."""
+
+
 EVIDENCE, PURSUIT, ADEQUACY, VERDICT = Evidence(), Pursuit(), Adequacy(), Verdict()
 INTAKE = Intake()
+LAWS, CHANGES, EVENTS, FREE_FORCES = Laws(), Changes(), Events(), FreeForces()

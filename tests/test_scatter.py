@@ -48,7 +48,7 @@ def squares_by_class(h: Hypothesis, scale: NDArray[np.float64]) -> NDArray[np.fl
     """Mean squares of innovations over their scale, from the least scale to the largest."""
     r = h.residual[: h.samples]
     parts = np.array_split(np.argsort(scale, kind="stable"), 8)
-    return np.array([np.mean(r[p] ** 2 / scale[p] ** 2) for p in parts])
+    return np.array([float(np.mean(r[p] ** 2 / scale[p] ** 2)) for p in parts])
 
 
 def test_innovations_over_their_scale_are_alike_in_all_classes():

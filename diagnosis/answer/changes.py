@@ -37,7 +37,6 @@ from zwidth.diagnosis.learning.changing import (
     DRIFT,
     EACH,
     FOLLOWS,
-    MOST,
     RUN,
     SETTLES,
     STEP,
@@ -59,6 +58,7 @@ from zwidth.diagnosis.selection.evidence import ALPHA
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, against, judged, priced
 from zwidth.diagnosis.selection.search import Search
 from zwidth.diagnosis.selection.searched import Searched, as_found
+from zwidth.diagnosis.settings import CHANGES
 from zwidth.sim.device import Device
 from zwidth.sim.place import place_at
 from zwidth.sim.readable import plain
@@ -237,7 +237,7 @@ def changing(
 ) -> tuple[Searched, Taken, tuple[Change, ...]]:
     """Return what was found with what changes, what is to judge it, and the changes."""
     changes: list[Change] = []
-    for _ in range(MOST):
+    for _ in range(CHANGES.most):
         step = attempt("changes", "", partial(_one_more, device, found, taken, say))
         if step is None:
             break

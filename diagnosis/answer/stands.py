@@ -17,7 +17,7 @@ from zwidth.diagnosis.fitting.uncertainty import inflation
 from zwidth.diagnosis.forces.leftover import leftover
 from zwidth.diagnosis.forces.locate import locate
 from zwidth.diagnosis.forces.probes import instead_by_law
-from zwidth.diagnosis.forces.unknown import TOUCHED, Instead, instead, unknown
+from zwidth.diagnosis.forces.unknown import Instead, instead, unknown
 from zwidth.diagnosis.intake.gate import Fault
 from zwidth.diagnosis.intake.take_in import Taken
 from zwidth.diagnosis.mishaps import Say, attempt, isolated
@@ -36,7 +36,7 @@ from zwidth.diagnosis.selection.searched import (
     runs_freer,
     unnamed,
 )
-from zwidth.diagnosis.settings import VERDICT
+from zwidth.diagnosis.settings import FREE_FORCES, VERDICT
 from zwidth.sim.device import Device
 from zwidth.sim.physics import richer_at
 from zwidth.sim.place import label_of, of_label
@@ -161,7 +161,9 @@ def left_over(found: Searched, acted: Sequence[Experiment]) -> Left:
     share = VERDICT.left_coloured if coloured else VERDICT.left_white
     beside = share * max(found.refit.chi2 - found.final.chi2, 1.0)
     located = locate(found.problem, found.final)
-    followed = [m for m in located.maps if m.against != "time" or m.gained > TOUCHED * wide]
+    followed = [
+        m for m in located.maps if m.against != "time" or m.gained > FREE_FORCES.over_time * wide
+    ]
     top = max(followed, key=lambda m: m.gained, default=None)
     line = leftover(found.problem, found.final)
     if line.gained > max(line.chance * wide, 0.0 if top is None else top.gained):

@@ -10,7 +10,7 @@ would gain is 2 |G|^2 / n, G the spectrum of g q over s: one FFT for all periods
 noise is never quite white near a resonance and, where samples come at uneven times, is larger where
 motion is fast; for q = 1, where a hum is a line of that very spectrum, white ones and the lines
 around, many and few: an antiresonance is narrow. The best of all lines of all families is held
-against what the best of as many lines of white noise exceeds once in `ODDS` recordings. Slow
+against what the best of as many lines of white noise exceeds once in `odds` recordings. Slow
 warming is a line of low frequency.
 What a refit absorbs is taken off the residual and off the noise: a damper that sways once over all
 travel is nearly a damper. Limits: q is what the observer predicts.
@@ -27,10 +27,10 @@ from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.forces.spatial import matched
 from zwidth.diagnosis.noise.predictor import SETTLING, followed, innovations, whitened
 from zwidth.diagnosis.seeking.screen import Complement
+from zwidth.diagnosis.settings import FREE_FORCES
 from zwidth.sim.place import GROUND, MASSES, masses_and_links, place_at
 
 Floats = NDArray[np.float64]
-ODDS = 1e8  # the drawn noise is not the noise of every rig
 FASTEST_HZ = 40.0  # at which a parameter sways
 FINEST = 60.0  # periods over the travel
 SPRINGS = 6  # half periods over the travel, below which a ripple is a bent spring
@@ -46,7 +46,7 @@ BINS = 4096  # over twice the travel
 
 @dataclass(frozen=True)
 class Leftover:
-    """The strongest line. gained: its chi-square; chance: what noise reaches once in `ODDS`.
+    """The strongest line. gained: its chi-square; chance: what noise reaches once in `odds`.
 
     at: "m1".. or "link12"..; follows: q; over: "time" or "position"; period [s, rad or m];
     spacing: of 1 / period between two lines.
@@ -105,7 +105,7 @@ def leftover(problem: Problem, fitted: Fitted) -> Leftover:
             k = int(np.argmax(gained)) if gained.size else 0
             if gained.size and (best is None or gained[k] > best[0]):
                 best = float(gained[k]), family, k
-    chance = 2.0 * float(np.log(max(lines, 1) * ODDS))
+    chance = 2.0 * float(np.log(max(lines, 1) * FREE_FORCES.odds))
     if best is None:
         return Leftover(0.0, chance, "m1", "1", "time", 1.0, 1.0)
     gained, family, k = best

@@ -8,7 +8,7 @@ of no library, simulated and fitted like any effect, observer and all:
     what follows position at m1, each alone and all of it   a spring met on one side only
     force_ripple, alone, with any one other and with all    a force of four harmonics
 
-Likelier by `CLEARLY`, its unknowns paid, it is physics of no library: a cube passes for a square
+Likelier by `rather`, its unknowns paid, it is physics of no library: a cube passes for a square
 and some friction, a stop for a spring that stiffens and some gravity, a magnet's detent for a
 ripple and an eccentric encoder.
 """
@@ -22,12 +22,13 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.forces.leftover import predicted_states
-from zwidth.diagnosis.forces.unknown import CLEARLY, Instead, alone
+from zwidth.diagnosis.forces.unknown import Instead, alone
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import SETTLING
 from zwidth.diagnosis.noise.settle import settle
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.seeking.sizes import sizes_of
+from zwidth.diagnosis.settings import FREE_FORCES
 from zwidth.sim.device import place_label
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.force_ripple import force_ripple
@@ -65,7 +66,7 @@ def instead_by_law(problem: Problem, final: Fitted) -> Instead | None:
     rotary = final.model.nominal.rotary
     experiments, price = problem.experiments, float(np.log(problem.observer.told * final.samples))
     own = alone(final, experiments) + price * final.x.size
-    least = own - CLEARLY
+    least = own - FREE_FORCES.rather
     best: Instead | None = None
     for probe in probes:
         try:

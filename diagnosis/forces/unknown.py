@@ -39,6 +39,7 @@ from zwidth.diagnosis.noise.settle import cost_at, prepared_for
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.seeking.screen import Complement
+from zwidth.diagnosis.settings import FREE_FORCES
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.place import MASSES, masses_and_links, place_at
 
@@ -51,15 +52,11 @@ ROUNDS = 4  # of a fit beside such a force
 HOPE = 10.0  # of -2 log likelihood, below which no further turn is taken
 STILL = 0.5  # the same, below which the turns agree
 FARTHEST = 1.0  # in x, that parameters move beside a force before they are fitted
-TOUCHED = 300.0  # the same, of a force that follows time alone: less is slow noise
 CUBE = "the cube of velocity"
-CLEARLY = 25.0  # -2 log likelihood by which a force of no library must beat a name
-PART = 0.5  # of what the named explain, that such a force must to first order
 WAVING = 3  # unknowns of what repeats: cosine, sine and period
 SWINGS = np.arange(0.5, 10.0, 0.25)  # half periods over the travel, of an inertia
 JUDGED = 3  # shapes of each view whose likelihood is looked at
 SLOWER = 1e-2  # of the observer's ratio
-WEAK = 200.0  # -2 log likelihood gained, below which a slower observer must agree
 
 
 @dataclass(frozen=True)
@@ -165,7 +162,7 @@ def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None
             continue
         # A likelihood may gain by more than the force, as by another beginning.
         found = max(forced.cost, base - one.gained)
-        if one.shape.follows == "time" and base - found < TOUCHED:
+        if one.shape.follows == "time" and base - found < FREE_FORCES.over_time:
             continue
         if best is None or found < best[0]:
             best = found, one, forced
@@ -177,7 +174,7 @@ def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None
     both = plain, forced.fitted
     base = min(base, alone(forced.fitted, experiments))
     base = min(base, *(cost_at(forced.ratio, one, experiments) for one in both))
-    if base - found < WEAK:  # a slower observer must agree
+    if base - found < FREE_FORCES.weak:  # a slower observer must agree
         slower = SLOWER * forced.ratio
         base = min(base, *(cost_at(slower, one, experiments) for one in both))
         found = min(found, cost_at(slower, forced.fitted, forced.experiments))
@@ -229,11 +226,11 @@ def instead(
         shapes.append(_repeating(problem, without, _between_lines(problem, without, off, one), n))
     best: Instead | None = None
     price = float(np.log(problem.observer.told * final.samples))
-    least = alone(final, experiments) + named * price - CLEARLY
+    least = alone(final, experiments) + named * price - FREE_FORCES.rather
     for shape in shapes:
         one = Gained(shape, *_solved(problem, without, off, shape))
         unknowns = one.strength.size + (shape.follows != CUBE)  # its period was sought
-        if unknowns > named or one.gained < PART * lost:
+        if unknowns > named or one.gained < FREE_FORCES.part * lost:
             continue
         try:
             paid = _with_force(problem, without, one, np.inf).cost
@@ -241,7 +238,7 @@ def instead(
             continue
         paid += unknowns * price
         if paid < least:
-            gained = float(least + CLEARLY - paid)
+            gained = float(least + FREE_FORCES.rather - paid)
             best, least = Instead(gained, unknowns, shape.place, shape.follows, name), paid
     return best
 

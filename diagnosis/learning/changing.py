@@ -22,7 +22,7 @@ likelihood falls off by xi, P(xi <= z) = (1 - exp(-z / 2))^2 (Hansen, Econometri
 
 Limits: what moves slowly is fitted in `PIECES` parts of a recording, each at its mean, so that a
 quantity that swings within a part is followed by its mean alone. One parameter changes at a time,
-`MOST` times in all; a change within `NEAREST` ticks of
+and few times in all; a change within `NEAREST` ticks of
 either end is not seen, nor are two that undo each other within as many. A law that lacks a state
 that differs between parts of a recording (its level, say) looks like a change: held-out data are
 asked (`answer.changes`).
@@ -60,12 +60,6 @@ NEAREST = 3 * SETTLING  # to an end, of a change that is asked for
 PIECES = 16  # that a drift is cut into, at most; 8 left a gain of 213 of a drift by 7 %
 SHORTEST = 3 * SETTLING  # of them
 RATES = np.geomspace(0.05, 1.0, 16)  # of all that was recorded, over which something settles
-TOLD = 3.84  # of chi-square, within which a rate is as good
-SAME = 10.0  # in -2 ln, within which another course of a parameter explains it as well
-MOST = 3  # changes
-RARITY = 2.0 * math.log(0.95 / 0.05)  # of a recording over which something changes
-COMPARED = 40  # blocks over which what a change gains is held against its scatter
-DATED = -2.0 * math.log(1.0 - math.sqrt(0.95))  # 7.35
 ABOUT = 2 * SETTLING  # ticks to both sides, in which a step is dated
 WINDOWS = 24  # of which each tells a parameter by itself, for people to see
 DATES, LOOKS = 150, 3  # that are tried there, and how often it may turn out to be at the edge
@@ -145,7 +139,11 @@ def suspected(h: Hypothesis) -> Suspect | None:
     best = max(found, key=lambda s: s.worth, default=None)
     if best is None:
         return None
-    alike = [s for s in found if s.of == best.of and s is not best and s.worth > best.worth - SAME]
+    alike = [
+        s
+        for s in found
+        if s.of == best.of and s is not best and s.worth > best.worth - EVIDENCE.as_well
+    ]
     best = replace(best, as_well=tuple(dict.fromkeys(_course_in_words(s) for s in alike)))
     # The slopes foretell what it would gain; half of that must pay, or a fit is not worth its time.
     paid = best.price + 2.0 * best.told.phi * math.log(1.0 / EVIDENCE.alpha)
@@ -231,13 +229,13 @@ def _best_of(h: Hypothesis, sums: _Sums, shape: str) -> list[Suspect]:
             continue
         amount = float(-score[i, j] / spread[i, j])
         told = _told(h, sums, shares[i], j)
-        within = DATED if shape == STEP else TOLD
+        within = EVIDENCE.dated if shape == STEP else EVIDENCE.told
         near = np.flatnonzero(gained[:, j] > gained[i, j] - within * told.phi)
         # Others between them may gain less: an interval holds them, too.
         between = (float(times[near[0]]), float(times[near[-1]])) if shape == STEP else (0.0, 0.0)
         alike = near[-1] - near[0] + 1.0 if shape in (STEP, SETTLES) else 1.0
         choices = times.size / alike
-        price = 2.0 * math.log(kinds * len(SHAPES) * max(1.0, choices)) + RARITY
+        price = 2.0 * math.log(kinds * len(SHAPES) * max(1.0, choices)) + EVIDENCE.rarity_of_once
         found.append(Suspect(
             p.name, shape, float(times[i]), between, float(rates[i]), amount, told, price,
             (float(rates[near[0]]), float(rates[near[-1]])),
@@ -288,7 +286,7 @@ def _best_each(h: Hypothesis, sums: _Sums) -> list[Suspect]:
             continue
         amounts = -np.linalg.solve(spread, score)
         told = _told(h, sums, amounts @ shares, j)
-        price = 2.0 * math.log(kinds * len(SHAPES)) + RARITY
+        price = 2.0 * math.log(kinds * len(SHAPES)) + EVIDENCE.rarity_of_once
         freedom = (len(own) - 2) * math.log(h.noise.observer.told * h.samples)
         found.append(Suspect(p.name, EACH, 0.0, (0.0, 0.0), 0.0, 0.0, told, price,
                              amounts=tuple(amounts.tolist()), freedom=freedom))  # fmt: skip
@@ -316,7 +314,7 @@ def _told(h: Hypothesis, sums: _Sums, share: Floats, j: int) -> Compared:
 
     gains = costs(without) - costs(with_it)
     foretold = np.einsum("i,bij,j->b", with_it - without, blocks, with_it - without)
-    parts = np.array_split(np.column_stack([gains, foretold]), min(COMPARED, share.size))
+    parts = np.array_split(np.column_stack([gains, foretold]), min(EVIDENCE.blocks, share.size))
     each = np.array([part.sum(axis=0) for part in parts])
     return compared(each[:, 0], each[:, 1])
 
@@ -458,7 +456,7 @@ def _dated(
         at = int(ticks[best])
         if 0 < best < ticks.size - 1:
             break
-    near = np.flatnonzero(costs < costs[best] + DATED * suspect.told.phi)
+    near = np.flatnonzero(costs < costs[best] + EVIDENCE.dated * suspect.told.phi)
     # It may be anywhere between two that were tried.
     ends = ticks[max(0, near[0] - 1)], ticks[min(ticks.size - 1, near[-1] + 1)]
     return before + at, (float(before + ends[0]), float(before + ends[1]))

@@ -42,7 +42,6 @@ from zwidth.diagnosis.learning.steady import along
 from zwidth.diagnosis.learning.tables import is_odd, law_at, left_out, points_over, table
 from zwidth.diagnosis.learning.together import Together, follows, together
 from zwidth.diagnosis.learning.where import (
-    MANY,
     Site,
     beside,
     law_over,
@@ -62,6 +61,7 @@ from zwidth.diagnosis.selection.hypothesis import (
     settled,
 )
 from zwidth.diagnosis.selection.search import Search
+from zwidth.diagnosis.settings import LAWS, PURSUIT
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.free_law import AT, FORCE, KNOTS, points_of
 
@@ -69,12 +69,8 @@ Floats = NDArray[np.float64]
 FEW = 7  # points, where the recordings do not tell all of a table's
 SAME = 1.0  # -2 ln, within which the same law as another origin has it is the same
 NARROWEST = 1e-6  # of the range of a table, below which nothing is put between two points
-FEWER = 2  # names, that a law must stand for to replace them where they explain a recording
 ASKED = 3  # places and states that are fitted, beside each set of names
-HOPE = 20.0  # -2 ln, that a law may cost more than names before these are asked beside it
-BEHIND = 200.0  # the same, that a law without names may cost more than beside them
 STATES = {"spring": "position", "damper": "velocity", "amplifier": "command"}  # of a law, in words
-TELLING = MANY  # states at which what acts together is worked out: more tell no more
 
 
 @dataclass(frozen=True)
@@ -161,12 +157,12 @@ def replacing(found: Search, say: Say, hopeful: Hopeful = always) -> Iterator[Le
     so many that one may stay. hopeful: as of `laws`.
     """
     many = len(found.best.model.effects)
-    if many < FEWER:
+    if many < LAWS.stands_for:
         return
-    bases = [found.best] * (many > FEWER) + [found.plain]
+    bases = [found.best] * (many > LAWS.stands_for) + [found.plain]
     for curve in _believed_laws(found, bases, say, False, hopeful):
         h = curve.hypothesis
-        less = len(curve.replaced) >= FEWER
+        less = len(curve.replaced) >= LAWS.stands_for
         believable = less and believed(h.cost, found.best.cost, against(h, found.best).phi)
         if believable and not _is_a_name(found, curve, say):
             yield curve
@@ -186,7 +182,7 @@ def _is_a_name(found: Search, curve: Learned, say: Say) -> bool:
             continue
         moved = predicted_states(alone.problem, alone.fitted)
         site = site_at(alone, moved, law.effect.name, law.at)
-        at = points_over(site.states, MANY, False)
+        at = points_over(site.states, LAWS.points, False)
         named = alone.model.effects_at(alone.x)[0]
         given = None if at is None else along(named, law.effect.name, at)
         if at is None or given is None or curve.period > 0.0:
@@ -227,9 +223,9 @@ def _believed_laws(
         for h, site in over_turns(base, say):
             begun.setdefault((site.effect, site.at, site.period), []).append((h, site))
     for each in sorted(begun.values(), key=_promise):
-        if _promise(each) > least.cost.total + HOPE:
+        if _promise(each) > least.cost.total + LAWS.hope:
             break
-        near = [one for one in each if _promise([one]) < _promise(each) + BEHIND]
+        near = [one for one in each if _promise([one]) < _promise(each) + PURSUIT.hopeless]
         likely = [one for one in near if hopeful(one[0])]
         if not likely:
             say(f"a law over {_at_what(each[0][1])} improves free runs too little: dropped")
@@ -368,7 +364,7 @@ def _absorbing(h: Hypothesis, site: Site, phi: float) -> Hypothesis:
             continue
         model, x = h.model.less(h.x, i)
         bare, own = model.less(x, len(model.effects) - 1)
-        at = points_over(site.states, MANY, False)
+        at = points_over(site.states, LAWS.points, False)
         given = None if at is None else along(p, site.effect, at)
         if at is None or given is None:
             continue
@@ -528,7 +524,7 @@ def _spread(
 
 def _together(h: Hypothesis, law: Physics, seen: Floats) -> Together | None:
     """What a table and the names that follow its state at its place give together."""
-    at = points_over(seen, TELLING, False)
+    at = points_over(seen, LAWS.points, False)
     if at is None or law.values["period"] > 0.0:
         return None
     return together(h.fitted, law.effect.name, law.place, at[at != 0.0])

@@ -26,10 +26,10 @@ m = 2 for Gaussian noise). Of a gain c that chance exceeds somewhere in all that
 an event is believed where P is less than `ALPHA` at the odds that something happens at all. m is
 the largest mean excess over three thresholds, so that a recording in which such peaks are common
 has no events but a model that lacks something. That is asked before anything is fitted, too, with
-the `MOST` highest peaks set aside, which may be events and then are no chance.
+the `EVENTS.most` highest peaks set aside, which may be events and then are no chance.
 
-Limits: at most `MOST` events; of those that last longer than `LONGEST_S` or a fifth of the
-recording nothing is said. The answer h is that of the device without its nonlinear physics: it
+Limits: at most `EVENTS.most` events; of those that last longer than 3 s or a fifth of the recording
+nothing is said. The answer h is that of the device without its nonlinear physics: it
 finds, and the kernel then fits (`learning.event_force`).
 """
 
@@ -45,31 +45,27 @@ from scipy.signal import fftconvolve
 
 from zwidth.diagnosis.fitting.fit import Fitted
 from zwidth.diagnosis.forces.spatial import response
+from zwidth.diagnosis.forces.unknown import SLOWER
 from zwidth.diagnosis.learning.event_force import Happened, Pulse, Source, fitted_event
 from zwidth.diagnosis.learning.scatter import scatter_in_like_states
 from zwidth.diagnosis.noise.predictor import SETTLING
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
-from zwidth.diagnosis.selection.evidence import ALPHA
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged, settled
+from zwidth.diagnosis.settings import EVENTS, EVIDENCE
 from zwidth.sim.place import masses_and_links
 
 Floats = NDArray[np.float64]
-MOST = 4  # events in all that was recorded
 TURNS = 24  # of looking again, that all events together may take
 REFITS = 2  # turns of parameters and noise with each event, and of an event under its noise
 TOGETHER, GAINED = 6, 2.0  # of all in turn, at most; in -2 ln, that one must gain for another
 PER_OCTAVE = 2  # durations
-LONGEST_S, LONGEST_SHARE = 3.0, 0.2  # of an event; the share is of the recording
 SEEN = 100  # ticks after its onset, by which what lasts is seen
 STRETCH = 64  # ticks, of which the highest gain is taken
 FEWEST = 12  # stretches by which chance is told
 THRESHOLDS = (0.5, 0.75, 0.9)  # quantiles over which excesses are averaged
 GAUSSIAN = 2.0  # mean excess of a chi-square of one
-RARITY = math.log(0.95 / 0.05)  # of a recording in which something happens
-NEAR_S = 0.4  # between two pulses of one event, at least
 MEDIAN = 0.6745  # of |z| of a normal
-SLOWER = 1e-2  # of a ratio
 SHORTEST_PART = 6 * SETTLING  # ticks beside an event that are searched
 ONSET = 3 * SETTLING  # ticks, after which the slowest observer has forgotten how it began
 
@@ -98,7 +94,8 @@ class Chance:
     @property
     def most(self) -> float:
         """The gain that an event must have."""
-        odds = math.log(max(self.count, 2) / 2.0) + math.log(1.0 / ALPHA) + RARITY
+        odds = math.log(max(self.count, 2) / 2.0) + math.log(1.0 / EVIDENCE.alpha)
+        odds += 0.5 * EVIDENCE.rarity_of_once
         return self.median + self.excess * odds
 
 
@@ -116,11 +113,11 @@ def happenings(
     found: list[Happened] = []
     for _ in range(TURNS):
         seen = _judged(recordings, found, h)
-        peak, chance = _searched(seen, found, MOST - len(found))
+        peak, chance = _searched(seen, found, EVENTS.most - len(found))
         if peak is None or peak.gain <= chance.most:
             break
         near = [one for one in found if _near(one, peak, seen.experiments[0].period)]
-        if not near and len(found) >= MOST:
+        if not near and len(found) >= EVENTS.most:
             break
         rest = [one for one in found if one not in near]
         pulses = [pulse for one in near for pulse in one.pulses]
@@ -140,7 +137,7 @@ def highest(recordings: Sequence[Experiment], h: Hypothesis) -> Peak | None:
     Under the likeliest noise of all recordings, which takes some of what happens for its own: what
     still stands out of it does. Raises NoObserver where the recordings cannot be followed.
     """
-    peak, chance = _searched(judged(recordings, h.model, h.x), (), MOST)
+    peak, chance = _searched(judged(recordings, h.model, h.x), (), EVENTS.most)
     return peak if peak is not None and peak.gain > chance.most else None
 
 
@@ -154,7 +151,7 @@ def set_apart(h: Hypothesis) -> list[Experiment] | None:
     views = [h if h.family.whitening else _judged(h.experiments, (), h)]
     with suppress(NoObserver):
         views.append(views[0].under(SLOWER * views[0].ratio))
-    found = [(*_searched(seen, (), MOST), seen) for seen in views]
+    found = [(*_searched(seen, (), EVENTS.most), seen) for seen in views]
     clear = [(peak, seen) for peak, chance, seen in found if peak and peak.gain > chance.most]
     if not clear:
         return None
@@ -175,7 +172,9 @@ def _agreed(
 ) -> tuple[list[Happened], Hypothesis]:
     """Events, parameters and noise fitted in turn, until neither gains.
 
-    What is left of an event at parameters that it has bent looks like another.
+    What is left of an event at parameters that it has bent looks like another, and noise that knows
+    nothing of an event takes its colour for its own: so each is fitted twice, first wherever it may
+    enter.
     """
     before = math.inf
     for turn in range(TOGETHER):
@@ -183,28 +182,14 @@ def _agreed(
         if before - h.cost.misfit < GAINED:
             break
         before = h.cost.misfit
-        found = _fitted_again(recordings, found, h, anywhere=turn < REFITS)
+        for again in range(REFITS):
+            free, seen = turn < REFITS and again == 0, _judged(recordings, found, h)
+            for i, one in enumerate(found):
+                others = with_events(recordings, [*found[:i], *found[i + 1 :]])
+                beside, source = replace(seen, experiments=others), None if free else one.source
+                new = fitted_event(beside, one.recording, one.pulses, source)
+                found[i] = new if free else replace(new, elsewhere=one.elsewhere)
     return found, h
-
-
-def _fitted_again(
-    recordings: Sequence[Experiment], found: Sequence[Happened], h: Hypothesis, anywhere: bool
-) -> list[Happened]:
-    """Each event beside the others, under the noise that is left where all are known.
-
-    Noise that knows nothing of an event takes its colour for its own, and fits little of it.
-    anywhere: it may enter elsewhere than it did; under the same noise it does not.
-    """
-    new = list(found)
-    for turn in range(REFITS):
-        seen = _judged(recordings, new, h)
-        for i, one in enumerate(found):
-            others = with_events(recordings, [*new[:i], *new[i + 1 :]])
-            there = None if anywhere and turn == 0 else new[i].source
-            beside = replace(seen, experiments=others)
-            again = fitted_event(beside, one.recording, one.pulses, there)
-            new[i] = replace(again, elsewhere=new[i].elsewhere) if there is not None else again
-    return new
 
 
 def _believed(
@@ -255,7 +240,7 @@ def with_events(recordings: Sequence[Experiment], found: Sequence[Happened]) -> 
 
 def _near(one: Happened, peak: Peak, period: float) -> bool:
     """Whether a pulse is part of an event: no farther from it than either is long."""
-    far = max(round(NEAR_S / period), one.last - one.first, peak.ticks)
+    far = max(round(EVENTS.apart_s / period), one.last - one.first, peak.ticks)
     ends = peak.first + peak.ticks
     apart = peak.first - one.last > far or one.first - ends > far
     return one.recording == peak.recording and not apart
@@ -383,7 +368,7 @@ def _answers(h: Hypothesis) -> list[_Answer]:
 
 def _longest(e: Experiment) -> int:
     """Ticks of the longest event that is asked for."""
-    return max(1, round(min(LONGEST_S / e.period, LONGEST_SHARE * e.ticks)))
+    return max(1, round(min(EVENTS.longest_s / e.period, EVENTS.longest_share * e.ticks)))
 
 
 def _gains(

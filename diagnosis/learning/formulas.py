@@ -9,9 +9,9 @@ least over theta by weighted least squares. What else the fit cannot tell from t
 table of velocity the straight part is the damper's as well, so that forms are told apart by what
 bends, and a form may have any straight part that C allows. A form costs d^2 + k ln m of its k
 numbers, m points; it is within the band where chance makes d^2 as large in one of a hundred fits.
-The cheapest is said, with those it cannot be told from (`CLOSE`); of those that cost the same
-(`EVEN`: "not worth more than a bare mention", Kass & Raftery 1995) that of the fewest numbers, and
-of these the plainest, in the order of `FORMS`.
+The cheapest is said, with those it cannot be told from (`close` in the settings); of those that
+cost the same (`even`: "not worth more than a bare mention", Kass & Raftery 1995) that of the fewest
+numbers, and of these the plainest, in the order of `FORMS`.
 
 The forms are those of the field: straight lines, powers, a drag of two powers, saturations (tanh,
 arctangent, a clipped line), dead zones and stops, exponentials, bumps, sines, magnets; of what acts
@@ -30,9 +30,9 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.stats import chi2
 
+from zwidth.diagnosis.settings import LAWS as SETTINGS
+
 Floats = NDArray[np.float64]
-WITHIN = 0.01  # chance of a distance as large, above which a form is within the band
-CLOSE, EVEN = 6.0, 2.0  # of cost, within which forms are not told apart, and within which even
 COARSE = 5e-3  # of the largest point: what the curve between points errs by, they carry
 POWERS = (0.1, 10.0)  # within which a power, a place (of the range) and a width are sought
 PLACES = 2.0
@@ -76,7 +76,7 @@ class Formula:
     @property
     def within(self) -> bool:
         """Whether the law's band holds it."""
-        return self.chance > WITHIN
+        return self.chance > SETTINGS.within
 
     def at(self, states: Floats) -> Floats:
         """Return it at some states (...,)."""
@@ -277,10 +277,10 @@ def formulas(
     if not found:
         return []
     least = min(f.cost for f in found)
-    even = [f for f in found if f.cost < least + EVEN]  # in the order of `FORMS`
+    even = [f for f in found if f.cost < least + SETTINGS.even]  # in the order of `FORMS`
     first = min(even, key=lambda f: len(f.numbers))
     others = sorted((f for f in found if f is not first), key=lambda f: f.cost)
-    return [first, *(f for f in others if f.cost < least + CLOSE)]
+    return [first, *(f for f in others if f.cost < least + SETTINGS.close)]
 
 
 def _fitted(

@@ -95,7 +95,6 @@ def known(h: Hypothesis, phi: float = 1.0) -> Known:
     follows (others, forces): by how much the other parameters' x move with a force. phi: by how
     much its likelihood is too sure.
     """
-    assert h.slopes is not None
     last = len(h.model.effects) - 1
     own = [
         (j, p.scale, p.key)
@@ -106,14 +105,7 @@ def known(h: Hypothesis, phi: float = 1.0) -> Known:
     scales = np.array([scale for _, scale, _ in own])
     law = h.model.effects_at(h.x)[-1]
     forces = np.array([law.values[key] for _, _, key in own])
-    others = np.setdiff1d(np.arange(h.x.size), which)
-    a = h.slopes.T @ h.slopes
-    inverse = np.linalg.pinv(a[np.ix_(others, others)], hermitian=True)
-    follows = -inverse @ a[np.ix_(others, which)]
-    p = a[np.ix_(which, which)] + a[np.ix_(which, others)] @ follows
-    p = 0.5 * (p + p.T) / np.outer(scales, scales) / phi
-    p = p + JUDGED * float(np.diag(p).max()) * np.eye(which.size)
-    follows = follows / scales
+    p, others, follows = precision_of(h, which, scales, phi)
     count = len(points_of(law.values))
     if which.size == count - int(is_odd(law)):
         return Known(which, scales, forces, p, others, follows)
@@ -122,6 +114,41 @@ def known(h: Hypothesis, phi: float = 1.0) -> Known:
     apart = np.delete(apart, held(count), axis=0)
     every = np.array([f for _, f in points_of(law.values)])
     return Known(which, scales, every, apart.T @ p @ apart, others, follows, held=True)
+
+
+def precision_of(
+    h: Hypothesis, which: NDArray[np.int64], scales: Floats, phi: float
+) -> tuple[Floats, NDArray[np.int64], Floats]:
+    """Return the precision (numbers, numbers) of some parameters in their own units, all else free.
+
+    which: their places in x, counted in scales. And the places of the others, and by how much each
+    of these moves with each number, (others, numbers).
+    """
+    assert h.slopes is not None
+    others = np.setdiff1d(np.arange(h.x.size), which)
+    a = h.slopes.T @ h.slopes
+    inverse = np.linalg.pinv(a[np.ix_(others, others)], hermitian=True)
+    follows = -inverse @ a[np.ix_(others, which)]
+    p = a[np.ix_(which, which)] + a[np.ix_(which, others)] @ follows
+    p = 0.5 * (p + p.T)
+    p += JUDGED * float(np.diag(p).max()) * np.eye(which.size)
+    return p / np.outer(scales, scales) / phi, others, follows / scales
+
+
+def nearest(basis: Floats, target: Floats, precision: Floats) -> tuple[Floats, float]:
+    """Return numbers y (fewer,) for which basis @ y is nearest to a target, and what they cost.
+
+    basis (numbers, fewer), target (numbers,) known with a precision (numbers, numbers).
+    """
+    a = basis.T @ precision @ basis
+    y = np.asarray(
+        np.linalg.lstsq(a, basis.T @ precision @ target, rcond=1e-12)[0], dtype=np.float64
+    )
+    off = target - basis @ y
+    deviation = np.sqrt(np.maximum(np.diag(np.linalg.pinv(a, hermitian=True)), 0.0))
+    ranges = SWEEP * np.maximum(np.abs(y), deviation)
+    paid = freedom(a, ranges.tolist()) if np.all(ranges > 0.0) else math.inf
+    return y, float(off @ precision @ off) + paid
 
 
 @dataclass(frozen=True)
@@ -186,14 +213,7 @@ def _priced(law: Physics, there: Known, states: Floats, at: Floats, odd: bool) -
     if there.held and not odd:
         free = np.delete(free, held(at.size))
         columns = columns[:, free]
-    a = columns.T @ there.precision @ columns
-    pull = columns.T @ there.precision @ there.forces
-    g = np.asarray(np.linalg.lstsq(a, pull, rcond=1e-12)[0], dtype=np.float64)
-    off = there.forces - columns @ g
-    deviation = np.sqrt(np.maximum(np.diag(np.linalg.pinv(a, hermitian=True)), 0.0))
-    ranges = SWEEP * np.maximum(np.abs(g), deviation)
-    cost = float(off @ there.precision @ off)
-    cost += freedom(a, ranges.tolist()) if np.all(ranges > 0.0) else math.inf
+    g, cost = nearest(columns, there.forces, there.precision)
     every = np.zeros(at.size - int(odd))
     every[free] = g
     return _Priced(at, every, cost)

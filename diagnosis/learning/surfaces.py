@@ -45,7 +45,7 @@ from zwidth.diagnosis.fitting.landscape import Landscape
 from zwidth.diagnosis.fitting.uncertainty import Z95, covariance
 from zwidth.diagnosis.forces.leftover import predicted_states
 from zwidth.diagnosis.learning.curves import from_nothing, said_as, without_names
-from zwidth.diagnosis.learning.knots import JUDGED, refined, tempered
+from zwidth.diagnosis.learning.knots import nearest, precision_of, refined, tempered
 from zwidth.diagnosis.learning.surface_forms import (
     Field,
     Form,
@@ -60,21 +60,21 @@ from zwidth.diagnosis.learning.surface_forms import (
     shift,
 )
 from zwidth.diagnosis.learning.tables import between, points_over
-from zwidth.diagnosis.learning.where import MANY, RATIOS, SHARE, begun, comes_back
+from zwidth.diagnosis.learning.where import RATIOS, SHARE, begun, comes_back, with_law
 from zwidth.diagnosis.mishaps import Say, attempt
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import SCREENING, SETTLING
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.seeking.sizes import sizes_of
-from zwidth.diagnosis.selection.evidence import ALPHA, believed, freedom
+from zwidth.diagnosis.selection.evidence import ALPHA, believed
 from zwidth.diagnosis.selection.hypothesis import (
-    SWEEP,
     Hypothesis,
     against,
     judged,
     settled,
 )
 from zwidth.diagnosis.selection.search import Search
+from zwidth.diagnosis.settings import LAWS
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.free_force import SIZE, counts_at, states_over
 from zwidth.sim.physics.two_tables import LAW_FIRST, POINTS
@@ -334,9 +334,7 @@ def _beside(
     """Return a model with a surface, and its x where it is as given; only: which may move."""
     scales = form_of(law).scales(field)
     scales = {name: scales[name] for name in scales if not only or name in only}
-    lasting = sum(not base.is_found(p) for p in base.parameters)  # changes come last
-    start = np.concatenate([x[:lasting], np.zeros(len(scales)), x[lasting:]])
-    return base.with_effect(law, scales), start
+    return with_law(base, x, law, scales)
 
 
 def _exchanged(h: Hypothesis, field: Field, law: Physics) -> tuple[Model, Floats]:
@@ -366,7 +364,7 @@ def _product_begun(h: Hypothesis, field: Field) -> Hypothesis | None:
 
     Of the grid less its plane, which is a spring's, a damper's and a scale's, or of it as it is.
     """
-    few, axes = GridForm(_last(h)), _axes(field, MANY)
+    few, axes = GridForm(_last(h)), _axes(field, LAWS.points)
     if axes is None:
         return None
     forces = few.smooth(field)
@@ -422,12 +420,12 @@ def _lines(field: Field) -> Iterator[Physics]:
     a, b = field.over
     for over in ((a, b), (b, a)):
         first, second = field.along(over)
-        beside, middle = points_over(second, MANY, False), float(np.median(second))
+        beside, middle = points_over(second, LAWS.points, False), float(np.median(second))
         if beside is None:
             continue
         for drift in DRIFTS:
             per = drift * float(np.ptp(first)) / float(np.ptp(second))
-            along = points_over(first + per * (second - middle), MANY, False)
+            along = points_over(first + per * (second - middle), LAWS.points, False)
             if along is not None:
                 shifts = per * (beside - middle)
                 yield shift(field, over, along, np.zeros(along.size), beside, shifts)
@@ -483,17 +481,10 @@ def _own(h: Hypothesis) -> list[tuple[int, str, float]]:
 
 
 def _known(h: Hypothesis, phi: float) -> _Known:
-    assert h.slopes is not None
     places, names, scales = (list(column) for column in zip(*_own(h), strict=True))
-    others = np.setdiff1d(np.arange(h.x.size), places)
-    a = h.slopes.T @ h.slopes
-    across = a[np.ix_(places, others)]
-    inverse = np.linalg.pinv(a[np.ix_(others, others)], hermitian=True)
-    p = a[np.ix_(places, places)] - across @ inverse @ across.T
-    p = 0.5 * (p + p.T)
-    p = (p + JUDGED * float(np.diag(p).max()) * np.eye(len(places))) / np.outer(scales, scales)
+    p, _, _ = precision_of(h, np.array(places), np.array(scales), phi)
     law = _last(h)
-    return _Known(tuple(names), np.array([law.values[n] for n in names]), p / phi)
+    return _Known(tuple(names), np.array([law.values[n] for n in names]), p)
 
 
 @dataclass(frozen=True)
@@ -511,15 +502,7 @@ def _priced(there: _Known, form: Form, field: Field, first: Places, second: Plac
     basis, offset, law = form.fewer(field, there.names, first, second)
     if basis.shape[1] == 0:
         return _Fewer(first, second, None, np.inf)
-    target = there.numbers - offset
-    square = basis.T @ there.precision @ basis
-    pull = basis.T @ there.precision @ target
-    y = np.asarray(np.linalg.lstsq(square, pull, rcond=1e-12)[0], dtype=np.float64)
-    off = target - basis @ y
-    deviation = np.sqrt(np.maximum(np.diag(np.linalg.pinv(square, hermitian=True)), 0.0))
-    ranges = SWEEP * np.maximum(np.abs(y), deviation)
-    cost = float(off @ there.precision @ off)
-    cost += freedom(square, ranges.tolist()) if np.all(ranges > 0.0) else np.inf
+    y, cost = nearest(basis, there.numbers - offset, there.precision)
     return _Fewer(first, second, law(y), cost)
 
 

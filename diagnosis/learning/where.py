@@ -14,7 +14,7 @@ repeats (`repeating`).
 Limits: a law that turns the motion over is not reached in so few rounds.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -29,6 +29,7 @@ from zwidth.diagnosis.noise.predictor import SETTLING
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.seeking.sizes import sizes_of
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged
+from zwidth.diagnosis.settings import LAWS
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.free_law import FORCE, points_of
 from zwidth.sim.place import masses_and_links, place_at
@@ -38,8 +39,6 @@ SHARE = 0.1  # of the force that moves a recording, or of the motion: scale of a
 RATIOS = (1.0, 1e-3)  # of the likeliest one, under which laws are begun
 ROUNDS = 4
 CLOSES, LONGEST = 1e-3, 2.0  # of a turn: beyond its last point at least, and of its own at most
-MANY = 16  # points that a law begins with
-COMES_BACK = 1.5  # times that each state is met on the mean: half of them twice, or it tells time
 
 
 @dataclass(frozen=True)
@@ -64,7 +63,7 @@ def sites(base: Hypothesis, most: int) -> list[tuple[Site, Hypothesis]]:
     """Return where a law would gain most, so many, and each begun there, the likeliest first."""
     found: list[tuple[Site, Hypothesis]] = []
     for site in _every(base):
-        law = law_over(site, MANY, False)
+        law = law_over(site, LAWS.points, False)
         h = None if law is None else begun(base, *beside(base.model, base.x, site, law))
         if h is not None and h.cost.misfit < base.cost.misfit:
             found.append((site, h))
@@ -140,7 +139,7 @@ def _states_in(base: Hypothesis, moved: Sequence[Floats], effect: str, at: str) 
 def comes_back(each: Sequence[Floats]) -> bool:
     """Whether the states of recordings are met again, and do not only tell time."""
     way = sum(float(np.abs(np.diff(states)).sum()) for states in each)
-    return way > COMES_BACK * float(np.ptp(np.concatenate(each)))
+    return way > LAWS.comes_back * float(np.ptp(np.concatenate(each)))
 
 
 def law_over(site: Site, count: int, odd: bool) -> Physics | None:
@@ -164,9 +163,20 @@ def beside(base: Model, x: Floats, site: Site, law: Physics) -> tuple[Model, Flo
         least = states[-1] - states[0]  # the table is of one turn, and none of its points of two
         scales["period"] = site.scale
         bounds["period"] = ((1.0 + CLOSES) * least, LONGEST * law.values["period"])
+    return with_law(base, x, law, scales, bounds)
+
+
+def with_law(
+    base: Model,
+    x: Floats,
+    law: Physics,
+    scales: Mapping[str, float],
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+) -> tuple[Model, Floats]:
+    """Return a model with a law of which some numbers are free, and x where they are as given."""
     lasting = sum(not base.is_found(p) for p in base.parameters)  # changes come last
     start = np.concatenate([x[:lasting], np.zeros(len(scales)), x[lasting:]])
-    return base.with_effect(law, scales, bounds), start
+    return base.with_effect(law, scales, bounds or {}), start
 
 
 def _every(base: Hypothesis) -> list[Site]:
