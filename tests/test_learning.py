@@ -124,7 +124,7 @@ def test_a_law_is_kept_where_held_out_data_agree(names: float, worth: bool) -> N
     first = law.headline(1)
     assert first.startswith("a force acts at the motor that has no name in the library: up to")
     assert "over velocity, which looks like a" in first
-    assert first.endswith("and 50 % without")
+    assert first.endswith("with it, 50 % without")
     assert "a force at m1 over velocity, which looks like -0." in law.sentence
     said = law.as_json()
     assert said["formula"].endswith("v^3") or "|v|^" in said["formula"]

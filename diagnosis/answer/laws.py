@@ -150,7 +150,7 @@ class LearnedLaw(Law):
         length = "rad" if self.rotary else "m"
         unit = length if name == "free_sensor" else self.force_unit
         most = with_unit(float(np.abs(curve.forces).max()), unit, 2)
-        alike = listed([_a(f.form.name) for f in self.formulas[:LISTED]], "or")
+        alike = listed([_a(f.form.name) for f in self.formulas[:2]], "or")
         return (
             f"{what} that has no name in the library: up to {most} over {self.over.rstrip(',')}"
             f"{self._looks(alike)}; {self.worth}"
