@@ -101,6 +101,11 @@ def read_name(core: str) -> Naming:
     if set(_plain_words(core)) & set(vocabulary()["pilot"]["words"]):
         return Naming(tuple(words), "other", "", False, ())
     at, quantity, weak = _quantity(words)
+    last = list(_words(re.split("[./]", core)[-1]))
+    if not quantity and 0 < len(last) < len(words) and words[-len(last) :] == last:
+        within, told, _ = _quantity(last)  # "arm1.q[0]": what stands before is of which joint
+        if told in MOTIONS:
+            at, quantity, weak = len(words) - len(last) + within, told, True
     role = _role(words, at, quantity)
     if quantity == "" and role == "command":
         quantity, weak = "input", True

@@ -30,6 +30,11 @@ def test_joints_are_called_by_what_their_names_differ_in(tmp_path: Path) -> None
     still = 0.0 * T
     assert names(tmp_path, {"t": T, "tau[0]": TORQUE, "q[0]": ANGLE, "q[1]": still, "q[2]": SPEED,
                             "tau[2]": TORQUE}) == ({"0": "q[0]", "2": "q[2]"}, ("1",))  # fmt: skip
+    one, two = "arm1.tau[0]", "arm1.tau[1]"
+    assert names(tmp_path, {"t": T, one: TORQUE, two: TORQUE, "arm1.q[0]": ANGLE,
+                            "arm1.q[1]": SPEED})[0] == {
+        "0": "arm1.q[0]", "arm1.q[1]": "arm1.q[1]",
+    }  # fmt: skip
     pan, lift = "observation.state.shoulder_pan.pos", "observation.state.shoulder_lift.pos"
     found = joints_of(open_source(table(tmp_path, {
         "timestamp": T, pan: ANGLE, lift: SPEED, "action.shoulder_pan.pos": ANGLE,
