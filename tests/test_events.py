@@ -252,6 +252,26 @@ def test_intervals_of_when_a_force_begins_hold_it(rises: int):
     assert np.median(long) < (25.0 if rises else 4.5)
 
 
+def test_a_force_that_sets_in_at_once_does_not_overshoot():
+    """And in bins of several ticks its edges are those of the ticks, to a bin.
+
+    Hats at fixed places said 108 mN m of a hand of 80. Mutations that break it: centres of bins a
+    bin late; knots in bins instead of ticks.
+    """
+    ticks, begins, ends = 120, 30, 93
+    force = np.zeros(ticks)
+    force[begins:ends] = 1.0
+    y = force + 0.02 * np.random.default_rng(7).standard_normal(ticks)
+    for at in (np.arange(ticks + 1.0), np.append(np.arange(0.0, ticks, 3.0), ticks)):
+        unit = (np.digitize(np.arange(ticks), at)[None] == np.arange(1, at.size)[:, None]) / 0.02
+        rest = float(y @ y) / 0.02**2
+        lines = Polylines(unit @ unit.T, unit @ y / 0.02, rest, ticks, 1.0, at)
+        (low, first, high), (_, last, _) = lines.edges(10, 20)
+        assert low <= begins <= high
+        assert (first, last) == (begins, ends)
+        np.testing.assert_allclose(lines.best().values, 1.0, atol=0.03)
+
+
 def test_of_a_force_that_does_not_show_no_time_is_said():
     """What sticks moves nothing. Mutation that breaks it: values solved for as if all were told."""
     lines = Polylines(np.zeros((30, 30)), np.zeros(30), 40.0, 40, 1.0)

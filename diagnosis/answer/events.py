@@ -183,6 +183,7 @@ def _said(one: Happened, e: Experiment, h: Hypothesis, without: Hypothesis) -> E
     masses = h.model.nominal.chain.masses.size
     if one.source.lasting:
         return _slipped(one, e, h)
+    begins, ends, one = edges(without, one)
     q, noise = _motion(one, h)
     f, c, period = one.force, one.covariance, e.period
     first, last = one.first, one.last
@@ -194,7 +195,6 @@ def _said(one: Happened, e: Experiment, h: Hypothesis, without: Hypothesis) -> E
     energy = _estimate(f @ way, np.sqrt(way @ c @ way + (noise * np.linalg.norm(steps)) ** 2), "J")
     row = means[largest]
     most = _estimate(row @ f, np.sqrt(row @ c @ row), force)
-    begins, ends = edges(without, one)
     kind = _kind(one, q, period, begins[1], ends[1], impulse.value)
     short = kind in (HIT, STOP, PUSH)
     start = e.begins + period * first

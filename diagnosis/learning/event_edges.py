@@ -5,7 +5,7 @@ when it begins is a question of how its shape is described. Here it is a polylin
 values at b, at e and at knots between, and nothing before b and from e on: it may set in at once (a
 jam, a stop) or rise from nothing (a hand). About the force f that was fitted the whitened
 innovations r of its window are r + S (g - f) for a force g at each tick, S their slopes through
-what sticks and gives way. So with G = S'S and p = G f - S'r a polyline B c of values c has
+what sticks and gives way. So with G = S'S and p = S' (S f - r) a polyline B c of values c has
 
     |r|^2 = const - p'B (B'G B)^-1 B'p
 
@@ -13,7 +13,7 @@ at its best, and costs what every hypothesis costs: that over its overdispersion
 2 sum ln range - k ln 2 pi for its values, anywhere within the largest of them to both sides, and
 for where its m knots stand, anywhere in the window, less 2 ln m! since none of them is the first.
 Knots are added and taken away while that pays, at every b and e anew. Of b (e at its best) the
-times that cost less than `DATED` more than the best are the interval: of a force that sets in at
+times that cost less than 7.35 more than the best are the interval: of a force that sets in at
 once -2 ln of the likelihood ratio falls off by xi, P(xi <= z) = (1 - exp(-z / 2))^2 (Hansen,
 Econometrica 68, 2000); of one that rises from nothing it is a chi-square of one, which is less. A
 force acts all through a tick, and what costs as much lies between the last tick that does not and
@@ -22,8 +22,9 @@ its neighbour, so that an interval reaches a tick beyond.
 w is that of the recording, or that of the window under the best polyline where it is more: what no
 polyline follows is then no knowledge of times.
 
-What lasts long is first sought in cells of several ticks each, and its edges then to a tick where
-knots stand as they did in cells.
+What lasts long is first sought in bins of several ticks each, and its edges then to a tick, in bins
+of one tick about them. The best polyline is also the force that is said of what lasts: hats at
+fixed places overshoot beside a force that sets in at once.
 
 Limits: of several pulses the first begins and the last ends, all in one polyline. A jam that holds
 a mass that friction held already begins when that is seen.
@@ -31,27 +32,28 @@ a mass that friction held already begins when that is seen.
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.fitting.uncertainty import inflation
-from zwidth.diagnosis.learning.event_force import Happened, Window, units
+from zwidth.diagnosis.learning.event_force import FAR, Happened, Window, slope_of
 from zwidth.diagnosis.selection.evidence import freedom
 from zwidth.diagnosis.selection.hypothesis import Hypothesis
+from zwidth.diagnosis.settings import EVIDENCE
 from zwidth.sim.place import place_at
 
 Floats = NDArray[np.float64]
 Knots = tuple[int, ...]
 PLACES, MOST = 32, 24  # that a knot may stand at, evenly, and how many knots there may be
 NEAR = (1, 2, 4, 8)  # ticks from both ends, where one may stand as well
-DATED = -2.0 * math.log(1.0 - math.sqrt(0.95))  # 7.35
 GRID = 16  # times that are asked first
 CELLS = 200  # in which edges are sought first; what is longer has cells of several ticks
-BESIDE = 2  # cells to both sides, in which an edge is then sought to a tick, its knots as they are
+BESIDE = 2  # cells to both sides, in which an edge is then sought to a tick
 TURNS = 3  # of beginning and end, each with the other at its best
 HALF = 0.5  # a tick, from its first to where its force stands
 LITTLE = 1e-12  # of what is known, that is nothing: of what sticks nothing is known
@@ -61,10 +63,10 @@ Edge = tuple[float, float, float]  # first, likeliest, last
 
 @dataclass
 class Polylines:
-    """What polylines cost, by G (ticks, ticks) and p of the ticks they may stand in.
+    """What polylines cost, by G (bins, bins) and p of the bins of ticks that they may stand in.
 
-    rest: the constant; rows: of r; wide: overdispersion; knots: the best that are known, without
-    ends; costs: by both ends.
+    rest: the constant; rows: of r; wide: overdispersion; at (bins + 1,): where bins begin and end,
+    in ticks, each of one tick where nothing is given; costs and inner knots: by both ends, in bins.
     """
 
     squares: Floats
@@ -72,53 +74,23 @@ class Polylines:
     rest: float
     rows: int
     wide: float
+    at: Floats = field(default_factory=lambda: np.zeros(0))
     knots: Knots = ()
     costs: dict[tuple[int, int], tuple[float, Knots]] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        """Take bins of one tick where nothing is given."""
+        if not self.at.size:
+            self.at = np.arange(self.bins + 1.0)
+
     @property
-    def ticks(self) -> int:
+    def bins(self) -> int:
         """Where it may begin and end: 0 to so many."""
         return self.pulls.size
 
     def edges(self, begins: int, ends: int) -> tuple[Edge, Edge]:
-        """Return beginning and end with their intervals, in ticks; sought from two of them on."""
-        wide = math.ceil(self.ticks / CELLS)
-        if wide == 1:
-            return self._edges(begins, ends)
-        cells = self.in_cells(wide)
-        begins = min(begins // wide, cells.ticks - 2)
-        ends = min(max(ends // wide, begins + 1), cells.ticks)
-        first, last = cells._edges(begins, ends)
-        self.wide, inner = cells.wide, [k * wide for k in cells.knots]
-        b, e = (min(round(at) * wide, self.ticks) for at in (first[1], last[1]))
-
-        def cost(begins: int, ends: int) -> float:
-            return self._priced(begins, ends, tuple(k for k in inner if begins < k < ends))
-
-        def within(cell: Edge, low: int, high: int, of: Callable[[int], float]) -> Edge:
-            """The edge to a tick, in the cells beside; its interval no shorter than of cells."""
-            about = round(cell[1]) * wide
-            low, high = max(low, about - BESIDE * wide), min(high, about + BESIDE * wide)
-            costs = {k: of(k) for k in range(low, high + 1)}
-            best = min(costs, key=lambda k: costs[k])
-            near = [k for k in costs if costs[k] <= costs[best] + DATED]
-            near += [round(c) * wide for c in (cell[0] + 1.0, cell[2] - 1.0)
-                     if abs(c - cell[1]) > BESIDE]  # fmt: skip
-            return _edge(best, (min(near), max(near)))
-
-        first = within(first, 0, e - 1, partial(cost, ends=e))
-        b = round(first[1])
-        return first, within(last, b + 1, self.ticks, partial(cost, b))
-
-    def in_cells(self, wide: int) -> "Polylines":
-        """Return the same with so many ticks taken together, which all have one force."""
-        starts = np.arange(0, self.ticks, wide)
-        squares = np.add.reduceat(np.add.reduceat(self.squares, starts, 0), starts, 1)
-        pulls = np.add.reduceat(self.pulls, starts)
-        return Polylines(squares, pulls, self.rest, self.rows, self.wide)
-
-    def _edges(self, begins: int, ends: int) -> tuple[Edge, Edge]:
-        first, last = (0, ends - 1), (begins + 1, self.ticks)
+        """Return beginning and end with their intervals, in ticks; sought from two bins on."""
+        first, last = (0, ends - 1), (begins + 1, self.bins)
         for turn in range(TURNS):
             before = begins, ends, self.wide
             of_first = partial(self.cost, ends=ends)
@@ -126,21 +98,31 @@ class Polylines:
             begins, first = _sought(of_first, [begins, *asked], 0, ends - 1)
             of_last = partial(self.cost, begins)
             asked = last if turn else _evenly(*last)
-            ends, last = _sought(of_last, [ends, *asked], begins + 1, self.ticks)
+            ends, last = _sought(of_last, [ends, *asked], begins + 1, self.bins)
             self.knots = self.costs[begins, ends][1]
             left = self.rows - 4 - 2 * len(self.knots)
-            self.wide = max(self.wide, self._solved(begins, ends, self.knots).chi2 / left)
+            self.wide = max(self.wide, self.solved(begins, ends, self.knots).chi2 / left)
             if (begins, ends, self.wide) == before:
                 break
             self.costs.clear()
-        return _edge(begins, first), _edge(ends, last)
+        self.costs = {(begins, ends): (0.0, self.knots)}
+        return self._edge(begins, first), self._edge(ends, last)
+
+    def _edge(self, bin: int, between: tuple[int, int]) -> Edge:
+        first, likeliest, last = self.at[[between[0], bin, between[1]]].tolist()
+        return first - 1.0, likeliest, last + 1.0
+
+    def best(self) -> "Polyline":
+        """Return the polyline that was found."""
+        ((begins, ends), (_, knots)) = next(iter(self.costs.items()))
+        return self.solved(begins, ends, knots)
 
     def cost(self, begins: int, ends: int) -> float:
-        """What the best polyline from a tick to another costs."""
+        """What the best polyline from a bin to another costs."""
         key = begins, ends
         if key not in self.costs:
-            start = tuple(k for k in self.knots if begins < k < ends)
-            self.costs[key] = self._improved(begins, ends, start)
+            inner = tuple(k for k in self.knots if begins < k < ends)
+            self.costs[key] = self._improved(begins, ends, inner)
         return self.costs[key][0]
 
     def _improved(self, begins: int, ends: int, inner: Knots) -> tuple[float, Knots]:
@@ -158,32 +140,32 @@ class Polylines:
                 return best
             best = new
 
-    def _solved(self, begins: int, ends: int, inner: Knots) -> "_Polyline":
-        """A polyline at its best."""
-        own = np.arange(begins, ends, dtype=np.float64) + HALF
-        knots = np.array([begins, *inner, ends], dtype=np.float64)
+    def solved(self, begins: int, ends: int, inner: Knots) -> "Polyline":
+        """Return a polyline at its best."""
+        own = 0.5 * (self.at[begins:ends] + self.at[begins + 1 : ends + 1])
+        knots = self.at[[begins, *inner, ends]]
         hats = np.array([np.interp(own, knots, unit) for unit in np.eye(knots.size)])
         hats = hats if ends - begins > 1 else np.ones((1, 1))
         there = slice(begins, ends)
         a = hats @ self.squares[there, there] @ hats.T
         pull = hats @ self.pulls[there]
         values = np.asarray(np.linalg.lstsq(a, pull, rcond=LITTLE)[0], dtype=np.float64)
-        return _Polyline(self.rest - float(pull @ values), values, own, knots, hats)
+        return Polyline(self.rest - float(pull @ values), values, own, knots, hats)
 
     def _priced(self, begins: int, ends: int, inner: Knots) -> float:
-        line = self._solved(begins, ends, inner)
+        line = self.solved(begins, ends, inner)
         moves = np.vstack([line.hats, line.by_knots])
         there, count = slice(begins, ends), line.values.size
         known = moves @ self.squares[there, there] @ moves.T / self.wide
         deviation = 1.0 / np.sqrt(np.maximum(np.diag(known)[:count], 1e-300))
         ranges = np.maximum(2.0 * float(np.abs(line.values).max()), deviation)
-        ranges = np.append(ranges, np.full(len(inner), float(self.ticks)))
+        ranges = np.append(ranges, np.full(len(inner), self.at[-1] - self.at[0]))
         known += np.diag(12.0 / ranges**2)  # uniform: no direction is known worse
         chosen = 2.0 * math.lgamma(len(inner) + 1.0)
         return line.chi2 / self.wide + freedom(known, ranges.tolist()) - chosen
 
 
-class _Polyline(NamedTuple):
+class Polyline(NamedTuple):
     """|r|^2 with its best values at its knots; ticks that it stands in, what a value adds there."""
 
     chi2: float
@@ -202,69 +184,121 @@ class _Polyline(NamedTuple):
         return -slopes[piece] * self.hats[1:-1]
 
 
-def edges(h: Hypothesis, one: Happened) -> tuple[Edge, Edge]:
+def edges(h: Hypothesis, one: Happened) -> tuple[Edge, Edge, Happened]:
     """Return when a force begins and ends, in ticks from its first, with 95 % intervals.
 
-    h: judged on recordings that know of all other events, and not of this one.
+    And the event with the force that is likeliest then, where it lasts. h: judged on recordings
+    that know of all other events, and not of this one.
     """
     beside = max(8, (one.last - one.first) // 3)
     ticks = h.experiments[one.recording].ticks
-    low, high = max(0, one.first - beside), min(ticks, one.last + beside)
-    window = Window(h, one.recording, low, high)
-    low, high = max(low, window.begins), min(high, window.ends)
-    lines = _linear(window, one, low, high, inflation(h.residual[: h.samples]))
-    begins = min(max(0, min(p.first for p in one.pulses) - low), lines.ticks - 2)
-    ends = min(max(begins + 1, max(p.first + p.ticks for p in one.pulses) - low), lines.ticks)
+    window = Window(h, one.recording, max(0, one.first - beside), min(ticks, one.last + beside))
+    low = max(0, one.first - beside, window.begins)
+    high = min(ticks, one.last + beside, window.ends)
+    about, wide = _About(window, one), inflation(h.residual[: h.samples])
+    cell = math.ceil((high - low) / CELLS)
+    at = np.append(np.arange(low, high, cell), high)
+    lines = about.polylines(at, wide)
+    begins = min(max(0, _bin(at, min(p.first for p in one.pulses))), lines.bins - 2)
+    ends = min(max(begins + 1, _bin(at, max(p.first + p.ticks for p in one.pulses))), lines.bins)
     first, last = lines.edges(begins, ends)
-    off = low - one.first
-    return _moved(first, off), _moved(last, off)
+    if cell > 1:
+        fine = [np.arange(edge[1] - BESIDE * cell, edge[1] + BESIDE * cell + 1.0)
+                for edge in (first, last)]  # fmt: skip
+        at = np.unique(np.concatenate([at, *fine]).clip(low, high).astype(np.int64))
+        knots = lines.at[list(lines.knots)]
+        lines = about.polylines(at, lines.wide)
+        lines.knots = tuple(_bin(at, int(k)) for k in knots)
+        about_first, about_last = first, last
+        first, last = lines.edges(_bin(at, round(first[1])), _bin(at, round(last[1])))
+        first = _no_shorter(first, about_first, BESIDE * cell)
+        last = _no_shorter(last, about_last, BESIDE * cell)
+    if any(len(p.shapes[0][1]) > 1 for p in one.pulses):  # it lasts
+        one = _of_polyline(one, lines)
+    return _moved(first, -one.first), _moved(last, -one.first), one
+
+
+def _bin(at: NDArray[np.int64], tick: int) -> int:
+    """The bin that begins at a tick, or the last before it."""
+    return int(np.searchsorted(at, tick, side="right")) - 1
+
+
+def _of_polyline(one: Happened, lines: Polylines) -> Happened:
+    """The event with the best polyline for its force, its covariance for known edges."""
+    line = lines.best()
+    there = np.arange(math.floor(line.knots[0]), math.ceil(line.knots[-1])) + HALF
+    first, last = min(one.first, int(line.knots[0])), max(one.last, int(line.knots[-1]))
+    hats = np.array([np.interp(there, line.knots, unit) for unit in np.eye(line.values.size)])
+    basis = np.zeros((last - first, line.values.size))
+    basis[int(line.knots[0]) - first : int(line.knots[-1]) - first] = hats.T
+    bins = slice(*np.searchsorted(lines.at, line.knots[[0, -1]]))
+    known = line.hats @ lines.squares[bins, bins] @ line.hats.T
+    size = FAR * max(float(np.abs(one.force).max()), 1e-300)  # what sticks: no more than this
+    covariance = np.linalg.inv(known / lines.wide + np.eye(known.shape[0]) / size**2)
+    return replace(
+        one, first=first, last=last, force=basis @ line.values,
+        covariance=basis @ covariance @ basis.T,
+    )  # fmt: skip
+
+
+def _no_shorter(edge: Edge, cells: Edge, beside: int) -> Edge:
+    """An edge whose interval holds that in cells where it goes beyond those that were refined."""
+    low, at, high = cells
+    return (
+        min(edge[0], low) if at - low > beside else edge[0],
+        edge[1],
+        max(edge[2], high) if high - at > beside else edge[2],
+    )
 
 
 def _moved(edge: Edge, by: int) -> Edge:
     return edge[0] + by, edge[1] + by, edge[2] + by
 
 
-def _linear(window: Window, one: Happened, low: int, high: int, wide: float) -> Polylines:
-    """What polylines from a tick to another leave of the innovations of a window."""
-    count = window.ends - window.begins
-    row = place_at(one.source.place).row(window.dof)
-    at = np.arange(low, high) - window.begins
-    own = np.zeros(count)
-    own[one.first - window.begins : one.last - window.begins] = one.force
-    r = window.white(own, row)
+class _About:
+    """The innovations of a window about the force f that was fitted, and what others leave of them.
 
-    def white(f: Floats) -> Floats:
-        force = own.copy()
-        force[at] += f
-        return window.white(force, row)
+    f is taken at its mean in each bin, so that r(g) = r(f) + S (g - f) has slopes by bins alone.
+    """
 
-    unit = units(white, r, at.size)
-    slopes = np.array([(white(u * e) - r) / u for u, e in zip(unit, np.eye(at.size), strict=True)])
-    squares, pulls = slopes @ slopes.T, slopes @ r
-    f = own[at]
-    rest = float(r @ r) - 2.0 * float(pulls @ f) + float(f @ squares @ f)
-    return Polylines(squares, squares @ f - pulls, rest, r.size, wide)
+    def __init__(self, window: Window, one: Happened) -> None:
+        self.window, self.row = window, place_at(one.source.place).row(window.dof)
+        self.own = np.zeros(window.ends - window.begins)
+        self.own[one.first - window.begins : one.last - window.begins] = one.force
+
+    def polylines(self, at: NDArray[np.int64], wide: float) -> Polylines:
+        """What polylines over bins of ticks leave; at (bins + 1,): where these begin and end."""
+        ticks = np.arange(self.own.size) + self.window.begins
+        bins = np.array([(ticks >= a) & (ticks < b) for a, b in pairwise(at.tolist())], np.float64)
+        f = (bins @ self.own) / bins.sum(axis=1)
+        own = f @ bins
+        r, unit, slopes = self.window.white(own, self.row), 1e-6, list[Floats]()
+        for there in bins:
+            unit, slope = slope_of(
+                lambda by, t=there: self.window.white(own + by * t, self.row), r, unit
+            )
+            slopes.append(slope)
+        by = np.array(slopes)
+        without = r - f @ by
+        rest = float(without @ without)
+        return Polylines(by @ by.T, -(by @ without), rest, r.size, wide, at.astype(np.float64))
 
 
 def _evenly(low: int, high: int) -> list[int]:
     return np.linspace(low, high, GRID).round().astype(np.int64).tolist()
 
 
-def _edge(at: int, between: tuple[int, int]) -> Edge:
-    return between[0] - 1.0, float(at), between[1] + 1.0
-
-
 def _sought(
     cost: Callable[[int], float], begin: Sequence[int], low: int, high: int
 ) -> tuple[int, tuple[int, int]]:
-    """Return the tick of the least cost, and the first and last that cost less than `DATED` more.
+    """Return the tick of the least cost, and the first and last that cost less than 7.35 more.
 
     Gaps beside these are halved until they are closed. begin: ticks that are asked first.
     """
     known = {k: cost(k) for k in sorted(set(begin)) if low <= k <= high}
     while True:
         best = min(known, key=lambda k: known[k])
-        inside = [k for k in known if known[k] <= known[best] + DATED]
+        inside = [k for k in known if known[k] <= known[best] + EVIDENCE.dated]
         gaps = ((min(inside), -1), (max(inside), 1), (best, -1), (best, 1))
         halves = [_halved(known, end, way, low, high) for end, way in gaps]
         asked = {k for k in halves if k is not None}

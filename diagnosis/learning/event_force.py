@@ -36,6 +36,7 @@ from zwidth.diagnosis.noise.predictor import (
 )
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.hypothesis import Hypothesis
+from zwidth.diagnosis.settings import EVIDENCE
 from zwidth.sim.place import masses_and_links, place_at
 from zwidth.sim.predict import alone
 
@@ -47,8 +48,6 @@ FAR = 30.0  # times what was seen, that a force may be
 SHORT, MARGIN = 6, 2  # ticks of a pulse of which each has its own force, and those beside it
 HATS = 6  # over a longer one
 ABOUT = 3  # ticks about its peak, in which a slip is dated
-DATED = 3.84  # chi-square within which a time is as good
-SAME = 10.0  # in cost, below which a place is not told from another
 
 
 class Pulse(NamedTuple):
@@ -215,7 +214,7 @@ def fitted_event(
     as_good = [
         t.happened.source.place
         for t in tried
-        if t.cost < best.cost + SAME
+        if t.cost < best.cost + EVIDENCE.as_well
         and t.happened.source.place != best.happened.source.place
         and t.happened.source.lasting == best.happened.source.lasting
     ]
@@ -255,7 +254,7 @@ def _force(
     def white(f: Floats) -> Floats:
         return window.white(whole @ f, row)
 
-    found = solved(white, window.unknown, units(white, window.unknown, count))
+    found = solved(white, window.unknown, np.full(count, 1e-6))
     happened = Happened(
         recording, source, first, last, basis @ found.f, wide * basis @ found.covariance @ basis.T,
         found.gained / wide - count, (first, last),
@@ -283,13 +282,12 @@ def _slip(
             return window.white(size, row)
         return window.white(None, row, size[:, None] * row)
 
-    r, unit = window.unknown, np.full(1, 1e-6)
+    r, unit = window.unknown, 1e-6
     taken, each = np.zeros(len(ticks)), list[Floats]()
     for k, at in enumerate(ticks):
-        unit = units(partial(white, at=at), r, 1, unit[0])
-        slope = (white(unit, at) - r) / unit[0]
+        unit, slope = slope_of(lambda f, at=at: white(np.array([f]), at), r, unit)
         taken[k] = float(slope @ r) ** 2 / max(float(slope @ slope), 1e-300)
-        each.append(unit)
+        each.append(np.full(1, unit))
     fits: dict[int, Solved] = {}
 
     def chi2(k: int) -> float:
@@ -300,11 +298,11 @@ def _slip(
     best = int(np.argmax(taken))
     for way in (1, -1):
         k = best
-        while 0 <= k + way < len(ticks) and chi2(k + way) < chi2(best) + DATED:
+        while 0 <= k + way < len(ticks) and chi2(k + way) < chi2(best) + EVIDENCE.told:
             k += way
             best = k if chi2(k) < chi2(best) else best
     least, at, found = chi2(best), ticks[best], fits[best]
-    near = [ticks[k] for k in fits if chi2(k) < least + DATED]
+    near = [ticks[k] for k in fits if chi2(k) < least + EVIDENCE.told]
     happened = Happened(
         recording, source, at, at + 1, found.f, wide * found.covariance, found.gained / wide,
         (min(near) - 1.0, float(max(near))),
@@ -321,27 +319,20 @@ class Solved(NamedTuple):
     gained: float
 
 
-def solved(
-    white: Callable[[Floats], Floats],
-    unknown: Floats,
-    unit: Floats,
-    begin: Floats | None = None,
-) -> Solved:
-    """Return the least squares; unknown: the residual of no force; unit (k,): see `units`.
+def solved(white: Callable[[Floats], Floats], unknown: Floats, unit: Floats) -> Solved:
+    """Return the least squares from no force on.
 
-    Steps are as large as noise hides: what sticks under less moves under them. begin (k,): where
-    they set out, None for no force.
+    unknown: the residual of no force; unit (k,): as `slope_of` takes it.
     """
     count, f, r = unit.size, np.zeros(unit.size), unknown
-    start = float(r @ r)
-    if begin is not None:
-        f, r = begin, white(begin)
-    least, damping = float(r @ r), 0.0
+    start = least = float(r @ r)
+    damping, unit = 0.0, unit.copy()
     size = np.full(count, np.inf)
     slopes = np.zeros((r.size, count))
     for _ in range(STEPS):
-        slopes = np.column_stack([(white(f + unit[j] * row) - r) / unit[j]
-                                  for j, row in enumerate(np.eye(count))])  # fmt: skip
+        for j, row in enumerate(np.eye(count)):
+            begin = unit[j - 1] if j and not np.all(np.isfinite(size)) else unit[j]
+            unit[j], slopes[:, j] = slope_of(lambda d, f=f, e=row: white(f + d * e), r, begin)
         if not np.all(np.isfinite(size)):
             first = np.linalg.lstsq(slopes, -r, rcond=1e-6)[0]
             seen = max(float(np.abs(f + first).max()), float(unit.max()))
@@ -364,24 +355,20 @@ def solved(
     return Solved(f, covariance, least, start - least)
 
 
-def units(
-    white: Callable[[Floats], Floats], unknown: Floats, count: int, start: float = 1e-6
-) -> Floats:
-    """Return by how much each number (count,) moves the residual by about one.
+def slope_of(
+    moved: Callable[[float], Floats], unknown: Floats, unit: float = 1e-6
+) -> tuple[float, Floats]:
+    """Return by how much a number moves the residual by about one, and its slope there.
 
-    start: from where on that is sought.
+    unit: from where on that is sought. Steps are as large as noise hides: what sticks under less
+    moves under them.
     """
-    found = np.zeros(count)
-    unit = start
-    for j, row in enumerate(np.eye(count)):
-        for _ in range(3):
-            moved = float(np.linalg.norm(white(unit * row) - unknown))
-            if moved > 0.0:
-                factor = min(1e6, max(1e-6, 1.0 / moved))
-                unit *= factor
-                if 0.1 < factor < 10.0:
-                    break
-            else:
-                unit *= 1e3
-        found[j] = unit
-    return found
+    change = moved(unit) - unknown
+    for _ in range(3):
+        size = float(np.linalg.norm(change))
+        factor = min(1e6, max(1e-6, 1.0 / size)) if size > 0.0 else 1e3
+        if 0.1 < factor < 10.0:
+            break
+        unit *= factor
+        change = moved(unit) - unknown
+    return unit, change / unit
