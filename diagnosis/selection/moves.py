@@ -365,7 +365,7 @@ def replaced(index: int) -> Move:
         seen = view(under, model, x, own=True)
         sizes = sizes_of(device, h.experiments, h.model.reads(h.x).gain)
         where = open_places(device)
-        (near, play), (far, _) = (_apart(starts_at(where, sizes, far)) for far in (False, True))
+        (near, _), (far, _) = (_apart(starts_at(where, sizes, far)) for far in (False, True))
         starts = _together(
             _together(near, shown_starts(seen)), [s for g in far.values() for s in g]
         )
@@ -380,9 +380,6 @@ def replaced(index: int) -> Move:
             likely = rank < effort.rivals and one.score > least
             if likely or akin or one.start.label in richer:
                 yield replace(_with(base, seen, one), akin=akin)
-        if effort.generations:
-            others_play = {k: g for k, g in play.items() if k != gone}
-            yield from _played(h, model, x, others_play, effort)
 
     return move
 
