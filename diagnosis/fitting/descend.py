@@ -78,15 +78,24 @@ def slopes_at(ground: Landscape, x: Floats, widths: Floats, both: bool) -> Slope
 
 
 def descend(
-    ground: Landscape, x: Floats, rounds: int = 12, creased: bool = False, worth: float = ENOUGH
+    ground: Landscape,
+    x: Floats,
+    rounds: int = 12,
+    creased: bool = False,
+    worth: float = ENOUGH,
+    first: bool = False,
 ) -> Descended:
-    """Go downhill from x; creased: whether the model has effects that are (`Effect.creased`)."""
+    """Go downhill from x; creased: whether the model has effects that are (`Effect.creased`).
+
+    first: whether another descent follows, so that slopes to one side do. Four recordings of the
+    account lost no name by it, and 10 to 12 % of their simulations.
+    """
     x = ground.model.within(x)
     widths = np.full(x.size, CREASED if creased else SMOOTH)
     cost, made = np.inf, 0
     while made < rounds:
         made += 1
-        at = slopes_at(ground, x, widths, creased)
+        at = slopes_at(ground, x, widths, creased and not first)
         if made == 1:
             cost = ground.cost(at.residual)
         slopes = np.nan_to_num(at.slopes, nan=0.0, posinf=0.0, neginf=0.0)

@@ -245,7 +245,8 @@ def _settled(begun: Hypothesis, turns: int, rounds: int, worth: float) -> Hypoth
 
 
 def _descended(h: Hypothesis, rounds: int, fine: bool) -> Floats:
-    return descend(h.ground if fine else h.far_ground, h.x, rounds, h.creased).x
+    ground = h.ground if fine else h.far_ground
+    return descend(ground, h.x, rounds, h.creased, first=not (fine or h.has_valleys)).x
 
 
 def priced(h: Hypothesis) -> Hypothesis:

@@ -4,6 +4,7 @@ import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations, product
 
 import numpy as np
@@ -29,6 +30,7 @@ from zwidth.diagnosis.seeking.sizes import sizes_of
 from zwidth.diagnosis.selection.effort import Effort
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, Prices, judged, settled
 from zwidth.diagnosis.settings import PURSUIT
+from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import place_label
 from zwidth.sim.physics import richer_at
 from zwidth.sim.physics.effect import Effect, Physics
@@ -96,7 +98,7 @@ class Proposal:
         ground = Landscape(self.under.experiments, self.under.observer, self.model, SCREENING)
         creased = any(p.effect.creased for p in self.model.effects)
         rounds = (2 if with_play(self.model.effects) else 1) * Effort.first_rounds
-        first = descend(ground, self.x, rounds, creased)
+        first = descend(ground, self.x, rounds, creased, first=True)
         return Begun(self, first.x, first.cost)
 
 
@@ -110,7 +112,7 @@ class Begun:
 
 
 def _on_its_way(h: Hypothesis, rounds: int) -> Hypothesis:
-    moved = h.moved(descend(h.far_ground, h.x, rounds, h.creased).x)
+    moved = h.moved(descend(h.far_ground, h.x, rounds, h.creased, first=True).x)
     return moved if moved.cost.misfit < h.cost.misfit else h
 
 
@@ -189,22 +191,29 @@ def _played(
 ) -> Iterator[Proposal]:
     """Yield a model with the play that a scan shows, one each place, fitted under its own noise.
 
-    From where populations arrive that cost least (`seeking.playing`): beside the bottom of a valley
-    a play of -131 540 in -2 ln, whose fit ends at -136 500, costs more than a cubic at -131 760.
+    Each from where a population arrives (`seeking.playing`), and the least of them: beside the
+    bottom of a valley a play of -131 540 in -2 ln, whose fit ends at -136 500, costs more than a
+    cubic at -131 760; and what is cheapest where it arrives has ended in the wrong valley.
     """
     ticks = max(SCANNED_TICKS, TELLING_TICKS * len(h.experiments))
     seen = beginnings(h.experiments, ticks)
     if all(np.std(e.measured[:, 0]) < WAITS * e.swing for e in seen):
         seen = list(h.experiments)
     for group in play.values():
-        found: list[Hypothesis] = []
         shown = scanned(seen, model, x, group)
-        for wide, there in arrivals(seen, shown, effort.members, effort.generations):
-            with suppress(NoObserver):
-                found.append(judged(h.experiments, wide, there.x, h.family, None, h.prices))
+        begun = arrivals(seen, shown, effort.members, effort.generations)
+        asked = [partial(_arrived, h, wide, there.x) for wide, there in begun]
+        found = [one for one in in_parallel(asked, threads()) if one is not None]
         if found:
-            one = settled(min(found, key=lambda one: one.cost.total), turns=1)
+            one = min(found, key=lambda one: one.cost.total)
             yield Proposal(h.experiments, one.model, one.x, h.family, None, one.ratio, h.prices)
+
+
+def _arrived(h: Hypothesis, wide: Model, x: Floats) -> Hypothesis | None:
+    """A wider model, fitted from where a population arrived under its own noise."""
+    with suppress(NoObserver):
+        return settled(judged(h.experiments, wide, x, h.family, None, h.prices), turns=1)
+    return None
 
 
 def stepped(h: Hypothesis, _: Effort) -> Iterator[Proposal]:
@@ -394,7 +403,7 @@ def _without(
     under = _cut(h.problem, ticks)
     ground = Landscape(under.experiments, under.observer, model, SCREENING)
     creased = any(p.effect.creased for p in model.effects)
-    first = descend(ground, x, Effort.first_rounds, creased)
+    first = descend(ground, x, Effort.first_rounds, creased, first=True)
     whole = Landscape(under.experiments, under.observer, h.model, SCREENING)
     return under, first.x, first.cost - float(whole.costs([h.x])[0])
 
