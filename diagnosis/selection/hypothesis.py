@@ -15,7 +15,7 @@ from zwidth.diagnosis.fitting.uncertainty import shared
 from zwidth.diagnosis.model.parameters import Model, effect_labels
 from zwidth.diagnosis.noise.beginning import with_play
 from zwidth.diagnosis.noise.family import NEXT_SAMPLE, Family, Noise, likeliest
-from zwidth.diagnosis.noise.predictor import SCREENING, SEARCHING, Fineness
+from zwidth.diagnosis.noise.predictor import FINAL, SCREENING, SEARCHING, Fineness
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.evidence import Compared, Cost, compared, freedom, rarity
 from zwidth.diagnosis.settings import EVIDENCE
@@ -114,6 +114,11 @@ class Hypothesis:
     def samples(self) -> int:
         """Number of weighed innovations in the residual."""
         return self.residual.size - sum(p.prior for p in self.model.parameters)
+
+    def in_finer_steps(self) -> "Hypothesis":
+        """Return it with what it costs in the substeps of final fits, all else as it is."""
+        (finer,) = self._ground(FINAL).costs([self.x])
+        return replace(self, cost=replace(self.cost, misfit=float(finer)))
 
     def moved(self, x: Floats) -> "Hypothesis":
         """Return the hypothesis at another x, its noise sought anew about its own."""
