@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.noise.beginning import begun
+from zwidth.diagnosis.noise.beginning import begun, with_play
 from zwidth.diagnosis.noise.predictor import (
     SETTLING,
     Observer,
@@ -83,7 +83,11 @@ def prepared_for(
     else:
         gain = observer_for(device, seen[0], ratio)
         chosen = Observer(gain, deviation(device, seen, gain), ratio, told=told(seen))
-    starts = [begun(device, e, chosen).start for e in seen]
+    # With play they are dear to seek, and where the observer of nearly the same model began does.
+    kept = with_play(device.physics)
+    starts = [
+        e.start if kept and e.start is not None else begun(device, e, chosen).start for e in seen
+    ]
     known = [replace(e, start=s) for e, s in zip(experiments, starts, strict=True)]
     errors = [innovations(device, model.seen(e, x), chosen.gain) for e in known]
     if not all(np.all(np.isfinite(e)) for e in errors):
