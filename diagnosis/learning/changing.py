@@ -48,7 +48,7 @@ from zwidth.diagnosis.noise.predictor import (
 )
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.evidence import Compared, believed, compared
-from zwidth.diagnosis.selection.hypothesis import Hypothesis, against, judged, settled
+from zwidth.diagnosis.selection.hypothesis import Hypothesis, against, judged, priced, settled
 from zwidth.diagnosis.settings import EVIDENCE
 from zwidth.sim.kernel import Memory
 from zwidth.sim.predict import alone
@@ -407,7 +407,6 @@ def varied(h: Hypothesis, suspect: Suspect) -> Varied | None:
     parts = cut(h.experiments, suspect, names)
     if len({e.shares for e in parts}) < 2:
         return None
-    without = settled(judged(parts, h.model, h.x, h.family))
     model = replace(
         h.model,
         varying=(
@@ -418,9 +417,13 @@ def varied(h: Hypothesis, suspect: Suspect) -> Varied | None:
             ),
         ),
     )
-    begun = judged(parts, model, model.within(np.append(without.x, amounts)), h.family)
-    best = settled(begun)
-    if best.against_physics or not believed(best.cost, without.cost, against(best, without).phi):
+    best = settled(judged(parts, model, model.within(np.append(h.x, amounts)), h.family))
+    # Held against what is not fitted to the parts first, which costs no less than its own fit.
+    unfitted = judged(parts, h.model, h.x, h.family)
+    if best.against_physics or not believed(best.cost, priced(unfitted).cost):
+        return None
+    without = settled(unfitted)
+    if not believed(best.cost, without.cost, against(best, without).phi):
         return None
     if suspect.shape == STEP:
         at, between = _dated(h.experiments, best, suspect)
