@@ -52,12 +52,13 @@ from zwidth.diagnosis.answer.coherence import Span, span
 from zwidth.diagnosis.fitting.fit import Fitted
 from zwidth.diagnosis.intake.gate import encoder_step_seen
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.noise.beginning import begun, begun_as
+from zwidth.diagnosis.noise.beginning import begun, begun_as, with_play
 from zwidth.diagnosis.noise.predictor import (
     FreeRuns,
     Observer,
     deviation,
     driven,
+    first_motion,
     free_run_errors,
     free_runs,
     innovations,
@@ -68,6 +69,7 @@ from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.selection.evidence import ALPHA, compared
 from zwidth.diagnosis.settings import ADEQUACY
 from zwidth.jobs.parallel import in_parallel, threads
+from zwidth.sim.device import Device
 from zwidth.sim.predict import OVERFLOW
 
 Floats = NDArray[np.float64]
@@ -335,9 +337,19 @@ def _bootstrapped(
         y = driven(model.acting(x), there, gain, noise.drawn(e.ticks, random))
         again = replace(mine, measured=y + (mine.measured - theirs.measured))
         if mine.before is None:
-            again = begun(model.acting(final.x), again, noise.observer)
+            again = _begun_again(model.acting(final.x), again, mine, noise.observer)
         played.append(again)
     return np.stack(_judged(_runs(final, noise.observer, played, lengths), spans))
+
+
+def _begun_again(
+    device: Device, again: Experiment, mine: Experiment, observer: Observer
+) -> Experiment:
+    """A recording that a model played, begun; with play, dear to seek, where the model did."""
+    if not with_play(device.physics) or mine.start is None:
+        return begun(device, again, observer)
+    before, after = (np.array(first_motion(e.outputs, e.measured, e.period)) for e in (mine, again))
+    return replace(again, start=mine.start + np.repeat(before - after, mine.start.size // 2))
 
 
 def _better(
