@@ -1,10 +1,11 @@
 """Adequacy: an answer beside what it foretells of itself, and beside doing without it."""
 
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 import pytest
-from fitting_examples import drive, recording
+from fitting_examples import drive, play, recording
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
@@ -285,3 +286,21 @@ def test_what_is_not_believed_leaves_no_noise_behind(rubbed: Taken) -> None:
     far = as_found(drive(), Search(plain, plain, QUICK, lambda _: None))
     assert far.problem.observer.whitening is None
     assert unnamed(far).problem.observer.whitening is not None
+
+
+def test_a_bootstrap_with_play_begins_where_the_model_did() -> None:
+    """Whatever noise is on its first samples. Mutation: as far from these as from the recorded."""
+    device = drive().with_physics(play(0.03))
+    mine = replace(recording(device, 400, 5), start=np.array([1e-3, 2e-3, 0.1, -0.2]))
+    random = np.random.default_rng(1)
+    noise = 1e-3 * random.standard_normal(mine.measured.shape)
+    again = judging._begun_again(
+        device, replace(mine, measured=mine.measured + noise), mine, cast(Observer, None)
+    )
+    assert mine.start is not None
+    assert again.start is not None
+    begun = [
+        np.repeat(first_motion(e.outputs, e.measured, e.period), 2) + e.start for e in (mine, again)
+    ]
+    assert begun[1] == pytest.approx(begun[0], abs=1e-12)
+    assert not np.allclose(again.start, mine.start)

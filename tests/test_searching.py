@@ -24,6 +24,8 @@ from zwidth.diagnosis.mishaps import silent
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.seeking.candidates import Start
+from zwidth.diagnosis.seeking.places import open_places, starts_at
+from zwidth.diagnosis.seeking.playing import scanned
 from zwidth.diagnosis.seeking.sizes import sizes_of
 from zwidth.diagnosis.selection import search as searching
 from zwidth.diagnosis.selection.effort import NORMAL, QUICK, Effort
@@ -678,6 +680,59 @@ def test_what_gains_and_is_not_believed_may_stand_for_what_is(
     for no in (worse, other):  # of a beam, one that lacks what the best has
         assert searching._in_place_of(found, cast(Any, no)) == []
     assert asked == [1]
+
+
+def test_a_link_that_the_file_has_too_stiff_is_no_play() -> None:
+    """There a gap gains 160 to 330 in -2 ln: it softens the link, which the fit has done already.
+
+    Mutation: a gap is held against no play at its own place alone.
+    """
+    made = [recording(drive(), 3000, 8)]
+    model = Model(drive(np.array([1.0, 1.0, 2.0])))
+    h = settled(judged(made, model, np.zeros(len(model.parameters))))
+    device = h.model.build(h.x)
+    sizes = sizes_of(device, h.experiments, h.model.reads(h.x).gain)
+    starts = starts_at(open_places(device), sizes, far=False)["backlash@link12"]
+    assert scanned(made, h.model, h.x, starts) == []
+
+
+def _standing(*effects: str, total: float, finer: float, less: float = 0.0) -> Any:
+    """A hypothesis with play that costs so much, in finer substeps, and less its last effect."""
+    own: Any = SimpleNamespace(
+        labels=frozenset(effects), cost=SimpleNamespace(total=total), x=np.zeros(2), ratio=1.0,
+        experiments=(), prices=(), begun=None, family=SimpleNamespace(near=lambda _: None),
+        in_finer_steps=lambda: SimpleNamespace(cost=SimpleNamespace(total=finer)),
+    )  # fmt: skip
+    smaller = SimpleNamespace(effects=effects[:-1], cost=less)
+    own.model = SimpleNamespace(effects=effects, less=lambda x, *_: (smaller, x))
+    return own
+
+
+@pytest.mark.parametrize(
+    ("less", "finer", "accepted", "best"),
+    [(0.0, -100.0, True, 0.0), (-95.0, -100.0, False, -95.0), (0.0, 13000.0, False, 0.0)],
+)
+def test_beside_play_what_is_believed_is_so_from_there_and_in_finer_steps(
+    monkeypatch: pytest.MonkeyPatch, less: float, finer: float, accepted: bool, best: float
+) -> None:
+    """Play's fits end among ups and downs, and its motion is chaotic.
+
+    Mutations: the best is not fitted from there; finer substeps are not asked.
+    """
+    old = _standing("play", total=0.0, finer=0.0)
+    new = _standing("play", "ripple", total=-100.0, finer=finer, less=less)
+
+    def fitted_from(_: Any, model: Any, *__: Any) -> Any:
+        return _standing("play", total=model.cost, finer=model.cost)
+
+    found: Any = SimpleNamespace(
+        best=old, keep=lambda h: h, ahead=lambda new, old: new.cost.total < old.cost.total - 13.8
+    )
+    monkeypatch.setattr(searching, "effect_labels", list)
+    monkeypatch.setattr(searching, "judged", fitted_from)
+    monkeypatch.setattr(searching, "settled", lambda h, **_: h)
+    assert searching._ahead_from_there(found, [new]) == ([new] if accepted else [])
+    assert found.best.cost.total == best
 
 
 def test_play_is_seen_of_a_device_that_waits() -> None:
