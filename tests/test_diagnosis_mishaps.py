@@ -236,8 +236,8 @@ def test_a_candidate_that_fails_costs_itself_alone(monkeypatch: pytest.MonkeyPat
     all_of_a_view = replace(PURSUIT, rival_share=-np.inf)
     monkeypatch.setattr("zwidth.diagnosis.selection.moves.PURSUIT", all_of_a_view)
 
-    def first(ground: Any, *rest: Any) -> Any:
-        return throw() if ground.model.has("gain_asymmetry") else descend(ground, *rest)
+    def first(ground: Any, *rest: Any, **more: Any) -> Any:
+        return throw() if ground.model.has("gain_asymmetry") else descend(ground, *rest, **more)
 
     def last(h: Hypothesis, **more: Any) -> Hypothesis:
         return throw() if h.model.has("gain_asymmetry") else settled(h, **more)

@@ -273,4 +273,4 @@ at = "m1"
 """)
     line = ["identify", str(tmp_path / "r.toml"), "--out", str(tmp_path), "--modes", "1"]
     assert cli.run(line) == 0
-    assert "which is not used here" in capsys.readouterr().err
+    assert "which this command does not use" in capsys.readouterr().err
