@@ -272,9 +272,10 @@ def test_the_cycle_of_an_encoder_step() -> None:
 def test_steps_and_friction_leave_the_frequency_of_what_grows(level: float) -> None:
     """At each unstable end f is that of the linear loop's pole that grows most there, 0.5 %.
 
-    What grows leaves steps and friction behind. Mutations: the run not followed to its verdict,
-    or `ultimate_frequencies` in place of `largest_frequencies` (179 to 456 Hz for 7 to 24 Hz under
-    the steps); the growth left in the velocity (no frequency with friction).
+    What grows leaves steps and friction behind. Mutations: the run not followed to its verdict and
+    `ultimate_frequencies` in place of `largest_frequencies`, both at once (179 to 456 Hz for 7 to
+    24 Hz under the steps; on this device either alone is enough); the growth left in the velocity
+    (no frequency with friction).
     """
     device = with_friction(phantom().with_interface(encoder_step=1e-4), level)
     (brackets,) = find_brackets([device], [np.linspace(0.0, 0.1, 11)], usual_trial(device))

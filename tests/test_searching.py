@@ -564,7 +564,7 @@ def test_from_another_valley_all_is_tried_anew(
     found = Search(best, best, NORMAL, silent)
     found.grown.add(best.labels)
     found.exchanged.add(best.labels)
-    look_for_valleys(found, always=True)
+    look_for_valleys(found)
     assert found.best is other
     assert not found.grown | found.exchanged
 

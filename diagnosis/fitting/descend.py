@@ -88,7 +88,7 @@ def descend(
     """Go downhill from x; creased: whether the model has effects that are (`Effect.creased`).
 
     first: whether another descent follows, so that slopes to one side do. Four recordings of the
-    account lost no name by it, and 10 to 12 % of their simulations.
+    account lost no name by it, and 10 to 13 % of their simulations.
     """
     x = ground.model.within(x)
     widths = np.full(x.size, CREASED if creased else SMOOTH)

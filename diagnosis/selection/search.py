@@ -2,7 +2,6 @@
 
     settle the linear parameters
     repeat: add the effect that is believed most        (a beam, until nothing is believed)
-            let a population look for the valley anew   (where there are creases)
             put simpler, other, fewer effects in place  (until nothing costs less: the rivals)
 
 What is believed, `evidence` says; what is tried, `moves` say; how much, `Effort`.
@@ -58,7 +57,6 @@ from zwidth.sim.device import Device
 Floats = NDArray[np.float64]
 Result = TypeVar("Result")
 Apart = Callable[[Hypothesis], "Sequence[Experiment] | None"]
-LESS = (1.0, 1e-1, 1e-2)  # of the own ratio, under which they grow where play is there
 LADDER = (1.0, 1e-1, 1e-2, 1e-3, 1e-4)  # ratios under which populations grow
 WORTH_SAYING = 2.0  # [s], that fits must take to be announced
 GROWN_TICKS = 10000  # of all recordings together, to which populations grow
@@ -157,7 +155,7 @@ def from_afar(found: Search) -> bool:
     before = found.best
 
     def look(found: Search) -> None:
-        look_for_valleys(found, always=True)
+        look_for_valleys(found)
         if found.best is not before:
             _rounds(found)
 
@@ -464,25 +462,21 @@ def _worth(more: Hypothesis, less: Hypothesis) -> bool:
     return believed(more.cost, less.cost, against(more, less).phi)
 
 
-def look_for_valleys(found: Search, always: bool = False) -> None:
+def look_for_valleys(found: Search) -> None:
     """Let populations grow from where the best hypothesis stands and from the device file.
 
-    Where a fit ends in the valley in which it began (play), under its own ratio and two that are
-    less: what the best has left unexplained is noise to it, so that its own ratio is more than the
-    right one. Or always, and then under each ratio of a ladder. What costs least of all that
-    arrived, under its own noise, grows on.
+    Under each ratio of a ladder: what the best has left unexplained is noise to it, so that its own
+    ratio is more than the right one. What costs least of all that arrived, under its own noise,
+    grows on.
     """
     h, effort = found.best, found.effort
     if not h.creased or effort.generations == 0 or h.labels in found.looked:
-        return
-    if not (h.has_valleys or always):
         return
     found.looked.add(h.labels)
     found.say(f"fitting {h.model.label} again from other starting values")
     prior = np.array([p.prior for p in h.model.parameters])
     starts = [h.x, np.where(prior, 0.0, h.x)]
-    near = tuple(h.ratio * less for less in LESS) if h.family.whitening else (h.ratio,)
-    ladder = LADDER if always and h.family.whitening else near
+    ladder = LADDER if h.family.whitening else (h.ratio,)
     first = _arrived(h, effort, [(ratio, starts, FAR_SPREAD) for ratio in ladder])
     new = _grown_on(found, [h, *first])
     if new is not None and new.cost.total < h.cost.total:
