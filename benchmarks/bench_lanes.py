@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.controllers.recorded import recorded
-from zwidth.diagnosis.fitting.fit import STEP, Problem
+from zwidth.diagnosis.fitting.descend import SMOOTH
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.noise.predictor import choose_observer
+from zwidth.diagnosis.noise.family import likeliest
 from zwidth.diagnosis.recording.experiment import Experiment, Output
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import Device
@@ -144,18 +144,15 @@ def jacobian() -> tuple[float, float]:
     motion = (run.trace["position_m1"] + 1e-5 * rng.normal(size=TICKS))[:, None]
     experiment = Experiment(1e-3, command, motion, (Output("position", 0),))
     model = Model(device, (coulomb(3e-3),), ({"level": 3e-3},))
-    problem = Problem([experiment], choose_observer(device, [experiment]))
     x = np.zeros(len(model.parameters))
-    base = problem.residual(model, x)
+    problem = likeliest([experiment], model, x).problem([experiment])
 
-    def column(i: int) -> Floats:
-        return (problem.residual(model, x + STEP * np.eye(1, x.size, i)[0]) - base) / STEP
+    xs = [x, *(x + SMOOTH * np.eye(x.size))]
 
-    def one_by_one() -> Floats:
-        columns = in_parallel([lambda i=i: column(i) for i in range(x.size)], threads())
-        return np.column_stack(columns)
+    def one_by_one() -> list[Floats]:
+        return in_parallel([lambda x=x: problem.weighted(model, x) for x in xs], threads())
 
-    return least(one_by_one, 3), least(lambda: problem.jacobian(model, x, base), 3)
+    return least(one_by_one, 3), least(lambda: problem.weighted_each(model, xs), 3)
 
 
 def propagator() -> float:

@@ -198,6 +198,10 @@ class Intake:
     off: float = 2.5
     """Factor by which a device file may be off in how much a command drives."""
 
+    alike: float = 1.1
+    """Slope within which a position and the integral of a velocity are those of one motion. No
+    unit is as near one, and no filter that a device is read by makes as much."""
+
     sign_off: float = 3.0
     """As `off`, of a sign that is wrong: a wrong unit beside it is rare."""
 

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from zwidth.diagnosis.fitting.descend import fit
 from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.recording.experiment import Experiment
@@ -126,7 +127,7 @@ def as_made(known: Reference, made: Experiment, physics: Sequence[Physics]) -> l
         for p in lost:
             model = model.with_effect(p, {})
         x = np.zeros(model.linear_count)
-        return problem.weighted(model, problem.fit(model, x).x if fitted else x)
+        return problem.weighted(model, fit(problem, model, x).x if fitted else x)
 
     whole = innovations(physics, fitted=False)
     found: list[float] = []

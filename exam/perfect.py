@@ -18,7 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from zwidth.diagnosis.noise.predictor import choose_observer, free_run_errors, observer_near
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.family import likeliest
+from zwidth.diagnosis.noise.predictor import free_run_errors, observer_near
 from zwidth.diagnosis.noise.settle import refit
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
@@ -72,7 +74,8 @@ def held_out(
     origin = linear["origin"]["value"] if "origin" in linear else None
     augmented = device_from_text(answer["device"])
     try:
-        ratio = choose_observer(truth, fit_on).ratio
+        truly = Model(truth)
+        ratio = likeliest(fit_on, truly, np.zeros(truly.linear_count)).observer.ratio
         _, best = refit(nominal, fit_on)
         return HeldOut(
             _error(nominal, judge_by, ratio),

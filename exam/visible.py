@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.diagnosis.fitting.descend import fit, fitted_at
 from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.model.parameters import Model, linear_parameters
 from zwidth.diagnosis.noise.predictor import (
@@ -68,7 +69,7 @@ def sight(
     errors = [innovations(device, whole.seen(e, x), observer.gain) for e in parts]
     problem = Problem(parts, _weighed(observer, errors, parts), SCREENING)
     base = problem.weighted(whole, x)
-    slopes = problem.jacobian(whole, x, _with_priors(whole, base))
+    slopes = fitted_at(problem, whole, x).jacobian
     # A spring that is concealed is none that a refit of the device file could change.
     known = {p.name for p in linear_parameters(bare)}
     off = Complement(slopes[:, [p.name in known for p in whole.parameters]])
@@ -111,7 +112,7 @@ def _without(seen: Sight, problem: Problem, model: Model, asked: float) -> float
     start = np.zeros(model.linear_count)
     sigma = seen.sigma(problem.weighted(model, start) - seen.base)
     if asked < sigma < CLEAR * asked:
-        fitted = problem.fit(model, start, rounds=ROUNDS, final=False)
+        fitted = fit(problem, model, start, ROUNDS)
         sigma = min(sigma, seen.sigma(fitted.residual[: seen.base.size] - seen.base))
     return sigma
 
@@ -147,5 +148,5 @@ def refitted(device: Device, experiments: Sequence[Experiment], noise: Noise) ->
         errors = [innovations(built, model.seen(e, x), observer.gain) for e in parts]
         kept = np.concatenate([e[SETTLING:] for e in errors])
         observer = replace(observer, deviation=np.sqrt(np.mean(kept**2, axis=0)))
-        x = Problem(parts, observer, SCREENING).fit(model, x, final=False).x
+        x = fit(Problem(parts, observer, SCREENING), model, x).x
     return model.build(x)

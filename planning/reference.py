@@ -7,14 +7,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from zwidth.diagnosis.fitting.descend import fitted_at
 from zwidth.diagnosis.fitting.fit import WORST, Problem
 from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.family import likeliest
 from zwidth.diagnosis.noise.predictor import (
     SETTLING,
-    choose_observer,
     innovations,
     prepared,
-    whitened,
 )
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
@@ -126,16 +126,15 @@ def reference(
     is None the observer is chosen by the likelihood of the recordings under this device, and colour
     that is left is whitened: the recordings must hold nothing that the device does not have.
     """
+    nothing = np.zeros(Model(device).linear_count)
     if noise is None:
-        chosen = choose_observer(device, experiments)
-        errors = [innovations(device, e, chosen.gain) for e in experiments]
-        observer = whitened(chosen, errors, experiments)
+        observer = likeliest(experiments, Model(device), nothing).observer
     else:
         observer = known_observer(device, experiments[0], noise)
     # An encoder's rounding of what is predicted would turn every small difference into noise.
     device = device.with_interface(encoder_step=0.0)
     problem, model = Problem(experiments, observer), Model(device)
-    jacobian = problem.jacobian(model, np.zeros(model.linear_count))
+    jacobian = fitted_at(problem, model, nothing).jacobian
     peak = max(float(np.abs(e.command).max()) for e in experiments)
     bare = Reference(device, problem, weighted(problem, device), jacobian, {}, peak)
     largest = float(np.linalg.norm(jacobian, axis=0).max())

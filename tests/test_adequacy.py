@@ -16,7 +16,7 @@ from zwidth.diagnosis.forces import unknown
 from zwidth.diagnosis.forces.unknown import Gained, Shape
 from zwidth.diagnosis.intake.take_in import Taken, take_in
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.noise.family import as_far_as
+from zwidth.diagnosis.noise.family import NEXT_SAMPLE, as_far_as
 from zwidth.diagnosis.noise.predictor import (
     Observer,
     driven,
@@ -159,7 +159,7 @@ def test_a_force_whose_answer_overflows_explains_nothing(found: Searched) -> Non
         strength, gained = unknown._solved(problem, fitted, Complement(fitted.jacobian), beyond)
         asked = Gained(replace(beyond, columns=[np.ones((e.ticks, 1))]), np.full(1, 1e-3), 1.0)
         with pytest.raises(NoObserver, match="overflows"):
-            unknown._with_force(problem, fitted, asked, np.inf)
+            unknown._with_force(problem, fitted, asked, np.inf, NEXT_SAMPLE)
     assert (strength.tolist(), gained) == ([0.0], 0.0)
 
 

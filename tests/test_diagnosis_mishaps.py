@@ -21,7 +21,7 @@ from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.intake.gate import Suspicion
 from zwidth.diagnosis.mishaps import Mishaps, collecting, isolated, silent
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.noise.predictor import choose_observer
+from zwidth.diagnosis.noise.family import likeliest
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment, ExperimentError, Output
 from zwidth.diagnosis.selection.effort import NORMAL, QUICK, Effort
@@ -460,14 +460,14 @@ def fast_mode(hertz: float, tip: float = 1e-4) -> Device:
 def test_a_model_that_no_kernel_follows_is_no_mistake():
     """A mode so fast that friction needs more substeps than are taken: the worst residual, no end.
 
-    Mutation: `Problem.weighted` without its answer to NoObserver.
+    Mutation: `Many` without `MOST_SUBSTEPS`.
     """
     light = fast_mode(200750.0, tip=1e-9)
     absurd = light.with_physics(make_physics("coulomb_friction", "m2", level=3e-3))
     problem = Problem([recorded()], searched().problem.observer)
-    with pytest.raises(NoObserver, match="so fast"):
-        choose_observer(absurd, [recorded()])
     model = Model(absurd)
+    with pytest.raises(NoObserver):
+        likeliest([recorded()], model, np.zeros(model.linear_count))
     assert np.all(problem.weighted(model, np.zeros(model.linear_count)) == 1e6)
 
 

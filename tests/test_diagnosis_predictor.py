@@ -12,10 +12,11 @@ from tests.diagnosis_examples import OUTPUTS, phantom, record
 from zwidth.diagnosis.fitting.uncertainty import inflation
 from zwidth.diagnosis.intake.gate import examine
 from zwidth.diagnosis.intake.hold import smooth, was_smooth
+from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.family import likeliest
 from zwidth.diagnosis.noise.predictor import (
     SETTLING,
     Observer,
-    choose_observer,
     innovations,
     observer_for,
     whitened,
@@ -66,13 +67,13 @@ def test_innovations_of_the_true_device_are_white():
     """With friction in the device too. Mutation that breaks it: friction left out of the device."""
     truth = phantom().with_physics(make_physics("coulomb_friction", "m1", level=2e-3))
     e = record(truth, 4.0, seed=3)
-    observer = choose_observer(truth, [e])
-    white = (innovations(truth, e, observer.gain)[SETTLING:] / observer.deviation).ravel()
+    observer = likeliest([e], Model(truth), np.zeros(Model(truth).linear_count)).observer
+    white = observer.weigh(innovations(truth, e, observer.gain))[SETTLING:].ravel()
     n = white.size
     correlation = [float(white[k:] @ white[:-k]) / n for k in range(1, 20)]
     assert np.max(np.abs(correlation)) < 4.5 / np.sqrt(n)
-    wrong = innovations(phantom(), e, observer.gain)[SETTLING:].ravel()
-    assert np.std(wrong) > 1.05 * observer.deviation[0]
+    wrong = observer.weigh(innovations(phantom(), e, observer.gain))[SETTLING:].ravel()
+    assert np.std(wrong) > 1.05
 
 
 def test_what_the_refit_spans_is_projected_away():

@@ -7,6 +7,7 @@ import pytest
 
 from tests.diagnosis_examples import record
 from zwidth.controllers.none import none
+from zwidth.diagnosis.fitting.descend import fit
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.forces import probes
 from zwidth.diagnosis.forces.leftover import leftover
@@ -101,7 +102,7 @@ def test_every_ripple_is_asked_whether_it_is_one_of_more_where_it_is():
     )
     scales = ({"amplitude": 1e-4, "period": 1e-3, "phase": 0.5},) * 2
     x = np.append(linear.x, np.zeros(6))
-    fitted = problem.fit(Model(device, ripples, scales), x, 1)
+    fitted = fit(problem, Model(device, ripples, scales), x, 1)
     built = {p.at: p.values["period"] for p in fitted.model.build(fitted.x).physics}
     for at in places:
         asked = [p.physics for p in repeating(fitted) if len(p.gone) == 1 and p.physics.at == at]
@@ -115,7 +116,7 @@ def square_found(truth: Device) -> tuple[Problem, Fitted]:
     problem, linear = refit(single(), [e])
     square = make_physics("quadratic_drag", "m1", coefficient=2e-5)
     start = np.append(linear.x, 0.0)
-    return problem, problem.fit(Model(single(), (square,), ({"coefficient": 2e-5},)), start, 30)
+    return problem, fit(problem, Model(single(), (square,), ({"coefficient": 2e-5},)), start, 30)
 
 
 def test_a_cube_is_told_from_a_square():
@@ -165,7 +166,7 @@ def test_where_a_device_rests_is_no_stop(monkeypatch: pytest.MonkeyPatch):
     cubic = make_physics("cubic_stiffness", "ground", coefficient=0.1)
     problem, linear = refit(held, [record(held, 1.0, seed=22)])
     model = Model(held, (cubic,), ({"coefficient": 0.1},))
-    fitted = problem.fit(model, np.append(linear.x, 0.0), 1)
+    fitted = fit(problem, model, np.append(linear.x, 0.0), 1)
     rests = np.concatenate([np.linspace(0.0, 1.0, 2000), 1.0 + 1e-16 * np.arange(1000)])
     monkeypatch.setattr(probes, "predicted_states", lambda *_: [rests[:, None]])
     found = list(probes._stops(problem, fitted))  # pyright: ignore[reportPrivateUsage]

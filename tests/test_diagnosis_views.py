@@ -10,10 +10,12 @@ from scipy.stats import multivariate_normal
 from tests.diagnosis_examples import ENCODER_NOISE, FORCE_NOISE, OUTPUTS, phantom, record
 from zwidth.controllers.excitation import noise
 from zwidth.controllers.recorded import recorded
+from zwidth.diagnosis.fitting.descend import fit
 from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.forces.spatial import response
 from zwidth.diagnosis.forces.unknown import instead, unknown
 from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.family import blind
 from zwidth.diagnosis.noise.predictor import SETTLING, Observer, innovations, whitened
 from zwidth.diagnosis.noise.settle import prepared_for, refit, settle
 from zwidth.diagnosis.recording.experiment import Experiment, Output
@@ -206,7 +208,7 @@ def test_what_hums_is_no_mode_and_what_rings_is_no_hum():
     for e, hums in ((record(phantom(), seconds, seed=9, force=hum), True), (ringing, False)):
         problem, without = refit(phantom(), [e])
         start = np.concatenate([without.x, np.zeros(3)])
-        final = problem.fit(Model(phantom(), (mode,), (scales,)), start, rounds=30)
+        final = fit(problem, Model(phantom(), (mode,), (scales,)), start, rounds=30)
         other = instead(problem, final, without, problem.experiments, "extra_mode at m1")
         assert (other is not None) is hums
         if other is not None:
@@ -239,7 +241,7 @@ def test_a_slower_observer_is_not_whitened():
     model = Model(phantom())
     x = np.zeros(model.linear_count)
     own = prepared_for([e], model, x)
-    slow = prepared_for([e], model, x, 1e-2 * own.observer.ratio)
+    slow = prepared_for([e], model, x, blind(1e-2 * own.observer.ratio))
     assert own.observer.whitening is not None
     assert slow.observer.whitening is None
     left = slow.residual(model, x)
@@ -315,7 +317,7 @@ def test_an_inertia_that_swings_is_no_eccentric_encoder():
         problem, linear = refit(device, [e])
         model = Model(device, (eccentric,), (scales,))
         problem, final = settle(problem.experiments, model, np.append(linear.x, np.zeros(3)))
-        without = problem.fit_without(final, 0)
+        without = fit(problem, *final.model.less(final.x, 0))
         other = instead(problem, final, without, problem.experiments, "encoder_eccentricity")
         assert (other is not None) is swings
         assert other is None or "inertia" in other.sentence

@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 from fitting_examples import drive, play, recording
 
+from zwidth.diagnosis.fitting.descend import fit
 from zwidth.diagnosis.fitting.evolve import Generations, evolve
 from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.fitting.landscape import FAR, Landscape
 from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.family import Family, blind
 from zwidth.diagnosis.noise.settle import prepared_for, refit
 from zwidth.diagnosis.selection.hypothesis import judged, settled
 from zwidth.sim.physics import make_physics
@@ -19,7 +21,9 @@ def test_a_landscape_says_of_many_what_a_problem_says_of_each(white: bool) -> No
     truth = drive().with_physics(play(0.01))
     recordings = [recording(truth, 900, 3, (0, 1)), recording(truth, 700, 4, (0, 1))]
     model = Model(drive(), (play(0.01),), ({"gap": 0.01},))
-    there = prepared_for(recordings, model, np.zeros(len(model.parameters)), 1e-2, white=white)
+    there = prepared_for(
+        recordings, model, np.zeros(len(model.parameters)), Family((1e-2,), whitening=white)
+    )
     ground = Landscape(there.experiments, there.observer, model)
     random = np.random.default_rng(1)
     xs = [0.3 * random.standard_normal(len(model.parameters)) for _ in range(19)]
@@ -36,7 +40,7 @@ def test_a_landscape_says_of_many_what_a_problem_says_of_each(white: bool) -> No
 def test_a_member_that_runs_away_has_infinite_cost_and_its_neighbours_have_their_own() -> None:
     model = Model(drive(), (play(0.01),), ({"gap": 0.01},))
     made = recording(drive().with_physics(play(0.01)), 600, 3)
-    there = prepared_for([made], model, np.zeros(len(model.parameters)), 1e-2)
+    there = prepared_for([made], model, np.zeros(len(model.parameters)), blind(1e-2))
     ground = Landscape(there.experiments, there.observer, model)
     sound, wild = np.zeros(len(model.parameters)), np.zeros(len(model.parameters))
     names = [p.name for p in model.parameters]
@@ -59,7 +63,9 @@ def test_a_population_finds_play_where_the_refit_has_bent_away_from_it() -> None
     found = evolve([made], model, starts, 1e-2)
     assert [f.cost for f in found] == sorted(f.cost for f in found)
     assert model.build(found[0].x).physics[0].values["gap"] == pytest.approx(0.01, rel=0.1)
-    by_slopes = prepared_for([made], model, starts[0], problem.observer.ratio).fit(model, starts[0])
+    by_slopes = fit(
+        prepared_for([made], model, starts[0], blind(problem.observer.ratio)), model, starts[0]
+    )
     assert model.build(by_slopes.x).physics[0].values["gap"] < 0.006
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from tests.diagnosis_examples import OUTPUTS, phantom, record
 from zwidth.controllers.recorded import recorded
+from zwidth.diagnosis.intake import gate
 from zwidth.diagnosis.intake.driven import driven
 from zwidth.diagnosis.intake.gate import COMMAND, corrected, misread, suspicion
 from zwidth.diagnosis.intake.rectified import unfolded
@@ -111,6 +112,30 @@ def test_drag_and_friction_that_no_device_file_knows_are_no_wrong_unit():
     told = driven(motor(), e)
     assert told is not None
     assert told.gained < 40.0
+
+
+@pytest.mark.parametrize("factor", [1.0, -1.0, DEGREES])
+def test_a_velocity_that_goes_with_its_position_is_not_read_wrong_alone(
+    factor: float, monkeypatch: pytest.MonkeyPatch
+):
+    """An eccentric encoder beside two frictions had the sign of a velocity taken for wrong.
+
+    Mutations that break it: no look at the other sensor; a slope one way alone.
+    """
+    e = driven_motor(1000)
+    seen = gate._seen
+
+    def velocity_seems_off(device: Device, e: Experiment, o: int) -> gate._Seen:
+        off = replace(seen(device, e, o), scale=1.0 / factor, off=True)
+        return replace(off, scale=-1.0) if factor == 1.0 else off
+
+    monkeypatch.setattr(
+        gate, "_seen", lambda d, e, o: velocity_seems_off(d, e, o) if o else seen(d, e, o)
+    )
+    read = replace(e, measured=e.measured * np.array([1.0, factor]))
+    noisy = replace(read, measured=read.measured * np.array([1e-3, 1.0]))
+    assert (factors(motor(), read) == []) is (factor == 1.0)
+    assert not gate._tell_the_same(noisy, 1, 0)
 
 
 def test_noise_that_a_feedback_puts_into_the_command_takes_no_energy_out():

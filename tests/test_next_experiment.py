@@ -9,6 +9,7 @@ import pytest
 
 from tests.diagnosis_examples import phantom
 from zwidth.diagnosis.answer.friction_curve import missing_force
+from zwidth.diagnosis.fitting.descend import fit
 from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import SETTLING
@@ -169,13 +170,13 @@ def test_missing_force_is_the_force_that_is_missing():
     command = excitation("small_multisine", phantom(), 6.0, Scale(1.5, 1.0))
     e = rehearse(truth, command, Noise(2e-3, 1e-5))
     problem = Problem([e], known_observer(phantom(), e, Noise(2e-3, 1e-5)))
-    known = problem.fit(Model(phantom()), rounds=1)  # no refit: all of it is missing
+    known = fit(problem, Model(phantom()), rounds=1)  # no refit: all of it is missing
     force = missing_force(problem, known, e, "m1")
     q = e.measured[:, 0]
     wave = values["amplitude"] * np.sin(2.0 * np.pi * q / values["period"] + values["phase"])
     assert np.corrcoef(force, wave)[0, 1] > 0.95
     assert np.std(force) == pytest.approx(np.std(wave), rel=0.3)
-    final = problem.fit(Model(phantom(), (ripple,), ({},)))
+    final = fit(problem, Model(phantom(), (ripple,), ({},)))
     assert np.std(missing_force(problem, final, e, "m1")) < 0.2 * np.std(wave)
 
 
@@ -186,7 +187,7 @@ def test_the_log_of_a_diagnosis_reads_back_on_the_recording_s_time(tmp_path: Pat
     """
     e = recorded()
     problem = Problem([e], known_observer(MASS, e, SEEN))
-    fitted = problem.fit(Model(MASS))
+    fitted = fit(problem, Model(MASS))
     trace = diagnosis_trace(problem, fitted, fitted, e, place="sensor", start_s=2.5)
     path = tmp_path / "diagnosis.mcap"
     write_log(path, trace, epoch_ns=10**9)
@@ -221,7 +222,7 @@ def test_the_log_of_a_diagnosis_holds_every_output():
         outputs=(*e.outputs, Output("velocity", 0)),
     )
     problem = Problem([both], known_observer(MASS, both, SEEN))
-    fitted = problem.fit(Model(MASS))
+    fitted = fit(problem, Model(MASS))
     trace = diagnosis_trace(problem, fitted, fitted, both)
     for word in ("", "refit_", "found_", "refit_free_", "found_free_", "refit_residual_"):
         assert trace.units[f"{word}position_m1"] == "rad"

@@ -28,7 +28,7 @@ def test_each_of_the_family_is_what_it_is_by_itself(physics: tuple[object, ...])
     found = noises(recordings, model, x, Family(tuple(ratios.tolist())))
     assert [n.observer.ratio for n in found] == ratios.tolist()
     for noise in found:
-        alone = prepared_for(recordings, model, x, noise.observer.ratio, white=True)
+        alone = prepared_for(recordings, model, x, Family((noise.observer.ratio,)))
         assert np.allclose(noise.observer.gain, alone.observer.gain, rtol=1e-6)
         own = noise.problem(recordings)
         assert noise.cost == pytest.approx(own.observer.cost(own.weighted(model, x)), abs=1e-6)

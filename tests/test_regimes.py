@@ -7,6 +7,7 @@ import pytest
 from fitting_examples import drive, recording
 
 from zwidth.diagnosis.answer.regimes import held, regimes, step_without
+from zwidth.diagnosis.fitting.descend import fit
 from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.predictor import SETTLING
@@ -73,7 +74,7 @@ def test_a_step_of_the_fit_leaves_a_regime_out():
     assert slopes is not None
     rows, prior = both.residual[:samples, None], (both.residual[samples:], slopes[samples:])
     dx = step_without(rows, slopes[:samples, None, :], prior, second.where)
-    alone = Problem(problem.experiments[:1], problem.observer).fit(both.model, both.x)
+    alone = fit(Problem(problem.experiments[:1], problem.observer), both.model, both.x)
     assert dx is not None
     size = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))
     assert dx / size == pytest.approx((alone.x - both.x) / size, abs=0.3)

@@ -23,6 +23,7 @@ from functools import partial
 
 from zwidth.diagnosis.answer.adequacy import clearly, each_length, log_ratios
 from zwidth.diagnosis.answer.result import Finding
+from zwidth.diagnosis.fitting.descend import fit
 from zwidth.diagnosis.mishaps import attempt
 from zwidth.diagnosis.model.parameters import effect_labels
 from zwidth.diagnosis.recording.experiment import Experiment
@@ -65,7 +66,7 @@ def weighed(
 
 def worth_of(found: Searched, index: int, judge_by: Sequence[Experiment]) -> Worth | None:
     """Return what an effect of the answer (its place in the model) is worth; None where unknown."""
-    bare = found.problem.fit_without(found.final, index)
+    bare = fit(found.problem, *found.final.model.less(found.final.x, index))
     period = judge_by[0].period
     told: list[Worth] = []
     for ticks, own, other in each_length((found.final, found.judge), (bare, found.judge), judge_by):

@@ -32,6 +32,7 @@ from zwidth.diagnosis.forces.spatial import response
 from zwidth.diagnosis.forces.unknown import SLOWER
 from zwidth.diagnosis.learning.steady import along
 from zwidth.diagnosis.learning.together import Together, follows, together
+from zwidth.diagnosis.noise.family import blind
 from zwidth.diagnosis.noise.predictor import SETTLING, innovations, settling
 from zwidth.diagnosis.noise.settle import prepared_for
 from zwidth.diagnosis.noise.steady import NoObserver
@@ -103,7 +104,7 @@ def read_beyond(problem: Problem, fitted: Fitted) -> Floats:
 def _slower(problem: Problem, fitted: Fitted) -> Problem:
     with suppress(NoObserver):  # so slow that it does not hold the device
         ratio = SLOWER * problem.observer.ratio
-        return prepared_for(problem.experiments, fitted.model, fitted.x, ratio)
+        return prepared_for(problem.experiments, fitted.model, fitted.x, blind(ratio))
     return problem
 
 

@@ -12,6 +12,7 @@ from zwidth.diagnosis.answer.changes import Change, changing, outlived
 from zwidth.diagnosis.answer.inverse import ForceError
 from zwidth.diagnosis.answer.verdict import Left
 from zwidth.diagnosis.answer.whole_run import WholeRun
+from zwidth.diagnosis.fitting.descend import fit
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.fitting.uncertainty import inflation
 from zwidth.diagnosis.forces.leftover import leftover
@@ -186,7 +187,9 @@ def instead_of(found: Searched) -> Instead | None:
     final, effects = found.final, found.final.model.effects
     experiments = found.problem.experiments
     names = [f"{p.effect.name} at {p.at}" for p in effects]
-    models = [(name, found.problem.fit_without(final, i)) for i, name in enumerate(names)]
+    models = [
+        (name, fit(found.problem, *final.model.less(final.x, i))) for i, name in enumerate(names)
+    ]
     if len(effects) > 1:
         models.append((" and ".join(names), found.refit))
     asked = [
@@ -285,7 +288,7 @@ def on_first_part(found: Searched) -> Searched:
     """The same models fitted to the first part, as far as that determines them."""
     parts = [e.split()[0] for e in found.problem.experiments]
     there = Problem(parts, found.problem.observer, FINAL)
-    refit, final = (there.fit(f.model, f.x) for f in (found.refit, found.final))
+    refit, final = (fit(there, f.model, f.x) for f in (found.refit, found.final))
     return replace(found, problem=there, refit=refit, final=final)
 
 

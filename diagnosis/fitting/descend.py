@@ -19,7 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.account import reason
+from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.fitting.landscape import Landscape
+from zwidth.diagnosis.model.parameters import Model, is_read
 
 Floats = NDArray[np.float64]
 DAMPING = (1e-4, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e3)  # of the diagonal: from Newton's step to a nudge
@@ -32,11 +34,15 @@ FARTHEST = 5.0  # in x, that one step goes at most
 
 @dataclass(frozen=True)
 class Descended:
-    """Where a descent ended: x, its cost, and how many rounds it made."""
+    """Where a descent ended: x, its cost, and how many rounds it made.
+
+    slopes: of the last round, where its step gained too little for another: they hold at x then.
+    """
 
     x: Floats
     cost: float
     rounds: int
+    slopes: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -55,26 +61,27 @@ class Slopes:
 def slopes_at(ground: Landscape, x: Floats, widths: Floats, both: bool) -> Slopes:
     """Return residual and slopes at x, in one call for all.
 
-    both: differences to both sides, for what has creases.
+    both: differences to both sides, for what has creases. What no output turns on is not simulated.
     """
-    model = ground.model
-    upper = np.array([p.upper for p in model.parameters])
-    lower = np.array([p.lower for p in model.parameters])
+    parameters = ground.model.parameters
+    read = [i for i, p in enumerate(parameters) if is_read(p, ground.problem.experiments)]
+    upper, lower = (np.array([getattr(p, end) for p in parameters]) for end in ("upper", "lower"))
     forward = np.where(x + widths <= upper, widths, -widths)
-    asked = [x + forward[i] * np.eye(1, x.size, i)[0] for i in range(x.size)]
     backward = np.clip(x - forward, lower, upper)
-    if both:
-        asked += [np.where(np.arange(x.size) == i, backward, x) for i in range(x.size)]
+    ends = (x + forward, backward) if both else (x + forward,)
+    asked = [np.where(np.arange(x.size) == i, end, x) for end in ends for i in read]
     with reason("slopes"):
         residual, *found = ground.residuals([x, *asked])
-    columns: list[Floats] = []
-    for i in range(x.size):
+    slopes = np.zeros((residual.size, x.size))
+    for row, i in enumerate(np.flatnonzero(ground.priors)):
+        slopes[residual.size - np.count_nonzero(ground.priors) + row, i] = 1.0
+    for k, i in enumerate(read):
         if both and backward[i] != x[i]:
-            columns.append((found[i] - found[x.size + i]) / (asked[i][i] - backward[i]))
+            slopes[:, i] = (found[k] - found[len(read) + k]) / (asked[k][i] - backward[i])
         else:
-            columns.append((found[i] - residual) / forward[i])
+            slopes[:, i] = (found[k] - residual) / forward[i]
     costs = np.array([ground.cost(r) for r in found])
-    return Slopes(residual, np.column_stack(columns), asked, costs)
+    return Slopes(residual, slopes, asked, costs)
 
 
 def descend(
@@ -92,7 +99,7 @@ def descend(
     """
     x = ground.model.within(x)
     widths = np.full(x.size, CREASED if creased else SMOOTH)
-    cost, made = np.inf, 0
+    cost, made, last = np.inf, 0, None
     while made < rounds:
         made += 1
         at = slopes_at(ground, x, widths, creased and not first)
@@ -107,6 +114,7 @@ def descend(
         best = int(np.argmin(np.nan_to_num(costs, nan=np.inf)))
         gained = cost - float(costs[best])
         if not gained > 0.0:
+            last = slopes
             if not creased or widths.max() <= 4.0 * NARROWEST:
                 break
             widths = np.maximum(0.25 * widths, NARROWEST)
@@ -115,13 +123,64 @@ def descend(
             continue
         x, cost = tried[best], float(costs[best])
         if gained < worth:
+            last = slopes
             break
         if creased:
             widths = _widths(slopes, at.residual)
     if made == 0:
         (residual,) = ground.residuals([x])
         cost = ground.cost(residual)
-    return Descended(x, cost, made)
+    return Descended(x, cost, made, last)
+
+
+def fit(problem: Problem, model: Model, x: Floats | None = None, rounds: int = 12) -> Fitted:
+    """Return the best fit of a model from a start (None: where all x are zero), with its slopes."""
+    ended = descended(problem, model, np.zeros(len(model.parameters)) if x is None else x, rounds)
+    if ended.slopes is None:
+        return fitted_at(problem, model, ended.x)
+    ground = ground_of(problem, model)
+    (residual,) = ground.residuals([ended.x])
+    return _fitted(ground, ended.x, residual, ended.slopes)
+
+
+def ground_of(problem: Problem, model: Model) -> Landscape:
+    """Return what a model costs over x under the observer of a problem, in its substeps."""
+    return Landscape(problem.experiments, problem.observer, model, problem.fineness)
+
+
+def descended(problem: Problem, model: Model, x: Floats, rounds: int) -> Descended:
+    """Return where a fit of a model ends, and at what cost."""
+    return descend(ground_of(problem, model), x, rounds, creased(model))
+
+
+def fitted_at(problem: Problem, model: Model, x: Floats) -> Fitted:
+    """Return a model as it stands at x, with its slopes there."""
+    ground = ground_of(problem, model)
+    at = slopes_where_it_stands(ground, x)
+    return _fitted(ground, x, at.residual, at.slopes)
+
+
+def _fitted(ground: Landscape, x: Floats, residual: Floats, slopes: Floats) -> Fitted:
+    samples = residual.size - int(np.count_nonzero(ground.priors))
+    return Fitted(ground.model, x, float(residual @ residual), residual, slopes, samples)
+
+
+def creased(model: Model) -> bool:
+    """Whether what a model predicts is no smooth function of its parameters."""
+    return any(p.effect.creased for p in model.effects)
+
+
+def slopes_where_it_stands(ground: Landscape, x: Floats) -> Slopes:
+    """Return residual and slopes of what was fitted to its end.
+
+    With creases they are differences over half a standard error to both sides.
+    """
+    widths = np.full(x.size, CREASED if (bent := creased(ground.model)) else SMOOTH)
+    found = slopes_at(ground, x, widths, bent)
+    if not bent:
+        return found
+    own = 1.0 / np.sqrt(np.maximum(np.sum(found.slopes**2, axis=0), 1e-300))
+    return slopes_at(ground, x, np.clip(SHARE * own, SMOOTH, CREASED), both=True)
 
 
 def _widths(slopes: Floats, residual: Floats) -> Floats:

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.fitting.landscape import Landscape
 from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.family import blind
 from zwidth.diagnosis.noise.settle import prepared_for
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
@@ -131,7 +132,7 @@ def _ground(
     """The landscape under an observer made for the first x for which there is one."""
     for x in xs:
         try:
-            there = prepared_for(experiments, model, x, ratio)
+            there = prepared_for(experiments, model, x, blind(ratio))
         except NoObserver:
             continue
         return Landscape(there.experiments, there.observer, model)

@@ -35,15 +35,12 @@ BEGINNING = 32  # samples that say where a run begins
 class Many:
     """A model at several x: prepared once, to follow one recording after the other.
 
-    least: substeps a tick that all take at least, as `predictor.prepared` has it. A member that
-    moves too fast to be followed has infinite innovations. Raises ValueError as `Model.acting`.
+    A member that moves too fast to be followed has infinite innovations. Raises ValueError as
+    `Model.acting`.
     """
 
-    def __init__(
-        self, model: Model, xs: Sequence[Floats], fineness: Fineness, least: int = 1
-    ) -> None:
-        self.model, self.size = model, len(xs)
-        self.fineness, self.least = fineness, least
+    def __init__(self, model: Model, xs: Sequence[Floats], fineness: Fineness) -> None:
+        self.model, self.size, self.fineness = model, len(xs), fineness
         self.xs = np.stack(xs) if len(xs) else np.zeros((0, len(model.parameters)))
         self._kinds: dict[Differing, list[_Kind]] = {}
         self._members: dict[Shares, Members] = {}
@@ -74,7 +71,7 @@ class Many:
             for some in together(needed):
                 steps = int(needed[some[0]])
                 if steps <= MOST_SUBSTEPS:
-                    few, many = substeps_for(alike.physics, self.fineness, max(self.least, steps))
+                    few, many = substeps_for(alike.physics, self.fineness, steps)
                     members = alike.taken(some)
                     yield _Kind(which[some], Population(members, few, many), members.first)
 

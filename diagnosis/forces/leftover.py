@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import convolve1d, median_filter, uniform_filter1d
 
+from zwidth.diagnosis.fitting.descend import fitted_at
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.forces.spatial import matched
 from zwidth.diagnosis.noise.predictor import SETTLING, followed, innovations, whitened
@@ -121,7 +122,7 @@ def _coarsely(problem: Problem, fitted: Fitted) -> tuple[Problem, Fitted]:
     seen = [fitted.model.seen(e, fitted.x) for e in problem.experiments]
     errors = [innovations(device, e, problem.observer.gain) for e in seen]
     there = Problem(problem.experiments, whitened(problem.observer, errors, seen, COARSE))
-    return there, there.at(fitted.model, fitted.x)
+    return there, fitted_at(there, fitted.model, fitted.x)
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.forces.leftover import predicted_states
 from zwidth.diagnosis.forces.unknown import Instead, alone
 from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.family import NEXT_SAMPLE
 from zwidth.diagnosis.noise.predictor import SETTLING
 from zwidth.diagnosis.noise.settle import settle
 from zwidth.diagnosis.noise.steady import NoObserver
@@ -65,12 +66,13 @@ def instead_by_law(problem: Problem, final: Fitted) -> Instead | None:
         return None
     rotary = final.model.nominal.rotary
     experiments, price = problem.experiments, float(np.log(problem.observer.told * final.samples))
-    own = alone(final, experiments) + price * final.x.size
+    near = NEXT_SAMPLE.near(problem.observer.ratio)
+    own = alone(final, experiments, near) + price * final.x.size
     least = own - FREE_FORCES.rather
     best: Instead | None = None
     for probe in probes:
         try:
-            there, settled = settle(experiments, *_exchanged(final, probe))
+            there, settled = settle(experiments, *_exchanged(final, probe), near)
         except NoObserver:  # no observer follows the recording with it
             continue
         paid = there.cost(settled) + price * settled.x.size

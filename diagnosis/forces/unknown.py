@@ -29,13 +29,15 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 from scipy.signal import fftconvolve
 
+from zwidth.diagnosis.fitting.descend import descended, fit, fitted_at, ground_of
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.fitting.uncertainty import inflation
 from zwidth.diagnosis.forces.leftover import Leftover, factors, leftover, predicted_states
 from zwidth.diagnosis.forces.locate import STATES, motions, state_of
 from zwidth.diagnosis.forces.spatial import response
+from zwidth.diagnosis.noise.family import NEXT_SAMPLE, Family, blind
 from zwidth.diagnosis.noise.predictor import SETTLING
-from zwidth.diagnosis.noise.settle import cost_at, prepared_for
+from zwidth.diagnosis.noise.settle import STILL, cost_at, prepared_for, settled_cost
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.seeking.screen import Complement
@@ -50,7 +52,6 @@ DRIFTS = 5  # cosines of a drift
 TURNS = 3  # of observer, parameters and strengths
 ROUNDS = 4  # of a fit beside such a force
 HOPE = 10.0  # of -2 log likelihood, below which no further turn is taken
-STILL = 0.5  # the same, below which the turns agree
 FARTHEST = 1.0  # in x, that parameters move beside a force before they are fitted
 CUBE = "the cube of velocity"
 WAVING = 3  # unknowns of what repeats: cosine, sine and period
@@ -92,7 +93,7 @@ class Forced:
     """A model fitted beside a known force, which the experiments hold: cost, observer's ratio."""
 
     cost: float
-    fitted: Fitted
+    x: Floats
     ratio: float
     experiments: Sequence[Experiment]
 
@@ -146,9 +147,10 @@ def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None
     """
     best: tuple[float, Gained, Forced] | None = None
     problem = prepared_for(experiments, fitted.model, fitted.x)
-    plain = problem.fit(fitted.model, fitted.x)
+    plain = fit(problem, fitted.model, fitted.x)
     asked = list(views_of(problem, plain))
-    without = in_parallel([partial(alone, at, v.experiments) for v, at in asked], threads())
+    near = NEXT_SAMPLE.near(problem.observer.ratio)
+    without = in_parallel([partial(alone, at, v.experiments, near) for v, at in asked], threads())
     base = min(problem.cost(plain), *without)
     gains = in_parallel([partial(_gains, v, at) for v, at in asked], threads())
     tried = [
@@ -156,7 +158,7 @@ def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None
         for (view, there), every in zip(asked, gains, strict=True)
         for one in sorted(every, key=_surplus, reverse=True)[:JUDGED]
     ]
-    judged = in_parallel([partial(_if_followed, *each, base) for each in tried], threads())
+    judged = in_parallel([partial(_if_followed, *each, base, near) for each in tried], threads())
     for (_, _, one), forced in zip(tried, judged, strict=True):
         if forced is None:
             continue
@@ -171,13 +173,13 @@ def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None
     found, one, forced = best
     # A model not fitted to its end gains by anything, and by another observer alone.
     # Where it stood beside the force, the fit without may stay for good: from its own x as well.
-    both = plain, forced.fitted
-    base = min(base, alone(forced.fitted, experiments))
-    base = min(base, *(cost_at(forced.ratio, one, experiments) for one in both))
+    both, model = (plain.x, forced.x), fitted.model
+    base = min(base, settled_cost(experiments, model, forced.x, near, TURNS, ROUNDS)[0])
+    base = min(base, *(cost_at(forced.ratio, model, x, experiments) for x in both))
     if base - found < FREE_FORCES.weak:  # a slower observer must agree
         slower = SLOWER * forced.ratio
-        base = min(base, *(cost_at(slower, one, experiments) for one in both))
-        found = min(found, cost_at(slower, forced.fitted, forced.experiments))
+        base = min(base, *(cost_at(slower, model, x, experiments) for x in both))
+        found = min(found, cost_at(slower, model, forced.x, forced.experiments))
     return Unknown(base - found, one.strength.size, one.shape.place, one.shape.follows)
 
 
@@ -195,10 +197,10 @@ def views_of(problem: Problem, current: Fitted) -> Iterator[tuple[Problem, Fitte
     yield problem, current
     ratio = SLOWER * problem.observer.ratio
     with suppress(NoObserver):  # so slow that it does not hold the device
-        slow = prepared_for(experiments, current.model, current.x, ratio)
-        refitted = slow.fit(current.model, current.x)
-        slow = prepared_for(slow.experiments, current.model, refitted.x, ratio)
-        yield slow, slow.fit(current.model, refitted.x)
+        slow = prepared_for(experiments, current.model, current.x, blind(ratio))
+        refitted = fit(slow, current.model, current.x)
+        slow = prepared_for(slow.experiments, current.model, refitted.x, blind(ratio))
+        yield slow, fit(slow, current.model, refitted.x)
 
 
 def instead(
@@ -226,14 +228,15 @@ def instead(
         shapes.append(_repeating(problem, without, _between_lines(problem, without, off, one), n))
     best: Instead | None = None
     price = float(np.log(problem.observer.told * final.samples))
-    least = alone(final, experiments) + named * price - FREE_FORCES.rather
+    near = NEXT_SAMPLE.near(problem.observer.ratio)
+    least = alone(final, experiments, near) + named * price - FREE_FORCES.rather
     for shape in shapes:
         one = Gained(shape, *_solved(problem, without, off, shape))
         unknowns = one.strength.size + (shape.follows != CUBE)  # its period was sought
         if unknowns > named or one.gained < FREE_FORCES.part * lost:
             continue
         try:
-            paid = _with_force(problem, without, one, np.inf).cost
+            paid = _with_force(problem, without, one, np.inf, near).cost
         except NoObserver:  # no observer follows the recording with that force
             continue
         paid += unknowns * price
@@ -307,32 +310,27 @@ def _surplus(one: Gained) -> float:
     return one.gained - 2.0 * one.strength.size
 
 
-def alone(fitted: Fitted, experiments: Sequence[Experiment]) -> float:
+def alone(fitted: Fitted, experiments: Sequence[Experiment], family: Family) -> float:
     """Cost of the model without such a force, settled as often as one with it."""
-    found, near = np.inf, None
-    for _ in range(TURNS):
-        problem = prepared_for(experiments, fitted.model, fitted.x, near=near)
-        fitted = problem.fit(fitted.model, fitted.x, rounds=ROUNDS, final=False)
-        before, found = found, min(found, problem.cost(fitted))
-        near = problem.observer.ratio
-        if found > before - STILL:
-            break
-    return found
+    return settled_cost(experiments, fitted.model, fitted.x, family, TURNS, ROUNDS)[0]
 
 
-def _if_followed(view: Problem, fitted: Fitted, one: Gained, base: float) -> Forced | None:
+def _if_followed(
+    view: Problem, fitted: Fitted, one: Gained, base: float, family: Family
+) -> Forced | None:
     """As `_with_force`; None where no observer follows the recording with that force."""
     with suppress(NoObserver):
-        return _with_force(view, fitted, one, base)
+        return _with_force(view, fitted, one, base, family)
     return None
 
 
-def _with_force(view: Problem, fitted: Fitted, one: Gained, base: float) -> Forced:
+def _with_force(view: Problem, fitted: Fitted, one: Gained, base: float, family: Family) -> Forced:
     """Cost and fit of the model with known forces: observer, parameters and strengths in turn.
 
-    view, fitted: where the strengths were found.
+    view, fitted: where the strengths were found; family: of the noise in the first turn.
     """
-    found, strength, shape, ratio = np.inf, one.strength, one.shape, None
+    found, strength, shape = np.inf, one.strength, one.shape
+    ratio, model = view.observer.ratio, fitted.model
     x, forced = fitted.x + _moved(view, fitted, one), list(view.experiments)
     _refuse_overflow(shape)
     for turn in range(TURNS):
@@ -340,23 +338,21 @@ def _with_force(view: Problem, fitted: Fitted, one: Gained, base: float) -> Forc
             replace(e, force=f if e.force is None else e.force + f)
             for e, f in zip(view.experiments, shape.forces(strength), strict=True)
         ]
-        problem = prepared_for(forced, fitted.model, x, near=ratio)
+        problem = prepared_for(forced, model, x, family)
         ratio = problem.observer.ratio
-        if turn == 0:
-            standing = replace(fitted, residual=problem.residual(fitted.model, x))
-            if problem.cost(standing) > base:
-                return Forced(base, fitted, ratio, forced)
-        fitted = problem.fit(fitted.model, x, rounds=ROUNDS)
-        x = fitted.x
-        before, found = found, min(found, problem.cost(fitted))
+        family = NEXT_SAMPLE.near(ratio)
+        if turn == 0 and ground_of(problem, model).costs([x])[0] > base:
+            return Forced(base, x, ratio, forced)
+        ended = descended(problem, model, x, ROUNDS)
+        x, before, found = ended.x, found, min(found, ended.cost)
         if found > min(base - HOPE, before - STILL):
-            return Forced(found, fitted, ratio, forced)
+            break
+        fitted = fitted_at(problem, model, x)
         off = Complement(fitted.jacobian)
         shape = shape.rebuilt(problem, fitted)
         _refuse_overflow(shape)
         strength = strength + _solved(problem, fitted, off, shape)[0]
-    assert ratio is not None
-    return Forced(found, fitted, ratio, forced)
+    return Forced(found, x, ratio, forced)
 
 
 def _refuse_overflow(shape: Shape) -> None:

@@ -15,6 +15,7 @@ another.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,7 @@ from zwidth.sim.readable import with_unit
 
 Floats = NDArray[np.float64]
 COMMAND = ("command",)
+ALIKE_OVER = (1, 4, 16, 64, 256)  # ticks, over which a position and a velocity may be compared
 
 
 @dataclass(frozen=True)
@@ -150,11 +152,36 @@ class Suspicion:
 def suspicion(device: Device, e: Experiment) -> Suspicion:
     """Return what is suspected of a recording."""
     seen = [_seen(device, e, o) for o in range(len(e.outputs))]
+    for one, other in permutations(range(len(seen)), 2):
+        if seen[one].off and not seen[other].off and _tell_the_same(e, one, other):
+            seen[one] = replace(seen[one], scale=1.0, off=False)
     off = [s for s in seen if s.off]
     if not off:
         return Suspicion()
     certain = all(s.certain(device.rotary) for s in off)
     return Suspicion(tuple(_ways(device, e, seen)), certain)
+
+
+def _tell_the_same(e: Experiment, one: int, other: int) -> bool:
+    """Whether a position and a velocity of one mass are those of one motion, neither read wrong.
+
+    The integral of the velocity over some time goes with the way by a slope of one, both ways, so
+    that noise of neither makes it: whatever physics drives the motion, and however the command.
+    """
+    outputs = (e.outputs[one], e.outputs[other])
+    if outputs[0].mass != outputs[1].mass or outputs[0].quantity == outputs[1].quantity:
+        return False
+    known = {o.quantity: e.measured[:, i] for o, i in zip(outputs, (one, other), strict=True)}
+    if set(known) != {"position", "velocity"}:
+        return False
+    v = known["velocity"]
+    way = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1])) * e.period])
+    for ticks in (t for t in ALIKE_OVER if 2 * t < e.ticks):
+        moved, told = (q[ticks:] - q[:-ticks] for q in (known["position"], way))
+        both = float(moved @ told)
+        if both > 0.0 and max(float(moved @ moved), float(told @ told)) < INTAKE.alike * both:
+            return True
+    return False
 
 
 def _ways(device: Device, e: Experiment, seen: Sequence[_Seen]) -> list[tuple[Fault, ...]]:

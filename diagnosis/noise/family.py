@@ -64,6 +64,14 @@ class Family:
         return replace(self, ratios=tuple(about))
 
 
+def blind(ratio: float) -> Family:
+    """Return the observer of one ratio, nothing of what it leaves whitened.
+
+    Whitened, every observer sees much the same.
+    """
+    return Family((ratio,), whitening=False)
+
+
 NEXT_SAMPLE = Family(tuple(FAMILY.tolist()))
 
 

@@ -2,11 +2,11 @@
 
 The gain comes from a noise model of two numbers, process force at m1 per tick and noise of what is
 measured, on the linear part of the device (`noise.steady`). Only their ratio matters for
-the gain; it is chosen by likelihood (`choose_observer`), and then stays fixed inside a fit: a fit
+the gain; it is chosen by likelihood (`noise.family`), and then stays fixed inside a fit: a fit
 that may change its own noise cheats with it.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from zwidth.diagnosis.noise.steady import NoObserver, settles, steady
 from zwidth.diagnosis.recording.experiment import Experiment, Output
-from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import Device
 from zwidth.sim.equations import Equations, enough_substeps, equations
 from zwidth.sim.filters import filtered
@@ -34,7 +33,6 @@ BEGINNING = 2000  # ticks by which the state at the start is judged
 SETTLING = 100  # ticks left out at the start, until the observer has found the state
 SLOPE = (np.arange(10) - 4.5) / 82.5  # of the straight line through the first samples
 MOST_SUBSTEPS = 256  # a tick, of friction beside a mode of 100 kHz at 1 kHz
-RATIOS = np.geomspace(1e-7, 1e9, 33)
 FREE_RUN_S = 0.5
 SHORTEST_WINDOW = 50  # ticks of a free run
 
@@ -200,30 +198,27 @@ class Prepared(NamedTuple):
     fine: Equations
 
 
-def prepared(device: Device, fineness: Fineness = FINAL, least: int = 1) -> Prepared:
+def prepared(device: Device, fineness: Fineness = FINAL) -> Prepared:
     """Prepare a device. A turn inside a substep puts friction wrong for the rest of it.
 
-    least: substeps a tick that dry friction takes at least; those that the device needs are taken
-    in any case (`enough`). Raises NoObserver where these are more than `MOST_SUBSTEPS`.
+    Raises NoObserver where it needs more substeps a tick than `MOST_SUBSTEPS` (`enough`).
     """
-    few, many = substeps_of(device, fineness, least)
+    few, many = substeps_of(device, fineness)
     coarse = equations(device, few)
     return Prepared(coarse, equations(device, many) if many > few else coarse)
 
 
 def prepared_each(
-    device: Device, experiments: Sequence[Experiment], fineness: Fineness = FINAL, least: int = 1
+    device: Device, experiments: Sequence[Experiment], fineness: Fineness = FINAL
 ) -> list[Prepared]:
     """Return the device as it was in each recording, prepared; once for those that say nothing."""
-    plain = prepared(device, fineness, least)
-    return [
-        plain if e.changes is None else prepared(e.on(device), fineness, least) for e in experiments
-    ]
+    plain = prepared(device, fineness)
+    return [plain if e.changes is None else prepared(e.on(device), fineness) for e in experiments]
 
 
-def substeps_of(device: Device, fineness: Fineness, least: int = 1) -> tuple[int, int]:
+def substeps_of(device: Device, fineness: Fineness) -> tuple[int, int]:
     """Return the substeps a tick, and in ticks that need more; see `prepared`."""
-    return substeps_for(device.physics, fineness, max(least, enough(device)))
+    return substeps_for(device.physics, fineness, enough(device))
 
 
 def substeps_for(physics: Sequence[Physics], fineness: Fineness, needed: int) -> tuple[int, int]:
@@ -564,57 +559,6 @@ def observer_near(device: Device, experiment: Experiment, ratio: float) -> Float
         with suppress(NoObserver):
             return observer_for(device, experiment, ratio * 10.0**decades)
     return observer_for(device, experiment, ratio * 1e6)
-
-
-def choose_observer(
-    device: Device, experiments: Sequence[Experiment], near: float | None = None
-) -> Observer:
-    """Choose the ratio by the likelihood of the innovations, the deviations concentrated out.
-
-    Every third ratio of a grid, then those beside the best of them. near: a ratio to go on from,
-    downhill, where one was chosen for nearly the same model. Raises NoObserver where none follows.
-    """
-    ready = prepared_each(device, experiments, SEARCHING)
-    scores: dict[int, float] = {}
-
-    def score(i: int) -> float:
-        with suppress(NoObserver), np.errstate(all="ignore"):
-            gain = observer_for(device, experiments[0], float(RATIOS[i]))
-            kept = [
-                innovations(device, e, gain, ready=own)[SETTLING:]
-                for e, own in zip(experiments, ready, strict=True)
-            ]
-            known = [told([e]) * k.shape[0] for e, k in zip(experiments, kept, strict=True)]
-            found = sum(
-                n * np.linalg.slogdet(k.T @ k / n)[1] for n, k in zip(known, kept, strict=True)
-            )
-            return float(found) if np.isfinite(found) else np.inf
-        return np.inf
-
-    def best_of(indices: Iterable[int]) -> int:
-        asked = [i for i in indices if 0 <= i < RATIOS.size]
-        new = [i for i in asked if i not in scores]
-        found = in_parallel([lambda i=i: score(i) for i in new], threads())
-        scores.update(zip(new, found, strict=True))
-        return min(asked, key=scores.__getitem__)
-
-    best = 0
-    if near is not None:
-        start = -1
-        best = int(np.argmin(np.abs(np.log(RATIOS / near))))
-        while best != start:
-            start, best = best, best_of((best, best - 1, best + 1, best - 3, best + 3))
-    if near is None or not np.isfinite(scores[best]):
-        best = best_of(range(0, RATIOS.size, 3))
-        best = best_of(range(best - 2, best + 3))
-    if not np.isfinite(scores[best]):
-        raise NoObserver(
-            "no observer follows this recording with this device; check sign, scale and units of"
-            " command and outputs"
-        )
-    ratio = float(RATIOS[best])
-    gain = observer_for(device, experiments[0], ratio)
-    return Observer(gain, deviation(device, experiments, gain), ratio, told=told(experiments))
 
 
 def deviation(device: Device, experiments: Sequence[Experiment], gain: Floats) -> Floats:

@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+from zwidth.diagnosis.fitting.descend import fit
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.forces.spatial import matched, peaks, pulls, response, step_peaks
 from zwidth.diagnosis.mishaps import attempt
@@ -101,7 +102,7 @@ def command_step(problem: Problem, fitted: Fitted) -> Stepped | None:
     if best is None or chi2(best) > moved.chi2(fitted.white):
         return None
     physics = make_physics("command_step", "command", step=best)
-    again = problem.fit(model.with_effect(physics, {}), x)
+    again = fit(problem, model.with_effect(physics, {}), x)
     return Stepped("command_step@command", problem, again, fitted.chi2 - again.chi2, price)
 
 
@@ -129,7 +130,7 @@ def encoder_step(
     if best is None or loss.chi2(best, SPREAD) > loss.moved.chi2(fitted.white):
         return None
     there = Problem(loss.in_steps(best, loss.spread(best)), problem.observer)
-    again = there.fit(with_step(tried, "encoder_step", best), x)
+    again = fit(there, with_step(tried, "encoder_step", best), x)
     return Stepped("encoder_step@sensor", there, again, fitted.chi2 - again.chi2, price)
 
 
@@ -268,7 +269,7 @@ def dropped_samples(
         seen = [replace(e, dropped=d.copy()) for e, d in zip(experiments, dropped, strict=True)]
         there = Problem(seen, problem.observer)
         physics = make_physics("dropped_samples", "clock", rate=rate)
-        current = there.fit(model.with_effect(physics, {}), fitted.x)
+        current = fit(there, model.with_effect(physics, {}), fitted.x)
     if lost == 0 or lost > MOST_LOST * ticks or rate >= MOST_SEEN:
         return None
     # Which ones are lost was chosen among all: each costs its odds.

@@ -32,6 +32,7 @@ from zwidth.diagnosis.account import reason
 from zwidth.diagnosis.fitting.evolve import Arrived, Generations, evolve
 from zwidth.diagnosis.fitting.landscape import Landscape
 from zwidth.diagnosis.model.parameters import Model
+from zwidth.diagnosis.noise.family import blind
 from zwidth.diagnosis.noise.settle import prepared_for
 from zwidth.diagnosis.noise.steady import NoObserver, links_with_play, with_apart
 from zwidth.diagnosis.recording.experiment import Experiment
@@ -140,7 +141,7 @@ def _tried(
         own[j] = (gap - first.physics.values[key]) / wide.parameters[j].scale
         asked.append(wide.within(own))
     # Held against no play in as many substeps, which alone gain (160 in -2 ln beside friction).
-    there, device = prepared_for(experiments, model, x, ratio), wide.acting(asked[1])
+    there, device = prepared_for(experiments, model, x, blind(ratio)), wide.acting(asked[1])
     contact = there.observer.gain[:, : len(experiments[0].outputs)]
     gain = with_apart(device, links_with_play(device), model.seen(experiments[0], x), contact)
     observer = replace(there.observer, gain=gain)

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.diagnosis.account import reason
-from zwidth.diagnosis.fitting.descend import CREASED, SMOOTH, slopes_at
+from zwidth.diagnosis.fitting.descend import CREASED, SMOOTH, creased, slopes_at
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.fitting.landscape import Landscape
 from zwidth.diagnosis.mishaps import isolated
@@ -64,9 +64,8 @@ class View:
 def view(problem: Problem, model: Model, x: Floats, own: bool) -> View:
     """Return a view of a model at x."""
     ground = Landscape(problem.experiments, problem.observer, model, SIGNATURES)
-    creased = any(p.effect.creased for p in model.effects)
-    widths = np.full(x.size, CREASED if creased else SMOOTH)
-    at = slopes_at(ground, x, widths, creased)
+    bent = creased(model)
+    at = slopes_at(ground, x, np.full(x.size, CREASED if bent else SMOOTH), bent)
     return View(problem, model, x, at.residual, at.slopes, own)
 
 

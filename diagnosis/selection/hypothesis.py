@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.fitting.descend import CREASED, SHARE, SMOOTH, descend, slopes_at
+from zwidth.diagnosis.fitting.descend import creased, descend, slopes_where_it_stands
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.fitting.landscape import Landscape
 from zwidth.diagnosis.fitting.uncertainty import shared
@@ -66,7 +66,7 @@ class Hypothesis:
     @property
     def creased(self) -> bool:
         """Whether what it predicts is no smooth function of its parameters."""
-        return any(p.effect.creased for p in self.model.effects)
+        return creased(self.model)
 
     @property
     def has_valleys(self) -> bool:
@@ -257,17 +257,10 @@ def _descended(h: Hypothesis, rounds: int, fine: bool) -> Floats:
 def priced(h: Hypothesis) -> Hypothesis:
     """Return the hypothesis with its slopes, and with what its freedom costs.
 
-    The slopes of what has creases are differences over half a standard error to both sides. Freedom
-    is infinite where the recordings say nothing of a parameter of an effect: they cannot have shown
-    that effect, but only a simpler one.
+    Freedom is infinite where the recordings say nothing of a parameter of an effect: they cannot
+    have shown that effect, but only a simpler one.
     """
-    ground = h.ground
-    widths = np.full(h.x.size, CREASED if h.creased else SMOOTH)
-    slopes = slopes_at(ground, h.x, widths, h.creased).slopes
-    if h.creased:
-        own = 1.0 / np.sqrt(np.maximum(np.sum(slopes**2, axis=0), 1e-300))
-        widths = np.clip(SHARE * own, SMOOTH, CREASED)
-        slopes = slopes_at(ground, h.x, widths, both=True).slopes
+    slopes = slopes_where_it_stands(h.ground, h.x).slopes
     information, parameters = slopes.T @ slopes, h.model.parameters
     asked = ("effect", "change")
     if any(

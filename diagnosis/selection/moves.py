@@ -10,12 +10,12 @@ from itertools import combinations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from zwidth.diagnosis.fitting.descend import descend
+from zwidth.diagnosis.fitting.descend import creased, descend
 from zwidth.diagnosis.fitting.fit import Problem
 from zwidth.diagnosis.fitting.landscape import Landscape
 from zwidth.diagnosis.model.parameters import Model, effect_labels
 from zwidth.diagnosis.noise.beginning import with_play
-from zwidth.diagnosis.noise.family import Family
+from zwidth.diagnosis.noise.family import Family, blind
 from zwidth.diagnosis.noise.predictor import SCREENING, SETTLING
 from zwidth.diagnosis.noise.settle import prepared_for
 from zwidth.diagnosis.noise.steady import NoObserver
@@ -96,9 +96,8 @@ class Proposal:
         if self.under is None:
             return Begun(self, self.x, 0.0)
         ground = Landscape(self.under.experiments, self.under.observer, self.model, SCREENING)
-        creased = any(p.effect.creased for p in self.model.effects)
         rounds = (2 if with_play(self.model.effects) else 1) * Effort.first_rounds
-        first = descend(ground, self.x, rounds, creased, first=True)
+        first = descend(ground, self.x, rounds, creased(self.model), first=True)
         return Begun(self, first.x, first.cost)
 
 
@@ -417,7 +416,7 @@ def _views(h: Hypothesis, ticks: int | None = None) -> Iterator[View]:
     """
     yield view(_cut(h.problem, ticks), h.model, h.x, own=True)
     with suppress(NoObserver):
-        slower = prepared_for(h.experiments, h.model, h.x, SLOWER * h.ratio)
+        slower = prepared_for(h.experiments, h.model, h.x, blind(SLOWER * h.ratio))
         yield view(_cut(slower, ticks), h.model, h.x, own=True)
 
 
@@ -432,7 +431,7 @@ def _views_afar(h: Hypothesis, ticks: int = FAR_TICKS) -> Iterator[View]:
     bent = float(np.abs(h.x[prior]).max(initial=0.0)) > BENT
     for x in (h.x, np.where(prior, 0.0, h.x)) if bent else (h.x,):
         try:
-            yield view(prepared_for(stretch, h.model, x, SLOWEST), h.model, x, own=False)
+            yield view(prepared_for(stretch, h.model, x, blind(SLOWEST)), h.model, x, own=False)
         except NoObserver:
             continue
 

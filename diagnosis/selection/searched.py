@@ -20,6 +20,7 @@ from functools import partial
 from operator import is_
 
 from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy, freer, wandering
+from zwidth.diagnosis.fitting.descend import fit
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.mishaps import Say, attempt
 from zwidth.diagnosis.model.parameters import Model
@@ -192,7 +193,7 @@ def as_found(device: Device, found: Search) -> Searched:
         v for v in found.plain.model.varying if v.declared
     ]  # of what changes, the refit knows none
     bare = Model(device, varying=tuple(own))
-    baseline = problem.fit(bare, found.plain.x[: len(bare.parameters)])
+    baseline = fit(problem, bare, found.plain.x[: len(bare.parameters)])
     final = with_rate(problem, _final(problem, best))
     return Searched(problem, baseline, final, found, judge_of(best))
 
@@ -233,7 +234,7 @@ def unnamed(found: Searched) -> Searched:
     """
     plain = _by_the_next_sample(found.tried.plain)
     problem = Problem(plain.problem.experiments, plain.noise.observer, FINAL)
-    refit = problem.fit(plain.model, plain.x)
+    refit = fit(problem, plain.model, plain.x)
     tried = replace(found.tried, plain=plain, best=plain)
     return Searched(
         problem, refit, refit, tried, judge_of(plain), far=found.far, beside=found.beside
@@ -250,7 +251,7 @@ def _by_the_next_sample(h: Hypothesis) -> Hypothesis:
 def _final(problem: Problem, h: Hypothesis) -> Fitted:
     """A hypothesis in fine substeps: fitted once more where it has no creases."""
     if not h.creased:
-        return problem.fit(h.model, h.x)
+        return fit(problem, h.model, h.x)
     residual = problem.residual(h.model, h.x)
     assert h.slopes is not None
     chi2 = float(residual @ residual)
