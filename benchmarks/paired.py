@@ -152,7 +152,16 @@ def brief(found: Mapping[str, Any]) -> dict[str, Any]:
         "whole_runs": [r["shares"].get("after") for r in said.get("whole_runs", [])],
         "force_errors": [r["shares"].get("after") for r in said.get("force_errors", [])],
         "simulations": said.get("cost", {}).get("simulations"),
+        "by": _by_stage(said.get("cost", {}).get("by", ())),
     }
+
+
+def _by_stage(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Simulations of each stage."""
+    found: dict[str, float] = {}
+    for row in rows:
+        found[row["stage"]] = found.get(row["stage"], 0.0) + row["simulations"]
+    return found
 
 
 def sit(options: argparse.Namespace) -> None:
