@@ -4,6 +4,7 @@
     python -m benchmarks.paired sit FOLDER TABLE.json                diagnose them all
         [--code CHECKOUT] [--only r0001 ...] [--limit 900] [--machines RECORDINGS [NAME ...]]
     python -m benchmarks.paired compare BEFORE.json AFTER.json       what is worse, what is better
+    python -m benchmarks.paired show TABLE.json                      how often it is right
 
 A change to the diagnosis is judged on all of it. Each recording is one `zwidth diagnose` with
 everything that it writes, in a process of its own; CPU seconds are those of all its threads.
@@ -30,6 +31,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from scipy.stats import binomtest
 
 from docs.make_machine_pages import MACHINES, PAGES
 from zwidth.exam.mark import linear_truth, mark
@@ -243,8 +246,41 @@ def compare(before: Mapping[str, Any], after: Mapping[str, Any]) -> None:
     )
 
 
+def share(right: int, of: int) -> str:
+    """Return a share with its 95 % interval (Clopper and Pearson)."""
+    if of == 0:
+        return "-"
+    between = binomtest(right, of).proportion_ci(0.95)
+    return f"{right} of {of} ({100 * between.low:.0f} to {100 * between.high:.0f} %)"
+
+
+def show(table: Mapping[str, Any]) -> None:
+    """Print by stratum what was named, and over all how far an answer is to be trusted."""
+    rows = [row for row in table.values() if "stratum" in row]
+    print("| what was hidden | recordings | all named | effects named | nothing claimed | CPU s |")
+    print("| --- | --- | --- | --- | --- | --- |")
+    for stratum in dict.fromkeys(row["stratum"] for row in rows):
+        own = [row for row in rows if row["stratum"] == stratum]
+        whole = sum(all(row["concealed"].values()) and row["verdict"] != "none" for row in own)
+        named = [so for row in own for so in row["concealed"].values()]
+        quiet = sum(not row["claims"] for row in own)
+        cpu = statistics.median(row["cpu_s"] for row in own)
+        print(
+            f"| {stratum} | {len(own)} | {share(whole, len(own))} |"
+            f" {share(sum(named), len(named))} | {share(quiet, len(own))} | {cpu:.0f} |"
+        )
+    sure = [row for row in rows if row["verdict"] == "identified"]
+    wrong = sum(bool(row["claims"]) or not all(row["concealed"].values()) for row in sure)
+    inside = [so for row in rows for so in row["inside"]]
+    spent = [row["cpu_s"] for row in rows]
+    print(f"identified, and something claimed or missed: {share(wrong, len(sure))}")
+    print(f"intervals that hold the truth: {share(sum(inside), len(inside))}")
+    print(f"no answer at the limit: {sum(row['verdict'] == 'none' for row in rows)}")
+    print(f"CPU s: median {statistics.median(spent):.0f}, longest {max(spent):.0f}")
+
+
 def main() -> None:
-    """Make, sit or compare."""
+    """Make, sit, compare or show."""
     options = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -261,11 +297,15 @@ def main() -> None:
     comparing = what.add_parser("compare")
     comparing.add_argument("before", type=Path)
     comparing.add_argument("after", type=Path)
+    showing = what.add_parser("show")
+    showing.add_argument("table", type=Path)
     given = options.parse_args()
     if given.what == "make":
         make(given.folder)
     elif given.what == "sit":
         sit(given)
+    elif given.what == "show":
+        show(json.loads(given.table.read_text()))
     else:
         for file in (given.before, given.after):
             if not file.exists():

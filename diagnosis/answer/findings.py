@@ -253,9 +253,13 @@ def upper_bounds(found: Searched) -> dict[str, dict[str, float]]:
 
 
 def without(found: Search, label: str) -> float:
-    """At how many sigma the best hypothesis stands above the best that lacks an effect."""
+    """At how many sigma the best hypothesis stands above itself without an effect.
+
+    Or, where that was not fitted, above the best that has none but others of its effects: what has
+    another in its place is a rival, and says nothing of what it explains.
+    """
     best = found.best
-    lacking = [h for h in found.tried.values() if label not in h.labels]
+    lacking = [h for h in found.tried.values() if h.labels <= best.labels - {label}]
     nearest = min(lacking, key=lambda h: h.cost.total)
     bare = found.tried.get(best.labels - {label}, nearest)
     return max(0.0, against(best, bare).sigma)

@@ -360,16 +360,16 @@ def replaced(index: int) -> Move:
     """
 
     def move(h: Hypothesis, effort: Effort) -> Iterator[Proposal]:
-        model, x = h.model.less(h.x, index)
+        model, at = h.model.less(h.x, index)
         own = h.model.effects_at(h.x)[index]
         gone, rotary = place_label(own), h.model.nominal.rotary
         richer = {label_of(e.name, at) for e, at in richer_at(own.effect.name, own.place, rotary)}
         laws = {own.effect.name, *own.effect.contains}
-        device = model.build(x)
+        device = model.build(at)
         ticks = _glance(h.experiments)
-        under, x, explained = _without(h, model, x, ticks)
+        under, x, explained = _without(h, model, at, ticks)
         if ticks is not None and explained < PURSUIT.clear_sign:
-            under, x, explained = _without(h, model, h.model.less(h.x, index)[1], None)
+            under, x, explained = _without(h, model, at, None)
         seen = view(under, model, x, own=True)
         sizes = sizes_of(device, h.experiments, h.model.reads(h.x).gain)
         where = open_places(device)
@@ -382,7 +382,17 @@ def replaced(index: int) -> Move:
         others = [one for one in screened(seen, starts) if one.start.label != gone]
         base = replace(h, model=model, x=x)
         least = PURSUIT.rival_share * explained - PURSUIT.hopeless
+        alike = {  # the same law elsewhere: behind a stiff link it has the same numbers
+            label_of(own.effect.name, place): Start(
+                replace(own, at=str(place)), h.model.scales[index], own.effect.within(sizes, place)
+            )
+            for effect, place in where
+            if effect is own.effect
+        }
         for rank, one in enumerate(others):
+            if (moved := alike.get(one.start.label)) is not None:
+                yield replace(_among(h, model, at, [(moved,), (one.start,)]), akin=True)
+                continue
             # What contains it explains as much at least, and has to be fitted to say how much more.
             akin = one.start.physics.effect.name in laws
             likely = rank < effort.rivals and one.score > least

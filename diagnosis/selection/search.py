@@ -257,8 +257,7 @@ def _grown(found: Search) -> None:
         found.grown.add(found.best.labels)
         found.say("trying one more effect")
         before, accepted = found.best, _believed_beside(found, beam)
-        gained = before.cost.misfit - accepted[0].cost.misfit if accepted else 0.0
-        if _set_apart(found, gained):
+        if _set_apart(found, before, accepted):
             beam = [found.best]
             continue
         if not accepted:
@@ -268,17 +267,26 @@ def _grown(found: Search) -> None:
         beam = [found.best, *(h for h in beam if h.labels != found.best.labels)]
 
 
-def _set_apart(found: Search, gained: float) -> bool:
+def _set_apart(found: Search, before: Hypothesis, accepted: Sequence[Hypothesis]) -> bool:
     """Set apart what happens once, where it explains more than the next effect; whether it did.
 
     A hand on the device bends every fit, and effects that explain some of it are believed in turn.
-    What explains all of it more than an effect does is no trace of that effect. It explains what
-    the recordings cost less with ordinary noise in its place: as what is left costs, a sample.
+    What explains all of it more than an effect does is no trace of that effect, unless nothing
+    stands apart any more once the effect is known: an amplifier that meets its limit once looks
+    like a hand. It explains what the recordings cost less with ordinary noise in its place: as what
+    is left costs, a sample.
     """
     if found.moves.apart is None or found.apart >= MOST_APART:
         return False
-    left = attempt("events", "what stands apart", partial(found.moves.apart, found.best))
+    stands_apart = found.moves.apart
+    left = attempt("events", "what stands apart", partial(stands_apart, found.best))
     if left is None or sum(e.ticks for e in left) < LEAST_LEFT * found.recorded:
+        return False
+    gained = before.cost.misfit - accepted[0].cost.misfit if accepted else 0.0
+    if (
+        accepted
+        and attempt("events", "what stands apart", partial(stands_apart, accepted[0])) is None
+    ):
         return False
 
     def again(h: Hypothesis) -> Hypothesis:
