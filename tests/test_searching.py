@@ -452,6 +452,59 @@ def test_two_laws_are_held_against_themselves_in_each_others_place() -> None:
     assert found.cost.total < h.cost.total - 100.0
 
 
+def test_a_law_elsewhere_begins_with_the_same_numbers() -> None:
+    """Behind a stiff link a pendulum at m1 is one at m2, whose fit from a grid ended 467 above.
+
+    Mutation: `replaced` without what is alike.
+    """
+    stiff = drive(np.array([1.0, 1.0, 20.0]))
+    pendulum = make_physics("gravity_pendulum", "m2", level=0.06, angle=0.83)
+    made = [recording(stiff.with_physics(pendulum), 2000, 1)]
+    model = Model(stiff).with_effect(pendulum, {"level": 0.06, "angle": 1.0})
+    h = settled(judged(made, model, np.zeros(len(model.parameters))))
+    proposed = {next(iter(p.labels)): p for p in replaced(0)(h, QUICK)}
+    there = proposed["gravity_pendulum@m1"]
+    (own,), (moved,) = h.model.effects_at(h.x), there.model.effects_at(there.x)
+    assert there.akin
+    assert dict(moved.values) == pytest.approx(dict(own.values))
+
+
+def test_an_effect_stands_above_none_of_it_and_not_above_what_is_in_its_place(
+    rubbed: list[Experiment],
+) -> None:
+    """Mutation: the cheapest of all that lack it."""
+    force = make_physics("constant_force", "m1", level=0.01)
+    model = with_friction(0.03).with_effect(force, {"level": 0.01})
+    best = settled(judged(rubbed, model, np.zeros(len(model.parameters))))
+    plain = settled(judged(rubbed, Model(drive()), np.zeros(Model(drive()).linear_count)))
+    elsewhere = make_physics("coulomb_friction", "m2", level=0.03)
+    rival = replace(best, model=Model(drive()).with_effect(elsewhere, {"level": 0.03}))
+    found = Search(plain, best, QUICK, silent)
+    for h in (plain, best, rival):
+        found.keep(h)
+    assert without(found, "coulomb_friction@m1") > 10.0
+
+
+@pytest.mark.parametrize("explains", [True, False])
+def test_what_an_effect_explains_whole_is_set_apart_by_nobody(
+    rubbed: list[Experiment], explains: bool
+) -> None:
+    """An amplifier that meets its limit once looks like a hand. Mutation: it is not asked for."""
+    plain = settled(judged(rubbed, Model(drive()), np.zeros(Model(drive()).linear_count)))
+    model = with_friction(0.03)
+    new = settled(judged(rubbed, model, np.zeros(len(model.parameters))))
+    short = rubbed[0].part(0, 2000)
+
+    def apart(h: Hypothesis) -> list[Experiment] | None:
+        return None if explains and h is new else [short]
+
+    old = replace(plain, cost=replace(plain.cost, misfit=plain.cost.misfit + 1e4))
+    found = Search(old, old, QUICK, silent, Moves(apart=apart), recorded=3000)
+    slight = replace(new, cost=replace(new.cost, misfit=old.cost.misfit - 100.0))
+    accepted = [new] if explains else [slight]
+    assert searching._set_apart(found, old, accepted) is not explains
+
+
 @pytest.mark.parametrize(("gap", "shows"), [(0.0, False), (0.03, True), (0.3, True)])
 def test_play_is_fitted_where_a_scan_of_its_width_shows_it(gap: float, shows: bool) -> None:
     """Beside a friction that is known, the motor alone measured; and no play where there is none.
