@@ -4,6 +4,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+from zwidth.diagnosis.account import stage
 from zwidth.diagnosis.answer.augmented import improved
 from zwidth.diagnosis.answer.changes import outlived
 from zwidth.diagnosis.answer.consequence import may_be_nothing, weighed
@@ -74,7 +75,8 @@ def answered(
         findings, refit, stands.left, stands.other, stands.sound, free, bad, level,
         lost=" and ".join(lost), faults=stands.faults, masses=device.chain.masses.size,
     )  # fmt: skip
-    law, instead, halted = _law(device, stands, facts, say)
+    with stage("a law of no name"):
+        law, instead, halted = _law(device, stands, facts, say)
     facts = replace(facts, law=law, instead=instead)
     if reason(facts).verdict is Verdict.UNKNOWN_PHYSICS:
         # None of the hypotheses that were fitted is true then, and shares among them are no odds.

@@ -7,6 +7,7 @@ from functools import partial
 
 import numpy as np
 
+from zwidth.diagnosis.account import stage
 from zwidth.diagnosis.answer.adequacy import Adequacy, adequacy
 from zwidth.diagnosis.answer.changes import Change, changing, outlived
 from zwidth.diagnosis.answer.inverse import ForceError
@@ -74,7 +75,8 @@ def what_stands(
     before, changes, halted = taken, (), found.interrupted
     if not halted:
         try:
-            found, taken, changes = changing(device, found, taken, say)
+            with stage("changes"):
+                found, taken, changes = changing(device, found, taken, say)
         except KeyboardInterrupt:
             halted = True
     asked, taken = taken, _knowing_losses(taken, found)
@@ -144,9 +146,11 @@ def held_adequacy(device: Device, found: Searched, taken: Taken) -> Adequacy | N
 
 def _what_is_left(found: Searched, taken: Taken) -> tuple[Left, Instead | None]:
     """What the final model leaves, and what of no library may stand in the place of its names."""
-    left = attempt("detect", "what is left", partial(left_over, found, taken.whole))
+    with stage("what is left"):
+        left = attempt("detect", "what is left", partial(left_over, found, taken.whole))
     other: Instead | None = None
-    with isolated("detect", "physics of no library in the place of what was named"):
+    name = "physics of no library in the place of what was named"
+    with stage("in place of names"), isolated("detect", name):
         other = instead_of(found)
     return left or Left(0.0, ""), other
 
