@@ -117,6 +117,9 @@ class Adequacy:
     apart: float = 2.0
     """Sigma by which the free runs of one answer must be better than another's. Convention."""
 
+    matters: float = 1.02
+    """Factor of an error of free runs that anyone would care about. Convention."""
+
     often: float = 0.01
     """Probability of signed ranks by chance, below which a law's free runs err less. Convention."""
 

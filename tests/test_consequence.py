@@ -42,6 +42,16 @@ def test_what_an_interval_lets_be_nothing(
     assert may_be_nothing(finding(lower, upper, effect)) is nothing
 
 
+@pytest.mark.parametrize(("times", "sigma"), [(0.46, -1.2), (0.9, 0.0), (0.999, -0.1), (1.54, 0.9)])
+def test_what_held_out_data_do_without(times: float, sigma: float) -> None:
+    """One that held-out motion does not excite is worth nothing there, and stays.
+
+    Mutations: the interval alone; the sign of sigma alone.
+    """
+    known = replace(finding(0.01, 0.02), worth=Worth(times, sigma, 0.5))
+    assert may_be_nothing(known) is (sigma <= 0.0 and times < 0.98)
+
+
 def test_worth_and_no_consequence_in_words() -> None:
     f = finding(0.01, 0.02)
     assert worth_in_words(f) == ""
