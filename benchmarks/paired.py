@@ -305,12 +305,19 @@ def main() -> None:
     elif given.what == "sit":
         sit(given)
     elif given.what == "show":
-        show(json.loads(given.table.read_text()))
+        show(table_in(given.table))
     else:
-        for file in (given.before, given.after):
-            if not file.exists():
-                raise SystemExit(f"there is no table {file}; 'sit' writes one")
-        compare(json.loads(given.before.read_text()), json.loads(given.after.read_text()))
+        compare(table_in(given.before), table_in(given.after))
+
+
+def table_in(file: Path) -> dict[str, Any]:
+    """Return a table that 'sit' wrote."""
+    if not file.exists():
+        raise SystemExit(f"there is no table {file}; 'sit' writes one")
+    try:
+        return json.loads(file.read_text())
+    except ValueError as error:
+        raise SystemExit(f"{file} is no table of 'sit': {error}; let it write one anew") from error
 
 
 if __name__ == "__main__":

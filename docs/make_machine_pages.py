@@ -7,10 +7,13 @@ on. Each page keeps its text; what stands between its two marks is made anew, wi
 a minute to ten minutes a machine.
 """
 
+import os
 import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command does: sums round the same way
 
 from zwidth.diagnosis.answer.friction_curve import friction_curve
 from zwidth.diagnosis.answer.result import Diagnosis

@@ -27,7 +27,7 @@ from zwidth.diagnosis.forces.unknown import Instead, alone
 from zwidth.diagnosis.model.parameters import Model
 from zwidth.diagnosis.noise.family import NEXT_SAMPLE
 from zwidth.diagnosis.noise.predictor import SETTLING
-from zwidth.diagnosis.noise.settle import settle, settled_cost
+from zwidth.diagnosis.noise.settle import fitted_in_turn, settle
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.seeking.sizes import sizes_of
 from zwidth.diagnosis.settings import FREE_FORCES
@@ -47,10 +47,8 @@ BY_POSITION = (
     "hysteresis@ground",
 )
 MET = (0.25, 0.05, 0.01)  # of the samples beyond a stop, to start with
-LOOK, JUDGED = (
-    4,
-    3,
-)  # rounds of a first look at each; of the likeliest, that are fitted to their end
+LOOK = 4  # rounds of a first look at each
+JUDGED = 3  # of the likeliest, that are fitted to their end
 HOPE = 100.0  # in -2 ln, by which a first look may end above what an end must be below
 DEPTH = 1e-4  # of the travel, that a stop must be pressed by
 
@@ -80,7 +78,7 @@ def instead_by_law(problem: Problem, final: Fitted) -> Instead | None:
     for probe in probes:
         model, x = _exchanged(final, probe)
         with suppress(NoObserver):  # where no observer follows the recording with it
-            cost, x, _ = settled_cost(experiments, model, x, near, 1, LOOK)
+            cost, x, _ = fitted_in_turn(experiments, model, x, near, 1, LOOK)
             looked.append((cost + price * x.size, probe, model, x))
     likely = sorted((one for one in looked if one[0] < least + HOPE), key=lambda one: one[0])
     for _, probe, model, x in likely[:JUDGED]:

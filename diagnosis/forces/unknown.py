@@ -37,7 +37,7 @@ from zwidth.diagnosis.forces.locate import STATES, motions, state_of
 from zwidth.diagnosis.forces.spatial import response
 from zwidth.diagnosis.noise.family import NEXT_SAMPLE, Family, blind
 from zwidth.diagnosis.noise.predictor import SETTLING
-from zwidth.diagnosis.noise.settle import STILL, cost_at, prepared_for, settled_cost
+from zwidth.diagnosis.noise.settle import STILL, cost_at, fitted_in_turn, prepared_for
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
 from zwidth.diagnosis.seeking.screen import Complement
@@ -174,7 +174,8 @@ def unknown(experiments: Sequence[Experiment], fitted: Fitted) -> Unknown | None
     # A model not fitted to its end gains by anything, and by another observer alone.
     # Where it stood beside the force, the fit without may stay for good: from its own x as well.
     both, model = (plain.x, forced.x), fitted.model
-    base = min(base, settled_cost(experiments, model, forced.x, near, TURNS, ROUNDS)[0])
+    beside = replace(fitted, x=forced.x)
+    base = min(base, alone(beside, experiments, near))
     base = min(base, *(cost_at(forced.ratio, model, x, experiments) for x in both))
     if base - found < FREE_FORCES.weak:  # a slower observer must agree
         slower = SLOWER * forced.ratio
@@ -312,7 +313,7 @@ def _surplus(one: Gained) -> float:
 
 def alone(fitted: Fitted, experiments: Sequence[Experiment], family: Family) -> float:
     """Cost of the model without such a force, settled as often as one with it."""
-    return settled_cost(experiments, fitted.model, fitted.x, family, TURNS, ROUNDS)[0]
+    return fitted_in_turn(experiments, fitted.model, fitted.x, family, TURNS, ROUNDS)[0]
 
 
 def _if_followed(

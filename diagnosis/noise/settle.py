@@ -34,7 +34,7 @@ def prepared_for(
     return likeliest(experiments, model, x, family, begun).problem(experiments)
 
 
-def settled_cost(
+def fitted_in_turn(
     experiments: Sequence[Experiment],
     model: Model,
     x: Floats,
@@ -64,9 +64,9 @@ def settle(
 ) -> tuple[Problem, Fitted]:
     """Fit a model from x, choosing its noise anew between fits until both agree.
 
-    family: as `settled_cost` takes it. Raises NoObserver where none follows the recordings.
+    family: as `fitted_in_turn` takes it. Raises NoObserver where none follows the recordings.
     """
-    _, x, ratio = settled_cost(experiments, model, x, family)
+    _, x, ratio = fitted_in_turn(experiments, model, x, family)
     problem = prepared_for(experiments, model, x, NEXT_SAMPLE.near(ratio))
     return problem, fit(problem, model, x)
 

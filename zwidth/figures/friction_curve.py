@@ -13,7 +13,7 @@ CURVE, SAMPLES = "#004488", "0.72"
 SHOWN = 4000  # samples, at most
 TALL = 2.5  # times the curve's height, within which samples are shown
 TALL_FRAME = 1.05  # times the tallest that is shown, where samples lie beyond it
-WIDE = 75  # letters of a legend that one line holds
+WIDE = 75  # letters that a line holds of a legend, whose columns are as wide as the longest
 
 
 def friction_curve_figure(curve: FrictionCurve, rotary: bool) -> Figure:
@@ -48,7 +48,7 @@ def friction_curve_figure(curve: FrictionCurve, rotary: bool) -> Figure:
         axes.set_xlabel(f"velocity of {curve.at} [{speed}]")
         axes.set_ylabel(f"resistance at {curve.at} [{force}]")
         axes.set_title("The friction that was found, over velocity")
-        words = sum(len(str(label)) for label in axes.get_legend_handles_labels()[1])
-        columns = 1 if words > WIDE else 2
+        labels = axes.get_legend_handles_labels()[1]
+        columns = 1 if 2 * max(len(str(label)) for label in labels) > WIDE else 2
         figure.legend(loc="outside lower center", ncols=columns, markerscale=2.0)
     return figure
