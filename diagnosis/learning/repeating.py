@@ -5,7 +5,7 @@ of a law that was fitted with forces f at points s, of precision P, it is asked 
 
     g(s) = c + d s + a sin(2 pi s / L) + b cos(2 pi s / L)
 
-nearest to f in (f - g)' P (f - g), over all L of which the range holds one turn and a half or more,
+nearest to f in (f - g)' P (f - g), over all L of which the range holds two turns or more (`WAVES`),
 down to twice the least distance of points. Where it holds half of what is not straight in f, tables
 of one turn begin there (the straight part is left to damper, spring or scale), their period free as
 well, and cost what every hypothesis costs.
@@ -24,9 +24,10 @@ from zwidth.diagnosis.learning.tables import is_odd, table
 from zwidth.diagnosis.selection.hypothesis import Hypothesis
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.free_law import points_of
+from zwidth.sim.physics.sizes import WAVES
 
 Floats = NDArray[np.float64]
-FEWEST, MOST = 1.5, 60.0  # turns over the range of the points, that are asked
+MOST = 60.0  # turns over the range of the points, that are asked
 FINE = 8  # of them for each turn more
 OF_A_TURN = 12  # points of what repeats: six harmonics
 BEGUN = 2  # periods that are fitted
@@ -46,7 +47,7 @@ def turns_of(h: Hypothesis) -> list[tuple[Physics, float]]:
     span, least = float(s[-1] - s[0]), float(np.diff(s).min())
     own, ways = np.linalg.eigh(there.precision)
     root = np.sqrt(np.maximum(own, 0.0))[:, None] * ways.T
-    turns = np.arange(FEWEST, max(FEWEST, min(MOST, 0.5 * span / least)) + 1.0 / FINE, 1.0 / FINE)
+    turns = np.arange(WAVES, max(WAVES, min(MOST, 0.5 * span / least)) + 1.0 / FINE, 1.0 / FINE)
     fits = [_sine(root, s, there.forces, span / n) for n in turns]
     off = np.array([distance for distance, _ in fits])
     padded = np.concatenate([[np.inf], off, [np.inf]])

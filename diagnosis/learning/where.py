@@ -32,13 +32,14 @@ from zwidth.diagnosis.selection.hypothesis import Hypothesis, judged
 from zwidth.diagnosis.settings import LAWS
 from zwidth.sim.physics.effect import Physics
 from zwidth.sim.physics.free_law import FORCE, points_of
+from zwidth.sim.physics.sizes import WAVES
 from zwidth.sim.place import masses_and_links, place_at
 
 Floats = NDArray[np.float64]
 SHARE = 0.1  # of the force that moves a recording, or of the motion: scale of a point
 RATIOS = (1.0, 1e-3)  # of the likeliest one, under which laws are begun
 ROUNDS = 4
-CLOSES, LONGEST = 1e-3, 2.0  # of a turn: beyond its last point at least, and of its own at most
+CLOSES = 1e-3  # of a turn: beyond its last point at least
 
 
 @dataclass(frozen=True)
@@ -162,7 +163,8 @@ def beside(base: Model, x: Floats, site: Site, law: Physics) -> tuple[Model, Flo
         states = [s for s, _ in points_of(law.values)]
         least = states[-1] - states[0]  # the table is of one turn, and none of its points of two
         scales["period"] = site.scale
-        bounds["period"] = ((1.0 + CLOSES) * least, LONGEST * law.values["period"])
+        most = max(float(np.ptp(site.states)) / WAVES, law.values["period"])
+        bounds["period"] = ((1.0 + CLOSES) * least, most)
     return with_law(base, x, law, scales, bounds)
 
 
