@@ -5,7 +5,7 @@ of a law that was fitted with forces f at points s, of precision P, it is asked 
 
     g(s) = c + d s + a sin(2 pi s / L) + b cos(2 pi s / L)
 
-nearest to f in (f - g)' P (f - g), over all L of which the range holds two turns or more (`WAVES`),
+nearest to f in (f - g)' P (f - g), over all L of which the range holds `WAVES` turns or more,
 down to twice the least distance of points. Where it holds half of what is not straight in f, tables
 of one turn begin there (the straight part is left to damper, spring or scale), their period free as
 well, and cost what every hypothesis costs.

@@ -4,7 +4,9 @@
     repeat: add the effect that is believed most        (a beam, until nothing is believed)
             put simpler, other, fewer effects in place  (until nothing costs less: the rivals)
 
-What is believed, `evidence` says; what is tried, `moves` say; how much, `Effort`.
+What is believed, `evidence` says; what is tried, `moves` say; how much, `Effort`. The next sample
+may not buy what a longer horizon pays for (`slower`): of effects that are believed the one that
+explains more over that horizon is added first, and none leaves that it needs.
 """
 
 import math
@@ -50,6 +52,7 @@ from zwidth.diagnosis.selection.moves import (
     stepped,
     swapped,
 )
+from zwidth.diagnosis.selection.slower import Slower
 from zwidth.diagnosis.settings import PURSUIT
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import Device
@@ -87,7 +90,8 @@ class Search:
 
     plain: without physics; best: what costs least of all that is believed. clear: whether what
     showed clearly was believed each time. apart: how often a part of the recordings was set apart,
-    since something happened in it; recorded: ticks of all, before that.
+    since something happened in it; recorded: ticks of all, before that. slower: the judge of a
+    longer horizon, None where that is the judge already.
     """
 
     plain: Hypothesis
@@ -99,6 +103,7 @@ class Search:
     grown: set[frozenset[str]] = field(default_factory=set)
     looked: set[frozenset[str]] = field(default_factory=set)
     exchanged: set[frozenset[str]] = field(default_factory=set)
+    slower: Slower | None = None
     clear: bool = True
     apart: int = 0
     recorded: int = 0
@@ -122,6 +127,10 @@ class Search:
             return new.cost.total < old.cost.total
         return believed(new.cost, old.cost, against(new, old).phi)
 
+    def needs(self, old: Hypothesis, new: Hypothesis) -> bool:
+        """Whether what leaves with one hypothesis for another is needed over a longer horizon."""
+        return self.slower is not None and self.slower.prefers(old, new)
+
 
 def search(
     device: Device,
@@ -130,17 +139,24 @@ def search(
     say: Say = silent,
     moves: Moves = Moves(),
     family: Family = NEXT_SAMPLE,
+    begun: Hypothesis | None = None,
 ) -> Search:
     """Search for what explains recordings; raises NoObserver where none follows with the device.
 
-    family: the models of the noise under which all hypotheses are held against each other.
+    family: the models of the noise under which all hypotheses are held against each other. begun:
+    one of it that another search found, to go on from where it is believed.
     """
     model = Model(device, varying=varying(device, experiments))
     with stage("refit"):
         plain = settled(judged(experiments, model, first_x(model, experiments), family))
     ticks = sum(e.ticks for e in experiments)
-    found = Search(plain, plain, effort, say, moves, recorded=ticks)
+    slower = Slower() if family.whitening else None
+    found = Search(plain, plain, effort, say, moves, slower=slower, recorded=ticks)
     found.keep(plain)
+    if begun is not None and begun.model.effects:
+        known = attempt("search", begun.model.label, partial(settled, begun))
+        if known is not None and not known.against_physics and found.ahead(known, plain):
+            found.best = found.keep(known)
     say("the linear parameters are refitted; trying every effect")
     _until_nothing_gains(found, _rounds)
     return found
@@ -243,7 +259,7 @@ def _ended(found: Search) -> None:
     simple = [h for h in kept if len(h.model.effects) <= len(best.model.effects)]
     idle = [h for h in kept if h.labels < best.labels and not _worth(best, h)]  # as in _exchanged
     least = min(idle or simple, key=lambda h: h.cost.total, default=best)
-    if idle or found.ahead(least, best):
+    if (idle or found.ahead(least, best)) and not found.needs(best, least):
         found.best = least
         _exchanged(found)  # its own rivals
 
@@ -309,6 +325,7 @@ def _set_apart(found: Search, before: Hypothesis, accepted: Sequence[Hypothesis]
 def restart(found: Search, plain: Hypothesis, best: Hypothesis) -> None:
     """Go on from other recordings: what was tried on those before compares with nothing."""
     found.plain, found.best, found.tried = plain, best, {}
+    found.slower = None if found.slower is None else Slower()
     for done in (found.grown, found.looked, found.exchanged):
         done.clear()
     for h in (plain, best):
@@ -335,6 +352,8 @@ def _believed_beside(found: Search, beam: Sequence[Hypothesis]) -> list[Hypothes
             continue
         found.say(f"best of {len(proposals)} tried: {new[0].model.label}")
         accepted = [h for h in new if found.ahead(h, found.best)]
+        if len(accepted) > 1 and found.slower is not None:
+            accepted = found.slower.first(accepted)
         if accepted and found.best.has_valleys:
             accepted = _ahead_from_there(found, accepted)
         if not accepted and asked is moves.adding:
@@ -404,7 +423,8 @@ def _exchanged(found: Search) -> None:
         for some in _instead(found):
             # An effect must be believed over its absence, not only cost less.
             idle = [n for n in some if n.labels < h.labels and not _worth(h, n)]
-            less += [n for n in some if n.cost.total < h.cost.total]
+            idle = [n for n in idle if not found.needs(h, n)]
+            less += [n for n in some if n.cost.total < h.cost.total and not found.needs(h, n)]
             better = idle or [n for n in less if n.labels not in found.exchanged | left]
             if better:
                 found.best = min(better, key=lambda n: n.cost.total)
@@ -575,14 +595,26 @@ def fitted(found: Search, proposals: Iterable[Proposal], ended: int) -> list[Hyp
             begun[h.labels] = h
     akin = {b.proposal.labels for b in promising if b.proposal.akin}
     order = sorted(begun.values(), key=lambda h: h.cost.total)
-    likely = _likely([h for h in order if _comes_near(found, h)], ended, akin)
-    fits = [(h.model.label, partial(settled, h, turns=2)) for h in likely]
-    if order and not fits:  # a rival that is far is said, and how far no fit need tell
-        fits = [(h.model.label, partial(priced, h)) for h in order[:1]]
-    finished = [found.keep(h) for h in _each("candidates", fits) if not h.against_physics]
+    near, finished = [h for h in order if _comes_near(found, h)], list[Hypothesis]()
+    if order and not near:  # a rival that is far is said, and how far no fit need tell
+        finished = _stands(found, [(h.model.label, partial(priced, h)) for h in order[:1]])
+    while near and not finished:  # what ends where physics forbids it leaves its room to others
+        likely = _likely(near, ended, akin)
+        chosen = {h.labels for h in likely}
+        if found.slower is not None:
+            more = [h for h in order if h.labels > found.best.labels and h.labels not in chosen]
+            likely += found.slower.ahead_of(likely, more)
+        finished = _stands(found, [(h.model.label, partial(settled, h, turns=2)) for h in likely])
+        near = [h for h in near if h.labels not in chosen]
     found.fits += len(asked)
     found.spent += time.monotonic() - begun_at
     return sorted(finished, key=lambda h: h.cost.total)
+
+
+def _stands(
+    found: Search, fits: Sequence[tuple[str, Callable[[], Hypothesis]]]
+) -> list[Hypothesis]:
+    return [found.keep(h) for h in _each("candidates", fits) if not h.against_physics]
 
 
 def _comes_near(found: Search, h: Hypothesis) -> bool:

@@ -32,9 +32,9 @@ from zwidth.diagnosis.seeking.lattice import with_rate
 from zwidth.diagnosis.selection.effort import NORMAL, Effort
 from zwidth.diagnosis.selection.hypothesis import Hypothesis, independent, judged, settled
 from zwidth.diagnosis.selection.search import Moves, Search, from_afar, search, two_at_once
+from zwidth.diagnosis.selection.slower import FAR_S
 from zwidth.sim.device import Device
 
-FAR_S = 0.05  # that errors are counted over where the next sample is no judge
 LEAST = 3  # of what was tried, that are fitted to see what chance leaves
 NEXT = 3  # that are asked where held-out data speak against what is believed most
 TELLING = 30  # free runs, of which fewer refuse nothing
@@ -157,20 +157,22 @@ def _strays(found: Searched) -> bool:
 
 def _farther(device: Device, near: Search) -> Search | None:
     """The search over a longer horizon; None where no observer looks so far."""
-    family = looking_far(near)
-    if family is None:
+    least = looking_far(near)
+    if least is None:
         return None
     with suppress(NoObserver):
-        far = search(device, near.best.experiments, near.effort, near.say, AHEAD, family)
+        experiments, family = near.best.experiments, least.family
+        far = search(device, experiments, near.effort, near.say, AHEAD, family, least)
         return replace(far, apart=near.apart)
     return None
 
 
-def looking_far(near: Search) -> Family | None:
-    """Return the noise that counts errors over a longer horizon, None where none looks so far.
+def looking_far(near: Search) -> Hypothesis | None:
+    """Return what leaves least over a longer horizon of all that was tried, under noise that counts
+    errors so far; None where none looks so far.
 
-    As many times as they are independent in what leaves least of them of all that was tried: what
-    missing physics leaves depends on its neighbours as well, and would be taken for chance.
+    As many times as they are independent in just that: what missing physics leaves depends on its
+    neighbours as well, and would be taken for chance.
     """
     ahead = as_far_as(FAR_S, near.best.experiments)
     told: list[Hypothesis] = []
@@ -182,7 +184,7 @@ def looking_far(near: Search) -> Family | None:
     if not ended:
         return None
     least = min(ended, key=lambda h: h.cost.misfit)
-    return independent(least, FAR_S).family
+    return independent(least, FAR_S)
 
 
 def as_found(device: Device, found: Search) -> Searched:

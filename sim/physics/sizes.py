@@ -11,7 +11,7 @@ from zwidth.sim.place import Place
 QUARTER = 0.5 * math.pi
 SMALLEST = 0.003  # of the command or the travel: where a sweep begins
 SWEPT = 7  # magnitudes a sweep
-WAVES = 2.0  # in the travel, at least: of fewer nothing is seen to repeat, and any bend is one
+WAVES = 2.0  # in the travel, at least: of fewer little is seen to repeat, and any bend is one
 LONGEST = 1.2  # waves of a period, and travels: of a longer wave less than one is seen, a bend
 
 
