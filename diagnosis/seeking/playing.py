@@ -143,7 +143,8 @@ def _tried(
     # Held against no play in as many substeps, which alone gain (160 in -2 ln beside friction).
     there, device = prepared_for(experiments, model, x, blind(ratio)), wide.acting(asked[1])
     contact = there.observer.gain[:, : len(experiments[0].outputs)]
-    gain = with_apart(device, links_with_play(device), model.seen(experiments[0], x), contact)
+    links, seen = links_with_play(device), model.seen(experiments[0], x)
+    gain = with_apart(device.bare(), links, seen, contact)  # as `noises` has them
     observer = replace(there.observer, gain=gain)
     without, *found = Landscape(there.experiments, observer, wide).costs(asked)
     costs = np.nan_to_num(np.array(found), nan=np.inf)

@@ -598,14 +598,18 @@ def fitted(found: Search, proposals: Iterable[Proposal], ended: int) -> list[Hyp
     near, finished = [h for h in order if _comes_near(found, h)], list[Hypothesis]()
     if order and not near:  # a rival that is far is said, and how far no fit need tell
         finished = _stands(found, [(h.model.label, partial(priced, h)) for h in order[:1]])
-    while near and not finished:  # what ends where physics forbids it leaves its room to others
+    while near and not finished:  # what physics forbids leaves its room to what is near it
         likely = _likely(near, ended, akin)
         chosen = {h.labels for h in likely}
         if found.slower is not None:
             more = [h for h in order if h.labels > found.best.labels and h.labels not in chosen]
             likely += found.slower.ahead_of(likely, more)
         finished = _stands(found, [(h.model.label, partial(settled, h, turns=2)) for h in likely])
-        near = [h for h in near if h.labels not in chosen]
+        near = [
+            h
+            for h in near
+            if h.labels not in chosen and h.cost.total - order[0].cost.total < Effort.hopeless
+        ]
     found.fits += len(asked)
     found.spent += time.monotonic() - begun_at
     return sorted(finished, key=lambda h: h.cost.total)
