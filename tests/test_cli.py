@@ -240,6 +240,20 @@ def test_a_narrow_terminal_cuts_off_nothing(monkeypatch: pytest.MonkeyPatch):
     assert "unit" not in shown
 
 
+def test_a_table_that_does_not_fit_breaks_no_word(monkeypatch: pytest.MonkeyPatch):
+    """Its rows stand one below the other. Mutation: rich folds "oscillates" into "osci llat es"."""
+    monkeypatch.setenv("COLUMNS", "40")
+    screen = Terminal()
+    monkeypatch.setattr(sys, "stdout", screen)
+    columns = [Column(f"condition {i}") for i in range(6)]
+    Console().table("", columns, [["oscillates", "", *["diverging"] * 4]] * 2)
+    shown = screen.getvalue()
+    assert shown.count("oscillates") == 2
+    assert shown.count("condition 5  diverging") == 2
+    assert "condition 1" not in shown
+    assert max(map(len, shown.split("\n"))) <= 40
+
+
 def test_words_are_wrapped_on_a_terminal_and_nowhere_else(monkeypatch: pytest.MonkeyPatch):
     """Mutation: paths broken, or lines for programs."""
     monkeypatch.setenv("COLUMNS", "40")

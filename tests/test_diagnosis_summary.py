@@ -44,8 +44,8 @@ def test_how_sure_is_said_by_the_least_certain_effect():
     """Mutation: the first effect's figures, or the largest."""
     said = how_sure(found(Verdict.IDENTIFIED, FRICTION, GRAVITY), "s")
     assert said == (
-        "the probability is 99 %, and the model with the least certain effect is 9 sigma better"
-        " than the best without it (5 are required)"
+        "the probability is 99 %; the least certain effect improves the fit by 9 sigma"
+        " (5 are required)"
     )
     sound = SimpleNamespace(explained=0.95)
     half = how_sure(found(Verdict.UNKNOWN_PHYSICS, FRICTION, adequacy=sound), "s")

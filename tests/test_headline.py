@@ -204,10 +204,18 @@ def test_where_says_what_the_map_shows():
     )
     even = where(held(force_map("m1", "velocity"), 0.55), 1)
     assert even == (
-        "of forces that follow one state, one at the motor that follows the velocity, against the"
-        " motion, explains most of it"
+        "a force at the motor that follows the velocity, against the motion, best describes what is"
+        " missing"
     )
     assert "changes with time" in where(held(force_map("m1", "time"), 0.5), 1)
+    both = replace(
+        held(force_map("m1", "time"), 0.5),
+        maps=(force_map("m1", "velocity", 880.0), force_map("m1", "time"), force_map("m1", "q", 9)),
+    )
+    assert where(both, 1) == (
+        "forces at the motor that depend on time or velocity describe what is missing about equally"
+        " well"
+    )
     quiet = where(held(force_map("m1", "velocity", 9.0), 0.5), 1)
     assert quiet.endswith("stands out from the noise")
 

@@ -78,16 +78,27 @@ class Console:
     def table(self, title: str, columns: Sequence[Column], rows: Sequence[Sequence[str]]) -> None:
         """Write a table: ruled on a terminal, plain columns elsewhere.
 
-        A column in which nothing stands is left out. Where a terminal is too narrow, cells are
-        folded and nothing is cut off; names, the first column, are folded last.
+        A column in which nothing stands is left out. Where a terminal is too narrow, cells wrap at
+        words; names, the first column, wrap last. Where not even the longest words fit beside each
+        other, each row is a table of its own, a line for each column.
         """
         from rich.box import SIMPLE_HEAD
         from rich.console import Console as Terminal
         from rich.table import Table
 
         terminal = self.stream.isatty()
-        table = Table(box=SIMPLE_HEAD if terminal else None, pad_edge=False)
         used = [i for i in range(len(columns)) if not rows or any(row[i] for row in rows)]
+        if terminal and narrowest([[columns[i].heading, *(r[i] for r in rows)] for i in used]) > (
+            shutil.get_terminal_size().columns
+        ):
+            self.say(title)
+            for row in rows:
+                self.say("")
+                wide = max(len(columns[i].heading) for i in used) + 2
+                for i in (i for i in used if row[i]):
+                    self.show(hanging(columns[i].heading.ljust(wide), row[i]))
+            return
+        table = Table(box=SIMPLE_HEAD if terminal else None, pad_edge=False)
         for i in used:
             justify = "right" if columns[i].number else "left"
             whole = i == 0 and all(len(row[0]) <= LONGEST_NAME for row in rows)
@@ -141,6 +152,25 @@ def wrapped(text: str, stream: TextIO) -> str:
     wrapper = textwrap.TextWrapper(width, break_long_words=False, break_on_hyphens=False)
     lines = text.split("\n")
     return "\n".join(line if line.startswith(" ") else wrapper.fill(line) for line in lines)
+
+
+def hanging(head: str, text: str) -> str:
+    """Return a head and what stands beside it, wrapped at words as a terminal is wide."""
+    width = shutil.get_terminal_size().columns
+    return textwrap.fill(
+        text, width, initial_indent=head, subsequent_indent=" " * len(head),
+        break_long_words=False, break_on_hyphens=False,
+    )  # fmt: skip
+
+
+def narrowest(columns: Sequence[Sequence[str]]) -> int:
+    """Return how wide a table of these columns is at least: names whole, else the longest words."""
+    wide = 0
+    for i, cells in enumerate(columns):
+        whole = i == 0 and all(len(cell) <= LONGEST_NAME for cell in cells[1:])
+        words = cells if whole else [word for cell in cells for word in cell.split()]
+        wide += max(map(len, words), default=0) + 3
+    return wide
 
 
 @contextmanager

@@ -82,8 +82,8 @@ def diagnose_files(
     doubts: list[str] = []
     every = (*recordings, *validate)
     HEART.said("reading the recordings")
+    announce(console)  # reading compiles already
     read = {path: described(console, path, out, joint, doubts) for path in every}
-    announce(console)
     with ExitStack() as scales, collecting(console.warn) as mishaps:
         with warnings.catch_warnings(action="ignore", category=RuntimeWarning):  # numpy's, on 1e300
             fitted_to = arms(console, _traces(console, recordings, read))
@@ -474,7 +474,7 @@ def _say(console: Console, found: Diagnosis, assumed: Sequence[str]) -> None:
     ]
     if rows:
         columns = _columns(*heads, *("with the law" for _ in law))
-        title = "One run over the whole stretch, without correction: rms error, share of the motion"
+        title = "One free run over the whole stretch: rms error (share of the motion)"
         console.table(f"\n{title}", columns, rows)
     rows = [
         [f"{run.recording}, up to {number(run.band)} Hz"]
@@ -483,15 +483,15 @@ def _say(console: Console, found: Diagnosis, assumed: Sequence[str]) -> None:
         for run in found.force_errors
     ]
     if rows:
-        title = "Force that the recorded motion needs, less the force that acts: rms, and its share"
+        title = "Force that each model lacks for the recorded motion: rms (share of the command)"
         console.table(f"\n{title}", _columns(*heads), rows)
     if found.next_level is not None:
         console.say(f"\n{found.next_level.sentence}")
 
 
 def _columns(*heads: str) -> list[Column]:
-    """Columns of numbers between what they are of and whether that was held out."""
-    return [Column("", False), *map(Column, heads), Column("", False)]
+    """Columns of numbers, between what they are of and which data they were measured on."""
+    return [Column("", False), *map(Column, heads), Column("data", False)]
 
 
 def _plain(value: Any) -> Any:

@@ -355,8 +355,8 @@ def _sigma(value: float) -> str:
 
 
 def sentence(text: str) -> str:
-    """With a capital at its start."""
-    return text[:1].upper() + text[1:]
+    """With a capital at its start, unless that is the name of a channel."""
+    return text if "_" in text.split(" ", 1)[0] else text[:1].upper() + text[1:]
 
 
 def estimate(value: Estimate) -> str:

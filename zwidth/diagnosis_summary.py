@@ -50,12 +50,11 @@ def how_sure(found: Diagnosis, sentence: str) -> str:
         return f"{sentence}{_explained(found)}"
     sigma = min(f.separation_sigma for f in found.findings)
     chances = [f.probability for f in found.findings if f.probability is not None]
-    chance = f"the probability is {most(min(chances))}, and " if chances else ""
+    chance = f"the probability is {most(min(chances))}; " if chances else ""
     which = "the least certain effect" if len(found.findings) > 1 else "the effect"
-    clear = f" is {sigma:.0f} sigma better than the best without it" if sigma < math.inf else ""
-    if not clear:
+    if not sigma < math.inf:
         return f"{sentence}: its distance from the next explanation is not known"
-    return f"{chance}the model with {which}{clear} ({ENOUGH:.0f} are required)"
+    return f"{chance}{which} improves the fit by {sigma:.0f} sigma ({ENOUGH:.0f} are required)"
 
 
 def _explained(found: Diagnosis) -> str:

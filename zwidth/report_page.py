@@ -19,7 +19,8 @@ def page(template: str, filters: dict[str, Any], **values: Any) -> str:
         lstrip_blocks=True,
     )
     environment.filters.update(filters)
-    return environment.get_template(template).render(**values)
+    # A unit stays on the line of its number.
+    return environment.get_template(template).render(**values).replace(" %", "\u00a0%")
 
 
 def embedded(svg: bytes) -> str:

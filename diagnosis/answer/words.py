@@ -22,6 +22,7 @@ from zwidth.sim.predict import OVERFLOW
 from zwidth.sim.readable import interval, most, of_the_motion, percent, plain, with_unit
 
 LISTED = 3  # effects, rivals or parameters in a sentence; of more it says how many
+NEAR = 0.8  # of what the best force explains, from which another one is named beside it
 UNNAMED = "something is missing that has no name in the library"
 
 
@@ -305,7 +306,7 @@ def parameter_in_words(name: str, unit: str) -> str:
     if name == "gain":
         return "the scale of the command"
     if name == "skew":
-        return "readings after the command"
+        return "delay of the readings"
     name, where_, word = name.partition(" in ")  # a value of some recordings' own
     kind = {"m": "mass" if unit == "kg" else "inertia", "b": "damper", "k": "spring"}.get(name[:1])
     called = name if kind is None or not name[1:].isdigit() else f"the {kind} {name}"
@@ -423,17 +424,31 @@ def _inadequate(sound: Adequacy) -> str:
 
 
 def where(located: Located, masses: int) -> str:
-    """Say where the refitted device and the recording part, before anything has a name."""
+    """Say where the refitted device and the recording differ, before anything has a name.
+
+    Of places and states whose force explains about as much as the best one's, all are said: the
+    order of such near values does not tell what the force depends on.
+    """
     top = max(located.maps, key=lambda m: m.gained, default=None)
     if top is None:
         return located.sentence
     if not stands_out(top):
         return "no force that follows position, velocity, command or time stands out from the noise"
+    near = [m for m in located.maps if m.gained >= NEAR * top.gained]
+    near.sort(key=lambda m: -m.gained)
+    at = listed(
+        [place_in_words(place_at(p), masses) for p in dict.fromkeys(m.place for m in near)], "or"
+    )
+    states = list(dict.fromkeys(m.against for m in near))
+    if len(states) > 1:
+        return (
+            f"{densest(located.state)}forces {at} that depend on {listed(states, 'or')} describe"
+            " what is missing about equally well"
+        )
     like = "changes with time" if top.against == "time" else f"follows the {top.against}"
-    at = place_in_words(place_at(top.place), masses)
     return (
-        f"{densest(located.state)}of forces that follow one state, one {at} that"
-        f" {like}{sign_of(top)} explains most of it"
+        f"{densest(located.state)}a force {at} that {like}{sign_of(top)} best describes what is"
+        " missing"
     )
 
 

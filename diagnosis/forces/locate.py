@@ -1,4 +1,4 @@
-"""Where simulation and recording part: in time, frequency, state, and at which entry point.
+"""Where simulation and recording differ: in time, frequency, state, and at which entry point.
 
 Shares are of the residual's excess energy, the part that the noise model does not expect: energy
 above one per whitened sample, so that a clean recording has nothing to locate.
@@ -62,7 +62,7 @@ class Located:
     maps: tuple[ForceMap, ...]
 
 
-NOWHERE = Located("where simulation and recording part could not be said", [], [], [], [], ())
+NOWHERE = Located("where simulation and recording differ could not be determined", [], [], [], [], ())
 
 
 def locate(problem: Problem, fitted: Fitted) -> Located:

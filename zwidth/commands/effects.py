@@ -2,6 +2,7 @@
 
 import inspect
 import json
+import re
 from collections.abc import Mapping
 from importlib import import_module
 from itertools import groupby
@@ -71,7 +72,8 @@ def command(
     console.say(f"{effect.name}: {effect.summary}\n")
     if effect.formula:
         console.say(f"{indent(formula(effect), '    ')}\n\n{LETTERS}\n")
-    console.say(f"{law(effect)}\n")
+    joined = re.sub(r"(?<=\S)\n(?=\S)", " ", law(effect))  # a terminal wraps it anew
+    console.say(f"{joined}\n")
     if effect.parameters:
         columns = [Column("parameter", False), Column("unit", False), Column("from")]
         columns += [Column("to"), Column("what it is", False)]

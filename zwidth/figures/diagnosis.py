@@ -22,6 +22,7 @@ SLICES = 60
 COLUMNS = 800  # of a picture, in each of which a line is its lowest and its highest value
 LEVEL = 0.02  # of its level, below which a map's shape is told and its level is not
 ROOM = 1.15  # of the motion
+WIDE = 20.0  # from the smallest to the largest residual, from which their axis is logarithmic
 CROWDED, SWINGS, CLOSE = 60, 12, 40  # crossings of the middle: too many, and shown; ticks at least
 # run -> label, colour, dashes
 WITH_NAMES = {
@@ -257,8 +258,13 @@ def residual_figure(residuals: Residuals) -> Figure:
         for axes in (over_time, spectrum):
             axes.axhline(1.0, color="0.4", linestyle=":", linewidth=1.0, label="white noise")
         over_time.set_xlabel("time [s]")
-        over_time.set_ylabel("residual, rms over its noise")
-        over_time.set_ylim(bottom=0.0)
+        over_time.set_ylabel("residual, rms over noise")
+        low, high = over_time.dataLim.intervaly
+        if high > WIDE * max(low, 0.1):  # on a linear scale what was found would lie on the axis
+            over_time.set_yscale("log")
+            _plain_numbers(over_time, of_time=True)
+        else:
+            over_time.set_ylim(bottom=0.0)
         _plain_numbers(spectrum)
         spectrum.set_xlabel("frequency [Hz]")
         spectrum.set_ylabel("power over white noise")
@@ -267,9 +273,13 @@ def residual_figure(residuals: Residuals) -> Figure:
     return figure
 
 
-def _plain_numbers(axes: Axes) -> None:
-    """Label logarithmic axes with plain numbers: mathematics takes longer to set than all else."""
-    for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
+def _plain_numbers(axes: Axes, of_time: bool = False) -> None:
+    """Label logarithmic axes with plain numbers: mathematics takes longer to set than all else.
+
+    of_time: the axis to the right is time, and linear.
+    """
+    both = ((axes.yaxis, axes.get_ylim()), (axes.xaxis, axes.get_xlim()))
+    for axis, (low, high) in both[: 1 if of_time else 2]:
         wide = math.log10(high / low) > 1.5
         axis.set_major_locator(LogLocator(subs=(1.0,) if wide else (1.0, 2.0, 5.0)))
         axis.set_minor_locator(NullLocator())
