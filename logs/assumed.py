@@ -764,7 +764,9 @@ class _Reader:
             self.found.doubts.append(f"{signal.name} is read in {spelled}{hint}")
 
     def _asked(self, question: str, answers: Sequence[str], default: str) -> str:
-        return default if self.ask is None else self.ask(question, answers, default)
+        # Of one answer there is nothing to ask.
+        return default if self.ask is None or len(answers) == 1 else (
+            self.ask(question, answers, default))  # fmt: skip
 
 
 def _unscaled(name: str, quantity: str, unit: Unit, own: str) -> str:

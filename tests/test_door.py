@@ -1,12 +1,16 @@
 """What the door takes the columns of strangers' files for: by names, by numbers, by their time."""
 
-from collections.abc import Mapping
+import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import click
 import numpy as np
 import pytest
 
 from benchmarks.door import EXPECTED, Driven, answer, faults
+from zwidth.door import asker
+from zwidth.heartbeat import HEART
 from zwidth.logs.assumed import Assumed, assumed
 from zwidth.logs.names import read_name
 from zwidth.logs.open_source import open_source
@@ -271,3 +275,35 @@ def test_signals_in_rows_of_their_own_are_brought_onto_one_axis(tmp_path: Path) 
     trace = read_recording(toml)
     np.testing.assert_allclose(trace["position_m1"], np.sin(3.0 * trace.t), atol=2e-4)
     np.testing.assert_allclose(np.diff(trace.t), 0.01, rtol=1e-9)
+
+
+def test_what_has_one_answer_is_not_asked(tmp_path: Path) -> None:
+    """At a terminal neither; of two it is. Mutation: it asks for the only column that can drive."""
+    asked: list[str] = []
+
+    def ask(question: str, answers: Sequence[str], default: str) -> str:
+        asked.append(question)
+        return default
+
+    one = {"time_s": T, "torque_Nm": TORQUE, "angle_deg": ANGLE}
+    assumed(open_source(table(tmp_path, one)), "f.csv", ask)
+    assert asked == []
+    assumed(open_source(table(tmp_path, one | {"current_A": 2.0 * TORQUE})), "f.csv", ask)
+    assert asked == ["which column drives the device"]
+
+
+def test_nothing_is_written_over_a_question(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Mutation: the sign of life goes on while a person reads the question."""
+    held: list[bool] = []
+
+    def prompt(*_: object, **__: object) -> str:
+        held.append(HEART._held > 0)  # pyright: ignore[reportPrivateUsage]
+        return "turns"
+
+    monkeypatch.setattr(click, "prompt", prompt)
+    for stream in (sys.stdin, sys.stdout):
+        monkeypatch.setattr(stream, "isatty", lambda: True)
+    ask = asker()
+    assert ask is not None
+    assert ask("does the device turn or slide", ("turns", "slides"), "turns") == "turns"
+    assert held == [True]

@@ -19,6 +19,7 @@ from zwidth.console import Console
 from zwidth.exchanged_columns import in_their_places
 from zwidth.files.protection import Protected, check
 from zwidth.files.whole import write_text
+from zwidth.heartbeat import HEART
 from zwidth.identification.first_device import FirstDevice, Motion, first_device
 from zwidth.identification.first_loop import first_loop
 from zwidth.logs.assumed import Ask, Assumed, assumed
@@ -215,7 +216,8 @@ def asker() -> Ask | None:
 
     def ask(question: str, answers: Sequence[str], default: str) -> str:
         kind = click.Choice(list(answers)) if answers else str
-        return str(click.prompt(f"{question}?", default=default, type=kind, err=True))
+        with HEART.held():  # its line would be written over the question
+            return str(click.prompt(f"{question}?", default=default, type=kind, err=True))
 
     return ask
 

@@ -62,7 +62,9 @@ class Located:
     maps: tuple[ForceMap, ...]
 
 
-NOWHERE = Located("where simulation and recording differ could not be determined", [], [], [], [], ())
+NOWHERE = Located(
+    "where simulation and recording differ could not be determined", [], [], [], [], ()
+)
 
 
 def locate(problem: Problem, fitted: Fitted) -> Located:
