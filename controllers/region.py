@@ -36,7 +36,9 @@ def region(
         if not np.isfinite(value):
             raise ValueError(f"controller.{name} is {value}; only finite numbers are allowed")
     if width < 0.0:
-        raise ValueError(f"controller.width is {width}; allowed is more than 0, 0 for everywhere")
+        raise ValueError(
+            f"controller.width is {width}; allowed is a positive width, or 0 for a wall everywhere"
+        )
     parameters = np.array([stiffness, damping, position, 0.0, width, 0.0])
     facts = {name: float(value) for name, value in values.items()}
     return Controller("region", _compiled(), parameters, 1, MappingProxyType(facts))

@@ -123,7 +123,8 @@ def _of_folder(folder: Path) -> list[Listed]:
     found = sorted({*described, *data})
     if not found:
         raise ValueError(
-            f"{folder} holds no recording; give a folder of recordings, or of a table {TABLES[0]}"
+            f"{folder} holds no recording; give a folder of recordings, or one with a table"
+            f" {TABLES[0]}"
         )
     return [Listed(_name(p, folder), p, _device(p, folder), _date_in(p.stem, p)) for p in found]
 

@@ -83,8 +83,8 @@ class Processes:
                 if losses > PATIENCE:
                     raise ChildProcessError(
                         errno.ECHILD,
-                        f"processes died {losses} times over {next(iter(left))!r} and those beside"
-                        " it; look at the memory they need, or take fewer processes",
+                        f"processes died {losses} times while computing {next(iter(left))!r} and"
+                        " its neighbours; check the memory that they need, or use fewer processes",
                     ) from None
 
     def _in_one_pool(

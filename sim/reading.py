@@ -1,4 +1,4 @@
-"""Which state of a plant a reading is taken from, where readings are filtered.
+"""Which state of the plant a sensor reads, where its readings are filtered.
 
 A reading that follows the motion of a mass late is two more states of the plant, its position and
 its rate (`sim/following.py`), and so is exact in the propagator. They stand as those of a

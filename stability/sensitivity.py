@@ -31,8 +31,8 @@ def corner_sensitivities(device: Device) -> list[Sensitivity]:
     """
     if device.modal is None:
         raise ValueError(
-            f"{device.name} has no modal form, and the sensitivities are to its parameters: give a"
-            " device file with [modal]"
+            f"{device.name} has no modal form, whose parameters are varied here: give a device file"
+            " with [modal]"
         )
     rows: list[Sensitivity] = []
     for name in parameter_names(device.modal):

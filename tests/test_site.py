@@ -88,3 +88,13 @@ def test_what_overlaps_is_seen() -> None:
         page.set_content(text.format(10, "hello world") + text.format(60, "another"))
         assert faults(page) == []
         assert faults_of_picture(page, "<svg><path d='M0 0 L9 9'/></svg>") == ["it is empty"]
+
+
+def test_the_search_works_from_a_folder(site: Path) -> None:
+    """Where a browser allows no worker. Mutation: the plugin `offline` or its script taken out."""
+    with chromium() as browser:
+        page = browser.new_page()
+        page.goto((site / "machines" / "index.html").as_uri(), wait_until="load")
+        page.keyboard.press("/")
+        page.locator(".md-search__input").press_sequentially("backlash")
+        page.wait_for_selector(".md-search-result__link[href*='reference/effects/backlash']")

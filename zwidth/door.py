@@ -159,8 +159,8 @@ def fitted(recordings: Sequence[tuple[str, Trace]]) -> tuple[Device, list[str]]:
     goals = [trace.units.get("command") in GOAL for trace in traces]
     if any(goals) and not all(goals):
         raise ValueError(
-            "the command of some recordings is a position to go to and of others a force; diagnose"
-            " them apart, or give --device"
+            "in some recordings the command is a goal position, in others a force; diagnose them"
+            " separately, or give --device"
         )
     if all(goals):
         return _fitted_loop(recordings, motions, rotary)
@@ -200,7 +200,7 @@ def _fitted_loop(
     unit, force = ("kg m2", "N m/rad") if rotary else ("kg", "N/m")
     late = f" a delay of {1e3 * loop.delay:.3g} ms beside it, and" if loop.delay else ""
     said = [
-        "no device is given: the command is a position to go to, so a loop on the position of one"
+        "no device is given: the command is a goal position, so a position loop on one"
         f' mass is taken ([drive] kind = "position", stiffness {loop.stiffness:.4g} {force});'
         f" with{late} friction and limits left to the diagnosis, the error of its free run is"
         f" {100.0 * loop.error:.3g} % of the motion",

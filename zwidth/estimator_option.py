@@ -60,8 +60,8 @@ def say_without_theory(console: Console, device: Device) -> None:
     if not has_theory(device):
         console.note(
             f"there is no linear theory for {device.interface.velocity_estimator}, whose gain"
-            " depends on the motion: its columns stay empty, and ranges are chosen as for the"
-            " difference"
+            " depends on the motion: the columns of linear theory stay empty, and ranges are chosen"
+            " as for the estimator 'difference'"
         )
 
 

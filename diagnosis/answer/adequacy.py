@@ -424,7 +424,7 @@ def each_length(
 
 
 def log_ratios(more: Floats, less: Floats) -> Floats:
-    """Return the logarithm of what errors (runs,) are over others."""
+    """Return log(more / less), elementwise, of two sets of errors (runs,)."""
     return np.log(np.maximum(more, 1e-300) / np.maximum(less, 1e-300))
 
 

@@ -177,7 +177,7 @@ class LearnedLaw(Law):
         """Say which names were part of the curve, "" for none."""
         gone = self.curve.absorbed
         was = "was" if len(gone) == 1 else "were"
-        return f"{listed(gone)} {was} part of this curve, and not needed beside it" if gone else ""
+        return f"{listed(gone)} {was} not needed any more: this curve includes it" if gone else ""
 
     @property
     def size(self) -> str:
@@ -189,14 +189,13 @@ class LearnedLaw(Law):
         """What its picture shows."""
         whole = self.curve.together
         both = "" if whole is None else (
-            " The second curve is all that follows the same state there: the table and"
-            f" {listed(whole.names)}."
+            " The second curve is the sum of all forces that depend on the same quantity: the"
+            f" table and {listed(whole.names)}."
         )  # fmt: skip
         return (
-            "The curve through its points with the 95 % band of each, and behind it what each"
-            " sample of the recording asks for beyond it; below, how often the recording was there."
-            " The band also covers what a damper, a spring or another position of rest could take"
-            f" over from the curve.{both}"
+            "The learned curve with its 95 % band; the dots are the force that each sample of the"
+            " recording needs. Below: how many samples there are. The band includes what a damper,"
+            f" a spring or another rest position could explain instead of the curve.{both}"
         )
 
     @property
@@ -324,9 +323,10 @@ class LearnedSurface(Law):
         """What its picture shows."""
         first, second = self.curve.over
         return (
-            "Above the force over both states where the recording was, with its samples; below"
-            f" over {first} at some of {second}, and over {second} at some of {first}, with the"
-            " 95 % band, in which a damper, a spring and a scale of the command are too."
+            "Above: the force over both quantities, where the recording has samples (dots). Below:"
+            f" over {first} for some values of {second}, and over {second} for some values of"
+            f" {first}. The 95 % band includes what a damper, a spring or a scale of the command"
+            " could explain instead."
         )
 
     @property
@@ -351,12 +351,13 @@ class LearnedSurface(Law):
         dampers = chain.link_dampers if place.kind == "link" else chain.ground_dampers
         own = self.curve.at(*self.curve.seen.T) * v
         whole = own - float(dampers[place.index]) * v * v
-        does = "takes" if own.mean() <= 0.0 else "feeds in"
+        does = "dissipates" if own.mean() <= 0.0 else "generates"
         mean = with_unit(abs(float(own.mean())), "W", 2)
-        said = f"by itself it {does} {mean} on the average of what was recorded"
+        said = f"on average over the recording this force {does} {mean}"
         if float(whole.max()) <= LITTLE * float(np.abs(whole).max()):
-            return f"{said}, and with its damper never generates energy"
-        return f"{said}, and with its damper feeds in up to {with_unit(float(whole.max()), 'W', 2)}"
+            return f"{said}; together with the damper it never generates energy"
+        at_most = with_unit(float(whole.max()), "W", 2)
+        return f"{said}; together with the damper it generates {at_most} at most"
 
     def as_json(self) -> dict[str, Any]:
         """Return the JSON of `zwidth diagnose`."""

@@ -277,8 +277,8 @@ def second_look(
         return found, left, None
     names = " and ".join(label.replace("@", " at ") for label in new)
     sentence = (
-        f"{names} could be named only with the held-out data, which therefore do not judge it;"
-        " give a second recording by --validate"
+        f"{names} could be found only by fitting the held-out data too, so no data are left to"
+        " judge it; give a second recording with --validate"
     )
     return again, beyond, Fault("held_out_used", sentence, False, float(len(new)))
 

@@ -217,13 +217,13 @@ def _headline(f: Facts, because: Reason) -> str:
             return f"undecided: an error left out {f.lost}"
         case Reason.ONE_LEVEL if f.level is not None:
             return (
-                f"undecided: {names} would explain what the one level of the command shows, and so"
-                f" would others: {f.level.advice}"
+                f"undecided: at the single level of this command {names} explains the recording,"
+                f" but so do other effects: {f.level.advice}"
             )
         case Reason.UNJUDGED:
             return (
-                f"undecided: {names} would explain what is missing, and too little was held out to"
-                " judge by"
+                f"undecided: {names} would explain what is missing, but there is too little"
+                " held-out data to judge it"
             )
         case Reason.STRAY:
             return (
@@ -341,7 +341,7 @@ def why(f: Facts) -> str:
         case Reason.OTHER if f.other is not None:
             told = f.other.sentence
         case Reason.LEFT:
-            told = f"beside what is named is left: {f.left.sentence}" if f.findings else (
+            told = f"beyond the named effects, this remains: {f.left.sentence}" if f.findings else (
                 f.left.sentence)  # fmt: skip
         case Reason.INADEQUATE if f.sound is not None:
             told = _inadequate(f.sound)
@@ -356,8 +356,8 @@ def why(f: Facts) -> str:
             )
         case Reason.UNJUDGED:
             told = (
-                "too little was held out to judge by: record for longer, or give a second recording"
-                " by --validate"
+                "there is too little held-out data to judge by: record for longer, or give a second"
+                " recording with --validate"
             )
         case Reason.ONE_LEVEL:
             told = (
@@ -398,8 +398,8 @@ def _one_regime(f: Facts) -> str:
     """Of a name that holds in one regime only where it does not, and what to record."""
     odd, at = next((one, h) for one in f.findings for h in one.regimes if h.fails)
     return (
-        f"{odd.effect} at {odd.at} as fitted {at.other} explains what was recorded {at.regime}"
-        f" worse than no such effect; record more {at.regime}"
+        f"{odd.effect} at {odd.at} as fitted {at.other} makes the prediction of what was"
+        f" recorded {at.regime} worse; record more {at.regime}"
     )
 
 

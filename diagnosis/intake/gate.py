@@ -68,7 +68,7 @@ def oddities(device: Device, e: Experiment) -> list[Fault]:
 
 
 def corrected(experiment: Experiment, faults: Sequence[Fault]) -> Experiment:
-    """Return a recording with its channels as its own faults say."""
+    """Return a recording whose channels are corrected for its faults."""
     names = [o.name for o in experiment.outputs]
     for fault in faults:
         if fault.channels == COMMAND:
@@ -95,7 +95,7 @@ def _clipped(e: Experiment) -> list[Fault]:
     if share <= INTAKE.clipped or np.unique(np.abs(e.command)).size <= 20:
         return []
     sentence = (
-        f"{100.0 * share:.1f} % of the command of {e.name} stands at +-{peak:.4g}: it was clipped"
+        f"{100.0 * share:.1f} % of the command of {e.name} is exactly +-{peak:.4g}: it was clipped"
         " before it was recorded"
     )
     return [Fault("clipped_command", sentence, False, peak)]

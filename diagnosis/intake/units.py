@@ -72,11 +72,11 @@ def sentence(recording: str, channels: Sequence[str], factor: float) -> str:
     entry = "[input]" if command else "each" if many else "its output"
     size = abs(factor)
     if math.isclose(size, 1.0):
-        sign = f"sign is inverted; turn the sign of the scale of {entry}"
+        sign = f"sign is inverted; reverse the sign of the scale of {entry}"
         return (
-            f"{what} would have its motion driven backwards: its {sign}"
+            f"{what} drives the motion backwards: its {sign}"
             if command
-            else (f"{what} would be driven backwards: the {sign}")
+            else f"{what} moves against the command: the {sign}"
         )
     times = plain(max(size, 1.0 / size), 3)
     less = f"{times} times too {'little' if size > 1.0 else 'much'}"

@@ -154,7 +154,7 @@ class Experiment:
 
     @property
     def readings(self) -> Floats:
-        """What an observer is corrected by (ticks, o): not a number where nothing was measured."""
+        """The readings that correct an observer (ticks, o); NaN where nothing was measured."""
         if self.bridged is None:
             return self.measured
         return np.where(self.bridged[:, None], np.nan, self.measured)

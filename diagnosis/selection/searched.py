@@ -126,7 +126,7 @@ def farther(device: Device, found: Searched, say: Say) -> Searched:
     link that hardens follows play from sample to sample, and drifts in a cycle.
     """
     near = found.tried
-    say("searched by what shows over a longer horizon")
+    say("searching again by the error over a longer horizon")
     far = attempt("search", "over a longer horizon", partial(_farther, device, near))
     if far is None:
         return replace(found, far=True)

@@ -1,4 +1,4 @@
-"""Laws of no formula together: what a table, a grid and a product of tables have in common."""
+"""What all laws without a formula share: a table, a grid, and a product of tables."""
 
 from collections.abc import Sequence
 

@@ -199,8 +199,8 @@ def _refuse_absurd(device: Device, dampings: Sequence[float]) -> None:
     for damping in dampings:
         if damping > most:
             raise ValueError(
-                f"--damping is {damping:g}; above {most:.3g} {unit}, {ABSURD:g} times what would"
-                " stop all masses within a period, no wall of this device is worth a run: give less"
+                f"--damping is {damping:g}; allowed is up to {most:.3g} {unit}, {ABSURD:g} times"
+                " what stops all masses within one period: give less"
             )
 
 
@@ -210,8 +210,9 @@ def _say_short_start(console: Console, device: Device, trial: Trial) -> None:
     if abs(trial.start) < least:
         steps = abs(trial.start) / device.interface.encoder_step
         console.warn(
-            f"--start is {steps:.3g} encoder steps, and steps alone can hold {FEW:.0f}: what is"
-            f" stable from there may grow from farther out; give --start {least:.2g} or more"
+            f"--start is {steps:.3g} encoder steps; rounding alone can sustain an oscillation of"
+            f" {FEW:.0f}. A wall that is stable from this start may be unstable from a larger one:"
+            f" give --start {least:.2g} or more"
         )
 
 

@@ -126,7 +126,7 @@ def _keep(console: Console, name: str | None, file: Path) -> None:
     path.parent.mkdir(exist_ok=True)
     console.say(f"wrote {write_text(path, text)}")
     console.say(
-        f"{found['formula']}: from now on sought as {name} by commands in this folder; the first"
+        f"commands in this folder now search for {found['formula']} as {name}; the first one"
         " compiles it"
     )
     if found.get("formula_of") == "together":

@@ -103,9 +103,11 @@ def _is_data(name: str) -> bool:
 def _taken(console: Console, path: Path) -> Trace:
     trace, said = taken(path, asker())
     if said:
-        console.note(f"{path.name} is a file of another tool; it is taken for:")
+        console.note(f"{path.name} is a file of another tool; it is read as:")
     for line in said:
         console.note(f"  {line}")
     if said:
-        console.note(f"'zwidth diagnose {path}' writes that, and a device, as files to edit")
+        console.note(
+            f"'zwidth diagnose {path}' writes how it is read, and a device, as files to edit"
+        )
     return trace

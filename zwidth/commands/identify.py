@@ -124,7 +124,7 @@ def _tell(console: Console, device: Device, fit: Fit) -> None:
     console.table(f"{device.name}: {len(fit.model.modes)} mode(s)", columns, rows)
     console.say(
         f"noise {fit.noise_rms:.3g} {'rad' if device.rotary else 'm'} rms; error of the fit over"
-        f" noise, squared: {fit.misfit:.3g} (1 where the model explains all but noise)"
+        f" noise, squared: {fit.misfit:.3g} (1 if only noise is left)"
     )
     for warning in warnings_of(device):
         console.warn(warning)
@@ -132,9 +132,9 @@ def _tell(console: Console, device: Device, fit: Fit) -> None:
         error = np.abs(fit.response.value - fit.fitted) ** 2 / fit.variance
         worst = float(fit.response.frequency_hz[int(np.argmax(error))])
         console.warn(
-            f"the model leaves more than noise, most of all near {worst:.3g} Hz, and the intervals"
-            " count noise alone; allow more modes, narrow the band, or look for friction by a"
-            " recording of another amplitude"
+            f"the model leaves an error larger than noise, the largest near {worst:.3g} Hz; the"
+            " intervals include noise only, so they are too narrow. Allow more modes, narrow the"
+            " band, or check for friction with a recording of another amplitude"
         )
 
 

@@ -217,7 +217,7 @@ def _say(console: Console, found: dict[str, Any], rotary: bool) -> None:
         _say_beside_theory(console, found)
     if witness := found["describing_function"]:
         console.say(
-            f"cycles at the limit: describing functions predict their frequency within"
+            f"limit cycles at the force limit: describing functions predict their frequency within"
             f" {100.0 * witness['frequency_error']:.1f} %, their amplitude within"
             f" {100.0 * witness['amplitude_error']:.1f} % (median of {witness['points']} points)"
         )
@@ -225,11 +225,11 @@ def _say(console: Console, found: dict[str, Any], rotary: bool) -> None:
 
 def _say_beside_theory(console: Console, found: dict[str, Any]) -> None:
     console.say(
-        f"of the linearly stable part {100.0 * found['stable_but_not_resting']:.1f} % does not"
-        f" come to rest; {100.0 * found['stable_but_perceptible']:.1f} % is felt or grows"
+        "of the area that is stable by linear theory"
+        f" {100.0 * found['stable_but_not_resting']:.1f} % does not come to rest; {100.0 * found['stable_but_perceptible']:.1f} % is felt or grows"
     )
     share = 100.0 * found["unstable_but_resting"]
-    console.say(f"of the linearly unstable part {share:.1f} % comes to rest all the same")
+    console.say(f"of the area that is unstable by linear theory {share:.1f} % comes to rest")
 
 
 def _two(values: list[float] | None) -> tuple[str, str]:

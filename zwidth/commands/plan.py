@@ -164,8 +164,8 @@ def _say_experiment(console: Console, device: Device, scale: Scale, noise: Noise
     force, length = ("N m", "rad") if device.rotary else ("N", "m")
     console.say(
         f"{device.name}: commands up to {scale.level:.3g} {force}, travel up to"
-        f" {scale.travel:.3g} {length}; noise {noise.measurement:.3g} {length} measured,"
-        f" {noise.process:.3g} {force} a tick at m1"
+        f" {scale.travel:.3g} {length}; noise of the reading {noise.measurement:.3g} {length} rms,"
+        f" of the force at m1 {noise.process:.3g} {force} rms per sample"
     )
 
 
@@ -196,8 +196,8 @@ def _magnitude(visible: Visible) -> str:
 def _say_pairs(console: Console, found: Plan) -> None:
     if not found.confusable:
         console.say(
-            f"\n{found.excitation}: the {len(found.labels)} effects that show can be told apart at"
-            f" {ALIKE:g} times these magnitudes"
+            f"\n{found.excitation}: the {len(found.labels)} effects that it detects can be told"
+            f" apart at {ALIKE:g} times these magnitudes"
         )
         return
     columns = [Column("effect", False), Column("looks like", False), Column("sigma")]

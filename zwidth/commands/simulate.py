@@ -156,7 +156,7 @@ def _say(console: Console, scenario: Scenario, logged: LoggedRun) -> None:
         console.table("\nEnergy [J]", [Column("", False), Column("")], rows)
     if 0.0 < energy.get("turned_over", 0.0) < np.inf:
         share = abs(energy["imbalance"]) / energy["turned_over"]
-        console.say(f"the balance closes to {share:.1e} of the energy turned over")
+        console.say(f"energy balance: the error is {share:.1e} of the energy exchanged")
 
 
 def _peaks(run: Run) -> dict[str, float]:

@@ -1,11 +1,11 @@
-"""The loop that follows a log: gate at once, quick fits beside, a search when there is much more.
+"""The loop that follows a log: checks at once, quick fits, and a search when the data have doubled.
 
-Three things go on side by side. Here the log is read four times a second, and what that shows is
-told at once; the gate looks at its last samples, for signs and units too, every second at most. In
-a process of its own a quick fit (`quick`) goes after the other. In a third a search (`searched`) is
-made of all that has come, when that has doubled since the last one, when a quick fit says that its
-structure no longer stands, or when nothing more comes. So whatever the length of a log, searches
-take as long together as about two of its whole.
+Three processes run side by side. This one reads the log four times a second and reports what it
+reads at once; at most once a second it checks the last samples for faults, signs and units
+included. A second process runs one quick fit (`quick`) after the other. A third one searches
+(`searched`) all data so far: when their amount has doubled since the last search, when a quick fit
+contradicts what was found, or when no more data come. All searches together take about as long as
+two searches of the whole log, however long it is.
 """
 
 import time
