@@ -119,4 +119,4 @@ def test_an_answer_that_errs_more_than_its_rivals_differ_promises_no_name() -> N
     assert facts(0.04, 0.001).verdict is Verdict.UNDECIDED
     said = headline(facts(0.04, 0.001))
     assert said.startswith("Undecided: Coulomb friction of")
-    assert said.endswith("and so would others: record the same at 600 mN (0.3 times)")
+    assert said.endswith("but so would other effects: record the same at 600 mN (0.3 times)")

@@ -54,7 +54,7 @@ def test_a_process_that_dies_costs_what_was_in_work(tmp_path: Path) -> None:
 @posix
 def test_a_task_that_kills_every_process_is_named() -> None:
     """Mutation: losses borne without end."""
-    with pytest.raises(ChildProcessError, match="processes died 4 times over 'a' and those beside"):
+    with pytest.raises(ChildProcessError, match="processes died 4 times while computing 'a'"):
         list(Processes(1).run(die, {"a": 0}))
 
 

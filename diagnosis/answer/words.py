@@ -217,8 +217,8 @@ def _headline(f: Facts, because: Reason) -> str:
             return f"undecided: an error left out {f.lost}"
         case Reason.ONE_LEVEL if f.level is not None:
             return (
-                f"undecided: at the single level of this command {names} explains the recording,"
-                f" but so do other effects: {f.level.advice}"
+                f"undecided: {names} would explain what a command of a single level shows, but so"
+                f" would other effects: {f.level.advice}"
             )
         case Reason.UNJUDGED:
             return (

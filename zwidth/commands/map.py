@@ -226,7 +226,8 @@ def _say(console: Console, found: dict[str, Any], rotary: bool) -> None:
 def _say_beside_theory(console: Console, found: dict[str, Any]) -> None:
     console.say(
         "of the area that is stable by linear theory"
-        f" {100.0 * found['stable_but_not_resting']:.1f} % does not come to rest; {100.0 * found['stable_but_perceptible']:.1f} % is felt or grows"
+        f" {100.0 * found['stable_but_not_resting']:.1f} % does not come to rest;"
+        f" {100.0 * found['stable_but_perceptible']:.1f} % is felt or grows"
     )
     share = 100.0 * found["unstable_but_resting"]
     console.say(f"of the area that is unstable by linear theory {share:.1f} % comes to rest")
