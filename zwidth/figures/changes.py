@@ -5,10 +5,10 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from zwidth.diagnosis.answer.changes import Change
-from zwidth.figures.style import STYLE
+from zwidth.figures.style import AFTER, BEFORE, INTERVAL, STYLE
 from zwidth.sim.readable import scaled
 
-DOTS, LINE, DATE = "#004488", "#bb5566", "0.85"
+DOTS, LINE, DATE = AFTER, BEFORE, INTERVAL
 
 
 def changes_figure(change: Change) -> Figure:

@@ -14,7 +14,7 @@ from zwidth.diagnosis.answer.inverse import ForceError
 from zwidth.diagnosis.answer.result import Residuals
 from zwidth.diagnosis.answer.whole_run import WholeRun
 from zwidth.diagnosis.forces.locate import Located
-from zwidth.figures.style import AFTER, BEFORE, MEASURED, STYLE, UNDER
+from zwidth.figures.style import AFTER, BEFORE, FILE, LAW, MEASURED, STYLE, UNDER
 from zwidth.sim.readable import percent, plain, scaled, with_unit
 
 Floats = NDArray[np.float64]
@@ -26,11 +26,11 @@ WIDE = 20.0  # from the smallest to the largest residual, from which their axis 
 CROWDED, SWINGS, CLOSE = 60, 12, 40  # crossings of the middle: too many, and shown; ticks at least
 # run -> label, colour, dashes
 WITH_NAMES = {
-    "before": ("device file", "0.55", ":"),
+    "before": ("device file", FILE, ":"),
     "refit": ("refitted, without what was found", BEFORE, "--"),
     "after": ("with what was found", AFTER, "-"),
 }
-LEARNED = {"law": ("with the learned law", "#117733", "-")}
+LEARNED = {"law": ("with the learned law", LAW, "-")}
 WITHOUT = {
     "before": ("device file", BEFORE, "--"),
     "after": ("refitted", AFTER, "-"),

@@ -5,10 +5,10 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from zwidth.diagnosis.answer.events import SLIP, Event
-from zwidth.figures.style import STYLE
+from zwidth.figures.style import AFTER, BEFORE, INTERVAL, STYLE
 from zwidth.sim.readable import scaled
 
-FORCE, MOTION, WHEN = "#bb5566", "#004488", "0.85"
+FORCE, MOTION, WHEN = BEFORE, AFTER, INTERVAL
 
 
 def events_figure(event: Event) -> Figure:

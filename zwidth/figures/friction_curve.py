@@ -6,10 +6,10 @@ from matplotlib.figure import Figure
 
 from zwidth.diagnosis.answer.friction_curve import FrictionCurve
 from zwidth.diagnosis.answer.words import effect_in_words
-from zwidth.figures.style import STYLE
+from zwidth.figures.style import AFTER, MEASURED, STYLE
 from zwidth.sim.readable import scaled
 
-CURVE, SAMPLES = "#004488", "0.72"
+CURVE, SAMPLES = AFTER, MEASURED
 SHOWN = 4000  # samples, at most
 TALL = 2.5  # times the curve's height, within which samples are shown
 TALL_FRAME = 1.05  # times the tallest that is shown, where samples lie beyond it

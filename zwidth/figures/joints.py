@@ -7,9 +7,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from zwidth.diagnosis.answer.result import HeldOut
-from zwidth.figures.style import STYLE
-
-REFIT, AFTER = "#bb5566", "#004488"
+from zwidth.figures.style import AFTER, BEFORE, STYLE
 
 
 def joints_figure(errors: Mapping[str, HeldOut]) -> Figure:
@@ -20,7 +18,7 @@ def joints_figure(errors: Mapping[str, HeldOut]) -> Figure:
         ax = figure.subplots()
         refit = [100.0 * e.refit for e in errors.values()]
         after = [100.0 * e.after for e in errors.values()]
-        ax.barh(places - 0.2, refit, 0.36, color=REFIT, label="refitted")
+        ax.barh(places - 0.2, refit, 0.36, color=BEFORE, label="refitted")
         ax.barh(places + 0.2, after, 0.36, color=AFTER, label="with what was found")
         ax.set_yticks(places, list(errors))
         ax.invert_yaxis()

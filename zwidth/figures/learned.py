@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from zwidth.diagnosis.answer.laws import LearnedLaw
 from zwidth.diagnosis.learning.tables import law_at
 from zwidth.diagnosis.learning.together import Together
-from zwidth.figures.style import STYLE
+from zwidth.figures.style import AFTER, BEFORE, LAW, MEASURED, STYLE
 from zwidth.sim.physics.free_law import AT, FORCE
 from zwidth.sim.readable import scaled
 
 Floats = NDArray[np.float64]
-CURVE, TOGETHER, FORMULA, SAMPLES = "#004488", "#117733", "#bb5566", "0.72"
+CURVE, TOGETHER, FORMULA, SAMPLES = AFTER, LAW, BEFORE, MEASURED
 FINE = 400  # states that a curve is drawn at
 BINS = 60
 SHOWN = 4000  # samples, at most

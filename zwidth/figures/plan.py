@@ -8,12 +8,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
 from zwidth.diagnosis.answer.words import effect_in_words
-from zwidth.figures.style import STYLE
+from zwidth.figures.style import AFTER, STYLE
 from zwidth.planning.limits import SHOWN
 from zwidth.planning.plan import ALIKE, Plan, Visible
 from zwidth.sim.readable import plain, with_unit
 
-DOT = "#004488"
+DOT = AFTER
 # Distance in sigma, from alike (dark) to apart (white): grey levels tell it in print too.
 NEAR = 10.0  # sigma, from which on two effects are not drawn as a pair
 EDGES = (0.0, 1.0, 2.5, SHOWN, NEAR, 1e9)

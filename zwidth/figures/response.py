@@ -5,13 +5,13 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from zwidth.figures.style import STYLE
+from zwidth.figures.style import AFTER, STYLE
 from zwidth.sim.device import Device
 from zwidth.sim.loop import open_loop
 
 Floats = NDArray[np.float64]
 FROM_HZ, POINTS = 0.5, 1200
-LINE = "#004488"
+LINE = AFTER
 
 
 def response_figure(device: Device) -> Figure:

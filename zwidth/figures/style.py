@@ -11,7 +11,9 @@ if TYPE_CHECKING:
 
 KINDS = ("png", "svg")
 MEASURED, BEFORE, AFTER = "0.72", "#bb5566", "#004488"
-"""Colours with one meaning in every picture: what was measured, a model before and after."""
+FILE, LAW, INTERVAL = "0.55", "#117733", "0.85"
+"""Colours with one meaning in every picture: what was measured; a model before and after, as its
+file has it, and with a learned law; an interval of 95 % over a whole axis."""
 UNDER = 3.6  # points: a measured line is as wide, so that what lies on it leaves it seen
 STYLE: dict[Any, Any] = {
     "font.size": 10,
