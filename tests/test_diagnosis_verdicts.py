@@ -104,7 +104,7 @@ def test_the_effect_is_named_with_its_parameter(
     page = save_report(
         found, ["r"], Commands("zwidth diagnose r", "zwidth explore d"), tmp_path / "r.html"
     ).read_text()
-    assert found.headline in html.unescape(page)
+    assert found.headline in html.unescape(page).replace("\u00a0", " ")
     assert page.count("data:image/svg+xml;base64,") == 3 + ("friction" in effect)  # and its curve
 
 

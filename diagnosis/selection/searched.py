@@ -24,7 +24,7 @@ from zwidth.diagnosis.fitting.descend import fit
 from zwidth.diagnosis.fitting.fit import Fitted, Problem
 from zwidth.diagnosis.mishaps import Say, attempt
 from zwidth.diagnosis.model.parameters import Model
-from zwidth.diagnosis.noise.family import Family, as_far_as
+from zwidth.diagnosis.noise.family import as_far_as
 from zwidth.diagnosis.noise.predictor import FINAL, Observer
 from zwidth.diagnosis.noise.steady import NoObserver
 from zwidth.diagnosis.recording.experiment import Experiment
