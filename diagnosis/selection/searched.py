@@ -168,11 +168,10 @@ def _farther(device: Device, near: Search) -> Search | None:
 
 
 def looking_far(near: Search) -> Hypothesis | None:
-    """Return what leaves least over a longer horizon of all that was tried, under noise that counts
-    errors so far; None where none looks so far.
+    """Return what leaves least over a longer horizon of all that was tried, under noise that does.
 
-    As many times as they are independent in just that: what missing physics leaves depends on its
-    neighbours as well, and would be taken for chance.
+    None where none looks so far. Errors count as many times as they are independent in just that:
+    what missing physics leaves depends on its neighbours as well, and would be taken for chance.
     """
     ahead = as_far_as(FAR_S, near.best.experiments)
     told: list[Hypothesis] = []

@@ -49,7 +49,7 @@ class Slower:
     def ahead_of(
         self, likely: Sequence[Hypothesis], more: Sequence[Hypothesis]
     ) -> list[Hypothesis]:
-        """Return the one of some more hypotheses that is clearly better than all that are likely."""
+        """Return the one of some more that is clearly better there than all that are likely."""
         seen = [(self._at(h), h) for h in more]
         seen = [(there, h) for there, h in seen if there is not None]
         if not likely or not seen:
