@@ -28,7 +28,7 @@ speed, 2 pi f A, and by `FEW` of its steps alone.
 
 Under steps an oscillation may be irregular: it has no constant amplitude, and no trend that lasts.
 At the end of the longest run it counts as one that lasts, also where it seems to grow but is below
-the start and below a few steps. One that still falls there is undecided: it rests or dithers.
+the start or below a few steps of encoder, command or, at a wall with damping, velocity. One that still falls there is undecided: it rests or dithers.
 
 Limits: half the range of m1's position is compared, also where the encoder sits on another mass;
 the linear loop has no friction, play or other physics in it; of a loop of several rates, or with an
@@ -126,7 +126,9 @@ def fates_of(
     """
     encoder_step = conditions.of_interface("encoder_step")
     command_step = conditions.of_interface("command_step")
-    velocity_step = conditions.of_interface("velocity_step")
+    velocity_step = np.where(
+        conditions.damping == 0.0, 0.0, conditions.of_interface("velocity_step")
+    )  # an undamped wall takes no velocity
     limit = conditions.of_interface("command_limit")
     swing = (0.5 if conditions.one_sided else 1.0) * limit
     stepped = (encoder_step > 0.0) | (command_step > 0.0) | (velocity_step > 0.0)
@@ -135,7 +137,8 @@ def fates_of(
         resting = growth.amplitude <= conditions.rest
         falling = growth.rate * limit_s < -1.0
     restless = stepped & (verdict == DECAYS) & ~resting
-    irregular = (verdict == UNDECIDED) | drifts(growth, conditions.start, encoder_step)
+    drifting = drifts(growth, conditions.start, encoder_step, command_step, velocity_step)
+    irregular = (verdict == UNDECIDED) | drifting
     irregular |= restless & ~falling
     lasting = (verdict == LIMIT_CYCLE) | (stepped & irregular)
     dither = lasting & _small(
@@ -164,8 +167,7 @@ def _small(
 
     few = FEW if conditions.steps is None else conditions.steps
     with np.errstate(invalid="ignore"):
-        speed = 2.0 * math.pi * growth.frequency * growth.amplitude
-        slow = (velocity_step > 0.0) & (speed <= np.minimum(few, FEW) * velocity_step)
+        slow = (velocity_step > 0.0) & (_speed(growth) <= np.minimum(few, FEW) * velocity_step)
     return slow | within(conditions.most_steps(lasting & ~slow & ~within(few)))
 
 
@@ -175,21 +177,28 @@ def dither_steps(device: Device, stiffness: Floats, damping: Floats) -> Floats:
     stiffness [N m/rad | N/m], damping [N m s/rad | N s/m] of walls, each (n,); the result (n,). 0
     for a device without steps, `FEW` where the loop is not stable without them.
     """
+    return dither_bounds(device, stiffness, damping)[0]
+
+
+def dither_bounds(device: Device, stiffness: Floats, damping: Floats) -> tuple[Floats, Flags]:
+    """Return `dither_steps`, and whether nothing grows out of them: the loop is known as stable."""
     face = device.interface
+    holds = np.zeros(stiffness.size, dtype=bool)
     if not any((face.encoder_step, face.command_step, face.velocity_step)):
-        return np.zeros(stiffness.size)
+        return np.zeros(stiffness.size), holds
     found = np.full(stiffness.size, FEW)
     if face.multirate or face.delay_ticks[0] > MOST_TICKS or face.estimator.linear is None:
-        return found
+        return found, holds
     loop = open_loop(device)
     zeros = np.linalg.eigvals(loop.transition).astype(np.complex128)
     closed = np.array(
         [loop.closed(k, b) for k, b in zip(stiffness.tolist(), damping.tolist(), strict=True)]
     )
     for i, poles in enumerate(np.linalg.eigvals(closed).astype(np.complex128)):
-        if np.abs(poles).max() < 1.0:
+        holds[i] = np.abs(poles).max() < 1.0
+        if holds[i]:
             found[i] = max(FEW, min(2.0 / math.pi * _peak(zeros, poles), LARGEST))
-    return found
+    return found, holds
 
 
 def _peak(zeros: NDArray[np.complex128], poles: NDArray[np.complex128]) -> float:
@@ -213,10 +222,20 @@ def held_growth(growth: Growth, limit: Floats, swing: Floats, limit_s: float) ->
         return swings & ~falling
 
 
-def drifts(growth: Growth, start: Floats | float, step: Floats | float) -> Flags:
-    """Whether what seems to grow is below the start and a few steps: irregular, without a trend."""
-    low = growth.amplitude < np.maximum(np.abs(start), DRIFTS * np.asarray(step))
+def drifts(
+    growth: Growth, start: Floats, encoder_step: Floats, command_step: Floats, velocity_step: Floats
+) -> Flags:
+    """Whether what seems to grow is below the start or a few steps: irregular, without a trend."""
+    with np.errstate(invalid="ignore"):
+        low = growth.amplitude < np.maximum(np.abs(start), DRIFTS * encoder_step)
+        low |= growth.force < DRIFTS * command_step
+        low |= _speed(growth) < DRIFTS * velocity_step
     return (growth.verdict == GROWS) & low & np.isfinite(growth.rate)
+
+
+def _speed(growth: Growth) -> Floats:
+    """Amplitude of m1's speed."""
+    return 2.0 * math.pi * growth.frequency * growth.amplitude
 
 
 def settles(rate: Floats, limit_s: float) -> Flags:

@@ -19,6 +19,10 @@ slope is the verdict only when no more time is left. Before, a run must come to 
 cycle: its amplitude hardly changes over the last half, and what slope there is is not significant.
 (Slow growth hardly changes it either, but its slope is significant.)
 
+A window that is shorter than a cycle sees a slice of it: neither its energy nor its amplitude. So
+windows are joined until one holds a cycle where limit cycles are possible. A run in which fewer
+than `FEWEST_JOINED` of them fit is too slow to be judged in its time, unless it rests or escapes.
+
 Limit: two growing modes within one octave are seen as their sum.
 """
 
@@ -34,6 +38,7 @@ from zwidth.sim.windows import (
     HIGHEST_COMMAND,
     LOWEST,
     LOWEST_COMMAND,
+    MEASURES,
     REVERSALS,
     SLOW_ENERGY,
 )
@@ -46,6 +51,7 @@ ESCAPE = 1e6  # amplitude over the start's at which a run counts as lost
 STEADY = 0.02  # change of amplitude over the last half of a run that a limit cycle may show
 FLAT = 1e-3  # growth in ln(amplitude) over that half that is none, however significant
 FEWEST_STEADY = 16  # windows from which on a limit cycle is believed while there is time left
+FEWEST_JOINED = 8  # windows of a whole cycle each, from which on a slope tells
 
 
 class Verdict(enum.Enum):
@@ -106,6 +112,50 @@ def assess(
     are possible; final: the runs will not be prolonged.
     """
     windows, _, runs = measures.shape
+    starts, rests = np.broadcast_to(start, runs), np.broadcast_to(threshold, runs)
+    joined = _joined(measures, window) if nonlinear else np.ones(runs, dtype=np.int64)
+    growth = Growth(np.full(runs, UNDECIDED), *np.full((6, runs), np.nan))
+    for count in np.unique(joined).tolist():
+        some = np.flatnonzero(joined == count)
+        fits = windows // FEWEST_JOINED
+        size = max(1, min(count, fits))
+        longer = measures[:, :, some] if size == 1 else _join(measures[:, :, some], size)
+        found = _assess(
+            longer, window * size, starts[some], rests[some], nonlinear, final, count > max(1, fits)
+        )
+        for field in fields(Growth):
+            getattr(growth, field.name)[some] = getattr(found, field.name)
+    return growth
+
+
+def _joined(measures: Floats, window: float) -> NDArray[np.int64]:
+    """How many windows, a power of two, hold a cycle of each run; 1 where nothing reverses."""
+    half = measures[-(measures.shape[0] // 2) :, REVERSALS]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        windows = 2.0 / half.mean(axis=0)  # of a cycle: two reversals
+    windows = np.where(np.isfinite(windows), np.maximum(windows, 1.0), 1.0)
+    return (2.0 ** np.ceil(np.log2(windows))).astype(np.int64)
+
+
+def _join(measures: Floats, size: int) -> Floats:
+    """Return measures of `size` windows each as one, the last of them complete."""
+    count = measures.shape[0] // size
+    groups = measures[measures.shape[0] - count * size :].reshape(count, size, MEASURES, -1)
+    found = groups.mean(axis=1)
+    for row in (LOWEST, LOWEST_COMMAND):
+        found[:, row] = groups[:, :, row].min(axis=1)
+    for row in (HIGHEST, HIGHEST_COMMAND):
+        found[:, row] = groups[:, :, row].max(axis=1)
+    found[:, REVERSALS] *= size
+    return found
+
+
+def _assess(
+    measures: Floats, window: float, start: Floats, threshold: Floats, nonlinear: bool,
+    final: bool, slow: bool,
+) -> Growth:  # fmt: skip
+    """Judge runs whose windows hold a cycle, or that are too slow for that."""
+    windows, _, runs = measures.shape
     with np.errstate(all="ignore"):  # infinities and zeros are verdicts, dealt with below
         amplitude = 0.5 * (measures[:, HIGHEST] - measures[:, LOWEST])
         slopes = [
@@ -128,12 +178,14 @@ def assess(
     by_fast = np.where(up[0] == up[1], slopes[1][0] > slopes[0][0], up[1])
     rate = np.where(by_fast, slopes[1][0], slopes[0][0])
     error = np.where(by_fast, slopes[1][1], slopes[0][1])
+    if slow:
+        verdict[:] = UNDECIDED
     if nonlinear:
         last = amplitude[-(windows // 2) :]
         resting = (last.max(axis=0) <= threshold) & (amplitude[-1] <= 0.5 * start)
         if not final:
             verdict[:] = UNDECIDED
-        if final or windows >= FEWEST_STEADY:
+        if not slow and (final or windows >= FEWEST_STEADY):
             cycling = _cycling(last, kinetic[-(windows // 2) :], window, final)
             verdict[cycling & ~resting & ~escaped] = LIMIT_CYCLE
         verdict[resting] = DECAYS
