@@ -28,7 +28,9 @@ speed, 2 pi f A, and by `FEW` of its steps alone.
 
 Under steps an oscillation may be irregular: it has no constant amplitude, and no trend that lasts.
 At the end of the longest run it counts as one that lasts, also where it seems to grow but is below
-the start or below a few steps of encoder, command or, at a wall with damping, velocity. One that still falls there is undecided: it rests or dithers.
+the start or a few steps. Of the steps of command and velocity that is so only where the linear loop
+is not known to be unstable; and where it is, what seems to rise is undecided. What still falls is
+undecided, too: it rests or dithers.
 
 Limits: half the range of m1's position is compared, also where the encoder sits on another mass;
 the linear loop has no friction, play or other physics in it; of a loop of several rates, or with an
@@ -56,6 +58,7 @@ WITHIN = 0.02  # of one: the quantiser's gain from FEW steps on
 FEW = 2.0 / (math.pi * WITHIN)  # steps, 32
 LARGEST = 1e6  # steps: no bound is asked for beyond
 DRIFTS = 5.0  # steps up to which a trend is none
+RISES = 2.0  # standard errors of a growth rate from which an unstable loop may be growing
 AT_THE_LIMIT, MOST_OF_IT = 0.999, 0.9  # of the command's limit: its peak, half its range
 REST_OF_START, REST_OF_STEP = 1e-3, 0.02
 
@@ -75,12 +78,29 @@ class Fate(enum.IntEnum):
         return self.name.lower()
 
 
+class Dither(NamedTuple):
+    """What steps keep up at walls (n,).
+
+    steps: amplitude, in steps, up to which an oscillation is the quantiser's own; holds, grows:
+    whether the loop without steps is known to be stable, or unstable.
+    """
+
+    steps: Floats
+    holds: Flags
+    grows: Flags
+
+    @classmethod
+    def unknown(cls, walls: int, steps: float = FEW) -> "Dither":
+        """Return what is said of walls whose linear loop is not known."""
+        return cls(np.full(walls, steps), np.zeros(walls, dtype=bool), np.zeros(walls, dtype=bool))
+
+
 class Conditions(NamedTuple):
     """What of walls and devices decides the fates of runs (runs,).
 
     devices, which: those of the runs; stiffness [N m/rad | N/m], damping [N m s/rad | N s/m]: of
     their walls; start: amplitudes at t = 0; rest: amplitudes up to which an oscillation is none;
-    steps: amplitudes, in steps, up to which one is dither, None for `dither_steps`.
+    dither: what steps keep up there, None for `dither_of`.
     """
 
     devices: Sequence[Device]
@@ -90,22 +110,24 @@ class Conditions(NamedTuple):
     start: Floats
     rest: Floats
     one_sided: bool = False
-    steps: Floats | None = None
+    dither: Dither | None = None
 
     def of_interface(self, field: str) -> Floats:
         """Return a number of the interface, one a run."""
         values = [float(getattr(device.interface, field)) for device in self.devices]
         return np.array(values)[self.which]
 
-    def most_steps(self, asked: Flags) -> Floats:
-        """Return the bound of the runs that are asked for, `FEW` for the others."""
-        if self.steps is not None:
-            return self.steps
-        found = np.full(self.which.size, FEW)
+    def dither_of(self, asked: Flags) -> Dither:
+        """Return what steps keep up for the runs that are asked for, `FEW` for the others."""
+        if self.dither is not None:
+            return self.dither
+        found = Dither.unknown(self.which.size)
         for i, device in enumerate(self.devices):
             some = np.flatnonzero(asked & (self.which == i))
             if some.size:
-                found[some] = dither_steps(device, self.stiffness[some], self.damping[some])
+                own = dither_of(device, self.stiffness[some], self.damping[some])
+                for all_runs, of_some in zip(found, own, strict=True):
+                    all_runs[some] = of_some
         return found
 
 
@@ -137,13 +159,18 @@ def fates_of(
         resting = growth.amplitude <= conditions.rest
         falling = growth.rate * limit_s < -1.0
     restless = stepped & (verdict == DECAYS) & ~resting
-    drifting = drifts(growth, conditions.start, encoder_step, command_step, velocity_step)
-    irregular = (verdict == UNDECIDED) | drifting
+    drifting = drifts(growth, conditions.start, encoder_step)
+    doubtful = drifts(growth, 0.0, 0.0, command_step, velocity_step) & ~drifting
+    rising = (verdict == UNDECIDED) & (growth.rate > RISES * growth.error)
+    rising &= growth.amplitude > np.maximum(conditions.start, DRIFTS * encoder_step)
+    irregular = (verdict == UNDECIDED) | drifting | doubtful
     irregular |= restless & ~falling
     lasting = (verdict == LIMIT_CYCLE) | (stepped & irregular)
-    dither = lasting & _small(
-        growth, conditions, lasting, encoder_step, command_step, velocity_step
-    )  # fmt: skip
+    few = FEW if conditions.dither is None else conditions.dither.steps
+    small = lasting & _small(growth, few, encoder_step, command_step, velocity_step)
+    asked = conditions.dither_of((lasting & ~small) | doubtful | rising)
+    small |= lasting & _small(growth, asked.steps, encoder_step, command_step, velocity_step)
+    dither = small & ~((doubtful | rising) & asked.grows)
     felt = perception.feels(growth, conditions.devices[0].rotary)
     fate = np.full(verdict.size, Fate.UNDECIDED, dtype=np.int8)
     fate[(verdict == GROWS) | (verdict == LIMIT_CYCLE)] = Fate.GROWS
@@ -156,49 +183,37 @@ def fates_of(
 
 
 def _small(
-    growth: Growth, conditions: Conditions, lasting: Flags, encoder_step: Floats,
-    command_step: Floats, velocity_step: Floats,
+    growth: Growth, steps: Floats | float, encoder_step: Floats, command_step: Floats,
+    velocity_step: Floats,
 ) -> Flags:  # fmt: skip
     """Whether the amplitude, the command's, or the speed's is within what steps alone keep up."""
-
-    def within(steps: Floats | float) -> Flags:
-        small = growth.amplitude <= steps * encoder_step
-        return small | ((command_step > 0.0) & (growth.force <= steps * command_step))
-
-    few = FEW if conditions.steps is None else conditions.steps
     with np.errstate(invalid="ignore"):
-        slow = (velocity_step > 0.0) & (_speed(growth) <= np.minimum(few, FEW) * velocity_step)
-    return slow | within(conditions.most_steps(lasting & ~slow & ~within(few)))
+        slow = (velocity_step > 0.0) & (_speed(growth) <= np.minimum(steps, FEW) * velocity_step)
+        small = growth.amplitude <= steps * encoder_step
+        return slow | small | ((command_step > 0.0) & (growth.force <= steps * command_step))
 
 
-def dither_steps(device: Device, stiffness: Floats, damping: Floats) -> Floats:
-    """Return the amplitude, in steps, up to which an oscillation is the quantiser's own.
+def dither_of(device: Device, stiffness: Floats, damping: Floats) -> Dither:
+    """Return what steps keep up; stiffness [N m/rad | N/m], damping [N m s/rad | N s/m], each (n,).
 
-    stiffness [N m/rad | N/m], damping [N m s/rad | N s/m] of walls, each (n,); the result (n,). 0
-    for a device without steps, `FEW` where the loop is not stable without them.
+    0 steps for a device without any, `FEW` where the loop is not stable without them.
     """
-    return dither_bounds(device, stiffness, damping)[0]
-
-
-def dither_bounds(device: Device, stiffness: Floats, damping: Floats) -> tuple[Floats, Flags]:
-    """Return `dither_steps`, and whether nothing grows out of them: the loop is known as stable."""
     face = device.interface
-    holds = np.zeros(stiffness.size, dtype=bool)
     if not any((face.encoder_step, face.command_step, face.velocity_step)):
-        return np.zeros(stiffness.size), holds
-    found = np.full(stiffness.size, FEW)
+        return Dither.unknown(stiffness.size, 0.0)
+    found = Dither.unknown(stiffness.size)
     if face.multirate or face.delay_ticks[0] > MOST_TICKS or face.estimator.linear is None:
-        return found, holds
+        return found
     loop = open_loop(device)
     zeros = np.linalg.eigvals(loop.transition).astype(np.complex128)
     closed = np.array(
         [loop.closed(k, b) for k, b in zip(stiffness.tolist(), damping.tolist(), strict=True)]
     )
     for i, poles in enumerate(np.linalg.eigvals(closed).astype(np.complex128)):
-        holds[i] = np.abs(poles).max() < 1.0
-        if holds[i]:
-            found[i] = max(FEW, min(2.0 / math.pi * _peak(zeros, poles), LARGEST))
-    return found, holds
+        found.holds[i] = np.abs(poles).max() < 1.0
+        if found.holds[i]:
+            found.steps[i] = max(FEW, min(2.0 / math.pi * _peak(zeros, poles), LARGEST))
+    return Dither(found.steps, found.holds, ~found.holds)
 
 
 def _peak(zeros: NDArray[np.complex128], poles: NDArray[np.complex128]) -> float:
@@ -223,13 +238,14 @@ def held_growth(growth: Growth, limit: Floats, swing: Floats, limit_s: float) ->
 
 
 def drifts(
-    growth: Growth, start: Floats, encoder_step: Floats, command_step: Floats, velocity_step: Floats
-) -> Flags:
+    growth: Growth, start: Floats | float, encoder_step: Floats | float,
+    command_step: Floats | float = 0.0, velocity_step: Floats | float = 0.0,
+) -> Flags:  # fmt: skip
     """Whether what seems to grow is below the start or a few steps: irregular, without a trend."""
     with np.errstate(invalid="ignore"):
-        low = growth.amplitude < np.maximum(np.abs(start), DRIFTS * encoder_step)
-        low |= growth.force < DRIFTS * command_step
-        low |= _speed(growth) < DRIFTS * velocity_step
+        low = growth.amplitude < np.maximum(np.abs(start), DRIFTS * np.asarray(encoder_step))
+        low |= growth.force < DRIFTS * np.asarray(command_step)
+        low |= _speed(growth) < DRIFTS * np.asarray(velocity_step)
     return (growth.verdict == GROWS) & low & np.isfinite(growth.rate)
 
 

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from zwidth.jobs.parallel import in_parallel, threads
 from zwidth.sim.device import Device
 from zwidth.sim.ensemble import walls
-from zwidth.sim.fate import Conditions, Fate, dither_bounds, fates_of
+from zwidth.sim.fate import Conditions, Dither, Fate, dither_of, fates_of
 from zwidth.sim.group import Member
 from zwidth.sim.growth import DECAYS, GROWS, LIMIT_CYCLE, UNDECIDED, VERDICTS, Growth, Verdict
 from zwidth.stability.frequency import largest_frequencies, ultimate_frequencies
@@ -175,13 +175,13 @@ class _Hunt:
         count = self.starts.size
         each, k = np.tile(runs, count), np.tile(tried, count)
         starts = np.repeat(self.starts, runs.size)
-        steps, holds = self.dither(each, k)
-        rests = self.rests(each, k, np.where(holds, steps, 0.0))
+        dither = self.dither(each, k)
+        rests = self.rests(each, k, np.where(dither.holds, dither.steps, 0.0))
         some = walls(k, self.dampings[each], law=self.trial.law)
         growth, took = judge_for(self.subjects(rests, starts), some, self.trial, workers)
         which = np.zeros(each.size, dtype=np.int64)
         conditions = Conditions(
-            [self.device], which, k, self.dampings[each], starts, rests, steps=steps
+            [self.device], which, k, self.dampings[each], starts, rests, dither=dither
         )
         fate = fates_of(growth, conditions, self.trial.limit_s, self.trial.perception)
         grows = (fate == Fate.GROWS) | (self.search.felt & (fate == Fate.FELT))
@@ -224,14 +224,11 @@ class _Hunt:
             self.learn(runs[one], k[one], growth.select(one), grows[:, one], took[one])
         return bool(self.looks[some].any())
 
-    def dither(self, runs: Indices, tried: Floats) -> tuple[Floats, Flags]:
-        """How many steps count as dither at each K, and whether nothing grows out of them.
-
-        None where a threshold is asked for.
-        """
+    def dither(self, runs: Indices, tried: Floats) -> Dither:
+        """What steps keep up at each K; nothing where a threshold is asked for."""
         if self.trial.threshold is not None:
-            return np.zeros(runs.size), np.zeros(runs.size, dtype=bool)
-        return dither_bounds(self.device, tried, self.dampings[runs])
+            return Dither.unknown(runs.size, 0.0)
+        return dither_of(self.device, tried, self.dampings[runs])
 
     def rests(self, runs: Indices, tried: Floats, steps: Floats) -> Floats:
         """Amplitudes that count as rest at once: dither whose command reaches no limit.

@@ -10,7 +10,7 @@ from engine_examples import coulomb, phantom
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.ensemble import walls
-from zwidth.sim.fate import FEW, Fate, dither_steps
+from zwidth.sim.fate import FEW, Fate, dither_of
 from zwidth.sim.growth import Verdict
 from zwidth.sim.interface import Interface
 from zwidth.sim.loop import open_loop
@@ -43,7 +43,7 @@ def test_the_peak_is_that_of_the_closed_loop() -> None:
     states = np.linalg.solve(z * np.eye(loop.entry.size) - loop.transition, loop.entry[:, None])
     loop_gain = states[:, :, 0] @ (k * loop.reading + b * loop.velocity)
     expected = 2.0 / math.pi * np.abs(loop_gain / (1.0 + loop_gain)).max()
-    (found,) = dither_steps(device, np.array([k]), np.array([b]))
+    (found,) = dither_of(device, np.array([k]), np.array([b])).steps
     assert expected > 1.5 * FEW
     assert found == pytest.approx(expected, rel=0.01)
 
@@ -52,7 +52,7 @@ def test_no_start_ends_beyond_the_bound() -> None:
     """480 drawn walls within the linear boundary, each from eight starts of 0.6 to 300 steps.
 
     The largest that is left comes to half of the bound, so it is no loose one. Mutation: a
-    quarter of the peak in `dither_steps`.
+    quarter of the peak in `dither_of`.
     """
     rng = np.random.default_rng(3)
     starts = (0.6, 1.3, 2.7, 6.0, 15.0, 40.0, 110.0, 300.0)
@@ -73,7 +73,7 @@ def test_no_start_ends_beyond_the_bound() -> None:
         loop = open_loop(device)
         radius = np.array([np.abs(np.linalg.eigvals(loop.closed(*kb))).max() for kb in zip(k, b)])  # noqa: B905
         settled = np.log(radius) * seconds / PERIOD < -12.0  # of the start, e^-12 is left
-        bound = dither_steps(device, k, b)
+        bound = dither_of(device, k, b).steps
         for start in starts:
             found = judge(device, walls(k, b), Trial(start, seconds, seconds))
             shares += (found.amplitude / bound)[settled].tolist()
@@ -123,7 +123,7 @@ def test_no_damping_is_left_without_a_stiffness(interface: dict[str, Any]) -> No
 def test_friction_holds_with_an_encoder_what_it_holds_without() -> None:
     """Up to 7 % beyond theory from this start; with steps of 2 um the same K within 1 %.
 
-    Mutation: `dither_steps` zero (a cycle of 2.6 steps ends it).
+    Mutation: `dither_of` zero (a cycle of 2.6 steps ends it).
     """
     dampings = np.array([0.5, 2.0, 6.0, 30.0])
     device = slider(0.1, coulomb(0.02))
