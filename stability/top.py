@@ -6,14 +6,17 @@ oscillation in which the boundary ends,
 
     spring  360 f (T/2 + t_d)        damper  360 f (T + t_d) - arg(filter and estimator)
 
-in degrees. A spring that is late by phi takes damping away, K sin(phi) / w; a damper that is late
+in degrees; where there are two rates, with every how long a new position and a new velocity come in
+place of T. A spring that is late by phi takes damping away, K sin(phi) / w; a damper that is late
 by more than 90 degrees drives what it is to damp. Which mode it is, `branches.py` follows from the
 device without a wall.
 
 What friction adds and what steps take is the difference to the boundary of the same device without
 them, at the same B, from the same starts.
 
-Limits: modes and angles are those of linear theory, of one rate and without force feedback.
+Limits: modes are those of linear theory, of one rate and without force feedback; friction, play and
+limits may end a boundary elsewhere, in another oscillation, which has no mode's name. An estimator
+that is not linear has no angle, and is set to the encoder's step: nothing is said of it without.
 """
 
 import math
@@ -23,6 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from zwidth.sim.device import Device, place_label
+from zwidth.sim.interface import Interface
 from zwidth.stability.bisection import Search, find_brackets
 from zwidth.stability.boundary import Boundary
 from zwidth.stability.branches import critical_mode
@@ -57,13 +61,23 @@ def ending(device: Device, damping: float) -> Ending | None:
     mode = critical_mode(device, point)
     if mode is None or point.frequency_hz is None:
         return None
-    f, period = point.frequency_hz, face.period
-    z = np.exp(2j * np.pi * f * period * np.ones(1))
+    spring, damper = lags(face, point.frequency_hz)
+    assert damper is not None  # there is a theory
+    return Ending(float(damping), mode, float(point.frequency_hz), spring, damper)
+
+
+def lags(face: Interface, frequency_hz: float) -> tuple[float, float | None]:
+    """Return by how many degrees a wall's spring and damper are late at a frequency [Hz].
+
+    The damper's is None where the velocity's estimator is not linear.
+    """
+    turn, held = 360.0 * frequency_hz, face.period * face.position_ticks
+    spring = turn * (0.5 * held + face.delay)
+    if face.estimator.linear is None:
+        return spring, None
+    z = np.exp(2j * np.pi * frequency_hz * face.velocity_period * np.ones(1))
     filtered = math.degrees(float(np.angle(filter_response(face, z))[0]))
-    return Ending(
-        float(damping), mode, float(f), 360.0 * f * (0.5 * period + face.delay),
-        360.0 * f * (period + face.delay) - filtered,
-    )  # fmt: skip
+    return spring, turn * (face.velocity_period + face.delay) - filtered
 
 
 def endings(boundary: Boundary) -> list[Ending]:
@@ -120,6 +134,8 @@ def without_parts(boundary: Boundary, trial: Trial, search: Search) -> dict[str,
     if top is None:
         return {}
     variants = {name: change(device) for name, change in PARTS.items()}
+    if device.interface.estimator.linear is None:
+        del variants["encoder_step"]
     variants = {name: other for name, other in variants.items() if other != device}
     at = [np.array([top.damping])] * len(variants)
     found = find_brackets(list(variants.values()), at, trial, search)

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -94,6 +95,48 @@ def test_it_answers_first_in_a_sentence(tmp_path: Path, capsys: pytest.CaptureFi
     assert set(top["without"]) == {"friction", "encoder_step"}
 
 
+def test_it_says_in_which_oscillation_the_simulation_ends(tmp_path: Path) -> None:
+    """Where friction holds a wall far beyond theory, and where there is no theory.
+
+    Mutation: `_same` always true (the frequency of the linear boundary, 17.4 Hz, in the first).
+    """
+
+    def answer(*arguments: str) -> dict[str, Any]:
+        found = tmp_path / "found.json"
+        given = ["boundary", *arguments, "--out", str(tmp_path / "out"), "--json", str(found)]
+        assert run([*given, "--force"]) == 0
+        return json.loads(found.read_text())["boundaries"][0]["stiffest"]
+
+    held = answer("gaming_wheel", "--damping", "0.8")
+    f = held["frequency_hz"]
+    assert f < 0.6 * held["endings"][0]["frequency_hz"]
+    assert (
+        f"it oscillates at {f:.3g} Hz (in linear theory the rigid body at 17.4 Hz)"
+        in (held["sentence"])
+    )
+    lags = 360.0 * f * 3.5e-3, 360.0 * f * 4e-3  # T/2 + t_d, T + t_d
+    assert f"spring {lags[0]:.0f}\u00b0 late and its damper {lags[1]:.0f}\u00b0" in held["sentence"]
+
+    windows = answer("gaming_wheel", "--damping", "0.8", "--estimator", "foaw")
+    f = windows["frequency_hz"]
+    assert (
+        f"it oscillates at {f:.3g} Hz: sampling and delay make the wall's spring"
+        in (windows["sentence"])
+    )
+    assert "its damper" not in windows["sentence"]
+    assert "encoder_step" not in windows["without"]
+
+    device = tmp_path / "two.toml"
+    device.write_text(
+        'schema = 1\nname = "two rates"\nsource = "-"\nrotary = false\n'
+        "[chain]\nmasses = [0.02]\nground_dampers = [0.1]\n"
+        "[interface]\nperiod_s = 0.0005\nposition_ticks = 4\nvelocity_ticks = 2\n"
+    )
+    rates = answer(str(device), "--damping", "24")
+    late = 360.0 * rates["frequency_hz"] * 1e-3
+    assert f"spring {late:.0f}\u00b0 late and its damper {late:.0f}\u00b0" in rates["sentence"]
+
+
 def test_the_two_oscillations_of_the_answer_are_those_of_the_corner() -> None:
     """At 8 ms they meet there: frequencies within 0.5 %. Mutation: `CLOSE` as large as `BESIDE`."""
     device = load_device("phantom_1_0").with_interface(delay=0.008)
@@ -127,6 +170,7 @@ def test_what_is_felt_is_a_second_boundary(
         (boundary,) = json.loads((tmp_path / "found.json").read_text())["boundaries"]
         (point,) = boundary["points"]
         assert "Nothing of the steps is felt up to" in boundary["stiffest"]["sentence"]
+        assert "felt_reason" not in point
         found.append([point["felt"]["stable"], point["simulated"]["stable"]])
     (fine, of_fine), (coarse, of_coarse) = found
     assert fine > 0.95 * of_fine

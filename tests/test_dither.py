@@ -10,10 +10,11 @@ from engine_examples import coulomb, phantom
 from zwidth.sim.chain import make_chain
 from zwidth.sim.device import Device
 from zwidth.sim.ensemble import walls
-from zwidth.sim.fate import FEW, Fate, dither_of
-from zwidth.sim.growth import Verdict
+from zwidth.sim.fate import FEW, Conditions, Dither, Fate, dither_of, fates_of
+from zwidth.sim.growth import GROWS, UNDECIDED, Growth, Verdict
 from zwidth.sim.interface import Interface
 from zwidth.sim.loop import open_loop
+from zwidth.sim.perception import Perception
 from zwidth.stability.bisection import Bracket, Search, find_brackets
 from zwidth.stability.fates import evaluate
 from zwidth.stability.judging import Trial, judge
@@ -175,6 +176,46 @@ def test_a_velocity_in_steps_moves_no_boundary() -> None:
     for bracket in found:
         theory = critical_stiffness(device, bracket.damping).stiffness
         assert bracket.stable == pytest.approx(theory, rel=0.01)
+
+
+def test_a_trend_within_a_few_steps_counts_only_on_an_unstable_loop() -> None:
+    """Below and above K_CR = 200, within 3 steps of the command: dither, and growth or doubt.
+
+    Mutations: `asked.grows` left out of `dither` (dither above, too); `doubtful` (growth below).
+    """
+    device = slider(encoder_step=0.0, command_step=1e-3)
+    stiffness, ones = np.array([100.0, 300.0]), np.ones(2)
+    conditions = Conditions(
+        [device], np.zeros(2, np.int64), stiffness, 0.0 * ones, 1e-5 * ones, 1e-8 * ones
+    )
+
+    def fates(verdict: int, error: float) -> list[int]:
+        force, amplitude = 3e-3 * ones, 3e-3 / stiffness
+        growth = Growth(
+            np.full(2, verdict), 0.01 * ones, error * ones, amplitude, force, 12.0 * ones, force
+        )
+        return fates_of(growth, conditions, 64.0, Perception(position=1.0)).tolist()
+
+    assert fates(GROWS, 1e-3) == [Fate.DITHERS, Fate.GROWS]
+    assert fates(UNDECIDED, 4e-3) == [Fate.DITHERS, Fate.UNDECIDED]
+    assert fates(UNDECIDED, 0.1) == [Fate.DITHERS, Fate.DITHERS]
+    conditions = conditions._replace(dither=Dither.unknown(2))
+    assert fates(GROWS, 1e-3) == [Fate.DITHERS, Fate.DITHERS]
+
+
+def test_what_is_small_for_a_moment_and_grows_again_is_no_rest() -> None:
+    """A slow loop whose start falls below 32 steps before its mode grows: 6 % of theory.
+
+    Mutation: `dither.holds` left out of `_Hunt.judged` (13 % too high).
+    """
+    device = Device(
+        "slow", "-", False, make_chain([0.0464], [0.046], 0.0),
+        Interface(period=9.68e-3, delay=0.0255, encoder_step=3.1e-6, velocity_cutoff_hz=13.7),
+    )  # fmt: skip
+    theory = critical_stiffness(device, 1.83).stiffness
+    search = Search(tolerance=5e-3)
+    ((bracket,),) = find_brackets([device], [np.array([1.83])], Trial(limit_s=16.0), search)
+    assert bracket.stable == pytest.approx(theory, rel=0.06)
 
 
 def test_where_no_wall_is_stable_it_says_why() -> None:

@@ -103,6 +103,21 @@ def test_slow_growth_is_no_cycle() -> None:
         assert verdict_of(wave(1e-3, 10.0, rate), nonlinear=True).verdict[0] == verdict
 
 
+def test_an_oscillation_slower_than_its_windows_is_judged_by_whole_cycles() -> None:
+    """0.3 Hz in windows of 0.5 s: right sign and amplitude in 64 s, no verdict in 16.
+
+    Mutation: `_joined` always 1 (undecided in both, and the amplitude of a slice).
+    """
+    time = np.arange(128 * WINDOW, dtype=np.float64) * T
+    for rate, verdict in ((0.02, GROWS), (-0.02, DECAYS)):
+        whole = wave(1e-3, 0.3, rate, time)
+        growth = verdict_of(whole, nonlinear=True)
+        assert growth.verdict[0] == verdict
+        assert growth.rate[0] == pytest.approx(rate, rel=0.1)
+        assert growth.amplitude[0] == pytest.approx(1e-3 * np.exp(rate * 64.0), rel=0.05)
+        assert verdict_of(whole[: 32 * WINDOW], nonlinear=True).verdict[0] == UNDECIDED
+
+
 def test_rest_escape_and_silence() -> None:
     still = np.zeros(TIME.size)
     still[:700] = wave(1e-3, 9.3, 0.0)[:700]

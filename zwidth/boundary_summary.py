@@ -15,7 +15,7 @@ from zwidth.stability.branches import AMPLIFIER, DELAY, FILTER, RIGID
 from zwidth.stability.judging import Trial
 from zwidth.stability.linear import corner, has_theory, last_stable_damping
 from zwidth.stability.top import Ending as Seen
-from zwidth.stability.top import endings, without_parts
+from zwidth.stability.top import endings, lags, without_parts
 
 NONE = "-"
 CHANGES = 2e-3  # of K, up to which a part of the device changes nothing
@@ -28,6 +28,7 @@ PART_NAMES = {
     "command_step": "the command's step",
     "command_limit": "the command's limit",
 }
+SAME = 0.1  # of a frequency, within which theory and simulation end in the same oscillation
 JUMPS = 1.2  # ratio of the frequencies on either side of the top, from which it is a jump
 
 
@@ -56,12 +57,14 @@ def answered(
     seen = endings(boundary)
     without = without_parts(boundary, trial, search)
     last = " (the largest tried)" if found.damping == boundary.points[-1].damping else ""
-    sentence = f"{_up_to(found, last, rotary)}{_because(seen)}{_parts(found, without, rotary)}"
+    because = _because(seen, boundary)
+    sentence = f"{_up_to(found, last, rotary)}{because}{_parts(found, without, rotary)}"
     sentence += _unfelt(points, rotary)
     return replace(
         found,
         sentence=sentence,
         endings=[Ending(**asdict(one)) for one in seen],
+        frequency_hz=_frequency(boundary) or UNSET,
         without=without,
     )
 
@@ -86,30 +89,47 @@ def _unfelt(points: Sequence[Point], rotary: bool) -> str:
     return f" Nothing of the steps is felt up to {where}."
 
 
-def _because(seen: Sequence[Seen]) -> str:
+def _because(seen: Sequence[Seen], boundary: Boundary) -> str:
     """What begins to oscillate there, and why."""
+    frequency = _frequency(boundary)
+    if frequency is not None and not any(_same(one, frequency) for one in seen):
+        expected = " and ".join(f"{_named(one.mode)} at {one.frequency_hz:.3g} Hz" for one in seen)
+        instead = f" (in linear theory {expected})" if seen else ""
+        late = _late(*lags(boundary.device.interface, frequency))
+        return f" Stiffer, it oscillates at {frequency:.3g} Hz{instead}: {late}."
     if not seen:
         return ""
     if len(seen) == 1:
         one = seen[0]
         return (
-            f" Stiffer, {_named(one.mode)} oscillates at {one.frequency_hz:.3g} Hz: {_late(one)}."
+            f" Stiffer, {_named(one.mode)} oscillates at {one.frequency_hz:.3g} Hz:"
+            f" {_late(one.spring_lag_deg, one.damper_lag_deg)}."
         )
     low, high = seen
     return (
         f" Stiffer, {_named(low.mode)} oscillates at {low.frequency_hz:.3g} Hz; with more damping,"
-        f" {_named(high.mode)} at {high.frequency_hz:.3g} Hz: {_late(high)}."
+        f" {_named(high.mode)} at {high.frequency_hz:.3g} Hz:"
+        f" {_late(high.spring_lag_deg, high.damper_lag_deg)}."
     )
 
 
-def _late(one: Seen) -> str:
+def _frequency(boundary: Boundary) -> float | None:
+    """Frequency [Hz] of what begins to oscillate above the top, in the time domain."""
+    return None if boundary.top is None else boundary.top.simulated.frequency
+
+
+def _same(one: Seen, frequency: float) -> bool:
+    return abs(frequency - one.frequency_hz) <= SAME * one.frequency_hz
+
+
+def _late(spring_deg: float, damper_deg: float | None) -> str:
     """By how much the wall's forces are late, and what that makes of the damper."""
-    late = (
-        f"sampling and delay make the wall's spring {one.spring_lag_deg:.0f}\u00b0 late and its"
-        f" damper {one.damper_lag_deg:.0f}\u00b0"
-    )
-    turned = 90.0 < one.damper_lag_deg % 360.0 < 270.0
-    return f"{late}, so that the damper drives the oscillation" if turned else late
+    late = f"sampling and delay make the wall's spring {spring_deg:.0f}\u00b0 late"
+    if damper_deg is None:
+        return late
+    turned = 90.0 < damper_deg % 360.0 < 270.0
+    drives = ", so that the damper drives the oscillation" if turned else ""
+    return f"{late} and its damper {damper_deg:.0f}\u00b0{drives}"
 
 
 def _named(mode: str) -> str:

@@ -66,7 +66,8 @@ class Point(msgspec.Struct, frozen=True, omit_defaults=True):
     passive: the stiffest passive wall, None where there is none; hand: K_CR over the range of hands
     at m3; hands: its quantiles over hands that were drawn; confidence95: K_CR by the covariance of
     the parameters; felt: where a lasting oscillation begins to be felt, None where it is however
-    soft the wall. Absent where not asked for. reason: why simulated is None, in words.
+    soft the wall. Absent where not asked for. reason, felt_reason: why simulated and felt are None,
+    in words.
     """
 
     damping: float
@@ -79,6 +80,7 @@ class Point(msgspec.Struct, frozen=True, omit_defaults=True):
     confidence95: Interval | UnsetType = UNSET
     reason: str | UnsetType = UNSET
     felt: Bracketed | UnsetType | None = UNSET
+    felt_reason: str | UnsetType = UNSET
 
 
 class Ending(msgspec.Struct, frozen=True):
@@ -101,7 +103,8 @@ class Stiffest(msgspec.Struct, frozen=True, omit_defaults=True):
     frequency_above_hz of it on either side of that B, which differ where the frequency jumps.
     last_stable_damping: the largest B tried with a stable K; linear_last_stable_damping by theory.
     None where there is none. sentence: the answer in words; endings: the oscillation in which the
-    boundary ends there, on either side of the top where they differ; without: the stable K at the
+    boundary ends there by linear theory, on either side of the top where they differ; frequency_hz:
+    of the oscillation in which it ends in the time domain; without: the stable K at the
     same B without each part that the device has (friction, play, encoder_step, velocity_step,
     command_step, command_limit), None for none.
     """
@@ -116,6 +119,7 @@ class Stiffest(msgspec.Struct, frozen=True, omit_defaults=True):
     linear_last_stable_damping: float | None
     sentence: str | UnsetType = UNSET
     endings: list[Ending] | UnsetType = UNSET
+    frequency_hz: float | UnsetType = UNSET
     without: dict[str, float | None] | UnsetType = UNSET
 
 

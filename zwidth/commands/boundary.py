@@ -189,7 +189,19 @@ def _with_felt(
     dampings = np.array([point.damping for point in points])
     (found,) = find_brackets([boundary.device], [dampings], trial, coarser)
     pairs = zip(points, found, strict=True)
-    return [msgspec.structs.replace(point, felt=bracketed(bracket)) for point, bracket in pairs]
+    return [
+        msgspec.structs.replace(
+            point, felt=bracketed(bracket), felt_reason=_why_all_felt(bracket) or UNSET
+        )
+        for point, bracket in pairs
+    ]
+
+
+def _why_all_felt(bracket: Bracket) -> str:
+    """Why no wall was tried of which nothing is felt; empty where there is one."""
+    if bracket.stable is not None or bracket.undecided is not None or bracket.unstable is None:
+        return bracket.reason
+    return f"felt already at the softest wall tried, K = {bracket.unstable:.3g}"
 
 
 def _refuse_absurd(device: Device, dampings: Sequence[float]) -> None:
@@ -353,6 +365,8 @@ def _row(point: Point, bracket: Bracket) -> list[str]:
         seen = (_number(bracket.stable), _number(bracket.unstable), _frequency(bracket.frequency))
         cells += seen
     note = _note(bracket)
+    if point.felt_reason is not UNSET and bracket.stable is not None:
+        note = ", ".join(filter(None, (note, point.felt_reason)))
     if point.measured is UNSET:
         return [*cells, "", "", *_felt(point), *extra_cells(point), note]
     measured = point.measured
