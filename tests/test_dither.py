@@ -186,7 +186,7 @@ def test_a_trend_within_a_few_steps_counts_only_on_an_unstable_loop() -> None:
     device = slider(encoder_step=0.0, command_step=1e-3)
     stiffness, ones = np.array([100.0, 300.0]), np.ones(2)
     conditions = Conditions(
-        [device], np.zeros(2, np.int64), stiffness, 0.0 * ones, 1e-5 * ones, 1e-8 * ones
+        [device], np.zeros(2, np.int64), stiffness, 0.0 * ones, 1e-6 * ones, 1e-9 * ones
     )
 
     def fates(verdict: int, error: float) -> list[int]:
