@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from zwidth.sim.ensemble import walls
-from zwidth.sim.fate import Conditions, fates_of
+from zwidth.sim.fate import Conditions, Dither, fates_of
 from zwidth.stability.judging import judge_each
 from zwidth.stability.plane import OF_THE_DEVICE, Floats, Plane
 
@@ -55,9 +55,9 @@ def evaluate(plane: Plane, x: Floats, y: Floats, workers: int | None = None) -> 
     ensemble = walls(stiffness, damping, 0.0, plane.one_sided, plane.trial.law)
     trial = plane.trial
     growth = judge_each(devices, which, ensemble, starts, rests, trial, workers)
-    steps = None if trial.threshold is None else np.zeros(x.size)
+    dither = None if trial.threshold is None else Dither.unknown(x.size, 0.0)
     conditions = Conditions(
-        devices, which, stiffness, damping, starts, rests, plane.one_sided, steps
+        devices, which, stiffness, damping, starts, rests, plane.one_sided, dither
     )
     fate = fates_of(growth, conditions, trial.limit_s, trial.perception)
     return Fates(fate, growth.rate, growth.amplitude, growth.force, growth.frequency)

@@ -149,6 +149,20 @@ def test_irregular_oscillations_are_judged_as_in_eight_times_the_time() -> None:
     assert np.mean(short == long) >= 0.98
 
 
+def test_a_threshold_leaves_no_dither() -> None:
+    """Walls that dither within their steps grow where the threshold is below that, and only there.
+
+    Mutation: no `dither` given to `Conditions` in `evaluate`.
+    """
+    device = phantom().with_interface(encoder_step=STEP)
+    b, k = np.full(3, 0.05), np.array([5.0, 10.0, 15.0])
+    dithers = {Fate.DITHERS, Fate.FELT}
+    assert set(evaluate(plane(device=device), b, k).fate) <= dithers
+    for steps, fate in ((0.1, Fate.GROWS), (100.0, Fate.RESTS)):
+        trial = Trial(1e-3, threshold=steps * STEP)
+        assert set(evaluate(plane(device=device, trial=trial), b, k).fate) == {fate}
+
+
 def test_transitions_are_read_from_the_map() -> None:
     """K up to which all rest, and from which one grows: within a cell of K_CR where linear."""
     found = make_map(plane(), 9, 2)
