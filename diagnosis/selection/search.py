@@ -595,10 +595,23 @@ def fitted(found: Search, proposals: Iterable[Proposal], ended: int) -> list[Hyp
             begun[h.labels] = h
     akin = {b.proposal.labels for b in promising if b.proposal.akin}
     order = sorted(begun.values(), key=lambda h: h.cost.total)
+    finished = _to_their_end(found, order, ended, akin)
+    found.fits += len(asked)
+    found.spent += time.monotonic() - begun_at
+    return sorted(finished, key=lambda h: h.cost.total)
+
+
+def _to_their_end(
+    found: Search, order: Sequence[Hypothesis], ended: int, akin: set[frozenset[str]]
+) -> list[Hypothesis]:
+    """Fit what is likely of what was judged, the cheapest first, to its end; return what stands.
+
+    What ends where physics forbids it leaves its room to what comes near it.
+    """
     near, finished = [h for h in order if _comes_near(found, h)], list[Hypothesis]()
     if order and not near:  # a rival that is far is said, and how far no fit need tell
         finished = _stands(found, [(h.model.label, partial(priced, h)) for h in order[:1]])
-    while near and not finished:  # what physics forbids leaves its room to what is near it
+    while near and not finished:
         likely = _likely(near, ended, akin)
         chosen = {h.labels for h in likely}
         if found.slower is not None:
@@ -610,9 +623,7 @@ def fitted(found: Search, proposals: Iterable[Proposal], ended: int) -> list[Hyp
             for h in near
             if h.labels not in chosen and h.cost.total - order[0].cost.total < Effort.hopeless
         ]
-    found.fits += len(asked)
-    found.spent += time.monotonic() - begun_at
-    return sorted(finished, key=lambda h: h.cost.total)
+    return finished
 
 
 def _stands(
