@@ -139,16 +139,21 @@ def test_a_law_of_many_periods_is_learned_as_one_turn() -> None:
     assert np.std(off) < 0.1 * 0.5
 
 
-def test_a_turn_stays_longer_than_its_table() -> None:
-    """Mutation: a period without a bound, which a fit makes shorter than the points of its turn."""
+def test_a_turn_stays_longer_than_its_table_and_is_seen_twice() -> None:
+    """A longer one is not seen twice, and any bend is a part of it.
+
+    Mutations: a period without a bound, which a fit makes shorter than the points of its turn; one
+    of twice its first length.
+    """
     site = Site("free_spring", "m1", V, TURN, 0.1 * TURN)
     model, x = beside(Model(DEVICE), np.zeros(len(Model(DEVICE).parameters)), site, DETENT)
     (period,) = (i for i, p in enumerate(model.parameters) if p.name.endswith(".period"))
-    shortest = model.within(np.where(np.arange(x.size) == period, -1e3, x))
-    (law,) = model.effects_at(shortest)
-    last = max(s for s, _ in points_of(law.values))
-    assert last < law.values["period"] < 1.01 * last
-    assert np.all(np.isfinite(law_at(law, np.linspace(-1.0, 1.0, 50))))
+    ends = [np.where(np.arange(x.size) == period, far, x) for far in (-1e3, 1e3)]
+    (shortest,), (longest,) = (model.effects_at(model.within(end)) for end in ends)
+    last = max(s for s, _ in points_of(shortest.values))
+    assert last < shortest.values["period"] < 1.01 * last
+    assert np.all(np.isfinite(law_at(shortest, np.linspace(-1.0, 1.0, 50))))
+    assert longest.values["period"] == pytest.approx(max(np.ptp(V) / 2.0, TURN))
 
 
 def test_points_go_where_a_law_bends() -> None:
