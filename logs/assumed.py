@@ -64,6 +64,8 @@ OF_AMPLIFIER = {"current": "A", "voltage": "V"}
 MOTIONS = ("position", "velocity")
 NO_COMMAND = ("other", "acceleration", "error")
 PERIOD_S = 0.001
+DAYS = ((36_526.0, 73_050.0), (730_486.0, 767_010.0))  # 2000 to 2100 in Excel, and in MATLAB
+SHORTEST_S = 2e-5  # steps below which a number of that size counts days: 1.7 s of them
 FEWEST = 10  # samples in a column, below which nothing is guessed from them
 TURNS, METRES = 5.0, 3.0  # of travel, beyond which radians and metres are doubted
 LEAST_LINES, MOST_LINES = 100.0, 1e7  # of an encoder, a turn
@@ -290,6 +292,11 @@ class _Reader:
             return unit
         steps = np.diff(values)
         step = float(np.median(steps[steps > 0.0]))
+        if step < SHORTEST_S and any(least < float(values[0]) < most for least, most in DAYS):
+            self.found.doubts.append(
+                f"{time.name} counts days, as Excel and MATLAB write a date: taken as days"
+            )
+            return "day"
         likely = next(u for u, least in (("ns", 1e5), ("us", 200.0), ("ms", 0.5), ("s", 0.0))
                       if step >= least)  # fmt: skip
         if likely != "s":
