@@ -21,6 +21,7 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,8 +113,9 @@ def speed_loop(goal: Floats, speed: Floats, period: float) -> SpeedLoop:
     def of_first_order(goal: Floats, moved: Floats, x: Floats, late: int) -> Floats:
         pole = math.exp(-math.exp(float(x[0])) * period)
         own = lfilter([0.0, 1.0 - pole], [1.0, -pole], _late(goal, late))
-        began = pole ** np.arange(moved.size)
-        return _unexplained(moved, np.vstack([own, np.ones(moved.size), began]))
+        began = np.asarray(pole ** np.arange(moved.size), dtype=np.float64)
+        columns = np.vstack([own, np.ones(moved.size), began]).astype(np.float64)
+        return _unexplained(moved, columns)
 
     _, _, without = _fitted(of_first_order, pair, period, (1.0,))
     return SpeedLoop(time, late * period, error, without)
@@ -146,24 +148,30 @@ def _fitted(
     ]
     tried = [(float(np.sum(residual(x, d) ** 2)), d, x) for x, d in itertools.product(grid, delays)]
     _, late, best = min(tried, key=lambda one: one[0])
-    step = delays[1] - delays[0] if len(delays) > 1 else 1
     limits = ([math.log(0.5 * slowest), -4.0], [math.log(2.0 * fastest), 4.0])
-    found = [
-        (least_squares(residual, best, args=(d,), max_nfev=STEPS, bounds=limits), d)
-        for d in range(max(0, late - step), min(latest, late + step) + 1)
-    ]
-    fit, late = min(found, key=lambda one: float(one[0].cost))
+
+    @cache
+    def descended(late: int) -> tuple[float, Floats]:
+        fit = least_squares(residual, best, args=(late,), max_nfev=STEPS, bounds=limits)
+        return 2.0 * float(fit.cost), fit.x
+
+    step = max(1, latest // MOST_DELAYS)
+    while True:  # downhill: each delay asks for a loop of its own, and the grid's is a rough one
+        near = [d for d in (late - step, late, late + step) if 0 <= d <= latest]
+        lower = min(near, key=lambda d: descended(d)[0])
+        if lower == late and step == 1:
+            break
+        late, step = (lower, step) if lower != late else (late, step // 2)
+    left_over, x = descended(late)
     size = math.sqrt(sum(float(np.sum((y - y.mean()) ** 2)) for _, y in pairs)) or 1.0
-    return fit.x, late, math.sqrt(2.0 * float(fit.cost)) / size
+    return x, late, math.sqrt(left_over) / size
 
 
 def _late(goal: Floats, late: int) -> Floats:
     return np.concatenate([np.full(late, goal[0]), goal[: goal.size - late]])
 
 
-def _answers(
-    goals: Sequence[Floats], x: Floats, count: int, period: float, speed: bool
-) -> Floats:
+def _answers(goals: Sequence[Floats], x: Floats, count: int, period: float, speed: bool) -> Floats:
     """Return the loop's answers to goals, a constant, and how it may have begun, each a row.
 
     Of the position, or of the speed.

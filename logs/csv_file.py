@@ -125,9 +125,7 @@ def _lines(text: str) -> Lines:
     return Lines([line for line, _ in numbered], [number for _, number in numbered], comments)
 
 
-def _columns(
-    rows: list[str], numbers: Sequence[int], form: Form
-) -> list[tuple[Floats, str] | str]:
+def _columns(rows: list[str], numbers: Sequence[int], form: Form) -> list[tuple[Floats, str] | str]:
     """Return each column as float64 with its note, or the sentence that says why it is text."""
     try:
         return [(column, "") for column in _fast(rows, form)]
@@ -159,9 +157,7 @@ def _fast(rows: list[str], form: Form) -> Iterable[Floats]:
     return [table[c].to_numpy(zero_copy_only=False).astype(np.float64) for c in columns]
 
 
-def _slow(
-    rows: list[str], numbers: Sequence[int], form: Form
-) -> list[tuple[Floats, str] | str]:
+def _slow(rows: list[str], numbers: Sequence[int], form: Form) -> list[tuple[Floats, str] | str]:
     width = len(form.names)
     table = np.full((width, len(rows)), np.nan)
     tallies = [Tally() for _ in range(width)]
@@ -235,7 +231,9 @@ def _whole_rows(
     Words of a board between its rows are left out, and of rows that a serial line spoiled a few.
     Raises RecordingError where more are spoiled.
     """
-    if form.delimiter != " " and all(row.count(form.delimiter) == len(form.names) - 1 for row in rows):
+    if form.delimiter != " " and all(
+        row.count(form.delimiter) == len(form.names) - 1 for row in rows
+    ):
         return rows, numbers, ""
     cells = [cells_of(row, form.delimiter) for row in rows]
     torn = [i for i, row in enumerate(cells) if len(row) != len(form.names)]

@@ -264,7 +264,7 @@ def _words(core: str) -> Iterator[str]:
 @cache
 def _script() -> re.Pattern[str]:
     """Return what finds the known words of scripts that set no blanks between words, long first."""
-    own = sorted((w for w in _spoken_words() if FIRST_OF_SCRIPTS <= w[0]), key=len, reverse=True)
+    own = sorted((w for w in _spoken_words() if w[0] >= FIRST_OF_SCRIPTS), key=len, reverse=True)
     return re.compile("|".join(map(re.escape, own)))
 
 

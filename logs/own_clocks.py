@@ -111,7 +111,5 @@ def _run_apart(clocks: Sequence[Floats]) -> bool:
         if together < SHARED * min(np.ptp(first), np.ptp(other)):
             return False
         period = float(np.median(np.diff(first)))
-        apart |= first.size != other.size or bool(
-            np.median(np.abs(first - other)) > APART * period
-        )
+        apart |= first.size != other.size or bool(np.median(np.abs(first - other)) > APART * period)
     return apart

@@ -123,7 +123,9 @@ def _read(
     values = {name: c.values[rows[name]] for name, c in converted.items()}
     t, values, resampling = one_axis(description.resample, streams, values)
     for entry in (e for e in entries if e.integral_time is not None):
-        values[entry.channel] = integrated(values[entry.channel], t, float(entry.integral_time or 0))
+        values[entry.channel] = integrated(
+            values[entry.channel], t, float(entry.integral_time or 0)
+        )
     facts: dict[str, Any] = {
         "recording": description.path.name,
         "source": description.source,

@@ -38,8 +38,8 @@ def with_integral(guess: Assumed, source: Source) -> Assumed:
     told = (
         f"{said['input']['signal']} {SPEED_GOAL}: a loop that integrates is taken, of an integral"
         f" time of {time:g} s ({100.0 * loop.error:.3g} % of the motion is left in a free run, and"
-        f" {100.0 * loop.proportional:.3g} % without the integral); its gains are fitted, and forces"
-        " are counted in them"
+        f" {100.0 * loop.proportional:.3g} % without the integral); its gains are fitted, and"
+        " forces are counted in them"
     )
     text = re.sub(
         r"(?m)^(\[input\].*\n(?:.+\n)*?)scale = .*$",
